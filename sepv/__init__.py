@@ -1,0 +1,54 @@
+"""Property-based verification and benchmarks for energy-preserving integrators of stochastic Poisson systems.
+
+Names are loaded when they are first used: ``import sepv`` itself imports nothing heavy.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from sepv._version import __version__ as __version__
+
+if TYPE_CHECKING:
+    from sepv import problems as problems
+    from sepv import schemes as schemes
+    from sepv import strategies as strategies
+    from sepv import wiener as wiener
+    from sepv.errors import ProblemError as ProblemError
+    from sepv.errors import SchemeFault as SchemeFault
+    from sepv.errors import SepvError as SepvError
+    from sepv.errors import StepFailure as StepFailure
+    from sepv.errors import TargetError as TargetError
+    from sepv.errors import UsageError as UsageError
+    from sepv.exact import exact_flow as exact_flow
+    from sepv.integrate import ensemble as ensemble
+    from sepv.integrate import integrate as integrate
+    from sepv.problem import Problem as Problem
+    from sepv.scheme import Scheme as Scheme
+    from sepv.verify import verify as verify
+
+_HOME = {
+    "Problem": "sepv.problem",
+    "Scheme": "sepv.scheme",
+    "integrate": "sepv.integrate",
+    "ensemble": "sepv.integrate",
+    "exact_flow": "sepv.exact",
+    "verify": "sepv.verify",
+    **dict.fromkeys(
+        ("SepvError", "UsageError", "ProblemError", "TargetError", "SchemeFault", "StepFailure"), "sepv.errors"
+    ),
+}
+_MODULES = ("problems", "schemes", "strategies", "wiener")
+
+
+def __getattr__(name: str) -> Any:
+    if name in _MODULES:
+        return import_module(f"sepv.{name}")
+    if name in _HOME:
+        return getattr(import_module(_HOME[name]), name)
+    raise AttributeError(f"module 'sepv' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted((*_HOME, *_MODULES, "__version__"))

@@ -1,0 +1,62 @@
+"""Every error that sepv raises on purpose: each says what was expected, what came, and the remedy."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+
+
+class SepvError(Exception):
+    """Base of all errors of this package."""
+
+
+class UsageError(SepvError, ValueError):
+    """An argument, a name or a file is not what the call needs (exit code 2 on the command line)."""
+
+    def __init__(self, *, expected: str, received: str, remedy: str) -> None:
+        self.expected, self.received, self.remedy = expected, received, remedy
+        super().__init__(f"Expected {expected}.\nReceived {received}.\nRemedy: {remedy}")
+
+
+class ProblemError(UsageError):
+    """A problem whose parts contradict each other: B not skew, a gradient that is not that of H, …"""
+
+
+class TargetError(UsageError):
+    """A scheme that cannot be loaded (exit code 3 on the command line)."""
+
+
+class SchemeFault(UsageError):
+    """An answer of a scheme that breaks the contract of ``step``: wrong shape, type, NaN, mutation, …"""
+
+
+class StepFailure(SepvError, ArithmeticError):
+    """A step whose implicit equation was not solved. Nothing unconverged is ever returned unmarked.
+
+    Attributes
+    ----------
+    problem : str
+        The problem's name.
+    y : ndarray, shape (d,)
+        The state the step started from.
+    delta : float
+        The random step Δ = h + Σ c_j ΔW_j.
+    residual : float
+        Largest component of the residual of the implicit equation where the iteration stopped.
+    status : str
+        Which of the ways to fail it was (see `sepv.implicit.Status`).
+    """
+
+    def __init__(
+        self, *, problem: str, y: np.ndarray, delta: float, residual: float, status: str, iterations: int
+    ) -> None:
+        self.problem, self.y, self.delta = problem, y, delta
+        self.residual, self.status, self.iterations = residual, status, iterations
+        super().__init__(
+            f"The implicit equation of the step was not solved: {status} after {iterations} iterations.\n"
+            f"problem {problem}, y = {[float(v) for v in y]}, Δ = {delta!r}, residual {residual:.3e}.\n"
+            "Remedy: a smaller h, or a truncation of the increments (Remark 2.1); for large |Δ| the "
+            "equation may have no solution near y at all."
+        )

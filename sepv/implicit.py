@@ -1,0 +1,220 @@
+"""The implicit equation of a step, y1 = y0 + R(y0, y1), by Newton's method iterated to stagnation.
+
+A solver stopped at a tolerance leaves a residual that acts as a force: stopped at 1e-12 it makes the
+energy drift linearly, where stagnation leaves the random walk of rounding. Convergence is a result,
+never an assumption: every lane of a batch carries its status.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sepv.errors import StepFailure
+from sepv.fields import linear_solve
+from sepv.problem import Array, Problem
+
+_EPS = float(np.finfo(np.float64).eps)
+_TINY = float(np.finfo(np.float64).tiny)
+# Newton needs 3 to 5 iterations for steps that make sense; 40 leave room for damped starts.
+MAX_ITERATIONS = 40
+MAX_HALVINGS = 40
+# Corrections that stop shrinking are rounding, not divergence, only when they are small: √eps.
+STAGNATION = float(np.sqrt(_EPS))
+
+
+class Status(IntEnum):
+    """How a solve ended."""
+
+    CONVERGED = 0
+    NO_CONVERGENCE = 1
+    LEFT_DOMAIN = 2
+    OVERFLOW = 3
+    SINGULAR = 4
+    QUADRATURE = 5
+
+    @property
+    def text(self) -> str:
+        """The status in words."""
+        return _TEXTS[self]
+
+
+_TEXTS = {
+    Status.CONVERGED: "converged",
+    Status.NO_CONVERGENCE: "no convergence",
+    Status.LEFT_DOMAIN: "left the domain of the problem",
+    Status.OVERFLOW: "overflow or NaN in B or ∇H",
+    Status.SINGULAR: "singular Jacobian",
+    Status.QUADRATURE: "the adaptive quadrature of ∇H did not reach rounding",
+}
+
+
+class Increment(NamedTuple):
+    """R(y0, y1) of shape (d, M), evaluations of ∇H and of B (M,), and where the quadrature is reliable."""
+
+    value: Array
+    gradients: np.ndarray
+    structures: np.ndarray
+    reliable: np.ndarray
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What happened in a solve, lane by lane.
+
+    Attributes
+    ----------
+    value : (d, M)
+        y1 where converged; the last iterate elsewhere.
+    residual : (M,)
+        Largest component of |y1 − y0 − R(y0, y1)|, at `value`.
+    iterations, gradient_evaluations, structure_evaluations : (M,)
+        Newton iterations, and evaluations of ∇H and B (those of Newton's Jacobian not counted).
+    status : (M,)
+        `Status` of each lane.
+    """
+
+    value: Array
+    residual: Array
+    iterations: NDArray[np.int64]
+    gradient_evaluations: NDArray[np.int64]
+    structure_evaluations: NDArray[np.int64]
+    status: NDArray[np.int64]
+
+
+IncrementFunction = Callable[[Problem, Array, Array, Array], Increment]
+JacobianFunction = Callable[[Problem, Array, Array, Array], Array | None]
+
+
+def solve(
+    problem: Problem,
+    y0: Array,
+    step: Array,
+    increment: IncrementFunction,
+    jacobian: JacobianFunction,
+) -> Solution:
+    """Solve y1 = y0 + R(y0, y1) for every lane.
+
+    Parameters
+    ----------
+    y0 : (d, M)
+    step : (k, M)
+        What R needs of the step, lane by lane, such as Δ.
+    increment : (problem, y0, y1, step) -> Increment
+        R.
+    jacobian : (problem, y0, y1, step) -> (d, d, M) or None
+        ∂R/∂y1; None has it formed from differences of R.
+
+    Notes
+    -----
+    The unknown is δ = y1 − y0. The iteration stops where the next correction is below half an ulp of
+    every component, or where corrections no longer shrink. That correction is not applied: the
+    residual returned is the one at the value returned, at no further evaluation.
+    """
+    d, lanes = y0.shape
+    delta = np.zeros_like(y0)
+    residual = np.full(lanes, np.inf)
+    iterations = np.zeros(lanes, dtype=np.int64)
+    gradients, structures = np.zeros_like(iterations), np.zeros_like(iterations)
+    status = np.full(lanes, Status.NO_CONVERGENCE, dtype=np.int64)
+    previous = np.full(lanes, np.inf)
+    active = np.arange(lanes)
+    with np.errstate(all="ignore"):
+        for _ in range(MAX_ITERATIONS):
+            y, s, z = y0[:, active], step[:, active], delta[:, active]
+            R = increment(problem, y, y + z, s)
+            F = z - R.value
+            residual[active] = np.max(np.abs(F), axis=0)
+            iterations[active] += 1
+            gradients[active] += R.gradients
+            structures[active] += R.structures
+            K = jacobian(problem, y, y + z, s)
+            if K is None:
+                K = _difference_jacobian(problem, y, y + z, s, increment, R.value)
+                gradients[active] += d * R.gradients
+                structures[active] += d * R.structures
+            A = np.eye(d)[..., None] - K
+            correction = linear_solve(A, F)
+            size = np.max(np.abs(correction) / (np.abs(y) + np.abs(z) + _EPS * _norm(y, z) + _TINY), axis=0)
+            broken = ~np.all(np.isfinite(F), axis=0)
+            singular = ~broken & ~np.all(np.isfinite(correction), axis=0)
+            small = _norm(correction) <= STAGNATION * _norm(y, z)
+            done = ~broken & ~singular & ((size <= 0.5 * _EPS) | (small & (size >= 0.5 * previous[active])))
+            outcome = np.where(R.reliable, Status.CONVERGED, Status.QUADRATURE)
+            status[active[done]] = outcome[done]
+            status[active[broken]] = Status.OVERFLOW
+            status[active[singular]] = Status.SINGULAR
+            previous[active] = size
+            go_on = ~(done | broken | singular)
+            moved, inside = _into_domain(problem, y[:, go_on], z[:, go_on], correction[:, go_on])
+            delta[:, active[go_on]] = moved
+            active = active[go_on]
+            status[active[~inside]] = Status.LEFT_DOMAIN
+            active = active[inside]
+            if not active.size:
+                break
+    return Solution(y0 + delta, residual, iterations, gradients, structures, status)
+
+
+def require_converged(problem: Problem, y: Array, step: Array, solution: Solution) -> Array:
+    """The value of a solution whose lanes all converged.
+
+    Raises
+    ------
+    StepFailure
+        For the first lane that did not.
+    """
+    failed = np.flatnonzero(solution.status != Status.CONVERGED)
+    if failed.size:
+        lane = int(failed[0])
+        raise StepFailure(
+            problem=problem.name,
+            y=y[:, lane],
+            delta=float(np.sum(step[:, lane])),
+            residual=float(solution.residual[lane]),
+            status=Status(int(solution.status[lane])).text,
+            iterations=int(solution.iterations[lane]),
+        )
+    return solution.value
+
+
+def _norm(*vectors: Array) -> Array:
+    return np.max([np.max(np.abs(v), axis=0) for v in vectors], axis=0)
+
+
+def _into_domain(problem: Problem, y: Array, z: Array, correction: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """z − λ·correction with the largest λ = 2⁻ⁿ that stays in the domain, and where there is one."""
+    moved = z - correction
+    inside = np.ones(z.shape[1], dtype=bool)
+    if problem.domain is None or not z.shape[1]:
+        return moved, inside
+    inside = np.asarray(problem.domain(y + moved), dtype=bool)
+    factor = np.ones(z.shape[1])
+    for _ in range(MAX_HALVINGS):
+        if inside.all():
+            break
+        factor[~inside] *= 0.5
+        moved = z - factor * correction
+        inside = np.asarray(problem.domain(y + moved), dtype=bool)
+    return moved, inside
+
+
+def _difference_jacobian(
+    problem: Problem, y0: Array, y1: Array, step: Array, increment: IncrementFunction, base: Array
+) -> Array:
+    """∂R/∂y1 by forward differences. Its error of about √eps costs Newton one iteration, not accuracy."""
+    width = STAGNATION * np.maximum(_norm(y0, y1), _TINY)
+    columns = []
+    for k in range(y0.shape[0]):
+        shifted = y1.copy()
+        shifted[k] += width
+        if problem.domain is not None:
+            outside = ~np.asarray(problem.domain(shifted), dtype=bool)
+            shifted[k, outside] = y1[k, outside] - width[outside]
+        columns.append((increment(problem, y0, shifted, step).value - base) / (shifted[k] - y1[k]))
+    return np.stack(columns, axis=1)

@@ -1,0 +1,184 @@
+"""Polynomials in d variables as data: exponents and coefficients.
+
+Data, not closures: a polynomial prints, shrinks, is compared, travels as JSON with hex floats, and is
+evaluated by mpmath at any precision exactly as it is evaluated here in binary64.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sepv.errors import UsageError
+
+Exponents = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Polynomial:
+    """Σ_t coefficients[t] · Π_i y_i ** exponents[t][i], in canonical order, without zero terms.
+
+    Build one with `polynomial`, which sorts, merges and checks.
+    """
+
+    dimension: int
+    terms: tuple[tuple[Exponents, float], ...]
+
+    @property
+    def degree(self) -> int:
+        """Total degree; 0 for a constant and for the zero polynomial."""
+        return max((sum(e) for e, _ in self.terms), default=0)
+
+    def __str__(self) -> str:
+        return " + ".join(_term_text(e, c) for e, c in self.terms).replace("+ -", "- ") or "0"
+
+
+def polynomial(dimension: int, terms: Mapping[Exponents, float] | Iterable[tuple[Exponents, float]]) -> Polynomial:
+    """A polynomial from {exponents: coefficient}; equal exponents are added, zero terms dropped.
+
+    Raises
+    ------
+    UsageError
+        Where an exponent tuple does not have `dimension` non-negative integers, or a coefficient is
+        not finite.
+    """
+    merged: dict[Exponents, float] = {}
+    for exponents, coefficient in terms.items() if isinstance(terms, Mapping) else terms:
+        key = tuple(int(e) for e in exponents)
+        if len(key) != dimension or min(key, default=0) < 0:
+            raise UsageError(
+                expected=f"{dimension} exponents ≥ 0 for each term",
+                received=repr(exponents),
+                remedy="write one non-negative integer for each variable",
+            )
+        if not np.isfinite(coefficient):
+            raise UsageError(
+                expected="finite coefficients",
+                received=f"{coefficient!r} at exponents {key}",
+                remedy="leave the term out, or give it a finite value",
+            )
+        merged[key] = merged.get(key, 0.0) + float(coefficient)
+    kept = sorted(((e, c) for e, c in merged.items() if c != 0.0), key=lambda t: (sum(t[0]), t[0][::-1]))
+    return Polynomial(dimension, tuple(kept))
+
+
+def constant(dimension: int, value: float) -> Polynomial:
+    """The constant polynomial."""
+    return polynomial(dimension, {(0,) * dimension: value})
+
+
+def variable(dimension: int, index: int) -> Polynomial:
+    """The coordinate y_index."""
+    return polynomial(dimension, {tuple(int(i == index) for i in range(dimension)): 1.0})
+
+
+def add(*summands: Polynomial) -> Polynomial:
+    """The sum of polynomials in the same variables."""
+    return polynomial(summands[0].dimension, [t for p in summands for t in p.terms])
+
+
+def multiply(p: Polynomial, q: Polynomial) -> Polynomial:
+    """The product; exact where the coefficients' products and sums are (small dyadic rationals)."""
+    return polynomial(
+        p.dimension,
+        [(tuple(a + b for a, b in zip(e, f, strict=True)), c * g) for e, c in p.terms for f, g in q.terms],
+    )
+
+
+def scale(factor: float, p: Polynomial) -> Polynomial:
+    """factor · p."""
+    return polynomial(p.dimension, [(e, factor * c) for e, c in p.terms])
+
+
+def differentiate(p: Polynomial, index: int) -> Polynomial:
+    """∂p/∂y_index."""
+    lowered = [(_shift(e, index), c * e[index]) for e, c in p.terms if e[index]]
+    return polynomial(p.dimension, lowered)
+
+
+def gradient(p: Polynomial) -> tuple[Polynomial, ...]:
+    """(∂p/∂y_1, …, ∂p/∂y_d)."""
+    return tuple(differentiate(p, i) for i in range(p.dimension))
+
+
+@dataclass(frozen=True)
+class PolynomialMap:
+    """Several polynomials evaluated together: their distinct monomials once, then one sum a row.
+
+    Sums run strictly in order (`cumsum`, not a BLAS product), so the bits of one state do not depend
+    on how many states are evaluated with it.
+    """
+
+    shape: tuple[int, ...]
+    rows: tuple[Polynomial, ...]
+
+    @cached_property
+    def _table(self) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        d = self.rows[0].dimension
+        monomials = sorted({e for p in self.rows for e, _ in p.terms}) or [(0,) * d]
+        index = {e: t for t, e in enumerate(monomials)}
+        coefficients = np.zeros((len(self.rows), len(monomials)))
+        for r, p in enumerate(self.rows):
+            for e, c in p.terms:
+                coefficients[r, index[e]] = c
+        return np.array(monomials, dtype=np.intp).reshape(len(monomials), d), coefficients
+
+    def __call__(self, y: ArrayLike) -> NDArray[Any]:
+        """Values of shape (*shape, *y.shape[1:]) at y of shape (d, ...), in the dtype of y."""
+        return self._evaluate(np.asarray(y), self._table[1])
+
+    def majorant(self, y: ArrayLike) -> NDArray[Any]:
+        """Σ |c_t| Π |y_i|^e_i: what rounding errors of the sum are relative to."""
+        return self._evaluate(np.abs(np.asarray(y)), np.abs(self._table[1]))
+
+    def _evaluate(self, y: NDArray[Any], coefficients: NDArray[np.float64]) -> NDArray[Any]:
+        exponents = self._table[0]
+        powers = [np.ones_like(y)]
+        for _ in range(int(exponents.max(initial=0))):
+            powers.append(powers[-1] * y)
+        power = np.stack(powers, axis=1)
+        monomials = power[0, exponents[:, 0]]
+        for i in range(1, exponents.shape[1]):
+            monomials = monomials * power[i, exponents[:, i]]
+        products = coefficients.reshape(*coefficients.shape, *(1,) * (y.ndim - 1)) * monomials[None]
+        return np.cumsum(products, axis=1)[:, -1].reshape(*self.shape, *y.shape[1:])
+
+
+def to_json(p: Polynomial) -> list[list[Any]]:
+    """[[exponents, hex coefficient], …]; `from_json` gives back the same polynomial to the bit."""
+    return [[list(e), c.hex()] for e, c in p.terms]
+
+
+def from_json(dimension: int, data: Any) -> Polynomial:
+    """The inverse of `to_json`."""
+    try:
+        terms = [(tuple(int(k) for k in e), parse_float(c)) for e, c in data]
+    except (TypeError, ValueError) as error:
+        raise UsageError(
+            expected="a list of [exponents, coefficient] pairs, coefficients as hex floats or numbers",
+            received=f"{data!r:.200}",
+            remedy='write for example [[[2, 0], "0x1p-1"]] for y1²/2',
+        ) from error
+    return polynomial(dimension, terms)
+
+
+def parse_float(value: Any) -> float:
+    """A float from a hex string ("0x1.8p-1") or a number."""
+    return float.fromhex(value) if isinstance(value, str) else float(value)
+
+
+def _shift(exponents: Exponents, index: int) -> Exponents:
+    return tuple(e - (i == index) for i, e in enumerate(exponents))
+
+
+def _term_text(exponents: Exponents, coefficient: float) -> str:
+    factors = [f"y{i + 1}" + (f"^{e}" if e > 1 else "") for i, e in enumerate(exponents) if e]
+    if not factors:
+        return repr(coefficient)
+    sign = {1.0: "", -1.0: "-"}.get(coefficient)
+    return (f"{coefficient!r} " if sign is None else sign) + " ".join(factors)

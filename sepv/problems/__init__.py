@@ -1,0 +1,46 @@
+"""Problems: the paper's four by name, and every polynomial problem as data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from sepv.errors import UsageError
+from sepv.problem import NamedProblem, PolynomialSystem, Problem
+from sepv.problems.lotka_volterra import lotka_volterra as lotka_volterra
+from sepv.problems.oscillator import harmonic_oscillator as harmonic_oscillator
+from sepv.problems.pendulum import pendulum as pendulum
+from sepv.problems.polynomial_system import from_json as from_json
+from sepv.problems.polynomial_system import polynomial_problem as polynomial_problem
+from sepv.problems.polynomial_system import to_json as to_json
+from sepv.problems.rigid_body import rigid_body as rigid_body
+
+NAMED: dict[str, Callable[..., Problem]] = {
+    "harmonic-oscillator": harmonic_oscillator,
+    "rigid-body": rigid_body,
+    "pendulum": pendulum,
+    "lotka-volterra": lotka_volterra,
+}
+
+
+def by_name(name: str) -> Problem:
+    """One of the paper's problems with the paper's parameters; hyphens and underscores are the same."""
+    factory = NAMED.get(name.replace("_", "-"))
+    if factory is None:
+        raise UsageError(
+            expected=f"a problem, one of {', '.join(NAMED)}", received=repr(name), remedy="see `sepv list`"
+        )
+    return factory()
+
+
+def build(data: PolynomialSystem | NamedProblem) -> Problem:
+    """The problem that a description means."""
+    if isinstance(data, PolynomialSystem):
+        return polynomial_problem(data)
+    factory = NAMED.get(data.name)
+    if factory is None:
+        raise UsageError(
+            expected=f"a problem's name, one of {', '.join(NAMED)}",
+            received=repr(data.name),
+            remedy="correct the name, or give the problem as polynomial data",
+        )
+    return factory(**{key: value if len(value) > 1 else value[0] for key, value in data.parameters})

@@ -1,0 +1,18 @@
+"""Canonical problems in the plane, equation (1.3): B = ((0, −1), (1, 0)), constant."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sepv.problem import Array
+
+
+def structure(y: Array) -> Array:
+    """B, of shape (2, 2, ...)."""
+    zero, one = np.zeros_like(y[0]), np.ones_like(y[0])
+    return np.stack([np.stack([zero, -one]), np.stack([one, zero])])
+
+
+def structure_derivative(y: Array) -> Array:
+    """∂B_ij/∂y_k = 0, of shape (2, 2, 2, ...)."""
+    return np.zeros((2, 2, 2, *y.shape[1:]), dtype=y.dtype)

@@ -1,0 +1,138 @@
+"""Polynomial problems as data, and their JSON with hex floats: a round trip keeps every bit."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from sepv import polynomial as poly
+from sepv.errors import ProblemError
+from sepv.polynomial import Polynomial, PolynomialMap, parse_float
+from sepv.problem import PolynomialSystem, Problem
+
+
+@lru_cache(maxsize=256)
+def polynomial_problem(data: PolynomialSystem) -> Problem:
+    """The problem of a `PolynomialSystem`, with analytic derivatives and exact quadrature degree.
+
+    Raises
+    ------
+    ProblemError
+        Where a matrix or vector is not a Casimir of B: the coefficients of ∇CᵀB are computed.
+    """
+    d = data.dimension
+    entries = structure_entries(data)
+    _check_indices(data)
+    for name, slope in _casimir_gradients(data):
+        _check_casimir(name, slope, entries)
+    flat = tuple(entries[i][j] for i in range(d) for j in range(d))
+    gradient = poly.gradient(data.hamiltonian)
+    H = PolynomialMap((), (data.hamiltonian,))
+    return Problem(
+        dimension=d,
+        structure=PolynomialMap((d, d), flat),
+        hamiltonian=H,
+        gradient=PolynomialMap((d,), gradient),
+        hessian=PolynomialMap((d, d), tuple(poly.differentiate(g, k) for g in gradient for k in range(d))),
+        structure_derivative=PolynomialMap((d, d, d), tuple(poly.differentiate(b, k) for b in flat for k in range(d))),
+        noise=np.array(data.noise),
+        casimirs=data.casimirs,
+        linear_casimirs=data.linear_casimirs,
+        degree=max(data.hamiltonian.degree, 1),
+        name=f"polynomial system in {d} variables",
+        data=data,
+        check=False,
+    )
+
+
+def structure_entries(data: PolynomialSystem) -> list[list[Polynomial]]:
+    """B as a d × d table of polynomials, skew by construction."""
+    d = data.dimension
+    table = [[poly.polynomial(d, {}) for _ in range(d)] for _ in range(d)]
+    for i, j, entry in data.structure:
+        table[i][j] = entry
+        table[j][i] = poly.scale(-1.0, entry)
+    return table
+
+
+def to_json(data: PolynomialSystem) -> dict[str, Any]:
+    """A JSON object with hex floats; `from_json` gives back an equal record."""
+    return {
+        "dimension": data.dimension,
+        "hamiltonian": poly.to_json(data.hamiltonian),
+        "structure": [[i, j, poly.to_json(entry)] for i, j, entry in data.structure],
+        "noise": [c.hex() for c in data.noise],
+        "casimirs": [[[a.hex() for a in row] for row in A] for A in data.casimirs],
+        "linear_casimirs": [[b.hex() for b in vector] for vector in data.linear_casimirs],
+    }
+
+
+def from_json(data: Any) -> PolynomialSystem:
+    """The inverse of `to_json`; plain numbers are taken as well as hex floats.
+
+    Raises
+    ------
+    ProblemError
+        For anything that does not describe a problem, with what was expected.
+    """
+    try:
+        d = int(data["dimension"])
+        return PolynomialSystem(
+            dimension=d,
+            hamiltonian=poly.from_json(d, data["hamiltonian"]),
+            structure=tuple((int(i), int(j), poly.from_json(d, entry)) for i, j, entry in data["structure"]),
+            noise=tuple(parse_float(c) for c in data.get("noise", [1.0])),
+            casimirs=tuple(
+                tuple(tuple(parse_float(a) for a in row) for row in A) for A in data.get("casimirs", [])
+            ),
+            linear_casimirs=tuple(tuple(parse_float(b) for b in v) for v in data.get("linear_casimirs", [])),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        if isinstance(error, ProblemError):
+            raise
+        raise ProblemError(
+            expected="a problem: dimension, hamiltonian, structure [[i, j, terms], …], noise, casimirs",
+            received=f"{type(error).__name__}: {error}",
+            remedy="write one with sepv.problems.to_json and change that",
+        ) from error
+
+
+def _check_indices(data: PolynomialSystem) -> None:
+    seen = set()
+    for i, j, entry in data.structure:
+        if not 0 <= i < j < data.dimension or (i, j) in seen or entry.dimension != data.dimension:
+            raise ProblemError(
+                expected=f"structure entries (i, j) with 0 ≤ i < j < {data.dimension}, each once",
+                received=f"({i}, {j})",
+                remedy="give B above the diagonal only: the rest follows from B_ji = −B_ij",
+            )
+        seen.add((i, j))
+
+
+def _casimir_gradients(data: PolynomialSystem) -> list[tuple[str, list[Polynomial]]]:
+    """∇C up to a factor, as polynomials: Ay for yᵀAy, b for bᵀy."""
+    d = data.dimension
+    found = []
+    for n, A in enumerate(data.casimirs):
+        rows = [poly.add(*(poly.scale(a, poly.variable(d, k)) for k, a in enumerate(row))) for row in A]
+        found.append((f"casimirs[{n}]", rows))
+    for n, b in enumerate(data.linear_casimirs):
+        found.append((f"linear_casimirs[{n}]", [poly.constant(d, value) for value in b]))
+    return found
+
+
+def _check_casimir(name: str, slope: list[Polynomial], entries: list[list[Polynomial]]) -> None:
+    """All coefficients of (∇CᵀB)_j vanish, to the rounding of their own sums."""
+    for j in range(len(entries)):
+        products = [poly.multiply(slope[i], entries[i][j]) for i in range(len(entries))]
+        total = poly.add(*products)
+        size = max((abs(c) for p in products for _, c in p.terms), default=0.0)
+        worst = max((abs(c) for _, c in total.terms), default=0.0)
+        if worst > 64 * np.finfo(np.float64).eps * size:
+            raise ProblemError(
+                expected=f"{name} to be a Casimir: ∇CᵀB = 0 for all y",
+                received=f"(∇CᵀB)[{j + 1}] ∝ {total}",
+                remedy="correct the matrix (C(y) = yᵀAy) or B, or leave it out: no law then asks for it",
+            )

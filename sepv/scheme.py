@@ -1,0 +1,95 @@
+"""The scheme record: a formula plus facts. No base class; a bare function does as well."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sepv.errors import UsageError
+from sepv.implicit import Solution
+from sepv.problem import Array, Problem
+
+Step = Callable[[Problem, Array, float, Array], Array]
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """A one-step method for (1.1), and what it says of itself.
+
+    Attributes
+    ----------
+    name : str
+    step : callable (problem, y, h, dW) -> y_next
+        y of shape (d,) with dW of shape (m,); a step that sets `batched` also takes a batch, (d, M) with
+        (m, M). Pure: the same bits for the same arguments, nothing changed in place.
+    claims : iterable of law names
+        The laws it says it obeys. Laws that are not claimed are measured and printed all the same.
+    source : str
+        Where the formula comes from.
+    mean_square_order, weak_order : float, optional
+        Claimed orders; with the first, the laws "mean-square-order" and "right-limit" are claimed.
+    solve : callable (problem, y, h, dW) -> Solution, optional
+        For implicit schemes: the same step for a batch, with residual, counts and status of each lane.
+    solver_tolerance : float
+        The relative tolerance of the scheme's own solver: the laws' bounds then follow it and say so.
+        0 means solved to rounding.
+    truncation : int, optional
+        k of Remark 2.1 for the increments the scheme wants; None for untruncated.
+    batched : bool
+        Whether `step` takes batches.
+    """
+
+    name: str
+    step: Step
+    claims: Iterable[str] = ()
+    source: str = ""
+    mean_square_order: float | None = None
+    weak_order: float | None = None
+    solve: Callable[[Problem, Array, float, Array], Solution] | None = None
+    solver_tolerance: float = 0.0
+    truncation: int | None = 2
+    batched: bool = False
+
+    def __post_init__(self) -> None:
+        claims = {self.claims} if isinstance(self.claims, str) else set(self.claims)
+        if self.mean_square_order is not None:
+            claims |= {"mean-square-order", "right-limit"}
+        object.__setattr__(self, "claims", frozenset(c.strip().replace("_", "-") for c in claims))
+        if not callable(self.step):
+            raise UsageError(
+                expected="Scheme(step=…), a function step(problem, y, h, dW) -> y_next",
+                received=f"{type(self.step).__name__}: {self.step!r:.80}",
+                remedy="hand over the function itself",
+            )
+
+
+def as_lanes(problem: Problem, y: ArrayLike, h: float, dW: ArrayLike) -> tuple[Array, Array]:
+    """y as (d, M) and dW as (m, M), one lane for a single state; shapes and finiteness are checked.
+
+    Raises
+    ------
+    UsageError
+        A state, step or increment that does not fit the problem.
+    """
+    state, increment = np.asarray(y, dtype=np.float64), np.asarray(dW, dtype=np.float64)
+    d, m = problem.dimension, problem.noises
+    if state.ndim not in (1, 2) or state.shape[0] != d or not np.all(np.isfinite(state)):
+        raise UsageError(
+            expected=f"y finite, of shape ({d},) or ({d}, M)",
+            received=f"shape {state.shape}, {'all' if np.all(np.isfinite(state)) else 'not all'} finite",
+            remedy="component first: a batch has its paths along the last axis",
+        )
+    if increment.shape != (m, *state.shape[1:]) or not np.all(np.isfinite(increment)):
+        raise UsageError(
+            expected=f"dW finite, of shape {(m, *state.shape[1:])}: one Wiener increment for each c_j and path",
+            received=f"shape {increment.shape}, {'all' if np.all(np.isfinite(increment)) else 'not all'} finite",
+            remedy=f"the problem has noise c = {problem.c.tolist()}; give as many increments",
+        )
+    if np.ndim(h) != 0 or not np.isfinite(h):
+        raise UsageError(
+            expected="h, one finite number", received=f"{h!r:.80}", remedy="one step size for all paths of a batch"
+        )
+    return state.reshape(d, -1), increment.reshape(m, -1) if m else np.zeros((0, state.reshape(d, -1).shape[1]))

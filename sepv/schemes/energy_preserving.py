@@ -1,0 +1,74 @@
+"""The energy-preserving scheme (2.1); for constant B it is (2.2), the averaged vector field method.
+
+y1 = y0 + B((y0 + y1)/2) ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ · Δ,  Δ = h + Σ_j c_j ΔŴ_j.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sepv.average import average_gradient, average_hessian
+from sepv.fields import contract, matmul, matvec
+from sepv.implicit import Increment, Solution, require_converged
+from sepv.implicit import solve as solve_implicit
+from sepv.problem import Array, Problem
+from sepv.scheme import Scheme, as_lanes
+
+
+def increment(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
+    """Δ B(ȳ) ∇̄H: the right side of (2.1) without y0; `step` is (1, M), holding Δ."""
+    mean = average_gradient(problem, y0, y1)
+    B = problem.structure(y0 + 0.5 * (y1 - y0))
+    return Increment(
+        step[0] * matvec(B, mean.value), mean.evaluations, np.ones_like(mean.evaluations), mean.reliable
+    )
+
+
+def jacobian(problem: Problem, y0: Array, y1: Array, step: Array) -> Array | None:
+    """∂/∂y1 of `increment`: Δ(½ B′(ȳ)[·]∇̄H + B(ȳ) ∫τH″dτ)."""
+    if problem.structure_derivative is None or problem.hessian is None:
+        return None
+    middle = y0 + 0.5 * (y1 - y0)
+    mean, slope = average_gradient(problem, y0, y1), average_hessian(problem, y0, y1)
+    assert slope is not None  # the problem has a Hessian
+    turned = contract(problem.structure_derivative(middle), mean.value)
+    return step[0] * (0.5 * turned + matmul(problem.structure(middle), slope))
+
+
+def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
+    """One step of a batch with residual, counts and status of each lane."""
+    state, noise = as_lanes(problem, y, h, dW)
+    return solve_implicit(problem, state, problem.random_step(h, noise)[None], increment, jacobian)
+
+
+def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """One step of (2.1).
+
+    Parameters
+    ----------
+    y : (d,) or (d, M)
+    h : float
+        Of either sign: −h with −dW is the inverse step.
+    dW : (m,) or (m, M)
+        Wiener increments, truncated by the caller where he wants Remark 2.1.
+
+    Raises
+    ------
+    StepFailure
+        Where the implicit equation was not solved.
+    """
+    state, noise = as_lanes(problem, y, h, dW)
+    delta = problem.random_step(h, noise)[None]
+    solution = solve_implicit(problem, state, delta, increment, jacobian)
+    return require_converged(problem, state, delta, solution).reshape(np.shape(y))
+
+
+scheme = Scheme(
+    name="energy-preserving",
+    step=step,
+    claims=("contract", "identity", "energy", "casimir", "midpoint", "symmetry", "reference"),
+    mean_square_order=1.0,
+    source="Cohen and Dujardin (2014), equation (2.1)",
+    solve=solve,
+    batched=True,
+)

@@ -1,0 +1,54 @@
+"""The stochastic midpoint rule of §4: y1 = y0 + f((y0 + y1)/2)(h + Σ_j c_j ΔŴ_j), f = B∇H, equation (3.4)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sepv.fields import field_jacobian, vector_field
+from sepv.implicit import Increment, Solution, require_converged
+from sepv.implicit import solve as solve_implicit
+from sepv.problem import Array, Problem
+from sepv.scheme import Scheme, as_lanes
+
+
+def increment(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
+    """Δ f(ȳ); `step` is (1, M), holding Δ."""
+    once = np.ones(y0.shape[1], dtype=np.int64)
+    return Increment(step[0] * vector_field(problem, y0 + 0.5 * (y1 - y0)), once, once, once.astype(bool))
+
+
+def jacobian(problem: Problem, y0: Array, y1: Array, step: Array) -> Array | None:
+    """∂/∂y1 of `increment`: ½ Δ f′(ȳ)."""
+    slope = field_jacobian(problem, y0 + 0.5 * (y1 - y0))
+    return None if slope is None else 0.5 * step[0] * slope
+
+
+def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
+    """One step of a batch with residual, counts and status of each lane."""
+    state, noise = as_lanes(problem, y, h, dW)
+    return solve_implicit(problem, state, problem.random_step(h, noise)[None], increment, jacobian)
+
+
+def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """One step of (3.4), for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M).
+
+    Raises
+    ------
+    StepFailure
+        Where the implicit equation was not solved.
+    """
+    state, noise = as_lanes(problem, y, h, dW)
+    delta = problem.random_step(h, noise)[None]
+    solution = solve_implicit(problem, state, delta, increment, jacobian)
+    return require_converged(problem, state, delta, solution).reshape(np.shape(y))
+
+
+scheme = Scheme(
+    name="midpoint",
+    step=step,
+    claims=("contract", "identity", "casimir", "midpoint", "symmetry"),
+    mean_square_order=1.0,
+    source="Milstein, Repin and Tretyakov (2002), as in Cohen and Dujardin (2014), equation (3.4)",
+    solve=solve,
+    batched=True,
+)
