@@ -1,0 +1,91 @@
+"""Closed forms of the flow of y′ = B(y)∇H(y) for the oscillator, the rigid body and the pendulum.
+
+Each takes (parameters, y0 (d,), θ (M,)) and returns ((d, M), method), or None where the formula
+degenerates (equal moments of inertia, near a separatrix): the dense solve then takes over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from sepv.problem import Array
+
+Parameters = Mapping[str, tuple[float, ...]]
+Result = tuple[Array, str] | None
+
+# So near the separatrix (m = 1) the period and the elliptic functions' dependence on m lose digits.
+SEPARATRIX = 1e-4
+_JACOBI = "Jacobi elliptic functions"
+
+
+def oscillator(_: Parameters, y0: Array, theta: Array) -> Result:
+    """dp = −x dθ, dx = p dθ: rotation by θ."""
+    cos, sin = np.cos(theta), np.sin(theta)
+    return np.stack([y0[0] * cos - y0[1] * sin, y0[0] * sin + y0[1] * cos]), "rotation"
+
+
+def pendulum(_: Parameters, y0: Array, theta: Array) -> Result:
+    """With k² = sin²(q/2) + p²/4 = (H + 1)/2.
+
+    Libration, k < 1: sin(q/2) = k sn(u, k²), p/2 = k cn, cos(q/2) = dn, u = θ + u0.
+    Rotation, k > 1, with s the sign of p: q/2 = s am(kθ + u0, 1/k²), p/2 = s k dn.
+    """
+    from scipy.special import ellipj, ellipkinc
+
+    p, q = y0
+    turns = np.round(q / (2 * np.pi))
+    half = 0.5 * (q - 2 * np.pi * turns)
+    k2 = np.sin(half) ** 2 + 0.25 * p * p
+    k = np.sqrt(k2)
+    if abs(k2 - 1) < SEPARATRIX:
+        return None
+    if k2 < 1:
+        u0 = ellipkinc(np.arctan2(np.sin(half), 0.5 * p), k2)
+        sn, cn, dn, _angle = ellipj(theta + u0, k2)
+        return np.stack([2 * k * cn, 2 * np.arctan2(k * sn, dn) + 2 * np.pi * turns]), _JACOBI
+    s = np.sign(p)
+    u0 = ellipkinc(s * half, 1 / k2)
+    _sn, _cn, dn, angle = ellipj(k * theta + u0, 1 / k2)
+    return np.stack([2 * s * k * dn, 2 * s * angle + 2 * np.pi * turns]), _JACOBI
+
+
+def rigid_body(parameters: Parameters, y0: Array, theta: Array) -> Result:
+    """Euler's equations y′ = y × (y/I), with the axes sorted so that I_a < I_b < I_c.
+
+    y_a′ = −σA_a y_b y_c, y_b′ = σA_b y_a y_c, y_c′ = −σA_c y_a y_b with A_a = 1/I_b − 1/I_c, A_b = 1/I_a − 1/I_c,
+    A_c = 1/I_a − 1/I_b and σ the sign of the permutation. K_a = y_a²/A_a + y_b²/A_b and K_c = y_c²/A_c + y_b²/A_b are
+    conserved. For K_a ≤ K_c: y_c = Y_c dn, y_a = Y_a cn, y_b = Y_b sn of (λθ + u0, m), λ² = A_aA_bA_cK_c, m = K_a/K_c;
+    else the same with a and c exchanged.
+    """
+    from scipy.special import ellipj, ellipkinc
+
+    inertia = np.array(parameters["inertia"])
+    a, b, c = np.argsort(inertia)
+    sigma = 1.0 if (a, b, c) in ((0, 1, 2), (1, 2, 0), (2, 0, 1)) else -1.0
+    A_a, A_b, A_c = (1 / inertia[i] - 1 / inertia[j] for i, j in ((b, c), (a, c), (a, b)))
+    if min(A_a, A_c) <= SEPARATRIX * A_b:
+        return None
+    K_a = y0[a] ** 2 / A_a + y0[b] ** 2 / A_b
+    K_c = y0[c] ** 2 / A_c + y0[b] ** 2 / A_b
+    if K_a > K_c:
+        a, c, A_a, A_c, K_a, K_c = c, a, A_c, A_a, K_c, K_a
+    if K_c == 0 or 1 - K_a / K_c < SEPARATRIX:
+        return None
+    m, rate = K_a / K_c, np.sqrt(A_a * A_b * A_c * K_c)
+    s = 1.0 if y0[c] > 0 else -1.0
+    phase = np.arctan2(sigma * s * y0[b] / np.sqrt(A_b), y0[a] / np.sqrt(A_a))
+    sn, cn, dn, _ = ellipj(rate * theta + ellipkinc(phase, m), m)
+    y = np.empty((3, theta.size))
+    y[a] = np.sqrt(A_a * K_a) * cn
+    y[b] = sigma * s * np.sqrt(A_b * K_a) * sn
+    y[c] = s * np.sqrt(A_c * K_c) * dn
+    return y, _JACOBI
+
+
+CLOSED_FORMS: dict[str, Callable[[Parameters, Array, Array], Result]] = {
+    "harmonic-oscillator": oscillator,
+    "pendulum": pendulum,
+    "rigid-body": rigid_body,
+}

@@ -1,0 +1,280 @@
+"""A path and an ensemble. NumPy batches; a failed path keeps its status and stops, the others go on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sepv import wiener
+from sepv.errors import StepFailure, UsageError
+from sepv.implicit import Status
+from sepv.problem import Array, Problem
+from sepv.scheme import Scheme
+
+# Paths computed together: enough to hide NumPy's cost a call, few enough that increments stay small.
+CHUNK = 1024
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """One path: t (N+1,), y (d, N+1), the increments used dW (N, m), evaluations of ∇H in all."""
+
+    t: Array
+    y: Array
+    dW: Array
+    gradient_evaluations: int
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """The ends of many paths.
+
+    Attributes
+    ----------
+    y : (d, M)
+        States at T; of a failed path the last state reached.
+    W : (m, M)
+        W(T), untruncated: θ(T) = T + Σ c_j W_j(T) gives the exact solution.
+    status : (M,)
+        `sepv.implicit.Status` of each path: 0 where every step converged.
+    failed_step : (M,)
+        The number of the step that failed, −1 where none did.
+    energy_defect, casimir_defect : (M,)
+        Largest |H(y_n) − H(y_0)| over the path, and the same over all quadratic and linear Casimirs,
+        evaluated in binary64.
+    gradient_evaluations, structure_evaluations, iterations : int
+        Work over all paths and steps; zero for schemes that do not report it.
+    """
+
+    y: Array
+    W: Array
+    status: np.ndarray
+    failed_step: np.ndarray
+    energy_defect: Array
+    casimir_defect: Array
+    gradient_evaluations: int
+    structure_evaluations: int
+    iterations: int
+
+
+def integrate(
+    scheme: Scheme,
+    problem: Problem,
+    *,
+    h: float,
+    T: float | None = None,
+    steps: int | None = None,
+    y0: ArrayLike | None = None,
+    seed: int = 0,
+    dW: ArrayLike | None = None,
+    truncation: int | None = -1,
+) -> Trajectory:
+    """One path from y0 (default: the problem's initial state).
+
+    Parameters
+    ----------
+    h : float > 0
+    T, steps : one of them; T must be a multiple of h.
+    dW : (N, m), optional
+        Untruncated increments to use; else those of `wiener.increments(seed, …)`, path 0.
+    truncation : int or None
+        k of Remark 2.1; by default the scheme's own. None for untruncated.
+
+    Raises
+    ------
+    StepFailure
+        At the first step whose implicit equation was not solved.
+    UsageError
+        For arguments that make no path.
+    """
+    count = step_count(h, T, steps)
+    start = _start(problem, y0)
+    raw = (
+        wiener.increments(seed, T=h * count, steps=count, noises=problem.noises, refine=None)[:, :, 0]
+        if dW is None
+        else np.asarray(dW, dtype=np.float64)
+    )
+    if raw.shape != (count, problem.noises):
+        raise UsageError(
+            expected=f"dW of shape {(count, problem.noises)}", received=f"shape {raw.shape}", remedy="one row a step"
+        )
+    used = wiener.truncate(raw, h, scheme.truncation if truncation == -1 else truncation)
+    y = np.empty((problem.dimension, count + 1))
+    y[:, 0] = start
+    evaluations = 0
+    for n in range(count):
+        if scheme.solve is not None:
+            solution = scheme.solve(problem, y[:, n], h, used[n])
+            evaluations += int(solution.gradient_evaluations[0])
+            if solution.status[0] != Status.CONVERGED:
+                raise StepFailure(
+                    problem=problem.name,
+                    y=y[:, n],
+                    delta=float(problem.random_step(h, used[n])),
+                    residual=float(solution.residual[0]),
+                    status=Status(int(solution.status[0])).text,
+                    iterations=int(solution.iterations[0]),
+                )
+            y[:, n + 1] = solution.value[:, 0]
+        else:
+            y[:, n + 1] = scheme.step(problem, y[:, n], h, used[n])
+    return Trajectory(h * np.arange(count + 1), y, used, evaluations)
+
+
+def ensemble(
+    scheme: Scheme,
+    problem: Problem,
+    *,
+    h: float,
+    T: float,
+    paths: int,
+    seed: int = 0,
+    y0: ArrayLike | None = None,
+    truncation: int | None = -1,
+    refine: int | None = None,
+) -> Ensemble:
+    """The ends of `paths` paths; memory grows with paths and with one chunk's increments.
+
+    Path number p is the same for any number of paths, and for every h = T/(n·2^l) with the same odd n.
+
+    Raises
+    ------
+    UsageError
+        For arguments that make no ensemble. A failing path raises nothing: see `Ensemble.status`.
+    """
+    count = step_count(h, T, None)
+    if not isinstance(paths, int) or paths < 1:
+        raise UsageError(expected="paths, an integer ≥ 1", received=repr(paths), remedy="ask for a path")
+    start = _start(problem, y0)
+    k = scheme.truncation if truncation == -1 else truncation
+    chunks = []
+    for first in range(0, paths, CHUNK):
+        numbers = range(first, min(first + CHUNK, paths))
+        raw = wiener.increments(seed, T=h * count, steps=count, noises=problem.noises, paths=numbers, refine=refine)
+        chunks.append(run_chunk(scheme, problem, start, h, raw, k))
+    return _join(chunks)
+
+
+def run_chunk(scheme: Scheme, problem: Problem, y0: Array, h: float, raw: Array, k: int | None) -> Ensemble:
+    """Paths from y0 (d,) over the untruncated increments raw (N, m, M), truncated with k."""
+    paths = raw.shape[2]
+    y = np.repeat(y0[:, None], paths, axis=1)
+    used = wiener.truncate(raw, h, k)
+    status, failed = np.zeros(paths, dtype=np.int64), np.full(paths, -1)
+    invariants = _invariants(problem, y)
+    worst = np.zeros((2, paths))
+    work = np.zeros(3, dtype=np.int64)
+    alive = np.arange(paths)
+    for n in range(raw.shape[0]):
+        value, code, cost = _advance(scheme, problem, y[:, alive], h, used[n][:, alive])
+        work += cost
+        ok = code == Status.CONVERGED
+        status[alive[~ok]], failed[alive[~ok]] = code[~ok], n
+        y[:, alive[ok]] = value[:, ok]
+        alive = alive[ok]
+        if not alive.size:
+            break
+        drift = np.abs(_invariants(problem, y[:, alive]) - invariants[:, alive])
+        worst[0, alive] = np.maximum(worst[0, alive], drift[0])
+        worst[1, alive] = np.maximum(worst[1, alive], drift[1:].max(axis=0, initial=0.0))
+    W = raw.sum(axis=0)
+    return Ensemble(y, W, status, failed, worst[0], worst[1], *(int(v) for v in work))
+
+
+def _advance(
+    scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array
+) -> tuple[Array, np.ndarray, np.ndarray]:
+    """One step of a batch: value, status of each lane, (gradients, structures, iterations)."""
+    if scheme.solve is not None:
+        solution = scheme.solve(problem, y, h, dW)
+        cost = (solution.gradient_evaluations, solution.structure_evaluations, solution.iterations)
+        return solution.value, solution.status, np.array([int(c.sum()) for c in cost])
+    if scheme.batched:
+        with np.errstate(all="ignore"):
+            value = scheme.step(problem, y, h, dW)
+        code = np.zeros(y.shape[1], dtype=np.int64)
+    else:
+        value, code = np.empty_like(y), np.zeros(y.shape[1], dtype=np.int64)
+        for lane in range(y.shape[1]):
+            try:
+                value[:, lane] = scheme.step(problem, y[:, lane].copy(), h, dW[:, lane].copy())
+            except StepFailure:
+                value[:, lane], code[lane] = np.nan, Status.NO_CONVERGENCE
+    outside = ~np.all(np.isfinite(value), axis=0)
+    code[outside & (code == 0)] = Status.OVERFLOW
+    if problem.domain is not None:
+        with np.errstate(invalid="ignore"):
+            code[~np.asarray(problem.domain(value), dtype=bool) & (code == 0)] = Status.LEFT_DOMAIN
+    return value, code, np.zeros(3, dtype=np.int64)
+
+
+def _invariants(problem: Problem, y: Array) -> Array:
+    rows = [problem.hamiltonian(y)]
+    for A in problem.casimirs:
+        rows.append(sum(A[i, j] * (y[i] * y[j]) for i, j in zip(*np.nonzero(A), strict=True)))
+    for b in problem.linear_casimirs:
+        rows.append(sum(b[i] * y[i] for i in range(len(b))))
+    return np.stack(rows)
+
+
+def _join(chunks: list[Ensemble]) -> Ensemble:
+    def along(key: str) -> Array:
+        return np.concatenate([getattr(c, key) for c in chunks], axis=-1)
+
+    return Ensemble(
+        *(along(key) for key in ("y", "W", "status", "failed_step", "energy_defect", "casimir_defect")),
+        *(
+            sum(getattr(c, key) for c in chunks)
+            for key in ("gradient_evaluations", "structure_evaluations", "iterations")
+        ),
+    )
+
+
+def step_count(h: float, T: float | None, steps: int | None) -> int:
+    """N with N h = T.
+
+    Raises
+    ------
+    UsageError
+        For h ≤ 0 or not finite, both or neither of T and steps, or a T that h does not divide.
+    """
+    if np.ndim(h) != 0 or not np.isfinite(h) or h <= 0:
+        raise UsageError(
+            expected="h, a finite step size > 0", received=f"h = {h!r}", remedy="backward steps are for `step` alone"
+        )
+    if (T is None) == (steps is None):
+        raise UsageError(
+            expected="one of T and steps", received=f"T = {T!r}, steps = {steps!r}", remedy="give exactly one of them"
+        )
+    if steps is not None:
+        if not isinstance(steps, (int, np.integer)) or steps < 1:
+            raise UsageError(expected="steps, an integer ≥ 1", received=repr(steps), remedy="take at least one step")
+        return int(steps)
+    assert T is not None
+    count = round(T / h) if np.isfinite(T) else 0
+    # h·N = T up to the rounding of decimal step sizes such as 0.01.
+    if count < 1 or abs(count * h - T) > 1e-12 * T:
+        raise UsageError(
+            expected="T, a positive multiple of h",
+            received=f"T = {T!r}, h = {h!r}, T/h = {T / h!r}",
+            remedy="choose h = T/N",
+        )
+    return count
+
+
+def _start(problem: Problem, y0: ArrayLike | None) -> Array:
+    start = problem.initial if y0 is None else y0
+    if start is None:
+        raise UsageError(
+            expected="an initial state", received="none", remedy="give y0=, or initial= when making the problem"
+        )
+    y = np.array(start, dtype=np.float64)
+    if y.shape != (problem.dimension,) or not np.all(np.isfinite(y)):
+        raise UsageError(
+            expected=f"y0 finite, of shape ({problem.dimension},)",
+            received=f"shape {y.shape}: {start!r:.80}",
+            remedy="one number for each component",
+        )
+    return y
