@@ -1,0 +1,42 @@
+"""§3.3: for quadratic H = ½yᵀDy + eᵀy the scheme is the stochastic midpoint rule (3.4)."""
+
+from __future__ import annotations
+
+from hypothesis import strategies as st
+
+from sepv.candidate import ask
+from sepv.case import Case
+from sepv.law import Measurement, require
+from sepv.reference.implicit import midpoint
+from sepv.scheme import Scheme
+from sepv.search import searched
+from sepv.strategies import casimir_systems, poisson_systems, steps
+from sepv.tolerance import state_error
+
+
+def cases() -> st.SearchStrategy[Case]:
+    """H of degree 1 or 2, any B(y)."""
+    return st.one_of(steps(poisson_systems(degree=2)), steps(casimir_systems(degree=2)))
+
+
+def check(scheme: Scheme, case: Case) -> Measurement:
+    """Distance from the midpoint rule solved to 50 digits."""
+    problem, y, h, dW = case.build()
+    y1 = ask(scheme, problem, y, h, dW)
+    exact = midpoint(case.problem, case.y, h, case.dW)
+    error, bound = state_error(exact.y1, exact.condition, problem, y, y1, h, dW, scheme.solver_tolerance)
+    return Measurement(error, bound, f"y1 = {y1.tolist()}, {error:.3g} ulp from the midpoint rule")
+
+
+law = searched(
+    name="midpoint",
+    statement="for quadratic H the step is that of the midpoint rule",
+    source="§3.3",
+    unit="ulp of y",
+    cases=cases,
+    check=check,
+)
+
+
+def test_midpoint(scheme: Scheme) -> None:
+    require(law, scheme)

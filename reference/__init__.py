@@ -1,0 +1,1 @@
+"""References in arbitrary precision. Imports mpmath and the problem description, and no scheme code."""

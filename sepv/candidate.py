@@ -1,0 +1,90 @@
+"""A scheme under verification: every call is guarded, every answer is checked against the contract."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from sepv.errors import SchemeFault, SepvError, StepFailure
+from sepv.problem import Array, Problem
+from sepv.scheme import Scheme
+
+
+class SchemeCrash(SepvError):
+    """The scheme raised an exception of its own."""
+
+
+def ask(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """One step of the scheme from copies of the arguments, its answer checked.
+
+    Raises
+    ------
+    SchemeFault
+        Wrong type, shape or dtype, or a value that is not finite.
+    SchemeCrash
+        Any exception of the scheme but `StepFailure`, which passes.
+    """
+    return check_answer(raw_answer(scheme, problem, y.copy(), h, dW.copy()), y)
+
+
+def raw_answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> Any:
+    """What the scheme returns, unchecked, for these very arrays."""
+    try:
+        with np.errstate(all="ignore"):
+            return scheme.step(problem, y, h, dW)
+    except StepFailure:
+        raise
+    except Exception as error:
+        raise SchemeCrash(
+            f"The scheme raised {type(error).__name__}: {error}\n"
+            f"Expected y_next of shape {y.shape} from step(problem, y, h, dW).\n"
+            "Remedy: run the replay command with --debug for the traceback."
+        ) from error
+
+
+def check_answer(answer: Any, y: Array) -> Array:
+    """The answer as an array, if it keeps the contract."""
+    if not isinstance(answer, np.ndarray):
+        raise SchemeFault(
+            expected=f"a NumPy array of shape {y.shape}",
+            received=f"{type(answer).__name__}: {answer!r:.80}",
+            remedy="return np.asarray(…) of the new state",
+        )
+    if answer.shape != y.shape:
+        raise SchemeFault(
+            expected=f"y_next of the shape of y, {y.shape}",
+            received=f"shape {answer.shape}",
+            remedy="component first: one state is (d,), a batch (d, M)",
+        )
+    if answer.dtype != np.float64:
+        raise SchemeFault(
+            expected="y_next of dtype float64",
+            received=f"dtype {answer.dtype}",
+            remedy="compute in float64 throughout; a complex value hints at a square root or logarithm out of range",
+        )
+    if not np.all(np.isfinite(answer)):
+        raise SchemeFault(
+            expected="finite values",
+            received=f"{answer.tolist()!r:.200}",
+            remedy="raise sepv.StepFailure where a step cannot be made, instead of returning NaN or infinity",
+        )
+    return answer
+
+
+def takes_batches(scheme: Scheme) -> bool:
+    """Whether a bare function turns out to take batches: the same bits as state by state, on two problems."""
+    from sepv import problems
+
+    for problem in (problems.rigid_body(), problems.pendulum()):
+        rng = np.random.default_rng(3)
+        y = np.asarray(problem.initial)[:, None] * (1 + 0.1 * rng.standard_normal((problem.dimension, 5)))
+        dW = 0.1 * rng.standard_normal((problem.noises, 5))
+        try:
+            together = ask(scheme, problem, y, 0.0625, dW)
+            alone = [ask(scheme, problem, y[:, k], 0.0625, dW[:, k]) for k in range(5)]
+        except SepvError:
+            return False
+        if not np.array_equal(together, np.stack(alone, axis=1)):
+            return False
+    return True

@@ -1,0 +1,130 @@
+"""One question to a scheme: a problem as data, a state, a step. It prints, shrinks, pins and travels."""
+
+from __future__ import annotations
+
+import base64
+import json
+import zlib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sepv import problems
+from sepv.errors import UsageError
+from sepv.polynomial import parse_float
+from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
+
+
+@dataclass(frozen=True)
+class Case:
+    """A problem, a state y (d,), a step h and the Wiener increments dW (m,)."""
+
+    problem: PolynomialSystem | NamedProblem
+    y: tuple[float, ...]
+    h: float
+    dW: tuple[float, ...] = ()
+
+    def build(self) -> tuple[Problem, Array, float, Array]:
+        """The arguments of ``step``."""
+        return problems.build(self.problem), np.array(self.y), self.h, np.array(self.dW, dtype=np.float64)
+
+    def describe(self) -> str:
+        """The case for a reader; `to_json` keeps every bit."""
+        problem = problems.build(self.problem)
+        delta = float(problem.random_step(self.h, np.array(self.dW, dtype=np.float64)))
+        return "\n".join(
+            [
+                *_describe_problem(self.problem),
+                f"y = {_row(self.y)}",
+                f"h = {self.h!r}, c = {_row(problem.c)}, dW = {_row(self.dW)}, so Δ = {delta!r}",
+            ]
+        )
+
+
+def to_json(case: Case) -> dict[str, Any]:
+    """A JSON object, floats in hex."""
+    return {
+        "problem": problem_to_json(case.problem),
+        "y": [v.hex() for v in case.y],
+        "h": case.h.hex(),
+        "dW": [v.hex() for v in case.dW],
+    }
+
+
+def from_json(data: Any) -> Case:
+    """The inverse of `to_json`.
+
+    Raises
+    ------
+    UsageError
+    """
+    try:
+        return Case(
+            problem=problem_from_json(data["problem"]),
+            y=tuple(parse_float(v) for v in data["y"]),
+            h=parse_float(data["h"]),
+            dW=tuple(parse_float(v) for v in data["dW"]),
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise UsageError(
+            expected="a witness: problem, y, h, dW",
+            received=f"{type(error).__name__}: {error}",
+            remedy="copy it whole from a report",
+        ) from error
+
+
+def problem_to_json(data: PolynomialSystem | NamedProblem) -> dict[str, Any]:
+    """{"name", "parameters"} or polynomial data, floats in hex."""
+    if isinstance(data, PolynomialSystem):
+        return problems.to_json(data)
+    return {"name": data.name, "parameters": {k: [v.hex() for v in values] for k, values in data.parameters}}
+
+
+def problem_from_json(data: Any) -> PolynomialSystem | NamedProblem:
+    """The inverse of `problem_to_json`."""
+    if "name" not in data:
+        return problems.from_json(data)
+    parameters = {k: tuple(parse_float(v) for v in values) for k, values in data.get("parameters", {}).items()}
+    return NamedProblem(data["name"], tuple(parameters.items()))
+
+
+def to_token(case: Case) -> str:
+    """A short text for a command line, from which `from_token` makes the same case to the bit."""
+    packed = zlib.compress(json.dumps(to_json(case), separators=(",", ":")).encode(), 9)
+    return base64.urlsafe_b64encode(packed).decode().rstrip("=")
+
+
+def from_token(token: str) -> Case:
+    """The inverse of `to_token`.
+
+    Raises
+    ------
+    UsageError
+        For a text that is not a whole token.
+    """
+    try:
+        packed = base64.urlsafe_b64decode(token + "=" * (-len(token) % 4))
+        data = json.loads(zlib.decompress(packed))
+    except (ValueError, zlib.error) as error:
+        raise UsageError(
+            expected="a token that a report printed after --replay",
+            received=f"{token[:40]!r}… ({len(token)} characters)",
+            remedy="copy the whole command from the report",
+        ) from error
+    return from_json(data)
+
+
+def _row(values: Any) -> str:
+    return "(" + ", ".join(repr(float(v)) for v in values) + ")"
+
+
+def _describe_problem(data: PolynomialSystem | NamedProblem) -> list[str]:
+    if isinstance(data, NamedProblem):
+        given = ", ".join(f"{k} = {_row(v) if len(v) > 1 else repr(v[0])}" for k, v in data.parameters)
+        return [f"problem {data.name}: {given}"]
+    lines = [f"H(y) = {data.hamiltonian}"]
+    lines += [f"B{i + 1}{j + 1}(y) = {entry}" for i, j, entry in data.structure if entry.terms]
+    lines += [f"Casimir yᵀAy with A = {[list(row) for row in A]}" for A in data.casimirs]
+    lines += [f"Casimir bᵀy with b = {list(b)}" for b in data.linear_casimirs]
+    return lines

@@ -1,0 +1,156 @@
+"""A law: a statement with its source, how it is measured, and what a measurement means."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from typing import Any
+
+from sepv.scheme import Scheme
+
+
+class Verdict(Enum):
+    """What became of a law. Counts over a suite always add up to the number of its laws."""
+
+    HOLDS = "holds"
+    VIOLATED = "violated"
+    INCONCLUSIVE = "inconclusive"
+    NOT_APPLICABLE = "not_applicable"
+    ERROR = "error"
+
+    @property
+    def text(self) -> str:
+        """The verdict in words."""
+        return self.value.replace("_", " ")
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One measurement: the defect, the bound derived for it, both in `unit`, and a line for a reader."""
+
+    defect: float
+    bound: float
+    detail: str = ""
+
+    @property
+    def violates(self) -> bool:
+        """Whether the defect exceeds the bound; a defect that is not a number does."""
+        return not self.defect <= self.bound
+
+    @property
+    def ratio(self) -> float:
+        """Defect over bound, for comparing measurements."""
+        if self.bound > 0:
+            return self.defect / self.bound
+        return 0.0 if self.defect == 0 else float("inf")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a law found of a scheme.
+
+    Attributes
+    ----------
+    defect, bound, unit
+        The worst measurement; None where nothing was measured.
+    witness : dict or None
+        What shows a violation or an error: a `sepv.case.Case` as JSON, or the setup of a statistical law.
+    replay : str
+        Arguments after ``sepv verify TARGET`` that show it again.
+    checks : int
+        Examples or paths that were measured.
+    message : str
+        The witness for a reader, or the reason of a verdict.
+    """
+
+    law: str
+    verdict: Verdict
+    source: str
+    unit: str
+    claimed: bool = False
+    defect: float | None = None
+    bound: float | None = None
+    witness: dict[str, Any] | None = None
+    replay: str = ""
+    checks: int = 0
+    message: str = ""
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How hard to look.
+
+    Attributes
+    ----------
+    examples : int
+        Hypothesis examples a law.
+    paths : int
+        Largest number of paths of a statistical law.
+    seed : int
+        Of examples and paths: the same seed gives the same run.
+    shrink_seconds : float
+        How long a counterexample may be simplified.
+    """
+
+    examples: int = 100
+    paths: int = 4096
+    seed: int = 0
+    shrink_seconds: float = 20.0
+    cache: dict[Any, Any] = field(default_factory=dict, compare=False, repr=False)
+
+    def deeper(self) -> Effort:
+        """The nightly effort."""
+        return replace(self, examples=2000, paths=16384, shrink_seconds=120.0, cache={})
+
+
+@dataclass(frozen=True)
+class Law:
+    """A property of one-step methods.
+
+    Attributes
+    ----------
+    run : (scheme, effort) -> Finding
+        Look for a violation.
+    replay : (scheme, witness) -> Finding
+        Measure one witness.
+    always_claimed : bool
+        For the contract of ``step``, which whoever hands over a scheme has signed.
+    """
+
+    name: str
+    statement: str
+    source: str
+    unit: str
+    run: Callable[[Law, Scheme, Effort], Finding]
+    replay: Callable[[Law, Scheme, dict[str, Any]], Finding]
+    always_claimed: bool = False
+
+    def claimed_by(self, scheme: Scheme) -> bool:
+        """Whether the scheme says that it obeys this law."""
+        return self.always_claimed or self.name in scheme.claims
+
+    def finding(self, verdict: Verdict, **details: Any) -> Finding:
+        """A finding of this law."""
+        return Finding(law=self.name, verdict=verdict, source=self.source, unit=self.unit, **details)
+
+
+def require(law: Law, scheme: Scheme, effort: Effort | None = None) -> Finding:
+    """For tests: the law's finding, raising `LawViolated` where a claimed law is not found to hold.
+
+    An unclaimed law is measured too and returned; it fails no test.
+    """
+    finding = replace(law.run(law, scheme, effort or Effort()), claimed=law.claimed_by(scheme))
+    if finding.claimed and finding.verdict not in (Verdict.HOLDS, Verdict.NOT_APPLICABLE):
+        raise LawViolated(finding)
+    return finding
+
+
+class LawViolated(AssertionError):
+    """A claimed law that does not hold, with its finding."""
+
+    def __init__(self, finding: Finding) -> None:
+        self.finding = finding
+        size = "" if finding.defect is None else f": {finding.defect:.3g} against {finding.bound:.3g} {finding.unit}"
+        super().__init__(f"{finding.law} ({finding.source}) {finding.verdict.text}{size}\n{finding.message}")

@@ -1,0 +1,161 @@
+"""Laws about single steps: Hypothesis looks for a case that violates, and shrinks it."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+from hypothesis import HealthCheck, Phase, Verbosity, given, settings, target
+from hypothesis import seed as hypothesis_seed
+from hypothesis import strategies as st
+
+from sepv import case as cases
+from sepv.case import Case
+from sepv.errors import SchemeFault, SepvError, StepFailure
+from sepv.law import Effort, Finding, Law, Measurement, Verdict
+from sepv.scheme import Scheme
+
+Check = Callable[[Scheme, Case], Measurement]
+
+
+class _Violation(Exception):
+    """Raised inside a search: the case violates."""
+
+
+class _Fault(Exception):
+    """Raised inside a search: the case could not be measured."""
+
+
+class _Log:
+    """What a search has seen."""
+
+    def __init__(self) -> None:
+        self.checks = 0
+        self.worst: Measurement | None = None
+        self.violation: tuple[Case, Measurement] | None = None
+        self.fault: tuple[Case, Exception] | None = None
+        self.first_failure: float | None = None
+
+
+def searched(
+    *,
+    name: str,
+    statement: str,
+    source: str,
+    unit: str,
+    cases: Callable[[], st.SearchStrategy[Case]],
+    check: Check,
+    faults_violate: bool = False,
+    always_claimed: bool = False,
+) -> Law:
+    """A law whose cases are drawn by a strategy and measured one by one.
+
+    Parameters
+    ----------
+    check : (scheme, case) -> Measurement
+        May raise what `sepv.candidate.ask` raises.
+    faults_violate : bool
+        For the contract: an answer of the wrong shape or type is a violation there, an error elsewhere.
+    """
+
+    def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
+        return _search(law, scheme, effort, cases(), check, faults_violate)
+
+    def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
+        log = _Log()
+        try:
+            _measure(log, scheme, _from_json(witness), check, faults_violate)
+        except (_Violation, _Fault):
+            pass
+        return _conclude(law, log)
+
+    return Law(name, statement, source, unit, run, replay, always_claimed)
+
+
+def _from_json(witness: dict[str, Any]) -> Case:
+    return cases.from_json(witness)
+
+
+def _search(
+    law: Law, scheme: Scheme, effort: Effort, strategy: st.SearchStrategy[Case], check: Check, faults_violate: bool
+) -> Finding:
+    log, start = _Log(), time.perf_counter()
+
+    def body(case: Case) -> None:
+        # A slow scheme must not be shrunk for ever: past the deadline every case passes, which ends it.
+        if log.first_failure is not None and time.perf_counter() - log.first_failure > effort.shrink_seconds:
+            return
+        measured = _measure(log, scheme, case, check, faults_violate)
+        if 0 < measured.ratio < float("inf"):
+            target(measured.ratio, label="defect / bound")
+
+    chosen = settings(
+        max_examples=effort.examples,
+        database=None,
+        deadline=None,
+        derandomize=False,
+        print_blob=False,
+        report_multiple_bugs=True,
+        verbosity=Verbosity.quiet,
+        phases=(Phase.generate, Phase.target, Phase.shrink),
+        # Cases are large by nature, and a slow scheme is not the strategy's fault.
+        suppress_health_check=list(HealthCheck),
+    )
+    test = hypothesis_seed(effort.seed)(chosen(given(case=strategy)(body)))
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # the scheme's own warnings are not findings
+            test()
+    except KeyboardInterrupt:
+        raise
+    except BaseException:
+        if log.violation is None and log.fault is None:
+            raise  # not about the scheme: a defect of this suite, which must be seen
+    finding = _conclude(law, log)
+    return Finding(**{**finding.__dict__, "seconds": time.perf_counter() - start})
+
+
+def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate: bool) -> Measurement:
+    """Measure and log one case; raises _Violation or _Fault, from places of their own."""
+    log.checks += 1
+    try:
+        measured = check(scheme, case)
+    except (SepvError, ArithmeticError) as error:
+        if log.first_failure is None:
+            log.first_failure = time.perf_counter()
+        if faults_violate and isinstance(error, SchemeFault):
+            log.violation = case, Measurement(1.0, 0.0, str(error))
+            log.worst = log.violation[1]
+            raise _Violation from error
+        log.fault = case, error
+        raise _Fault from error
+    if log.worst is None or not measured.ratio <= log.worst.ratio:
+        log.worst = measured
+    if measured.violates:
+        if log.first_failure is None:
+            log.first_failure = time.perf_counter()
+        log.violation = case, measured
+        raise _Violation
+    return measured
+
+
+def _conclude(law: Law, log: _Log) -> Finding:
+    size = {"defect": log.worst.defect, "bound": log.worst.bound} if log.worst else {}
+    if log.violation is not None:
+        case, measured = log.violation
+        message = f"{case.describe()}\n{measured.detail}"
+        return law.finding(Verdict.VIOLATED, checks=log.checks, message=message, **_witness(law, case), **size)
+    if log.fault is not None:
+        case, error = log.fault
+        kind = "not solved" if isinstance(error, StepFailure) else "not measured"
+        message = f"{kind}:\n{case.describe()}\n{error}"
+        return law.finding(Verdict.ERROR, checks=log.checks, message=message, **_witness(law, case), **size)
+    if not log.checks:
+        return law.finding(Verdict.ERROR, message="no case was measured")
+    return law.finding(Verdict.HOLDS, checks=log.checks, **size)
+
+
+def _witness(law: Law, case: Case) -> dict[str, Any]:
+    return {"witness": cases.to_json(case), "replay": f"--law {law.name} --replay {cases.to_token(case)}"}

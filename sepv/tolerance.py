@@ -1,0 +1,134 @@
+"""What "exact" may mean in binary64: the bounds of the laws, derived.
+
+Notation: u = eps/2; |·| of a matrix or vector is entrywise; M_g ≥ |∇H| and M_B ≥ |B| are majorants (sums of
+absolute values of terms), to which rounding errors are relative whatever cancels.
+
+**Residual.** A step that solves y1 = y0 + ΔB∇̄H as well as binary64 allows leaves, component by component,
+
+    r_i = K u (max(|y0|_∞, |y1|_∞) + |Δ|₁ Σ_j M_B,ij M_g,j),     |Δ|₁ = |h| + Σ_j |c_j ΔW_j|:
+
+one rounding of y1 itself, the stagnation of the iteration at the scale of y, and the rounding of R. K counts
+the operations behind one entry: at most 2ν + T for a sum of T terms of degree ν evaluated at rounded
+quadrature points, d for the product B∇̄H, and 8 for Δ, weights and the final sum. A factor of 4 covers
+implementations that order the same operations differently. A scheme that states its own solver's
+tolerance gets |y| times that on top.
+
+**Energy.** H(y1) − H(y0) = ∇̄Hᵀ(y1 − y0) (fundamental theorem), and ∇̄Hᵀ B ∇̄H = 0 for the computed skew B, so that
+|ΔH| ≤ Σ_i M_g,i r_i. **Casimirs**: the same with M_∇C. **Error of y1**: |(I − ∂R/∂y1)⁻¹| r.
+"""
+
+from __future__ import annotations
+
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from sepv.polynomial import PolynomialMap
+from sepv.problem import Array, Problem
+
+EPS = float(np.finfo(np.float64).eps)
+TINY = float(np.finfo(np.float64).tiny)
+
+
+def gradient_majorant(problem: Problem, *states: Array) -> Array:
+    """M_g (d,) over the given states: absolute coefficients for polynomials, else |∇H| + |H″||y|.
+
+    The second form is what one rounding of y does to a well-written ∇H.
+    """
+    rows = []
+    for y in states:
+        if isinstance(problem.gradient, PolynomialMap):
+            rows.append(problem.gradient.majorant(y))
+        else:
+            rows.append(np.abs(problem.gradient(y)))
+            if problem.hessian is not None:
+                rows[-1] = rows[-1] + np.abs(problem.hessian(y)) @ np.abs(y)
+    return np.max(rows, axis=0)
+
+
+def structure_majorant(problem: Problem, *states: Array) -> Array:
+    """M_B (d, d) over the given states: absolute coefficients, else |B| + |B′||y|."""
+    rows = []
+    for y in states:
+        if isinstance(problem.structure, PolynomialMap):
+            rows.append(problem.structure.majorant(y))
+        else:
+            rows.append(np.abs(problem.structure(y)))
+            if problem.structure_derivative is not None:
+                rows[-1] = rows[-1] + np.abs(problem.structure_derivative(y)) @ np.abs(y)
+    return np.max(rows, axis=0)
+
+
+def operations(problem: Problem) -> float:
+    """K of the module's docstring."""
+    terms, degree = 6, 2
+    if isinstance(problem.gradient, PolynomialMap) and isinstance(problem.structure, PolynomialMap):
+        terms = max(len(p.terms) for p in (*problem.gradient.rows, *problem.structure.rows))
+        degree = max(p.degree for p in (*problem.gradient.rows, *problem.structure.rows)) + 1
+    return 4.0 * (2 * degree + terms + problem.dimension + 8)
+
+
+def step_residual(problem: Problem, y0: Array, y1: Array, h: float, dW: Array, solver_tolerance: float = 0.0) -> Array:
+    """r (d,): the residual that a step solved to rounding may leave."""
+    scale = max(float(np.max(np.abs(y0))), float(np.max(np.abs(y1))))
+    length = abs(h) + float(np.sum(np.abs(problem.c * dW)))
+    flow = structure_majorant(problem, y0, y1) @ gradient_majorant(problem, y0, y1)
+    return 0.5 * EPS * operations(problem) * (scale + length * flow) + solver_tolerance * scale + TINY
+
+
+def energy_bound(problem: Problem, y0: Array, y1: Array, residual: Array) -> float:
+    """|H(y1) − H(y0)| that this residual may cause."""
+    return float(gradient_majorant(problem, y0, y1) @ residual) + TINY
+
+
+def casimir_bound(A: Array, y0: Array, y1: Array, residual: Array) -> float:
+    """|C(y1) − C(y0)| that this residual may cause, for C = yᵀAy (matrix A) or C = bᵀy (vector A)."""
+    if A.ndim == 1:
+        return float(np.abs(A) @ residual) + TINY
+    return float((np.abs(A) @ (np.abs(y0) + np.abs(y1))) @ residual) + TINY
+
+
+def energy_ulp(problem: Problem, y0: Array, y1: Array) -> float:
+    """The unit of energy defects: eps |∇H| |y|, what one rounding of y does to H."""
+    slopes = [float(np.linalg.norm(problem.gradient(y)) * np.linalg.norm(y)) for y in (y0, y1)]
+    return EPS * max(*slopes, TINY)
+
+
+def casimir_ulp(A: Array, y0: Array, y1: Array) -> float:
+    """The unit of Casimir defects: eps |∇C| |y|."""
+    slopes = [float(np.linalg.norm(A if A.ndim == 1 else 2 * A @ y) * np.linalg.norm(y)) for y in (y0, y1)]
+    return EPS * max(*slopes, TINY)
+
+
+def state_ulp(*states: Array) -> float:
+    """The unit of errors of a state: eps times its largest component."""
+    return EPS * max(TINY, *(float(np.max(np.abs(y))) for y in states))
+
+
+def state_error(
+    exact: Sequence[Any],
+    condition: Sequence[Sequence[float]],
+    problem: Problem,
+    y0: Array,
+    y1: Array,
+    h: float,
+    dW: Array,
+    solver_tolerance: float = 0.0,
+) -> tuple[float, float]:
+    """(error, bound) of y1 against an exact step, in ulp of the largest component: the worst component.
+
+    Parameters
+    ----------
+    exact : d numbers of extended precision
+        The solution of the step's equation.
+    condition : (d, d)
+        |(I − ∂R/∂y1)⁻¹|, which turns residuals into errors. The bound adds the rounding of y1 itself.
+    """
+    unit = state_ulp(y0, y1)
+    error = np.array([abs(float(a - float(b))) for a, b in zip(exact, y1, strict=True)])
+    residual = step_residual(problem, y0, y1, h, dW, solver_tolerance)
+    bound = np.array(condition) @ residual + EPS * np.abs(y1)
+    k = int(np.argmax(error / bound))
+    return float(error[k]) / unit, float(bound[k]) / unit
