@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from sepv.candidate import ask
 from sepv.case import Case
-from sepv.law import Measurement, require
+from sepv.law import Effort, Measurement, require
 from sepv.problem import NamedProblem
 from sepv.reference.problem import exact_problem
 from sepv.scheme import Scheme
@@ -41,12 +41,12 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 law = searched(
     name="casimir",
     statement="yᵀAy and bᵀy are kept for every quadratic and linear Casimir",
-    source="Proposition 3.2",
+    source="Prop. 3.2",
     unit="Casimir ulp",
     cases=cases,
     check=check,
 )
 
 
-def test_casimir(scheme: Scheme) -> None:
-    require(law, scheme)
+def test_casimir(scheme: Scheme, effort: Effort) -> None:
+    require(law, scheme, effort)

@@ -7,7 +7,7 @@ import numpy as np
 from sepv.candidate import ask, check_answer, raw_answer
 from sepv.case import Case
 from sepv.errors import SchemeFault
-from sepv.law import Measurement, require
+from sepv.law import Effort, Measurement, require
 from sepv.scheme import Scheme
 from sepv.search import searched
 from sepv.strategies import any_steps
@@ -40,7 +40,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 law = searched(
     name="contract",
     statement="step is pure, deterministic, keeps shape and dtype, and changes nothing in place",
-    source="contract of step",
+    source="contract",
     unit="faults",
     cases=any_steps,
     check=check,
@@ -49,5 +49,5 @@ law = searched(
 )
 
 
-def test_contract(scheme: Scheme) -> None:
-    require(law, scheme)
+def test_contract(scheme: Scheme, effort: Effort) -> None:
+    require(law, scheme, effort)

@@ -6,7 +6,7 @@ import mpmath
 
 from sepv.candidate import ask
 from sepv.case import Case
-from sepv.law import Measurement, require
+from sepv.law import Effort, Measurement, require
 from sepv.reference.problem import exact_problem
 from sepv.scheme import Scheme
 from sepv.search import searched
@@ -45,12 +45,12 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 law = searched(
     name="energy",
     statement="H(y1) = H(y0) for every skew B, polynomial H and every step",
-    source="Proposition 3.1",
+    source="Prop. 3.1",
     unit="energy ulp",
     cases=any_steps,
     check=check,
 )
 
 
-def test_energy(scheme: Scheme) -> None:
-    require(law, scheme)
+def test_energy(scheme: Scheme, effort: Effort) -> None:
+    require(law, scheme, effort)

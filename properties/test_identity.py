@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from sepv import polynomial as poly
 from sepv.candidate import ask
 from sepv.case import Case
-from sepv.law import Measurement, require
+from sepv.law import Effort, Measurement, require
 from sepv.problem import NamedProblem, PolynomialSystem
 from sepv.scheme import Scheme
 from sepv.search import searched
@@ -59,5 +59,5 @@ law = searched(
 )
 
 
-def test_identity(scheme: Scheme) -> None:
-    require(law, scheme)
+def test_identity(scheme: Scheme, effort: Effort) -> None:
+    require(law, scheme, effort)

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from sepv.candidate import ask
 from sepv.case import Case
-from sepv.law import Measurement, require
+from sepv.law import Effort, Measurement, require
 from sepv.reference.implicit import midpoint
 from sepv.scheme import Scheme
 from sepv.search import searched
@@ -38,5 +38,5 @@ law = searched(
 )
 
 
-def test_midpoint(scheme: Scheme) -> None:
-    require(law, scheme)
+def test_midpoint(scheme: Scheme, effort: Effort) -> None:
+    require(law, scheme, effort)

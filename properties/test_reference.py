@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from sepv.candidate import ask
 from sepv.case import Case
-from sepv.law import Measurement, require
+from sepv.law import Effort, Measurement, require
 from sepv.reference.implicit import energy_preserving
 from sepv.scheme import Scheme
 from sepv.search import searched
@@ -31,5 +31,5 @@ law = searched(
 )
 
 
-def test_reference(scheme: Scheme) -> None:
-    require(law, scheme)
+def test_reference(scheme: Scheme, effort: Effort) -> None:
+    require(law, scheme, effort)

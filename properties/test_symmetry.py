@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from sepv.candidate import ask
 from sepv.case import Case
-from sepv.law import Measurement, require
+from sepv.law import Effort, Measurement, require
 from sepv.problem import PolynomialSystem
 from sepv.reference.implicit import energy_preserving
 from sepv.scheme import Scheme
@@ -52,12 +52,12 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 law = searched(
     name="symmetry",
     statement="the step with −Δ from y1 returns to y0",
-    source="(2.1) is symmetric",
+    source="(2.1)",
     unit="ulp of y",
     cases=cases,
     check=check,
 )
 
 
-def test_symmetry(scheme: Scheme) -> None:
-    require(law, scheme)
+def test_symmetry(scheme: Scheme, effort: Effort) -> None:
+    require(law, scheme, effort)

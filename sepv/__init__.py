@@ -22,19 +22,19 @@ if TYPE_CHECKING:
     from sepv.errors import TargetError as TargetError
     from sepv.errors import UsageError as UsageError
     from sepv.exact import exact_flow as exact_flow
-    from sepv.integrate import ensemble as ensemble
-    from sepv.integrate import integrate as integrate
+    from sepv.simulation import ensemble as ensemble
+    from sepv.simulation import integrate as integrate
     from sepv.problem import Problem as Problem
     from sepv.scheme import Scheme as Scheme
-    from sepv.verify import verify as verify
+    from sepv.suite import verify as verify
 
 _HOME = {
     "Problem": "sepv.problem",
     "Scheme": "sepv.scheme",
-    "integrate": "sepv.integrate",
-    "ensemble": "sepv.integrate",
+    "integrate": "sepv.simulation",
+    "ensemble": "sepv.simulation",
     "exact_flow": "sepv.exact",
-    "verify": "sepv.verify",
+    "verify": "sepv.suite",
     **dict.fromkeys(
         ("SepvError", "UsageError", "ProblemError", "TargetError", "SchemeFault", "StepFailure"), "sepv.errors"
     ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -70,6 +71,21 @@ def check_answer(answer: Any, y: Array) -> Array:
             remedy="raise sepv.StepFailure where a step cannot be made, instead of returning NaN or infinity",
         )
     return answer
+
+
+def guarded(scheme: Scheme) -> Scheme:
+    """The scheme with its own exceptions as `SchemeCrash` and its answers' shape checked; NaN passes.
+
+    Only `step` is asked: a scheme's `solve` is its own affair, `step` is what it is verified by.
+    """
+
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        answer = raw_answer(scheme, problem, y.copy(), h, dW.copy())
+        finite = np.nan_to_num(answer) if isinstance(answer, np.ndarray) else answer
+        check_answer(finite, y)
+        return np.asarray(answer)
+
+    return replace(scheme, step=step, solve=None)
 
 
 def takes_batches(scheme: Scheme) -> bool:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any
@@ -62,6 +64,8 @@ class Finding:
         Examples or paths that were measured.
     message : str
         The witness for a reader, or the reason of a verdict.
+    at_least : bool
+        Whether the bound is a lower one, as for a measured order.
     """
 
     law: str
@@ -76,6 +80,7 @@ class Finding:
     checks: int = 0
     message: str = ""
     seconds: float = 0.0
+    at_least: bool = False
 
 
 @dataclass(frozen=True)
@@ -136,12 +141,28 @@ class Law:
         return Finding(law=self.name, verdict=verdict, source=self.source, unit=self.unit, **details)
 
 
+_collected: ContextVar[list[Finding] | None] = ContextVar("collected", default=None)
+
+
+@contextmanager
+def collecting(findings: list[Finding]) -> Iterator[None]:
+    """Within it, `require` also appends its findings to the list: for runners that show them."""
+    token = _collected.set(findings)
+    try:
+        yield
+    finally:
+        _collected.reset(token)
+
+
 def require(law: Law, scheme: Scheme, effort: Effort | None = None) -> Finding:
     """For tests: the law's finding, raising `LawViolated` where a claimed law is not found to hold.
 
     An unclaimed law is measured too and returned; it fails no test.
     """
     finding = replace(law.run(law, scheme, effort or Effort()), claimed=law.claimed_by(scheme))
+    collected = _collected.get()
+    if collected is not None:
+        collected.append(finding)
     if finding.claimed and finding.verdict not in (Verdict.HOLDS, Verdict.NOT_APPLICABLE):
         raise LawViolated(finding)
     return finding

@@ -157,8 +157,13 @@ def ensemble(
     return _join(chunks)
 
 
-def run_chunk(scheme: Scheme, problem: Problem, y0: Array, h: float, raw: Array, k: int | None) -> Ensemble:
-    """Paths from y0 (d,) over the untruncated increments raw (N, m, M), truncated with k."""
+def run_chunk(
+    scheme: Scheme, problem: Problem, y0: Array, h: float, raw: Array, k: int | None, *, track: bool = True
+) -> Ensemble:
+    """Paths from y0 (d,) over the untruncated increments raw (N, m, M), truncated with k.
+
+    Without `track` the invariants are not followed, and their defects are zero.
+    """
     paths = raw.shape[2]
     y = np.repeat(y0[:, None], paths, axis=1)
     used = wiener.truncate(raw, h, k)
@@ -176,6 +181,8 @@ def run_chunk(scheme: Scheme, problem: Problem, y0: Array, h: float, raw: Array,
         alive = alive[ok]
         if not alive.size:
             break
+        if not track:
+            continue
         drift = np.abs(_invariants(problem, y[:, alive]) - invariants[:, alive])
         worst[0, alive] = np.maximum(worst[0, alive], drift[0])
         worst[1, alive] = np.maximum(worst[1, alive], drift[1:].max(axis=0, initial=0.0))
@@ -191,23 +198,31 @@ def _advance(
         solution = scheme.solve(problem, y, h, dW)
         cost = (solution.gradient_evaluations, solution.structure_evaluations, solution.iterations)
         return solution.value, solution.status, np.array([int(c.sum()) for c in cost])
-    if scheme.batched:
-        with np.errstate(all="ignore"):
-            value = scheme.step(problem, y, h, dW)
-        code = np.zeros(y.shape[1], dtype=np.int64)
-    else:
-        value, code = np.empty_like(y), np.zeros(y.shape[1], dtype=np.int64)
-        for lane in range(y.shape[1]):
-            try:
-                value[:, lane] = scheme.step(problem, y[:, lane].copy(), h, dW[:, lane].copy())
-            except StepFailure:
-                value[:, lane], code[lane] = np.nan, Status.NO_CONVERGENCE
+    value, code = _batch_step(scheme, problem, y, h, dW)
     outside = ~np.all(np.isfinite(value), axis=0)
     code[outside & (code == 0)] = Status.OVERFLOW
     if problem.domain is not None:
         with np.errstate(invalid="ignore"):
             code[~np.asarray(problem.domain(value), dtype=bool) & (code == 0)] = Status.LEFT_DOMAIN
     return value, code, np.zeros(3, dtype=np.int64)
+
+
+def _batch_step(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> tuple[Array, np.ndarray]:
+    """The scheme's step for a batch, lane by lane where it takes no batches or a lane of it fails."""
+    code = np.zeros(y.shape[1], dtype=np.int64)
+    with np.errstate(all="ignore"):
+        if scheme.batched:
+            try:
+                return scheme.step(problem, y, h, dW), code
+            except StepFailure:
+                pass
+        value = np.full_like(y, np.nan)
+        for lane in range(y.shape[1]):
+            try:
+                value[:, lane] = scheme.step(problem, y[:, lane].copy(), h, dW[:, lane].copy())
+            except StepFailure:
+                code[lane] = Status.NO_CONVERGENCE
+    return value, code
 
 
 def _invariants(problem: Problem, y: Array) -> Array:

@@ -1,0 +1,3 @@
+from sepv.cli import main
+
+main()

@@ -1,0 +1,208 @@
+"""The command line: ``sepv verify`` and ``sepv list``."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import tempfile
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+import click
+
+from sepv._version import __version__
+from sepv.errors import SepvError, TargetError, UsageError
+
+_EPILOG = """Exit codes: 0 all claimed laws hold; 1 a claimed law is violated, or not shown to hold within the
+budget; 2 wrong usage; 3 the scheme crashed, hung, or could not be loaded; 130 interrupted."""
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]}, epilog=_EPILOG)
+@click.version_option(__version__, prog_name="sepv")
+def main() -> None:
+    """Which structural properties does an integrator for dy = B(y)∇H(y)(dt + Σ c_j∘dW_j) really have?
+
+    \b
+    sepv verify energy-preserving            a built-in scheme
+    sepv verify mypackage.mymodule:step      your own
+    sepv list                                schemes, problems, laws
+    """
+
+
+def friendly(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Errors as one message and the documented exit code; the traceback only with --debug."""
+
+    @wraps(command)
+    def wrapper(*args: Any, debug: bool, **kwargs: Any) -> Any:
+        try:
+            return command(*args, **kwargs)
+        except SepvError as error:
+            if debug:
+                raise
+            click.echo(f"sepv: {error}", err=True)
+            raise SystemExit(2 if isinstance(error, UsageError) and not isinstance(error, TargetError) else 3) from None
+        except OSError as error:
+            if debug:
+                raise
+            click.echo(f"sepv: {error}", err=True)
+            raise SystemExit(2) from None
+
+    return click.option("--debug", is_flag=True, help="Show tracebacks.")(wrapper)
+
+
+@main.command(epilog=_EPILOG)
+@click.argument("targets", nargs=-1, required=True, metavar="TARGET...")
+@click.option("--law", "laws", multiple=True, metavar="NAME", help="Only this law; may be repeated.")
+@click.option("--claim", "claims", multiple=True, metavar="LAW,…", help="Hold the scheme to these laws too.")
+@click.option("--json", "json_file", type=click.Path(dir_okay=False), help="Write the report to this file.")
+@click.option("--replay", "token", metavar="TOKEN", help="Measure one witness, as a report prints it; needs one --law.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths.")
+@click.option("--examples", type=click.IntRange(min=1), default=None, help="Examples for each law. [default: 100]")
+@click.option("--paths", type=click.IntRange(min=64), default=None, help="Most paths for a law. [default: 4096]")
+@click.option("--deep", is_flag=True, help="The nightly effort: 2000 examples, 16384 paths.")
+@click.option("--timeout", type=click.FloatRange(min=0.1), default=600.0, show_default=True, help="Seconds a law.")
+@click.option("-q", "--quiet", is_flag=True, help="Only the last line.")
+@friendly
+def verify(
+    targets: tuple[str, ...],
+    laws: tuple[str, ...],
+    claims: tuple[str, ...],
+    json_file: str | None,
+    token: str | None,
+    seed: int,
+    examples: int | None,
+    paths: int | None,
+    deep: bool,
+    timeout: float,
+    quiet: bool,
+) -> None:
+    """Measure every law on TARGET: a built-in name or module:attribute.
+
+    The attribute is a sepv.Scheme, or a function step(problem, y, h, dW) -> y_next. Laws that a scheme
+    does not claim are measured and printed too. Several targets give a matrix in the end.
+
+    \b
+    sepv verify energy-preserving
+    sepv verify energy-preserving midpoint euler-heun
+    sepv verify mymodule:step --claim energy,casimir --json report.json
+    """
+    from dataclasses import replace
+
+    from sepv.law import Effort
+
+    if token is not None:
+        _replay(targets, laws, token)
+    if json_file and len(targets) > 1:
+        raise UsageError(
+            expected="one TARGET with --json", received=f"{len(targets)} targets", remedy="write one file for each"
+        )
+    if json_file and not Path(json_file).resolve().parent.is_dir():
+        raise UsageError(
+            expected="--json FILE in a folder that exists", received=json_file, remedy="make the folder first"
+        )
+    effort = Effort().deeper() if deep else Effort()
+    effort = replace(effort, seed=seed, examples=examples or effort.examples, paths=paths or effort.paths)
+    claimed = [c.strip() for text in claims for c in text.split(",") if c.strip()]
+    raise SystemExit(_verify(targets, laws or None, claimed, effort, timeout, json_file, quiet))
+
+
+def _verify(
+    targets: tuple[str, ...],
+    laws: tuple[str, ...] | None,
+    claims: list[str],
+    effort: Any,
+    timeout: float,
+    json_file: str | None,
+    quiet: bool,
+) -> int:
+    from sepv import report as page
+    from sepv.progress import watching
+    from sepv.suite import verify as run
+
+    out, reports = page.console(), []
+    for target in targets:
+        with watching(quiet) as progress:
+            report = run(target, laws=laws, claims=claims, effort=effort, timeout=timeout, progress=progress)
+        reports.append(report)
+        if json_file:
+            write_atomically(json_file, json.dumps(report.to_json(), indent=2, ensure_ascii=False) + "\n")
+        if quiet:
+            out.print(page.summary(report))
+        else:
+            page.show(report, target, out)
+        if report.interrupted:
+            break
+    if len(reports) > 1 and not quiet:
+        out.print(page.matrix(reports))
+    return max(reports, key=lambda r: r.exit_code).exit_code
+
+
+def _replay(targets: tuple[str, ...], laws: tuple[str, ...], token: str) -> None:
+    from sepv import case, report
+    from sepv.law import Verdict
+    from sepv.suite import replay
+
+    if len(targets) != 1 or len(laws) != 1:
+        raise UsageError(
+            expected="one TARGET and one --law with --replay",
+            received=f"{len(targets)} targets, {len(laws)} laws",
+            remedy="copy the whole command from the report",
+        )
+    finding = replay(targets[0], laws[0], case.to_json(case.from_token(token)))
+    report.show_finding(finding, targets[0], report.console())
+    raise SystemExit({Verdict.HOLDS: 0, Verdict.ERROR: 3}.get(finding.verdict, 1))
+
+
+@main.command("list")
+@friendly
+def list_() -> None:
+    """Schemes, problems and laws."""
+    from rich.table import Table
+
+    from sepv import problems, schemes
+    from sepv.report import console
+    from sepv.suite import load_laws
+
+    out = console()
+    for title, heading, rows in (
+        ("Schemes", ("scheme", "order", "source"), [(s.name, _order(s), s.source) for s in schemes.ALL.values()]),
+        ("Problems", ("problem", "d, m", "what"), [_problem_row(n, f) for n, f in problems.NAMED.items()]),
+        ("Laws", ("law", "source", "statement"), [(x.name, x.source, x.statement) for x in load_laws()]),
+    ):
+        table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+        for name in heading:
+            table.add_column(name)
+        for row in rows:
+            table.add_row(*row)
+        out.print(table)
+        out.print()
+
+
+def _order(scheme: Any) -> str:
+    return f"{scheme.mean_square_order:g}"
+
+
+def _problem_row(name: str, factory: Any) -> tuple[str, str, str]:
+    problem = factory()
+    return name, f"{problem.dimension}, {problem.noises}", factory.__doc__.splitlines()[0]
+
+
+def write_atomically(path: str, text: str) -> None:
+    """Write a file whole or not at all: a reader never sees half of it."""
+    target = Path(path).resolve()
+    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+        os.chmod(name, 0o644)
+        os.replace(name, target)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,127 @@
+"""A report on the terminal: the table, the counterexamples, and how to see them again."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Sequence
+from typing import TextIO
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from sepv.law import Finding, Verdict
+from sepv.suite import Report
+
+_STYLES = {
+    Verdict.HOLDS: "green",
+    Verdict.VIOLATED: "bold red",
+    Verdict.INCONCLUSIVE: "yellow",
+    Verdict.NOT_APPLICABLE: "dim",
+    Verdict.ERROR: "bold magenta",
+}
+_LETTERS = {
+    Verdict.HOLDS: "holds",
+    Verdict.VIOLATED: "–",
+    Verdict.INCONCLUSIVE: "?",
+    Verdict.NOT_APPLICABLE: "n/a",
+    Verdict.ERROR: "error",
+}
+# Two blank columns on each side are the difference between a table that fits 80 columns and one that does not.
+_BOX = box.SIMPLE_HEAD
+
+
+def console(file: TextIO | None = None, *, stderr: bool = False) -> Console:
+    """A console with colour on terminals only (rich obeys NO_COLOR), and wide enough for a table when piped."""
+    out = file or (sys.stderr if stderr else sys.stdout)
+    return Console(file=out, highlight=False, width=None if out.isatty() else 100)
+
+
+def show(report: Report, target: str, out: Console) -> None:
+    """The table of a report, then each counterexample with the command that replays it."""
+    out.print(law_table(report))
+    for finding in report.findings:
+        if finding.verdict is not Verdict.HOLDS or _is_statistical(finding):
+            _details(finding, target, out)
+    out.print(summary(report))
+
+
+def law_table(report: Report) -> Table:
+    """law, claimed, verdict, defect against bound, unit, source."""
+    title = Text(report.scheme.name + (f" · {report.scheme.source}" if report.scheme.source else ""), style="bold")
+    table = Table(box=_BOX, title=title, title_justify="left", pad_edge=False, padding=(0, 1, 0, 0))
+    for heading in ("law", "claimed", "verdict"):
+        table.add_column(heading)
+    for heading in ("defect", "bound"):
+        table.add_column(heading, justify="right")
+    for heading in ("unit", "source"):
+        table.add_column(heading)
+    for f in report.findings:
+        verdict = Text(f.verdict.text, style=_STYLES[f.verdict])
+        limit = "" if f.bound is None else f"{'≥' if f.at_least else '≤'} {_number(f.bound)}"
+        table.add_row(f.law, "yes" if f.claimed else "", verdict, _number(f.defect), limit, f.unit, f.source)
+    return table
+
+
+def summary(report: Report) -> Text:
+    """One line: the counts, and what the claims came to."""
+    counts = ", ".join(f"{n} {Verdict(k).text}" for k, n in report.counts.items() if n)
+    checks = sum(f.checks for f in report.findings)
+    broken = [f.law for f in report.findings if f.claimed and f.verdict is not Verdict.HOLDS]
+    claims = [f for f in report.findings if f.claimed]
+    text = Text(f"{len(report.findings)} laws: {counts}; {checks} checks. ")
+    if broken:
+        text.append(f"Claimed and not found to hold: {', '.join(broken)}.", style="bold red")
+    else:
+        text.append(f"All {len(claims)} claimed laws hold.", style="green")
+    return text
+
+
+def matrix(reports: Sequence[Report]) -> Table:
+    """Scheme × law."""
+    table = Table(box=_BOX, pad_edge=False, caption="+ claimed, – violated, ? inconclusive", caption_justify="left")
+    table.add_column("law")
+    for report in reports:
+        table.add_column(Text(report.scheme.name, overflow="fold"))
+    for row in zip(*(r.findings for r in reports), strict=True):
+        cells = [Text(_LETTERS[f.verdict] + (" +" if f.claimed else ""), style=_STYLES[f.verdict]) for f in row]
+        table.add_row(row[0].law, *cells)
+    return table
+
+
+def show_finding(finding: Finding, target: str, out: Console) -> None:
+    """One finding, as after a replay."""
+    line = Text.assemble(
+        (finding.law, "bold"), " ", (finding.verdict.text, _STYLES[finding.verdict]), f"  {finding.source}"
+    )
+    if finding.defect is not None:
+        line.append(f"  {_number(finding.defect)} against {_number(finding.bound)} {finding.unit}")
+    out.print(line)
+    _indented(finding.message, out)
+
+
+def _details(finding: Finding, target: str, out: Console) -> None:
+    style = _STYLES[finding.verdict]
+    source = f"  {finding.source}" if finding.verdict is not Verdict.HOLDS else ""
+    out.print(Text.assemble((finding.law, "bold"), " ", (finding.verdict.text, style), source))
+    _indented(finding.message, out)
+    if finding.replay and finding.verdict is not Verdict.HOLDS:
+        out.print(Text("  replay:", style="dim"))
+        # One line, however long: it is there to be copied.
+        out.print(Text(f"  sepv verify {shlex.quote(target)} {finding.replay}"), soft_wrap=True)
+    out.print()
+
+
+def _indented(message: str, out: Console) -> None:
+    for line in message.splitlines():
+        out.print(Text("  " + line), soft_wrap=not out.is_terminal)
+
+
+def _is_statistical(finding: Finding) -> bool:
+    return finding.witness is not None and "paths" in finding.witness
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.3g}"

@@ -1,0 +1,144 @@
+"""Statistical verdicts: more paths only while the verdict is open, up to a budget, then inconclusive.
+
+The probability that a law calls a correct scheme violated, or a wrong one correct, through chance in
+the paths is at most FALSE_ALARM: it is split evenly over the problems and the looks (Bonferroni), each
+look judging by an interval of that level.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sepv import problems
+from sepv.candidate import guarded
+from sepv.convergence import Estimate, StrongErrors, join, strong_errors
+from sepv.law import Effort, Finding, Law, Verdict
+from sepv.scheme import Scheme
+
+FALSE_ALARM = 1e-4
+FIRST_LOOK = 256
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A problem, an end time and increasing numbers of steps over it."""
+
+    problem: str
+    T: float
+    steps: tuple[int, ...]
+
+
+# A non-constant B with one noise, and a non-quadratic H with two: no large step of theirs is unsolvable.
+SETUPS = (Setup("rigid-body", 1.0, (8, 16, 32, 64, 128)), Setup("pendulum", 1.0, (8, 16, 32, 64, 128)))
+
+
+def looks(effort: Effort) -> list[int]:
+    """Numbers of paths after which to judge: 256, 512, … up to the budget."""
+    counts = [min(FIRST_LOOK, effort.paths)]
+    while counts[-1] * 2 <= effort.paths:
+        counts.append(counts[-1] * 2)
+    return counts
+
+
+def sampled(scheme: Scheme, setup: Setup, paths: int, effort: Effort) -> StrongErrors:
+    """The errors of the first `paths` paths, computed once for all laws of a run."""
+    key = (id(scheme.step), scheme.truncation, setup)
+    have: StrongErrors | None = effort.cache.get(key)
+    done = have.squared.shape[1] if have else 0
+    if done < paths:
+        more = strong_errors(
+            guarded(scheme),
+            problems.by_name(setup.problem),
+            T=setup.T,
+            steps=setup.steps,
+            paths=range(done, paths),
+            seed=effort.seed,
+        )
+        have = join([have, more]) if have else more
+        effort.cache[key] = have
+    assert have is not None
+    return _first(have, paths)
+
+
+def judge(
+    law: Law,
+    scheme: Scheme,
+    effort: Effort,
+    estimate: Callable[[StrongErrors, float], Estimate],
+    threshold: float,
+    show: Callable[[float], float] = float,
+    setups: Sequence[Setup] = SETUPS,
+) -> Finding:
+    """Whether the estimate lies above the threshold on every problem.
+
+    Parameters
+    ----------
+    show : how an estimate is shown to a reader (an order as it is, a logarithm as its exponential).
+    """
+    alpha = FALSE_ALARM / (len(setups) * len(looks(effort)))
+    verdicts, lines, measured, worst, used = [], [], [], None, 0
+    for setup in setups:
+        verdict, value, errors = Verdict.INCONCLUSIVE, None, None
+        for paths in looks(effort):
+            errors = sampled(scheme, setup, paths, effort)
+            if any(errors.failures):
+                return _failed(law, setup, errors)
+            value = estimate(errors, alpha)
+            if value.low > threshold or value.high < threshold:
+                verdict = Verdict.HOLDS if value.low > threshold else Verdict.VIOLATED
+                break
+        assert value is not None
+        assert errors is not None
+        used += errors.squared.shape[1]
+        verdicts.append(verdict)
+        ends = sorted((show(value.low), show(value.high)))
+        count = errors.squared.shape[1]
+        lines.append(f"{setup.problem}: {show(value.value):.3g} in [{ends[0]:.3g}, {ends[1]:.3g}] from {count} paths")
+        measured.append(
+            {
+                "problem": setup.problem,
+                "T": setup.T,
+                "steps": setup.steps,
+                "paths": count,
+                "rms_error": errors.rms().tolist(),
+                "estimate": show(value.value),
+                "interval": ends,
+            }
+        )
+        if worst is None or value.value < worst.value:
+            worst = value
+    assert worst is not None
+    verdict = next((v for v in (Verdict.VIOLATED, Verdict.INCONCLUSIVE) if v in verdicts), Verdict.HOLDS)
+    if verdict is not Verdict.HOLDS:
+        lines += [_errors_text(m) for m in measured]
+        lines.append(f"intervals miss with probability {alpha:.1e}; false alarms of the law ≤ {FALSE_ALARM:g}")
+    return law.finding(
+        verdict,
+        defect=show(worst.value),
+        bound=show(threshold),
+        at_least=True,
+        checks=used,
+        message="\n".join(lines),
+        witness={"seed": effort.seed, "paths": effort.paths, "alpha": alpha, "measured": measured},
+        replay=f"--law {law.name} --seed {effort.seed} --paths {effort.paths}",
+    )
+
+
+def _errors_text(m: dict[str, Any]) -> str:
+    errors = ", ".join(f"{e:.3g}" for e in m["rms_error"])
+    return f"{m['problem']}, T = {m['T']:g}: rms error {errors} with {', '.join(map(str, m['steps']))} steps"
+
+
+def _failed(law: Law, setup: Setup, errors: StrongErrors) -> Finding:
+    counts = ", ".join(f"{n} with {s} steps" for n, s in zip(errors.failures, errors.steps, strict=True) if n)
+    return law.finding(
+        Verdict.ERROR,
+        checks=errors.squared.shape[1],
+        message=f"{setup.problem}, {errors.squared.shape[1]} paths: not solved, not finite or out of the domain: {counts}",
+    )
+
+
+def _first(errors: StrongErrors, paths: int) -> StrongErrors:
+    return StrongErrors(errors.T, errors.steps, errors.squared[:, :paths], errors.failures, errors.scale)

@@ -1,0 +1,227 @@
+"""The suite: one list of laws, run on a scheme, and the report of what was found."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from importlib import import_module
+from typing import Any
+
+from sepv._version import __version__
+from sepv.errors import SepvError, UsageError
+from sepv.law import Effort, Finding, Law, Verdict
+from sepv.scheme import Scheme, Step
+from sepv.target import load_scheme
+
+# In the order in which a reader wants them: what nothing else makes sense without comes first.
+LAWS = (
+    "contract",
+    "identity",
+    "energy",
+    "casimir",
+    "midpoint",
+    "symmetry",
+    "reference",
+    "mean-square-order",
+    "right-limit",
+)
+
+Progress = Callable[[Law, "Finding | None"], None]
+
+
+class _TimedOut(BaseException):
+    """Raised in a scheme that does not come back; not an Exception, so that no handler of its own keeps it."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """What the laws found of one scheme."""
+
+    scheme: Scheme
+    findings: tuple[Finding, ...]
+    effort: Effort
+    interrupted: bool = False
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many laws ended in each verdict; the sum is the number of laws asked for."""
+        return {v.value: sum(f.verdict is v for f in self.findings) for v in Verdict}
+
+    @property
+    def exit_code(self) -> int:
+        """0: every claimed law holds. 1: a claimed law does not. 3: a law ended in an error. 130: interrupted.
+
+        A claimed law that is inconclusive was not shown to hold: 1. Nothing measured at all: 1.
+        """
+        if self.interrupted:
+            return 130
+        open_ = (Verdict.VIOLATED, Verdict.INCONCLUSIVE)
+        if any(f.claimed and f.verdict in open_ for f in self.findings):
+            return 1
+        if any(f.verdict is Verdict.ERROR for f in self.findings):
+            return 3
+        return 0 if any(f.verdict in (Verdict.HOLDS, *open_) for f in self.findings) else 1
+
+    def finding(self, law: str) -> Finding:
+        """The finding of one law."""
+        return next(f for f in self.findings if f.law == law)
+
+    def to_json(self) -> dict[str, Any]:
+        """The report as JSON: suite, scheme, counts, laws."""
+        return {
+            "suite": {
+                "name": "sepv",
+                "version": __version__,
+                "laws": len(self.findings),
+                "seed": self.effort.seed,
+                "examples": self.effort.examples,
+                "paths": self.effort.paths,
+            },
+            "scheme": {
+                "name": self.scheme.name,
+                "source": self.scheme.source,
+                "claims": sorted(self.scheme.claims),
+                "mean_square_order": self.scheme.mean_square_order,
+                "solver_tolerance": self.scheme.solver_tolerance,
+            },
+            "counts": self.counts,
+            "laws": [_finding_json(f) for f in self.findings],
+        }
+
+
+def load_laws(names: Iterable[str] | None = None) -> list[Law]:
+    """The laws by name, all of them by default, in the suite's order.
+
+    Raises
+    ------
+    UsageError
+        For an unknown name.
+    """
+    wanted = LAWS if names is None else tuple(n.replace("_", "-") for n in names)
+    for name in wanted:
+        if name not in LAWS:
+            raise UsageError(expected=f"a law, one of {', '.join(LAWS)}", received=repr(name), remedy="see `sepv list`")
+    ordered = [name for name in LAWS if name in wanted]
+    return [import_module(f"sepv.properties.test_{name.replace('-', '_')}").law for name in ordered]
+
+
+def verify(
+    scheme: str | Scheme | Step,
+    *,
+    laws: Iterable[str] | None = None,
+    claims: Iterable[str] = (),
+    effort: Effort | None = None,
+    timeout: float = 600.0,
+    progress: Progress | None = None,
+) -> Report:
+    """Measure every law on a scheme, claimed or not.
+
+    Parameters
+    ----------
+    scheme : str, Scheme or function
+        As for `sepv.target.load_scheme`.
+    laws : iterable of str, optional
+        Only these.
+    claims : iterable of str
+        Laws to hold it to beyond what it claims itself.
+    timeout : float
+        Seconds for one law, in the main thread of a POSIX system: a scheme that does not come back ends
+        in the verdict `error`. Python code can be interrupted so, a compiled loop cannot.
+    progress : callable (law, finding or None), optional
+        Called before each law with None, and after it with its finding.
+
+    Raises
+    ------
+    TargetError, UsageError
+        For a scheme that cannot be loaded, an unknown law or claim.
+    """
+    chosen, effort = load_laws(laws), effort or Effort()
+    candidate = load_scheme(scheme, claims)
+    load_laws(candidate.claims)
+    findings: list[Finding] = []
+    interrupted = False
+    for law in chosen:
+        if interrupted:
+            findings.append(_claimed(law, candidate, law.finding(Verdict.ERROR, message="interrupted")))
+            continue
+        if progress:
+            progress(law, None)
+        try:
+            finding = _claimed(law, candidate, _run(law, candidate, effort, timeout))
+        except KeyboardInterrupt:
+            interrupted = True
+            finding = _claimed(law, candidate, law.finding(Verdict.ERROR, message="interrupted"))
+        findings.append(finding)
+        if progress:
+            progress(law, finding)
+    return Report(candidate, tuple(findings), effort, interrupted)
+
+
+def replay(scheme: str | Scheme | Step, law: str, witness: dict[str, Any]) -> Finding:
+    """Measure one law on one witness, as a report holds it."""
+    candidate = load_scheme(scheme)
+    (chosen,) = load_laws([law])
+    return _claimed(chosen, candidate, chosen.replay(chosen, candidate, witness))
+
+
+def _run(law: Law, scheme: Scheme, effort: Effort, timeout: float) -> Finding:
+    start = time.perf_counter()
+    try:
+        with _deadline(timeout):
+            finding = law.run(law, scheme, effort)
+    except _TimedOut:
+        finding = law.finding(
+            Verdict.ERROR, message=f"the scheme did not come back: stopped after {timeout:g} s (--timeout)"
+        )
+    except SepvError as error:
+        finding = law.finding(Verdict.ERROR, message=str(error))
+    return replace(finding, seconds=time.perf_counter() - start)
+
+
+def _claimed(law: Law, scheme: Scheme, finding: Finding) -> Finding:
+    return replace(finding, claimed=law.claimed_by(scheme))
+
+
+@contextmanager
+def _deadline(seconds: float) -> Iterator[None]:
+    if not hasattr(signal, "setitimer") or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(*_: Any) -> None:
+        raise _TimedOut
+
+    before = signal.signal(signal.SIGALRM, stop)
+    # Again and again, in case the scheme swallows the first one.
+    signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def _finding_json(finding: Finding) -> dict[str, Any]:
+    def number(value: float | None) -> float | None:
+        # JSON has no infinity: a defect without size is null, and the message says what it is.
+        return None if value is None or value != value or abs(value) == float("inf") else value
+
+    return {
+        "law": finding.law,
+        "claimed": finding.claimed,
+        "verdict": finding.verdict.value,
+        "defect": number(finding.defect),
+        "bound": number(finding.bound),
+        "at_least": finding.at_least,
+        "unit": finding.unit,
+        "source": finding.source,
+        "witness": finding.witness,
+        "replay": finding.replay,
+        "checks": finding.checks,
+        "message": finding.message,
+        "seconds": round(finding.seconds, 3),
+    }
