@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from hypothesis import strategies as st
+from sepv.reference.problem import exact_problem
 
 from sepv.candidate import ask
 from sepv.case import Case
 from sepv.law import Effort, Measurement, require
 from sepv.problem import NamedProblem
-from sepv.reference.problem import exact_problem
 from sepv.scheme import Scheme
 from sepv.search import searched
 from sepv.strategies import casimir_systems, paper_steps, steps
@@ -18,7 +18,9 @@ from sepv.tolerance import casimir_bound, casimir_ulp, step_residual
 
 def cases() -> st.SearchStrategy[Case]:
     """Systems with Casimirs by construction, and the rigid body."""
-    rigid = paper_steps().filter(lambda c: isinstance(c.problem, NamedProblem) and c.problem.name == "rigid-body")
+    rigid = paper_steps().filter(
+        lambda c: isinstance(c.problem, NamedProblem) and c.problem.name == "rigid-body"
+    )
     return st.one_of(steps(casimir_systems()), rigid)
 
 
@@ -33,8 +35,12 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     for A, c0, c1 in zip((*problem.casimirs, *problem.linear_casimirs), before, after, strict=True):
         unit = casimir_ulp(A, y, y1)
         form = "yᵀAy" if np.ndim(A) == 2 else "bᵀy"
-        detail = f"C = {form}: C(y1) − C(y0) = {float(c1 - c0):.6g}, C(y0) = {float(c0):.6g}, y1 = {y1.tolist()}"
-        found.append(Measurement(abs(float(c1 - c0)) / unit, casimir_bound(A, y, y1, residual) / unit, detail))
+        detail = (
+            f"C = {form}: C(y1) − C(y0) = {float(c1 - c0):.6g}, C(y0) = {float(c0):.6g}, y1 = {y1.tolist()}"
+        )
+        found.append(
+            Measurement(abs(float(c1 - c0)) / unit, casimir_bound(A, y, y1, residual) / unit, detail)
+        )
     return max(found, key=lambda m: m.ratio)
 
 

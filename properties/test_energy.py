@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import mpmath
+from sepv.reference.problem import exact_problem
 
 from sepv.candidate import ask
 from sepv.case import Case
 from sepv.law import Effort, Measurement, require
-from sepv.reference.problem import exact_problem
+from sepv.problem import PolynomialSystem
 from sepv.scheme import Scheme
 from sepv.search import searched
 from sepv.strategies import any_steps, contraction_radius
-from sepv.problem import PolynomialSystem
 from sepv.tolerance import energy_bound, energy_ulp, step_residual
 
 STEPS = 3

@@ -19,7 +19,9 @@ from sepv.tolerance import state_ulp
 @st.composite
 def no_step(draw: st.DrawFn) -> Case:
     """Noise that cancels h: Δ = h + c ΔW = 0, exactly, for c a power of two."""
-    systems = poisson_systems().map(lambda s: PolynomialSystem(s.dimension, s.hamiltonian, s.structure, (0.5,)))
+    systems = poisson_systems().map(
+        lambda s: PolynomialSystem(s.dimension, s.hamiltonian, s.structure, (0.5,))
+    )
     case = draw(steps(systems))
     return Case(case.problem, case.y, case.h, (-2 * case.h,))
 
@@ -29,7 +31,9 @@ def at_rest(draw: st.DrawFn) -> Case:
     """A critical point of H: H depends on y through terms of degree ≥ 2 in the components that vanish there."""
     d = draw(st.integers(2, 6))
     still = draw(st.integers(1, d))  # components 1 … still are zero, the others are free and not in H
-    H = poly.polynomial(d, [((*e, *(0,) * (d - still)), c) for e, c in draw(hamiltonians(still, 5, least=2)).terms])
+    H = poly.polynomial(
+        d, [((*e, *(0,) * (d - still)), c) for e, c in draw(hamiltonians(still, 5, least=2)).terms]
+    )
     system = PolynomialSystem(d, H, draw(skew_structures(d)), (1.0,))
     free = draw(st.lists(components(), min_size=d - still, max_size=d - still))
     return Case(system, (*(0.0,) * still, *free), draw(st.sampled_from([1.0, 0.25])), (draw(components()),))

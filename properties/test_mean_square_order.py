@@ -22,7 +22,8 @@ def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
         errors = sampled(scheme, setup, looks(effort)[0], effort)
         if above_floor(errors).sum() < 2 and not any(errors.failures):
             return law.finding(
-                Verdict.INCONCLUSIVE, message=f"{setup.problem}: errors at the rounding floor, no slope is left to see"
+                Verdict.INCONCLUSIVE,
+                message=f"{setup.problem}: errors at the rounding floor, no slope is left to see",
             )
     return judge(law, scheme, effort, slope, order - MARGIN)
 

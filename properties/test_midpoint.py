@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from hypothesis import strategies as st
+from sepv.reference.implicit import midpoint
 
 from sepv.candidate import ask
 from sepv.case import Case
 from sepv.law import Effort, Measurement, require
-from sepv.reference.implicit import midpoint
 from sepv.scheme import Scheme
 from sepv.search import searched
 from sepv.strategies import casimir_systems, poisson_systems, steps

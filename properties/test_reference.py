@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from sepv.reference.implicit import energy_preserving
+
 from sepv.candidate import ask
 from sepv.case import Case
 from sepv.law import Effort, Measurement, require
-from sepv.reference.implicit import energy_preserving
 from sepv.scheme import Scheme
 from sepv.search import searched
 from sepv.strategies import any_steps

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from hypothesis import strategies as st
+from sepv.reference.implicit import energy_preserving
 
 from sepv.candidate import ask
 from sepv.case import Case
 from sepv.law import Effort, Measurement, require
 from sepv.problem import PolynomialSystem
-from sepv.reference.implicit import energy_preserving
 from sepv.scheme import Scheme
 from sepv.search import searched
 from sepv.strategies import casimir_systems, paper_steps, poisson_systems, steps

@@ -10,10 +10,10 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import mpmath
+from sepv.reference.problem import ExactProblem, Vector, exact_problem
 
 from sepv.errors import StepFailure
 from sepv.problem import NamedProblem, PolynomialSystem
-from sepv.reference.problem import ExactProblem, Vector, exact_problem
 
 Residual = Callable[[Vector], Vector]
 
@@ -61,11 +61,11 @@ def _solve(problem: ExactProblem, y0: Vector, right_side: Residual, digits: int,
         Where 60 iterations do not get there.
     """
     ctx, d = problem.ctx, problem.dimension
-    y1 = list(y0)
+    y1, iterations = list(y0), 0
     scale = max(abs(v) for v in y0) or ctx.one
     goal = scale * ctx.mpf(10) ** (-digits - 5)
     width = scale * ctx.mpf(10) ** (-(digits + 15) // 2)
-    for iteration in range(60):
+    for _ in range(60):
         value = right_side(y1)
         residual = [b - a - r for a, b, r in zip(y0, y1, value, strict=True)]
         # Early iterates are far off: their Jacobian serves Newton, the last one is the condition.
@@ -82,6 +82,7 @@ def _solve(problem: ExactProblem, y0: Vector, right_side: Residual, digits: int,
         size = max((abs(c) for c in correction), default=ctx.zero)
         if not mpmath.isfinite(size):
             break
+        iterations += 1
         y1 = [b - c for b, c in zip(y1, correction, strict=True)]
         if size <= goal:
             inverse = jacobian**-1
@@ -92,5 +93,5 @@ def _solve(problem: ExactProblem, y0: Vector, right_side: Residual, digits: int,
         delta=float(delta),
         residual=float(max(abs(r) for r in residual)),
         status="no convergence in extended precision",
-        iterations=iteration + 1,
+        iterations=iterations,
     )

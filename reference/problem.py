@@ -54,7 +54,9 @@ class ExactProblem:
 
     def random_step(self, h: float, dW: Sequence[float]) -> Any:
         """Δ = h + Σ c_j ΔW_j."""
-        return self.ctx.mpf(float(h)) + self.ctx.fsum(c * float(w) for c, w in zip(self.noise, dW, strict=True))
+        return self.ctx.mpf(float(h)) + self.ctx.fsum(
+            c * float(w) for c, w in zip(self.noise, dW, strict=True)
+        )
 
     def field(self, y: Vector) -> Vector:
         """f(y) = B(y)∇H(y)."""
@@ -112,10 +114,11 @@ def _polynomial(self: ExactProblem, data: PolynomialSystem) -> None:
     def value(monomials: list[tuple[tuple[int, ...], Any]], y: Vector) -> Any:
         total = ctx.zero
         for exponents, coefficient in monomials:
+            term = coefficient
             for component, exponent in zip(y, exponents, strict=True):
                 if exponent:
-                    coefficient = coefficient * component**exponent
-            total += coefficient
+                    term = term * component**exponent
+            total += term
         return total
 
     def structure(y: Vector) -> Matrix:
@@ -132,7 +135,8 @@ def _polynomial(self: ExactProblem, data: PolynomialSystem) -> None:
 
     def mean_gradient(y0: Vector, y1: Vector) -> Vector:
         slopes = [
-            (weight, gradient([a + tau * (b - a) for a, b in zip(y0, y1, strict=True)])) for tau, weight in nodes
+            (weight, gradient([a + tau * (b - a) for a, b in zip(y0, y1, strict=True)]))
+            for tau, weight in nodes
         ]
         return [ctx.fsum(weight * g[i] for weight, g in slopes) for i in range(d)]
 
@@ -174,7 +178,7 @@ def _canonical(self: ExactProblem, parameters: dict[str, Vector]) -> None:
     """Equation (1.3)."""
     one, zero = self.ctx.one, self.ctx.zero
     self.dimension, self.noise, self.casimirs, self.linear_casimirs = 2, parameters["noise"], [], []
-    self.structure = lambda y: [[zero, -one], [one, zero]]
+    self.structure = lambda _: [[zero, -one], [one, zero]]
 
 
 def _rigid_body(self: ExactProblem, parameters: dict[str, Vector]) -> None:

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from sepv.errors import TargetError as TargetError
     from sepv.errors import UsageError as UsageError
     from sepv.exact import exact_flow as exact_flow
-    from sepv.simulation import ensemble as ensemble
-    from sepv.simulation import integrate as integrate
     from sepv.problem import Problem as Problem
     from sepv.scheme import Scheme as Scheme
+    from sepv.simulation import ensemble as ensemble
+    from sepv.simulation import integrate as integrate
     from sepv.suite import verify as verify
 
 _HOME = {
@@ -36,7 +36,8 @@ _HOME = {
     "exact_flow": "sepv.exact",
     "verify": "sepv.suite",
     **dict.fromkeys(
-        ("SepvError", "UsageError", "ProblemError", "TargetError", "SchemeFault", "StepFailure"), "sepv.errors"
+        ("SepvError", "UsageError", "ProblemError", "TargetError", "SchemeFault", "StepFailure"),
+        "sepv.errors",
     ),
 }
 _MODULES = ("problems", "schemes", "strategies", "wiener")

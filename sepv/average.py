@@ -95,4 +95,6 @@ def _adaptive(problem: Problem, y0: Array, y1: Array) -> Average:
             break
     reliable = np.ones(value.shape[1], dtype=bool)
     reliable[open_] = False
-    return Average(value.reshape(y0.shape), evaluations.reshape(shape), error.reshape(shape), reliable.reshape(shape))
+    return Average(
+        value.reshape(y0.shape), evaluations.reshape(shape), error.reshape(shape), reliable.reshape(shape)
+    )

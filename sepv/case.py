@@ -85,7 +85,9 @@ def problem_from_json(data: Any) -> PolynomialSystem | NamedProblem:
     """The inverse of `problem_to_json`."""
     if "name" not in data:
         return problems.from_json(data)
-    parameters = {k: tuple(parse_float(v) for v in values) for k, values in data.get("parameters", {}).items()}
+    parameters = {
+        k: tuple(parse_float(v) for v in values) for k, values in data.get("parameters", {}).items()
+    }
     return NamedProblem(data["name"], tuple(parameters.items()))
 
 

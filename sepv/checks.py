@@ -116,7 +116,7 @@ def _check_derivatives(problem: Problem, y: Array) -> None:
         for index in np.ndindex(*np.shape(of(y))):
             for k in range(problem.dimension):
                 value = float(given[(*index, k)])
-                derivative = closest_derivative(lambda z, at=index: of(z)[at], y, k, value)  # type: ignore[misc]
+                derivative = closest_derivative(lambda z, at=index, of=of: of(z)[at], y, k, value)  # type: ignore[misc]
                 if not abs(derivative - value) <= GRADIENT_TOLERANCE * max(1e-3, float(np.abs(given).max())):
                     raise ProblemError(
                         expected=f"{key} to be the derivative of what it belongs to",

@@ -43,7 +43,9 @@ def friendly(command: Callable[..., Any]) -> Callable[..., Any]:
             if debug:
                 raise
             click.echo(f"sepv: {error}", err=True)
-            raise SystemExit(2 if isinstance(error, UsageError) and not isinstance(error, TargetError) else 3) from None
+            raise SystemExit(
+                2 if isinstance(error, UsageError) and not isinstance(error, TargetError) else 3
+            ) from None
         except OSError as error:
             if debug:
                 raise
@@ -58,12 +60,22 @@ def friendly(command: Callable[..., Any]) -> Callable[..., Any]:
 @click.option("--law", "laws", multiple=True, metavar="NAME", help="Only this law; may be repeated.")
 @click.option("--claim", "claims", multiple=True, metavar="LAW,…", help="Hold the scheme to these laws too.")
 @click.option("--json", "json_file", type=click.Path(dir_okay=False), help="Write the report to this file.")
-@click.option("--replay", "token", metavar="TOKEN", help="Measure one witness, as a report prints it; needs one --law.")
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths.")
-@click.option("--examples", type=click.IntRange(min=1), default=None, help="Examples for each law. [default: 100]")
-@click.option("--paths", type=click.IntRange(min=64), default=None, help="Most paths for a law. [default: 4096]")
+@click.option(
+    "--replay", "token", metavar="TOKEN", help="Measure one witness, as a report prints it; needs one --law."
+)
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths."
+)
+@click.option(
+    "--examples", type=click.IntRange(min=1), default=None, help="Examples for each law. [default: 100]"
+)
+@click.option(
+    "--paths", type=click.IntRange(min=64), default=None, help="Most paths for a law. [default: 4096]"
+)
 @click.option("--deep", is_flag=True, help="The nightly effort: 2000 examples, 16384 paths.")
-@click.option("--timeout", type=click.FloatRange(min=0.1), default=600.0, show_default=True, help="Seconds a law.")
+@click.option(
+    "--timeout", type=click.FloatRange(min=0.1), default=600.0, show_default=True, help="Seconds a law."
+)
 @click.option("-q", "--quiet", is_flag=True, help="Only the last line.")
 @friendly
 def verify(
@@ -97,7 +109,9 @@ def verify(
         _replay(targets, laws, token)
     if json_file and len(targets) > 1:
         raise UsageError(
-            expected="one TARGET with --json", received=f"{len(targets)} targets", remedy="write one file for each"
+            expected="one TARGET with --json",
+            received=f"{len(targets)} targets",
+            remedy="write one file for each",
         )
     if json_file and not Path(json_file).resolve().parent.is_dir():
         raise UsageError(
@@ -152,7 +166,7 @@ def _replay(targets: tuple[str, ...], laws: tuple[str, ...], token: str) -> None
             remedy="copy the whole command from the report",
         )
     finding = replay(targets[0], laws[0], case.to_json(case.from_token(token)))
-    report.show_finding(finding, targets[0], report.console())
+    report.show_finding(finding, report.console())
     raise SystemExit({Verdict.HOLDS: 0, Verdict.ERROR: 3}.get(finding.verdict, 1))
 
 
@@ -168,7 +182,11 @@ def list_() -> None:
 
     out = console()
     for title, heading, rows in (
-        ("Schemes", ("scheme", "order", "source"), [(s.name, _order(s), s.source) for s in schemes.ALL.values()]),
+        (
+            "Schemes",
+            ("scheme", "order", "source"),
+            [(s.name, _order(s), s.source) for s in schemes.ALL.values()],
+        ),
         ("Problems", ("problem", "d, m", "what"), [_problem_row(n, f) for n, f in problems.NAMED.items()]),
         ("Laws", ("law", "source", "statement"), [(x.name, x.source, x.statement) for x in load_laws()]),
     ):

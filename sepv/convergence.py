@@ -14,9 +14,9 @@ import numpy as np
 from sepv import wiener
 from sepv.exact import exact_flow
 from sepv.implicit import Status
-from sepv.simulation import run_chunk
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
+from sepv.simulation import run_chunk
 
 # Paths are split into this many groups for the jackknife: enough for a t-quantile with 31 degrees of
 # freedom, few enough that the mean square over a group is nearly normal.
@@ -137,6 +137,8 @@ def _jackknife(squared: Array, statistic: object, alpha: float) -> Estimate:
     sizes = np.array([part.shape[1] for part in np.array_split(squared, GROUPS, axis=1)], dtype=np.float64)
     total, count = groups.sum(axis=0), sizes.sum()
     whole = float(statistic(total / count))
-    left_out = np.array([float(statistic((total - g) / (count - n))) for g, n in zip(groups, sizes, strict=True)])
+    left_out = np.array(
+        [float(statistic((total - g) / (count - n))) for g, n in zip(groups, sizes, strict=True)]
+    )
     error = float(np.sqrt((GROUPS - 1) / GROUPS * np.sum((left_out - left_out.mean()) ** 2)))
     return Estimate(whole, float(stdtrit(GROUPS - 1, 1 - alpha / 2)) * error, alpha)

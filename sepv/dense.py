@@ -66,7 +66,9 @@ def _tables(stages: int) -> tuple[Array, Array, Array]:
     return integrals.T @ to_series, w, to_series
 
 
-def solve_dense(f: Callable[[Array], Array], y0: Array, end: float, stages: int, shrink: float = 1.0) -> DenseSolution:
+def solve_dense(
+    f: Callable[[Array], Array], y0: Array, end: float, stages: int, shrink: float = 1.0
+) -> DenseSolution:
     """The solution of y′ = f(y), y(0) = y0, on [0, end] or [end, 0].
 
     Parameters
@@ -105,7 +107,9 @@ def solve_dense(f: Callable[[Array], Array], y0: Array, end: float, stages: int,
         edges.append(t)
         width *= 1.2 if decayed > 1 else 1.0
         if len(starts) > _MAX_PANELS:
-            raise FlowFailure(f"More than {_MAX_PANELS} panels up to θ = {t!r} of {end!r}. Remedy: a smaller θ.")
+            raise FlowFailure(
+                f"More than {_MAX_PANELS} panels up to θ = {t!r} of {end!r}. Remedy: a smaller θ."
+            )
     order = slice(None) if sign > 0 else slice(None, None, -1)
     return _oriented(np.array(edges), np.stack(starts, axis=1), np.stack(series, axis=2), y, order, sign)
 

@@ -31,7 +31,9 @@ class ExactFlow:
     method: str
 
 
-def exact_flow(problem: Problem, theta: ArrayLike, y0: ArrayLike | None = None, *, dense: bool = False) -> ExactFlow:
+def exact_flow(
+    problem: Problem, theta: ArrayLike, y0: ArrayLike | None = None, *, dense: bool = False
+) -> ExactFlow:
     """The exact solution at M random times at once.
 
     Parameters

@@ -89,7 +89,7 @@ def linear_solve(A: Array, b: Array) -> Array:
         return (cross[0] * b[0] + cross[1] * b[1] + cross[2] * b[2]) / det
     matrices, sides = np.moveaxis(A, -1, 0), b.T[..., None]
     try:
-        return np.linalg.solve(matrices, sides)[..., 0].T
+        return np.asarray(np.linalg.solve(matrices, sides)[..., 0].T, dtype=np.float64)
     except np.linalg.LinAlgError:
         return np.stack([_solve_one(m, s) for m, s in zip(matrices, sides[..., 0], strict=True)], axis=1)
 
@@ -100,6 +100,6 @@ def _cross(u: Array, v: Array) -> tuple[Array, Array, Array]:
 
 def _solve_one(matrix: Array, side: Array) -> Array:
     try:
-        return np.linalg.solve(matrix, side)
+        return np.asarray(np.linalg.solve(matrix, side), dtype=np.float64)
     except np.linalg.LinAlgError:
         return np.full_like(side, np.nan)

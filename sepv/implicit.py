@@ -129,7 +129,7 @@ def solve(
             y, s, z = y0[:, active], step[:, active], delta[:, active]
             R = increment(problem, y, y + z, s)
             F = z - R.value
-            residual[active] = np.max(np.abs(F), axis=0)
+            residual[active] = np.abs(F).max(axis=0)
             iterations[active] += 1
             gradients[active] += R.gradients
             structures[active] += R.structures
@@ -140,10 +140,12 @@ def solve(
                 structures[active] += d * R.structures
             A = np.eye(d)[..., None] - K
             correction = linear_solve(A, F)
-            size = np.max(np.abs(correction) / (np.abs(y) + np.abs(z) + _EPS * _norm(y, z) + _TINY), axis=0)
-            broken = ~np.all(np.isfinite(F), axis=0)
-            singular = ~broken & ~np.all(np.isfinite(correction), axis=0)
-            small = _norm(correction) <= STAGNATION * _norm(y, z)
+            reach, moves = np.abs(y) + np.abs(z), np.abs(correction)
+            scale = reach.max(axis=0)
+            size = (moves / (reach + _EPS * scale + _TINY)).max(axis=0)
+            broken = ~np.isfinite(residual[active])
+            singular = ~broken & ~np.isfinite(moves.max(axis=0))
+            small = moves.max(axis=0) <= STAGNATION * scale
             done = ~broken & ~singular & ((size <= 0.5 * _EPS) | (small & (size >= 0.5 * previous[active])))
             outcome = np.where(R.reliable, Status.CONVERGED, Status.QUADRATURE)
             status[active[done]] = outcome[done]
@@ -183,10 +185,6 @@ def require_converged(problem: Problem, y: Array, step: Array, solution: Solutio
     return solution.value
 
 
-def _norm(*vectors: Array) -> Array:
-    return np.max([np.max(np.abs(v), axis=0) for v in vectors], axis=0)
-
-
 def _into_domain(problem: Problem, y: Array, z: Array, correction: Array) -> tuple[Array, NDArray[np.bool_]]:
     """z − λ·correction with the largest λ = 2⁻ⁿ that stays in the domain, and where there is one."""
     moved = z - correction
@@ -208,7 +206,7 @@ def _difference_jacobian(
     problem: Problem, y0: Array, y1: Array, step: Array, increment: IncrementFunction, base: Array
 ) -> Array:
     """∂R/∂y1 by forward differences. Its error of about √eps costs Newton one iteration, not accuracy."""
-    width = STAGNATION * np.maximum(_norm(y0, y1), _TINY)
+    width = STAGNATION * np.maximum(np.maximum(np.abs(y0), np.abs(y1)).max(axis=0), _TINY)
     columns = []
     for k in range(y0.shape[0]):
         shifted = y1.copy()

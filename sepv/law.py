@@ -173,5 +173,9 @@ class LawViolated(AssertionError):
 
     def __init__(self, finding: Finding) -> None:
         self.finding = finding
-        size = "" if finding.defect is None else f": {finding.defect:.3g} against {finding.bound:.3g} {finding.unit}"
+        size = (
+            ""
+            if finding.defect is None
+            else f": {finding.defect:.3g} against {finding.bound:.3g} {finding.unit}"
+        )
         super().__init__(f"{finding.law} ({finding.source}) {finding.verdict.text}{size}\n{finding.message}")

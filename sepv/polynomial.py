@@ -38,7 +38,9 @@ class Polynomial:
         return " + ".join(_term_text(e, c) for e, c in self.terms).replace("+ -", "- ") or "0"
 
 
-def polynomial(dimension: int, terms: Mapping[Exponents, float] | Iterable[tuple[Exponents, float]]) -> Polynomial:
+def polynomial(
+    dimension: int, terms: Mapping[Exponents, float] | Iterable[tuple[Exponents, float]]
+) -> Polynomial:
     """A polynomial from {exponents: coefficient}; equal exponents are added, zero terms dropped.
 
     Raises

@@ -15,7 +15,7 @@ def watching(quiet: bool = False) -> Iterator[Progress]:
     """A progress callback for `sepv.suite.verify`, on stderr."""
     out = console(stderr=True)
     if quiet or not out.is_terminal:
-        yield lambda law, finding: None
+        yield lambda _law, _finding: None
         return
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar

@@ -23,7 +23,9 @@ _EFFORT = pytest.StashKey[Effort]()
 def pytest_addoption(parser: pytest.Parser) -> None:
     """--scheme, --sepv-examples, --sepv-paths, --sepv-seed, and ini sepv_schemes."""
     group = parser.getgroup("sepv", "verification of energy-preserving integrators")
-    group.addoption("--scheme", action="append", default=[], metavar="MODULE:ATTR", help="scheme to verify; repeatable")
+    group.addoption(
+        "--scheme", action="append", default=[], metavar="MODULE:ATTR", help="scheme to verify; repeatable"
+    )
     group.addoption("--sepv-examples", type=int, default=None, help="examples for each law (default 100)")
     group.addoption("--sepv-paths", type=int, default=None, help="most paths for a law (default 4096)")
     group.addoption("--sepv-seed", default="0", help="seed of examples and paths, or 'fresh' for a new one")
@@ -89,7 +91,7 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
         try:
             return (yield)
         finally:
-            scheme = pyfuncitem.funcargs.get("scheme")
+            scheme: Any = pyfuncitem.funcargs["scheme"]
             pyfuncitem.config.stash[_FINDINGS].extend((scheme, finding) for finding in found)
 
 
@@ -105,4 +107,6 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
         row = {f.law: f for s, f in found if s.name == name}
         for law in laws:
             if law in row:
-                terminalreporter.write_line(f"  {law:<20}{row[law].verdict.text}{' +' if row[law].claimed else ''}")
+                terminalreporter.write_line(
+                    f"  {law:<20}{row[law].verdict.text}{' +' if row[law].claimed else ''}"
+                )

@@ -50,7 +50,9 @@ def show(report: Report, target: str, out: Console) -> None:
 
 def law_table(report: Report) -> Table:
     """law, claimed, verdict, defect against bound, unit, source."""
-    title = Text(report.scheme.name + (f" · {report.scheme.source}" if report.scheme.source else ""), style="bold")
+    title = Text(
+        report.scheme.name + (f" · {report.scheme.source}" if report.scheme.source else ""), style="bold"
+    )
     table = Table(box=_BOX, title=title, title_justify="left", pad_edge=False, padding=(0, 1, 0, 0))
     for heading in ("law", "claimed", "verdict"):
         table.add_column(heading)
@@ -81,17 +83,21 @@ def summary(report: Report) -> Text:
 
 def matrix(reports: Sequence[Report]) -> Table:
     """Scheme × law."""
-    table = Table(box=_BOX, pad_edge=False, caption="+ claimed, – violated, ? inconclusive", caption_justify="left")
+    table = Table(
+        box=_BOX, pad_edge=False, caption="+ claimed, – violated, ? inconclusive", caption_justify="left"
+    )
     table.add_column("law")
     for report in reports:
         table.add_column(Text(report.scheme.name, overflow="fold"))
     for row in zip(*(r.findings for r in reports), strict=True):
-        cells = [Text(_LETTERS[f.verdict] + (" +" if f.claimed else ""), style=_STYLES[f.verdict]) for f in row]
+        cells = [
+            Text(_LETTERS[f.verdict] + (" +" if f.claimed else ""), style=_STYLES[f.verdict]) for f in row
+        ]
         table.add_row(row[0].law, *cells)
     return table
 
 
-def show_finding(finding: Finding, target: str, out: Console) -> None:
+def show_finding(finding: Finding, out: Console) -> None:
     """One finding, as after a replay."""
     line = Text.assemble(
         (finding.law, "bold"), " ", (finding.verdict.text, _STYLES[finding.verdict]), f"  {finding.source}"

@@ -90,6 +90,10 @@ def as_lanes(problem: Problem, y: ArrayLike, h: float, dW: ArrayLike) -> tuple[A
         )
     if np.ndim(h) != 0 or not np.isfinite(h):
         raise UsageError(
-            expected="h, one finite number", received=f"{h!r:.80}", remedy="one step size for all paths of a batch"
+            expected="h, one finite number",
+            received=f"{h!r:.80}",
+            remedy="one step size for all paths of a batch",
         )
-    return state.reshape(d, -1), increment.reshape(m, -1) if m else np.zeros((0, state.reshape(d, -1).shape[1]))
+    return state.reshape(d, -1), increment.reshape(m, -1) if m else np.zeros(
+        (0, state.reshape(d, -1).shape[1])
+    )

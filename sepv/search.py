@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from hypothesis import HealthCheck, Phase, Verbosity, given, settings, target
@@ -65,10 +66,8 @@ def searched(
 
     def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
         log = _Log()
-        try:
+        with suppress(_Violation, _Fault):
             _measure(log, scheme, _from_json(witness), check, faults_violate)
-        except (_Violation, _Fault):
-            pass
         return _conclude(law, log)
 
     return Law(name, statement, source, unit, run, replay, always_claimed)
@@ -79,7 +78,12 @@ def _from_json(witness: dict[str, Any]) -> Case:
 
 
 def _search(
-    law: Law, scheme: Scheme, effort: Effort, strategy: st.SearchStrategy[Case], check: Check, faults_violate: bool
+    law: Law,
+    scheme: Scheme,
+    effort: Effort,
+    strategy: st.SearchStrategy[Case],
+    check: Check,
+    faults_violate: bool,
 ) -> Finding:
     log, start = _Log(), time.perf_counter()
 
@@ -146,7 +150,9 @@ def _conclude(law: Law, log: _Log) -> Finding:
     if log.violation is not None:
         case, measured = log.violation
         message = f"{case.describe()}\n{measured.detail}"
-        return law.finding(Verdict.VIOLATED, checks=log.checks, message=message, **_witness(law, case), **size)
+        return law.finding(
+            Verdict.VIOLATED, checks=log.checks, message=message, **_witness(law, case), **size
+        )
     if log.fault is not None:
         case, error = log.fault
         kind = "not solved" if isinstance(error, StepFailure) else "not measured"

@@ -95,7 +95,9 @@ def judge(
         verdicts.append(verdict)
         ends = sorted((show(value.low), show(value.high)))
         count = errors.squared.shape[1]
-        lines.append(f"{setup.problem}: {show(value.value):.3g} in [{ends[0]:.3g}, {ends[1]:.3g}] from {count} paths")
+        lines.append(
+            f"{setup.problem}: {show(value.value):.3g} in [{ends[0]:.3g}, {ends[1]:.3g}] from {count} paths"
+        )
         measured.append(
             {
                 "problem": setup.problem,
@@ -113,7 +115,9 @@ def judge(
     verdict = next((v for v in (Verdict.VIOLATED, Verdict.INCONCLUSIVE) if v in verdicts), Verdict.HOLDS)
     if verdict is not Verdict.HOLDS:
         lines += [_errors_text(m) for m in measured]
-        lines.append(f"intervals miss with probability {alpha:.1e}; false alarms of the law ≤ {FALSE_ALARM:g}")
+        lines.append(
+            f"intervals miss with probability {alpha:.1e}; false alarms of the law ≤ {FALSE_ALARM:g}"
+        )
     return law.finding(
         verdict,
         defect=show(worst.value),
@@ -136,7 +140,8 @@ def _failed(law: Law, setup: Setup, errors: StrongErrors) -> Finding:
     return law.finding(
         Verdict.ERROR,
         checks=errors.squared.shape[1],
-        message=f"{setup.problem}, {errors.squared.shape[1]} paths: not solved, not finite or out of the domain: {counts}",
+        message=f"{setup.problem}, of {errors.squared.shape[1]} paths were not solved, not finite or out of the "
+        f"domain: {counts}",
     )
 
 

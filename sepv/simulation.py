@@ -98,7 +98,9 @@ def integrate(
     )
     if raw.shape != (count, problem.noises):
         raise UsageError(
-            expected=f"dW of shape {(count, problem.noises)}", received=f"shape {raw.shape}", remedy="one row a step"
+            expected=f"dW of shape {(count, problem.noises)}",
+            received=f"shape {raw.shape}",
+            remedy="one row a step",
         )
     used = wiener.truncate(raw, h, scheme.truncation if truncation == -1 else truncation)
     y = np.empty((problem.dimension, count + 1))
@@ -120,7 +122,7 @@ def integrate(
             y[:, n + 1] = solution.value[:, 0]
         else:
             y[:, n + 1] = scheme.step(problem, y[:, n], h, used[n])
-    return Trajectory(h * np.arange(count + 1), y, used, evaluations)
+    return Trajectory(np.arange(count + 1, dtype=np.float64) * h, y, used, evaluations)
 
 
 def ensemble(
@@ -152,7 +154,9 @@ def ensemble(
     chunks = []
     for first in range(0, paths, CHUNK):
         numbers = range(first, min(first + CHUNK, paths))
-        raw = wiener.increments(seed, T=h * count, steps=count, noises=problem.noises, paths=numbers, refine=refine)
+        raw = wiener.increments(
+            seed, T=h * count, steps=count, noises=problem.noises, paths=numbers, refine=refine
+        )
         chunks.append(run_chunk(scheme, problem, start, h, raw, k))
     return _join(chunks)
 
@@ -235,15 +239,19 @@ def _invariants(problem: Problem, y: Array) -> Array:
 
 
 def _join(chunks: list[Ensemble]) -> Ensemble:
-    def along(key: str) -> Array:
+    def along(key: str) -> np.ndarray:
         return np.concatenate([getattr(c, key) for c in chunks], axis=-1)
 
     return Ensemble(
-        *(along(key) for key in ("y", "W", "status", "failed_step", "energy_defect", "casimir_defect")),
-        *(
-            sum(getattr(c, key) for c in chunks)
-            for key in ("gradient_evaluations", "structure_evaluations", "iterations")
-        ),
+        y=along("y"),
+        W=along("W"),
+        status=along("status"),
+        failed_step=along("failed_step"),
+        energy_defect=along("energy_defect"),
+        casimir_defect=along("casimir_defect"),
+        gradient_evaluations=sum(c.gradient_evaluations for c in chunks),
+        structure_evaluations=sum(c.structure_evaluations for c in chunks),
+        iterations=sum(c.iterations for c in chunks),
     )
 
 
@@ -257,15 +265,21 @@ def step_count(h: float, T: float | None, steps: int | None) -> int:
     """
     if np.ndim(h) != 0 or not np.isfinite(h) or h <= 0:
         raise UsageError(
-            expected="h, a finite step size > 0", received=f"h = {h!r}", remedy="backward steps are for `step` alone"
+            expected="h, a finite step size > 0",
+            received=f"h = {h!r}",
+            remedy="backward steps are for `step` alone",
         )
     if (T is None) == (steps is None):
         raise UsageError(
-            expected="one of T and steps", received=f"T = {T!r}, steps = {steps!r}", remedy="give exactly one of them"
+            expected="one of T and steps",
+            received=f"T = {T!r}, steps = {steps!r}",
+            remedy="give exactly one of them",
         )
     if steps is not None:
         if not isinstance(steps, (int, np.integer)) or steps < 1:
-            raise UsageError(expected="steps, an integer ≥ 1", received=repr(steps), remedy="take at least one step")
+            raise UsageError(
+                expected="steps, an integer ≥ 1", received=repr(steps), remedy="take at least one step"
+            )
         return int(steps)
     assert T is not None
     count = round(T / h) if np.isfinite(T) else 0
@@ -283,7 +297,9 @@ def _start(problem: Problem, y0: ArrayLike | None) -> Array:
     start = problem.initial if y0 is None else y0
     if start is None:
         raise UsageError(
-            expected="an initial state", received="none", remedy="give y0=, or initial= when making the problem"
+            expected="an initial state",
+            received="none",
+            remedy="give y0=, or initial= when making the problem",
         )
     y = np.array(start, dtype=np.float64)
     if y.shape != (problem.dimension,) or not np.all(np.isfinite(y)):

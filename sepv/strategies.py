@@ -49,10 +49,14 @@ def monomials(draw: st.DrawFn, dimension: int, degree: int, *, least: int = 1) -
 
 
 @st.composite
-def polynomials(draw: st.DrawFn, dimension: int, degree: int, *, least: int = 1, terms: int = 5) -> Polynomial:
+def polynomials(
+    draw: st.DrawFn, dimension: int, degree: int, *, least: int = 1, terms: int = 5
+) -> Polynomial:
     """Polynomials with one to `terms` terms. Examples shrink towards y1^least."""
     drawn = draw(
-        st.lists(st.tuples(monomials(dimension, degree, least=least), coefficients()), min_size=1, max_size=terms)
+        st.lists(
+            st.tuples(monomials(dimension, degree, least=least), coefficients()), min_size=1, max_size=terms
+        )
     )
     return poly.polynomial(dimension, drawn)
 
@@ -61,7 +65,10 @@ def polynomials(draw: st.DrawFn, dimension: int, degree: int, *, least: int = 1,
 def hamiltonians(draw: st.DrawFn, dimension: int, degree: int = 6, *, least: int = 1) -> Polynomial:
     """Polynomial H. Examples shrink towards ½|y|² (towards y1 for degree 1)."""
     kinetic = poly.add(
-        *(poly.polynomial(dimension, {tuple(2 * int(i == k) for i in range(dimension)): 0.5}) for k in range(dimension))
+        *(
+            poly.polynomial(dimension, {tuple(2 * int(i == k) for i in range(dimension)): 0.5})
+            for k in range(dimension)
+        )
     )
     if degree < 2:
         return draw(polynomials(dimension, degree, least=min(least, degree)))
@@ -79,7 +86,9 @@ def canonical(dimension: int) -> tuple[tuple[int, int, Polynomial], ...]:
 
 
 @st.composite
-def skew_structures(draw: st.DrawFn, dimension: int, degree: int = 3) -> tuple[tuple[int, int, Polynomial], ...]:
+def skew_structures(
+    draw: st.DrawFn, dimension: int, degree: int = 3
+) -> tuple[tuple[int, int, Polynomial], ...]:
     """Skew B(y) with polynomial entries of degree 0 to `degree`. Examples shrink towards B = J."""
     if draw(st.booleans()) is False:
         return canonical(dimension)
@@ -113,7 +122,9 @@ def casimir_systems(draw: st.DrawFn, degree: int = 4, *, largest: int = 6) -> Po
     skew, v = Ay; and, for two Casimirs, B_ij = Σ_kl T_ijkl v_k w_l.
     """
     d = draw(st.integers(3, largest))
-    kind = draw(st.sampled_from(["tensor", "linear", "skew", "two"] if d > 3 else ["tensor", "linear", "skew"]))
+    kind = draw(
+        st.sampled_from(["tensor", "linear", "skew", "two"] if d > 3 else ["tensor", "linear", "skew"])
+    )
     A = draw(symmetric_matrices(d))
     v = _linear_forms(A)
     quadratic: tuple[tuple[tuple[float, ...], ...], ...] = (A,)
@@ -133,7 +144,9 @@ def casimir_systems(draw: st.DrawFn, degree: int = 4, *, largest: int = 6) -> Po
 
 def noises(least: int = 0, most: int = 3) -> st.SearchStrategy[tuple[float, ...]]:
     """Noise coefficients c_j ≥ 0. Examples shrink towards (1)."""
-    some = st.lists(st.sampled_from([1.0, 0.5, 2.0, 0.25, 0.0]), min_size=max(least, 1), max_size=most).map(tuple)
+    some = st.lists(st.sampled_from([1.0, 0.5, 2.0, 0.25, 0.0]), min_size=max(least, 1), max_size=most).map(
+        tuple
+    )
     return some if least > 0 else st.one_of(some, st.just(()))
 
 
@@ -211,7 +224,8 @@ def contraction_radius(problem: Problem, y: Array) -> float:
     for r in (size, size / 2, size / 4, size / 8):
         reach = np.abs(y) + r
         B, g, dB, H = (
-            _majorant(f, reach) for f in (problem.structure, problem.gradient, problem.structure_derivative, problem.hessian)
+            _majorant(f, reach)
+            for f in (problem.structure, problem.gradient, problem.structure_derivative, problem.hessian)
         )
         field = float(np.max(B @ g))
         slope = float(np.max(np.sum(np.einsum("ijk,j->ik", dB, g) + B @ H, axis=1)))
@@ -234,7 +248,9 @@ def _parity(order: tuple[int, ...]) -> int:
     return (-1) ** sum(a > b for a, b in combinations(order, 2))
 
 
-def _contracted(draw: st.DrawFn, d: int, forms: list[list[Polynomial]]) -> tuple[tuple[int, int, Polynomial], ...]:
+def _contracted(
+    draw: st.DrawFn, d: int, forms: list[list[Polynomial]]
+) -> tuple[tuple[int, int, Polynomial], ...]:
     """B_ij = g Σ T_{ij k…} v_k …, T totally antisymmetric of rank 2 + len(forms), g a polynomial for d = 3."""
     entries: dict[tuple[int, int], list[Polynomial]] = {}
     for indices in combinations(range(d), 2 + len(forms)):
@@ -250,7 +266,9 @@ def _contracted(draw: st.DrawFn, d: int, forms: list[list[Polynomial]]) -> tuple
     g = poly.constant(d, 1.0)
     if d == 3 and draw(st.booleans()):
         g = draw(polynomials(d, 2, least=0, terms=2))
-    return tuple((i, j, poly.multiply(g, poly.add(*summands))) for (i, j), summands in sorted(entries.items()))
+    return tuple(
+        (i, j, poly.multiply(g, poly.add(*summands))) for (i, j), summands in sorted(entries.items())
+    )
 
 
 def _skew_family(draw: st.DrawFn, d: int, v: list[Polynomial]) -> tuple[tuple[int, int, Polynomial], ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import threading
 import time
@@ -104,7 +105,9 @@ def load_laws(names: Iterable[str] | None = None) -> list[Law]:
     wanted = LAWS if names is None else tuple(n.replace("_", "-") for n in names)
     for name in wanted:
         if name not in LAWS:
-            raise UsageError(expected=f"a law, one of {', '.join(LAWS)}", received=repr(name), remedy="see `sepv list`")
+            raise UsageError(
+                expected=f"a law, one of {', '.join(LAWS)}", received=repr(name), remedy="see `sepv list`"
+            )
     ordered = [name for name in LAWS if name in wanted]
     return [import_module(f"sepv.properties.test_{name.replace('-', '_')}").law for name in ordered]
 
@@ -208,7 +211,7 @@ def _deadline(seconds: float) -> Iterator[None]:
 def _finding_json(finding: Finding) -> dict[str, Any]:
     def number(value: float | None) -> float | None:
         # JSON has no infinity: a defect without size is null, and the message says what it is.
-        return None if value is None or value != value or abs(value) == float("inf") else value
+        return value if value is not None and math.isfinite(value) else None
 
     return {
         "law": finding.law,

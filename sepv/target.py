@@ -96,7 +96,7 @@ def _named(target: str) -> Scheme:
             )
         return scheme
     module_name, _, attribute = target.partition(":")
-    module = _module(module_name, target)
+    module = _module(module_name)
     value: Any = module
     for part in attribute.split("."):
         try:
@@ -111,7 +111,7 @@ def _named(target: str) -> Scheme:
     return as_scheme(value, target)
 
 
-def _module(name: str, target: str) -> Any:
+def _module(name: str) -> Any:
     # As for `python -m`: modules of the current directory can be named.
     if os.getcwd() not in sys.path and "" not in sys.path:
         sys.path.insert(0, os.getcwd())

@@ -19,7 +19,6 @@ tolerance gets |y| times that on top.
 
 from __future__ import annotations
 
-
 from collections.abc import Sequence
 from typing import Any
 
@@ -70,7 +69,9 @@ def operations(problem: Problem) -> float:
     return 4.0 * (2 * degree + terms + problem.dimension + 8)
 
 
-def step_residual(problem: Problem, y0: Array, y1: Array, h: float, dW: Array, solver_tolerance: float = 0.0) -> Array:
+def step_residual(
+    problem: Problem, y0: Array, y1: Array, h: float, dW: Array, solver_tolerance: float = 0.0
+) -> Array:
     """r (d,): the residual that a step solved to rounding may leave."""
     scale = max(float(np.max(np.abs(y0))), float(np.max(np.abs(y1))))
     length = abs(h) + float(np.sum(np.abs(problem.c * dW)))

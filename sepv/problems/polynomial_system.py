@@ -36,7 +36,9 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
         hamiltonian=H,
         gradient=PolynomialMap((d,), gradient),
         hessian=PolynomialMap((d, d), tuple(poly.differentiate(g, k) for g in gradient for k in range(d))),
-        structure_derivative=PolynomialMap((d, d, d), tuple(poly.differentiate(b, k) for b in flat for k in range(d))),
+        structure_derivative=PolynomialMap(
+            (d, d, d), tuple(poly.differentiate(b, k) for b in flat for k in range(d))
+        ),
         noise=np.array(data.noise),
         casimirs=data.casimirs,
         linear_casimirs=data.linear_casimirs,

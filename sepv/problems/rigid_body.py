@@ -37,7 +37,9 @@ def rigid_body(inertia: ArrayLike = (0.345, 0.653, 1.0), noise: ArrayLike = 1.0)
     return Problem(
         dimension=3,
         structure=_structure,
-        hamiltonian=lambda y: 0.5 * (y[0] * y[0] / moments[0] + y[1] * y[1] / moments[1] + y[2] * y[2] / moments[2]),
+        hamiltonian=lambda y: (
+            0.5 * (y[0] * y[0] / moments[0] + y[1] * y[1] / moments[1] + y[2] * y[2] / moments[2])
+        ),
         gradient=lambda y: y / column(y),
         noise=c,
         casimirs=(np.eye(3),),

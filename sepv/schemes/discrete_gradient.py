@@ -27,7 +27,7 @@ def corners(y0: Array, y1: Array) -> Array:
     return path
 
 
-def coordinate_increments(problem: Problem, y0: Array, y1: Array) -> tuple[Array, Array, Array]:
+def coordinate_increments(problem: Problem, y0: Array, y1: Array) -> tuple[Array, np.ndarray, np.ndarray]:
     """∇̄₁H(y0, y1): component i is (H(corner i+1) − H(corner i))/(y1_i − y0_i).
 
     The quotient is the average of ∂_iH along that edge, and is computed as that average: where a
