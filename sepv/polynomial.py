@@ -148,7 +148,7 @@ class PolynomialMap:
         for i in range(1, exponents.shape[1]):
             monomials = monomials * power[i, exponents[:, i]]
         products = coefficients.reshape(*coefficients.shape, *(1,) * (y.ndim - 1)) * monomials[None]
-        return np.cumsum(products, axis=1)[:, -1].reshape(*self.shape, *y.shape[1:])
+        return np.cumsum(products, axis=1)[:, -1].reshape((*self.shape, *y.shape[1:]))
 
 
 def to_json(p: Polynomial) -> list[list[Any]]:

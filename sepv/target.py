@@ -30,10 +30,8 @@ def load_scheme(target: str | Scheme | Step, claims: Iterable[str] = ()) -> Sche
     TargetError
         Where it cannot be loaded or is not a scheme, with what it is instead.
     """
-    if isinstance(target, str):
-        scheme = _named(target)
-    else:
-        scheme = as_scheme(target, getattr(target, "__name__", "scheme"))
+    name = getattr(target, "__name__", "scheme")
+    scheme = _named(target) if isinstance(target, str) else as_scheme(target, name)
     extra = frozenset(claims)
     return replace(scheme, claims=frozenset(scheme.claims) | extra) if extra else scheme
 

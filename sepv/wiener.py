@@ -53,7 +53,7 @@ def truncate(dW: ArrayLike, h: float, k: int | None = 2) -> Array:
         raise UsageError(
             expected="truncation k, an integer ≥ 1, or None", received=repr(k), remedy="the paper takes k = 2"
         )
-    bound = math.sqrt(h) * truncation_bound(h, k)
+    bound = truncation_bound(h, k) * math.sqrt(h)
     return np.clip(increments, -bound, bound)
 
 

@@ -8,32 +8,84 @@ from typing import Any
 import numpy as np
 import sdeint
 
+from sepv.adapters.multistep import PathSolver
 from sepv.fields import vector_field
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
+
+
+def _integrate(
+    integrator: Callable[..., Any], problem: Problem, y: Array, h: float, dW: Array, **more: Any
+) -> Array:
+    """sdeint's integrator from y (d,) with increments dW (N, m): states (N + 1, d), noise fields c_j f."""
+
+    def drift(state: Array, _time: float) -> Array:
+        return vector_field(problem, state)
+
+    def noise(state: Array, _time: float) -> Array:
+        return np.outer(vector_field(problem, state), problem.c)
+
+    times = np.arange(len(dW) + 1) * h
+    return np.asarray(integrator(drift, noise, y, times, dW=dW, **more))
 
 
 def _step_by(integrator: Callable[..., Any]) -> Callable[[Problem, Array, float, Array], Array]:
     """A step by sdeint's integrator over tspan = (0, h), with drift f = B∇H and noise fields c_j f."""
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        def drift(state: Array, _time: float) -> Array:
-            return vector_field(problem, state)
-
-        def noise(state: Array, _time: float) -> Array:
-            return np.outer(vector_field(problem, state), problem.c)
-
-        path = integrator(drift, noise, y, np.array([0.0, h]), dW=dW.reshape(1, -1))
-        return np.asarray(path[-1])
+        return _integrate(integrator, problem, y, h, dW.reshape(1, -1))[-1]
 
     return step
 
+
+def _step_with_integrals(integrator: Callable[..., Any]) -> Callable[[Problem, Array, float, Array], Array]:
+    """The same where the integrator also wants the repeated integrals J_ij."""
+
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        row = dW.reshape(1, -1)
+        return _integrate(integrator, problem, y, h, row, J=_repeated_integrals(row))[-1]
+
+    return step
+
+
+def _repeated_integrals(dW: Array) -> Array:
+    """J_ij = ½ΔW_iΔW_j, (N, m, m): the Lévy areas are zero, as all noises drive one field and brackets vanish."""
+    return 0.5 * dW[:, :, None] * dW[:, None, :]
+
+
+def _kp2is_path(problem: Problem, y0: Array, h: float, dW: Array) -> Array:
+    paths = []
+    for lane in range(dW.shape[2]):
+        increments = dW[:, :, lane]
+        more = {"J": _repeated_integrals(increments)}
+        paths.append(_integrate(sdeint.stratKP2iS, problem, y0, h, increments, **more))
+    return np.stack(paths, axis=2)
+
+
+_COMMUTE = "because all noises drive one field"
 
 strat_heun = Scheme(
     name="sdeint stratHeun",
     step=_step_by(sdeint.stratHeun),
     mean_square_order=1.0,
-    source="sdeint.stratHeun; order 1 because all noises drive one field",
+    source=f"sdeint.stratHeun; order 1 {_COMMUTE}",
+    truncation=None,
+)
+
+strat_srs2 = Scheme(
+    name="sdeint stratSRS2",
+    step=_step_with_integrals(sdeint.stratSRS2),
+    mean_square_order=1.0,
+    source="sdeint.stratSRS2: order 1.0 strong",
+    truncation=None,
+)
+
+# A two-step method, of which one step is the explicit one that starts it.
+strat_kp2is_start = Scheme(
+    name="sdeint stratKP2iS, its first step",
+    step=_step_with_integrals(sdeint.stratKP2iS),
+    mean_square_order=1.0,
+    source="sdeint.stratKP2iS: order 1.0 strong; a two-step method, of which this is the starting step",
     truncation=None,
 )
 
@@ -44,4 +96,9 @@ ito_euler = Scheme(
     mean_square_order=0.5,
     source="sdeint.itoEuler, given the coefficients of the Stratonovich form",
     truncation=None,
+)
+
+SCHEMES = (strat_heun, strat_srs2, strat_kp2is_start, ito_euler)
+PATHS = (
+    PathSolver("sdeint stratKP2iS, whole paths", _kp2is_path, 1.0, "sdeint.stratKP2iS: order 1.0 strong"),
 )

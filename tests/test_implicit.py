@@ -1,0 +1,199 @@
+"""The implicit solve: what it reports when it converges, and when it cannot."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+
+import sepv
+from sepv import problems, schemes, strategies
+from sepv.average import average_gradient, gauss_legendre
+from sepv.case import Case
+from sepv.fields import linear_solve
+from sepv.implicit import Status
+from sepv.problem import Problem
+
+IMPLICIT = [s for s in schemes.ALL.values() if s.solve is not None]
+
+
+def stripped(problem: Problem, *keys: str) -> Problem:
+    """The problem without what a user may leave out."""
+    return replace(problem, **dict.fromkeys(keys, None), check=False)
+
+
+@given(strategies.any_steps())
+def test_residual_is_that_of_the_value_returned_and_at_rounding(case: Case) -> None:
+    problem, y, h, dW = case.build()
+    solution = schemes.energy_preserving.solve(problem, y, h, dW)
+    assert solution.status[0] == Status.CONVERGED
+    from sepv.schemes.energy_preserving import increment
+    from sepv.tolerance import step_residual
+
+    delta = problem.random_step(h, dW[:, None])[None]
+    y1 = solution.value
+    residual = y1 - y[:, None] - increment(problem, y[:, None], y1, delta).value
+    allowed = step_residual(problem, y, y1[:, 0], h, dW)
+    assert np.all(np.abs(residual[:, 0]) <= allowed)
+    assert solution.residual[0] <= allowed.max()
+    assert 1 <= solution.iterations[0] <= 12
+    assert solution.gradient_evaluations[0] >= solution.iterations[0] == solution.structure_evaluations[0]
+
+
+@pytest.mark.parametrize("scheme", IMPLICIT, ids=lambda s: s.name)
+@given(case=strategies.steps())
+def test_problems_without_derivatives_or_degree_give_the_same_step(scheme: sepv.Scheme, case: Case) -> None:
+    problem, y, h, dW = case.build()
+    plain = stripped(problem, "hessian", "structure_derivative", "degree", "data")
+    full, bare = (scheme.solve(p, y, h, dW) for p in (problem, plain))
+    assert full.status[0] == bare.status[0] == Status.CONVERGED
+    from sepv.tolerance import step_residual
+
+    # Two solutions of one equation, each with a residual at rounding; the contraction factor is ≤ 1/4.
+    allowed = 2 * 4 / 3 * step_residual(problem, y, full.value[:, 0], h, dW).max()
+    assert np.max(np.abs(full.value - bare.value)) <= allowed
+
+
+@pytest.mark.parametrize("scheme", IMPLICIT, ids=lambda s: s.name)
+@given(case=strategies.any_steps())
+def test_bits_do_not_depend_on_the_batch(scheme: sepv.Scheme, case: Case) -> None:
+    problem, y, h, dW = case.build()
+    lanes = 5
+    factors = 1 - np.arange(lanes) / 16
+    batch = scheme.solve(problem, y[:, None] * factors, h, np.repeat(dW[:, None], lanes, axis=1))
+    for k, factor in enumerate(factors):
+        alone = scheme.solve(problem, y * factor, h, dW)
+        assert np.array_equal(alone.value[:, 0], batch.value[:, k])
+        assert alone.iterations[0] == batch.iterations[k]
+
+
+@pytest.mark.parametrize("name", ["pendulum", "lotka-volterra"])
+def test_adaptive_quadrature_reaches_the_closed_form(name: str) -> None:
+    problem = problems.by_name(name)
+    y = np.asarray(problem.initial)[:, None] * np.linspace(0.9, 1.1, 7)
+    for spread in (0.0, 1e-12, 1e-3, 0.3):
+        y1 = y * (1 + spread)
+        closed = average_gradient(problem, y, y1)
+        found = average_gradient(stripped(problem, "mean_gradient"), y, y1)
+        assert found.reliable.all()
+        # Every component has size ≤ 10; both carry a few roundings, the rule one a node.
+        assert np.max(np.abs(found.value - closed.value)) < 1e-13
+        assert np.all(np.abs(found.value - closed.value).max(axis=0) <= found.error + 1e-14)
+
+
+def test_a_gradient_too_rough_for_quadrature_is_reported() -> None:
+    def kink(y: np.ndarray) -> np.ndarray:
+        return np.stack([np.sign(y[0] - 0.123) + y[0], y[1]])
+
+    problem = replace(
+        problems.harmonic_oscillator(),
+        mean_gradient=None, degree=None, hessian=None, structure_derivative=None, gradient=kink, check=False,
+    )  # fmt: skip
+    mean = average_gradient(problem, np.array([[0.0], [0.0]]), np.array([[1.0], [0.0]]))
+    assert not mean.reliable[0]
+    assert mean.error[0] > 1e-6
+    with pytest.raises(sepv.StepFailure, match="quadrature"):
+        schemes.energy_preserving.step(problem, np.array([0.1, -1.0]), 0.5, np.array([0.1]))
+
+
+def test_a_step_without_solution_says_so() -> None:
+    problem = problems.lotka_volterra()
+    y = np.asarray(problem.initial)
+    for delta in (2.0, -1.0):  # no solution was ever found there
+        with pytest.raises(sepv.StepFailure, match="Remedy") as caught:
+            schemes.energy_preserving.step(problem, y, 0.5, np.array([(delta - 0.5) / 0.5]))
+        failure = caught.value
+        assert failure.problem == "lotka-volterra"
+        assert failure.delta == pytest.approx(delta)
+        assert failure.y.tolist() == [1.0, 1.9, 0.5]
+        assert failure.iterations >= 1
+        assert failure.residual > 1e-9
+
+
+def broken_after(limit: float) -> Problem:
+    """An oscillator whose gradient is NaN for |y| ≥ limit."""
+    base = problems.harmonic_oscillator()
+
+    def gradient(y: np.ndarray) -> np.ndarray:
+        return np.where(np.abs(y) < limit, y, np.nan)
+
+    return replace(base, gradient=gradient, mean_gradient=None, hessian=None, structure_derivative=None, check=False)
+
+
+def test_overflow_and_nan_are_a_status() -> None:
+    solution = schemes.energy_preserving.solve(broken_after(1.05), np.array([1.0, 1.0]), 0.5, np.array([0.0]))
+    assert solution.status[0] == Status.OVERFLOW
+    healthy = schemes.energy_preserving.solve(broken_after(9.0), np.array([1.0, 1.0]), 0.5, np.array([0.0]))
+    assert healthy.status[0] == Status.CONVERGED
+
+
+def test_a_singular_jacobian_is_a_status() -> None:
+    def hyperbolic(y: np.ndarray) -> np.ndarray:
+        return np.stack([y[1], y[0]])
+
+    base = problems.harmonic_oscillator()
+    # H = y1 y2: the midpoint equation is (1 ∓ Δ/2) y1 = (1 ± Δ/2) y0, singular at Δ = 2.
+    problem = replace(
+        base,
+        hamiltonian=lambda y: y[0] * y[1], gradient=hyperbolic, mean_gradient=None,
+        hessian=lambda y: np.array([[0 * y[0], 1 + 0 * y[0]], [1 + 0 * y[0], 0 * y[0]]]), check=False,
+    )  # fmt: skip
+    solution = schemes.midpoint.solve(problem, np.array([1.0, 1.0]), 2.0, np.array([0.0]))
+    assert solution.status[0] == Status.SINGULAR
+    with pytest.raises(sepv.StepFailure, match="singular"):
+        schemes.midpoint.step(problem, np.array([1.0, 1.0]), 2.0, np.array([0.0]))
+
+
+def test_one_failing_lane_leaves_the_others_alone() -> None:
+    problem = problems.lotka_volterra()
+    y = np.repeat(np.asarray(problem.initial)[:, None], 3, axis=1)
+    dW = np.array([[0.01, 3.0, -0.01]])
+    solution = schemes.energy_preserving.solve(problem, y, 0.01, dW)
+    assert (solution.status == Status.CONVERGED).tolist() == [True, False, True]
+    alone = schemes.energy_preserving.step(problem, y[:, 2], 0.01, dW[:, 2])
+    assert np.array_equal(solution.value[:, 2], alone)
+
+
+@pytest.mark.parametrize("d", [1, 2, 3, 4, 7])
+def test_linear_solve_solves(d: int) -> None:
+    rng = np.random.default_rng(d)
+    A = np.eye(d)[..., None] + 0.2 * rng.standard_normal((d, d, 11))
+    x = rng.standard_normal((d, 11))
+    b = np.einsum("ijm,jm->im", A, x)
+    assert np.max(np.abs(linear_solve(A, b) - x)) < 1e-12
+    A[:, :, 4] = 0.0
+    with np.errstate(all="ignore"):
+        y = linear_solve(A, b)
+    assert not np.isfinite(y[:, 4]).any()
+    assert np.isfinite(np.delete(y, 4, axis=1)).all()
+
+
+@pytest.mark.parametrize("nodes", range(1, 8))
+def test_gauss_legendre_is_exact_to_degree_2n_minus_1(nodes: int) -> None:
+    points, weights = gauss_legendre(nodes)
+    for degree in range(2 * nodes):
+        assert weights @ points**degree == pytest.approx(1 / (degree + 1), rel=1e-15 * (degree + 2))
+    assert abs(weights @ points ** (2 * nodes) - 1 / (2 * nodes + 1)) > 1e-12
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"y": np.array([1.0, 2.0])},
+        {"y": np.array([1.0, np.nan, 0.0])},
+        {"y": np.zeros((3, 2, 2))},
+        {"dW": np.array([])},
+        {"dW": np.array([0.1, 0.1])},
+        {"dW": np.array([np.inf])},
+        {"h": float("nan")},
+        {"h": np.array([0.1, 0.2])},
+    ],
+)
+@pytest.mark.parametrize("scheme", schemes.ALL.values(), ids=lambda s: s.name)
+def test_arguments_that_do_not_fit_the_problem_are_refused(scheme: sepv.Scheme, wrong: dict[str, Any]) -> None:
+    arguments = {"y": np.array([0.8, 0.6, 0.0]), "h": 0.01, "dW": np.array([0.1]), **wrong}
+    with pytest.raises(sepv.UsageError, match="Expected"):
+        scheme.step(problems.rigid_body(), arguments["y"], arguments["h"], arguments["dW"])

@@ -1,0 +1,82 @@
+"""Polynomials as data: evaluated exactly as written, and kept to the bit by JSON."""
+
+from __future__ import annotations
+
+import json
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sepv import polynomial as poly
+from sepv.errors import UsageError
+from sepv.polynomial import Polynomial, PolynomialMap
+from sepv.strategies import components, polynomials
+
+
+def exactly(p: Polynomial, y: list[float]) -> Fraction:
+    total = Fraction(0)
+    for exponents, coefficient in p.terms:
+        term = Fraction(coefficient)
+        for component, exponent in zip(y, exponents, strict=True):
+            term *= Fraction(component) ** exponent
+        total += term
+    return total
+
+
+cases = st.integers(1, 5).flatmap(
+    lambda d: st.tuples(polynomials(d, 6), st.lists(components(), min_size=d, max_size=d))
+)
+
+
+@given(cases)
+def test_value_is_the_exact_sum_to_rounding_of_its_terms(case: tuple[Polynomial, list[float]]) -> None:
+    p, y = case
+    value, size = PolynomialMap((), (p,))(np.array(y)), PolynomialMap((), (p,)).majorant(np.array(y))
+    # A term takes at most 6 products, the sum at most 5 additions: 12 roundings of the majorant.
+    assert abs(Fraction(float(value)) - exactly(p, y)) <= 12 * Fraction(2) ** -53 * Fraction(float(size)) + Fraction(
+        2
+    ) ** -1070
+
+
+@given(cases, st.integers(0, 4))
+def test_derivative_is_the_limit_of_exact_quotients(case: tuple[Polynomial, list[float]], k: int) -> None:
+    p, y = case
+    k %= p.dimension
+    derivative = exactly(poly.differentiate(p, k), y)
+    # Exact rational differences: the quotient differs from the derivative by O(step).
+    for step in (Fraction(1, 2**40), Fraction(1, 2**60)):
+        moved = [Fraction(v) + (step if i == k else 0) for i, v in enumerate(y)]
+        quotient = (exactly(p, moved) - exactly(p, [Fraction(v) for v in y])) / step  # type: ignore[arg-type]
+        assert abs(quotient - derivative) <= 10_000 * step
+
+
+@given(cases)
+def test_json_keeps_every_bit(case: tuple[Polynomial, list[float]]) -> None:
+    p, _ = case
+    assert poly.from_json(p.dimension, json.loads(json.dumps(poly.to_json(p)))) == p
+
+
+@given(cases, st.integers(1, 7))
+def test_bits_do_not_depend_on_the_batch(case: tuple[Polynomial, list[float]], lanes: int) -> None:
+    p, y = case
+    f = PolynomialMap((p.dimension,), poly.gradient(p))
+    batch = np.repeat(np.array(y)[:, None], lanes, axis=1)
+    assert np.array_equal(f(batch), np.repeat(f(np.array(y))[:, None], lanes, axis=1))
+
+
+def test_algebra_agrees_with_hand_calculation() -> None:
+    x, y = poly.variable(2, 0), poly.variable(2, 1)
+    product = poly.multiply(poly.add(x, y), poly.add(x, poly.scale(-1.0, y)))
+    assert product == poly.polynomial(2, {(2, 0): 1.0, (0, 2): -1.0})
+    assert str(product) == "y1^2 - y2^2"
+
+
+@pytest.mark.parametrize(
+    ("terms", "word"), [({(1,): 1.0}, "2 exponents"), ({(1, -1): 1.0}, "≥ 0"), ({(1, 0): float("nan")}, "finite")]
+)
+def test_wrong_terms_are_refused(terms: dict[tuple[int, ...], float], word: str) -> None:
+    with pytest.raises(UsageError, match=word):
+        poly.polynomial(2, terms)

@@ -1,0 +1,93 @@
+"""The schemes against their formulas, written out again in another way."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+
+from sepv import problems, schemes, strategies
+from sepv.case import Case
+from sepv.fields import derivative_along, vector_field
+from sepv.reference.problem import exact_problem
+from sepv.schemes.discrete_gradient import coordinate_increments
+from sepv.tolerance import gradient_majorant
+
+
+def test_oscillator_step_is_the_printed_formula() -> None:
+    """§4.1 prints the step of (2.2) for the oscillator in closed form."""
+    problem = problems.harmonic_oscillator()
+    for delta in (1e-9, 0.01, -0.3, 1.0, 7.0):
+        p, x = 0.2, 0.1
+        q = 1 + delta**2 / 4
+        expected = np.array([-delta * x + (1 - delta**2 / 4) * p, (1 - delta**2 / 4) * x + delta * p]) / q
+        for scheme in (schemes.energy_preserving, schemes.midpoint, schemes.discrete_gradient):
+            y1 = scheme.step(problem, np.array([p, x]), 0.5, np.array([delta - 0.5]))
+            assert np.max(np.abs(y1 - expected)) < 1e-15
+
+
+@given(strategies.steps())
+def test_discrete_gradient_is_the_quotient_where_that_can_be_computed(case: Case) -> None:
+    """Components of ∇̄₁H are quotients (H(…ȳ_i…) − H(…y_i…))/(ȳ_i − y_i), here taken at 60 digits."""
+    problem, y, h, dW = case.build()
+    y1 = y + 0.3 * np.cos(np.arange(y.size)) * np.array([1.0, 0.0, 1e-9])[np.arange(y.size) % 3]
+    found = coordinate_increments(problem, y[:, None], y1[:, None])[0][:, 0]
+    exact = exact_problem(case.problem, 60)
+    corner, bound = exact.state(y), gradient_majorant(problem, np.maximum(np.abs(y), np.abs(y1)))
+    for i in range(y.size):
+        moved = list(corner)
+        moved[i] = exact.ctx.mpf(float(y1[i]))
+        if y1[i] == y[i]:
+            expected = exact.gradient(corner)[i]
+        else:
+            expected = (exact.hamiltonian(moved) - exact.hamiltonian(corner)) / (moved[i] - corner[i])
+        # Quadrature with at most 3 nodes of sums of at most 11 terms of degree ≤ 5.
+        assert abs(float(expected - float(found[i]))) <= 40 * 2.3e-16 * bound[i] + 1e-300
+        corner = moved
+
+
+@given(strategies.any_steps())
+def test_milstein_is_the_ito_scheme_with_its_correction(case: Case) -> None:
+    """y + (f + ½Σc²f′f)h + fS + ½f′f(S² − Σc²h), the textbook form, equals the form in the file."""
+    problem, y, h, dW = case.build()
+    f, S, c2 = vector_field(problem, y), float(problem.c @ dW), float(problem.c @ problem.c)
+    bend = derivative_along(problem, y, f)
+    milstein = y + (f + 0.5 * c2 * bend) * h + f * S + 0.5 * bend * (S * S - c2 * h)
+    euler = y + (f + 0.5 * c2 * bend) * h + f * S
+    size = np.abs(y) + np.abs(f) * (h + abs(S)) + np.abs(bend) * (S * S + c2 * h)
+    assert np.all(np.abs(schemes.milstein.step(problem, y, h, dW) - milstein) <= 8 * 2.3e-16 * size)
+    assert np.all(np.abs(schemes.euler_maruyama.step(problem, y, h, dW) - euler) <= 8 * 2.3e-16 * size)
+
+
+@given(strategies.any_steps())
+def test_derivative_along_the_field_needs_no_hessian(case: Case) -> None:
+    from dataclasses import replace
+
+    problem, y, _, _ = case.build()
+    plain = replace(problem, hessian=None, structure_derivative=None, check=False)
+    f = vector_field(problem, y)
+    analytic, difference = derivative_along(problem, y, f), derivative_along(plain, y, f)
+    # Sixth-order differences of polynomials of degree ≤ 8 or so on a segment of length 2⁻⁵(1 + |y|).
+    scale = np.max(np.abs(analytic)) + np.max(np.abs(f)) * (1 + np.max(np.abs(f)))
+    assert np.max(np.abs(analytic - difference)) <= 1e-7 * scale
+
+
+@pytest.mark.parametrize("scheme", schemes.ALL.values(), ids=lambda s: s.name)
+@pytest.mark.parametrize("name", problems.NAMED)
+def test_steps_of_a_batch_are_the_steps_of_its_states(scheme, name: str) -> None:
+    problem = problems.by_name(name)
+    rng = np.random.default_rng(1)
+    y = np.asarray(problem.initial)[:, None] + 0.05 * rng.standard_normal((problem.dimension, 6))
+    dW = 0.1 * rng.standard_normal((problem.noises, 6))
+    together = scheme.step(problem, y, 0.01, dW)
+    assert together.shape == y.shape
+    for k in range(6):
+        assert np.array_equal(together[:, k], scheme.step(problem, y[:, k], 0.01, dW[:, k]))
+
+
+def test_no_noise_is_the_deterministic_method() -> None:
+    problem = problems.rigid_body(noise=())
+    y = np.array([0.8, 0.6, 0.0])
+    for scheme in schemes.ALL.values():
+        quiet = scheme.step(problem, y, 0.1, np.zeros(0))
+        assert np.array_equal(quiet, scheme.step(problems.rigid_body(noise=(0.0,)), y, 0.1, np.array([0.7])))
