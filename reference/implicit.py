@@ -80,7 +80,8 @@ def _solve(problem: ExactProblem, y0: Vector, right_side: Residual, digits: int,
         except ZeroDivisionError:
             correction = [ctx.mpf("nan")] * d
         size = max((abs(c) for c in correction), default=ctx.zero)
-        if not mpmath.isfinite(size):
+        # A logarithm of a negative number makes the iterate complex: it left the domain.
+        if not mpmath.isfinite(size) or any(isinstance(c, ctx.mpc) for c in correction):
             break
         iterations += 1
         y1 = [b - c for b, c in zip(y1, correction, strict=True)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import traceback
 from dataclasses import replace
 from typing import Any
 
@@ -13,7 +14,17 @@ from sepv.scheme import Scheme
 
 
 class SchemeCrash(SepvError):
-    """The scheme raised an exception of its own."""
+    """The scheme raised an exception of its own; `traceback` is its text, from the scheme on."""
+
+    def __init__(self, error: Exception, shape: tuple[int, ...]) -> None:
+        frames = traceback.extract_tb(error.__traceback__)[1:]  # without the frame that called the scheme
+        where = f" ({frames[-1].filename}, line {frames[-1].lineno}, in {frames[-1].name})" if frames else ""
+        self.traceback = "".join(traceback.format_exception(error))
+        super().__init__(
+            f"The scheme raised {type(error).__name__}: {error}{where}\n"
+            f"Expected y_next of shape {shape} from step(problem, y, h, dW).\n"
+            "Remedy: --debug with the replay command shows the traceback."
+        )
 
 
 def ask(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> Array:
@@ -37,11 +48,7 @@ def raw_answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) 
     except StepFailure:
         raise
     except Exception as error:
-        raise SchemeCrash(
-            f"The scheme raised {type(error).__name__}: {error}\n"
-            f"Expected y_next of shape {y.shape} from step(problem, y, h, dW).\n"
-            "Remedy: run the replay command with --debug for the traceback."
-        ) from error
+        raise SchemeCrash(error, y.shape) from error
 
 
 def check_answer(answer: Any, y: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import getpass
 import json
 import os
 import sys
@@ -30,6 +31,13 @@ def main() -> None:
     sepv verify mypackage.mymodule:step      your own
     sepv list                                schemes, problems, laws
     """
+    _keep_hypothesis_out_of_the_folder()
+
+
+def _keep_hypothesis_out_of_the_folder() -> None:
+    """Hypothesis caches a little in its storage directory: not in the folder where a user happens to be."""
+    folder = Path(tempfile.gettempdir()) / f"sepv-{getpass.getuser()}"
+    os.environ.setdefault("HYPOTHESIS_STORAGE_DIRECTORY", str(folder))
 
 
 def friendly(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -38,7 +46,7 @@ def friendly(command: Callable[..., Any]) -> Callable[..., Any]:
     @wraps(command)
     def wrapper(*args: Any, debug: bool, **kwargs: Any) -> Any:
         try:
-            return command(*args, **kwargs)
+            return command(*args, debug=debug, **kwargs)
         except SepvError as error:
             if debug:
                 raise
@@ -90,6 +98,7 @@ def verify(
     deep: bool,
     timeout: float,
     quiet: bool,
+    debug: bool,
 ) -> None:
     """Measure every law on TARGET: a built-in name or module:attribute.
 
@@ -106,7 +115,7 @@ def verify(
     from sepv.law import Effort
 
     if token is not None:
-        _replay(targets, laws, token)
+        _replay(targets, laws, token, debug)
     if json_file and len(targets) > 1:
         raise UsageError(
             expected="one TARGET with --json",
@@ -120,7 +129,7 @@ def verify(
     effort = Effort().deeper() if deep else Effort()
     effort = replace(effort, seed=seed, examples=examples or effort.examples, paths=paths or effort.paths)
     claimed = [c.strip() for text in claims for c in text.split(",") if c.strip()]
-    raise SystemExit(_verify(targets, laws or None, claimed, effort, timeout, json_file, quiet))
+    raise SystemExit(_verify(targets, laws or None, claimed, effort, timeout, json_file, quiet, debug))
 
 
 def _verify(
@@ -131,6 +140,7 @@ def _verify(
     timeout: float,
     json_file: str | None,
     quiet: bool,
+    debug: bool,
 ) -> int:
     from sepv import report as page
     from sepv.progress import watching
@@ -146,7 +156,7 @@ def _verify(
         if quiet:
             out.print(page.summary(report))
         else:
-            page.show(report, target, out)
+            page.show(report, target, out, debug=debug)
         if report.interrupted:
             break
     if len(reports) > 1 and not quiet:
@@ -154,7 +164,7 @@ def _verify(
     return max(reports, key=lambda r: r.exit_code).exit_code
 
 
-def _replay(targets: tuple[str, ...], laws: tuple[str, ...], token: str) -> None:
+def _replay(targets: tuple[str, ...], laws: tuple[str, ...], token: str, debug: bool) -> None:
     from sepv import case, report
     from sepv.law import Verdict
     from sepv.suite import replay
@@ -166,13 +176,13 @@ def _replay(targets: tuple[str, ...], laws: tuple[str, ...], token: str) -> None
             remedy="copy the whole command from the report",
         )
     finding = replay(targets[0], laws[0], case.to_json(case.from_token(token)))
-    report.show_finding(finding, report.console())
+    report.show_finding(finding, report.console(), debug=debug)
     raise SystemExit({Verdict.HOLDS: 0, Verdict.ERROR: 3}.get(finding.verdict, 1))
 
 
 @main.command("list")
 @friendly
-def list_() -> None:
+def list_(debug: bool) -> None:  # noqa: ARG001  (every command takes it)
     """Schemes, problems and laws."""
     from rich.table import Table
 

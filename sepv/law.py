@@ -66,6 +66,8 @@ class Finding:
         The witness for a reader, or the reason of a verdict.
     at_least : bool
         Whether the bound is a lower one, as for a measured order.
+    traceback : str
+        Of an exception that the scheme raised.
     """
 
     law: str
@@ -81,6 +83,7 @@ class Finding:
     message: str = ""
     seconds: float = 0.0
     at_least: bool = False
+    traceback: str = ""
 
 
 @dataclass(frozen=True)

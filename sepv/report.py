@@ -39,12 +39,18 @@ def console(file: TextIO | None = None, *, stderr: bool = False) -> Console:
     return Console(file=out, highlight=False, width=None if out.isatty() else 100)
 
 
-def show(report: Report, target: str, out: Console) -> None:
+def show(report: Report, target: str, out: Console, *, debug: bool = False) -> None:
     """The table of a report, then each counterexample with the command that replays it."""
     out.print(law_table(report))
+    said: set[str] = set()
     for finding in report.findings:
+        # A scheme that cannot be asked says the same to every law: once is enough.
+        fault = finding.message.splitlines()[-3:] if finding.verdict is Verdict.ERROR else []
+        if fault and "\n".join(fault[:1]) in said:
+            continue
+        said.update(fault[:1])
         if finding.verdict is not Verdict.HOLDS or _is_statistical(finding):
-            _details(finding, target, out)
+            _details(finding, target, out, debug)
     out.print(summary(report))
 
 
@@ -73,12 +79,21 @@ def summary(report: Report) -> Text:
     checks = sum(f.checks for f in report.findings)
     broken = [f.law for f in report.findings if f.claimed and f.verdict is not Verdict.HOLDS]
     claims = [f for f in report.findings if f.claimed]
-    text = Text(f"{len(report.findings)} laws: {counts}; {checks} checks. ")
+    text = Text(f"{_count(len(report.findings), 'law')}: {counts}; {_count(checks, 'check')}. ")
     if broken:
         text.append(f"Claimed and not found to hold: {', '.join(broken)}.", style="bold red")
+    elif claims:
+        text.append(
+            f"{'The' if len(claims) == 1 else 'All'} {_count(len(claims), 'claimed law')} ", style="green"
+        )
+        text.append("holds." if len(claims) == 1 else "hold.", style="green")
     else:
-        text.append(f"All {len(claims)} claimed laws hold.", style="green")
+        text.append("None of them is claimed.")
     return text
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" + ("" if number == 1 else "s")
 
 
 def matrix(reports: Sequence[Report]) -> Table:
@@ -97,7 +112,7 @@ def matrix(reports: Sequence[Report]) -> Table:
     return table
 
 
-def show_finding(finding: Finding, out: Console) -> None:
+def show_finding(finding: Finding, out: Console, *, debug: bool = False) -> None:
     """One finding, as after a replay."""
     line = Text.assemble(
         (finding.law, "bold"), " ", (finding.verdict.text, _STYLES[finding.verdict]), f"  {finding.source}"
@@ -105,14 +120,14 @@ def show_finding(finding: Finding, out: Console) -> None:
     if finding.defect is not None:
         line.append(f"  {_number(finding.defect)} against {_number(finding.bound)} {finding.unit}")
     out.print(line)
-    _indented(finding.message, out)
+    _indented(finding.message + (f"\n{finding.traceback}" if debug else ""), out)
 
 
-def _details(finding: Finding, target: str, out: Console) -> None:
+def _details(finding: Finding, target: str, out: Console, debug: bool) -> None:
     style = _STYLES[finding.verdict]
     source = f"  {finding.source}" if finding.verdict is not Verdict.HOLDS else ""
     out.print(Text.assemble((finding.law, "bold"), " ", (finding.verdict.text, style), source))
-    _indented(finding.message, out)
+    _indented(finding.message + (f"\n{finding.traceback}" if debug else ""), out)
     if finding.replay and finding.verdict is not Verdict.HOLDS:
         out.print(Text("  replay:", style="dim"))
         # One line, however long: it is there to be copied.

@@ -157,7 +157,10 @@ def _conclude(law: Law, log: _Log) -> Finding:
         case, error = log.fault
         kind = "not solved" if isinstance(error, StepFailure) else "not measured"
         message = f"{kind}:\n{case.describe()}\n{error}"
-        return law.finding(Verdict.ERROR, checks=log.checks, message=message, **_witness(law, case), **size)
+        trace = getattr(error, "traceback", "")
+        return law.finding(
+            Verdict.ERROR, checks=log.checks, message=message, traceback=trace, **_witness(law, case), **size
+        )
     if not log.checks:
         return law.finding(Verdict.ERROR, message="no case was measured")
     return law.finding(Verdict.HOLDS, checks=log.checks, **size)

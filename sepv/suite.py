@@ -181,7 +181,7 @@ def _run(law: Law, scheme: Scheme, effort: Effort, timeout: float) -> Finding:
             Verdict.ERROR, message=f"the scheme did not come back: stopped after {timeout:g} s (--timeout)"
         )
     except SepvError as error:
-        finding = law.finding(Verdict.ERROR, message=str(error))
+        finding = law.finding(Verdict.ERROR, message=str(error), traceback=getattr(error, "traceback", ""))
     return replace(finding, seconds=time.perf_counter() - start)
 
 

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
-from sepv.errors import SepvError, TargetError
+from sepv.errors import TargetError, UsageError
 from sepv.scheme import Scheme, Step
 
 
@@ -115,8 +115,8 @@ def _module(name: str) -> Any:
         sys.path.insert(0, os.getcwd())
     try:
         return importlib.import_module(name)
-    except SepvError:
-        raise
+    except UsageError as error:
+        raise TargetError(expected=error.expected, received=error.received, remedy=error.remedy) from error
     except ModuleNotFoundError as error:
         missing = error.name or name
         raise TargetError(

@@ -120,7 +120,9 @@ def broken_after(limit: float) -> Problem:
     def gradient(y: np.ndarray) -> np.ndarray:
         return np.where(np.abs(y) < limit, y, np.nan)
 
-    return replace(base, gradient=gradient, mean_gradient=None, hessian=None, structure_derivative=None, check=False)
+    return replace(
+        base, gradient=gradient, mean_gradient=None, hessian=None, structure_derivative=None, check=False
+    )
 
 
 def test_overflow_and_nan_are_a_status() -> None:
@@ -193,7 +195,9 @@ def test_gauss_legendre_is_exact_to_degree_2n_minus_1(nodes: int) -> None:
     ],
 )
 @pytest.mark.parametrize("scheme", schemes.ALL.values(), ids=lambda s: s.name)
-def test_arguments_that_do_not_fit_the_problem_are_refused(scheme: sepv.Scheme, wrong: dict[str, Any]) -> None:
+def test_arguments_that_do_not_fit_the_problem_are_refused(
+    scheme: sepv.Scheme, wrong: dict[str, Any]
+) -> None:
     arguments = {"y": np.array([0.8, 0.6, 0.0]), "h": 0.01, "dW": np.array([0.1]), **wrong}
     with pytest.raises(sepv.UsageError, match="Expected"):
         scheme.step(problems.rigid_body(), arguments["y"], arguments["h"], arguments["dW"])

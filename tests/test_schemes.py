@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from hypothesis import given
+from sepv.reference.problem import exact_problem
 
 from sepv import problems, schemes, strategies
 from sepv.case import Case
 from sepv.fields import derivative_along, vector_field
-from sepv.reference.problem import exact_problem
 from sepv.schemes.discrete_gradient import coordinate_increments
 from sepv.tolerance import gradient_majorant
 
@@ -29,7 +29,7 @@ def test_oscillator_step_is_the_printed_formula() -> None:
 @given(strategies.steps())
 def test_discrete_gradient_is_the_quotient_where_that_can_be_computed(case: Case) -> None:
     """Components of ∇̄₁H are quotients (H(…ȳ_i…) − H(…y_i…))/(ȳ_i − y_i), here taken at 60 digits."""
-    problem, y, h, dW = case.build()
+    problem, y, _, _ = case.build()
     y1 = y + 0.3 * np.cos(np.arange(y.size)) * np.array([1.0, 0.0, 1e-9])[np.arange(y.size) % 3]
     found = coordinate_increments(problem, y[:, None], y1[:, None])[0][:, 0]
     exact = exact_problem(case.problem, 60)

@@ -1,0 +1,202 @@
+"""What a user sees: tables, counterexamples, files, exit codes, and one clear message for each mistake."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from sepv.cli import main
+
+CORRECT = "from sepv.schemes.energy_preserving import step as correct\n"
+
+
+@pytest.fixture
+def call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Run the command line in an empty folder; `code` becomes module `mine` there."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(arguments: str, code: str | None = None) -> Result:
+        if code is not None:
+            (tmp_path / "mine.py").write_text("import numpy as np\nimport sepv\n" + CORRECT + code)
+            monkeypatch.syspath_prepend(str(tmp_path))
+            monkeypatch.delitem(__import__("sys").modules, "mine", raising=False)
+        return CliRunner().invoke(main, shlex.split(arguments))
+
+    return run
+
+
+def test_verify_prints_the_table_and_writes_json(call, tmp_path: Path) -> None:
+    result = call("verify energy-preserving --law energy --law casimir --json out.json")
+    assert result.exit_code == 0, result.output
+    for word in ("Prop. 3.1", "Prop. 3.2", "holds", "energy ulp", "All 2 claimed laws hold."):
+        assert word in result.output
+    report = json.loads((tmp_path / "out.json").read_text())
+    assert set(report) == {"suite", "scheme", "counts", "laws"}
+    assert sum(report["counts"].values()) == len(report["laws"]) == report["suite"]["laws"] == 2
+    assert set(report["counts"]) == {"holds", "violated", "inconclusive", "not_applicable", "error"}
+    for law in report["laws"]:
+        assert {"law", "claimed", "verdict", "defect", "bound", "unit", "source", "witness", "replay"} <= set(
+            law
+        )
+        assert law["verdict"] == "holds"
+        assert 0 <= law["defect"] <= law["bound"]
+    assert [p.name for p in tmp_path.iterdir()] == ["out.json"]
+
+
+def test_a_violation_shows_a_counterexample_that_replays(call) -> None:
+    result = call("verify midpoint --law energy")
+    assert result.exit_code == 0  # not claimed
+    assert "violated" in result.output
+    command = re.search(r"sepv (verify midpoint --law energy --replay \S+)", result.output)
+    assert command
+    again = call(command[1])
+    assert again.exit_code == 1
+    assert "violated" in again.output
+    assert "H(y1) − H(y0)" in again.output
+    # The same witness is harmless for a scheme that obeys the law.
+    assert call(command[1].replace("midpoint", "energy-preserving")).exit_code == 0
+
+
+def test_claims_make_violations_count(call) -> None:
+    assert call("verify midpoint --law energy --claim energy").exit_code == 1
+    result = call("verify mine:correct --claim energy,casimir --law energy --law casimir", "")
+    assert result.exit_code == 0
+    assert "All 2 claimed laws hold" in result.output
+
+
+def test_a_bare_function_claims_nothing_and_is_measured(call) -> None:
+    result = call("verify mine:correct --law energy --law contract", "")
+    assert result.exit_code == 0
+    assert "The 1 claimed law holds" in result.output  # the contract, which whoever hands over a step signs
+
+
+def test_several_targets_give_a_matrix(call) -> None:
+    result = call("verify energy-preserving euler-heun --law energy --law identity --examples 30")
+    assert result.exit_code == 0
+    assert "holds +" in result.output
+    assert "+ claimed" in result.output
+
+
+def test_list_shows_everything(call) -> None:
+    result = call("list")
+    assert result.exit_code == 0
+    for word in ("discrete-gradient", "lotka-volterra", "mean-square-order", "Prop. 3.2"):
+        assert word in result.output
+
+
+def test_quiet_prints_one_line(call) -> None:
+    result = call("verify energy-preserving --law identity -q")
+    assert len(result.output.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "exit_code", "words"),
+    [
+        ("verify nosuch", None, 3, ["built-in scheme", "nosuch"]),
+        ("verify no.such.module:step", None, 3, ["no module named 'no'", "Remedy"]),
+        ("verify mine:nosuch", "", 3, ["attribute 'nosuch'", "correct"]),
+        ("verify mine:step", "step = 3", 3, ["step(problem, y, h, dW)", "int"]),
+        ("verify mine:step", "def step(y, h): return y", 3, ["(problem, y, h, dW)", "(y, h)"]),
+        ("verify mine:Step", "class Step: pass", 3, ["a class"]),
+        ("verify mine:step", "raise RuntimeError('broken module')", 3, ["RuntimeError", "broken module"]),
+        ("verify mine:step", "import nosuchlibrary", 3, ["install nosuchlibrary"]),
+        ("verify mine:step", "step = sepv.Scheme(name='x', step=5)", 3, ["Scheme(step=…)"]),
+        ("verify energy-preserving --law nosuch", None, 2, ["a law, one of", "nosuch"]),
+        ("verify energy-preserving --claim nosuch", None, 2, ["a law, one of", "nosuch"]),
+        ("verify energy-preserving --replay xyz --law energy", None, 2, ["token", "copy the whole command"]),
+        ("verify energy-preserving --replay xyz", None, 2, ["one --law"]),
+        ("verify energy-preserving midpoint --json x.json", None, 2, ["one TARGET"]),
+        ("verify energy-preserving --law identity --json nosuch/x.json", None, 2, ["a folder that exists"]),
+        ("verify", None, 2, ["TARGET"]),
+        ("verify energy-preserving --seed -1", None, 2, ["--seed"]),
+        ("verify energy-preserving --examples 0", None, 2, ["--examples"]),
+    ],
+)
+def test_mistakes_get_one_clear_message(
+    call, arguments: str, code: str | None, exit_code: int, words: list[str]
+) -> None:
+    result = call(arguments, code)
+    assert result.exit_code == exit_code, result.output
+    for word in words:
+        assert word in result.output
+    assert "Traceback" not in result.output
+
+
+FAULTY = {
+    "raises": ("return 1 / 0", 3, "error", "ZeroDivisionError"),
+    "returns NaN": ("return y * np.nan", 1, "violated", "finite"),
+    "returns infinity": ("return y / 0.0", 1, "violated", "finite"),
+    "wrong shape": ("return y[:1]", 1, "violated", "shape"),
+    "an extra axis": ("return y[None]", 1, "violated", "shape"),
+    "a list": ("return list(y)", 1, "violated", "NumPy array"),
+    "None": ("pass", 1, "violated", "NoneType"),
+    "a generator": ("yield y", 1, "violated", "generator"),
+    "single precision": ("return y.astype(np.float32)", 1, "violated", "float32"),
+    "integers": ("return np.ones(y.shape, dtype=int)", 1, "violated", "int64"),
+    "complex": ("return y + 0j", 1, "violated", "complex128"),
+    "changes y": ("y *= 0.5\n    return y.copy()", 1, "violated", "y unchanged"),
+    "changes dW": ("dW += 1.0\n    return y.copy()", 1, "violated", "dW unchanged"),
+    "two answers": ("return y + np.random.default_rng().random()", 1, "violated", "one answer"),
+    "two answers by counting": (
+        "step.calls = getattr(step, 'calls', 0) + 1\n    return y + step.calls",
+        1,
+        "violated",
+        "one answer",
+    ),
+    "fails to solve": (
+        "raise sepv.StepFailure(problem='p', y=y, delta=h, residual=1.0, status='gave up', iterations=9)",
+        3,
+        "error",
+        "gave up",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTY)
+def test_faulty_steps_end_in_a_verdict(call, fault: str) -> None:
+    body, exit_code, verdict, word = FAULTY[fault]
+    result = call(
+        "verify mine:step --law contract --examples 20", f"def step(problem, y, h, dW):\n    {body}\n"
+    )
+    assert result.exit_code == exit_code, result.output
+    assert verdict in result.output
+    assert word in result.output
+    assert "Traceback" not in result.output
+
+
+def test_a_raising_scheme_is_an_error_of_every_law_and_debug_shows_it(call) -> None:
+    code = "def step(problem, y, h, dW):\n    raise RuntimeError('out of order')\n"
+    result = call("verify mine:step --examples 10 --paths 256", code)
+    assert result.exit_code == 3
+    from sepv.suite import LAWS
+
+    assert f"{len(LAWS)} error" in result.output
+    assert "out of order" in result.output
+    shown = call("verify mine:step --examples 10 --law energy --debug", code)
+    assert "Traceback" in shown.output or isinstance(shown.exception, RuntimeError)
+
+
+def test_a_scheme_that_does_not_come_back_is_stopped(call) -> None:
+    code = "def step(problem, y, h, dW):\n    while True:\n        pass\n"
+    result = call(
+        "verify mine:scheme --law energy --timeout 0.5",
+        code + "scheme = sepv.Scheme(name='hangs', step=step)\n",
+    )
+    assert result.exit_code == 3
+    assert "did not come back" in result.output
+
+
+def test_the_module_can_be_run() -> None:
+    import subprocess
+    import sys
+
+    done = subprocess.run(
+        [sys.executable, "-m", "sepv", "--version"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0
+    assert "sepv" in done.stdout
