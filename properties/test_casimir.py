@@ -48,7 +48,7 @@ law = searched(
     name="casimir",
     statement="yᵀAy and bᵀy are kept for every quadratic and linear Casimir",
     source="Prop. 3.2",
-    unit="Casimir ulp",
+    unit="ulp of C",
     cases=cases,
     check=check,
 )

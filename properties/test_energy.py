@@ -46,7 +46,7 @@ law = searched(
     name="energy",
     statement="H(y1) = H(y0) for every skew B, polynomial H and every step",
     source="Prop. 3.1",
-    unit="energy ulp",
+    unit="ulp of H",
     cases=any_steps,
     check=check,
 )

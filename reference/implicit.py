@@ -39,6 +39,20 @@ def energy_preserving(
     return _solve(problem, y0, right_side, digits, delta)
 
 
+def averaged_vector_field(
+    data: PolynomialSystem | NamedProblem, y: Sequence[float], h: float, dW: Sequence[float], digits: int = 50
+) -> ReferenceStep:
+    """Equation (2.2), for constant B: y1 = y0 + B ∫₀¹∇H(y0 + τ(y1 − y0))dτ Δ, B taken once, at y0."""
+    problem = exact_problem(data, digits + 15)
+    y0, delta = problem.state(y), problem.random_step(h, dW)
+    B = problem.structure(y0)
+
+    def right_side(y1: Vector) -> Vector:
+        return [delta * v for v in problem.apply(B, problem.mean_gradient(y0, y1))]
+
+    return _solve(problem, y0, right_side, digits, delta)
+
+
 def midpoint(
     data: PolynomialSystem | NamedProblem, y: Sequence[float], h: float, dW: Sequence[float], digits: int = 50
 ) -> ReferenceStep:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import getpass
-import json
 import os
 import sys
 import tempfile
@@ -63,43 +62,31 @@ def friendly(command: Callable[..., Any]) -> Callable[..., Any]:
     return click.option("--debug", is_flag=True, help="Show tracebacks.")(wrapper)
 
 
+_FILE = click.Path(dir_okay=False)
+
+
 @main.command(epilog=_EPILOG)
-@click.argument("targets", nargs=-1, required=True, metavar="TARGET...")
+@click.argument("targets", nargs=-1, metavar="TARGET...")
 @click.option("--law", "laws", multiple=True, metavar="NAME", help="Only this law; may be repeated.")
 @click.option("--claim", "claims", multiple=True, metavar="LAW,…", help="Hold the scheme to these laws too.")
-@click.option("--json", "json_file", type=click.Path(dir_okay=False), help="Write the report to this file.")
-@click.option(
-    "--replay", "token", metavar="TOKEN", help="Measure one witness, as a report prints it; needs one --law."
-)
+@click.option("--json", "json", type=_FILE, help="Write the report to this file.")
+@click.option("--junit", "junit", type=_FILE, help="Write JUnit XML to this file.")
+@click.option("--badge", "badge", type=_FILE, help="Write JSON for a badge to this file.")
+@click.option("--expected", type=click.Path(), help="Expected failures, a TOML file; strict both ways.")
+@click.option("--write-expected", type=_FILE, help="Write today's violations as such a file.")
+@click.option("--replay", "token", metavar="TOKEN", help="Measure one witness; needs one --law.")
 @click.option(
     "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths."
 )
-@click.option(
-    "--examples", type=click.IntRange(min=1), default=None, help="Examples for each law. [default: 100]"
-)
-@click.option(
-    "--paths", type=click.IntRange(min=64), default=None, help="Most paths for a law. [default: 4096]"
-)
+@click.option("--examples", type=click.IntRange(min=1), help="Examples for each law. [default: 100]")
+@click.option("--paths", type=click.IntRange(min=64), help="Most paths for a law. [default: 8192]")
 @click.option("--deep", is_flag=True, help="The nightly effort: 2000 examples, 16384 paths.")
 @click.option(
     "--timeout", type=click.FloatRange(min=0.1), default=600.0, show_default=True, help="Seconds a law."
 )
 @click.option("-q", "--quiet", is_flag=True, help="Only the last line.")
 @friendly
-def verify(
-    targets: tuple[str, ...],
-    laws: tuple[str, ...],
-    claims: tuple[str, ...],
-    json_file: str | None,
-    token: str | None,
-    seed: int,
-    examples: int | None,
-    paths: int | None,
-    deep: bool,
-    timeout: float,
-    quiet: bool,
-    debug: bool,
-) -> None:
+def verify(targets: tuple[str, ...], laws: tuple[str, ...], claims: tuple[str, ...], **options: Any) -> None:
     """Measure every law on TARGET: a built-in name or module:attribute.
 
     The attribute is a sepv.Scheme, or a function step(problem, y, h, dW) -> y_next. Laws that a scheme
@@ -110,37 +97,40 @@ def verify(
     sepv verify energy-preserving midpoint euler-heun
     sepv verify mymodule:step --claim energy,casimir --json report.json
     """
+    from sepv.files import require_folder
+
+    if not targets:
+        raise UsageError(expected="a TARGET", received="none", remedy="sepv verify energy-preserving")
+    if options["token"] is not None:
+        _replay(targets, laws, options["token"], options["debug"])
+    files = {kind: options[kind] for kind in ("json", "junit", "badge", "write_expected")}
+    if len(targets) > 1 and (any(files.values()) or options["expected"]):
+        raise UsageError(
+            expected="one TARGET with files", received=f"{len(targets)} targets", remedy="run once for each"
+        )
+    for path in files.values():
+        require_folder(path)
+    arguments = {
+        "laws": laws or None,
+        "claims": [c.strip() for text in claims for c in text.split(",") if c.strip()],
+        "effort": _effort(**options),
+        "timeout": options["timeout"],
+        "expected": options["expected"],
+    }
+    raise SystemExit(_verify(targets, arguments, files, options["quiet"], options["debug"]))
+
+
+def _effort(*, seed: int, examples: int | None, paths: int | None, deep: bool, **_: Any) -> Any:
     from dataclasses import replace
 
     from sepv.law import Effort
 
-    if token is not None:
-        _replay(targets, laws, token, debug)
-    if json_file and len(targets) > 1:
-        raise UsageError(
-            expected="one TARGET with --json",
-            received=f"{len(targets)} targets",
-            remedy="write one file for each",
-        )
-    if json_file and not Path(json_file).resolve().parent.is_dir():
-        raise UsageError(
-            expected="--json FILE in a folder that exists", received=json_file, remedy="make the folder first"
-        )
     effort = Effort().deeper() if deep else Effort()
-    effort = replace(effort, seed=seed, examples=examples or effort.examples, paths=paths or effort.paths)
-    claimed = [c.strip() for text in claims for c in text.split(",") if c.strip()]
-    raise SystemExit(_verify(targets, laws or None, claimed, effort, timeout, json_file, quiet, debug))
+    return replace(effort, seed=seed, examples=examples or effort.examples, paths=paths or effort.paths)
 
 
 def _verify(
-    targets: tuple[str, ...],
-    laws: tuple[str, ...] | None,
-    claims: list[str],
-    effort: Any,
-    timeout: float,
-    json_file: str | None,
-    quiet: bool,
-    debug: bool,
+    targets: tuple[str, ...], options: dict[str, Any], files: dict[str, str | None], quiet: bool, debug: bool
 ) -> int:
     from sepv import report as page
     from sepv.progress import watching
@@ -149,10 +139,9 @@ def _verify(
     out, reports = page.console(), []
     for target in targets:
         with watching(quiet) as progress:
-            report = run(target, laws=laws, claims=claims, effort=effort, timeout=timeout, progress=progress)
+            report = run(target, progress=progress, **options)
         reports.append(report)
-        if json_file:
-            write_atomically(json_file, json.dumps(report.to_json(), indent=2, ensure_ascii=False) + "\n")
+        _write(report, files)
         if quiet:
             out.print(page.summary(report))
         else:
@@ -162,6 +151,21 @@ def _verify(
     if len(reports) > 1 and not quiet:
         out.print(page.matrix(reports))
     return max(reports, key=lambda r: r.exit_code).exit_code
+
+
+def _write(report: Any, files: dict[str, str | None]) -> None:
+    from sepv.expected import to_toml
+    from sepv.files import badge_json, junit_xml, report_json, write_atomically
+
+    texts = {
+        "json": report_json,
+        "junit": junit_xml,
+        "badge": badge_json,
+        "write_expected": lambda r: to_toml(r.scheme.name, r.findings),
+    }
+    for kind, path in files.items():
+        if path:
+            write_atomically(path, texts[kind](report))
 
 
 def _replay(targets: tuple[str, ...], laws: tuple[str, ...], token: str, debug: bool) -> None:
@@ -216,20 +220,6 @@ def _order(scheme: Any) -> str:
 def _problem_row(name: str, factory: Any) -> tuple[str, str, str]:
     problem = factory()
     return name, f"{problem.dimension}, {problem.noises}", factory.__doc__.splitlines()[0]
-
-
-def write_atomically(path: str, text: str) -> None:
-    """Write a file whole or not at all: a reader never sees half of it."""
-    target = Path(path).resolve()
-    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        os.chmod(name, 0o644)
-        os.replace(name, target)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
 
 
 if __name__ == "__main__":

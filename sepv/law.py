@@ -68,6 +68,8 @@ class Finding:
         Whether the bound is a lower one, as for a measured order.
     traceback : str
         Of an exception that the scheme raised.
+    expected : str or None
+        The reason of an expected failure, which was checked by its witness.
     """
 
     law: str
@@ -84,6 +86,7 @@ class Finding:
     seconds: float = 0.0
     at_least: bool = False
     traceback: str = ""
+    expected: str | None = None
 
 
 @dataclass(frozen=True)
@@ -103,7 +106,7 @@ class Effort:
     """
 
     examples: int = 100
-    paths: int = 4096
+    paths: int = 8192
     seed: int = 0
     shrink_seconds: float = 20.0
     cache: dict[Any, Any] = field(default_factory=dict, compare=False, repr=False)

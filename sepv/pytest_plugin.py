@@ -1,7 +1,8 @@
 """The pytest door. Opt-in: ``pytest -p sepv.pytest_plugin``; it never loads itself.
 
 ``pytest -p sepv.pytest_plugin --pyargs sepv.properties --scheme mypkg.mymodule:step`` runs the laws on a scheme
-of yours; without ``--scheme`` (or ini ``sepv_schemes``) on the built-in ones. Claimed laws must hold. Others are
+of yours; without ``--scheme`` (or ini ``sepv_schemes``, or a list of that name in a test module) on the
+built-in ones. Claimed laws must hold. Others are
 measured; the matrix at the end shows both.
 """
 
@@ -27,7 +28,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--scheme", action="append", default=[], metavar="MODULE:ATTR", help="scheme to verify; repeatable"
     )
     group.addoption("--sepv-examples", type=int, default=None, help="examples for each law (default 100)")
-    group.addoption("--sepv-paths", type=int, default=None, help="most paths for a law (default 4096)")
+    group.addoption("--sepv-paths", type=int, default=None, help="most paths for a law (default 8192)")
     group.addoption("--sepv-seed", default="0", help="seed of examples and paths, or 'fresh' for a new one")
     parser.addini("sepv_schemes", "schemes to verify, one a line", type="linelist")
 
@@ -59,7 +60,8 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     from sepv.schemes import ALL
     from sepv.target import load_scheme
 
-    names = metafunc.config.getoption("--scheme") or metafunc.config.getini("sepv_schemes") or list(ALL)
+    asked = metafunc.config.getoption("--scheme") or getattr(metafunc.module, "sepv_schemes", None)
+    names = asked or metafunc.config.getini("sepv_schemes") or list(ALL)
     try:
         schemes = [load_scheme(name) for name in names]
     except SepvError as error:

@@ -49,7 +49,7 @@ def show(report: Report, target: str, out: Console, *, debug: bool = False) -> N
         if fault and "\n".join(fault[:1]) in said:
             continue
         said.update(fault[:1])
-        if finding.verdict is not Verdict.HOLDS or _is_statistical(finding):
+        if finding.verdict is not Verdict.HOLDS or finding.expected is not None or _is_statistical(finding):
             _details(finding, target, out, debug)
     out.print(summary(report))
 
@@ -67,9 +67,11 @@ def law_table(report: Report) -> Table:
     for heading in ("unit", "source"):
         table.add_column(heading)
     for f in report.findings:
-        verdict = Text(f.verdict.text, style=_STYLES[f.verdict])
+        text = "n/a" if f.verdict is Verdict.NOT_APPLICABLE else f.verdict.text
+        verdict = Text(text, style=_STYLES[f.verdict])
         limit = "" if f.bound is None else f"{'≥' if f.at_least else '≤'} {_number(f.bound)}"
-        table.add_row(f.law, "yes" if f.claimed else "", verdict, _number(f.defect), limit, f.unit, f.source)
+        claimed = "fails" if f.expected is not None else "yes" if f.claimed else ""
+        table.add_row(f.law, claimed, verdict, _number(f.defect), limit, f.unit, f.source)
     return table
 
 
@@ -77,8 +79,14 @@ def summary(report: Report) -> Text:
     """One line: the counts, and what the claims came to."""
     counts = ", ".join(f"{n} {Verdict(k).text}" for k, n in report.counts.items() if n)
     checks = sum(f.checks for f in report.findings)
-    broken = [f.law for f in report.findings if f.claimed and f.verdict is not Verdict.HOLDS]
-    claims = [f for f in report.findings if f.claimed]
+    claims = [f for f in report.findings if f.claimed and f.expected is None]
+    silent = (Verdict.HOLDS, Verdict.NOT_APPLICABLE)
+    broken = [f.law for f in claims if f.verdict not in silent]
+    passing = [f.law for f in report.findings if f.expected is not None and f in report.failing]
+    if passing:
+        text = Text(f"{_count(len(report.findings), 'law')}: {counts}. ")
+        text.append(f"Expected failures that pass: {', '.join(passing)}.", style="bold red")
+        return text
     text = Text(f"{_count(len(report.findings), 'law')}: {counts}; {_count(checks, 'check')}. ")
     if broken:
         text.append(f"Claimed and not found to hold: {', '.join(broken)}.", style="bold red")
@@ -127,6 +135,8 @@ def _details(finding: Finding, target: str, out: Console, debug: bool) -> None:
     style = _STYLES[finding.verdict]
     source = f"  {finding.source}" if finding.verdict is not Verdict.HOLDS else ""
     out.print(Text.assemble((finding.law, "bold"), " ", (finding.verdict.text, style), source))
+    if finding.expected is not None and finding.verdict is Verdict.VIOLATED:
+        _indented(f"expected: {finding.expected}", out)
     _indented(finding.message + (f"\n{finding.traceback}" if debug else ""), out)
     if finding.replay and finding.verdict is not Verdict.HOLDS:
         out.print(Text("  replay:", style="dim"))
@@ -145,4 +155,6 @@ def _is_statistical(finding: Finding) -> bool:
 
 
 def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.3g}"
+    if value is None:
+        return ""
+    return f"{value:.3g}" if 1e-3 <= abs(value) < 1e4 or not value else f"{value:.1e}"

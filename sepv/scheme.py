@@ -30,7 +30,8 @@ class Scheme:
     source : str
         Where the formula comes from.
     mean_square_order, weak_order : float, optional
-        Claimed orders; with the first, the laws "mean-square-order" and "right-limit" are claimed.
+        Claimed orders: with the first, the laws "mean-square-order" and "right-limit" are claimed, with the
+        second "weak-order".
     solve : callable (problem, y, h, dW) -> Solution, optional
         For implicit schemes: the same step for a batch, with residual, counts and status of each lane.
     solver_tolerance : float
@@ -57,6 +58,8 @@ class Scheme:
         claims = {self.claims} if isinstance(self.claims, str) else set(self.claims)
         if self.mean_square_order is not None:
             claims |= {"mean-square-order", "right-limit"}
+        if self.weak_order is not None:
+            claims |= {"weak-order"}
         object.__setattr__(self, "claims", frozenset(c.strip().replace("_", "-") for c in claims))
         if not callable(self.step):
             raise UsageError(

@@ -50,6 +50,7 @@ def searched(
     check: Check,
     faults_violate: bool = False,
     always_claimed: bool = False,
+    not_applicable: Callable[[Scheme], str] = lambda _: "",
 ) -> Law:
     """A law whose cases are drawn by a strategy and measured one by one.
 
@@ -59,9 +60,14 @@ def searched(
         May raise what `sepv.candidate.ask` raises.
     faults_violate : bool
         For the contract: an answer of the wrong shape or type is a violation there, an error elsewhere.
+    not_applicable : scheme -> str
+        Why the law says nothing about this scheme; empty where it does.
     """
 
     def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
+        reason = not_applicable(scheme)
+        if reason:
+            return law.finding(Verdict.NOT_APPLICABLE, message=reason)
         return _search(law, scheme, effort, cases(), check, faults_violate)
 
     def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:

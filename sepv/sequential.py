@@ -146,4 +146,11 @@ def _failed(law: Law, setup: Setup, errors: StrongErrors) -> Finding:
 
 
 def _first(errors: StrongErrors, paths: int) -> StrongErrors:
-    return StrongErrors(errors.T, errors.steps, errors.squared[:, :paths], errors.failures, errors.scale)
+    return StrongErrors(
+        errors.T,
+        errors.steps,
+        errors.squared[:, :paths],
+        errors.errors[:, :, :paths],
+        errors.failures,
+        errors.scale,
+    )

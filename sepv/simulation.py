@@ -177,7 +177,7 @@ def run_chunk(
     work = np.zeros(3, dtype=np.int64)
     alive = np.arange(paths)
     for n in range(raw.shape[0]):
-        value, code, cost = _advance(scheme, problem, y[:, alive], h, used[n][:, alive])
+        value, code, cost = advance(scheme, problem, y[:, alive], h, used[n][:, alive])
         work += cost
         ok = code == Status.CONVERGED
         status[alive[~ok]], failed[alive[~ok]] = code[~ok], n
@@ -194,7 +194,7 @@ def run_chunk(
     return Ensemble(y, W, status, failed, worst[0], worst[1], *(int(v) for v in work))
 
 
-def _advance(
+def advance(
     scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array
 ) -> tuple[Array, np.ndarray, np.ndarray]:
     """One step of a batch: value, status of each lane, (gradients, structures, iterations)."""

@@ -219,7 +219,12 @@ def contraction_radius(problem: Problem, y: Array) -> float:
 
     `problem` must be polynomial data.
     """
-    best = 0.0
+    return contraction_ball(problem, y)[0]
+
+
+def contraction_ball(problem: Problem, y: Array) -> tuple[float, float]:
+    """(radius, r): for |Δ| ≤ radius the solution stays within r of y, also for complex Δ: majorants bound both."""
+    best = (0.0, 0.0)
     size = 1 + float(np.max(np.abs(y)))
     for r in (size, size / 2, size / 4, size / 8):
         reach = np.abs(y) + r
@@ -229,7 +234,8 @@ def contraction_radius(problem: Problem, y: Array) -> float:
         )
         field = float(np.max(B @ g))
         slope = float(np.max(np.sum(np.einsum("ijk,j->ik", dB, g) + B @ H, axis=1)))
-        best = max(best, min(r / field if field else np.inf, CONTRACTION / slope if slope else np.inf))
+        radius = min(r / field if field else np.inf, CONTRACTION / slope if slope else np.inf)
+        best = max(best, (radius, r))
     return best
 
 

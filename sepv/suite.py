@@ -10,10 +10,13 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from sepv._version import __version__
 from sepv.errors import SepvError, UsageError
+from sepv.expected import ExpectedFailure
+from sepv.expected import load as load_expected
 from sepv.law import Effort, Finding, Law, Verdict
 from sepv.scheme import Scheme, Step
 from sepv.target import load_scheme
@@ -21,13 +24,21 @@ from sepv.target import load_scheme
 # In the order in which a reader wants them: what nothing else makes sense without comes first.
 LAWS = (
     "contract",
+    "reproducibility",
     "identity",
     "energy",
     "casimir",
     "midpoint",
+    "reduction",
+    "noise-sum",
+    "expansion",
     "symmetry",
+    "equivariance",
     "reference",
+    "rounding",
+    "truncation",
     "mean-square-order",
+    "weak-order",
     "right-limit",
 )
 
@@ -54,18 +65,33 @@ class Report:
 
     @property
     def exit_code(self) -> int:
-        """0: every claimed law holds. 1: a claimed law does not. 3: a law ended in an error. 130: interrupted.
+        """0: every claimed law holds. 1: one does not, or an expected failure passes. 3: an error. 130: interrupted.
 
         A claimed law that is inconclusive was not shown to hold: 1. Nothing measured at all: 1.
         """
         if self.interrupted:
             return 130
-        open_ = (Verdict.VIOLATED, Verdict.INCONCLUSIVE)
-        if any(f.claimed and f.verdict in open_ for f in self.findings):
+        if self.failing:
             return 1
         if any(f.verdict is Verdict.ERROR for f in self.findings):
             return 3
-        return 0 if any(f.verdict in (Verdict.HOLDS, *open_) for f in self.findings) else 1
+        measured = (Verdict.HOLDS, Verdict.VIOLATED, Verdict.INCONCLUSIVE)
+        return 0 if any(f.verdict in measured for f in self.findings) else 1
+
+    @property
+    def failing(self) -> tuple[Finding, ...]:
+        """Claimed laws that were not shown to hold, and expected failures that no longer fail."""
+        open_ = (Verdict.VIOLATED, Verdict.INCONCLUSIVE)
+        return tuple(
+            f
+            for f in self.findings
+            if (f.expected is None and f.claimed and f.verdict in open_)
+            or (
+                f.expected is not None
+                and f.verdict is not Verdict.VIOLATED
+                and f.verdict is not Verdict.ERROR
+            )
+        )
 
     def finding(self, law: str) -> Finding:
         """The finding of one law."""
@@ -87,7 +113,9 @@ class Report:
                 "source": self.scheme.source,
                 "claims": sorted(self.scheme.claims),
                 "mean_square_order": self.scheme.mean_square_order,
+                "weak_order": self.scheme.weak_order,
                 "solver_tolerance": self.scheme.solver_tolerance,
+                "truncation": self.scheme.truncation,
             },
             "counts": self.counts,
             "laws": [_finding_json(f) for f in self.findings],
@@ -120,6 +148,7 @@ def verify(
     effort: Effort | None = None,
     timeout: float = 600.0,
     progress: Progress | None = None,
+    expected: str | Path | None = None,
 ) -> Report:
     """Measure every law on a scheme, claimed or not.
 
@@ -136,6 +165,8 @@ def verify(
         in the verdict `error`. Python code can be interrupted so, a compiled loop cannot.
     progress : callable (law, finding or None), optional
         Called before each law with None, and after it with its finding.
+    expected : path, optional
+        A file of expected failures (`sepv.expected`): their laws are checked by the pinned witness alone.
 
     Raises
     ------
@@ -145,6 +176,7 @@ def verify(
     chosen, effort = load_laws(laws), effort or Effort()
     candidate = load_scheme(scheme, claims)
     load_laws(candidate.claims)
+    failures = load_expected(expected, LAWS) if expected is not None else {}
     findings: list[Finding] = []
     interrupted = False
     for law in chosen:
@@ -154,7 +186,7 @@ def verify(
         if progress:
             progress(law, None)
         try:
-            finding = _claimed(law, candidate, _run(law, candidate, effort, timeout))
+            finding = _claimed(law, candidate, _run(law, candidate, effort, timeout, failures.get(law.name)))
         except KeyboardInterrupt:
             interrupted = True
             finding = _claimed(law, candidate, law.finding(Verdict.ERROR, message="interrupted"))
@@ -171,18 +203,39 @@ def replay(scheme: str | Scheme | Step, law: str, witness: dict[str, Any]) -> Fi
     return _claimed(chosen, candidate, chosen.replay(chosen, candidate, witness))
 
 
-def _run(law: Law, scheme: Scheme, effort: Effort, timeout: float) -> Finding:
+def _run(
+    law: Law, scheme: Scheme, effort: Effort, timeout: float, failure: ExpectedFailure | None
+) -> Finding:
     start = time.perf_counter()
     try:
         with _deadline(timeout):
-            finding = law.run(law, scheme, effort)
+            finding = law.replay(law, scheme, failure.witness) if failure else law.run(law, scheme, effort)
     except _TimedOut:
         finding = law.finding(
             Verdict.ERROR, message=f"the scheme did not come back: stopped after {timeout:g} s (--timeout)"
         )
+    except KeyError as error:
+        if failure is None:
+            raise
+        raise _wrong_witness(law, f"no {error}") from error
     except SepvError as error:
+        if failure is not None and type(error) is UsageError:
+            raise _wrong_witness(law, error.received) from error
         finding = law.finding(Verdict.ERROR, message=str(error), traceback=getattr(error, "traceback", ""))
+    if failure:
+        finding = replace(finding, expected=failure.reason)
+        if finding.verdict is not Verdict.VIOLATED:
+            note = f"expected to be violated ({failure.reason}), but its witness is not: remove the entry"
+            finding = replace(finding, message=f"{note}\n{finding.message}".strip())
     return replace(finding, seconds=time.perf_counter() - start)
+
+
+def _wrong_witness(law: Law, received: str) -> UsageError:
+    return UsageError(
+        expected=f"a witness of the law {law.name} in the file of expected failures",
+        received=received,
+        remedy="copy what the report prints after --replay, or write the file anew with --write-expected",
+    )
 
 
 def _claimed(law: Law, scheme: Scheme, finding: Finding) -> Finding:
@@ -226,5 +279,6 @@ def _finding_json(finding: Finding) -> dict[str, Any]:
         "replay": finding.replay,
         "checks": finding.checks,
         "message": finding.message,
+        "expected": finding.expected,
         "seconds": round(finding.seconds, 3),
     }

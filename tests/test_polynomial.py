@@ -36,9 +36,10 @@ def test_value_is_the_exact_sum_to_rounding_of_its_terms(case: tuple[Polynomial,
     p, y = case
     value, size = PolynomialMap((), (p,))(np.array(y)), PolynomialMap((), (p,)).majorant(np.array(y))
     # A term takes at most 6 products, the sum at most 5 additions: 12 roundings of the majorant.
-    assert abs(Fraction(float(value)) - exactly(p, y)) <= 12 * Fraction(2) ** -53 * Fraction(float(size)) + Fraction(
-        2
-    ) ** -1070
+    assert (
+        abs(Fraction(float(value)) - exactly(p, y))
+        <= 12 * Fraction(2) ** -53 * Fraction(float(size)) + Fraction(2) ** -1070
+    )
 
 
 @given(cases, st.integers(0, 4))
@@ -75,7 +76,8 @@ def test_algebra_agrees_with_hand_calculation() -> None:
 
 
 @pytest.mark.parametrize(
-    ("terms", "word"), [({(1,): 1.0}, "2 exponents"), ({(1, -1): 1.0}, "≥ 0"), ({(1, 0): float("nan")}, "finite")]
+    ("terms", "word"),
+    [({(1,): 1.0}, "2 exponents"), ({(1, -1): 1.0}, "≥ 0"), ({(1, 0): float("nan")}, "finite")],
 )
 def test_wrong_terms_are_refused(terms: dict[tuple[int, ...], float], word: str) -> None:
     with pytest.raises(UsageError, match=word):

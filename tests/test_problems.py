@@ -84,7 +84,10 @@ WRONG = {
         {"structure": lambda y: np.array([[0 * y[0], -1 + 0 * y[0]], [1 + 1e-9 + 0 * y[0], 0 * y[0]]])},
         "skew-symmetric",
     ),
-    "gradient of another H": ({"gradient": lambda y: np.array([y[0] ** 3, 2 * y[1]])}, r"gradient\[2\].*∂H/∂y2"),
+    "gradient of another H": (
+        {"gradient": lambda y: np.array([y[0] ** 3, 2 * y[1]])},
+        r"gradient\[2\].*∂H/∂y2",
+    ),
     "gradient wrong by 1e-6": (
         {"gradient": lambda y: np.array([y[0] ** 3, y[1] + 1e-6])},
         r"gradient\[2\]",
@@ -93,7 +96,10 @@ WRONG = {
     "no linear Casimir": ({"linear_casimirs": ((1.0, 0.0),)}, "Casimir"),
     "Casimir not symmetric": ({"casimirs": (((0.0, 1.0), (0.0, 0.0)),)}, "symmetric"),
     "Casimir of wrong shape": ({"casimirs": (np.eye(3),)}, r"\(2, 2\)"),
-    "Hessian of another H": ({"hessian": lambda y: np.array([[y[0], 0 * y[0]], [0 * y[0], 1 + 0 * y[0]]])}, "hessian"),
+    "Hessian of another H": (
+        {"hessian": lambda y: np.array([[y[0], 0 * y[0]], [0 * y[0], 1 + 0 * y[0]]])},
+        "hessian",
+    ),
     "negative noise": ({"noise": (-1.0,)}, "≥ 0"),
     "noise not a number": ({"noise": (float("nan"),)}, "finite"),
     "d = 0": ({"dimension": 0}, "d ≥ 1"),

@@ -22,8 +22,12 @@ def test_refined_paths_agree_on_the_coarse_grid() -> None:
 def test_the_same_path_comes_out_for_any_batch_size() -> None:
     whole = wiener.increments(5, T=1.0, steps=12, noises=2, paths=200)
     assert np.array_equal(wiener.increments(5, T=1.0, steps=12, noises=2, paths=3), whole[:, :, :3])
-    assert np.array_equal(wiener.increments(5, T=1.0, steps=12, noises=2, paths=range(63, 130)), whole[:, :, 63:130])
-    assert np.array_equal(wiener.increments(5, T=1.0, steps=12, noises=2, paths=range(199, 200)), whole[:, :, 199:])
+    assert np.array_equal(
+        wiener.increments(5, T=1.0, steps=12, noises=2, paths=range(63, 130)), whole[:, :, 63:130]
+    )
+    assert np.array_equal(
+        wiener.increments(5, T=1.0, steps=12, noises=2, paths=range(199, 200)), whole[:, :, 199:]
+    )
 
 
 def test_other_seeds_and_paths_are_other_numbers() -> None:
@@ -47,7 +51,9 @@ def test_truncation_is_that_of_the_remark(h: float, k: int) -> None:
     bound = math.sqrt(2 * k * abs(math.log(h)))
     assert wiener.truncation_bound(h, k) == bound
     x = np.array([-10.0, -0.5, 0.0, 0.5, 10.0]) * math.sqrt(h)
-    assert wiener.truncate(x, h, k) == pytest.approx(np.clip(x, -bound * math.sqrt(h), bound * math.sqrt(h)), rel=1e-15)
+    assert wiener.truncate(x, h, k) == pytest.approx(
+        np.clip(x, -bound * math.sqrt(h), bound * math.sqrt(h)), rel=1e-15
+    )
     assert np.array_equal(wiener.truncate(x, h, None), x)
 
 

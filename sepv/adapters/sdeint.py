@@ -76,7 +76,7 @@ strat_srs2 = Scheme(
     name="sdeint stratSRS2",
     step=_step_with_integrals(sdeint.stratSRS2),
     mean_square_order=1.0,
-    source="sdeint.stratSRS2: order 1.0 strong",
+    source="sdeint.stratSRS2: order 1.0 strong convergence",
     truncation=None,
 )
 
@@ -85,7 +85,7 @@ strat_kp2is_start = Scheme(
     name="sdeint stratKP2iS, its first step",
     step=_step_with_integrals(sdeint.stratKP2iS),
     mean_square_order=1.0,
-    source="sdeint.stratKP2iS: order 1.0 strong; a two-step method, of which this is the starting step",
+    source="sdeint.stratKP2iS: two-step implicit order 1.0 strong algorithm",
     truncation=None,
 )
 
@@ -98,7 +98,5 @@ ito_euler = Scheme(
     truncation=None,
 )
 
-SCHEMES = (strat_heun, strat_srs2, strat_kp2is_start, ito_euler)
-PATHS = (
-    PathSolver("sdeint stratKP2iS, whole paths", _kp2is_path, 1.0, "sdeint.stratKP2iS: order 1.0 strong"),
-)
+SCHEMES = (strat_heun, strat_srs2, strat_kp2is_start)
+PATHS = (PathSolver("sdeint stratKP2iS, whole paths", _kp2is_path, 1.0, strat_kp2is_start.source),)

@@ -103,8 +103,17 @@ def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 scheme = Scheme(
     name="discrete-gradient",
     step=step,
-    claims=("contract", "energy"),
+    claims=(
+        "contract",
+        "reproducibility",
+        "identity",
+        "energy",
+        "noise-sum",
+        "rounding",
+        "truncation",
+    ),
     mean_square_order=1.0,
+    weak_order=1.0,
     source="Hong, Zhai and Zhang (2011), as in Cohen and Dujardin (2014), §4",
     solve=solve,
     batched=True,

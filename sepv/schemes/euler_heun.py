@@ -25,8 +25,15 @@ def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 scheme = Scheme(
     name="euler-heun",
     step=step,
-    claims=("contract",),
+    claims=(
+        "contract",
+        "reproducibility",
+        "noise-sum",
+        "equivariance",
+        "truncation",
+    ),
     mean_square_order=1.0,
+    weak_order=1.0,
     source="Roberts (2012), as in Cohen and Dujardin (2014), §4",
     batched=True,
 )

@@ -24,8 +24,14 @@ def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 scheme = Scheme(
     name="euler-maruyama",
     step=step,
-    claims=("contract",),
+    claims=(
+        "contract",
+        "reproducibility",
+        "equivariance",
+        "truncation",
+    ),
     mean_square_order=0.5,
+    weak_order=1.0,
     source="Maruyama (1955), applied to the Itô form, as in Cohen and Dujardin (2014), §4",
     batched=True,
 )

@@ -27,8 +27,15 @@ def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 scheme = Scheme(
     name="milstein",
     step=step,
-    claims=("contract",),
+    claims=(
+        "contract",
+        "reproducibility",
+        "noise-sum",
+        "equivariance",
+        "truncation",
+    ),
     mean_square_order=1.0,
+    weak_order=1.0,
     source="Kloeden and Platen (1992), applied to the Itô form, as in Cohen and Dujardin (2014), §4",
     batched=True,
 )

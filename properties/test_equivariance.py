@@ -1,0 +1,113 @@
+"""Affine covariance of (2.1): y → Py, B → PBPᵀ, H → H∘P⁻¹ commutes with the step."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import strategies as st
+
+from sepv import polynomial as poly
+from sepv import problems
+from sepv.candidate import ask
+from sepv.case import Case
+from sepv.law import Effort, Measurement, require
+from sepv.polynomial import Polynomial
+from sepv.problem import Array, PolynomialSystem
+from sepv.scheme import Scheme
+from sepv.search import searched
+from sepv.strategies import CONTRACTION, contraction_radius, poisson_systems, steps
+from sepv.tolerance import state_ulp, step_residual
+
+
+def cases() -> st.SearchStrategy[Case]:
+    """Steps of systems small enough that a substitution stays readable."""
+    return steps(poisson_systems(degree=4, largest=4, structure_degree=2))
+
+
+def transformations(d: int) -> list[tuple[str, Array, Array]]:
+    """(name, P, P⁻¹) with integer entries: a reversal of the axes with a sign, a scaling, a shear."""
+    reversal = np.eye(d)[::-1].copy()
+    reversal[0] *= -1
+    scaling = np.diag([2.0 if k == 0 else 1.0 for k in range(d)])
+    shear, back = np.eye(d), np.eye(d)
+    shear[0, 1], back[0, 1] = 1.0, -1.0
+    return [
+        ("reversed axes", reversal, reversal.T.copy()),
+        ("y1 doubled", scaling, np.linalg.inv(scaling)),
+        ("y1 + y2 for y1", shear, back),
+    ]
+
+
+def substitute(p: Polynomial, rows: Array) -> Polynomial:
+    """p(Qz) for the matrix Q; exact, because all coefficients are small dyadic rationals."""
+    d = p.dimension
+    forms = [
+        poly.add(*(poly.scale(float(q), poly.variable(d, k)) for k, q in enumerate(row))) for row in rows
+    ]
+    total = poly.polynomial(d, {})
+    for exponents, coefficient in p.terms:
+        term = poly.constant(d, coefficient)
+        for form, exponent in zip(forms, exponents, strict=True):
+            for _ in range(exponent):
+                term = poly.multiply(term, form)
+        total = poly.add(total, term)
+    return total
+
+
+def transformed(system: PolynomialSystem, P: Array, inverse: Array) -> PolynomialSystem:
+    """The system of z = Py: H(P⁻¹z) and P B(P⁻¹z) Pᵀ."""
+    d = system.dimension
+    old = {(i, j): substitute(entry, inverse) for i, j, entry in system.structure}
+    entries = []
+    for a in range(d):
+        for b in range(a + 1, d):
+            parts = [
+                poly.scale(float(P[a, i] * P[b, j] - P[a, j] * P[b, i]), entry)
+                for (i, j), entry in old.items()
+            ]
+            entry = poly.add(poly.polynomial(d, {}), *parts)
+            if entry.terms:
+                entries.append((a, b, entry))
+    return PolynomialSystem(d, substitute(system.hamiltonian, inverse), tuple(entries), system.noise)
+
+
+def check(scheme: Scheme, case: Case) -> Measurement:
+    """|Φ_z(Py) − PΦ_y(y)| for each transformation whose own contraction radius allows the step.
+
+    Both steps have a residual r at rounding, which is an error of at most r/(1 − CONTRACTION) in the largest
+    component; |P|_∞ carries that of y1 over.
+    """
+    problem, y, h, dW = case.build()
+    assert isinstance(case.problem, PolynomialSystem)
+    y1 = ask(scheme, problem, y, h, dW)
+    residual = float(step_residual(problem, y, y1, h, dW, scheme.solver_tolerance).max())
+    length = abs(h) + float(np.abs(problem.c * dW).sum())
+    worst = Measurement(0.0, 0.0)
+    for name, P, inverse in transformations(problem.dimension):
+        other = problems.build(transformed(case.problem, P, inverse))
+        z = P @ y
+        if contraction_radius(other, z) < length:
+            continue
+        z1 = ask(scheme, other, z, h, dW)
+        expected = P @ y1
+        allowed = float(np.abs(P).sum(axis=1).max()) * residual
+        allowed += float(step_residual(other, z, z1, h, dW, scheme.solver_tolerance).max())
+        unit = state_ulp(z, z1)
+        error = float(np.max(np.abs(z1 - expected)))
+        detail = f"{name}: the step from Py is {z1.tolist()}, P times the step from y is {expected.tolist()}"
+        found = Measurement(error / unit, allowed / (1 - CONTRACTION) / unit, detail)
+        worst = max(worst, found, key=lambda m: (m.ratio, m.bound))
+    return worst
+
+
+law = searched(
+    name="equivariance",
+    statement="y → Py, B → PBPᵀ, H → H∘P⁻¹ commutes with the step",
+    source="(2.1)",
+    unit="ulp of y",
+    cases=cases,
+    check=check,
+)
+
+
+def test_equivariance(scheme: Scheme, effort: Effort) -> None:
+    require(law, scheme, effort)

@@ -1,0 +1,111 @@
+"""Lemma 3.2: y1 − y0 = aΔ + bΔ² + O(Δ³) with a = f and b = f′f/2, f = B∇H.
+
+Rounding would drown b if y0 had size 1: y1 is then known to eps only, and b to eps/Δ². Here y0 = 0, so that
+y1 itself is the increment and is known to relative precision: b then to eps/Δ. The polynomial systems
+have all the terms that f(0) and f′(0) need.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import strategies as st
+
+from sepv import polynomial as poly
+from sepv import problems
+from sepv.candidate import ask
+from sepv.case import Case
+from sepv.fields import derivative_along, vector_field
+from sepv.law import Effort, Measurement, require
+from sepv.polynomial import Polynomial
+from sepv.problem import PolynomialSystem
+from sepv.scheme import Scheme
+from sepv.search import searched
+from sepv.strategies import coefficients, contraction_ball, polynomials
+from sepv.tolerance import TINY, step_residual
+
+# Δ as a share of the radius ϱ inside which y1(Δ) is analytic: balances x⁴ against K·eps/x.
+SHARE = 2.0**-9
+
+
+@st.composite
+def at_origin(draw: st.DrawFn) -> Case:
+    """y0 = 0, H with linear and quadratic terms, B with constant and linear ones, one noise."""
+    d = draw(st.integers(2, 5))
+    linear = poly.polynomial(
+        d, [(tuple(int(i == k) for i in range(d)), draw(coefficients())) for k in range(d)]
+    )
+    square = poly.add(
+        *(poly.scale(0.5, poly.multiply(x, x)) for x in (poly.variable(d, k) for k in range(d)))
+    )
+    H = poly.add(linear, square)
+    if draw(st.booleans()):
+        H = poly.add(H, draw(polynomials(d, 4, least=2)))
+    B = tuple(
+        (i, j, _entry(draw, d))
+        for i in range(d)
+        for j in range(i + 1, d)
+        if j == i + 1 or draw(st.booleans())
+    )
+    system = PolynomialSystem(d, H, B, (1.0,))
+    radius = contraction_ball(problems.build(system), np.zeros(d))[0]
+    step = SHARE * min(radius, 1.0)
+    return Case(system, (0.0,) * d, step, (draw(st.sampled_from([0.0, 0.5, -0.25])) * step,))
+
+
+def _entry(draw: st.DrawFn, d: int) -> Polynomial:
+    more = draw(polynomials(d, 2, least=1, terms=3)) if draw(st.booleans()) else poly.polynomial(d, {})
+    return poly.add(poly.constant(d, -1.0), more)
+
+
+def check(scheme: Scheme, case: Case) -> Measurement:
+    """Both coefficients from the steps ±Δ and ±Δ/2, by parity and one Richardson extrapolation.
+
+    y1(Δ) = Σ c_k Δ^k is analytic for |Δ| ≤ ϱ and bounded by r there, so that |c_k| ≤ r/ϱ^k (Cauchy). The odd part
+    over Δ is a + c3Δ² + c5Δ⁴ + …, the even part over Δ² is b + c4Δ² + c6Δ⁴ + …; extrapolation removes the
+    second term, and with x = Δ/ϱ the rest is at most (r/ϱ)x⁴/(1 − x²) and (r/ϱ²)x⁴/(1 − x²). Rounding of a step
+    goes into a and b with at most 4/Δ and 16/Δ² (weights 4/3 and 1/3 at Δ/2 and Δ). h is positive throughout, and
+    the noise makes Δ of either sign from it: drift and noise are weighted differently in ±Δ.
+    """
+    problem, y, h, dW = case.build()
+    radius, r = contraction_ball(problem, y)
+    radius = min(radius, 1.0)
+    values, rounding = {}, 0.0
+    delta = float(problem.random_step(h, dW))
+    for share in (1.0, 0.5):
+        for sign in (1.0, -1.0):
+            step = share * h
+            noise = share * dW if sign > 0 else -share * dW - 2 * step
+            y1 = ask(scheme, problem, y, step, noise)
+            values[share, sign] = y1
+            residual = step_residual(problem, y, y1, step, noise, scheme.solver_tolerance)
+            rounding = max(rounding, float(residual.max()))
+    x = delta / radius
+    tail = x**4 / (1 - x * x)
+    # Without a scale of its own a system at rest is judged by r/ϱ, the largest field it may have.
+    found = []
+    for name, power, parity, expected in (
+        ("a = f", 1, -1.0, vector_field(problem, y)),
+        ("b = f′f/2", 2, 1.0, 0.5 * derivative_along(problem, y, vector_field(problem, y))),
+    ):
+        parts = [(values[s, 1.0] + parity * values[s, -1.0]) / (2 * (s * delta) ** power) for s in (1.0, 0.5)]
+        measured = (4 * parts[1] - parts[0]) / 3
+        unit = r / radius**power
+        error = float(np.max(np.abs(measured - expected)))
+        bound = unit * tail + 2 * 4**power / 2 * rounding / abs(delta) ** power + TINY
+        detail = f"{name}: measured {measured.tolist()}, expected {expected.tolist()}"
+        found.append(Measurement(error / unit, bound / unit, detail))
+    return max(found, key=lambda m: m.ratio)
+
+
+law = searched(
+    name="expansion",
+    statement="y1 − y0 = aΔ + bΔ² + O(Δ³) with a = f, b = f′f/2",
+    source="Lemma 3.2",
+    unit="r/ϱ^k",
+    cases=at_origin,
+    check=check,
+)
+
+
+def test_expansion(scheme: Scheme, effort: Effort) -> None:
+    require(law, scheme, effort)

@@ -1,0 +1,66 @@
+"""§2: for constant B the scheme is (2.2), and for c = 0 it is the deterministic method with step h."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from hypothesis import strategies as st
+from sepv.reference.implicit import averaged_vector_field, energy_preserving
+
+from sepv import polynomial as poly
+from sepv.candidate import ask
+from sepv.case import Case
+from sepv.law import Effort, Measurement, require
+from sepv.problem import PolynomialSystem
+from sepv.scheme import Scheme
+from sepv.search import searched
+from sepv.strategies import coefficients, hamiltonians, noises, poisson_systems, steps
+from sepv.tolerance import state_error
+
+
+@st.composite
+def constant_structures(draw: st.DrawFn) -> PolynomialSystem:
+    """A constant B with any skew entries."""
+    d = draw(st.integers(2, 6))
+    pairs = draw(st.lists(st.tuples(st.integers(0, d - 2), st.integers(1, d - 1)), min_size=1, max_size=6))
+    entries = {(min(i, j), max(i, j)): draw(coefficients()) for i, j in pairs if i != j} or {(0, 1): -1.0}
+    B = tuple((i, j, poly.constant(d, value)) for (i, j), value in sorted(entries.items()))
+    return PolynomialSystem(d, draw(hamiltonians(d)), B, draw(noises(least=1)))
+
+
+def cases() -> st.SearchStrategy[Case]:
+    """Constant B with noise; any B with noise of size zero."""
+    silent = poisson_systems().map(lambda s: replace(s, noise=(0.0, 0.0)))
+    return st.one_of(steps(constant_structures()), steps(silent))
+
+
+def check(scheme: Scheme, case: Case) -> Measurement:
+    """Distance from (2.2), or from the deterministic step, at 50 digits."""
+    problem, y, h, dW = case.build()
+    y1 = ask(scheme, problem, y, h, dW)
+    if problem.c.any():
+        exact, name = averaged_vector_field(case.problem, case.y, h, case.dW), "(2.2)"
+    else:
+        quiet = ask(scheme, problem, y, h, np.zeros_like(dW))
+        if not np.array_equal(quiet, y1):
+            return Measurement(
+                float("inf"), 0.0, f"c = 0, but dW changes y1 from {quiet.tolist()} to {y1.tolist()}"
+            )
+        exact, name = energy_preserving(case.problem, case.y, h, case.dW), "the deterministic method"
+    error, bound = state_error(exact.y1, exact.condition, problem, y, y1, h, dW, scheme.solver_tolerance)
+    return Measurement(error, bound, f"y1 = {y1.tolist()}, {error:.3g} ulp from {name}")
+
+
+law = searched(
+    name="reduction",
+    statement="constant B: the step is that of (2.2); c = 0: that of the deterministic method",
+    source="§2",
+    unit="ulp of y",
+    cases=cases,
+    check=check,
+)
+
+
+def test_reduction(scheme: Scheme, effort: Effort) -> None:
+    require(law, scheme, effort)

@@ -1,0 +1,184 @@
+"""What a run leaves for other programs: JSON by its schema, JUnit XML, a badge, expected failures."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from xml.etree import ElementTree
+
+import jsonschema
+import pytest
+from click.testing import CliRunner
+
+from sepv import schemes
+from sepv.cli import main
+from sepv.files import badge_json, junit_xml, report_json, write_atomically
+from sepv.law import Effort
+from sepv.schemas import report_schema
+from sepv.scheme import Scheme
+from sepv.suite import Report, verify
+
+FEW = Effort(examples=15, paths=256)
+
+
+def broken(problem, y, h, dW):
+    raise RuntimeError("</script>\x00\x1b broken 💥")
+
+
+def reports() -> dict[str, Report]:
+    return {
+        "good": verify("energy-preserving", laws=["energy", "truncation"], effort=FEW),
+        "unclaimed": verify("midpoint", laws=["energy", "casimir"], effort=FEW),
+        "claimed": verify("midpoint", laws=["energy", "casimir"], claims=["energy"], effort=FEW),
+        "statistical": verify("euler-heun", laws=["right-limit"], effort=FEW),
+        "broken": verify(
+            Scheme("<b>\u202e&\x01", broken), laws=["contract", "energy", "rounding"], effort=FEW
+        ),
+        "not applicable": verify(
+            Scheme("one", schemes.midpoint.step, truncation=None),
+            laws=["truncation", "reproducibility", "identity"],
+            effort=FEW,
+        ),
+    }
+
+
+@pytest.fixture(scope="module")
+def made() -> dict[str, Report]:
+    return reports()
+
+
+def test_json_is_as_the_schema_says_and_counts_add_up(made: dict[str, Report]) -> None:
+    schema = report_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    for report in made.values():
+        data = json.loads(report_json(report))
+        jsonschema.validate(data, schema)
+        assert sum(data["counts"].values()) == len(data["laws"]) == data["suite"]["laws"]
+
+
+def test_the_schema_refuses_what_is_no_report(made: dict[str, Report]) -> None:
+    data = json.loads(report_json(made["good"]))
+    for spoil in (
+        lambda d: d.pop("counts"),
+        lambda d: d["laws"][0].update(verdict="passed"),
+        lambda d: d["counts"].update(holds=-1),
+        lambda d: d.update(extra=1),
+    ):
+        other = json.loads(json.dumps(data))
+        spoil(other)
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate(other, report_schema())
+
+
+def test_junit_counts_what_is_in_it(made: dict[str, Report]) -> None:
+    for name, failures, errors, skipped in (
+        ("good", 0, 0, 0),
+        ("unclaimed", 0, 0, 1),
+        ("claimed", 1, 0, 0),
+        ("broken", 0, 3, 0),
+        ("not applicable", 0, 0, 2),
+    ):
+        suite = ElementTree.fromstring(junit_xml(made[name]))[0]
+        assert suite.get("tests") == str(len(suite))
+        found = [sum(t.find(kind) is not None for t in suite) for kind in ("failure", "error", "skipped")]
+        assert found == [failures, errors, skipped]
+        assert found == [int(suite.get(k) or -1) for k in ("failures", "errors", "skipped")]
+
+
+def test_badges_say_how_many_claims_hold(made: dict[str, Report]) -> None:
+    good, bad = json.loads(badge_json(made["good"])), json.loads(badge_json(made["claimed"]))
+    assert good == {
+        "schemaVersion": 1,
+        "label": "sepv",
+        "message": "2/2 claimed laws hold",
+        "color": "brightgreen",
+    }
+    assert bad["message"] == "1/2 claimed laws hold"
+    assert bad["color"] == "red"
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    write_atomically(str(path), "old")
+    with pytest.raises(UnicodeEncodeError):
+        write_atomically(str(path), "new \ud800")
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def run(arguments: list[str]) -> tuple[int, str]:
+    result = CliRunner().invoke(main, arguments)
+    return result.exit_code, result.output
+
+
+LAWS = ["--law", "energy", "--law", "casimir", "--law", "right-limit", "--examples", "30"]
+
+
+def test_expected_failures_are_strict_both_ways(tmp_path: Path) -> None:
+    file = str(tmp_path / "expected.toml")
+    assert run(["verify", "midpoint", *LAWS, "--write-expected", file])[0] == 0
+    # Violated as expected, though claimed.
+    code, output = run(["verify", "midpoint", *LAWS, "--claim", "energy", "--expected", file])
+    assert code == 0, output
+    assert "expected: violated when this file was written" in output
+    # A scheme that does not fail as expected.
+    code, output = run(["verify", "energy-preserving", *LAWS, "--expected", file])
+    assert code == 1
+    assert "Expected failures that pass: energy" in output
+    assert "remove the entry" in output
+    # A violation that is not in the file.
+    code, output = run(["verify", "discrete-gradient", *LAWS, "--claim", "casimir", "--expected", file])
+    assert code == 1
+
+
+# Euler-Maruyama on the Stratonovich coefficients as they are: it converges to the Itô solution.
+ITO = """
+import sepv
+from sepv.fields import vector_field
+
+def step(problem, y, h, dW):
+    return y + vector_field(problem, y) * problem.random_step(h, dW)
+
+scheme = sepv.Scheme("ito", step, mean_square_order=0.5, batched=True)
+"""
+
+
+def test_statistical_laws_can_be_expected_failures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file, target = tmp_path / "expected.toml", "ito_scheme:scheme"
+    (tmp_path / "ito_scheme.py").write_text(ITO)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    laws = ["--law", "right-limit", "--law", "mean-square-order"]
+    assert run(["verify", target, *laws, "--paths", "256", "--write-expected", str(file)])[0] == 1
+    assert "seed = 0" in file.read_text()
+    code, output = run(["verify", target, *laws, "--expected", str(file)])
+    assert code == 0, output
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (None, "No such file"),
+        ("[[expected]", "TOML"),
+        ("expected = 3", "[[expected]]"),
+        ("[other]\n", "[[expected]]"),
+        ('[[expected]]\nlaw = "energy"', "law, reason and witness"),
+        ('[[expected]]\nlaw = "nosuch"\nreason = "r"\nwitness = "w"', "nosuch"),
+        ('[[expected]]\nlaw = "energy"\nreason = " "\nwitness = "w"', "a reason"),
+        ('[[expected]]\nlaw = "energy"\nreason = "r"\nwitness = "w"', "token"),
+        ('[[expected]]\nlaw = "energy"\nreason = "r"\nwitness = 3', "a witness"),
+        ('[[expected]]\nlaw = "energy"\nreason = "r"\nwitness = { seed = 0 }', "a witness"),
+        ('[[expected]]\nlaw = "energy"\nreason = "r"\nwitness = "TOKEN"\n' * 2, "twice"),
+    ],
+)
+def test_wrong_files_are_refused_with_one_message(tmp_path: Path, text: str | None, words: str) -> None:
+    file = tmp_path / "expected.toml"
+    if text is not None:
+        from sepv.case import from_json, to_token
+
+        finding = verify("midpoint", laws=["energy"], effort=FEW).finding("energy")
+        assert finding.witness
+        file.write_text(text.replace("TOKEN", to_token(from_json(finding.witness))))
+    code, output = run(["verify", "midpoint", "--law", "energy", "--expected", str(file)])
+    assert code == 2, output
+    assert words in output
+    assert "Traceback" not in output

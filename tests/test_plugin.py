@@ -1,0 +1,130 @@
+"""The pytest door: opt-in, on built-in schemes and on others', also from an installed wheel."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest_plugins = ["pytester"]
+
+ROOT = Path(__file__).resolve().parents[1]
+DOOR = ("-p", "sepv.pytest_plugin", "-p", "no:cacheprovider", "--sepv-examples", "15", "--sepv-paths", "256")
+STEPS = "energy or casimir or identity or contract"
+
+MINE = """
+import sepv
+from sepv.schemes.midpoint import step
+
+honest = sepv.Scheme("honest", step, claims=["casimir", "identity"])
+liar = sepv.Scheme("liar", step, claims=["energy"])
+"""
+
+
+def laws(pytester: pytest.Pytester, *arguments: str) -> pytest.RunResult:
+    pytester.makepyfile(mine=MINE)
+    pytester.syspathinsert()
+    return pytester.runpytest_subprocess(*DOOR, "--pyargs", "sepv.properties", "-k", STEPS, *arguments)
+
+
+def test_it_never_loads_itself(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(
+        "def test_nothing(request): assert not request.config.pluginmanager.hasplugin('sepv.pytest_plugin')"
+    )
+    pytester.runpytest_subprocess().assert_outcomes(passed=1)
+
+
+def test_a_scheme_that_keeps_its_claims_passes(pytester: pytest.Pytester) -> None:
+    result = laws(pytester, "--scheme", "mine:honest")
+    result.assert_outcomes(passed=4, deselected=13)
+    result.stdout.fnmatch_lines(["*laws (+ claimed)*", "honest", "*casimir*holds +*", "*energy*violated*"])
+
+
+def test_a_scheme_that_breaks_a_claim_fails_with_a_counterexample(pytester: pytest.Pytester) -> None:
+    result = laws(pytester, "--scheme", "mine:liar", "--scheme", "mine:honest")
+    result.assert_outcomes(passed=7, failed=1, deselected=26)
+    result.stdout.fnmatch_lines(["*LawViolated: energy (Prop. 3.1) violated*", "*H(y1) − H(y0)*"])
+
+
+def test_schemes_can_be_named_in_the_configuration(pytester: pytest.Pytester) -> None:
+    pytester.makeini("[pytest]\nsepv_schemes =\n    mine:honest\n    euler-heun\n")
+    laws(pytester).assert_outcomes(passed=8, deselected=26)
+
+
+def test_two_lines_in_a_test_file_do_as_well(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(
+        mine=MINE,
+        test_mine="from sepv.properties.test_casimir import law, test_casimir\nsepv_schemes = ['mine:honest']\n",
+    )
+    pytester.syspathinsert()
+    pytester.runpytest_subprocess(*DOOR).assert_outcomes(passed=1)
+
+
+def test_it_works_with_xdist_and_junitxml(pytester: pytest.Pytester) -> None:
+    result = laws(pytester, "--scheme", "mine:honest", "-n", "2", "--junitxml", "out.xml")
+    result.assert_outcomes(passed=4)
+    assert 'tests="4"' in (pytester.path / "out.xml").read_text()
+
+
+@pytest.mark.parametrize("name", ["nosuch", "mine:nosuch", "nosuchmodule:step"])
+def test_a_wrong_scheme_is_a_usage_error(pytester: pytest.Pytester, name: str) -> None:
+    result = laws(pytester, "--scheme", name)
+    assert result.ret != 0
+    assert "Remedy" in result.stdout.str() + result.stderr.str()
+
+
+def test_a_wrong_seed_is_a_usage_error(pytester: pytest.Pytester) -> None:
+    result = laws(pytester, "--sepv-seed", "x")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+
+
+def test_a_third_party_package_runs_the_laws_from_an_installed_wheel(tmp_path: Path) -> None:
+    """A little package with a scheme of its own, and sepv, both built as wheels and installed in a folder."""
+    package = tmp_path / "package"
+    (package / "littlescheme").mkdir(parents=True)
+    (package / "littlescheme" / "__init__.py").write_text(MINE)
+    (package / "pyproject.toml").write_text(
+        '[build-system]\nrequires = ["setuptools"]\nbuild-backend = "setuptools.build_meta"\n'
+        '[project]\nname = "littlescheme"\nversion = "1.0"\n[tool.setuptools]\npackages = ["littlescheme"]\n'
+    )
+    site = tmp_path / "site"
+    wheels = tmp_path / "wheels"
+    source = tmp_path / "source"
+    copy_source(source)
+    pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
+    for folder in (source, package):
+        subprocess.run([*pip, "wheel", "--no-deps", "--wheel-dir", str(wheels), str(folder)], check=True)
+    subprocess.run(
+        [*pip, "install", "--no-deps", "--target", str(site), *map(str, wheels.glob("*.whl"))], check=True
+    )
+    code = (
+        f"import sys; sys.path[:] = [{str(site)!r}] + [p for p in sys.path if p not in ('', {str(ROOT)!r})]\n"
+        "sys.meta_path[:] = [f for f in sys.meta_path if 'editable' not in repr(f).lower()]\n"
+        "import pytest, sepv.properties\n"
+        f"assert sepv.properties.__file__.startswith({str(site)!r}), sepv.properties.__file__\n"
+        "sys.exit(pytest.main(sys.argv[1:]))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, *DOOR, "--pyargs", "sepv.properties", "-k", STEPS, "--scheme", "littlescheme:honest"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "4 passed" in done.stdout
+
+
+def copy_source(target: Path) -> None:
+    """What a wheel is built from, without build folders of this checkout."""
+    import shutil
+
+    target.mkdir()
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, target / name)
+    for name in ("sepv", "properties", "reference"):
+        shutil.copytree(
+            ROOT / name, target / name, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info")
+        )
