@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import sys
 from collections.abc import Sequence
@@ -36,7 +37,8 @@ _BOX = box.SIMPLE_HEAD
 def console(file: TextIO | None = None, *, stderr: bool = False) -> Console:
     """A console with colour on terminals only (rich obeys NO_COLOR), and wide enough for a table when piped."""
     out = file or (sys.stderr if stderr else sys.stdout)
-    return Console(file=out, highlight=False, width=None if out.isatty() else 100)
+    width = None if out.isatty() or "COLUMNS" in os.environ else 100
+    return Console(file=out, highlight=False, width=width)
 
 
 def show(report: Report, target: str, out: Console, *, debug: bool = False) -> None:

@@ -114,7 +114,7 @@ scheme = Scheme(
     ),
     mean_square_order=1.0,
     weak_order=1.0,
-    source="Hong, Zhai and Zhang (2011), as in Cohen and Dujardin (2014), §4",
+    source="Cohen and Dujardin (2014), §4",
     solve=solve,
     batched=True,
 )

@@ -34,6 +34,6 @@ scheme = Scheme(
     ),
     mean_square_order=1.0,
     weak_order=1.0,
-    source="Roberts (2012), as in Cohen and Dujardin (2014), §4",
+    source="Cohen and Dujardin (2014), §4",
     batched=True,
 )

@@ -32,6 +32,6 @@ scheme = Scheme(
     ),
     mean_square_order=0.5,
     weak_order=1.0,
-    source="Maruyama (1955), applied to the Itô form, as in Cohen and Dujardin (2014), §4",
+    source="Cohen and Dujardin (2014), §4; on the Itô form",
     batched=True,
 )

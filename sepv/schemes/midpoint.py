@@ -60,7 +60,7 @@ scheme = Scheme(
     ),
     mean_square_order=1.0,
     weak_order=1.0,
-    source="Milstein, Repin and Tretyakov (2002), as in Cohen and Dujardin (2014), equation (3.4)",
+    source="Cohen and Dujardin (2014), equation (3.4)",
     solve=solve,
     batched=True,
 )

@@ -36,6 +36,6 @@ scheme = Scheme(
     ),
     mean_square_order=1.0,
     weak_order=1.0,
-    source="Kloeden and Platen (1992), applied to the Itô form, as in Cohen and Dujardin (2014), §4",
+    source="Cohen and Dujardin (2014), §4; on the Itô form",
     batched=True,
 )
