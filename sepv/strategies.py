@@ -188,7 +188,9 @@ def paper_steps(draw: st.DrawFn) -> Case:
     data = draw(paper_problems())
     initial = np.asarray(problems.build(data).initial)
     y = tuple(float(a) * draw(st.floats(0.5, 1.5)) + draw(st.sampled_from([0.0, 0.1, 0.3])) for a in initial)
-    return draw(_steps_within(data, y, draw(st.sampled_from([0.125, 0.0625, 0.015625]))))
+    # Lotka-Volterra has states near its own where |Δ| = 0.26 has no solution: an eighth of that, at most.
+    largest = 5 if data.name == "lotka-volterra" else 3
+    return draw(_steps_within(data, y, 2.0 ** -draw(st.sampled_from([largest, largest + 1, 7]))))
 
 
 def any_steps() -> st.SearchStrategy[Case]:
