@@ -122,7 +122,7 @@ def solve(
     iterations = np.zeros(lanes, dtype=np.int64)
     gradients, structures = np.zeros_like(iterations), np.zeros_like(iterations)
     status = np.full(lanes, Status.NO_CONVERGENCE, dtype=np.int64)
-    previous = np.full(lanes, np.inf)
+    previous = np.full((2, lanes), np.inf)
     active = np.arange(lanes)
     with np.errstate(all="ignore"):
         for _ in range(MAX_ITERATIONS):
@@ -146,12 +146,15 @@ def solve(
             broken = ~np.isfinite(residual[active])
             singular = ~broken & ~np.isfinite(moves.max(axis=0))
             small = moves.max(axis=0) <= STAGNATION * scale
-            done = ~broken & ~singular & ((size <= 0.5 * _EPS) | (small & (size >= 0.5 * previous[active])))
+            # Stagnation needs both measures to stop shrinking: a component near zero moves by a large share of
+            # itself long before the others have arrived.
+            stuck = (size >= 0.5 * previous[0, active]) & (moves.max(axis=0) >= 0.5 * previous[1, active])
+            done = ~broken & ~singular & ((size <= 0.5 * _EPS) | (small & stuck))
             outcome = np.where(R.reliable, Status.CONVERGED, Status.QUADRATURE)
             status[active[done]] = outcome[done]
             status[active[broken]] = Status.OVERFLOW
             status[active[singular]] = Status.SINGULAR
-            previous[active] = size
+            previous[:, active] = size, moves.max(axis=0)
             go_on = ~(done | broken | singular)
             moved, inside = _into_domain(problem, y[:, go_on], z[:, go_on], correction[:, go_on])
             delta[:, active[go_on]] = moved

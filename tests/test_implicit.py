@@ -201,3 +201,22 @@ def test_arguments_that_do_not_fit_the_problem_are_refused(
     arguments = {"y": np.array([0.8, 0.6, 0.0]), "h": 0.01, "dW": np.array([0.1]), **wrong}
     with pytest.raises(sepv.UsageError, match="Expected"):
         scheme.step(problems.rigid_body(), arguments["y"], arguments["h"], arguments["dW"])
+
+
+def test_a_component_near_zero_does_not_stop_the_iteration_early() -> None:
+    """Found by the law of symmetry: y3 stays at rounding about zero while y1 and y2 still move."""
+    data = problems.from_json(
+        {
+            "dimension": 3,
+            "hamiltonian": [[[2, 0, 0], 0.5], [[0, 2, 0], 0.5], [[0, 0, 2], 0.5]],
+            "structure": [
+                [0, 1, [[[1, 0, 0], -1.5], [[0, 0, 1], 1.5]]],
+                [0, 2, [[[0, 1, 0], -1.5]]],
+                [1, 2, [[[1, 0, 0], 1.5], [[0, 0, 1], -1.5]]],
+            ],
+        }
+    )
+    problem, y, h = problems.polynomial_problem(data), np.array([1.0, 1.0, 0.0]), 1 / 78
+    y1 = schemes.energy_preserving.step(problem, y, h, np.array([h]))
+    back = schemes.energy_preserving.step(problem, y1, h, np.array([-3 * h]))
+    assert np.max(np.abs(back - y)) < 1e-15
