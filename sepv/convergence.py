@@ -91,7 +91,8 @@ def strong_errors(
             result = run_chunk(scheme, problem, start, T / count, raw, scheme.truncation, track=False)
             failures[row] += np.count_nonzero(result.status != Status.CONVERGED)
             errors[row, :, here] = result.y - exact
-            squared[row, here] = np.sum((result.y - exact) ** 2, axis=0)
+            with np.errstate(over="ignore"):  # a path that blows up has an infinite error, and is no accident
+                squared[row, here] = np.sum((result.y - exact) ** 2, axis=0)
     return StrongErrors(T, tuple(steps), squared, errors, tuple(int(f) for f in failures), largest)
 
 

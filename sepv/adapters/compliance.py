@@ -1,0 +1,319 @@
+"""The compliance table of other libraries' solvers: ``python -m sepv.adapters.compliance --out docs/compliance.md``.
+
+Every law on every solver of the adapters, as `sepv verify` measures it, with orders and energy defects in numbers.
+Scripts in the folder ``peers`` beside the output show, in a library's own terms and without sepv, where it does
+not do what its documentation says: each ends with exit code 1 while that is so, and is quoted then.
+"""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from importlib import import_module
+from importlib.metadata import version
+from pathlib import Path
+
+import click
+import numpy as np
+
+from sepv import problems, wiener
+from sepv._version import __version__
+from sepv.adapters.multistep import PathSolver
+from sepv.convergence import StrongErrors, log_decay, slope
+from sepv.exact import exact_flow
+from sepv.law import Effort, Verdict
+from sepv.problem import Array, Problem
+from sepv.scheme import Scheme
+from sepv.schemes import energy_preserving
+from sepv.sequential import FALSE_ALARM, SETUPS, Setup
+from sepv.simulation import ensemble
+from sepv.suite import LAWS, Report, verify
+from sepv.tolerance import energy_ulp
+
+LIBRARIES = ("diffrax", "torchsde", "sdeint")
+# Energy defects, and the orders of whole paths, are those of this many paths.
+PATHS = 256
+ENERGY_STEPS = 64
+# Most paths of a statistical law for a scheme that takes one state at a time; others get the usual budget.
+SLOW_PATHS = 512
+
+_MARKS = {
+    Verdict.HOLDS: "holds",
+    Verdict.VIOLATED: "–",
+    Verdict.INCONCLUSIVE: "?",
+    Verdict.NOT_APPLICABLE: "n/a",
+    Verdict.ERROR: "error",
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """What one solver was found to do: a line of both tables.
+
+    Attributes
+    ----------
+    claimed : str
+        The mean-square order for (1.1) that the library's documentation, or else theory, states; and the weak one.
+    orders, energy : tuple of str
+        The measured order with its interval, and the largest energy defect in energy ulps, for each of `SETUPS`.
+    verdicts : dict of law name to mark
+    notes : tuple of str
+        Reasons of the verdict "error".
+    """
+
+    library: str
+    release: str
+    solver: str
+    source: str
+    claimed: str
+    orders: tuple[str, ...]
+    energy: tuple[str, ...]
+    verdicts: dict[str, str]
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """A solver, "library name", that does not do what its documentation says, and the section about it."""
+
+    solver: str
+    text: str
+
+
+def scheme_row(library: str, scheme: Scheme, effort: Effort) -> Row:
+    """Every law on one scheme, and its energy defects."""
+    effort = effort if scheme.batched else replace(effort, paths=min(effort.paths, SLOW_PATHS))
+    with np.errstate(over="ignore", invalid="ignore"):
+        report = verify(scheme, effort=effort)
+        energy = tuple(_energy_of_scheme(scheme, problems.by_name(s.problem), s.T) for s in SETUPS)
+    notes = tuple(
+        f"{scheme.name}, {f.law}: {f.message.splitlines()[0]}"
+        for f in report.findings
+        if f.verdict is Verdict.ERROR and f.message
+    )
+    return Row(
+        library=library,
+        release=_release(library),
+        solver=scheme.name.removeprefix(f"{library} "),
+        source=scheme.source,
+        claimed=" / ".join(f"{o:g}" for o in (scheme.mean_square_order, scheme.weak_order) if o is not None),
+        orders=_orders(report),
+        energy=energy,
+        verdicts={f.law: _MARKS[f.verdict] + (" +" if f.claimed else "") for f in report.findings},
+        notes=notes,
+    )
+
+
+def path_row(library: str, solver: PathSolver, effort: Effort) -> Row:
+    """The two laws about whole paths and the energy defects of a solver that hands state on."""
+    alpha = FALSE_ALARM / len(SETUPS)
+    orders, falls, energy = [], [], []
+    for setup in SETUPS:
+        problem = problems.by_name(setup.problem)
+        errors = _path_errors(solver, problem, setup, effort.seed)
+        orders.append(slope(errors, alpha))
+        decay = log_decay(errors, alpha)
+        falls.append(replace(decay, value=-decay.value))
+        energy.append(_energy_of_paths(solver, problem, setup.T))
+    # The thresholds of the laws of these names.
+    limits = (
+        ("mean-square-order", orders, solver.mean_square_order - 0.25),
+        ("right-limit", falls, np.log(2)),
+    )
+    verdicts = {}
+    for law, found, limit in limits:
+        above, below = all(e.low > limit for e in found), any(e.high < limit for e in found)
+        verdict = Verdict.HOLDS if above else Verdict.VIOLATED if below else Verdict.INCONCLUSIVE
+        verdicts[law] = f"{_MARKS[verdict]} +"
+    return Row(
+        library=library,
+        release=_release(library),
+        solver=solver.name.removeprefix(f"{library} "),
+        source=solver.source,
+        claimed=f"{solver.mean_square_order:g}",
+        orders=tuple(_interval(e.value, e.low, e.high) for e in orders),
+        energy=tuple(energy),
+        verdicts=verdicts,
+    )
+
+
+def _path_errors(solver: PathSolver, problem: Problem, setup: Setup, seed: int) -> StrongErrors:
+    """As `sepv.convergence.strong_errors`, with whole paths by the solver's own code."""
+    start, finest = np.array(problem.initial, dtype=np.float64), setup.steps[-1]
+    fine = wiener.increments(seed, T=setup.T, steps=finest, noises=problem.noises, paths=PATHS)
+    exact = exact_flow(problem, problem.random_step(setup.T, fine.sum(axis=0))).y
+    ends = [
+        solver.path(problem, start, setup.T / n, wiener.coarsen(fine, finest // n))[-1] for n in setup.steps
+    ]
+    errors = np.stack([y - exact for y in ends])
+    return StrongErrors(
+        T=setup.T,
+        steps=setup.steps,
+        squared=np.sum(errors**2, axis=1),
+        errors=errors,
+        failures=tuple(int(np.count_nonzero(~np.isfinite(e).all(axis=0))) for e in errors),
+        scale=float(np.max(np.abs(exact))),
+    )
+
+
+def _energy_of_scheme(scheme: Scheme, problem: Problem, T: float) -> str:
+    result = ensemble(scheme, problem, h=T / ENERGY_STEPS, T=T, paths=PATHS)
+    failed = int(np.count_nonzero(result.status))
+    return f"{failed} paths failed" if failed else _energy(problem, result.energy_defect)
+
+
+def _energy_of_paths(solver: PathSolver, problem: Problem, T: float) -> str:
+    dW = wiener.increments(0, T=T, steps=ENERGY_STEPS, noises=problem.noises, paths=PATHS)
+    start = np.array(problem.initial, dtype=np.float64)
+    H = problem.hamiltonian(solver.path(problem, start, T / ENERGY_STEPS, dW).swapaxes(0, 1))
+    return _energy(problem, np.abs(H - H[0]))
+
+
+def _energy(problem: Problem, defects: Array) -> str:
+    start = np.array(problem.initial, dtype=np.float64)
+    return f"{float(np.max(defects)) / energy_ulp(problem, start, start):.2g}"
+
+
+def _orders(report: Report) -> tuple[str, ...]:
+    """The cells of the measured order, from the law's witness; a dash where it measured none."""
+    witness = report.finding("mean-square-order").witness or {}
+    found = {m["problem"]: m for m in witness.get("measured", ())}
+    cells = []
+    for setup in SETUPS:
+        m = found.get(setup.problem)
+        cells.append("–" if m is None else _interval(m["estimate"], *m["interval"]))
+    return tuple(cells)
+
+
+def _interval(value: float, low: float, high: float) -> str:
+    return f"{value:.2f} [{low:.2f}, {high:.2f}]"
+
+
+def _release(library: str) -> str:
+    return __version__ if library == "sepv" else version(library)
+
+
+def rows(libraries: Sequence[str], effort: Effort) -> Iterator[Row]:
+    """The rows of the libraries that are installed, after one of sepv's own for comparison."""
+    yield scheme_row("sepv", replace(energy_preserving, name="energy-preserving"), effort)
+    for library in libraries:
+        try:
+            adapter = import_module(f"sepv.adapters.{library}")
+        except ModuleNotFoundError as error:
+            click.echo(f"{library} left out: no module named {error.name!r}", err=True)
+            continue
+        for scheme in adapter.SCHEMES:
+            yield scheme_row(library, scheme, effort)
+        for solver in adapter.PATHS:
+            yield path_row(library, solver, effort)
+
+
+def document(found: Sequence[Row], deviations: Sequence[Deviation], command: str) -> str:
+    """The page, in Markdown."""
+    contradicted = {d.solver for d in deviations}
+    numbers = ["library", "version", "solver", "claimed order, mean-square / weak"]
+    numbers += [f"measured order, {s.problem}" for s in SETUPS] + [
+        f"energy defect, {s.problem}" for s in SETUPS
+    ]
+    first = []
+    for r in found:
+        mark = " †" if f"{r.library} {r.solver}".split(",")[0] in contradicted else ""
+        first.append((r.library, r.release, r.solver, r.claimed + mark, *r.orders, *r.energy))
+    second = [(f"{r.library} {r.solver}", *(r.verdicts.get(law, "") for law in LAWS)) for r in found]
+    notes = [f"- {note}" for r in found for note in r.notes]
+    sources = [f"- {r.library} {r.solver}: {r.source}" for r in found if r.library != "sepv"]
+    parts = [
+        "# What other libraries' Stratonovich solvers keep, and with which order",
+        f"Made by `{command}` with sepv {__version__}; not edited by hand.",
+        _introduction(),
+        "## Orders and energy",
+        _table(numbers, first),
+        "† contradicted in the last section, where other problems than these two serve as well."
+        if contradicted
+        else "",
+        "## Laws",
+        "holds · – violated · ? inconclusive · n/a not applicable · error: not measured, reason below · + claimed",
+        _table(["solver", *LAWS], second),
+        "\n".join(notes),
+        "## Where the claimed orders come from",
+        "\n".join(sources),
+        "## Where a library does not do what its documentation says",
+        "\n\n".join(d.text for d in deviations)
+        or "Nothing found that reproduces in the library's own terms.",
+    ]
+    return "\n\n".join(p for p in parts if p) + "\n"
+
+
+def _introduction() -> str:
+    steps = ", ".join(str(n) for n in SETUPS[0].steps)
+    sentences = (
+        "None of these solvers is made to keep energy or Casimirs: a law that is violated without being claimed",
+        "is no fault of theirs. Claimed are the contract of a step, and the order that the documentation or, where",
+        "it is silent, theory states for noise that commutes: in (1.1) all noises drive one field. Each solver runs",
+        "through its own library's code in float64, with the increment given.",
+        "\n\nOrders are slopes of the rms error against the exact flow over [0, 1] with",
+        f"{steps} steps, with intervals over paths; the false-alarm rate of the law is {FALSE_ALARM:g}. Solvers that",
+        f"take one state at a time get {SLOW_PATHS} paths at most, which leaves more verdicts open.",
+        f"Energy defects are the largest |H(y_n) − H(y_0)| of {PATHS} paths over [0, 1] with {ENERGY_STEPS}",
+        "steps, in energy ulps eps·|∇H|·|y|. A solver that hands state from step to step is measured over whole",
+        "paths; its one step, started afresh, stands beside it.",
+        "\n\nWhere a solver wants the space-time Lévy area beside the increment, it gets a normal one from a stream",
+        "whose key is the increment: a step is a function of its arguments. Other Lévy areas are given as zero:",
+        "they act through brackets of the noise fields, which vanish here.",
+    )
+    return " ".join(sentences).replace(" \n\n", "\n\n")
+
+
+def _table(heading: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
+    rule = ["---"] * len(heading)
+    return "\n".join("| " + " | ".join(line) + " |" for line in (heading, rule, *lines))
+
+
+def deviations_shown_by(folder: Path) -> list[Deviation]:
+    """The docstring and the output of every script that still shows its deviation."""
+    shown = []
+    for script in sorted(folder.glob("*.py")):
+        done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=False)
+        if done.returncode != 1 or "Traceback" in done.stderr:
+            click.echo(f"{script} left out: exit code {done.returncode}\n{done.stderr}", err=True)
+            continue
+        docstring = ast.get_docstring(ast.parse(script.read_text("utf-8"))) or script.stem
+        title, _, rest = docstring.partition("\n")
+        body = rest.split("Exit code 1")[0].strip()
+        run = f"[`{folder.name}/{script.name}`]({folder.name}/{script.name}) prints"
+        text = f"### {title}\n\n{body}\n\n{run}\n\n```\n{done.stdout.strip()}\n```"
+        shown.append(Deviation(title.split(":")[0], text))
+    return shown
+
+
+@click.command()
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="Write the page to this file.")
+@click.option("--library", "libraries", multiple=True, type=click.Choice(LIBRARIES), help="Only this one.")
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths."
+)
+def main(out: Path | None, libraries: tuple[str, ...], seed: int) -> None:
+    """Measure every law on every solver that the adapters cover, and write the table as Markdown."""
+    # Counterexamples are not shown here, so that little is spent on simplifying them.
+    effort = Effort(seed=seed, shrink_seconds=2.0)
+    found, start = [], time.perf_counter()
+    for row in rows(libraries or LIBRARIES, effort):
+        found.append(row)
+        click.echo(f"{row.library} {row.solver}: {time.perf_counter() - start:.0f} s", err=True)
+        start = time.perf_counter()
+    shown = deviations_shown_by(out.parent / "peers") if out else []
+    chosen = "".join(f" --library {name}" for name in libraries) + (f" --seed {seed}" if seed else "")
+    target = f" --out {out}" if out else ""
+    page = document(found, shown, f"python -m sepv.adapters.compliance{target}{chosen}")
+    if out is None:
+        click.echo(page)
+    else:
+        out.write_text(page, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,286 @@
+"""Other libraries' solvers through their own code, and the compliance table. Each library is skipped where missing."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from hypothesis import given, settings
+
+from sepv import problems
+from sepv.adapters import _posing, compliance
+from sepv.case import Case
+from sepv.errors import UsageError
+from sepv.fields import vector_field
+from sepv.law import Effort, Verdict
+from sepv.problem import PolynomialSystem, Problem
+from sepv.strategies import any_steps
+from sepv.suite import verify
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+QUICK = Effort(examples=20, paths=256, shrink_seconds=1.0)
+
+
+def adapter(library: str) -> ModuleType:
+    pytest.importorskip(library, reason=f"{library} is not installed: the extra `peers`")
+    return import_module(f"sepv.adapters.{library}")
+
+
+# The problems as data
+
+
+@given(any_steps())
+@settings(max_examples=50, deadline=None)
+def test_the_field_in_another_namespace_is_the_field(case: Case) -> None:
+    problem, y, _h, _dW = case.build()
+    posed = _posing.pose(problem)
+    theirs = _posing.field(np, posed.kind, posed.powers, posed.arrays, y)
+    ours = vector_field(problem, y)
+    size = np.abs(problem.structure(y)) @ np.abs(problem.gradient(y))
+    # Both sum the same few dozen terms, in different orders; cancellation inside B and ∇H is covered by the 1.
+    assert np.all(np.abs(theirs - ours) <= 1e-13 * (size + np.abs(y).max() + 1))
+
+
+def test_a_problem_without_data_is_refused_with_a_remedy() -> None:
+    problem = Problem(2, lambda y: y, lambda y: y, lambda y: y, check=False)
+    with pytest.raises(UsageError, match="polynomial_problem"):
+        _posing.pose(problem)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 7, 8])
+def test_blocks_are_always_full_and_only_what_was_asked_for_comes_back(count: int) -> None:
+    seen = []
+
+    def double(y: np.ndarray, dW: np.ndarray) -> np.ndarray:
+        seen.append((y.shape, dW.shape))
+        return 2 * y
+
+    y = np.arange(2.0 * count).reshape(2, count)
+    assert np.array_equal(_posing.in_blocks(double, y, np.ones((0, count)), 3), 2 * y)
+    assert set(seen) == {((2, 3), (0, 3))}
+    assert np.array_equal(_posing.in_blocks(double, y[:, 0], np.ones(1), 3), 2 * y[:, 0])
+
+
+# One law of each library against theory, and the library's own integration of the same step
+
+
+@pytest.mark.parametrize("library", ["diffrax", "torchsde"])
+def test_heun_converges_to_the_stratonovich_solution_and_does_not_keep_the_energy(library: str) -> None:
+    report = verify(adapter(library).heun, laws=["contract", "energy", "right-limit"], effort=QUICK)
+    assert report.finding("contract").verdict is Verdict.HOLDS
+    assert report.finding("energy").verdict is Verdict.VIOLATED
+    assert report.finding("right-limit").verdict is Verdict.HOLDS
+
+
+def test_sdeints_runge_kutta_method_gets_its_repeated_integrals_and_does_not_keep_the_energy() -> None:
+    module = adapter("sdeint")
+    import sdeint
+
+    problem, h, dW = problems.rigid_body(), 0.125, np.array([0.3])
+    y = np.asarray(problem.initial)
+
+    def f(state: np.ndarray, _t: float) -> np.ndarray:
+        return vector_field(problem, state)
+
+    # One noise: its repeated integral is ½ΔW² whatever sdeint draws.
+    theirs = sdeint.stratSRS2(f, [f], y, np.array([0.0, h]), dW=dW[None])[-1]
+    assert np.allclose(module.strat_srs2.step(problem, y, h, dW), theirs, rtol=0, atol=4e-16)
+    report = verify(module.strat_srs2, laws=["contract", "energy"], effort=QUICK)
+    assert report.finding("contract").verdict is Verdict.HOLDS
+    assert report.finding("energy").verdict is Verdict.VIOLATED
+
+
+@pytest.mark.parametrize("library", ["diffrax", "torchsde"])
+def test_a_path_has_the_same_bits_alone_and_in_a_batch(library: str) -> None:
+    problem, rng = problems.pendulum(), np.random.default_rng(5)
+    y, dW = rng.standard_normal((2, 70)), 0.1 * rng.standard_normal((2, 70))
+    scheme = adapter(library).heun
+    together = scheme.step(problem, y, 0.125, dW)
+    for lane in (0, 63, 64, 69):
+        assert np.array_equal(scheme.step(problem, y[:, lane], 0.125, dW[:, lane]), together[:, lane])
+
+
+def test_diffrax_steps_as_diffeqsolve_does() -> None:
+    module = adapter("diffrax")
+    import diffrax
+    import jax
+    import jax.numpy as jnp
+
+    problem, h, dW = problems.pendulum(), 0.125, np.array([0.2, -0.3])
+    with jax.enable_x64(True):
+        path = diffrax.LinearInterpolation(jnp.array([0.0, h]), jnp.stack([jnp.zeros(2), jnp.asarray(dW)]))
+
+        def f(_t: float, y: jax.Array, _args: None) -> jax.Array:
+            return jnp.stack([-jnp.sin(y[1]), y[0]])
+
+        def g(t: float, y: jax.Array, args: None) -> jax.Array:
+            return jnp.outer(f(t, y, args), jnp.asarray(problem.c))
+
+        terms = diffrax.MultiTerm(diffrax.ODETerm(f), diffrax.ControlTerm(g, path))
+        y0 = jnp.asarray(problem.initial)
+        for scheme, solver in (
+            (module.heun, diffrax.Heun()),
+            (module.midpoint, diffrax.Midpoint()),
+            (module.reversible_heun, diffrax.ReversibleHeun()),
+        ):
+            theirs = diffrax.diffeqsolve(terms, solver, 0.0, h, h, y0).ys[0]
+            ours = scheme.step(problem, np.asarray(problem.initial), h, dW)
+            assert np.allclose(ours, theirs, rtol=0, atol=4e-16), scheme.name
+    assert not jax.config.jax_enable_x64
+
+
+def test_diffrax_compiles_nothing_for_another_polynomial_problem() -> None:
+    module = adapter("diffrax")
+    before = None
+    for entry in (1.0, 2.0):
+        H = problems.from_json(
+            {"dimension": 3, "hamiltonian": [[[2, 0, 1], entry]], "structure": [[0, 1, [[[1, 0, 0], 1.0]]]]}
+        )
+        assert isinstance(H, PolynomialSystem)
+        module.heun.step(problems.build(H), np.ones(3), 0.1, np.array([0.1]))
+        size = module._steps._cache_size()
+        assert before in (None, size)
+        before = size
+
+
+def test_the_space_time_area_is_normal_with_variance_h_over_12_and_independent_of_the_increment() -> None:
+    module = adapter("diffrax")
+    import jax
+
+    h, M = 0.25, 4096
+    dW = np.sqrt(h) * np.random.default_rng(0).standard_normal((M, 1))
+    with jax.enable_x64(True):
+        area = np.asarray(jax.vmap(lambda w: module._space_time_area(np.float64(h), w))(dW))[:, 0]
+    # The increments are fixed, hence so is everything here: five standard errors, once and for all.
+    assert abs(np.mean(area**2) * 12 / h - 1) < 5 * np.sqrt(2 / M)
+    assert abs(np.mean(area)) < 5 * np.sqrt(h / 12 / M)
+    assert abs(np.corrcoef(area, dW[:, 0])[0, 1]) < 5 / np.sqrt(M)
+
+
+def test_slow_rk_has_order_one_and_a_half_with_the_area_it_asks_for() -> None:
+    report = verify(adapter("diffrax").slow_rk, laws=["mean-square-order"], effort=QUICK)
+    assert report.finding("mean-square-order").verdict is Verdict.HOLDS
+
+
+def test_torchsde_steps_as_sdeint_with_a_brownian_interval_does() -> None:
+    module = adapter("torchsde")
+    import torch
+    import torchsde
+
+    class Oscillator(torch.nn.Module):  # type: ignore[misc]
+        noise_type, sde_type = "scalar", "stratonovich"
+
+        def f(self, _t: torch.Tensor, y: torch.Tensor) -> torch.Tensor:
+            return torch.stack([-y[:, 1], y[:, 0]], dim=1)
+
+        def g(self, t: torch.Tensor, y: torch.Tensor) -> torch.Tensor:
+            return self.f(t, y).unsqueeze(-1)
+
+    y, h, dW = np.array([0.2, 0.1]), 0.125, np.array([-0.4])
+    W = torchsde.BrownianInterval(0.0, h, W=torch.as_tensor(dW[None]), levy_area_approximation="foster")
+    for scheme, method in ((module.midpoint, "midpoint"), (module.log_ode, "log_ode")):
+        theirs = torchsde.sdeint(Oscillator(), torch.as_tensor(y[None]), [0.0, h], bm=W, method=method, dt=h)[
+            -1, 0
+        ]
+        ours = scheme.step(problems.harmonic_oscillator(), y, h, dW)
+        assert np.allclose(ours, theirs.numpy(), rtol=0, atol=1e-16)
+
+
+def test_torchsdes_milstein_does_not_hold_its_declared_order() -> None:
+    with np.errstate(over="ignore"):  # most of its paths leave every bound
+        report = verify(adapter("torchsde").milstein, laws=["mean-square-order"], effort=QUICK)
+    assert report.finding("mean-square-order").verdict in (Verdict.VIOLATED, Verdict.ERROR)
+    assert report.exit_code != 0
+
+
+@pytest.mark.parametrize("library", ["diffrax", "torchsde", "sdeint"])
+def test_whole_paths_begin_with_the_single_step(library: str) -> None:
+    module = adapter(library)
+    problem, h, rng = problems.pendulum(), 0.125, np.random.default_rng(1)
+    dW = np.sqrt(h) * rng.standard_normal((4, 2, 3))
+    start = np.asarray(problem.initial)
+    (solver,) = module.PATHS
+    states = solver.path(problem, start, h, dW)
+    assert states.shape == (5, 2, 3)
+    first = module.SCHEMES[-1]
+    for lane in range(3):
+        expected = first.step(problem, start, h, dW[0, :, lane])
+        assert np.allclose(states[1, :, lane], expected, rtol=0, atol=4e-16)
+        # And go on with the state they carry: a second step afresh is another one.
+        afresh = first.step(problem, states[1, :, lane].copy(), h, dW[1, :, lane])
+        assert np.max(np.abs(states[2, :, lane] - afresh)) > 1e-10
+
+
+# The table
+
+
+def _row(**changes: object) -> compliance.Row:
+    given: dict[str, object] = {
+        "library": "lib",
+        "release": "1.0",
+        "solver": "heun",
+        "source": "its manual",
+        "claimed": "1 / 1",
+        "orders": ("1.0", "1.1"),
+        "energy": ("5", "6"),
+        "verdicts": {"energy": "–", "contract": "holds +"},
+    }
+    return compliance.Row(**{**given, **changes})  # type: ignore[arg-type]
+
+
+def test_the_page_has_a_cell_for_every_law_and_marks_what_is_contradicted() -> None:
+    page = compliance.document(
+        [_row()], [compliance.Deviation("lib heun", "### lib heun: no")], "the command"
+    )
+    lines = page.splitlines()
+    widths = {line.count("|") for line in lines if line.startswith("| lib heun")}
+    assert widths == {len(compliance.LAWS) + 2}
+    assert "| lib | 1.0 | heun | 1 / 1 † | 1.0 | 1.1 | 5 | 6 |" in lines
+    assert "the command" in page
+    assert "### lib heun: no" in page
+
+
+def test_a_missing_library_is_left_out_and_said_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compliance, "scheme_row", lambda *_: _row())
+
+    def absent(name: str) -> ModuleType:
+        raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+    monkeypatch.setattr(compliance, "import_module", absent)
+    result = CliRunner().invoke(compliance.main, ["--library", "torchsde"])
+    assert result.exit_code == 0
+    assert "torchsde left out" in result.stderr
+
+
+def test_only_scripts_that_still_show_a_deviation_are_quoted(tmp_path: Path) -> None:
+    for name, code in (("gone", 0), ("there", 1), ("broken", 2)):
+        (tmp_path / f"{name}.py").write_text(
+            f'"""lib {name}: statement.\n\nWhy.\n"""\nprint("shown")\nraise SystemExit({code})\n'
+        )
+    (tmp_path / "crash.py").write_text('"""lib crash: statement."""\nraise ValueError\n')
+    (found,) = compliance.deviations_shown_by(tmp_path)
+    assert found.solver == "lib there"
+    assert "### lib there: statement." in found.text
+    assert "shown" in found.text
+
+
+@pytest.mark.parametrize("script", sorted((DOCS / "peers").glob("*.py")), ids=lambda p: p.stem)
+def test_every_script_is_quoted_on_the_page(script: Path) -> None:
+    page = (DOCS / "compliance.md").read_text("utf-8")
+    assert f"peers/{script.name}" in page
+    assert script.read_text("utf-8").splitlines()[0].removeprefix('"""') in page
+
+
+def test_a_script_shows_its_deviation_without_sepv() -> None:
+    torchsde = pytest.importorskip("torchsde", reason="torchsde is not installed: the extra `peers`")
+    if torchsde.__version__ != "0.2.6":
+        pytest.skip(f"shown for torchsde 0.2.6, this is {torchsde.__version__}")
+    script = DOCS / "peers" / "torchsde_milstein.py"
+    assert "sepv" not in script.read_text("utf-8")
+    assert subprocess.run([sys.executable, script], capture_output=True, check=False).returncode == 1
