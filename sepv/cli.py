@@ -219,7 +219,7 @@ def _order(scheme: Any) -> str:
 
 def _problem_row(name: str, factory: Any) -> tuple[str, str, str]:
     problem = factory()
-    return name, f"{problem.dimension}, {problem.noises}", sys.modules[factory.__module__].__doc__.splitlines()[0]
+    return name, f"{problem.dimension}, {problem.noises}", (sys.modules[factory.__module__].__doc__ or "").splitlines()[0]
 
 
 if __name__ == "__main__":
