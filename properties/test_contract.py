@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import random
+from typing import Any
+
 import numpy as np
 
 from sepv.candidate import ask, check_answer, raw_answer
@@ -14,19 +17,33 @@ from sepv.strategies import any_steps
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Ask twice, with another question in between; compare bits, and the arguments before and after."""
+    """Ask twice, with another question in between; compare bits, arguments, and the state of the process."""
     problem, y, h, dW = case.build()
-    asked, noise = y.copy(), dW.copy()
+    asked, noise, before = y.copy(), dW.copy(), _surroundings()
     raw = raw_answer(scheme, problem, asked, h, noise)
-    for name, before, after in (("y", y, asked), ("dW", dW, noise)):
-        if not np.array_equal(before, after):
+    for name, was, now in (("y", y, asked), ("dW", dW, noise)):
+        if not np.array_equal(was, now):
             raise SchemeFault(
                 expected=f"{name} unchanged by the step",
-                received=f"{name} = {after.tolist()} after, {before.tolist()} before",
+                received=f"{name} = {now.tolist()} after, {was.tolist()} before",
                 remedy=f"work on a copy: {name} = {name}.copy(), and no operators such as += on arguments",
             )
-    first = check_answer(raw, y).copy()
+    changed = [key for key, value in _surroundings().items() if value != before[key]]
+    if changed:
+        raise SchemeFault(
+            expected="a step that leaves the process as it was",
+            received=f"a change of {', '.join(changed)}",
+            remedy="use a generator of your own, and np.errstate as a context manager",
+        )
+    answer = check_answer(raw, y)
+    first = answer.copy()
     ask(scheme, problem, 0.75 * y, h, dW)
+    if not np.array_equal(answer, first):
+        raise SchemeFault(
+            expected="an answer that stays as it is",
+            received=f"{answer.tolist()} after the next call, {first.tolist()} before",
+            remedy="return a new array each time, not a buffer that is used again",
+        )
     second = ask(scheme, problem, y, h, dW)
     if not np.array_equal(first, second):
         raise SchemeFault(
@@ -37,9 +54,19 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     return Measurement(0.0, 0.0)
 
 
+def _surroundings() -> dict[str, Any]:
+    """What a step of others would notice: global random numbers and floating-point error handling."""
+    kind, keys, *rest = np.random.get_state(legacy=True)  # noqa: NPY002  (the global generator is the point)
+    return {
+        "NumPy's global random numbers": (kind, keys.tobytes(), *rest),  # type: ignore[union-attr]  # legacy tuple
+        "Python's global random numbers": random.getstate(),
+        "NumPy's error handling": np.geterr(),
+    }
+
+
 law = searched(
     name="contract",
-    statement="step is pure, deterministic, keeps shape and dtype, and changes nothing in place",
+    statement="step is pure, deterministic, keeps shape and dtype, and changes nothing around it",
     source="contract",
     unit="faults",
     cases=any_steps,

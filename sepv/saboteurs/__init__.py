@@ -1,0 +1,16 @@
+"""Saboteurs: (2.1) with one thing broken each, all claims kept. They test the suite, not schemes.
+
+Each family is a module; `ALL` holds them by name. Whatever a law is said to see, some saboteur shows
+that it does; `sepv.teeth` runs them all.
+"""
+
+from __future__ import annotations
+
+from sepv.saboteurs import arithmetic, formula, interface, noise, solver
+from sepv.saboteurs.record import Saboteur as Saboteur
+
+FAMILIES = ("formula", "noise", "solver", "arithmetic", "interface")
+
+ALL: dict[str, Saboteur] = {
+    s.name: s for module in (formula, noise, solver, arithmetic, interface) for s in module.SABOTEURS
+}

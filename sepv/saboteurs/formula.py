@@ -1,0 +1,302 @@
+"""Faults of the formula: B or ∇H at the wrong place, another scheme, or the right one with a wrong claim."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from sepv import schemes
+from sepv.average import gauss_legendre
+from sepv.fields import matvec, vector_field
+from sepv.problem import Array, Problem
+from sepv.saboteurs.record import (
+    Saboteur,
+    around,
+    explicit,
+    explicit_step,
+    implicit,
+    implicit_step,
+    mean,
+    middle,
+    right_side,
+)
+from sepv.scheme import Scheme, Step
+from sepv.schemes import energy_preserving as original
+from sepv.schemes.discrete_gradient import coordinate_increments
+
+_WRONG_LIMIT = ("expansion", "mean-square-order", "right-limit", "weak-order")
+
+
+def _b_at_y0(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    return step[0] * matvec(problem.structure(y0), mean(problem, y0, y1))
+
+
+def _b_at_y1(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    return step[0] * matvec(problem.structure(y1), mean(problem, y0, y1))
+
+
+def _b_averaged(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    return step[0] * matvec(0.5 * (problem.structure(y0) + problem.structure(y1)), mean(problem, y0, y1))
+
+
+def _b_predicted(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    predicted = y0 + 0.5 * step[0] * vector_field(problem, y0)
+    return step[0] * matvec(problem.structure(predicted), mean(problem, y0, y1))
+
+
+def _one_point(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    return step[0] * vector_field(problem, middle(y0, y1))
+
+
+def _trapezoid(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    ends = 0.5 * (problem.gradient(y0) + problem.gradient(y1))
+    return step[0] * matvec(problem.structure(middle(y0, y1)), ends)
+
+
+def _gradient_at_y0(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    return step[0] * matvec(problem.structure(middle(y0, y1)), problem.gradient(y0))
+
+
+def quadrature(problem: Problem, y0: Array, y1: Array, nodes: int, digits: int = 17) -> Array:
+    """The averaged gradient by so many Gauss nodes, written with so many digits."""
+    points, weights = gauss_legendre(nodes)
+    terms = [
+        w * problem.gradient(y0 + round(float(t), digits) * (y1 - y0))
+        for t, w in zip(points, weights, strict=True)
+    ]
+    return np.sum(terms, axis=0)
+
+
+def _one_node_short(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    if problem.degree is None:
+        return right_side(problem, y0, y1, step)
+    nodes = max(1, -(-problem.degree // 2) - 1)
+    return step[0] * matvec(problem.structure(middle(y0, y1)), quadrature(problem, y0, y1, nodes))
+
+
+def _two_nodes(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    if problem.degree is None:
+        return right_side(problem, y0, y1, step)
+    return step[0] * matvec(problem.structure(middle(y0, y1)), quadrature(problem, y0, y1, 2))
+
+
+def _asymmetric(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    discrete = coordinate_increments(problem, y0, y1)[0]
+    return step[0] * matvec(problem.structure(middle(y0, y1)), discrete)
+
+
+def _symmetrised(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    forward, backward = coordinate_increments(problem, y0, y1)[0], coordinate_increments(problem, y1, y0)[0]
+    return step[0] * matvec(problem.structure(middle(y0, y1)), 0.5 * (forward + backward))
+
+
+def _two_dimensions_only(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    return (right_side if problem.dimension == 2 else _b_at_y0)(problem, y0, y1, step)
+
+
+def _three_components(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    B, g = problem.structure(middle(y0, y1)), mean(problem, y0, y1)
+    return step[0] * matvec(B[:, :3], g[:3])
+
+
+def _heun(problem: Problem, y0: Array, step: Array) -> Array:
+    f0 = vector_field(problem, y0)
+    return y0 + 0.5 * step[0] * (f0 + vector_field(problem, y0 + step[0] * f0))
+
+
+def _runge_kutta(problem: Problem, y0: Array, step: Array) -> Array:
+    delta = step[0]
+    k1 = vector_field(problem, y0)
+    k2 = vector_field(problem, y0 + 0.5 * delta * k1)
+    k3 = vector_field(problem, y0 + 0.5 * delta * k2)
+    k4 = vector_field(problem, y0 + delta * k3)
+    return y0 + delta / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+
+
+def _projected(step: Step) -> Step:
+    """Any step, then Newton's method along ∇H back to the energy it started from."""
+
+    def projected(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        y1 = step(problem, y, h, dW)
+        for _ in range(6):
+            g, gap = problem.gradient(y1), problem.hamiltonian(y1) - problem.hamiltonian(y)
+            size = np.sum(g * g, axis=0)
+            y1 = y1 - g * np.where(size > 0, gap / np.where(size > 0, size, 1.0), 0.0)
+        return y1
+
+    return projected
+
+
+def _halved(step: Step) -> Step:
+    return lambda problem, y, h, dW: step(problem, step(problem, y, h / 2, dW / 2), h / 2, dW / 2)
+
+
+def _euler(problem: Problem, y0: Array, step: Array) -> Array:
+    return y0 + step[0] * vector_field(problem, y0)
+
+
+def _ito_limit() -> Scheme:
+    return replace(explicit(_euler)(), claims=("contract",), mean_square_order=0.5, weak_order=None)
+
+
+def _half_as_one() -> Scheme:
+    return replace(schemes.euler_maruyama, mean_square_order=1.0)
+
+
+def _one_as_two() -> Scheme:
+    return replace(original, mean_square_order=2.0)
+
+
+def _weak_one_as_two() -> Scheme:
+    return replace(original, weak_order=2.0)
+
+
+_TABLE = (
+    (
+        "b-at-y0",
+        "B is taken at y0 and not at the midpoint",
+        implicit(_b_at_y0),
+        ("casimir", "midpoint", "symmetry", "reference", *_WRONG_LIMIT),
+    ),
+    (
+        "b-at-y1",
+        "B is taken at y1 and not at the midpoint",
+        implicit(_b_at_y1),
+        ("casimir", "midpoint", "symmetry", "reference", *_WRONG_LIMIT),
+    ),
+    (
+        "linear-b-only",
+        "B is the average of B(y0) and B(y1): right only where B is linear",
+        implicit(_b_averaged),
+        ("casimir", "midpoint", "reference"),
+    ),
+    (
+        "constant-b-only",
+        "B is taken at an explicitly predicted midpoint: right only where B is constant",
+        implicit(_b_predicted),
+        ("casimir", "midpoint", "symmetry", "reference"),
+    ),
+    (
+        "b-transposed",
+        "B is transposed",
+        implicit(lambda problem, y0, y1, step: -right_side(problem, y0, y1, step)),
+        ("midpoint", "reference", "reduction", *_WRONG_LIMIT),
+    ),
+    (
+        "b-doubled",
+        "B is doubled",
+        implicit(lambda problem, y0, y1, step: 2 * right_side(problem, y0, y1, step)),
+        ("midpoint", "reference", "reduction", *_WRONG_LIMIT),
+    ),
+    (
+        "one-point-quadrature",
+        "∇H is taken at the midpoint and not averaged",
+        implicit(_one_point),
+        ("energy", "reference", "reduction", "rounding"),
+    ),
+    (
+        "quadratic-h-only",
+        "∇H is averaged over the two ends: right only where H is quadratic",
+        implicit(_trapezoid),
+        ("energy", "reference", "reduction", "rounding"),
+    ),
+    (
+        "degree-four-only",
+        "two quadrature nodes for every polynomial: right only up to degree 4",
+        implicit(_two_nodes),
+        ("energy", "reference", "reduction"),
+    ),
+    (
+        "one-node-short",
+        "the quadrature has one node less than the degree of H needs",
+        implicit(_one_node_short),
+        ("energy", "reference", "reduction"),
+    ),
+    (
+        "gradient-at-y0",
+        "∇H is taken at y0",
+        implicit(_gradient_at_y0),
+        ("energy", "midpoint", "symmetry", "reference", "reduction", "rounding", *_WRONG_LIMIT),
+    ),
+    (
+        "asymmetric-gradient",
+        "coordinate increments in one order instead of the averaged gradient",
+        implicit(_asymmetric),
+        ("midpoint", "symmetry", "reference", "reduction", "expansion", "equivariance"),
+    ),
+    (
+        "symmetrised-gradient",
+        "symmetrised coordinate increments instead of the averaged gradient",
+        implicit(_symmetrised),
+        ("reference", "reduction", "equivariance"),
+    ),
+    (
+        "two-dimensions-only",
+        "B is taken at y0 unless d = 2",
+        implicit(_two_dimensions_only),
+        ("casimir", "midpoint", "symmetry", "reference", *_WRONG_LIMIT),
+    ),
+    (
+        "three-components-only",
+        "the product B∇̄H stops at the third component",
+        implicit(_three_components),
+        ("energy", "midpoint", "reference", "expansion", "equivariance"),
+    ),
+    (
+        "two-half-steps",
+        "every step is made as two half steps",
+        around(_halved),
+        ("midpoint", "reference", "reduction"),
+    ),
+    (
+        "explicit-heun",
+        "Heun's explicit method with the random step",
+        explicit(_heun),
+        ("energy", "casimir", "midpoint", "symmetry", "reference", "reduction", "rounding"),
+    ),
+    (
+        "runge-kutta",
+        "the classical Runge-Kutta method with the random step",
+        explicit(_runge_kutta),
+        ("energy", "casimir", "midpoint", "symmetry", "reference", "reduction", "rounding"),
+    ),
+    (
+        "heun-projected",
+        "Heun's method, then a projection on H",
+        around(lambda _: _projected(explicit_step(_heun))),
+        ("casimir", "midpoint", "symmetry", "reference", "equivariance"),
+    ),
+    (
+        "midpoint-projected",
+        "the midpoint rule, then a projection on H",
+        around(lambda _: _projected(implicit_step(_one_point))),
+        ("casimir", "symmetry", "reference", "equivariance"),
+    ),
+    (
+        "ito-limit",
+        "Euler's method, which converges to the Itô solution, claims order ½",
+        _ito_limit,
+        ("right-limit", "mean-square-order", "weak-order"),
+    ),
+    (
+        "half-claimed-as-one",
+        "the Euler-Maruyama scheme, of order ½, claims order 1",
+        _half_as_one,
+        ("mean-square-order",),
+    ),
+    (
+        "one-claimed-as-two",
+        "(2.1), of order 1, claims order 2",
+        _one_as_two,
+        ("truncation", "mean-square-order"),
+    ),
+    (
+        "weak-one-claimed-as-two",
+        "(2.1), of weak order 1, claims weak order 2",
+        _weak_one_as_two,
+        ("weak-order",),
+    ),
+)
+
+SABOTEURS = tuple(Saboteur(name, "formula", broken, make, laws) for name, broken, make, laws in _TABLE)

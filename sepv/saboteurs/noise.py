@@ -1,0 +1,179 @@
+"""Faults of the noise: another random step than Δ = h + Σ_j c_j ΔW_j, or noise where it does not belong."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from sepv.fields import derivative_along, matvec, vector_field
+from sepv.problem import Array, Problem
+from sepv.saboteurs.formula import _one_point
+from sepv.saboteurs.record import Saboteur, around, drift_and_noise, implicit, mean, middle, right_side
+from sepv.scheme import Scheme, Step
+from sepv.schemes import energy_preserving as original
+
+_STEP = ("midpoint", "reference", "reduction", "expansion")
+_LIMIT = ("mean-square-order", "right-limit")
+_SEVERAL = ("midpoint", "reference", "reduction", "noise-sum", *_LIMIT)
+
+
+def _stepping(delta: Callable[[Array, float, Array], Array]) -> Callable[[], Scheme]:
+    """(2.1) with another Δ, given c as a column (m, 1), h and the increments (m, M)."""
+    return implicit(right_side, lambda problem, h, noise: delta(problem.c[:, None], h, noise)[None])
+
+
+def _first_only(c: Array, h: float, noise: Array) -> Array:
+    return h + np.sum((c * noise)[:1], axis=0)
+
+
+def _in_law(c: Array, h: float, noise: Array) -> Array:
+    return h + np.linalg.norm(c) * np.sum(noise[:1], axis=0)
+
+
+def _reversed(c: Array, h: float, noise: Array) -> Array:
+    return h + np.sum(c[::-1] * noise, axis=0)
+
+
+def _explicit_noise(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    return step[0] * vector_field(problem, middle(y0, y1)) + step[1] * vector_field(problem, y0)
+
+
+def _explicit_drift_structure(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    B = step[0] * problem.structure(y0) + step[1] * problem.structure(middle(y0, y1))
+    return matvec(B, mean(problem, y0, y1))
+
+
+def _ito_correction(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    correction = derivative_along(problem, y0, vector_field(problem, y0))
+    return (
+        right_side(problem, y0, y1, step[:1] + step[1:]) + 0.5 * np.sum(problem.c**2) * step[0] * correction
+    )
+
+
+def _positive_only(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    right, wrong = right_side(problem, y0, y1, step), _one_point(problem, y0, y1, step)
+    return np.where(step[0] > 0, right, wrong)
+
+
+def _clipped(widths: Callable[[float], float]) -> Callable[[Step], Step]:
+    """Increments clipped inside the step, at so many standard deviations."""
+
+    def around_step(step: Step) -> Step:
+        def clipped(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+            bound = widths(h) * math.sqrt(h)
+            return step(problem, y, h, np.clip(dW, -bound, bound))
+
+        return clipped
+
+    return around_step
+
+
+def _k_one(h: float) -> float:
+    return math.sqrt(2 * abs(math.log(h))) if h < 1 else math.inf
+
+
+_TABLE = (
+    (
+        "drift-dropped",
+        "Δ has no h",
+        _stepping(lambda c, _h, w: np.sum(c * w, axis=0)),
+        ("identity", "symmetry", *_STEP, *_LIMIT, "weak-order"),
+    ),
+    (
+        "noise-dropped",
+        "Δ has no noise",
+        _stepping(lambda _c, h, w: np.full(w.shape[1], h)),
+        ("identity", "symmetry", *_STEP, *_LIMIT, "weak-order"),
+    ),
+    (
+        "noise-sign",
+        "the noise has the wrong sign",
+        _stepping(lambda c, h, w: h - np.sum(c * w, axis=0)),
+        ("identity", "symmetry", *_STEP, *_LIMIT),
+    ),
+    (
+        "c-squared",
+        "c is squared",
+        _stepping(lambda c, h, w: h + np.sum(c**2 * w, axis=0)),
+        ("identity", "midpoint", "reference", "reduction", "noise-sum", "mean-square-order", "weak-order"),
+    ),
+    (
+        "c-forgotten",
+        "every c is 1",
+        _stepping(lambda _c, h, w: h + np.sum(w, axis=0)),
+        ("identity", "midpoint", "reference", "reduction", "noise-sum", "mean-square-order", "weak-order"),
+    ),
+    (
+        "sqrt-h",
+        "the increments are taken for standard normals and multiplied by √h",
+        _stepping(lambda c, h, w: h + math.sqrt(h) * np.sum(c * w, axis=0)),
+        ("identity", "symmetry", *_STEP, *_LIMIT, "weak-order"),
+    ),
+    (
+        "absolute-increments",
+        "|ΔW| stands for ΔW",
+        _stepping(lambda c, h, w: h + np.sum(c * np.abs(w), axis=0)),
+        ("identity", "symmetry", "noise-sum", *_STEP, *_LIMIT, "weak-order"),
+    ),
+    (
+        "absolute-step",
+        "|Δ| stands for Δ",
+        _stepping(lambda c, h, w: np.abs(h + np.sum(c * w, axis=0))),
+        ("symmetry", *_STEP, *_LIMIT, "weak-order"),
+    ),
+    (
+        "positive-step-only",
+        "∇H is averaged for Δ > 0 and taken at the midpoint for Δ < 0",
+        implicit(_positive_only),
+        ("energy", "symmetry", "reference"),
+    ),
+    ("first-noise-only", "only the first noise is seen", _stepping(_first_only), _SEVERAL),
+    (
+        "one-noise-in-law",
+        "several noises are replaced by one of the same variance",
+        _stepping(_in_law),
+        _SEVERAL,
+    ),
+    ("noises-reversed", "the c_j are taken in the wrong order", _stepping(_reversed), _SEVERAL),
+    (
+        "clipped-at-one",
+        "increments are clipped at one standard deviation",
+        around(_clipped(lambda _: 1.0)),
+        ("identity", "symmetry", *_SEVERAL),
+    ),
+    (
+        "clipped-with-k-one",
+        "increments are clipped inside the step, with k = 1 where the scheme says 2",
+        around(_clipped(_k_one)),
+        ("midpoint", "reference", "noise-sum"),
+    ),
+    (
+        "k-too-small",
+        "the scheme asks for increments truncated with k = 1, which costs order 1",
+        lambda: replace(original, truncation=1),
+        ("truncation",),
+    ),
+    (
+        "explicit-noise",
+        "the drift is implicit, the noise explicit: the “symplectic midpoint” that converges to Itô",
+        implicit(_explicit_noise, drift_and_noise),
+        ("energy", "casimir", "symmetry", "rounding", *_STEP, *_LIMIT, "weak-order"),
+    ),
+    (
+        "explicit-drift-structure",
+        "B is taken at y0 in the drift and at the midpoint in the noise",
+        implicit(_explicit_drift_structure, drift_and_noise),
+        ("casimir", "midpoint", "symmetry", "reference", "expansion"),
+    ),
+    (
+        "ito-correction",
+        "the correction ½Σc²f′f, which the Stratonovich form does not need, is added to the drift",
+        implicit(_ito_correction, drift_and_noise),
+        ("identity", "energy", "casimir", "symmetry", "rounding", *_STEP, *_LIMIT, "weak-order"),
+    ),
+)
+
+SABOTEURS = tuple(Saboteur(name, "noise", broken, make, laws) for name, broken, make, laws in _TABLE)

@@ -1,0 +1,138 @@
+"""Faults of the solver: the equation is (2.1), the answer does not solve it to rounding and does not say so."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from sepv.fields import linear_solve
+from sepv.problem import Array, Problem
+from sepv.saboteurs.record import Saboteur, explicit, right_side
+from sepv.scheme import Scheme
+from sepv.schemes.energy_preserving import jacobian
+
+_EPS = float(np.finfo(np.float64).eps)
+_SEEN = ("energy", "casimir", "midpoint", "symmetry", "reference")
+
+Correction = Callable[[Problem, Array, Array, Array], Array]
+
+
+def _fixed_point(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
+    return right_side(problem, y0, y0 + z, step) - z
+
+
+def _newton(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
+    slope = jacobian(problem, y0, y0 + z, step)
+    assert slope is not None  # all problems of the suite have derivatives
+    A = np.eye(problem.dimension)[..., None] - slope
+    return linear_solve(A, right_side(problem, y0, y0 + z, step) - z)
+
+
+def _frozen_newton(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
+    slope = jacobian(problem, y0, y0, step)
+    assert slope is not None
+    A = np.eye(problem.dimension)[..., None] - slope
+    return linear_solve(A, right_side(problem, y0, y0 + z, step) - z)
+
+
+def _iterated(
+    correction: Correction, most: int, tolerance: float = 0.0, *, together: bool = False
+) -> Callable[[Problem, Array, Array], Array]:
+    """y0 + z after z ← z + correction, until the correction of a lane is below the tolerance, or `most` times.
+
+    `together`: all lanes stop with the first one.
+    """
+
+    def update(problem: Problem, y0: Array, step: Array) -> Array:
+        z, active = np.zeros_like(y0), np.arange(y0.shape[1])
+        with np.errstate(all="ignore"):
+            for _ in range(most):
+                move = correction(problem, y0[:, active], z[:, active], step[:, active])
+                z[:, active] += move
+                scale = np.max(np.abs(y0[:, active]), axis=0) + np.max(np.abs(z[:, active]), axis=0)
+                open_ = ~(np.max(np.abs(move), axis=0) <= tolerance * scale)
+                if not open_.any() or (together and not open_.all()):
+                    break
+                active = active[open_]
+        return y0 + z
+
+    return update
+
+
+def _unapplied(problem: Problem, y0: Array, step: Array) -> Array:
+    """Newton's method that takes a residual below 1e-10 for good enough."""
+    z = np.zeros_like(y0)
+    for _ in range(20):
+        residual = np.max(np.abs(_fixed_point(problem, y0, z, step)), axis=0)
+        if np.all(residual <= 1e-10):
+            break
+        z = np.where(residual <= 1e-10, z, z + _newton(problem, y0, z, step))
+    return y0 + z
+
+
+def _understated() -> Scheme:
+    return replace(explicit(_iterated(_fixed_point, 60, 1e-8))(), solver_tolerance=1e-13)
+
+
+_TABLE = (
+    (
+        "stopped-at-1e-8",
+        "the fixed-point iteration stops at a relative correction of 1e-8",
+        explicit(_iterated(_fixed_point, 60, 1e-8)),
+        (*_SEEN, "rounding"),
+    ),
+    (
+        "stopped-at-1e-12",
+        "the fixed-point iteration stops at a relative correction of 1e-12",
+        explicit(_iterated(_fixed_point, 60, 1e-12)),
+        (*_SEEN, "rounding"),
+    ),
+    (
+        "residual-of-1e-10",
+        "Newton's iteration stops at a residual of 1e-10",
+        explicit(_unapplied),
+        (*_SEEN, "rounding"),
+    ),
+    (
+        "understated-tolerance",
+        "the solver stops at 1e-8 and states a tolerance of 1e-13",
+        _understated,
+        _SEEN,
+    ),
+    ("newton-once", "one iteration of Newton, whatever it leaves", explicit(_iterated(_newton, 1)), _SEEN),
+    ("newton-twice", "two iterations of Newton, whatever they leave", explicit(_iterated(_newton, 2)), _SEEN),
+    (
+        "newton-thrice",
+        "three iterations of Newton, whatever they leave",
+        explicit(_iterated(_newton, 3)),
+        _SEEN,
+    ),
+    (
+        "frozen-jacobian",
+        "six iterations of Newton with the Jacobian of the first",
+        explicit(_iterated(_frozen_newton, 6)),
+        _SEEN,
+    ),
+    (
+        "fixed-point-thrice",
+        "the fixed-point iteration stops silently after three times",
+        explicit(_iterated(_fixed_point, 3)),
+        _SEEN,
+    ),
+    (
+        "silent-cap",
+        "the fixed-point iteration stops silently after 60 times, converged or not",
+        explicit(_iterated(_fixed_point, 60, 0.5 * _EPS)),
+        ("energy", "rounding"),
+    ),
+    (
+        "lanes-stop-together",
+        "all states of a batch stop iterating when the first of them has converged",
+        explicit(_iterated(_newton, 20, 1e-9, together=True)),
+        ("reproducibility",),
+    ),
+)
+
+SABOTEURS = tuple(Saboteur(name, "solver", broken, make, laws) for name, broken, make, laws in _TABLE)

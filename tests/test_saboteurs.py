@@ -1,0 +1,127 @@
+"""The suite bites: every saboteur is killed, every law is needed, and the matrix tells the truth about both."""
+
+from __future__ import annotations
+
+from io import StringIO
+
+import pytest
+
+from sepv import teeth
+from sepv.errors import UsageError
+from sepv.law import Effort, Verdict
+from sepv.report import console
+from sepv.saboteurs import ALL, FAMILIES
+from sepv.schemes import energy_preserving
+from sepv.suite import LAWS
+
+# What these claim is what is wrong with them; all others claim exactly what (2.1) claims.
+WRONG_CLAIMS = {"ito-limit", "half-claimed-as-one"}
+
+
+def expected(name: str) -> list[str]:
+    return [law for law in LAWS if law in ALL[name].caught_by]
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_each_saboteur_is_killed_by_a_law_that_theory_names(name: str) -> None:
+    assert any(b.kills for b in teeth.bite(name, 0, expected(name), first=True))
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("seed", teeth.SEEDS)
+@pytest.mark.parametrize("name", ALL)
+def test_each_saboteur_is_killed_with_every_seed(name: str, seed: int) -> None:
+    assert any(b.kills for b in teeth.bite(name, seed, LAWS, first=True))
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_each_law_has_a_saboteur_that_it_must_catch(law: str) -> None:
+    assert any(law in s.caught_by for s in ALL.values())
+
+
+def test_there_are_five_families_and_no_name_twice() -> None:
+    from sepv.saboteurs import arithmetic, formula, interface, noise, solver
+
+    modules = (formula, noise, solver, arithmetic, interface)
+    assert sum(len(m.SABOTEURS) for m in modules) == len(ALL) >= 36
+    assert [m.SABOTEURS[0].family for m in modules] == list(FAMILIES)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_each_saboteur_claims_what_the_scheme_claims(name: str) -> None:
+    saboteur = ALL[name]
+    assert set(saboteur.caught_by) <= set(LAWS)
+    assert saboteur.scheme.name == name
+    if name not in WRONG_CLAIMS:
+        assert saboteur.scheme.claims == energy_preserving.claims
+
+
+@pytest.mark.parametrize("name", [s.name for s in ALL.values() if s.family == "interface"])
+def test_what_a_saboteur_remembers_ends_with_it(name: str) -> None:
+    assert ALL[name].scheme.step is not ALL[name].scheme.step
+
+
+def test_workers_find_what_one_process_finds() -> None:
+    names, laws, effort = ["b-at-y0", "two-half-steps"], ["casimir", "midpoint"], Effort(examples=20)
+    seen: list[int] = []
+    found = teeth.run(names, [0], lambda done, total, _: seen.append(total - done), laws=laws, effort=effort)
+    alone = [b for name in names for b in teeth.bite(name, 0, laws, 20)]
+    assert [(b.saboteur, b.law, b.verdict, b.examples) for b in found] == [
+        (b.saboteur, b.law, b.verdict, b.examples) for b in alone
+    ]
+    assert seen == [1, 0]
+
+
+def test_the_first_kill_ends_a_saboteur_when_asked() -> None:
+    (only,) = teeth.bite("relative-error-1e-10", 0, LAWS, first=True)
+    assert only.kills
+    assert only.law == "identity"
+
+
+def test_examples_end_with_the_first_violation() -> None:
+    (violated,) = teeth.bite("b-doubled", 0, ["midpoint"])
+    (holding,) = teeth.bite("b-doubled", 0, ["energy"], examples=7)
+    assert violated.examples < 20
+    assert holding.examples == 7
+
+
+def test_an_unknown_name_is_an_error() -> None:
+    with pytest.raises(UsageError, match="a saboteur, one of"):
+        teeth.run(["b-at-y2"], [0])
+
+
+def bite(name: str, law: str, seed: int, verdict: Verdict, examples: int, claimed: bool = True) -> teeth.Bite:
+    saboteur = ALL[name]
+    return teeth.Bite(
+        name, saboteur.family, law, seed, verdict, claimed, law in saboteur.caught_by, examples, 0.1
+    )
+
+
+BITES = [
+    bite("b-at-y0", "energy", 0, Verdict.HOLDS, 100),
+    bite("b-at-y0", "energy", 1, Verdict.HOLDS, 100),
+    bite("b-at-y0", "casimir", 0, Verdict.VIOLATED, 4),
+    bite("b-at-y0", "casimir", 1, Verdict.HOLDS, 100),
+    bite("changes-y", "energy", 0, Verdict.ERROR, 1),
+    bite("changes-y", "energy", 1, Verdict.ERROR, 1),
+    bite("silent-cap", "energy", 0, Verdict.ERROR, 3),
+    bite("silent-cap", "energy", 1, Verdict.VIOLATED, 9, claimed=False),
+]
+
+
+def test_an_error_kills_only_where_the_interface_is_at_fault() -> None:
+    assert teeth.survivors(BITES) == {"b-at-y0": [1], "silent-cap": [0, 1]}
+    assert teeth.examples_to_kill(BITES) == {("b-at-y0", 0): 4, ("changes-y", 0): 1, ("changes-y", 1): 1}
+    assert teeth.lone_keepers(BITES) == {"casimir": ["b-at-y0"], "energy": ["changes-y"]}
+    assert teeth.missed(BITES) == [("silent-cap", "energy")]
+
+
+def test_the_matrix_names_what_survives() -> None:
+    text = StringIO()
+    teeth.show(BITES, console(text))
+    lines = text.getvalue().splitlines()
+    assert lines[0].split() == ["saboteur", "ene", "cas", "killed"]
+    assert lines[1].split() == ["b-at-y0", "·", "(4)", "1/2"]
+    assert lines[2].split() == ["changes-y", "e", "2/2"]
+    assert "1 of 3 saboteurs killed with each of 2 seeds" in text.getvalue()
+    assert "survives: b-at-y0, seed 1: B is taken at y0 and not at the midpoint" in text.getvalue()
