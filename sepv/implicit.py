@@ -144,12 +144,13 @@ def solve(
             scale = reach.max(axis=0)
             size = (moves / (reach + _EPS * scale + _TINY)).max(axis=0)
             broken = ~np.isfinite(residual[active])
-            singular = ~broken & ~np.isfinite(moves.max(axis=0))
+            solved = residual[active] == 0  # a state at rest is a solution, also where the Jacobian is singular
+            singular = ~broken & ~solved & ~np.isfinite(moves.max(axis=0))
             small = moves.max(axis=0) <= STAGNATION * scale
             # Stagnation needs both measures to stop shrinking: a component near zero moves by a large share of
             # itself long before the others have arrived.
             stuck = (size >= 0.5 * previous[0, active]) & (moves.max(axis=0) >= 0.5 * previous[1, active])
-            done = ~broken & ~singular & ((size <= 0.5 * _EPS) | (small & stuck))
+            done = ~broken & ~singular & (solved | (size <= 0.5 * _EPS) | (small & stuck))
             outcome = np.where(R.reliable, Status.CONVERGED, Status.QUADRATURE)
             status[active[done]] = outcome[done]
             status[active[broken]] = Status.OVERFLOW

@@ -220,3 +220,13 @@ def test_a_component_near_zero_does_not_stop_the_iteration_early() -> None:
     y1 = schemes.energy_preserving.step(problem, y, h, np.array([h]))
     back = schemes.energy_preserving.step(problem, y1, h, np.array([-3 * h]))
     assert np.max(np.abs(back - y)) < 1e-15
+
+
+def test_a_state_at_rest_stays_where_the_jacobian_is_singular() -> None:
+    """H = y1 y2 has a saddle at the origin; at Δ = 2 the Jacobian of (3.4) and (2.1) there is singular."""
+    data = problems.from_json(
+        {"dimension": 2, "hamiltonian": [[[1, 1], 1.0]], "structure": [[0, 1, [[[0, 0], 1.0]]]]}
+    )
+    problem = problems.polynomial_problem(data)
+    for scheme in IMPLICIT:
+        assert scheme.step(problem, np.zeros(2), 1.0, np.array([1.0])).tolist() == [0.0, 0.0]
