@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sepv.errors import SchemeFault, SepvError, StepFailure
+from sepv.errors import SchemeFault, SepvError
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
 
@@ -45,7 +45,7 @@ def raw_answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) 
     try:
         with np.errstate(all="ignore"):
             return scheme.step(problem, y, h, dW)
-    except StepFailure:
+    except SepvError:
         raise
     except Exception as error:
         raise SchemeCrash(error, y.shape) from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import getpass
 import os
+import shlex
 import sys
 import tempfile
 from collections.abc import Callable
@@ -84,6 +85,15 @@ _FILE = click.Path(dir_okay=False)
 @click.option(
     "--timeout", type=click.FloatRange(min=0.1), default=600.0, show_default=True, help="Seconds a law."
 )
+@click.option(
+    "--exec", "program", metavar="COMMAND", help="Verify a program in any language (docs/protocol.md)."
+)
+@click.option(
+    "--check-protocol", is_flag=True, help="With --exec: say line by line what the program does wrong."
+)
+@click.option(
+    "--call-timeout", type=click.FloatRange(min=0.01), default=10.0, show_default=True, help="With --exec."
+)
 @click.option("-q", "--quiet", is_flag=True, help="Only the last line.")
 @friendly
 def verify(targets: tuple[str, ...], laws: tuple[str, ...], claims: tuple[str, ...], **options: Any) -> None:
@@ -97,27 +107,63 @@ def verify(targets: tuple[str, ...], laws: tuple[str, ...], claims: tuple[str, .
     sepv verify energy-preserving midpoint euler-heun
     sepv verify mymodule:step --claim energy,casimir --json report.json
     """
-    from sepv.files import require_folder
-
-    if not targets:
-        raise UsageError(expected="a TARGET", received="none", remedy="sepv verify energy-preserving")
+    if bool(targets) == bool(options["program"]):
+        raise UsageError(
+            expected="a TARGET, or a program with --exec",
+            received=f"{len(targets)} targets" + (" and --exec" if options["program"] else ""),
+            remedy="sepv verify energy-preserving, or sepv verify --exec './program'",
+        )
+    if options["program"]:
+        raise SystemExit(_verify_program(laws, claims, **options))
     if options["token"] is not None:
         _replay(targets, laws, options["token"], options["debug"])
-    files = {kind: options[kind] for kind in ("json", "junit", "badge", "write_expected")}
+    files = _files(**options)
     if len(targets) > 1 and (any(files.values()) or options["expected"]):
         raise UsageError(
             expected="one TARGET with files", received=f"{len(targets)} targets", remedy="run once for each"
         )
+    arguments = _arguments(laws, claims, **options)
+    raise SystemExit(_verify(targets, arguments, files, options["quiet"], options["debug"]))
+
+
+def _files(**options: Any) -> dict[str, str | None]:
+    """The files to write, after a look whether they can be."""
+    from sepv.files import require_folder
+
+    files = {kind: options[kind] for kind in ("json", "junit", "badge", "write_expected")}
     for path in files.values():
         require_folder(path)
-    arguments = {
+    return files
+
+
+def _arguments(laws: tuple[str, ...], claims: tuple[str, ...], **options: Any) -> dict[str, Any]:
+    return {
         "laws": laws or None,
         "claims": [c.strip() for text in claims for c in text.split(",") if c.strip()],
         "effort": _effort(**options),
         "timeout": options["timeout"],
         "expected": options["expected"],
     }
-    raise SystemExit(_verify(targets, arguments, files, options["quiet"], options["debug"]))
+
+
+def _verify_program(laws: tuple[str, ...], claims: tuple[str, ...], **options: Any) -> int:
+    """``sepv verify --exec``: the same laws, asked of a child process."""
+    from sepv.external import check_protocol, describe, load_program
+    from sepv.suite import LAWS
+
+    command, seconds = options["program"], options["call_timeout"]
+    if options["check_protocol"]:
+        checks = check_protocol(command, call_timeout=seconds, laws=LAWS)
+        click.echo(describe(checks))
+        return 0 if all(c.ok for c in checks) else 3
+    files = _files(**options)
+    with load_program(command, call_timeout=seconds) as scheme:
+        if options["token"] is not None:
+            _replay((scheme,), laws, options["token"], options["debug"])
+        arguments = _arguments(laws, claims, **options)
+        return _verify(
+            (scheme,), arguments, files, options["quiet"], options["debug"], f"--exec {shlex.quote(command)}"
+        )
 
 
 def _effort(*, seed: int, examples: int | None, paths: int | None, deep: bool, **_: Any) -> Any:
@@ -130,7 +176,12 @@ def _effort(*, seed: int, examples: int | None, paths: int | None, deep: bool, *
 
 
 def _verify(
-    targets: tuple[str, ...], options: dict[str, Any], files: dict[str, str | None], quiet: bool, debug: bool
+    targets: tuple[Any, ...],
+    options: dict[str, Any],
+    files: dict[str, str | None],
+    quiet: bool,
+    debug: bool,
+    shown: str = "",
 ) -> int:
     from sepv import report as page
     from sepv.progress import watching
@@ -145,7 +196,7 @@ def _verify(
         if quiet:
             out.print(page.summary(report))
         else:
-            page.show(report, target, out, debug=debug)
+            page.show(report, shown or shlex.quote(target), out, debug=debug)
         if report.interrupted:
             break
     if len(reports) > 1 and not quiet:
@@ -168,7 +219,7 @@ def _write(report: Any, files: dict[str, str | None]) -> None:
             write_atomically(path, texts[kind](report))
 
 
-def _replay(targets: tuple[str, ...], laws: tuple[str, ...], token: str, debug: bool) -> None:
+def _replay(targets: tuple[Any, ...], laws: tuple[str, ...], token: str, debug: bool) -> None:
     from sepv import case, report
     from sepv.law import Verdict
     from sepv.suite import replay

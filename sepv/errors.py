@@ -32,6 +32,14 @@ class SchemeFault(UsageError):
     """An answer of a scheme that breaks the contract of ``step``: wrong shape, type, NaN, mutation, …"""
 
 
+class Skipped(SepvError):
+    """A problem that a program does not take: no fault, and no verdict about a law."""
+
+    def __init__(self, reason: str) -> None:
+        self.reason = reason
+        super().__init__(f"skipped: {reason}")
+
+
 class StepFailure(SepvError, ArithmeticError):
     """A step whose implicit equation was not solved. Nothing unconverged is ever returned unmarked.
 

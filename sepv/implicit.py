@@ -144,7 +144,9 @@ def solve(
             scale = reach.max(axis=0)
             size = (moves / (reach + _EPS * scale + _TINY)).max(axis=0)
             broken = ~np.isfinite(residual[active])
-            solved = residual[active] == 0  # a state at rest is a solution, also where the Jacobian is singular
+            solved = (
+                residual[active] == 0
+            )  # a state at rest is a solution, also where the Jacobian is singular
             singular = ~broken & ~solved & ~np.isfinite(moves.max(axis=0))
             small = moves.max(axis=0) <= STAGNATION * scale
             # Stagnation needs both measures to stop shrinking: a component near zero moves by a large share of

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shlex
 import sys
 from collections.abc import Sequence
 from typing import TextIO
@@ -143,7 +142,7 @@ def _details(finding: Finding, target: str, out: Console, debug: bool) -> None:
     if finding.replay and finding.verdict is not Verdict.HOLDS:
         out.print(Text("  replay:", style="dim"))
         # One line, however long: it is there to be copied.
-        out.print(Text(f"  sepv verify {shlex.quote(target)} {finding.replay}"), soft_wrap=True)
+        out.print(Text(f"  sepv verify {target} {finding.replay}"), soft_wrap=True)
     out.print()
 
 

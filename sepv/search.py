@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from sepv import case as cases
 from sepv.case import Case
-from sepv.errors import SchemeFault, SepvError, StepFailure
+from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure
 from sepv.law import Effort, Finding, Law, Measurement, Verdict
 from sepv.scheme import Scheme
 
@@ -38,6 +38,7 @@ class _Log:
         self.violation: tuple[Case, Measurement] | None = None
         self.fault: tuple[Case, Exception] | None = None
         self.first_failure: float | None = None
+        self.skipped = ""
 
 
 def searched(
@@ -132,6 +133,10 @@ def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate
     log.checks += 1
     try:
         measured = check(scheme, case)
+    except Skipped as skipped:
+        log.checks -= 1
+        log.skipped = skipped.reason
+        return Measurement(0.0, 0.0)
     except (SepvError, ArithmeticError) as error:
         if log.first_failure is None:
             log.first_failure = time.perf_counter()
@@ -167,6 +172,8 @@ def _conclude(law: Law, log: _Log) -> Finding:
         return law.finding(
             Verdict.ERROR, checks=log.checks, message=message, traceback=trace, **_witness(law, case), **size
         )
+    if not log.checks and log.skipped:
+        return law.finding(Verdict.NOT_APPLICABLE, message=f"every case was skipped: {log.skipped}")
     if not log.checks:
         return law.finding(Verdict.ERROR, message="no case was measured")
     return law.finding(Verdict.HOLDS, checks=log.checks, **size)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from sepv._version import __version__
-from sepv.errors import SepvError, UsageError
+from sepv.errors import SepvError, Skipped, UsageError
 from sepv.expected import ExpectedFailure
 from sepv.expected import load as load_expected
 from sepv.law import Effort, Finding, Law, Verdict
@@ -214,6 +214,8 @@ def _run(
         finding = law.finding(
             Verdict.ERROR, message=f"the scheme did not come back: stopped after {timeout:g} s (--timeout)"
         )
+    except Skipped as skipped:
+        finding = law.finding(Verdict.NOT_APPLICABLE, message=str(skipped))
     except KeyError as error:
         if failure is None:
             raise

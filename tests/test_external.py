@@ -1,0 +1,554 @@
+"""The door for other languages: real children, well-behaved and not. Whatever one does, it ends as an error
+of its own, soon, and no process is left."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sepv import external, problems, schemes
+from sepv.errors import SchemeFault, UsageError
+from sepv.external import Program, check_protocol, load_program
+from sepv.law import Effort, Verdict
+from sepv.polynomial import polynomial
+from sepv.problem import PolynomialSystem
+from sepv.suite import LAWS, verify
+
+ROOT = Path(__file__).resolve().parent.parent
+OSCILLATOR = problems.harmonic_oscillator()
+Y, DW = np.array([1.0, 0.5]), np.array([0.25])
+# Far below the time that any of these children would sleep, far above what a loaded machine needs.
+SOON = 10.0
+QUICK = {"call_timeout": 0.5, "start_timeout": 5.0}
+TERMS = '[["0x1p+0","0x1p+0"]]'
+
+# What the children start with: every process notes its number, so that the test can look for it afterwards.
+PREAMBLE = """
+import json, os, signal, sys, time
+from pathlib import Path
+def note():
+    with open(Path(__file__).with_suffix(".pids"), "a") as file: file.write(f"{os.getpid()}\\n")
+note()
+def read():
+    return json.loads(sys.stdin.readline() or "null")
+def put(text):
+    os.write(1, text.encode() if isinstance(text, str) else text)
+def say(**answer):
+    put(json.dumps(answer) + "\\n")
+def hello(**more):
+    named = ["harmonic-oscillator", "rigid-body", "pendulum", "lotka-volterra"]
+    say(**{"id": read()["id"], "protocol": 1, "scheme": "bad", "problems": named, **more})
+def states(message):
+    say(id=message["id"], y_next=[step["y"] for step in message["steps"]])
+"""
+
+
+@pytest.fixture
+def child(tmp_path):
+    """A function that makes a command of a child's code; in the end none of its processes may live."""
+    script = tmp_path / "child.py"
+
+    def make(code: str) -> str:
+        script.write_text(PREAMBLE + code)
+        return shlex.join([sys.executable, "-I", "-S", str(script)])
+
+    yield make
+    pids = script.with_suffix(".pids")
+    left = [pid for pid in pids.read_text().split() if lives(int(pid))] if pids.exists() else []
+    assert not left
+
+
+def lives(pid: int) -> bool:
+    """Whether the process runs; one that has ended and waits to be reaped by init does not."""
+    for _ in range(100):
+        if state(pid) in ("", "Z", "X"):
+            return False
+        time.sleep(0.01)  # SIGKILL was sent; the system may take a moment
+    return True
+
+
+def state(pid: int) -> str:
+    """The letter that the system gives for the state of a process, "" where there is none."""
+    if not Path("/proc/self/stat").exists():
+        command = ["ps", "-o", "stat=", "-p", str(pid)]
+        return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()[:1]
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except (FileNotFoundError, ProcessLookupError):
+        return ""
+
+
+def ask(command: str, lanes: int = 1, **options: float) -> np.ndarray:
+    """One call of the program: the oscillator, one step or as many as lanes."""
+    with load_program(command, **{**QUICK, **options}) as scheme:
+        if lanes == 1:
+            return scheme.step(OSCILLATOR, Y, 0.5, DW)
+        return scheme.step(OSCILLATOR, np.repeat(Y[:, None], lanes, 1), 0.5, np.repeat(DW[:, None], lanes, 1))
+
+
+MISBEHAVIOUR = {
+    "crashes": ("hello(); read(); os.kill(os.getpid(), signal.SIGSEGV)", external.ProgramExit, "SIGSEGV"),
+    "exits": ("hello(); read(); sys.exit(7)", external.ProgramExit, "exit code 7"),
+    "raises": ("hello(); read(); 1 / 0", external.ProgramExit, "ZeroDivisionError"),
+    "exits before hello": ("sys.exit(3)", external.ProgramExit, "exit code 3"),
+    "closes its stdout": (
+        "hello(); read(); os.close(1); time.sleep(60)",
+        external.ProgramExit,
+        "closed its output",
+    ),
+    "sleeps": ("hello(); read(); time.sleep(60)", external.CallTimeout, "nothing"),
+    "sleeps through SIGTERM": (
+        "signal.signal(signal.SIGTERM, signal.SIG_IGN); hello(); read(); time.sleep(60)",
+        external.CallTimeout,
+        "nothing",
+    ),
+    "ends no line": ("hello(); read(); put('{'); time.sleep(60)", external.CallTimeout, "1 bytes without"),
+    "leaves a grandchild": (
+        "hello(); read()\nif os.fork() == 0:\n    note(); time.sleep(60)\nsys.exit(5)",
+        external.ProgramExit,
+        "exit code 5",
+    ),
+    "prints text": ("hello(); read(); put('step 1 of 1\\n')", external.NotJson, "step 1 of 1"),
+    "greets": ("put('Welcome\\n'); hello()", external.NotJson, "Welcome"),
+    "prints an empty line": ("hello(); read(); put('\\n')", external.NotJson, "Expecting value"),
+    "prints bytes": ("hello(); read(); put(b'\\xff\\xfe\\n')", external.NotJson, "xff"),
+    "prints a bare NaN": (
+        "hello(); say(id=read()['id'], y_next=[[float('nan')]])",
+        external.NotJson,
+        "NaN is not",
+    ),
+    "prints half of it": ('hello(); read(); put(\'{"id":1,"y_n\\n\')', external.NotJson, "Unterminated"),
+    "nests deeply": ("hello(); read(); put('[' * 500000 + '\\n')", external.NotJson, "recursion"),
+    "prints a long integer": ("hello(); read(); put('9' * 10000 + '\\n')", external.NotJson, "digits"),
+    "prints a list": ("hello(); read(); put('[1]\\n')", external.BadAnswer, "JSON object"),
+    "takes another id": ("hello(); read(); say(id=99, skip='')", external.WrongId, "message 1"),
+    "gives no id": ("hello(); read(); say(skip='')", external.WrongId, "message 1"),
+    "gives true as id": ("hello(); read(); say(id=True, skip='')", external.WrongId, "message 1"),
+    "prints 10 MB": ("hello(); read(); put('x' * 10_000_000)", external.LineTooLong, "1048576 bytes"),
+    "prints a JSON line of 10 MB": (
+        "hello(); say(id=read()['id'], skip='x' * 10_000_000)",
+        external.LineTooLong,
+        "1048576 bytes",
+    ),
+    "prints without end": (
+        "hello(); read()\nwhile True: put('x' * 4096)",
+        external.LineTooLong,
+        "1048576 bytes",
+    ),
+    "answers nothing": ("hello(); say(id=read()['id'])", external.BadAnswer, "exactly one of"),
+    "answers twice over": (
+        "hello(); say(id=read()['id'], skip='', error='')",
+        external.BadAnswer,
+        "exactly one",
+    ),
+    "skips without words": ("hello(); say(id=read()['id'], skip=1)", external.BadAnswer, "exactly one of"),
+    "answers decimals": (
+        "hello(); say(id=read()['id'], y_next=[['0.1', '1']])",
+        external.BadAnswer,
+        "hex float",
+    ),
+    "answers numbers": (
+        "hello(); say(id=read()['id'], y_next=[[1.0, 2.0]])",
+        external.BadAnswer,
+        "hex float",
+    ),
+    "answers null": ("hello(); say(id=read()['id'], y_next=None)", external.WrongShape, "None"),
+    "forgets a component": (
+        "hello(); say(id=read()['id'], y_next=[['0x1p+0']])",
+        external.WrongShape,
+        "2 numbers",
+    ),
+    "forgets the outer list": (
+        "hello(); say(id=read()['id'], y_next=['0x1p+0', '0x1p+0'])",
+        external.WrongShape,
+        "1 states",
+    ),
+    "answers nan": ("hello(); say(id=read()['id'], y_next=[['nan', '0x1p+0']])", external.NotFinite, "nan"),
+    "answers -inf": (
+        "hello(); say(id=read()['id'], y_next=[['-inf', '0x1p+0']])",
+        external.NotFinite,
+        "-inf",
+    ),
+    "overflows": (
+        "hello(); say(id=read()['id'], y_next=[['0x1p+0', '0x1p+1024']])",
+        external.NotFinite,
+        "1024",
+    ),
+    "refuses": (
+        "hello(); say(id=read()['id'], error='no \\x1b[31m root')",
+        external.StepRefused,
+        r"\x1b[31m root",
+    ),
+    "skips": ("hello(); say(id=read()['id'], skip='only d = 3')", external.Skipped, "only d = 3"),
+    "takes other problems": ("hello(problems=['rigid-body']); read()", external.Skipped, "does not name"),
+    "speaks protocol 2": ("hello(protocol=2)", external.BadAnswer, "the number 1"),
+    "has no name": ("hello(scheme='')", external.BadAnswer, "1 to 80 printable"),
+    "has escapes in its name": ("hello(scheme='\\x1b[31m')", external.BadAnswer, "1 to 80 printable"),
+    "misspells a member": ("hello(claim=['energy'])", external.BadAnswer, "claim in hello"),
+    "claims a text": ("hello(claims='energy')", external.BadAnswer, "a list of names"),
+    "takes no problem": ("hello(problems=[])", external.BadAnswer, "what the program can be asked"),
+    "takes no steps": ("hello(max_steps=0)", external.BadAnswer, "an integer ≥ 1"),
+}
+
+
+@pytest.mark.parametrize("name", MISBEHAVIOUR)
+def test_each_misbehaviour_has_its_own_error_and_leaves_no_process(child, name):
+    code, kind, text = MISBEHAVIOUR[name]
+    command, start = child(code), time.perf_counter()
+    with pytest.raises(kind) as caught:
+        ask(command)
+    assert time.perf_counter() - start < SOON
+    assert type(caught.value) is kind
+    assert text in str(caught.value)
+    assert "\x1b" not in str(caught.value)
+
+
+@pytest.mark.parametrize("lanes", [1, 4000], ids=["a short message", "a message longer than a pipe holds"])
+def test_a_child_that_never_reads_does_not_block(child, lanes):
+    # It answers hello unasked, so that a step is sent at all.
+    command = child(
+        "say(id=0, protocol=1, scheme='deaf', problems=['harmonic-oscillator'], max_steps=1024); time.sleep(60)"
+    )
+    start = time.perf_counter()
+    with pytest.raises((external.NeverReads, external.CallTimeout)) as caught:
+        ask(command, lanes)
+    assert time.perf_counter() - start < SOON
+    # Only Linux tells how much of a short message lies in the pipe.
+    if lanes > 1 or sys.platform == "linux":
+        assert type(caught.value) is external.NeverReads
+
+
+def test_a_child_that_prints_and_never_reads_fills_no_memory(child):
+    command = child("hello(max_steps=1024)\nwhile True: put('{}\\n' * 1000)")
+    with pytest.raises(external.LineTooLong):
+        ask(command, lanes=4000, call_timeout=5.0)
+
+
+def test_a_child_that_closes_its_stdin_is_found_out(child):
+    command = child("hello(max_steps=1024); os.close(0); time.sleep(60)")
+    with pytest.raises(external.ProgramExit, match="closed its input"):
+        ask(command, lanes=4000, call_timeout=5.0)
+
+
+def test_a_child_that_writes_before_it_reads_does_not_deadlock(child):
+    # Both pipes are full at once: the child's answer and the message are longer than a pipe holds.
+    code = """
+hello(max_steps=1024)
+put('{"id":1,"y_next":[' + ",".join('["0x1p+0","0x1.0000000000000000000000000000p+0"]' for _ in range(1024)))
+read()
+put(']}\\n')
+time.sleep(60)
+"""
+    with load_program(child(code), call_timeout=5.0) as scheme:
+        answer = scheme.step(OSCILLATOR, np.ones((2, 1024)), 0.5, np.zeros((1, 1024)))
+    assert np.array_equal(answer, np.ones((2, 1024)))
+
+
+def test_stderr_is_free_and_its_end_is_shown(child):
+    code = """
+sys.stderr.write("x" * 1_000_000); hello(); read()
+sys.stderr.write("\\nout of \\x07 memory"); sys.exit(1)
+"""
+    with pytest.raises(external.ProgramExit, match=r"\| out of \\x07 memory") as caught:
+        ask(child(code))
+    assert len(str(caught.value)) < 3000
+
+
+def test_a_line_too_many_is_found_out_at_the_next_message(child):
+    code = "hello()\nwhile True: message = read(); states(message); states(message)"
+    with load_program(child(code), **QUICK) as scheme:
+        assert np.array_equal(scheme.step(OSCILLATOR, Y, 0.5, DW), Y)
+        with pytest.raises(external.WrongId, match="message 2"):
+            scheme.step(OSCILLATOR, Y, 0.5, DW)
+
+
+def test_after_a_crash_a_fresh_program_is_asked(child):
+    code = """
+hello()
+while True:
+    message = read()
+    if message["steps"][0]["y"][0] == (2.0).hex(): os.abort()
+    states(message)
+"""
+    with load_program(child(code), **QUICK) as scheme:
+        for _ in range(3):
+            with pytest.raises(external.ProgramExit, match="SIGABRT"):
+                scheme.step(OSCILLATOR, 2 * Y, 0.5, DW)
+            assert np.array_equal(scheme.step(OSCILLATOR, Y, 0.5, DW), Y)
+
+
+def test_the_run_has_a_time_of_its_own(child):
+    with load_program(child("hello(); read(); time.sleep(60)"), call_timeout=30.0, run_timeout=1.0) as scheme:
+        start = time.perf_counter()
+        for _ in range(2):
+            with pytest.raises(external.RunTimeout, match="at most 1 s"):
+                scheme.step(OSCILLATOR, Y, 0.5, DW)
+        assert time.perf_counter() - start < SOON
+
+
+def test_a_batch_is_split_into_messages_that_the_program_takes(child):
+    code = """
+hello(max_steps=3)
+while message := read():
+    assert len(message["steps"]) <= 3
+    states(message)
+"""
+    y = np.random.default_rng(1).standard_normal((2, 10))
+    with load_program(child(code), **QUICK) as scheme:
+        assert scheme.batched
+        assert np.array_equal(scheme.step(OSCILLATOR, y, 0.5, np.zeros((1, 10))), y)
+        with pytest.raises(external.Skipped, match="cannot travel"):
+            scheme.step(unnamed(), Y, 0.5, DW)
+    with pytest.raises(UsageError, match="within `with"):
+        scheme.step(OSCILLATOR, Y, 0.5, DW)
+
+
+def unnamed():
+    """The oscillator as functions only."""
+    return problems.Problem(
+        dimension=2,
+        structure=OSCILLATOR.structure,
+        hamiltonian=OSCILLATOR.hamiltonian,
+        gradient=OSCILLATOR.gradient,
+    )
+
+
+@pytest.mark.parametrize(
+    ("command", "kind"),
+    [
+        ("./no-such-program", external.StartFailure),
+        ("{folder}", external.StartFailure),
+        ("{folder}/not-executable", external.StartFailure),
+        ("a\0b", external.StartFailure),
+        ("", UsageError),
+        ("'unclosed", UsageError),
+    ],
+)
+def test_a_program_that_cannot_be_started_is_named(tmp_path, command, kind):
+    (tmp_path / "not-executable").write_text("text")
+    with pytest.raises(kind, match="Expected"), load_program(command.format(folder=tmp_path)):
+        pass
+
+
+def test_wrong_shapes_and_nan_are_faults_of_the_scheme_and_all_else_is_not():
+    for kind in (external.WrongShape, external.NotFinite):
+        assert issubclass(kind, SchemeFault)
+    for kind in external.ProgramError.__subclasses__():
+        assert not issubclass(kind, SchemeFault)
+
+
+@pytest.mark.parametrize(
+    ("number", "code"),
+    [(signal.SIGINT, -signal.SIGINT), (signal.SIGTERM, -signal.SIGTERM), (signal.SIGHUP, -1)],
+)
+def test_a_signal_to_sepv_ends_the_program_too(child, number, code):
+    command = child("hello(); read(); time.sleep(60)")
+    script = (
+        "import numpy as np; from sepv import external, problems\n"
+        f"with external.load_program({command!r}) as scheme:\n"
+        "    print('ready', flush=True)\n"
+        "    scheme.step(problems.harmonic_oscillator(), np.ones(2), 0.5, np.ones(1))"
+    )
+    # A shell that starts jobs in the background has them ignore SIGINT: here they shall not.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
+    signal.signal(signal.SIGINT, before)
+    with process:
+        assert process.stdout.readline() == "ready\n"
+        time.sleep(0.2)
+        process.send_signal(number)
+        assert process.wait(SOON) == code
+
+
+def test_a_law_that_runs_out_of_time_ends_the_program(child):
+    with load_program(child("hello(); read(); time.sleep(60)"), call_timeout=60.0) as scheme:
+        start = time.perf_counter()
+        report = verify(scheme, laws=["energy"], timeout=1.0)
+        assert time.perf_counter() - start < SOON
+    assert report.findings[0].verdict is Verdict.ERROR
+
+
+@pytest.mark.parametrize("code", ["os.abort()", "time.sleep(60)", "put('?\\n')", "put('x' * 2_000_000)"])
+def test_a_broken_program_ends_in_the_verdict_error_and_exit_code_3(child, code):
+    command = child(f"hello(polynomial=True); read(); {code}")
+    effort = Effort(examples=3, paths=64, shrink_seconds=0.5)
+    with load_program(command, call_timeout=0.2) as scheme:
+        report = verify(scheme, laws=["contract", "energy", "mean-square-order"], effort=effort)
+    assert [f.verdict for f in report.findings] == [Verdict.ERROR] * 3
+    assert report.exit_code == 3
+
+
+def test_a_program_that_skips_everything_violates_nothing_and_holds_nothing(child):
+    command = child("hello(polynomial=True)\nwhile m := read(): say(id=m['id'], skip='not today')")
+    effort = Effort(examples=3, paths=64, shrink_seconds=0.5)
+    with load_program(command, **QUICK) as scheme:
+        report = verify(scheme, laws=["energy", "casimir", "mean-square-order"], effort=effort)
+    assert [f.verdict for f in report.findings] == [Verdict.NOT_APPLICABLE] * 3
+    assert all("not today" in f.message for f in report.findings)
+
+
+# ---- The two examples ----
+
+
+@pytest.fixture(scope="session")
+def midpoint_c(tmp_path_factory):
+    """The command of examples/midpoint.c, built with the system's compiler."""
+    compiler = shutil.which("cc")
+    if compiler is None:
+        pytest.skip("no C compiler `cc` on this system")
+    program = tmp_path_factory.mktemp("c") / "midpoint"
+    subprocess.run([compiler, "-O2", "-o", program, ROOT / "examples" / "midpoint.c", "-lm"], check=True)
+    return str(program)
+
+
+@pytest.fixture(scope="session")
+def euler_heun_plain():
+    """The command of examples/euler_heun_plain.py, which sees no installed package (-I -S)."""
+    return shlex.join([sys.executable, "-I", "-S", str(ROOT / "examples" / "euler_heun_plain.py")])
+
+
+SMALL = Effort(examples=40, paths=256, shrink_seconds=2.0)
+
+
+def verdicts(command: str, laws: list[str]) -> dict[str, str]:
+    with load_program(command) as scheme:
+        report = verify(scheme, laws=laws, effort=SMALL)
+    return {f.law: f.verdict.value for f in report.findings}
+
+
+def test_the_midpoint_rule_in_c_obeys_what_theory_says_and_no_more(midpoint_c):
+    holds = ["contract", "identity", "casimir", "midpoint", "symmetry", "mean-square-order", "right-limit"]
+    assert verdicts(midpoint_c, [*holds, "energy"]) == {**dict.fromkeys(holds, "holds"), "energy": "violated"}
+
+
+def test_the_plain_python_example_has_the_order_that_it_claims_and_keeps_no_invariant(euler_heun_plain):
+    holds, broken = ["contract", "mean-square-order", "right-limit"], ["energy", "casimir", "symmetry"]
+    expected = {**dict.fromkeys(holds, "holds"), **dict.fromkeys(broken, "violated")}
+    assert verdicts(euler_heun_plain, [*holds, *broken]) == expected
+
+
+@pytest.mark.parametrize("name", ["harmonic-oscillator", "rigid-body", "pendulum"])
+def test_the_examples_agree_with_the_schemes_of_sepv(midpoint_c, euler_heun_plain, name):
+    problem = problems.by_name(name)
+    y = np.asarray(problem.initial)[:, None] * np.linspace(0.5, 1.5, 600)
+    dW = np.random.default_rng(2).standard_normal((problem.noises, 600)) / 8
+    for command, own in ((midpoint_c, schemes.midpoint), (euler_heun_plain, schemes.euler_heun)):
+        with load_program(command) as scheme:
+            np.testing.assert_allclose(
+                scheme.step(problem, y, 0.0625, dW), own.step(problem, y, 0.0625, dW), rtol=1e-14, atol=1e-15
+            )
+
+
+@pytest.mark.parametrize("example", ["midpoint_c", "euler_heun_plain"])
+def test_the_examples_keep_the_protocol(request, example):
+    checks = check_protocol(request.getfixturevalue(example), laws=LAWS)
+    assert [c for c in checks if not c.ok] == []
+    assert len(checks) > 12
+    assert external.describe(checks).count("\n") > 2 * len(checks) - 2
+
+
+# ---- check_protocol ----
+
+
+@pytest.mark.parametrize(
+    ("code", "line", "message"),
+    [
+        ("sys.exit(3)", '"type":"hello"', "exit code 3"),
+        ("hello(claims=['enregy'])", '"type":"hello"', "enregy"),
+        ("hello(problems=['rigid_body'])", '"type":"hello"', "rigid_body"),
+        ("hello()\nwhile m := read(): say(id=m['id'], y_next=[['nan', 'nan']])", '"type":"step"', "finite"),
+        (
+            "hello(max_steps=8)\nn = 0\nwhile m := read():\n    n += 1\n    say(id=m['id'], "
+            "y_next=[[(n * 1.0).hex()] * 2 for s in m['steps']])",
+            '"type":"step"',
+            "keep no state",
+        ),
+        ("hello()\nwhile m := read(): states(m)", "no-such-problem", '"skip"'),
+        ("hello()\nwhile m := read(): states(m)", "no-such-type", "KeyError"),
+        ("hello()\nwhile m := read(): states(m)", '"type":"stop"', "exit code 0"),
+        ("hello()\nwhile m := read(): states(m)\ntime.sleep(60)", "end of stdin", "a running program"),
+    ],
+)
+def test_the_check_names_the_line_and_what_is_wrong(child, code, line, message):
+    checks = check_protocol(child(code), call_timeout=5.0, laws=LAWS)
+    found = [c for c in checks if not c.ok and line in c.line]
+    assert found
+    assert any(message in c.message for c in found)
+
+
+# ---- docs/protocol.md ----
+
+
+def conversation() -> list[tuple[str, str | None]]:
+    """(what sepv writes, what the program answers) of the sample in the page."""
+    page = (ROOT / "docs" / "protocol.md").read_text(encoding="utf-8")
+    (sample,) = re.findall(r"```text\n(.*?)```", page, re.DOTALL)
+    turns: list[tuple[str, str | None]] = []
+    for line in sample.splitlines():
+        if line.startswith("> "):
+            turns.append((line[2:], None))
+        else:
+            turns[-1] = (turns[-1][0], line.removeprefix("< "))
+    return turns
+
+
+def test_the_sample_of_the_page_is_what_the_program_in_c_answers(midpoint_c):
+    turns = conversation()
+    done = subprocess.run(
+        [midpoint_c], input="\n".join(line for line, _ in turns), capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines() == [answer for _, answer in turns if answer is not None]
+
+
+def test_the_sample_of_the_page_is_what_sepv_writes(child, tmp_path):
+    turns = conversation()
+    (tmp_path / "answers").write_text("".join(f"{answer}\n" for _, answer in turns if answer is not None))
+    program = Program(
+        child(f"""
+asked = open({str(tmp_path / "asked")!r}, "w")
+for answer in open({str(tmp_path / "answers")!r}):
+    asked.write(sys.stdin.readline()); put(answer)
+asked.write(sys.stdin.readline())
+""")
+    )
+    scheme = program.scheme()
+    y = scheme.step(OSCILLATOR, np.array([[1.0, 1.0], [0.5, 0.5]]), 1.0, np.array([[1.0, -1.0]]))
+    assert y.tolist() == [[-0.5, 1.0], [1.0, 0.5]]
+    square = ((0, 1, polynomial(2, [((0, 0), 1.0), ((2, 0), 1.0)])),)
+    unsolvable = problems.build(PolynomialSystem(2, polynomial(2, [((0, 1), 1.0)]), square, ()))
+    with pytest.raises(external.StepRefused, match="no convergence"):
+        scheme.step(unsolvable, np.zeros(2), 2.0, np.zeros(0))
+    strange, unknown = (turns[n][0].split(",", 1)[1].rstrip("\n")[:-1] for n in (3, 4))
+    assert program.ask(strange) == ("skip", "unknown problem")
+    assert program.ask(unknown) == ("error", "unknown type of message")
+    assert program.stop() == "exit code 0"
+    assert (tmp_path / "asked").read_text().splitlines() == [line for line, _ in turns]
+
+
+def test_a_fork_starts_a_program_of_its_own(child):
+    command = child("hello()\nwhile m := read(): say(id=m['id'], y_next=[[float(os.getpid()).hex()] * 2])")
+    script = f"""
+import os, numpy as np
+from sepv import external, problems
+def ask(): return scheme.step(problems.harmonic_oscillator(), np.ones(2), 0.5, np.ones(1))[0]
+with external.load_program({command!r}) as scheme:
+    first = ask()
+    pid = os.fork()
+    if pid == 0:
+        other = ask()
+        scheme.step.__self__.stop()
+        os._exit(0 if other != first else 1)
+    assert os.waitpid(pid, 0)[1] == 0, "the same program"
+    assert ask() == first
+"""
+    # In a process of its own: one with threads should not fork.
+    subprocess.run([sys.executable, "-c", script], check=True, timeout=60)
