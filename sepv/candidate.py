@@ -16,7 +16,7 @@ from sepv.scheme import Scheme
 class SchemeCrash(SepvError):
     """The scheme raised an exception of its own; `traceback` is its text, from the scheme on."""
 
-    def __init__(self, error: Exception, shape: tuple[int, ...]) -> None:
+    def __init__(self, error: BaseException, shape: tuple[int, ...]) -> None:
         frames = traceback.extract_tb(error.__traceback__)[1:]  # without the frame that called the scheme
         where = f" ({frames[-1].filename}, line {frames[-1].lineno}, in {frames[-1].name})" if frames else ""
         self.traceback = "".join(traceback.format_exception(error))
@@ -47,7 +47,7 @@ def raw_answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) 
             return scheme.step(problem, y, h, dW)
     except SepvError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise SchemeCrash(error, y.shape) from error
 
 

@@ -8,9 +8,10 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
-from hypothesis import HealthCheck, Phase, Verbosity, given, settings, target
+from hypothesis import HealthCheck, Phase, Verbosity, given, reject, settings, target
 from hypothesis import seed as hypothesis_seed
 from hypothesis import strategies as st
+from hypothesis.errors import Unsatisfiable
 
 from sepv import case as cases
 from sepv.case import Case
@@ -38,7 +39,7 @@ class _Log:
         self.violation: tuple[Case, Measurement] | None = None
         self.fault: tuple[Case, Exception] | None = None
         self.first_failure: float | None = None
-        self.skipped = ""
+        self.skipped: dict[str, int] = {}
 
 
 def searched(
@@ -73,7 +74,7 @@ def searched(
 
     def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
         log = _Log()
-        with suppress(_Violation, _Fault):
+        with suppress(_Violation, _Fault, Skipped):
             _measure(log, scheme, _from_json(witness), check, faults_violate)
         return _conclude(law, log)
 
@@ -98,7 +99,10 @@ def _search(
         # A slow scheme must not be shrunk for ever: past the deadline every case passes, which ends it.
         if log.first_failure is not None and time.perf_counter() - log.first_failure > effort.shrink_seconds:
             return
-        measured = _measure(log, scheme, case, check, faults_violate)
+        try:
+            measured = _measure(log, scheme, case, check, faults_violate)
+        except Skipped:
+            reject()  # the budget goes to cases that the program takes
         if 0 < measured.ratio < float("inf"):
             target(measured.ratio, label="defect / bound")
 
@@ -121,6 +125,9 @@ def _search(
             test()
     except KeyboardInterrupt:
         raise
+    except Unsatisfiable:
+        if not log.skipped:
+            raise
     except BaseException:
         if log.violation is None and log.fault is None:
             raise  # not about the scheme: a defect of this suite, which must be seen
@@ -135,8 +142,8 @@ def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate
         measured = check(scheme, case)
     except Skipped as skipped:
         log.checks -= 1
-        log.skipped = skipped.reason
-        return Measurement(0.0, 0.0)
+        log.skipped[skipped.reason] = log.skipped.get(skipped.reason, 0) + 1
+        raise
     except (SepvError, ArithmeticError) as error:
         if log.first_failure is None:
             log.first_failure = time.perf_counter()
@@ -172,11 +179,11 @@ def _conclude(law: Law, log: _Log) -> Finding:
         return law.finding(
             Verdict.ERROR, checks=log.checks, message=message, traceback=trace, **_witness(law, case), **size
         )
-    if not log.checks and log.skipped:
-        return law.finding(Verdict.NOT_APPLICABLE, message=f"every case was skipped: {log.skipped}")
+    skipped = "\n".join(f"{count} cases skipped: {reason}" for reason, count in log.skipped.items())
     if not log.checks:
-        return law.finding(Verdict.ERROR, message="no case was measured")
-    return law.finding(Verdict.HOLDS, checks=log.checks, **size)
+        verdict = Verdict.NOT_APPLICABLE if skipped else Verdict.ERROR
+        return law.finding(verdict, message=skipped or "no case was measured")
+    return law.finding(Verdict.HOLDS, checks=log.checks, message=skipped, **size)
 
 
 def _witness(law: Law, case: Case) -> dict[str, Any]:
