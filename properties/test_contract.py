@@ -17,7 +17,7 @@ from sepv.strategies import any_steps
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Ask twice, with another question in between; compare bits, arguments, and the state of the process."""
+    """Ask again and again, with other questions in between; compare bits, arguments, and the state of the process."""
     problem, y, h, dW = case.build()
     asked, noise, before = y.copy(), dW.copy(), _surroundings()
     raw = raw_answer(scheme, problem, asked, h, noise)
@@ -37,20 +37,21 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         )
     answer = check_answer(raw, y)
     first = answer.copy()
-    ask(scheme, problem, 0.75 * y, h, dW)
-    if not np.array_equal(answer, first):
-        raise SchemeFault(
-            expected="an answer that stays as it is",
-            received=f"{answer.tolist()} after the next call, {first.tolist()} before",
-            remedy="return a new array each time, not a buffer that is used again",
-        )
-    second = ask(scheme, problem, y, h, dW)
-    if not np.array_equal(first, second):
-        raise SchemeFault(
-            expected="one answer for one question: the same bits for the same arguments",
-            received=f"{first.tolist()} and then {second.tolist()}",
-            remedy="remove state, caches and random numbers from the step; the noise comes in dW",
-        )
+    for factor in (0.75, 0.5, 0.875):
+        ask(scheme, problem, factor * y, h, dW)
+        if not np.array_equal(answer, first):
+            raise SchemeFault(
+                expected="an answer that stays as it is",
+                received=f"{answer.tolist()} after the next call, {first.tolist()} before",
+                remedy="return a new array each time, not a buffer that is used again",
+            )
+        second = ask(scheme, problem, y, h, dW)
+        if not np.array_equal(first, second):
+            raise SchemeFault(
+                expected="one answer for one question: the same bits for the same arguments",
+                received=f"{first.tolist()} and then {second.tolist()}",
+                remedy="remove state, caches and random numbers from the step; the noise comes in dW",
+            )
     return Measurement(0.0, 0.0)
 
 

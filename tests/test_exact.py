@@ -5,12 +5,12 @@ from __future__ import annotations
 import mpmath
 import numpy as np
 import pytest
+from sepv.reference.problem import exact_problem
 
 import sepv
 from sepv import problems
 from sepv.dense import FlowFailure
 from sepv.exact import exact_flow
-from sepv.reference.problem import exact_problem
 
 # φ_8(y0) to 27 digits, from Taylor series at 50 digits by another program.
 PRINTED = {

@@ -107,7 +107,8 @@ def test_a_third_party_package_runs_the_laws_from_an_installed_wheel(tmp_path: P
         "sys.exit(pytest.main(sys.argv[1:]))\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code, *DOOR, "--pyargs", "sepv.properties", "-k", STEPS, "--scheme", "littlescheme:honest"],
+        [sys.executable, "-c", code, *DOOR, "--pyargs", "sepv.properties", "-k", STEPS,
+         "--scheme", "littlescheme:honest"],
         cwd=tmp_path,
         capture_output=True,
         text=True,

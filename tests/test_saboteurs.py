@@ -24,7 +24,8 @@ def expected(name: str) -> list[str]:
 
 @pytest.mark.parametrize("name", ALL)
 def test_each_saboteur_is_killed_by_a_law_that_theory_names(name: str) -> None:
-    assert any(b.kills for b in teeth.bite(name, 0, expected(name), first=True))
+    # The subtlest are not seen with every seed; the deep run below counts with how many.
+    assert any(b.kills for seed in range(5) for b in teeth.bite(name, seed, expected(name), first=True))
 
 
 @pytest.mark.deep

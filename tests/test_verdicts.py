@@ -25,7 +25,7 @@ ABOUT_STEPS = KEPT["energy-preserving"] | ALWAYS
 
 @pytest.mark.parametrize("name", schemes.ALL)
 def test_laws_about_steps_hold_exactly_where_theory_says(name: str) -> None:
-    report = verify(name, laws=ABOUT_STEPS, effort=Effort(examples=60))
+    report = verify(name, laws=ABOUT_STEPS, effort=Effort())
     held = {f.law for f in report.findings if f.verdict is Verdict.HOLDS}
     assert held == KEPT[name] | ALWAYS
     assert all(f.verdict in (Verdict.HOLDS, Verdict.VIOLATED) for f in report.findings)

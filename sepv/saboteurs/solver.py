@@ -14,7 +14,7 @@ from sepv.scheme import Scheme
 from sepv.schemes.energy_preserving import jacobian
 
 _EPS = float(np.finfo(np.float64).eps)
-_SEEN = ("energy", "casimir", "midpoint", "symmetry", "reference")
+_SEEN = ("energy", "casimir", "midpoint", "symmetry", "reference", "rounding")
 
 Correction = Callable[[Problem, Array, Array, Array], Array]
 
