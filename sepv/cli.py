@@ -1,27 +1,42 @@
-"""The command line: ``sepv verify`` and ``sepv list``."""
+"""The command line. Each command is a file of `sepv.commands`, loaded when it is asked for."""
 
 from __future__ import annotations
 
 import getpass
 import os
-import shlex
 import sys
 import tempfile
-from collections.abc import Callable
-from functools import wraps
+from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 import click
 
 from sepv._version import __version__
-from sepv.errors import SepvError, TargetError, UsageError
+from sepv.commands.shared import EXIT_CODES
 
-_EPILOG = """Exit codes: 0 all claimed laws hold; 1 a claimed law is violated, or not shown to hold within the
-budget; 2 wrong usage; 3 the scheme crashed, hung, or could not be loaded; 130 interrupted."""
+# The name of a command, and where it is: in the order in which --help shows them.
+COMMANDS = {
+    "verify": "sepv.commands.verify:verify",
+    "list": "sepv.commands.listing:list_",
+    "teeth": "sepv.commands.teeth:teeth",
+}
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]}, epilog=_EPILOG)
+class _Commands(click.Group):
+    """A group that imports a command's module when the command is asked for."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002  (click's signature)
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        if cmd_name not in COMMANDS:
+            return None
+        module, name = COMMANDS[cmd_name].split(":")
+        command: click.Command = getattr(import_module(module), name)
+        return command
+
+
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]}, epilog=EXIT_CODES)
 @click.version_option(__version__, prog_name="sepv")
 def main() -> None:
     """Which structural properties does an integrator for dy = B(y)∇H(y)(dt + Σ c_j∘dW_j) really have?
@@ -38,291 +53,6 @@ def _keep_hypothesis_out_of_the_folder() -> None:
     """Hypothesis caches a little in its storage directory: not in the folder where a user happens to be."""
     folder = Path(tempfile.gettempdir()) / f"sepv-{getpass.getuser()}"
     os.environ.setdefault("HYPOTHESIS_STORAGE_DIRECTORY", str(folder))
-
-
-def friendly(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Errors as one message and the documented exit code; the traceback only with --debug."""
-
-    @wraps(command)
-    def wrapper(*args: Any, debug: bool, **kwargs: Any) -> Any:
-        try:
-            return command(*args, debug=debug, **kwargs)
-        except SepvError as error:
-            if debug:
-                raise
-            click.echo(f"sepv: {error}", err=True)
-            raise SystemExit(
-                2 if isinstance(error, UsageError) and not isinstance(error, TargetError) else 3
-            ) from None
-        except OSError as error:
-            if debug:
-                raise
-            click.echo(f"sepv: {error}", err=True)
-            raise SystemExit(2) from None
-
-    return click.option("--debug", is_flag=True, help="Show tracebacks.")(wrapper)
-
-
-_FILE = click.Path(dir_okay=False)
-
-
-@main.command(epilog=_EPILOG)
-@click.argument("targets", nargs=-1, metavar="TARGET...")
-@click.option("--law", "laws", multiple=True, metavar="NAME", help="Only this law; may be repeated.")
-@click.option("--claim", "claims", multiple=True, metavar="LAW,…", help="Hold the scheme to these laws too.")
-@click.option("--json", "json", type=_FILE, help="Write the report to this file.")
-@click.option("--junit", "junit", type=_FILE, help="Write JUnit XML to this file.")
-@click.option("--badge", "badge", type=_FILE, help="Write JSON for a badge to this file.")
-@click.option("--expected", type=click.Path(), help="Expected failures, a TOML file; strict both ways.")
-@click.option("--write-expected", type=_FILE, help="Write today's violations as such a file.")
-@click.option("--replay", "token", metavar="TOKEN", help="Measure one witness; needs one --law.")
-@click.option(
-    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths."
-)
-@click.option("--examples", type=click.IntRange(min=1), help="Examples for each law. [default: 100]")
-@click.option("--paths", type=click.IntRange(min=64), help="Most paths for a law. [default: 8192]")
-@click.option("--deep", is_flag=True, help="The nightly effort: 2000 examples, 16384 paths.")
-@click.option(
-    "--timeout", type=click.FloatRange(min=0.1), default=600.0, show_default=True, help="Seconds a law."
-)
-@click.option(
-    "--exec", "program", metavar="COMMAND", help="Verify a program in any language (docs/protocol.md)."
-)
-@click.option(
-    "--check-protocol", is_flag=True, help="With --exec: say line by line what the program does wrong."
-)
-@click.option(
-    "--call-timeout", type=click.FloatRange(min=0.01), default=10.0, show_default=True, help="With --exec."
-)
-@click.option("-q", "--quiet", is_flag=True, help="Only the last line.")
-@friendly
-def verify(targets: tuple[str, ...], laws: tuple[str, ...], claims: tuple[str, ...], **options: Any) -> None:
-    """Measure every law on TARGET: a built-in name or module:attribute.
-
-    The attribute is a sepv.Scheme, or a function step(problem, y, h, dW) -> y_next. Laws that a scheme
-    does not claim are measured and printed too. Several targets give a matrix in the end.
-
-    \b
-    sepv verify energy-preserving
-    sepv verify energy-preserving midpoint euler-heun
-    sepv verify mymodule:step --claim energy,casimir --json report.json
-    """
-    if bool(targets) == bool(options["program"]):
-        raise UsageError(
-            expected="a TARGET, or a program with --exec",
-            received=f"{len(targets)} targets" + (" and --exec" if options["program"] else ""),
-            remedy="sepv verify energy-preserving, or sepv verify --exec './program'",
-        )
-    if options["program"]:
-        raise SystemExit(_verify_program(laws, claims, **options))
-    if options["token"] is not None:
-        _replay(targets, laws, options["token"], options["debug"])
-    files = _files(**options)
-    if len(targets) > 1 and (any(files.values()) or options["expected"]):
-        raise UsageError(
-            expected="one TARGET with files", received=f"{len(targets)} targets", remedy="run once for each"
-        )
-    arguments = _arguments(laws, claims, **options)
-    raise SystemExit(_verify(targets, arguments, files, options["quiet"], options["debug"]))
-
-
-def _files(**options: Any) -> dict[str, str | None]:
-    """The files to write, after a look whether they can be."""
-    from sepv.files import require_folder
-
-    files = {kind: options[kind] for kind in ("json", "junit", "badge", "write_expected")}
-    for path in files.values():
-        require_folder(path)
-    return files
-
-
-def _arguments(laws: tuple[str, ...], claims: tuple[str, ...], **options: Any) -> dict[str, Any]:
-    return {
-        "laws": laws or None,
-        "claims": [c.strip() for text in claims for c in text.split(",") if c.strip()],
-        "effort": _effort(**options),
-        "timeout": options["timeout"],
-        "expected": options["expected"],
-    }
-
-
-def _verify_program(laws: tuple[str, ...], claims: tuple[str, ...], **options: Any) -> int:
-    """``sepv verify --exec``: the same laws, asked of a child process."""
-    from sepv.external import check_protocol, describe, load_program
-    from sepv.suite import LAWS
-
-    command, seconds = options["program"], options["call_timeout"]
-    if options["check_protocol"]:
-        checks = check_protocol(command, call_timeout=seconds, laws=LAWS)
-        click.echo(describe(checks))
-        return 0 if all(c.ok for c in checks) else 3
-    files = _files(**options)
-    with load_program(command, call_timeout=seconds) as scheme:
-        if options["token"] is not None:
-            _replay((scheme,), laws, options["token"], options["debug"])
-        arguments = _arguments(laws, claims, **options)
-        return _verify(
-            (scheme,), arguments, files, options["quiet"], options["debug"], f"--exec {shlex.quote(command)}"
-        )
-
-
-def _effort(*, seed: int, examples: int | None, paths: int | None, deep: bool, **_: Any) -> Any:
-    from dataclasses import replace
-
-    from sepv.law import Effort
-
-    effort = Effort().deeper() if deep else Effort()
-    return replace(effort, seed=seed, examples=examples or effort.examples, paths=paths or effort.paths)
-
-
-def _verify(
-    targets: tuple[Any, ...],
-    options: dict[str, Any],
-    files: dict[str, str | None],
-    quiet: bool,
-    debug: bool,
-    shown: str = "",
-) -> int:
-    from sepv import report as page
-    from sepv.progress import watching
-    from sepv.suite import verify as run
-
-    out, reports = page.console(), []
-    for target in targets:
-        with watching(quiet) as progress:
-            report = run(target, progress=progress, **options)
-        reports.append(report)
-        _write(report, files)
-        if quiet:
-            out.print(page.summary(report))
-        else:
-            page.show(report, shown or shlex.quote(target), out, debug=debug)
-        if report.interrupted:
-            break
-    if len(reports) > 1 and not quiet:
-        out.print(page.matrix(reports))
-    return max(reports, key=lambda r: r.exit_code).exit_code
-
-
-def _write(report: Any, files: dict[str, str | None]) -> None:
-    from sepv.expected import to_toml
-    from sepv.files import badge_json, junit_xml, report_json, write_atomically
-
-    texts = {
-        "json": report_json,
-        "junit": junit_xml,
-        "badge": badge_json,
-        "write_expected": lambda r: to_toml(r.scheme.name, r.findings),
-    }
-    for kind, path in files.items():
-        if path:
-            write_atomically(path, texts[kind](report))
-
-
-def _replay(targets: tuple[Any, ...], laws: tuple[str, ...], token: str, debug: bool) -> None:
-    from sepv import case, report
-    from sepv.law import Verdict
-    from sepv.suite import replay
-
-    if len(targets) != 1 or len(laws) != 1:
-        raise UsageError(
-            expected="one TARGET and one --law with --replay",
-            received=f"{len(targets)} targets, {len(laws)} laws",
-            remedy="copy the whole command from the report",
-        )
-    finding = replay(targets[0], laws[0], case.to_json(case.from_token(token)))
-    report.show_finding(finding, report.console(), debug=debug)
-    raise SystemExit({Verdict.HOLDS: 0, Verdict.ERROR: 3}.get(finding.verdict, 1))
-
-
-@main.command()
-@click.argument("names", nargs=-1, metavar="[SABOTEUR]...")
-@click.option("--law", "laws", multiple=True, metavar="NAME", help="Only this law; may be repeated.")
-@click.option("--seeds", type=click.IntRange(min=1), default=10, show_default=True, help="How many seeds.")
-@click.option("--first", is_flag=True, help="Stop each saboteur at the first law that kills it.")
-@click.option("--workers", type=click.IntRange(min=1), default=2, show_default=True, help="Processes.")
-@click.option("--json", "json_file", type=_FILE, help="Write every single finding to this file.")
-@friendly
-def teeth(
-    names: tuple[str, ...],
-    laws: tuple[str, ...],
-    seeds: int,
-    first: bool,
-    workers: int,
-    json_file: str | None,
-    debug: bool,  # noqa: ARG001  (every command takes it)
-) -> None:
-    """Does the suite bite? Saboteurs × laws, with the examples to the first violation.
-
-    Exit code 0 if every saboteur is killed with every seed, else 1.
-
-    \b
-    sepv teeth --seeds 1 --first        a quick look
-    sepv teeth                          the whole matrix, an hour or more
-    """
-    import json
-
-    from sepv import teeth as suite
-    from sepv.files import require_folder, write_atomically
-    from sepv.report import console
-
-    require_folder(json_file)
-    status = console(stderr=True)
-    with status.status("") as line:
-        bites = suite.run(
-            names or None,
-            range(seeds),
-            lambda done, total, _: line.update(f"{done} of {total}"),
-            laws=laws or None,
-            first=first,
-            workers=workers,
-        )
-    if json_file:
-        write_atomically(json_file, json.dumps([b.to_json() for b in bites], indent=1) + "\n")
-    suite.show(bites, console())
-    raise SystemExit(1 if suite.survivors(bites) else 0)
-
-
-@main.command("list")
-@friendly
-def list_(debug: bool) -> None:  # noqa: ARG001  (every command takes it)
-    """Schemes, problems and laws."""
-    from rich.table import Table
-
-    from sepv import problems, schemes
-    from sepv.report import console
-    from sepv.suite import load_laws
-
-    out = console()
-    for title, heading, rows in (
-        (
-            "Schemes",
-            ("scheme", "order", "source"),
-            [(s.name, _order(s), s.source) for s in schemes.ALL.values()],
-        ),
-        ("Problems", ("problem", "d, m", "what"), [_problem_row(n, f) for n, f in problems.NAMED.items()]),
-        ("Laws", ("law", "source", "statement"), [(x.name, x.source, x.statement) for x in load_laws()]),
-    ):
-        table = Table(title=title, title_justify="left", box=None, pad_edge=False)
-        for name in heading:
-            table.add_column(name)
-        for row in rows:
-            table.add_row(*row)
-        out.print(table)
-        out.print()
-
-
-def _order(scheme: Any) -> str:
-    return f"{scheme.mean_square_order:g}"
-
-
-def _problem_row(name: str, factory: Any) -> tuple[str, str, str]:
-    problem = factory()
-    return (
-        name,
-        f"{problem.dimension}, {problem.noises}",
-        (sys.modules[factory.__module__].__doc__ or "").splitlines()[0],
-    )
 
 
 if __name__ == "__main__":

@@ -43,6 +43,7 @@ LAYERS = [
     "sepv.progress",
     "sepv.external sepv.adapters sepv.saboteurs",
     "sepv.teeth",
+    "sepv.commands",
     "sepv.cli sepv.pytest_plugin",
 ]
 # What looks upwards on purpose, inside a function: (module, what it imports there).

@@ -1,0 +1,52 @@
+"""``sepv list``: schemes, problems, laws."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import click
+
+from sepv.commands.shared import friendly
+
+
+@click.command("list")
+@friendly
+def list_(debug: bool) -> None:  # noqa: ARG001  (every command takes it)
+    """Schemes, problems and laws."""
+    from rich.table import Table
+
+    from sepv import problems, schemes
+    from sepv.report import console
+    from sepv.suite import load_laws
+
+    out = console()
+    for title, heading, rows in (
+        (
+            "Schemes",
+            ("scheme", "order", "source"),
+            [(s.name, _order(s), s.source) for s in schemes.ALL.values()],
+        ),
+        ("Problems", ("problem", "d, m", "what"), [_problem_row(n, f) for n, f in problems.NAMED.items()]),
+        ("Laws", ("law", "source", "statement"), [(x.name, x.source, x.statement) for x in load_laws()]),
+    ):
+        table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+        for name in heading:
+            table.add_column(name)
+        for row in rows:
+            table.add_row(*row)
+        out.print(table)
+        out.print()
+
+
+def _order(scheme: Any) -> str:
+    return f"{scheme.mean_square_order:g}"
+
+
+def _problem_row(name: str, factory: Any) -> tuple[str, str, str]:
+    problem = factory()
+    return (
+        name,
+        f"{problem.dimension}, {problem.noises}",
+        (sys.modules[factory.__module__].__doc__ or "").splitlines()[0],
+    )

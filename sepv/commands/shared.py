@@ -1,0 +1,39 @@
+"""What every command takes: --debug, errors as one message, files to write."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from typing import Any
+
+import click
+
+from sepv.errors import SepvError, TargetError, UsageError
+
+EXIT_CODES = """Exit codes: 0 all claimed laws hold; 1 a claimed law is violated, or not shown to hold within the
+budget; 2 wrong usage; 3 the scheme crashed, hung, or could not be loaded; 130 interrupted."""
+
+FILE = click.Path(dir_okay=False)
+
+
+def friendly(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Errors as one message and the documented exit code; the traceback only with --debug."""
+
+    @wraps(command)
+    def wrapper(*args: Any, debug: bool, **kwargs: Any) -> Any:
+        try:
+            return command(*args, debug=debug, **kwargs)
+        except SepvError as error:
+            if debug:
+                raise
+            click.echo(f"sepv: {error}", err=True)
+            raise SystemExit(
+                2 if isinstance(error, UsageError) and not isinstance(error, TargetError) else 3
+            ) from None
+        except OSError as error:
+            if debug:
+                raise
+            click.echo(f"sepv: {error}", err=True)
+            raise SystemExit(2) from None
+
+    return click.option("--debug", is_flag=True, help="Show tracebacks.")(wrapper)

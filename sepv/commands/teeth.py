@@ -1,0 +1,55 @@
+"""``sepv teeth``: does the suite bite?"""
+
+from __future__ import annotations
+
+import click
+
+from sepv.commands.shared import FILE, friendly
+
+
+@click.command()
+@click.argument("names", nargs=-1, metavar="[SABOTEUR]...")
+@click.option("--law", "laws", multiple=True, metavar="NAME", help="Only this law; may be repeated.")
+@click.option("--seeds", type=click.IntRange(min=1), default=10, show_default=True, help="How many seeds.")
+@click.option("--first", is_flag=True, help="Stop each saboteur at the first law that kills it.")
+@click.option("--workers", type=click.IntRange(min=1), default=2, show_default=True, help="Processes.")
+@click.option("--json", "json_file", type=FILE, help="Write every single finding to this file.")
+@friendly
+def teeth(
+    names: tuple[str, ...],
+    laws: tuple[str, ...],
+    seeds: int,
+    first: bool,
+    workers: int,
+    json_file: str | None,
+    debug: bool,  # noqa: ARG001  (every command takes it)
+) -> None:
+    """Does the suite bite? Saboteurs × laws, with the examples to the first violation.
+
+    Exit code 0 if every saboteur is killed with every seed, else 1.
+
+    \b
+    sepv teeth --seeds 1 --first        a quick look
+    sepv teeth                          the whole matrix, an hour or more
+    """
+    import json
+
+    from sepv import teeth as suite
+    from sepv.files import require_folder, write_atomically
+    from sepv.report import console
+
+    require_folder(json_file)
+    status = console(stderr=True)
+    with status.status("") as line:
+        bites = suite.run(
+            names or None,
+            range(seeds),
+            lambda done, total, _: line.update(f"{done} of {total}"),
+            laws=laws or None,
+            first=first,
+            workers=workers,
+        )
+    if json_file:
+        write_atomically(json_file, json.dumps([b.to_json() for b in bites], indent=1) + "\n")
+    suite.show(bites, console())
+    raise SystemExit(1 if suite.survivors(bites) else 0)

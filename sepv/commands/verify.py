@@ -1,0 +1,180 @@
+"""``sepv verify``: measure every law on a target."""
+
+from __future__ import annotations
+
+import shlex
+from typing import Any
+
+import click
+
+from sepv.commands.shared import EXIT_CODES, FILE, friendly
+from sepv.errors import UsageError
+
+
+@click.command(epilog=EXIT_CODES)
+@click.argument("targets", nargs=-1, metavar="TARGET...")
+@click.option("--law", "laws", multiple=True, metavar="NAME", help="Only this law; may be repeated.")
+@click.option("--claim", "claims", multiple=True, metavar="LAW,…", help="Hold the scheme to these laws too.")
+@click.option("--json", "json", type=FILE, help="Write the report to this file.")
+@click.option("--junit", "junit", type=FILE, help="Write JUnit XML to this file.")
+@click.option("--badge", "badge", type=FILE, help="Write JSON for a badge to this file.")
+@click.option("--expected", type=click.Path(), help="Expected failures, a TOML file; strict both ways.")
+@click.option("--write-expected", type=FILE, help="Write today's violations as such a file.")
+@click.option("--replay", "token", metavar="TOKEN", help="Measure one witness; needs one --law.")
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths."
+)
+@click.option("--examples", type=click.IntRange(min=1), help="Examples for each law. [default: 100]")
+@click.option("--paths", type=click.IntRange(min=64), help="Most paths for a law. [default: 8192]")
+@click.option("--deep", is_flag=True, help="The nightly effort: 2000 examples, 16384 paths.")
+@click.option(
+    "--timeout", type=click.FloatRange(min=0.1), default=600.0, show_default=True, help="Seconds a law."
+)
+@click.option(
+    "--exec", "program", metavar="COMMAND", help="Verify a program in any language (docs/protocol.md)."
+)
+@click.option(
+    "--check-protocol", is_flag=True, help="With --exec: say line by line what the program does wrong."
+)
+@click.option(
+    "--call-timeout", type=click.FloatRange(min=0.01), default=10.0, show_default=True, help="With --exec."
+)
+@click.option("-q", "--quiet", is_flag=True, help="Only the last line.")
+@friendly
+def verify(targets: tuple[str, ...], laws: tuple[str, ...], claims: tuple[str, ...], **options: Any) -> None:
+    """Measure every law on TARGET: a built-in name or module:attribute.
+
+    The attribute is a sepv.Scheme, or a function step(problem, y, h, dW) -> y_next. Laws that a scheme
+    does not claim are measured and printed too. Several targets give a matrix in the end.
+
+    \b
+    sepv verify energy-preserving
+    sepv verify energy-preserving midpoint euler-heun
+    sepv verify mymodule:step --claim energy,casimir --json report.json
+    """
+    if bool(targets) == bool(options["program"]):
+        raise UsageError(
+            expected="a TARGET, or a program with --exec",
+            received=f"{len(targets)} targets" + (" and --exec" if options["program"] else ""),
+            remedy="sepv verify energy-preserving, or sepv verify --exec './program'",
+        )
+    if options["program"]:
+        raise SystemExit(_verify_program(laws, claims, **options))
+    if options["token"] is not None:
+        _replay(targets, laws, options["token"], options["debug"])
+    files = _files(**options)
+    if len(targets) > 1 and (any(files.values()) or options["expected"]):
+        raise UsageError(
+            expected="one TARGET with files", received=f"{len(targets)} targets", remedy="run once for each"
+        )
+    arguments = _arguments(laws, claims, **options)
+    raise SystemExit(_verify(targets, arguments, files, options["quiet"], options["debug"]))
+
+
+def _files(**options: Any) -> dict[str, str | None]:
+    """The files to write, after a look whether they can be."""
+    from sepv.files import require_folder
+
+    files = {kind: options[kind] for kind in ("json", "junit", "badge", "write_expected")}
+    for path in files.values():
+        require_folder(path)
+    return files
+
+
+def _arguments(laws: tuple[str, ...], claims: tuple[str, ...], **options: Any) -> dict[str, Any]:
+    return {
+        "laws": laws or None,
+        "claims": [c.strip() for text in claims for c in text.split(",") if c.strip()],
+        "effort": _effort(**options),
+        "timeout": options["timeout"],
+        "expected": options["expected"],
+    }
+
+
+def _verify_program(laws: tuple[str, ...], claims: tuple[str, ...], **options: Any) -> int:
+    """``sepv verify --exec``: the same laws, asked of a child process."""
+    from sepv.external import check_protocol, describe, load_program
+    from sepv.suite import LAWS
+
+    command, seconds = options["program"], options["call_timeout"]
+    if options["check_protocol"]:
+        checks = check_protocol(command, call_timeout=seconds, laws=LAWS)
+        click.echo(describe(checks))
+        return 0 if all(c.ok for c in checks) else 3
+    files = _files(**options)
+    with load_program(command, call_timeout=seconds) as scheme:
+        if options["token"] is not None:
+            _replay((scheme,), laws, options["token"], options["debug"])
+        arguments = _arguments(laws, claims, **options)
+        return _verify(
+            (scheme,), arguments, files, options["quiet"], options["debug"], f"--exec {shlex.quote(command)}"
+        )
+
+
+def _effort(*, seed: int, examples: int | None, paths: int | None, deep: bool, **_: Any) -> Any:
+    from dataclasses import replace
+
+    from sepv.law import Effort
+
+    effort = Effort().deeper() if deep else Effort()
+    return replace(effort, seed=seed, examples=examples or effort.examples, paths=paths or effort.paths)
+
+
+def _verify(
+    targets: tuple[Any, ...],
+    options: dict[str, Any],
+    files: dict[str, str | None],
+    quiet: bool,
+    debug: bool,
+    shown: str = "",
+) -> int:
+    from sepv import report as page
+    from sepv.progress import watching
+    from sepv.suite import verify as run
+
+    out, reports = page.console(), []
+    for target in targets:
+        with watching(quiet) as progress:
+            report = run(target, progress=progress, **options)
+        reports.append(report)
+        _write(report, files)
+        if quiet:
+            out.print(page.summary(report))
+        else:
+            page.show(report, shown or shlex.quote(target), out, debug=debug)
+        if report.interrupted:
+            break
+    if len(reports) > 1 and not quiet:
+        out.print(page.matrix(reports))
+    return max(reports, key=lambda r: r.exit_code).exit_code
+
+
+def _write(report: Any, files: dict[str, str | None]) -> None:
+    from sepv.expected import to_toml
+    from sepv.files import badge_json, junit_xml, report_json, write_atomically
+
+    texts = {
+        "json": report_json,
+        "junit": junit_xml,
+        "badge": badge_json,
+        "write_expected": lambda r: to_toml(r.scheme.name, r.findings),
+    }
+    for kind, path in files.items():
+        if path:
+            write_atomically(path, texts[kind](report))
+
+
+def _replay(targets: tuple[Any, ...], laws: tuple[str, ...], token: str, debug: bool) -> None:
+    from sepv import case, report
+    from sepv.law import Verdict
+    from sepv.suite import replay
+
+    if len(targets) != 1 or len(laws) != 1:
+        raise UsageError(
+            expected="one TARGET and one --law with --replay",
+            received=f"{len(targets)} targets, {len(laws)} laws",
+            remedy="copy the whole command from the report",
+        )
+    finding = replay(targets[0], laws[0], case.to_json(case.from_token(token)))
+    report.show_finding(finding, report.console(), debug=debug)
+    raise SystemExit({Verdict.HOLDS: 0, Verdict.ERROR: 3}.get(finding.verdict, 1))
