@@ -1,21 +1,30 @@
 """Wiener increments: truncation (Remark 2.1), and one path refined consistently over step sizes.
 
-Streams are keyed by `SeedSequence(seed, spawn_key=(block,))` for blocks of 64 paths, and a block is
-always drawn whole: path number p is the same numbers whatever else is asked for with it.
+Every path has random streams of its own, so that path number p is the same numbers whatever else is
+asked for with it, by whichever engine. A stream is numpy's SFC64, whose state is cheap to set: two words
+that `SeedSequence` makes of the seed, and one of the number of the path and of the stream. The first
+stream draws the coarse part of the path, level by level; each finer level of Lévy's construction has its
+own, read in the order of time, so that a path of any length can be drawn piece by piece.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from sepv.errors import UsageError
 from sepv.problem import Array
 
-# One SeedSequence costs about 15 µs, as much as 2000 normals: a block shares it.
-BLOCK = 64
+# Levels of at most this many increments share the path's first stream.
+TOP = 64
+# numpy's own seeding of SFC64 mixes with 12 rounds; 18 is what its author takes for three words.
+MIXING = 18
+# Streams of a path are told apart by the low six bits of a word: more levels than 2**58 steps have.
+_STREAMS = 64
 
 
 def truncation_bound(h: float, k: int) -> float:
@@ -83,8 +92,31 @@ def increments(
     >>> bool(np.allclose(coarse, fine[0::2] + fine[1::2], rtol=0, atol=1e-15))
     True
     """
-    wanted = range(paths) if isinstance(paths, int) else paths
-    _validate(seed, T, steps, noises, wanted)
+    pieces = list(walk(seed, T=T, steps=steps, noises=noises, paths=paths, refine=refine, size=steps))
+    return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
+
+
+class Grid(NamedTuple):
+    """How N = base·2^halvings steps are drawn: the first `top` halvings from the path's first stream."""
+
+    base: int
+    halvings: int
+    top: int
+
+    @property
+    def streams(self) -> int:
+        """The number of streams a path needs."""
+        return 1 + self.halvings - self.top
+
+
+def grid(steps: int, refine: int | None = None) -> Grid:
+    """The grid of `steps` steps.
+
+    Raises
+    ------
+    UsageError
+        For more halvings than `steps` allows.
+    """
     halvings = (steps & -steps).bit_length() - 1
     if refine is not None:
         if not 0 <= refine <= halvings:
@@ -94,27 +126,96 @@ def increments(
                 remedy=f"take a step count divisible by 2^{refine}",
             )
         halvings = refine
-    chosen = np.asarray(wanted, dtype=np.int64)
-    result = np.empty((steps, noises, chosen.size))
-    blocks = chosen // BLOCK
-    for block in np.unique(blocks):
-        here = np.flatnonzero(blocks == block)
-        result[:, :, here] = _block(seed, int(block), T, steps, noises, halvings)[:, :, chosen[here] % BLOCK]
-    return result
+    base = steps >> halvings
+    top = 0
+    while top < halvings and base << (top + 1) <= TOP:
+        top += 1
+    return Grid(base, halvings, top)
 
 
-def _block(seed: int, block: int, T: float, steps: int, noises: int, halvings: int) -> Array:
-    """One block of paths, level by level: finer levels go on in the stream and leave the coarse as it is."""
-    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(block,))))
-    count = steps >> halvings
-    h = T / count
-    dW = math.sqrt(h) * rng.standard_normal((count, noises, BLOCK))
-    for _ in range(halvings):
-        # Given ΔW over h, the increment over its first half is ΔW/2 + (√h/2) N(0, 1).
-        left = 0.5 * dW + 0.5 * math.sqrt(h) * rng.standard_normal(dW.shape)
-        dW = np.stack([left, dW - left], axis=1).reshape(2 * dW.shape[0], noises, BLOCK)
-        h *= 0.5
-    return dW
+def spreads(T: float, grid: Grid) -> Array:
+    """What multiplies the normals: √h₀ at level 0, then half the √h of the level that is halved."""
+    h = T / grid.base * 0.5 ** np.maximum(np.arange(grid.halvings + 1) - 1.0, 0.0)
+    factors = 0.5 * np.sqrt(h)
+    factors[0] *= 2
+    return factors
+
+
+def stream_states(seed: int, paths: ArrayLike, grid: Grid) -> NDArray[np.uint64]:
+    """The initial states of the streams of SFC64, (streams, 4, M).
+
+    Stream 0 is the coarse part; stream i > 0 draws level top + i and is numbered by that level.
+    """
+    levels = np.concatenate([[0], np.arange(grid.top + 1, grid.halvings + 1)])
+    word = np.asarray(paths, dtype=np.uint64)[None] * np.uint64(_STREAMS) + levels.astype(np.uint64)[:, None]
+    a, b = np.random.SeedSequence(int(seed)).generate_state(2, np.uint64)
+    state = [np.full_like(word, a), np.full_like(word, b), word, np.ones_like(word)]
+    for _ in range(MIXING):
+        out = state[0] + state[1] + state[3]
+        state = [
+            state[1] ^ (state[1] >> np.uint64(11)),
+            state[2] + (state[2] << np.uint64(3)),
+            ((state[2] << np.uint64(24)) | (state[2] >> np.uint64(40))) + out,
+            state[3] + np.uint64(1),
+        ]
+    return np.stack(state, axis=1)
+
+
+def walk(
+    seed: int, *, T: float, steps: int, noises: int, paths: int | range, refine: int | None = None, size: int
+) -> Iterator[Array]:
+    """The increments of `increments` in the order of time, in pieces (k, m, M) of about `size` steps.
+
+    A piece is never shorter than one increment of the coarse part, 2^(halvings − top) steps.
+    """
+    wanted = range(paths) if isinstance(paths, int) else paths
+    _validate(seed, T, steps, noises, wanted)
+    plan = grid(steps, refine)
+    factors = spreads(T, plan)
+    streams = _Streams(stream_states(seed, wanted, plan), noises)
+    fine = plan.halvings - plan.top
+    group = max(1, size >> fine)
+    coarse = None
+    if plan.base <= TOP:
+        normals = streams.draw(0, plan.base << plan.top)
+        coarse = factors[0] * normals[: plan.base]
+        for level in range(1, plan.top + 1):
+            coarse = _halve(coarse, factors[level] * normals[len(coarse) : 2 * len(coarse)])
+    total = plan.base << plan.top
+    for first in range(0, total, group):
+        length = min(group, total - first)
+        dW = factors[0] * streams.draw(0, length) if coarse is None else coarse[first : first + length]
+        for i in range(1, fine + 1):
+            dW = _halve(dW, factors[plan.top + i] * streams.draw(i, len(dW)))
+        yield dW
+
+
+def _halve(dW: Array, z: Array) -> Array:
+    """Given ΔW over h, the increment over its first half is ΔW/2 + z with z ~ N(0, h/4)."""
+    left = 0.5 * dW + z
+    return np.stack([left, dW - left], axis=1).reshape(2 * dW.shape[0], *dW.shape[1:])
+
+
+class _Streams:
+    """The streams of several paths, each read on from where it was left."""
+
+    def __init__(self, states: NDArray[np.uint64], noises: int) -> None:
+        self.states, self.noises = states, noises
+        self.bits = np.random.SFC64(0)
+        self.generator = np.random.Generator(self.bits)
+        self.record: Any = {"bit_generator": "SFC64", "state": {}, "has_uint32": 0, "uinteger": 0}
+
+    def draw(self, stream: int, count: int) -> Array:
+        """(count, m, M) standard normals."""
+        states = self.states[stream]
+        normals = np.empty((states.shape[1], count, self.noises))
+        if normals.size:
+            for path, row in enumerate(normals):
+                self.record["state"]["state"] = states[:, path]
+                self.bits.state = self.record
+                self.generator.standard_normal(out=row)
+                states[:, path] = self.bits.state["state"]["state"]
+        return np.ascontiguousarray(np.moveaxis(normals, 0, -1))
 
 
 def coarsen(dW: Array, factor: int) -> Array:
