@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sepv.reference.problem import context
+from sepv.reference.arithmetic import context
 
 
 def bound(h: float, k: int, digits: int = 30) -> Any:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import mpmath
 import pytest
 from hypothesis import given, settings
+from sepv.reference.arithmetic import context, gauss_nodes
 from sepv.reference.implicit import energy_preserving, midpoint
-from sepv.reference.problem import context, exact_problem, gauss_nodes
+from sepv.reference.problem import exact_problem
 
 from sepv import problems, strategies
 from sepv.case import Case

@@ -1,0 +1,186 @@
+"""One formula, several arithmetics: what the formulas of problems and schemes need of a number.
+
+A formula is written once, with + − × ÷ and integer powers, and evaluated in binary64, in decimal digits
+(mpmath), in balls (`sepv.reference.balls`) or as a power series (`sepv.reference.series`). Derivatives are
+not written at all: a number may carry an infinitesimal part ε with ε² = 0, and the ε-part of R(x + εv) is
+R′(x)v. In binary64 and in mpmath ε is i times something whose square is lost in any sum.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import mpmath
+
+Number = Any
+Vector = list[Number]
+Function = Callable[[Number], Number]
+Rule = Sequence[tuple[Number, Number]]
+
+
+@dataclass(frozen=True)
+class Arithmetic:
+    """Numbers, and the functions of them that the problems use.
+
+    Attributes
+    ----------
+    number : float -> number
+        A binary64 number, exactly.
+    sinc, log1p_ratio : number -> number
+        sin(x)/x and log(1 + x)/x, both 1 at 0.
+    gauss : n -> [(node, weight), …]
+        Gauss-Legendre quadrature on [0, 1].
+    nudged : (value, slope) -> number
+        value + ε slope.
+    slope : number -> number
+        The ε-part.
+    """
+
+    number: Callable[[float], Number]
+    sin: Function
+    cos: Function
+    log: Function
+    sinc: Function
+    log1p_ratio: Function
+    gauss: Callable[[int], Rule]
+    nudged: Callable[[Number, Number], Number]
+    slope: Function
+
+
+def total(terms: Iterable[Number]) -> Number:
+    """The sum of at least one number, in order; no zero to start from, which would be a number of another kind."""
+    iterator = iter(terms)
+    result = next(iterator)
+    for term in iterator:
+        result = result + term
+    return result
+
+
+def power(x: Number, k: int) -> Number:
+    """x^k for k ≥ 1 by products alone: mpmath's own powers of complex numbers lose a small imaginary part."""
+    if k == 1:
+        return x
+    root = power(x, k // 2)
+    return root * root * x if k % 2 else root * root
+
+
+@lru_cache(maxsize=8)
+def context(digits: int) -> Any:
+    """An `MPContext` of this many decimal digits, made once for each: no global precision is touched."""
+    ctx = mpmath.mp.clone()
+    ctx.dps = digits
+    return ctx
+
+
+@lru_cache(maxsize=64)
+def gauss_nodes(nodes: int, digits: int) -> list[tuple[Number, Number]]:
+    """Gauss-Legendre nodes and weights on [0, 1], ascending: Newton on P_n from Tricomi's first guess."""
+    ctx = context(digits + 10)
+    found = []
+    for i in range(nodes):
+        x = ctx.cos(ctx.pi * (4 * i + 3) / (4 * nodes + 2))
+        for _ in range(100):
+            p, previous = x, ctx.one
+            for k in range(1, nodes):
+                p, previous = ((2 * k + 1) * x * p - k * previous) / (k + 1), p
+            slope = nodes * (x * p - previous) / (x * x - 1)
+            x, old = x - p / slope, x
+            if abs(x - old) <= 10 * ctx.eps:
+                break
+        found.append(((1 + x) / 2, 1 / ((1 - x * x) * slope**2)))
+    exact = context(digits)
+    return [(exact.mpf(node), exact.mpf(weight)) for node, weight in reversed(found)]
+
+
+@lru_cache(maxsize=64)
+def _float_nodes(nodes: int) -> list[tuple[float, float]]:
+    return [(float(node), float(weight)) for node, weight in gauss_nodes(nodes, 30)]
+
+
+@lru_cache(maxsize=8)
+def decimal(digits: int) -> Arithmetic:
+    """mpmath with this many digits. ε = 10^−1000 i: exponents are unbounded there."""
+    ctx = context(digits)
+    epsilon = ctx.mpf(10) ** -1000
+
+    def lifted(f: Function, derivative: Function) -> Function:
+        def of(x: Number) -> Number:
+            return (
+                ctx.mpc(f(x.real), derivative(x.real) * x.imag) if isinstance(x, ctx.mpc) else f(ctx.mpf(x))
+            )
+
+        return of
+
+    def log(x: Number) -> Number:
+        return ctx.ln(_positive(x))
+
+    def log1p_ratio(x: Number) -> Number:
+        _positive(1 + x)
+        return ctx.log1p(x) / x if x else ctx.one
+
+    return Arithmetic(
+        number=lambda x: ctx.mpf(float(x)),
+        sin=lifted(ctx.sin, ctx.cos),
+        cos=lifted(ctx.cos, lambda x: -ctx.sin(x)),
+        log=lifted(log, lambda x: 1 / x),
+        sinc=lifted(ctx.sinc, lambda x: sinc_slope(x, ctx.cos(x), ctx.sinc(x))),
+        log1p_ratio=lifted(log1p_ratio, lambda x: log1p_ratio_slope(x, log1p_ratio(x))),
+        gauss=lambda n: gauss_nodes(n, digits),
+        nudged=lambda value, slope: ctx.mpc(value, epsilon * slope),
+        slope=lambda x: x.imag / epsilon if isinstance(x, ctx.mpc) else ctx.zero,
+    )
+
+
+# Small enough that its square is lost, large enough for states down to 1e-180 not to underflow.
+_EPSILON = 2.0**-400
+
+
+def _lifted(f: Function, derivative: Function) -> Function:
+    def of(x: Number) -> Number:
+        return complex(f(x.real), derivative(x.real) * x.imag) if isinstance(x, complex) else f(x)
+
+    return of
+
+
+def _log1p_ratio(x: float) -> float:
+    return math.log1p(x) / x if x else 1.0
+
+
+def _sinc(x: float) -> float:
+    return math.sin(x) / x if x else 1.0
+
+
+BINARY64 = Arithmetic(
+    number=float,
+    sin=_lifted(math.sin, math.cos),
+    cos=_lifted(math.cos, lambda x: -math.sin(x)),
+    log=_lifted(math.log, lambda x: 1 / x),
+    sinc=_lifted(_sinc, lambda x: sinc_slope(x, math.cos(x), _sinc(x))),
+    log1p_ratio=_lifted(_log1p_ratio, lambda x: log1p_ratio_slope(x, _log1p_ratio(x))),
+    gauss=_float_nodes,
+    nudged=lambda value, slope: complex(value, _EPSILON * slope),
+    slope=lambda x: x.imag / _EPSILON if isinstance(x, complex) else 0.0,
+)
+"""Python's floats: a first guess and its Jacobian, never a reference. Raises ArithmeticError or ValueError."""
+
+
+def sinc_slope(x: Number, cos: Number, sinc: Number) -> Number:
+    """sinc′(x) = (cos x − sinc x)/x, below 1e-3 by its series, to about 1e-10: it serves Newton's Jacobians."""
+    return -x / 3 * (1 - x * x / 10) if abs(x) < 1e-3 else (cos - sinc) / x
+
+
+def log1p_ratio_slope(x: Number, value: Number) -> Number:
+    """d/dx log(1 + x)/x = (1/(1 + x) − log(1 + x)/x)/x, below 1e-3 by its series, to about 1e-12."""
+    if abs(x) < 1e-3:
+        return -1 / 2 + x * (2 / 3 - x * (3 / 4 - x * (4 / 5)))
+    return (1 / (1 + x) - value) / x
+
+
+def _positive(x: Number) -> Number:
+    if not x > 0:
+        raise ValueError("logarithm of a number that is not positive")
+    return x

@@ -1,0 +1,222 @@
+"""The schemes as equations, each written as it is printed, for numbers of any arithmetic.
+
+An implicit scheme is residual(x) = 0 in its unknown x, and y1 = result(x); an explicit one has no unknown.
+None of this is taken from the core's code: `sepv.reference` imports no scheme.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import NamedTuple
+
+from sepv.reference.arithmetic import Number, Vector, total
+from sepv.reference.problem import ExactProblem
+from sepv.reference.tableau import stage_table, weighted_rule
+
+
+class Step(NamedTuple):
+    """h, S = Σ c_j ΔW_j and Δ = h + S, in the numbers of the problem."""
+
+    h: Number
+    S: Number
+    delta: Number
+
+
+Residual = Callable[[ExactProblem, Vector, Step, Vector], Vector]
+
+
+@dataclass(frozen=True)
+class Equation:
+    """A one-step method as an equation.
+
+    Attributes
+    ----------
+    residual : (problem, y0, step, x) -> numbers, or None
+        None for an explicit method.
+    result : (problem, y0, step, x) -> y1
+    blocks : int
+        x has blocks · d components: 1, or the stages; 0 for an explicit method.
+    nodes : int
+        For stages with H not polynomial: the quadrature that this equation stands for. 0 where exact.
+    """
+
+    name: str
+    source: str
+    residual: Residual | None
+    result: Residual
+    blocks: int = 1
+    nodes: int = 0
+
+
+def make_step(problem: ExactProblem, h: float, dW: tuple[float, ...]) -> Step:
+    """The step of these increments, each taken as the binary64 number that it is."""
+    exact = problem.number(h)
+    S = sum((c * problem.number(w) for c, w in zip(problem.noise, dW, strict=True)), problem.number(0.0))
+    return Step(exact, S, exact + S)
+
+
+def _middle(problem: ExactProblem, y0: Vector, y1: Vector) -> Vector:
+    half = problem.number(0.5)
+    return [half * (a + b) for a, b in zip(y0, y1, strict=True)]
+
+
+def _one_step(right: Residual) -> Residual:
+    """The residual y1 − y0 − right(y1)."""
+    return lambda problem, y0, step, y1: [
+        b - a - r for a, b, r in zip(y0, y1, right(problem, y0, step, y1), strict=True)
+    ]
+
+
+def _times(factor: Number, v: Vector) -> Vector:
+    return [factor * w for w in v]
+
+
+def _plus(*vectors: Vector) -> Vector:
+    return [total(components) for components in zip(*vectors, strict=True)]
+
+
+def _energy_preserving(problem: ExactProblem, y0: Vector, step: Step, y1: Vector) -> Vector:
+    """(2.1): Δ B((y0 + y1)/2) ∫₀¹∇H(y0 + τ(y1 − y0))dτ."""
+    B = problem.structure(_middle(problem, y0, y1))
+    return _times(step.delta, problem.turned(B, problem.mean_gradient(y0, y1)))
+
+
+def _averaged_vector_field(problem: ExactProblem, y0: Vector, step: Step, y1: Vector) -> Vector:
+    """(2.2), for constant B: Δ B ∫₀¹∇H(y0 + τ(y1 − y0))dτ, B taken once, at y0."""
+    return _times(step.delta, problem.turned(problem.structure(y0), problem.mean_gradient(y0, y1)))
+
+
+def _midpoint(problem: ExactProblem, y0: Vector, step: Step, y1: Vector) -> Vector:
+    """(3.4): Δ f((y0 + y1)/2)."""
+    return _times(step.delta, problem.field(_middle(problem, y0, y1)))
+
+
+def _coordinate_increments(problem: ExactProblem, y0: Vector, y1: Vector) -> Vector:
+    """∇̄₁H(y0, y1): component i is the mean of ∂_iH on the edge that moves y_i, those before it moved."""
+    corners = [[*y1[:i], *y0[i:]] for i in range(len(y0) + 1)]
+    return [problem.mean_gradient(corners[i], corners[i + 1])[i] for i in range(len(y0))]
+
+
+def _discrete_gradient(problem: ExactProblem, y0: Vector, step: Step, y1: Vector) -> Vector:
+    """§4: (h B(y0) + S B((y0 + y1)/2)) ½(∇̄₁H(y0, y1) + ∇̄₁H(y1, y0))."""
+    mean = _middle(problem, _coordinate_increments(problem, y0, y1), _coordinate_increments(problem, y1, y0))
+    drift = problem.turned(problem.structure(y0), mean)
+    noise = problem.turned(problem.structure(_middle(problem, y0, y1)), mean)
+    return _plus(_times(step.h, drift), _times(step.S, noise))
+
+
+def _euler_heun(problem: ExactProblem, y0: Vector, step: Step, _: Vector) -> Vector:
+    """§4: y0 + h f(y0) + ½ S (f(ŷ) + f(y0)), ŷ = y0 + (h + S) f(y0)."""
+    f0 = problem.field(y0)
+    predicted = _plus(y0, _times(step.delta, f0))
+    return _plus(y0, _times(step.h, f0), _times(step.S, _middle(problem, problem.field(predicted), f0)))
+
+
+def _milstein(problem: ExactProblem, y0: Vector, step: Step, _: Vector) -> Vector:
+    """§4, on the Itô form: y0 + (f + ½Σc_j² f′f)h + f S + ½ f′f (S² − Σc_j² h), that is y0 + f Δ + ½ f′f S²."""
+    f0 = problem.field(y0)
+    half_S2 = problem.number(0.5) * step.S * step.S
+    return _plus(y0, _times(step.delta, f0), _times(half_S2, problem.field_slope(y0, f0)))
+
+
+def _euler_maruyama(problem: ExactProblem, y0: Vector, step: Step, _: Vector) -> Vector:
+    """§4, on the Itô form: y0 + (f + ½Σc_j² f′f)h + f S."""
+    f0 = problem.field(y0)
+    correction = problem.number(0.5) * sum(c * c for c in problem.noise) * step.h
+    return _plus(y0, _times(step.delta, f0), _times(correction, problem.field_slope(y0, f0)))
+
+
+def _blocks(x: Vector, stages: int) -> list[Vector]:
+    d = len(x) // stages
+    return [x[i * d : (i + 1) * d] for i in range(stages)]
+
+
+def _combined(y0: Vector, weights: Vector, K: list[Vector]) -> Vector:
+    """y0 + Σ_j weights_j K_j."""
+    return _plus(y0, *(_times(a, v) for a, v in zip(weights, K, strict=True)))
+
+
+@cache
+def gauss(stages: int) -> Equation:
+    """The s-stage Gauss Runge-Kutta method with step Δ: K_i = Δ f(y0 + Σ a_ij K_j), y1 = y0 + Σ b_j K_j."""
+
+    def residual(problem: ExactProblem, y0: Vector, step: Step, x: Vector) -> Vector:
+        table, K = stage_table(stages, problem.arithmetic), _blocks(x, stages)
+        found: Vector = []
+        for row, own in zip(table.a, K, strict=True):
+            right = _times(step.delta, problem.field(_combined(y0, row, K)))
+            found += [k - r for k, r in zip(own, right, strict=True)]
+        return found
+
+    return Equation(
+        f"gauss-{stages}", "Hairer, Nørsett, Wanner, II.7", residual, _stage_result(stages), stages
+    )
+
+
+@cache
+def collocation(stages: int, nodes: int = 0) -> Equation:
+    """The s-stage energy-preserving collocation method with Gauss nodes c_i and step Δ.
+
+    Cohen and Hairer (BIT 51, 2011): u of degree s with u(0) = y0 and, at τ = c_i,
+    u′ = Δ B(u(c_i)) ∫₀¹ (ℓ_i(τ)/b_i) ∇H(u(τ))dτ; y1 = u(1). The unknowns are K_i = u′(c_i).
+    For H of degree ν the integrand has degree sν − 1; `nodes` says how many where H is not polynomial.
+    """
+
+    def residual(problem: ExactProblem, y0: Vector, step: Step, x: Vector) -> Vector:
+        table, K = stage_table(stages, problem.arithmetic), _blocks(x, stages)
+        if stages == 1:
+            return _one_stage(problem, y0, step, x)
+        count = nodes if problem.degree is None else max(1, -(-stages * problem.degree // 2))
+        slopes = [
+            (weights, problem.gradient(_combined(y0, integrals, K)))
+            for weights, integrals in weighted_rule(stages, count, problem.arithmetic)
+        ]
+        found: Vector = []
+        for i, own in enumerate(K):
+            mean = _plus(*(_times(weights[i], g) for weights, g in slopes))
+            B = problem.structure(_combined(y0, table.a[i], K))
+            found += [k - r for k, r in zip(own, _times(step.delta, problem.turned(B, mean)), strict=True)]
+        return found
+
+    return Equation(
+        f"collocation-{stages}", "Cohen and Hairer (2011)", residual, _stage_result(stages), stages, nodes
+    )
+
+
+def _one_stage(problem: ExactProblem, y0: Vector, step: Step, K: Vector) -> Vector:
+    """For s = 1 the average is that of (2.1), with y1 = y0 + K, and known in closed form."""
+    right = _energy_preserving(problem, y0, step, _plus(y0, K))
+    return [k - r for k, r in zip(K, right, strict=True)]
+
+
+def _stage_result(stages: int) -> Residual:
+    def result(problem: ExactProblem, y0: Vector, _: Step, x: Vector) -> Vector:
+        return _combined(y0, stage_table(stages, problem.arithmetic).b, _blocks(x, stages))
+
+    return result
+
+
+def _implicit(name: str, source: str, right: Residual) -> Equation:
+    return Equation(name, source, _one_step(right), lambda _problem, _y0, _step, y1: y1)
+
+
+def _explicit(name: str, source: str, update: Residual) -> Equation:
+    return Equation(name, source, None, update, blocks=0)
+
+
+EQUATIONS: dict[str, Equation] = {
+    e.name: e
+    for e in (
+        _implicit("energy-preserving", "(2.1)", _energy_preserving),
+        _implicit("averaged-vector-field", "(2.2)", _averaged_vector_field),
+        _implicit("midpoint", "(3.4)", _midpoint),
+        _implicit("discrete-gradient", "§4", _discrete_gradient),
+        _explicit("euler-heun", "§4", _euler_heun),
+        _explicit("milstein", "§4, Itô form", _milstein),
+        _explicit("euler-maruyama", "§4, Itô form", _euler_maruyama),
+        *(gauss(s) for s in range(1, 7)),
+        *(collocation(s) for s in range(1, 7)),
+    )
+}

@@ -1,0 +1,213 @@
+"""One step of a scheme to any number of digits: `reference_step`, and how trustworthy it is.
+
+The equations are in `sepv.reference.equations`, the solver in `sepv.reference.solve`. A value is proved by
+`sepv.reference.certify`, not here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+from sepv.reference.arithmetic import Vector
+from sepv.reference.equations import EQUATIONS, Equation, Step, collocation, make_step
+from sepv.reference.problem import ExactProblem, binary64_problem, exact_problem
+from sepv.reference.solve import BROKEN, Failure, Matrix, Root, largest, newton, refine
+
+from sepv.errors import StepFailure, UsageError
+from sepv.problem import NamedProblem, PolynomialSystem
+
+Description = PolynomialSystem | NamedProblem
+
+# Guard digits: three for the conversion and the sums, the rest for the condition of the equation.
+GUARD = 15
+MOST_DIGITS = 2000
+# Quadratures for stages with H not polynomial, until two of them agree.
+_NODES = (24, 36, 54, 81, 122, 183, 275)
+
+
+class ReferenceStep(NamedTuple):
+    """What a reference step found.
+
+    Attributes
+    ----------
+    y1 : d numbers of mpmath
+    condition : (d, d) floats
+        |∂y1/∂residual| entrywise, by which residuals become errors of y1: |(I − ∂R/∂y1)⁻¹| for one-step
+        equations, summed over the stages for methods with stages, the identity for explicit ones.
+    x : numbers of mpmath
+        The unknowns of the equation: y1 itself, the stages' increments, or nothing.
+    equation : Equation
+    """
+
+    y1: Vector
+    condition: list[list[float]]
+    x: Vector
+    equation: Equation
+
+
+def find_equation(scheme: str) -> Equation:
+    """The equation of a scheme by its name.
+
+    Raises
+    ------
+    UsageError
+    """
+    equation = EQUATIONS.get(scheme.replace("_", "-"))
+    if equation is None:
+        raise UsageError(
+            expected=f"a scheme that the references know: {', '.join(EQUATIONS)}",
+            received=repr(scheme),
+            remedy="correct the name",
+        )
+    return equation
+
+
+def require_digits(digits: int) -> None:
+    """Complain about a number of digits that cannot be meant."""
+    if not isinstance(digits, int) or isinstance(digits, bool) or not 1 <= digits <= MOST_DIGITS:
+        raise UsageError(
+            expected=f"digits, an integer between 1 and {MOST_DIGITS}",
+            received=repr(digits),
+            remedy="50 are the digits of the vectors; each further digit only costs time",
+        )
+
+
+def reference_step(
+    scheme: str | Equation,
+    data: Description,
+    y: Sequence[float],
+    h: float,
+    dW: Sequence[float],
+    digits: int = 50,
+) -> ReferenceStep:
+    """One step from y to `digits` digits of the largest component.
+
+    Where the equation has several solutions it is the one that Newton's method finds from y.
+
+    Parameters
+    ----------
+    scheme : str or Equation
+        A name of `EQUATIONS`, or an equation of one's own.
+    y, h, dW : binary64 numbers
+        Each is taken exactly as it is.
+
+    Raises
+    ------
+    UsageError
+        For an unknown scheme or problem, digits out of range.
+    StepFailure
+        Where no solution was found, with the smallest residual that was met.
+    """
+    if digits != 50:
+        require_digits(digits)
+    equation = find_equation(scheme) if isinstance(scheme, str) else scheme
+    exact = exact_problem(data, digits + GUARD)
+    y0, step = exact.state(y), make_step(exact, h, dW)
+    if equation.blocks > 1 and exact.degree is None and not equation.nodes:
+        equation = _with_nodes(equation, _NODES[0])
+    if equation.residual is None:
+        return ReferenceStep(equation.result(exact, y0, step, []), _identity(len(y0)), [], equation)
+    scale = largest(y0) or largest(exact.field(y0)) * abs(step.delta) or exact.number(1.0)
+    root = _guess(equation, data, y, h, dW, float(scale))
+    if isinstance(root, Root):
+        root = refine(_bound(equation, exact, y0, step), root, scale, exact.ctx, digits + 5)
+    if isinstance(root, Failure):
+        root = _in_digits(equation, exact, y0, step, scale, digits)
+    if isinstance(root, Root) and equation.nodes:
+        equation, root = _enough_nodes(equation, exact, y0, step, scale, digits, root)
+    if isinstance(root, Failure):
+        raise StepFailure(
+            problem=f"{data!r:.80} (reference)",
+            y=[float(v) for v in y],  # type: ignore[arg-type]  # printed only
+            delta=float(step.delta),
+            residual=root.residual,
+            status=f"{root.reason} in extended precision",
+            iterations=root.iterations,
+        )
+    y1 = equation.result(exact, y0, step, root.x)
+    return ReferenceStep(y1, _condition(equation, exact, root.inverse), root.x, equation)
+
+
+def _bound(equation: Equation, problem: ExactProblem, y0: Vector, step: Step) -> Callable[[Vector], Vector]:
+    residual = equation.residual
+    assert residual is not None
+    return lambda x: residual(problem, y0, step, x)
+
+
+def _start(equation: Equation, problem: ExactProblem, y0: Vector, step: Step) -> Vector:
+    """Where Newton begins: K = 0, or the explicit midpoint rule's y1 where that is near y0."""
+    if equation.blocks > 1 or equation.name in _INCREMENTAL:
+        return [0 * v for v in y0] * equation.blocks
+    half = [a + step.delta * b / 2 for a, b in zip(y0, problem.field(y0), strict=True)]
+    try:
+        predicted = [a + step.delta * b for a, b in zip(y0, problem.field(half), strict=True)]
+    except BROKEN:
+        return y0
+    moved = largest([a - b for a, b in zip(predicted, y0, strict=True)])
+    return predicted if moved < largest(y0) / 4 else y0
+
+
+# Methods whose one unknown is the increment.
+_INCREMENTAL = {"gauss-1", "collocation-1"}
+
+
+def _guess(
+    equation: Equation, data: Description, y: Sequence[float], h: float, dW: Sequence[float], scale: float
+) -> Root | Failure:
+    """The root in binary64, where binary64 can hold it."""
+    problem = binary64_problem(data)
+    try:
+        y0, step = problem.state(y), make_step(problem, h, dW)
+        start = _start(equation, problem, y0, step)
+        return newton(_bound(equation, problem, y0, step), start, scale, problem.arithmetic, 1e-13)
+    except BROKEN as error:
+        return Failure(float("inf"), 0, str(error))
+
+
+def _in_digits(
+    equation: Equation, exact: ExactProblem, y0: Vector, step: Step, scale: Any, digits: int
+) -> Root | Failure:
+    """The root by mpmath alone, whose exponents have no end."""
+    residual = _bound(equation, exact, y0, step)
+    try:
+        root = newton(residual, _start(equation, exact, y0, step), scale, exact.arithmetic, 1e-14)
+        return refine(residual, root, scale, exact.ctx, digits + 5) if isinstance(root, Root) else root
+    except BROKEN as error:
+        return Failure(float("inf"), 0, str(error))
+
+
+def _with_nodes(equation: Equation, nodes: int) -> Equation:
+    """The same equation, with this quadrature if it has one."""
+    return collocation(equation.blocks, nodes) if equation.name.startswith("collocation") else equation
+
+
+def _enough_nodes(
+    equation: Equation, exact: ExactProblem, y0: Vector, step: Step, scale: Any, digits: int, root: Root
+) -> tuple[Equation, Root | Failure]:
+    """The equation with so many nodes that two quadratures lead to the same root."""
+    goal = scale * exact.ctx.mpf(10) ** (-digits - 3)
+    for nodes in _NODES[1:]:
+        finer = _with_nodes(equation, nodes)
+        better = refine(_bound(finer, exact, y0, step), root, scale, exact.ctx, digits + 5)
+        if isinstance(better, Failure):
+            return finer, better
+        if largest([a - b for a, b in zip(better.x, root.x, strict=True)]) <= goal:
+            return finer, better
+        root = better
+    return equation, Failure(float("nan"), len(_NODES), "the quadrature of ∇H does not settle")
+
+
+def _identity(d: int) -> list[list[float]]:
+    return [[float(i == j) for j in range(d)] for i in range(d)]
+
+
+def _condition(equation: Equation, problem: ExactProblem, inverse: Matrix) -> list[list[float]]:
+    if equation.blocks == 1:
+        return [[abs(float(v)) for v in row] for row in inverse]
+    d, s = problem.dimension, equation.blocks
+    zero = [problem.number(0.0)] * d
+    # y1 is linear in the stages: its result for y0 = 0 is Σ b_i K_i.
+    step = Step(zero[0], zero[0], zero[0])
+    columns = [equation.result(problem, zero, step, list(column)) for column in zip(*inverse, strict=True)]
+    return [[sum(abs(float(columns[j * d + l][k])) for j in range(s)) for l in range(d)] for k in range(d)]
