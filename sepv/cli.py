@@ -17,6 +17,7 @@ from sepv.commands.shared import EXIT_CODES
 # The name of a command, and where it is: in the order in which --help shows them.
 COMMANDS = {
     "verify": "sepv.commands.verify:verify",
+    "compare": "sepv.commands.compare:compare",
     "list": "sepv.commands.listing:list_",
     "teeth": "sepv.commands.teeth:teeth",
 }
@@ -44,6 +45,7 @@ def main() -> None:
     \b
     sepv verify energy-preserving            a built-in scheme
     sepv verify mypackage.mymodule:step      your own
+    sepv compare energy-preserving midpoint  error, defects, time and work on the same paths
     sepv list                                schemes, problems, laws
     """
     _keep_hypothesis_out_of_the_folder()

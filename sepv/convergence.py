@@ -124,13 +124,13 @@ def slope(errors: StrongErrors, alpha: float) -> Estimate:
     x = np.log(errors.T / np.array(errors.steps, dtype=np.float64))[kept]
     x = x - x.mean()
     weights = x / np.sum(x * x)
-    return _jackknife(errors.squared[kept], lambda mean: float(0.5 * (weights @ np.log(mean))), alpha)
+    return jackknife(errors.squared[kept], lambda mean: float(0.5 * (weights @ np.log(mean))), alpha)
 
 
 def log_decay(errors: StrongErrors, alpha: float) -> Estimate:
     """ln(rms at the finest step / rms at the coarsest): 0 where the limit is another than the exact flow's."""
     ends = errors.squared[[0, -1]]
-    return _jackknife(ends, lambda mean: float(0.5 * np.log(mean[1] / mean[0])), alpha)
+    return jackknife(ends, lambda mean: float(0.5 * np.log(mean[1] / mean[0])), alpha)
 
 
 def weak_slope(errors: StrongErrors, alpha: float) -> Estimate:
@@ -153,10 +153,10 @@ def weak_slope(errors: StrongErrors, alpha: float) -> Estimate:
     weights = np.minimum(squared / noise, 100.0)
     centred = x - np.sum(weights * x) / np.sum(weights)
     combination = weights * centred / np.sum(weights * centred**2)
-    return _jackknife(samples, lambda mean: float(0.5 * (combination @ np.log(signal(mean)[0]))), alpha)
+    return jackknife(samples, lambda mean: float(0.5 * (combination @ np.log(signal(mean)[0]))), alpha)
 
 
-def _jackknife(samples: Array, statistic: Callable[[Array], float], alpha: float) -> Estimate:
+def jackknife(samples: Array, statistic: Callable[[Array], float], alpha: float) -> Estimate:
     """statistic(mean over paths) with a delete-one-group interval, Student's t with GROUPS − 1 degrees."""
     from scipy.special import stdtrit
 

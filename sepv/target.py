@@ -93,6 +93,17 @@ def _named(target: str) -> Scheme:
                 remedy="see `sepv list`; your own scheme goes as mypackage.mymodule:scheme",
             )
         return scheme
+    return as_scheme(load_object(target), target)
+
+
+def load_object(target: str) -> Any:
+    """What module:attribute names.
+
+    Raises
+    ------
+    TargetError
+        Where the module cannot be imported, or has no such attribute.
+    """
     module_name, _, attribute = target.partition(":")
     module = _module(module_name)
     value: Any = module
@@ -106,7 +117,7 @@ def _named(target: str) -> Scheme:
                 received=f"a module with {', '.join(names[:8]) or 'no public functions'}",
                 remedy="correct the name after the colon",
             ) from error
-    return as_scheme(value, target)
+    return value
 
 
 def _module(name: str) -> Any:

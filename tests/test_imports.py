@@ -41,6 +41,7 @@ LAYERS = [
     "sepv.schemas sepv.files",
     "sepv.report",
     "sepv.progress",
+    "sepv.work sepv.compare",
     "sepv.external sepv.adapters sepv.saboteurs",
     "sepv.teeth",
     "sepv.commands",

@@ -7,7 +7,16 @@ from importlib.resources import files
 from typing import Any
 
 
+def comparison_schema() -> dict[str, Any]:
+    """The JSON Schema of ``sepv compare --json``."""
+    return _schema("comparison.schema.json")
+
+
 def report_schema() -> dict[str, Any]:
     """The JSON Schema of ``sepv verify --json``."""
-    schema: dict[str, Any] = json.loads((files(__name__) / "report.schema.json").read_text(encoding="utf-8"))
+    return _schema("report.schema.json")
+
+
+def _schema(name: str) -> dict[str, Any]:
+    schema: dict[str, Any] = json.loads((files(__name__) / name).read_text(encoding="utf-8"))
     return schema

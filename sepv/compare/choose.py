@@ -1,0 +1,127 @@
+"""Methods and problems from what a user names."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sepv import problems
+from sepv.candidate import ask
+from sepv.compare.method import Method, exact_time_change, from_scheme
+from sepv.errors import SchemeFault, TargetError, UsageError
+from sepv.problem import Problem
+from sepv.target import load_object, load_scheme
+
+# Other libraries' solvers under the best driver one can give them, and the library each needs.
+PEERS = {
+    "diffrax-heun": "sepv.adapters.driven_diffrax:heun",
+    "diffrax-heun-vmap": "sepv.adapters.driven_diffrax:heun_vmap",
+    "diffrax-euler-heun": "sepv.adapters.driven_diffrax:euler_heun",
+    "diffrax-reversible-heun": "sepv.adapters.driven_diffrax:reversible_heun",
+    "diffrax-spark": "sepv.adapters.driven_diffrax:spark",
+    "diffrax-slow-rk": "sepv.adapters.driven_diffrax:slow_rk",
+    "diffrax-tsit5": "sepv.adapters.driven_diffrax:tsit5",
+    "diffrax-dopri8": "sepv.adapters.driven_diffrax:dopri8",
+    "diffrax-dopri8-vmap": "sepv.adapters.driven_diffrax:dopri8_vmap",
+    "torchsde-heun": "sepv.adapters.driven_torchsde:heun",
+    "torchsde-midpoint": "sepv.adapters.driven_torchsde:midpoint",
+    "torchsde-reversible-heun": "sepv.adapters.driven_torchsde:reversible_heun",
+    "sdeint-heun": "sepv.adapters.driven_sdeint:heun",
+}
+EXACT = "exact-flow"
+
+
+def load_method(target: str, problem: Problem) -> Method:
+    """A built-in scheme, ``exact-flow``, a peer by name, or module:attribute with a scheme or a `Method`.
+
+    A third party's scheme is asked for one step first, so that a wrong shape is a message and no traceback.
+
+    Raises
+    ------
+    TargetError
+    """
+    if target == EXACT:
+        return exact_time_change()
+    if target in PEERS:
+        return _peer(target)
+    if ":" in target:
+        found = load_object(target)
+        if isinstance(found, Method):
+            return found
+    scheme = load_scheme(target)
+    h = 2.0**-10
+    if problem.initial is not None:
+        try:
+            ask(scheme, problem, np.array(problem.initial, dtype=np.float64), h, np.zeros(problem.noises))
+        except SchemeFault as fault:
+            raise TargetError(
+                expected=f"{fault.expected} from {target}", received=fault.received, remedy=fault.remedy
+            ) from fault
+    method = from_scheme(scheme)
+    return replace(method, name=target) if ":" in target and scheme.name in (target, "step") else method
+
+
+def _peer(name: str) -> Method:
+    module, _, attribute = PEERS[name].partition(":")
+    try:
+        method: Method = getattr(import_module(module), attribute)
+    except ModuleNotFoundError as error:
+        raise TargetError(
+            expected=f"the library of {name}", received=f"{error}", remedy="pip install 'sepv[peers]'"
+        ) from error
+    return method
+
+
+def installed_peers() -> list[str]:
+    """The peers whose library can be imported."""
+    found = []
+    for name in PEERS:
+        try:
+            _peer(name)
+        except TargetError:
+            continue
+        found.append(name)
+    return found
+
+
+def load_problem(target: str) -> Problem:
+    """One of the paper's problems, a file of polynomial data (.json), or module:attribute.
+
+    The attribute is a `Problem`, or a function without arguments that returns one.
+
+    Raises
+    ------
+    UsageError
+    """
+    if target.endswith(".json"):
+        return _from_file(Path(target))
+    if ":" not in target:
+        return problems.by_name(target)
+    found: Any = load_object(target)
+    if not isinstance(found, Problem) and callable(found):
+        found = found()
+    if not isinstance(found, Problem):
+        raise UsageError(
+            expected="a sepv.Problem, or a function without arguments that returns one",
+            received=f"{target}, which is {type(found).__name__}",
+            remedy="correct the name after the colon",
+        )
+    return found
+
+
+def _from_file(path: Path) -> Problem:
+    import json
+
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise UsageError(
+            expected="a JSON file of a polynomial problem",
+            received=f"{path}: {error}",
+            remedy="write one with sepv.problems.to_json",
+        ) from error
+    return problems.build(problems.from_json(data))

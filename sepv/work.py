@@ -1,0 +1,57 @@
+"""Work, counted where nobody can forget to count: in the problem's own functions.
+
+A scheme says what it likes about its own evaluations; the functions it is handed know. Every number is an exact
+integer, one for each state that a function was evaluated at, so that one evaluation more is seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from math import prod
+from typing import Any
+
+import numpy as np
+
+from sepv.problem import Problem
+
+# The functions of a problem that cost something, and what their number is called.
+COUNTED = {
+    "gradient": "gradient",
+    "mean_gradient": "gradient",  # a closed form stands in for the quadrature of ∇H
+    "structure": "structure",
+    "hamiltonian": "hamiltonian",
+    "hessian": "hessian",
+    "structure_derivative": "structure derivative",
+}
+KINDS = tuple(dict.fromkeys(COUNTED.values()))
+
+
+@dataclass
+class Work:
+    """How many states each kind of function has been evaluated at, and Newton iterations by the scheme's word."""
+
+    evaluations: dict[str, int] = field(default_factory=lambda: dict.fromkeys(KINDS, 0))
+    iterations: int | None = None
+
+    def to_json(self) -> dict[str, int | None]:
+        """Evaluations by kind, and iterations; None for a scheme that does not report them."""
+        return {**self.evaluations, "iterations": self.iterations}
+
+
+def counted(problem: Problem, work: Work) -> Problem:
+    """The same problem, whose functions add to `work` the number of states they are evaluated at."""
+
+    def counting(kind: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        def wrapper(y: Any, *more: Any) -> Any:
+            work.evaluations[kind] += prod(np.shape(y)[1:])
+            return function(y, *more)
+
+        return wrapper
+
+    wrapped: dict[str, Any] = {
+        name: counting(kind, getattr(problem, name))
+        for name, kind in COUNTED.items()
+        if getattr(problem, name) is not None
+    }
+    return replace(problem, **wrapped, check=False)
