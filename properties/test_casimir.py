@@ -8,6 +8,7 @@ from sepv.reference.problem import exact_problem
 
 from sepv.candidate import ask
 from sepv.case import Case
+from sepv.corners import with_casimirs
 from sepv.law import Effort, Measurement, require
 from sepv.problem import NamedProblem
 from sepv.scheme import Scheme
@@ -51,6 +52,7 @@ law = searched(
     unit="ulp of C",
     cases=cases,
     check=check,
+    corners=with_casimirs,
 )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from sepv.candidate import ask, check_answer, raw_answer
 from sepv.case import Case
+from sepv.corners import corners
 from sepv.errors import SchemeFault
 from sepv.law import Effort, Measurement, require
 from sepv.scheme import Scheme
@@ -72,6 +73,7 @@ law = searched(
     unit="faults",
     cases=any_steps,
     check=check,
+    corners=corners,
     faults_violate=True,
     always_claimed=True,
 )

@@ -7,6 +7,7 @@ from sepv.reference.problem import exact_problem
 
 from sepv.candidate import ask
 from sepv.case import Case
+from sepv.corners import corners
 from sepv.law import Effort, Measurement, require
 from sepv.problem import PolynomialSystem
 from sepv.scheme import Scheme
@@ -49,6 +50,7 @@ law = searched(
     unit="ulp of H",
     cases=any_steps,
     check=check,
+    corners=corners,
 )
 
 

@@ -7,6 +7,7 @@ from sepv.reference.implicit import midpoint
 
 from sepv.candidate import ask
 from sepv.case import Case
+from sepv.corners import with_quadratic_hamiltonian
 from sepv.law import Effort, Measurement, require
 from sepv.scheme import Scheme
 from sepv.search import searched
@@ -35,6 +36,7 @@ law = searched(
     unit="ulp of y",
     cases=cases,
     check=check,
+    corners=with_quadratic_hamiltonian,
 )
 
 

@@ -11,6 +11,7 @@ from sepv.reference.implicit import averaged_vector_field, energy_preserving
 from sepv import polynomial as poly
 from sepv.candidate import ask
 from sepv.case import Case
+from sepv.corners import with_constant_structure
 from sepv.law import Effort, Measurement, require
 from sepv.problem import PolynomialSystem
 from sepv.scheme import Scheme
@@ -59,6 +60,7 @@ law = searched(
     unit="ulp of y",
     cases=cases,
     check=check,
+    corners=with_constant_structure,
 )
 
 

@@ -6,6 +6,7 @@ from sepv.reference.implicit import energy_preserving
 
 from sepv.candidate import ask
 from sepv.case import Case
+from sepv.corners import corners
 from sepv.law import Effort, Measurement, require
 from sepv.scheme import Scheme
 from sepv.search import searched
@@ -29,6 +30,7 @@ law = searched(
     unit="ulp of y",
     cases=any_steps,
     check=check,
+    corners=corners,
 )
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from sepv.candidate import ask
 from sepv.case import Case
+from sepv.corners import corners
 from sepv.law import Effort, Measurement, require
 from sepv.scheme import Scheme
 from sepv.search import searched
@@ -43,6 +44,7 @@ law = searched(
     unit="ulp of y",
     cases=any_steps,
     check=check,
+    corners=corners,
     not_applicable=one_at_a_time,
 )
 

@@ -8,6 +8,7 @@ from sepv.reference.implicit import energy_preserving
 
 from sepv.candidate import ask
 from sepv.case import Case
+from sepv.corners import corners
 from sepv.law import Effort, Measurement, require
 from sepv.problem import PolynomialSystem
 from sepv.scheme import Scheme
@@ -56,6 +57,7 @@ law = searched(
     unit="ulp of y",
     cases=cases,
     check=check,
+    corners=corners,
 )
 
 

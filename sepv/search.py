@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from typing import Any
 
@@ -53,6 +53,7 @@ def searched(
     faults_violate: bool = False,
     always_claimed: bool = False,
     not_applicable: Callable[[Scheme], str] = lambda _: "",
+    corners: Callable[[], Iterable[Case]] = tuple,
 ) -> Law:
     """A law whose cases are drawn by a strategy and measured one by one.
 
@@ -64,13 +65,15 @@ def searched(
         For the contract: an answer of the wrong shape or type is a violation there, an error elsewhere.
     not_applicable : scheme -> str
         Why the law says nothing about this scheme; empty where it does.
+    corners : () -> iterable of Case
+        Measured after a search that found nothing, with every seed.
     """
 
     def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
         reason = not_applicable(scheme)
         if reason:
             return law.finding(Verdict.NOT_APPLICABLE, message=reason)
-        return _search(law, scheme, effort, cases(), check, faults_violate)
+        return _search(law, scheme, effort, cases(), corners, check, faults_violate)
 
     def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
         log = _Log()
@@ -90,6 +93,7 @@ def _search(
     scheme: Scheme,
     effort: Effort,
     strategy: st.SearchStrategy[Case],
+    corners: Callable[[], Iterable[Case]],
     check: Check,
     faults_violate: bool,
 ) -> Finding:
@@ -131,8 +135,19 @@ def _search(
     except BaseException:
         if log.violation is None and log.fault is None:
             raise  # not about the scheme: a defect of this suite, which must be seen
+    if log.violation is None and log.fault is None:
+        _visit(log, scheme, corners(), check, faults_violate)
     finding = _conclude(law, log)
     return Finding(**{**finding.__dict__, "seconds": time.perf_counter() - start})
+
+
+def _visit(log: _Log, scheme: Scheme, corners: Iterable[Case], check: Check, faults_violate: bool) -> None:
+    """The corners in turn, up to the first that violates or cannot be measured."""
+    with warnings.catch_warnings(), suppress(_Violation, _Fault):
+        warnings.simplefilter("ignore")
+        for case in corners:
+            with suppress(Skipped):
+                _measure(log, scheme, case, check, faults_violate)
 
 
 def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate: bool) -> Measurement:

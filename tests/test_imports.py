@@ -30,6 +30,7 @@ LAYERS = [
     "sepv.tolerance",
     "sepv.case",
     "sepv.strategies",
+    "sepv.corners",
     "sepv.candidate",
     "sepv.law",
     "sepv.search sepv.sequential",
