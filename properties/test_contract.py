@@ -38,8 +38,10 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         )
     answer = check_answer(raw, y)
     first = answer.copy()
+    # What was at rest moves a little in between: a step that starts from its last answer is then seen.
+    moved = np.where(y == 0, np.max(np.abs(y)) / 64, y)
     for factor in (0.75, 0.5, 0.875):
-        ask(scheme, problem, factor * y, h, dW)
+        ask(scheme, problem, factor * moved, h, dW)
         if not np.array_equal(answer, first):
             raise SchemeFault(
                 expected="an answer that stays as it is",
