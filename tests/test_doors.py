@@ -1,0 +1,114 @@
+"""Four doors onto one list of laws: the same scheme gets the same verdicts at each. And Ctrl-C at any time."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from sepv.external import load_program
+from sepv.law import Effort
+from sepv.suite import LAWS, verify
+
+ROOT = Path(__file__).resolve().parent.parent
+EXAMPLES, PATHS, SEED = 10, 256, 4
+# Far above what a loaded machine needs to end after Ctrl-C.
+SOON = 30.0
+
+
+@pytest.fixture(scope="module")
+def at_home() -> dict[str, str]:
+    """The Euler-Heun scheme through ``sepv.verify``."""
+    report = verify("euler-heun", effort=Effort(EXAMPLES, PATHS, SEED))
+    return {f.law: f.verdict.text for f in report.findings}
+
+
+def test_there_is_something_to_compare(at_home: dict[str, str]) -> None:
+    assert list(at_home) == list(LAWS)
+    assert set(at_home.values()) == {"holds", "violated"}
+
+
+def test_the_command_line_says_the_same(at_home: dict[str, str], tmp_path: Path) -> None:
+    file = tmp_path / "report.json"
+    numbers = ["--examples", str(EXAMPLES), "--paths", str(PATHS), "--seed", str(SEED)]
+    command = [sys.executable, "-m", "sepv", "verify", "euler-heun", *numbers, "--json", str(file)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    laws = json.loads(file.read_text())["laws"]
+    assert {x["law"]: x["verdict"].replace("_", " ") for x in laws} == at_home
+
+
+def test_pytest_says_the_same(at_home: dict[str, str], tmp_path: Path) -> None:
+    numbers = ["--sepv-examples", str(EXAMPLES), "--sepv-paths", str(PATHS), "--sepv-seed", str(SEED)]
+    door = ["-p", "sepv.pytest_plugin", "-p", "no:cacheprovider", "--pyargs", "sepv.properties", *numbers]
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", *door, "--scheme", "euler-heun"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    rows = re.findall(r"^  (\S+) +([a-z ]+?)(?: \+)?$", done.stdout, re.MULTILINE)
+    assert dict(rows) == at_home
+
+
+def test_a_program_of_another_language_gets_the_same(at_home: dict[str, str]) -> None:
+    # Plain Python without sepv and NumPy: rounding is its own, verdicts are not.
+    command = shlex.join([sys.executable, "-I", "-S", str(ROOT / "examples" / "euler_heun_plain.py")])
+    with load_program(command) as scheme:
+        report = verify(scheme, effort=Effort(EXAMPLES, PATHS, SEED))
+    assert {f.law: f.verdict.text for f in report.findings} == at_home
+
+
+def test_ctrl_c_keeps_what_was_decided(tmp_path: Path) -> None:
+    # A scheme that sleeps from the moment at which the second law begins.
+    (tmp_path / "mine.py").write_text(
+        "import time\nfrom pathlib import Path\n"
+        "def step(problem, y, h, dW):\n"
+        "    if Path('second').exists():\n"
+        "        Path('asleep').touch()\n"
+        "        time.sleep(60)\n"
+        "    return y.copy()\n"
+    )
+    (tmp_path / "run.py").write_text(
+        "import signal\nfrom pathlib import Path\nfrom sepv import suite\nfrom sepv.cli import main\n"
+        # A shell that starts jobs in the background has them ignore SIGINT: here they shall not.
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "run = suite._run\n"
+        "def watched(law, *rest):\n"
+        "    if law.name == 'energy': Path('second').touch()\n"
+        "    return run(law, *rest)\n"
+        "suite._run = watched\n"
+        "main()\n"
+    )
+    laws = ["--law", "contract", "--law", "energy", "--law", "casimir"]
+    files = ["--json", "r.json", "--junit", "r.xml", "--badge", "b.json"]
+    process = subprocess.Popen(
+        [sys.executable, "run.py", "verify", "mine:step", *laws, *files],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    with process:
+        start = time.monotonic()
+        while not (tmp_path / "asleep").exists() and time.monotonic() - start < SOON:
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=SOON)
+    assert process.returncode == 130, out + err
+    assert "Traceback" not in out + err
+    report = json.loads((tmp_path / "r.json").read_text())
+    assert [x["verdict"] for x in report["laws"]] == ["holds", "error", "error"]
+    assert "interrupted" in out
+    assert sum(report["counts"].values()) == len(report["laws"])
+    assert (tmp_path / "r.xml").exists()
+    assert (tmp_path / "b.json").exists()
