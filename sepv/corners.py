@@ -80,7 +80,7 @@ def _dominated(d: int, degree: int) -> Polynomial:
 
 
 def _longest(data: PolynomialSystem, y: tuple[float, ...]) -> tuple[Case, Case]:
-    """Δ = ±radius."""
+    """Δ of either sign with |h| + Σ|c_jΔW_j| up to the contraction radius."""
     radius = contraction_radius(problems.build(data), np.array(y))
     return _split(data, y, radius, 1.0), _split(data, y, radius, -1.0)
 
@@ -97,8 +97,9 @@ def _papers() -> list[Case]:
 
 
 def _split(data: PolynomialSystem | NamedProblem, y: tuple[float, ...], length: float, sign: float) -> Case:
-    """h = length/4 and increments whose sum with it is Δ = sign·length."""
+    """Δ = h + Σ c_jΔW_j = ±7/8 of the length and |h| + Σ|c_jΔW_j| at most the length, h a sixteenth of |Δ|."""
     c = problems.build(data).c
-    h = length / 4
-    part = (sign * length - h) / np.count_nonzero(c)
+    delta = sign * length * 7 / 8
+    h = abs(delta) / 16
+    part = (delta - h) / np.count_nonzero(c)
     return Case(data, y, h, tuple(float(part / cj) if cj else 0.0 for cj in c))
