@@ -20,6 +20,7 @@ COMMANDS = {
     "compare": "sepv.commands.compare:compare",
     "list": "sepv.commands.listing:list_",
     "teeth": "sepv.commands.teeth:teeth",
+    "reproduce": "sepv.commands.reproduce:reproduce",
 }
 
 

@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 # Lowest first: a module imports only from lines above its own (or, within a line, from those named before).
 LAYERS = [
-    "sepv._version",
+    "sepv._version sepv.palette",
     "sepv.errors",
     "sepv.polynomial",
     "sepv.problem",
@@ -45,6 +45,7 @@ LAYERS = [
     "sepv.work sepv.compare",
     "sepv.external sepv.adapters sepv.saboteurs",
     "sepv.teeth",
+    "sepv.reproduce",
     "sepv.commands",
     "sepv.cli sepv.pytest_plugin",
 ]

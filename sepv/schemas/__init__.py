@@ -17,6 +17,11 @@ def report_schema() -> dict[str, Any]:
     return _schema("report.schema.json")
 
 
+def reproduction_schema() -> dict[str, Any]:
+    """The JSON Schema of ``sepv reproduce --json``."""
+    return _schema("reproduction.schema.json")
+
+
 def _schema(name: str) -> dict[str, Any]:
     schema: dict[str, Any] = json.loads((files(__name__) / name).read_text(encoding="utf-8"))
     return schema

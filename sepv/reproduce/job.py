@@ -1,0 +1,36 @@
+"""What there is to compute: jobs that run in any order and any process, and how large they are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Job:
+    """One call of a function of `runs`, with the seconds that it is expected to take (for progress only)."""
+
+    key: tuple[str, ...]
+    function: Callable[..., Any]
+    arguments: dict[str, Any]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Size:
+    """How much is computed: everything the paper has, or a share of it for a quick look."""
+
+    share: float = 1.0
+    seed: int = 0
+
+    def steps(self, full: int) -> int:
+        """The steps of a long run."""
+        return max(128, round(full * self.share))
+
+    def samples(self, full: int) -> int:
+        """The samples of a convergence plot."""
+        return max(128, round(full * self.share))
+
+
+Results = dict[tuple[str, ...], Any]

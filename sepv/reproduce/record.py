@@ -1,0 +1,146 @@
+"""What a reproduction leaves: panels as data, and the paper's statements with a verdict each.
+
+A panel holds everything that is drawn, so that the figures, the page and a reader's own program all
+start from the same numbers.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+# What became of a statement: it holds, it does not, or the measurement does not decide.
+Verdict = Literal["holds", "fails", "open"]
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A statement of the paper about what is computed, and what the computation says.
+
+    Attributes
+    ----------
+    text : str
+        The statement, in the paper's words or close to them.
+    source : str
+        Where it stands.
+    measured : str
+        What was measured and what it came to.
+    criterion : str
+        When the statement counts as true; derived, or apologised for.
+    correction : str
+        What should stand there, where it does not hold as printed.
+    """
+
+    text: str
+    source: str
+    verdict: Verdict
+    measured: str
+    criterion: str
+    correction: str = ""
+
+
+@dataclass(frozen=True)
+class Series:
+    """One curve: y against x, with the scheme that made it ("" for a reference)."""
+
+    name: str
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    scheme: str = ""
+    style: Literal["line", "points", "both"] = "line"
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A label with its unit, and the scale."""
+
+    label: str
+    log: bool = False
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One panel of one figure.
+
+    Attributes
+    ----------
+    key : str
+        Names the panel and its files, such as "4.1-phase-space".
+    parameters : dict
+        What the paper gives and what was used.
+    chosen : tuple of str
+        What the paper leaves open, and what was taken.
+    slopes : tuple of float
+        The reference slopes to draw.
+    description : str
+        What there is to see, for whoever does not see it.
+    """
+
+    key: str
+    figure: str
+    title: str
+    source: str
+    x: Axis
+    y: Axis
+    series: tuple[Series, ...]
+    parameters: dict[str, Any]
+    chosen: tuple[str, ...] = ()
+    slopes: tuple[float, ...] = ()
+    statements: tuple[Statement, ...] = ()
+    description: str = ""
+    equal: bool = False
+    seconds: float = 0.0
+    numbers: dict[str, Any] = field(default_factory=dict)
+
+    def to_json(self) -> dict[str, Any]:
+        """The panel as JSON; numbers that are not finite are null."""
+        data: dict[str, Any] = finite(asdict(self))
+        return data
+
+    def to_csv(self) -> str:
+        """series, scheme, x, y: one row a point."""
+        out = io.StringIO()
+        table = csv.writer(out, lineterminator="\n")
+        table.writerow(["series", "scheme", self.x.label, self.y.label])
+        for s in self.series:
+            table.writerows((s.name, s.scheme, repr(x), repr(y)) for x, y in zip(s.x, s.y, strict=True))
+        return out.getvalue()
+
+
+def series(name: str, x: ArrayLike, y: ArrayLike, scheme: str = "", style: Any = "line") -> Series:
+    """A series from arrays."""
+    return Series(
+        name, tuple(np.asarray(x, float).tolist()), tuple(np.asarray(y, float).tolist()), scheme, style
+    )
+
+
+def finite(value: Any) -> Any:
+    """A value that JSON can hold: NaN and infinities are null, tuples are lists."""
+    if isinstance(value, dict):
+        return {k: finite(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite(v) for v in value]
+    if isinstance(value, (float, np.floating)):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, np.integer):
+        return int(value)
+    return value
+
+
+def decide(true: bool, false: bool) -> Verdict:
+    """The verdict from two criteria that exclude each other; open where neither is met."""
+    assert not (true and false)
+    return "holds" if true else "fails" if false else "open"
+
+
+def counts(statements: Iterable[Statement]) -> dict[str, int]:
+    """How many statements hold, fail and stay open."""
+    found = [s.verdict for s in statements]
+    return {kind: found.count(kind) for kind in ("holds", "fails", "open")}

@@ -1,0 +1,156 @@
+"""All figures: which jobs there are, running them in processes, and the record of what came out."""
+
+from __future__ import annotations
+
+import platform
+import time
+from collections.abc import Callable, Iterable
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from dataclasses import dataclass, replace
+from typing import Any
+
+from sepv._version import __version__
+from sepv.errors import UsageError
+from sepv.reproduce import lotka_volterra, oscillator, pendulum, printed, rigid_body
+from sepv.reproduce.job import Job, Results, Size
+from sepv.reproduce.record import Panel, Statement, counts, finite
+
+SECTIONS = (oscillator, rigid_body, pendulum, lotka_volterra)
+FIGURES = ("4.1", "4.2", "4.3", "4.4", "4.5", "4.6")
+# Formulas and arguments of the text, which need no run.
+TEXT = "text"
+
+# (seconds of work done, seconds of work in all), both as estimated.
+Progress = Callable[[float, float], None]
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """What was computed, and how long it took."""
+
+    panels: tuple[Panel, ...]
+    text: tuple[Statement, ...]
+    size: Size
+    seconds: float
+    workers: int
+
+    @property
+    def statements(self) -> tuple[Statement, ...]:
+        """Those of the panels, then those of the text."""
+        return (*(s for p in self.panels for s in p.statements), *self.text)
+
+    def to_json(self) -> dict[str, Any]:
+        """The record as JSON, as sepv/schemas/reproduction.schema.json describes it."""
+        import numpy
+        import scipy
+
+        return {
+            "reproduction": {
+                "name": "sepv",
+                "version": __version__,
+                "seed": self.size.seed,
+                "share": self.size.share,
+                "seconds": round(self.seconds, 1),
+                "workers": self.workers,
+                "python": platform.python_version(),
+                "numpy": numpy.__version__,
+                "scipy": scipy.__version__,
+                "of": "D. Cohen and G. Dujardin, Energy-preserving integrators for stochastic Poisson systems (2014)",
+            },
+            "counts": counts(self.statements),
+            "panels": [p.to_json() for p in self.panels],
+            "text": [finite(vars(s)) for s in self.text],
+        }
+
+
+def reproduce(
+    figures: Iterable[str] = (),
+    *,
+    size: Size | None = None,
+    workers: int = 2,
+    progress: Progress = lambda _done, _all: None,
+) -> Reproduction:
+    """Compute panels.
+
+    Parameters
+    ----------
+    figures : names such as "4.3" or "text"; all of them by default.
+    workers : int
+        Processes. The numbers do not depend on it.
+
+    Raises
+    ------
+    UsageError
+        For a figure that the paper does not have.
+    """
+    wanted = tuple(dict.fromkeys(figures)) or (*FIGURES, TEXT)
+    unknown = [f for f in wanted if f not in (*FIGURES, TEXT)]
+    if unknown:
+        raise UsageError(
+            expected=f"figures among {', '.join((*FIGURES, TEXT))}",
+            received=", ".join(map(repr, unknown)),
+            remedy="sepv reproduce 4.3, or no argument for all of them",
+        )
+    size, started = size or Size(), time.perf_counter()
+    sections = [(s, jobs) for s in SECTIONS if (jobs := _jobs(s, size, wanted))]
+    results = _run([job for _, jobs in sections for job in jobs], workers, progress)
+    panels = [p for s, _ in sections for p in _panels(s, results, wanted)]
+    return Reproduction(
+        panels=tuple(panels),
+        text=tuple(printed.statements()) if TEXT in wanted else (),
+        size=size,
+        seconds=time.perf_counter() - started,
+        workers=workers,
+    )
+
+
+def _jobs(section: Any, size: Size, wanted: tuple[str, ...]) -> list[Job]:
+    return [job for job in section.jobs(size) if job.key[0] in wanted]
+
+
+def _panels(section: Any, results: Results, wanted: tuple[str, ...]) -> list[Panel]:
+    found = []
+    for figure, make in section.PANELS.items():
+        if figure in wanted:
+            panels = make(results)
+            seconds = sum(t for key, t in results[("seconds",)].items() if key[0] == figure)
+            found += [replace(p, seconds=round(seconds / len(panels), 2)) for p in panels]
+    return found
+
+
+def _run(jobs: list[Job], workers: int, progress: Progress) -> Results:
+    """Every job, the longest first so that no process waits for a long one in the end."""
+    jobs = sorted(jobs, key=lambda j: -j.seconds)
+    total = sum(j.seconds for j in jobs)
+    results: Results = {("seconds",): {}}
+    if workers == 1 or len(jobs) < 2:
+        done = 0.0
+        for job in jobs:
+            progress(done, total)
+            results[job.key], results[("seconds",)][job.key] = _timed(job)
+            done += job.seconds
+        progress(total, total)
+        return results
+    with ProcessPoolExecutor(workers) as pool:
+        running = {pool.submit(_timed, job): job for job in jobs}
+        done, started = 0.0, time.perf_counter()
+        try:
+            while running:
+                finished, _ = wait(running, timeout=0.5, return_when=FIRST_COMPLETED)
+                for future in finished:
+                    job = running.pop(future)
+                    results[job.key], results[("seconds",)][job.key] = future.result()
+                    done += job.seconds
+                # What runs now is taken to be half done at most: the bar never runs ahead of the work.
+                active = sum(j.seconds for j in list(running.values())[:workers])
+                elapsed = time.perf_counter() - started
+                progress(max(done, min(done + 0.9 * active, workers * elapsed)), total)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return results
+
+
+def _timed(job: Job) -> tuple[Any, float]:
+    started = time.perf_counter()
+    return job.function(**job.arguments), time.perf_counter() - started

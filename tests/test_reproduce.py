@@ -1,0 +1,196 @@
+"""The reproduction of the paper's figures: records, verdicts that can fail, figures, the command."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from sepv import problems, schemes
+from sepv.cli import main
+from sepv.convergence import strong_errors
+from sepv.errors import UsageError
+from sepv.reproduce import (
+    Reproduction,
+    Size,
+    fine_step,
+    lotka_volterra,
+    oscillator,
+    pendulum,
+    printed,
+    record,
+    reproduce,
+    rigid_body,
+    runs,
+)
+from sepv.reproduce.draw import draw
+from sepv.schemas import reproduction_schema
+
+TINY = Size(share=1e-3)
+
+
+@pytest.fixture(scope="module")
+def rigid() -> Reproduction:
+    return reproduce(["4.3", "text"], size=TINY, workers=1)
+
+
+def verdicts(found: Reproduction, words: str) -> set[str]:
+    return {s.verdict for s in found.statements if words in s.text}
+
+
+def test_a_record_obeys_its_schema_and_holds_no_nan(rigid: Reproduction) -> None:
+    data = json.loads(json.dumps(rigid.to_json(), allow_nan=False))
+    jsonschema.validate(data, reproduction_schema())
+    assert [p["key"] for p in data["panels"]] == ["4.3-casimir", "4.3-hamiltonian", "4.3-order"]
+    assert sum(data["counts"].values()) == len(rigid.statements)
+
+
+def test_the_papers_statements_about_the_rigid_body(rigid: Reproduction) -> None:
+    assert verdicts(rigid, "does not keep the Casimir") == {"holds"}
+    assert verdicts(rigid, "energy-preserving scheme keeps the") == {"holds"}
+    assert verdicts(rigid, "are one integrator here") == {"holds"}
+    assert verdicts(rigid, "C(y) = ‖y‖², and") == {"fails"}
+
+
+def test_the_csv_has_every_point(rigid: Reproduction) -> None:
+    panel = rigid.panels[0]
+    rows = list(csv.reader(io.StringIO(panel.to_csv())))
+    assert rows[0] == ["series", "scheme", panel.x.label, panel.y.label]
+    assert len(rows) == 1 + sum(len(s.x) for s in panel.series)
+    first = panel.series[0]
+    assert [float(v) for v in rows[1][2:]] == [first.x[0], first.y[0]]
+
+
+def test_the_numbers_do_not_depend_on_the_workers(rigid: Reproduction) -> None:
+    again = reproduce(["4.3"], size=TINY, workers=2)
+    assert [p.series for p in again.panels] == [p.series for p in rigid.panels]
+
+
+def test_a_broken_scheme_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Euler-Maruyama under the name of the energy-preserving scheme: nothing that the paper says of it holds then."""
+    impostor = schemes.ALL["euler-maruyama"]
+    monkeypatch.setitem(schemes.ALL, "energy-preserving", impostor)
+    found = reproduce(["4.3"], size=TINY, workers=1)
+    assert verdicts(found, "energy-preserving scheme keeps the") == {"fails"}
+    assert verdicts(found, "The energy-preserving scheme and the midpoint scheme are one") == {"fails"}
+
+
+def test_a_scheme_that_keeps_the_energy_refutes_that_it_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(schemes.ALL, "milstein", schemes.energy_preserving)
+    found = reproduce(["4.4"], size=Size(share=0.004), workers=1)
+    assert verdicts(found, "Milstein does not keep the energy") == {"fails"}
+    assert verdicts(found, "Euler-Heun does not keep the energy") == {"holds"}
+
+
+def test_the_growth_of_the_oscillator_is_that_of_one_step() -> None:
+    h, rng = 0.01, np.random.default_rng(0)
+    problem = problems.harmonic_oscillator()
+    y = np.repeat(np.array(problem.initial)[:, None], 200_000, axis=1)
+    dW = 0.1 * rng.standard_normal((1, y.shape[1]))
+    for name in ("euler-maruyama", "milstein", "euler-heun"):
+        mean, variance = oscillator.growth_per_step(name, h)
+        ln = np.log(problem.hamiltonian(schemes.ALL[name].step(problem, y, h, dW)) / problem.hamiltonian(y))
+        # Five standard errors of the mean: a false alarm in two million.
+        assert abs(ln.mean() - mean) < 5 * np.sqrt(variance / ln.size)
+        assert abs(ln.var() / variance - 1) < 0.05
+
+
+def test_the_moment_of_the_truncation_is_that_of_the_integral() -> None:
+    from scipy.integrate import quad
+
+    for A in (0.5, 2.0, 4.0):
+        integral, _ = quad(
+            lambda x, A=A: 2 * (x * x - A * A) * np.exp(-x * x / 2) / np.sqrt(2 * np.pi), A, 40
+        )
+        assert printed.moment_gap(A) == pytest.approx(integral, rel=1e-9)
+
+
+def test_what_does_not_hold_as_printed_has_a_correction() -> None:
+    found = printed.statements()
+    assert [s.verdict for s in found] == ["fails"] * len(found)
+    assert all(s.correction and s.source for s in found)
+
+
+def test_a_fine_step_reference_sees_no_error_at_its_own_step() -> None:
+    setting = fine_step.Setting(
+        "4.5", "pendulum", T=1.0, steps=(8, 32, 128), reference="midpoint", samples=128
+    )
+    results = {job.key: job.function(**job.arguments) for job in fine_step.jobs(setting, Size())}
+    panel = fine_step.panel(setting, results, "")
+    seen = panel.numbers["midpoint"]["fine-step reference"]
+    truth = strong_errors(
+        schemes.midpoint, problems.pendulum(), T=1.0, steps=(8, 32, 128), paths=range(128)
+    ).rms()
+    assert seen[-1] == 0
+    assert panel.numbers["midpoint"]["exact reference"] == pytest.approx(truth.tolist())
+    assert panel.statements[0].verdict == "fails"
+    assert all(v > 0 for s in panel.series for v in s.y)  # what a logarithmic axis can show
+
+
+def test_a_run_ends_where_its_sample_leaves_the_domain() -> None:
+    run = runs.long_run("euler-maruyama", "lotka-volterra", h=2.0**-2, steps=64, seed=0, samples=4)
+    assert run.stopped > 0
+    assert run.t[-1] == (run.stopped - 1) * run.h
+    assert np.all(np.isfinite(run.y))
+
+
+def test_settings_are_the_papers() -> None:
+    assert (oscillator.STEPS, oscillator.H, oscillator.ORDER.T, oscillator.ORDER.samples) == (
+        10**5,
+        0.01,
+        5.0,
+        5000,
+    )
+    assert (rigid_body.STEPS, rigid_body.H, rigid_body.ORDER.T) == (300, 0.01, 1.0)
+    assert (pendulum.STEPS * pendulum.H, pendulum.H) == (500.0, 2.0**-6)
+    assert (pendulum.ORDER.T, pendulum.ORDER.samples) == (2.0, 1000)
+    assert pendulum.FINE.T / pendulum.FINE.steps[-1] == 2.0**-12
+    assert (lotka_volterra.STEPS * lotka_volterra.H, lotka_volterra.H) == (5.0, 2.0**-8)
+
+
+def test_an_unknown_figure_is_a_usage_error() -> None:
+    with pytest.raises(UsageError, match=r"4\.1, 4\.2.*\n.*'5\.1'"):
+        reproduce(["5.1"])
+
+
+def test_figures_are_the_same_files_for_the_same_numbers(rigid: Reproduction, tmp_path: Path) -> None:
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        svg, png = draw(rigid.panels[2], tmp_path / folder)
+        assert png.read_bytes().startswith(b"\x89PNG")
+        assert "<svg" in svg.read_text()
+    for name in ("4.3-order.svg", "4.3-order.png"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_the_command_writes_numbers_and_prints_verdicts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(
+        main, ["reproduce", "text", "--json", "paper.json", "-o", "out", "--no-figures"]
+    )
+    assert result.exit_code == 0, result.output
+    assert "fails 0 ≤ E[ξ² − ζ_h²] = " in result.stdout
+    assert "\x1b" not in result.output
+    jsonschema.validate(json.loads(Path("paper.json").read_text()), reproduction_schema())
+    assert sorted(p.name for p in tmp_path.rglob("*.json")) == ["paper.json", "reproduction.json"]
+    wrong = CliRunner().invoke(main, ["reproduce", "4.9"])
+    assert wrong.exit_code == 2
+    assert "Remedy: sepv reproduce 4.3" in wrong.stderr
+
+
+def test_verdicts_exclude_each_other() -> None:
+    assert [record.decide(*v) for v in ((True, False), (False, True), (False, False))] == [
+        "holds",
+        "fails",
+        "open",
+    ]
+    with pytest.raises(AssertionError):
+        record.decide(True, True)
