@@ -38,6 +38,9 @@ class Arithmetic:
         value + ε slope.
     slope : number -> number
         The ε-part.
+    tables : (arithmetic, convert), optional
+        Where to make the tables of methods with stages, and how each entry is taken from there: what is
+        made once and for all should not be made with the rounding errors of this arithmetic.
     """
 
     number: Callable[[float], Number]
@@ -49,6 +52,7 @@ class Arithmetic:
     gauss: Callable[[int], Rule]
     nudged: Callable[[Number, Number], Number]
     slope: Function
+    tables: tuple[Arithmetic, Function] | None = None
 
 
 def total(terms: Iterable[Number]) -> Number:
@@ -164,6 +168,7 @@ BINARY64 = Arithmetic(
     gauss=_float_nodes,
     nudged=lambda value, slope: complex(value, _EPSILON * slope),
     slope=lambda x: x.imag / _EPSILON if isinstance(x, complex) else 0.0,
+    tables=(decimal(30), float),
 )
 """Python's floats: a first guess and its Jacobian, never a reference. Raises ArithmeticError or ValueError."""
 

@@ -128,12 +128,12 @@ def _euler_maruyama(problem: ExactProblem, y0: Vector, step: Step, _: Vector) ->
     return _plus(y0, _times(step.delta, f0), _times(correction, problem.field_slope(y0, f0)))
 
 
-def _blocks(x: Vector, stages: int) -> list[Vector]:
+def in_blocks(x: Vector, stages: int) -> list[Vector]:
     d = len(x) // stages
     return [x[i * d : (i + 1) * d] for i in range(stages)]
 
 
-def _combined(y0: Vector, weights: Vector, K: list[Vector]) -> Vector:
+def combined(y0: Vector, weights: Vector, K: list[Vector]) -> Vector:
     """y0 + Σ_j weights_j K_j."""
     return _plus(y0, *(_times(a, v) for a, v in zip(weights, K, strict=True)))
 
@@ -143,10 +143,10 @@ def gauss(stages: int) -> Equation:
     """The s-stage Gauss Runge-Kutta method with step Δ: K_i = Δ f(y0 + Σ a_ij K_j), y1 = y0 + Σ b_j K_j."""
 
     def residual(problem: ExactProblem, y0: Vector, step: Step, x: Vector) -> Vector:
-        table, K = stage_table(stages, problem.arithmetic), _blocks(x, stages)
+        table, K = stage_table(stages, problem.arithmetic), in_blocks(x, stages)
         found: Vector = []
         for row, own in zip(table.a, K, strict=True):
-            right = _times(step.delta, problem.field(_combined(y0, row, K)))
+            right = _times(step.delta, problem.field(combined(y0, row, K)))
             found += [k - r for k, r in zip(own, right, strict=True)]
         return found
 
@@ -165,18 +165,18 @@ def collocation(stages: int, nodes: int = 0) -> Equation:
     """
 
     def residual(problem: ExactProblem, y0: Vector, step: Step, x: Vector) -> Vector:
-        table, K = stage_table(stages, problem.arithmetic), _blocks(x, stages)
+        table, K = stage_table(stages, problem.arithmetic), in_blocks(x, stages)
         if stages == 1:
             return _one_stage(problem, y0, step, x)
         count = nodes if problem.degree is None else max(1, -(-stages * problem.degree // 2))
         slopes = [
-            (weights, problem.gradient(_combined(y0, integrals, K)))
+            (weights, problem.gradient(combined(y0, integrals, K)))
             for weights, integrals in weighted_rule(stages, count, problem.arithmetic)
         ]
         found: Vector = []
         for i, own in enumerate(K):
             mean = _plus(*(_times(weights[i], g) for weights, g in slopes))
-            B = problem.structure(_combined(y0, table.a[i], K))
+            B = problem.structure(combined(y0, table.a[i], K))
             found += [k - r for k, r in zip(own, _times(step.delta, problem.turned(B, mean)), strict=True)]
         return found
 
@@ -193,7 +193,7 @@ def _one_stage(problem: ExactProblem, y0: Vector, step: Step, K: Vector) -> Vect
 
 def _stage_result(stages: int) -> Residual:
     def result(problem: ExactProblem, y0: Vector, _: Step, x: Vector) -> Vector:
-        return _combined(y0, stage_table(stages, problem.arithmetic).b, _blocks(x, stages))
+        return combined(y0, stage_table(stages, problem.arithmetic).b, in_blocks(x, stages))
 
     return result
 

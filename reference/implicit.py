@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from sepv.reference.steps import Description, ReferenceStep, reference_step
+from sepv.reference.problem import Description
+from sepv.reference.steps import ReferenceStep, reference_step
 
 
 def energy_preserving(

@@ -27,6 +27,7 @@ from sepv.polynomial import Exponents
 from sepv.problem import NamedProblem, PolynomialSystem
 
 Matrix = list[Vector]
+Description = PolynomialSystem | NamedProblem
 # B above the diagonal: (i, j, B_ij) with i < j, entries that vanish left out; B_ji = −B_ij.
 Skew = list[tuple[int, int, Number]]
 Monomials = list[tuple[Number, list[tuple[int, int]]]]
@@ -35,7 +36,7 @@ Monomials = list[tuple[Number, list[tuple[int, int]]]]
 class ExactProblem:
     """H, ∇H, B and Casimirs of one description in one arithmetic. Vectors are lists of its numbers."""
 
-    def __init__(self, data: PolynomialSystem | NamedProblem, arithmetic: Arithmetic) -> None:
+    def __init__(self, data: Description, arithmetic: Arithmetic) -> None:
         self.data, self.arithmetic = data, arithmetic
         self.number = arithmetic.number
         if isinstance(data, PolynomialSystem):
@@ -94,7 +95,7 @@ class ExactProblem:
 
 
 @lru_cache(maxsize=512)
-def exact_problem(data: PolynomialSystem | NamedProblem, digits: int = 50) -> ExactProblem:
+def exact_problem(data: Description, digits: int = 50) -> ExactProblem:
     """The evaluator of a description in mpmath, made once for each precision; `ctx` is its context.
 
     Raises
@@ -108,12 +109,12 @@ def exact_problem(data: PolynomialSystem | NamedProblem, digits: int = 50) -> Ex
 
 
 @lru_cache(maxsize=512)
-def binary64_problem(data: PolynomialSystem | NamedProblem) -> ExactProblem:
+def binary64_problem(data: Description) -> ExactProblem:
     """The evaluator of a description in Python's floats."""
     return in_arithmetic(data, BINARY64)
 
 
-def in_arithmetic(data: PolynomialSystem | NamedProblem, arithmetic: Arithmetic) -> ExactProblem:
+def in_arithmetic(data: Description, arithmetic: Arithmetic) -> ExactProblem:
     """The evaluator of a description in this arithmetic."""
     if isinstance(data, NamedProblem) and data.name not in _NAMED:
         raise UsageError(

@@ -11,13 +11,10 @@ from typing import Any, NamedTuple
 
 from sepv.reference.arithmetic import Vector
 from sepv.reference.equations import EQUATIONS, Equation, Step, collocation, make_step
-from sepv.reference.problem import ExactProblem, binary64_problem, exact_problem
+from sepv.reference.problem import Description, ExactProblem, binary64_problem, exact_problem
 from sepv.reference.solve import BROKEN, Failure, Matrix, Root, largest, newton, refine
 
 from sepv.errors import StepFailure, UsageError
-from sepv.problem import NamedProblem, PolynomialSystem
-
-Description = PolynomialSystem | NamedProblem
 
 # Guard digits: three for the conversion and the sums, the rest for the condition of the equation.
 GUARD = 15

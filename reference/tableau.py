@@ -28,16 +28,21 @@ class StageTable:
 
     def basis(self, tau: Number) -> Vector:
         """ℓ_1(τ), …, ℓ_s(τ)."""
-        return [_horner(row, tau) for row in self.coefficients]
+        return [horner(row, tau) for row in self.coefficients]
 
     def integrals(self, tau: Number) -> Vector:
         """∫₀^τ ℓ_1, …, ∫₀^τ ℓ_s."""
-        return [tau * _horner([p / (k + 1) for k, p in enumerate(row)], tau) for row in self.coefficients]
+        return [tau * horner([p / (k + 1) for k, p in enumerate(row)], tau) for row in self.coefficients]
 
 
 @lru_cache(maxsize=64)
 def stage_table(stages: int, arithmetic: Arithmetic) -> StageTable:
     """The table in the numbers of this arithmetic."""
+    if arithmetic.tables:
+        maker, convert = arithmetic.tables
+        made = stage_table(stages, maker)
+        rows = [[convert(v) for v in row] for row in (made.c, made.b, *made.a, *made.coefficients)]
+        return StageTable(rows[0], rows[1], rows[2 : stages + 2], rows[stages + 2 :])
     c, one = [node for node, _ in arithmetic.gauss(stages)], arithmetic.number(1.0)
     coefficients = []
     for j in range(stages):
@@ -60,7 +65,7 @@ def stage_table(stages: int, arithmetic: Arithmetic) -> StageTable:
     return StageTable(c, table.integrals(one), [table.integrals(node) for node in c], coefficients)
 
 
-def _horner(row: Vector, tau: Number) -> Number:
+def horner(row: Vector, tau: Number) -> Number:
     value = row[-1]
     for coefficient in reversed(row[:-1]):
         value = value * tau + coefficient
@@ -70,6 +75,12 @@ def _horner(row: Vector, tau: Number) -> Number:
 @lru_cache(maxsize=64)
 def weighted_rule(stages: int, nodes: int, arithmetic: Arithmetic) -> list[tuple[Vector, Vector]]:
     """Quadrature on [0, 1] against the basis: for each node τ, the weights w ℓ_i(τ)/b_i and the integrals ∫₀^τ ℓ_j."""
+    if arithmetic.tables:
+        maker, convert = arithmetic.tables
+        return [
+            ([convert(v) for v in weights], [convert(v) for v in integrals])
+            for weights, integrals in weighted_rule(stages, nodes, maker)
+        ]
     table = stage_table(stages, arithmetic)
     return [
         (

@@ -1,0 +1,136 @@
+"""Ball arithmetic for the same formulas: python-flint's Arb, every result an enclosure. Needs the extra `certify`."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
+from typing import Any
+
+from sepv.reference.arithmetic import Arithmetic, Function, Number
+
+from sepv.errors import UsageError
+
+
+def available() -> bool:
+    """Whether python-flint is installed."""
+    return importlib.util.find_spec("flint") is not None
+
+
+def require_flint() -> Any:
+    """The module flint.
+
+    Raises
+    ------
+    UsageError
+        Where the extra is missing, with what works without it.
+    """
+    if not available():
+        raise UsageError(
+            expected="python-flint for certificates by ball arithmetic",
+            received="an environment without it",
+            remedy="pip install 'sepv[certify]'; without it references are computed by mpmath, not proved",
+        )
+    import flint
+
+    return flint
+
+
+@contextmanager
+def precision(bits: int) -> Iterator[Any]:
+    """Within it Arb works with this many bits; flint's own setting is put back afterwards."""
+    flint = require_flint()
+    with flint.ctx.workprec(bits):
+        yield flint
+
+
+def from_mpf(x: Any) -> Any:
+    """An mpf as a ball of radius 0, if the precision holds its bits."""
+    flint = require_flint()
+    sign, man, exp, _ = x._mpf_
+    return flint.arb(flint.fmpz(-int(man) if sign else int(man))) * flint.arb(2) ** int(exp)
+
+
+def ball(radius: Any) -> Any:
+    """[−radius, radius]; the radius may be a ball itself."""
+    flint = require_flint()
+    return flint.arb(0).union(abs(radius).upper()).union(-abs(radius).upper())
+
+
+@lru_cache(maxsize=8)
+def real_balls(bits: int) -> Arithmetic:
+    """Real balls, for use within `precision(bits)`. ε is the variable of a power series cut after it.
+
+    One for each precision: tables of nodes are kept with it.
+    """
+    del bits
+    flint = require_flint()
+    arb, series = flint.arb, flint.arb_series
+
+    def lifted(f: Function, derivative: Function) -> Function:
+        def of(x: Number) -> Number:
+            if isinstance(x, series):
+                return series([f(x[0]), derivative(x[0]) * x[1]], 2)
+            return f(x)
+
+        return of
+
+    def log1p_ratio(x: Number) -> Number:
+        """log(1 + x)/x falls: its values at the ends of x enclose it."""
+        ends = [e.log1p() / e if e != 0 else arb(1) for e in (x.lower(), x.upper())]
+        return ends[0].union(ends[1])
+
+    def gauss(n: int) -> list[tuple[Number, Number]]:
+        rule = [arb.legendre_p_root(n, k, weight=True) for k in range(n)]
+        return [((1 + node) / 2, weight / 2) for node, weight in reversed(rule)]
+
+    return Arithmetic(
+        number=lambda x: arb(float(x)),
+        sin=lifted(lambda x: x.sin(), lambda x: x.cos()),
+        cos=lifted(lambda x: x.cos(), lambda x: -x.sin()),
+        log=lifted(lambda x: x.log(), lambda x: 1 / x),
+        sinc=lifted(lambda x: x.sinc(), _sinc_slope),
+        log1p_ratio=lifted(log1p_ratio, lambda x: _log1p_ratio_slope(x, log1p_ratio(x))),
+        gauss=gauss,
+        nudged=lambda value, slope: series([value, slope], 2),
+        slope=lambda x: x[1] if isinstance(x, series) else arb(0),
+    )
+
+
+@lru_cache(maxsize=8)
+def complex_balls(bits: int) -> Arithmetic:
+    """Complex balls, to bound ∇H and B off the real axis; of the functions only those that ∇H and B have."""
+    acb = require_flint().acb
+    nodes = real_balls(bits).gauss
+
+    def missing(*_: Any) -> Any:
+        raise NotImplementedError("not needed off the real axis")
+
+    return Arithmetic(
+        number=lambda x: acb(float(x)),
+        sin=lambda x: x.sin(),
+        cos=lambda x: x.cos(),
+        log=lambda x: x.log(),
+        sinc=missing,
+        log1p_ratio=missing,
+        gauss=lambda n: [(acb(node), acb(weight)) for node, weight in nodes(n)],
+        nudged=missing,
+        slope=missing,
+    )
+
+
+def _sinc_slope(x: Any) -> Any:
+    """sinc′(x): −x/3 up to |x|³/30 (an alternating series), else (cos x − sinc x)/x; |sinc′| < 1/2 everywhere."""
+    size = abs(x).upper()
+    if size < 1e-3:
+        return -x / 3 + ball(size * size * size / 30)
+    return (x.cos() - x.sinc()) / x if not x.contains(0) else ball(require_flint().arb(0.5))
+
+
+def _log1p_ratio_slope(x: Any, value: Any) -> Any:
+    """d/dx log(1 + x)/x = −∫₀¹ τ(1 + τx)⁻² dτ: −1/2 up to (2/3)|x|(1 − |x|)⁻³, else (1/(1 + x) − log(1 + x)/x)/x."""
+    size = abs(x).upper()
+    if size < 1e-3 or (x.contains(0) and size < 1):
+        return ball(size * 2 / 3 / (1 - size) ** 3) - require_flint().arb(0.5)
+    return (1 / (1 + x) - value) / x

@@ -1,0 +1,162 @@
+"""Certificates: a proof, by ball arithmetic, that the equation of a step has exactly one solution near a reference.
+
+Krawczyk's operator of F on the box X = x̃ + [−r, r]ⁿ is
+
+    K(X) = x̃ − Y F(x̃) + (I − Y F′(X))(X − x̃),   Y ≈ F′(x̃)⁻¹.
+
+If K(X) lies in the interior of X, then F has exactly one zero in X, and it lies in K(X) (Neumaier,
+*Interval Methods for Systems of Equations*, Theorem 5.1.8). All of it is evaluated in balls, so that rounding is
+part of the proof. The equation F is the very formula of `sepv.reference.equations`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sepv.reference.arithmetic import Vector
+from sepv.reference.balls import ball, from_mpf, precision, real_balls, require_flint
+from sepv.reference.equations import Equation, Step, make_step
+from sepv.reference.problem import Description, ExactProblem, in_arithmetic
+from sepv.reference.quadrature import quadrature_error, with_more_nodes
+from sepv.reference.steps import ReferenceStep
+
+from sepv.errors import SepvError
+
+BITS = 500
+# The box, relative to the largest component: what the vectors promise.
+RADIUS = 1e-46
+
+
+class NotCertified(SepvError, ArithmeticError):
+    """The proof did not go through: the message says what was enclosed where."""
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What was proved of one reference step. Numbers are balls of python-flint.
+
+    Attributes
+    ----------
+    radius : ball
+        r: the equation has exactly one solution with every unknown within r of the reference.
+    y1 : d balls
+        It is in there.
+    energy : ball
+        H(y1) − H(y0).
+    casimirs : balls
+        C(y1) − C(y0), quadratic ones first.
+    contraction : ball
+        ‖I − Y F′(X)‖_∞ on the box: below 1.
+    """
+
+    equation: Equation
+    radius: Any
+    y1: Vector
+    energy: Any
+    casimirs: Vector
+    contraction: Any
+    method: str
+
+    @property
+    def width(self) -> float:
+        """The largest radius of the balls y1."""
+        return max(float(b.rad()) for b in self.y1)
+
+
+def certify(
+    data: Description,
+    y: Sequence[float],
+    h: float,
+    dW: Sequence[float],
+    step: ReferenceStep,
+    bits: int = BITS,
+    radius: float = RADIUS,
+) -> Certificate:
+    """Prove that the reference step is one.
+
+    Raises
+    ------
+    UsageError
+        Without python-flint.
+    NotCertified
+        Where the box is not mapped into itself, or the reference is not in it.
+    """
+    with precision(bits):
+        problem = in_arithmetic(data, real_balls(bits))
+        y0, parts = problem.state(y), make_step(problem, h, tuple(dW))
+        if step.equation.residual is None:
+            y1, size, contraction = (
+                step.equation.result(problem, y0, parts, []),
+                from_mpf(step.y1[0]) * 0,
+                y0[0] * 0,
+            )
+            method = "explicit: evaluated in balls"
+        else:
+            x, size, contraction = _krawczyk(problem, y0, parts, step, radius)
+            y1, method = step.equation.result(problem, y0, parts, x), "Krawczyk's test"
+            method += " with a bound of the quadrature's error" if step.equation.nodes else ""
+        return Certificate(
+            equation=step.equation,
+            radius=size,
+            y1=y1,
+            energy=problem.hamiltonian(y1) - problem.hamiltonian(y0),
+            casimirs=[
+                b - a for a, b in zip(problem.casimir_values(y0), problem.casimir_values(y1), strict=True)
+            ],
+            contraction=contraction,
+            method=method,
+        )
+
+
+def _krawczyk(
+    problem: ExactProblem, y0: Vector, parts: Step, step: ReferenceStep, radius: float
+) -> tuple[Vector, Any, Any]:
+    """(K(K(X)), r, ‖I − YF′(X)‖), or NotCertified."""
+    flint = require_flint()
+    arb, matrix = flint.arb, flint.arb_mat
+    reference = [from_mpf(v) for v in step.x]
+    n, size = len(reference), radius * max((abs(v).upper() for v in (*y0, *reference)), key=float)
+    equation = with_more_nodes(step.equation)
+    error, error_slope = quadrature_error(problem, y0, parts, equation, reference)
+
+    def residual(x: Vector) -> Vector:
+        assert equation.residual is not None
+        return equation.residual(problem, y0, parts, x)
+
+    box = [v + ball(size) for v in reference]
+    slopes = _jacobian(problem, residual, box) + matrix(n, n, [ball(error_slope)] * (n * n))
+    try:
+        Y = slopes.mid().inv().mid()
+    except ZeroDivisionError as broken:
+        raise NotCertified("The Jacobian at the reference is singular.") from broken
+    defect = matrix(n, n, [int(i == j) for i in range(n) for j in range(n)]) - Y * slopes
+    contraction = max((sum(map(abs, row), arb(0)).upper() for row in defect.tolist()), key=float)
+    # A Newton step moves the centre from the precision of the reference to that of the balls.
+    start = matrix([[v] for v in residual(reference)])
+    centre = [(v - c).mid() for v, c in zip(reference, (Y * start).entries(), strict=True)]
+    moved = (Y * matrix([[v + ball(error)] for v in residual(centre)])).entries()
+
+    def image(X: Vector) -> Vector:
+        tail = defect * matrix([[v - c] for v, c in zip(X, centre, strict=True)])
+        return [c - a + b for c, a, b in zip(centre, moved, tail.entries(), strict=True)]
+
+    inner = image(box)
+    for k, (small, large) in enumerate(zip(inner, box, strict=True)):
+        if not (small.is_finite() and large.contains_interior(small)):
+            raise NotCertified(
+                f"Krawczyk's test fails in unknown {k + 1}: {large.str(20)} is mapped to {small.str(20)}."
+            )
+    # The zero is in K(X), and so in K(K(X)), which is smaller still.
+    return image(inner), size, contraction
+
+
+def _jacobian(problem: ExactProblem, residual: Any, x: Vector) -> Any:
+    """F′(X) as a matrix of balls, a column from each direction."""
+    flint, arithmetic = require_flint(), problem.arithmetic
+    columns = []
+    for k in range(len(x)):
+        nudged = [*x[:k], arithmetic.nudged(x[k], flint.arb(1)), *x[k + 1 :]]
+        columns.append([arithmetic.slope(v) for v in residual(nudged)])
+    return flint.arb_mat([list(row) for row in zip(*columns, strict=True)])

@@ -1,0 +1,173 @@
+"""Running error analysis: how far a plain binary64 evaluation of a formula may be from its exact value.
+
+A number carries a bound of its rounding error in units of u = 2⁻⁵³, which every operation adds to: for
+a ∘ b the errors of a and b as they propagate, and |a ∘ b| for the operation's own rounding (Higham,
+*Accuracy and Stability of Numerical Algorithms*, §3.3). Second-order terms are left out. Values are of
+mpmath, so that nothing overflows here where it would not there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from sepv.reference.arithmetic import (
+    Arithmetic,
+    Function,
+    Number,
+    Vector,
+    context,
+    decimal,
+    gauss_nodes,
+    log1p_ratio_slope,
+    sinc_slope,
+)
+from sepv.reference.equations import make_step
+from sepv.reference.problem import Description, in_arithmetic
+from sepv.reference.steps import ReferenceStep
+
+_DIGITS = 30
+_CTX, _DECIMAL = context(_DIGITS), decimal(_DIGITS)
+UNIT = 2.0**-53
+# Half of the least number above zero: what an operation that underflows may lose.
+UNDERFLOW = _CTX.mpf(2) ** -1075
+
+
+class Rounded:
+    """value, and a bound of its error in units of u."""
+
+    __slots__ = ("error", "value")
+
+    def __init__(self, value: Any, error: Any = 0) -> None:
+        self.value, self.error = value, error
+
+    def __add__(self, other: Any) -> Any:
+        if isinstance(other, Dual):
+            return NotImplemented
+        b = _lift(other)
+        value = self.value + b.value
+        return Rounded(value, self.error + b.error + abs(value))
+
+    def __neg__(self) -> Rounded:
+        return Rounded(-self.value, self.error)
+
+    def __sub__(self, other: Any) -> Any:
+        if isinstance(other, Dual):
+            return NotImplemented
+        return self + -_lift(other)
+
+    def __rsub__(self, other: Any) -> Rounded:
+        return _lift(other) - self
+
+    def __mul__(self, other: Any) -> Any:
+        if isinstance(other, Dual):
+            return NotImplemented
+        b = _lift(other)
+        value = self.value * b.value
+        return Rounded(value, abs(self.value) * b.error + abs(b.value) * self.error + _own(value))
+
+    def __truediv__(self, other: Any) -> Any:
+        if isinstance(other, Dual):
+            return NotImplemented
+        b = _lift(other)
+        value = self.value / b.value
+        return Rounded(value, (self.error + abs(value) * b.error) / abs(b.value) + _own(value))
+
+    def __rtruediv__(self, other: Any) -> Rounded:
+        return _lift(other) / self
+
+    __radd__, __rmul__ = __add__, __mul__
+
+
+class Dual:
+    """value + ε slope with ε² = 0, for parts of any kind that add, multiply and divide."""
+
+    __slots__ = ("slope", "value")
+
+    def __init__(self, value: Any, slope: Any) -> None:
+        self.value, self.slope = value, slope
+
+    def __add__(self, other: Any) -> Dual:
+        if isinstance(other, Dual):
+            return Dual(self.value + other.value, self.slope + other.slope)
+        return Dual(self.value + other, self.slope)
+
+    def __neg__(self) -> Dual:
+        return Dual(-self.value, -self.slope)
+
+    def __sub__(self, other: Any) -> Dual:
+        return self + -other
+
+    def __rsub__(self, other: Any) -> Dual:
+        return -self + other
+
+    def __mul__(self, other: Any) -> Dual:
+        if isinstance(other, Dual):
+            return Dual(self.value * other.value, self.value * other.slope + self.slope * other.value)
+        return Dual(self.value * other, self.slope * other)
+
+    def __truediv__(self, other: Any) -> Dual:
+        if isinstance(other, Dual):
+            value = self.value / other.value
+            return Dual(value, (self.slope - value * other.slope) / other.value)
+        return Dual(self.value / other, self.slope / other)
+
+    def __rtruediv__(self, other: Any) -> Dual:
+        value = other / self.value
+        return Dual(value, -(value * self.slope) / self.value)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+
+def _lift(x: Any) -> Rounded:
+    return x if isinstance(x, Rounded) else Rounded(_CTX.mpf(x))
+
+
+def _own(value: Any) -> Any:
+    """The rounding of an operation's own result, underflow included."""
+    return abs(value) + UNDERFLOW / UNIT if value else _CTX.zero
+
+
+def _function(f: Function, slope: Callable[[Number], Number]) -> Function:
+    """A function of the mathematical library, taken to be right within one unit in the last place, 2u."""
+
+    def of(x: Any) -> Any:
+        if isinstance(x, Dual):
+            return Dual(of(x.value), Rounded(slope(x.value.value), 2 * abs(slope(x.value.value))) * x.slope)
+        value = f(x.value)
+        return Rounded(value, abs(slope(x.value)) * x.error + 2 * abs(value))
+
+    return of
+
+
+ROUNDED = Arithmetic(
+    number=lambda x: Rounded(_CTX.mpf(float(x))),
+    sin=_function(_CTX.sin, _CTX.cos),
+    cos=_function(_CTX.cos, _CTX.sin),
+    log=_function(_CTX.ln, lambda x: 1 / x),
+    sinc=_function(_DECIMAL.sinc, lambda x: sinc_slope(x, _CTX.cos(x), _DECIMAL.sinc(x))),
+    log1p_ratio=_function(_DECIMAL.log1p_ratio, lambda x: log1p_ratio_slope(x, _DECIMAL.log1p_ratio(x))),
+    gauss=lambda n: [(Rounded(node, node), Rounded(w, w)) for node, w in gauss_nodes(n, _DIGITS)],
+    tables=(_DECIMAL, lambda v: Rounded(v, abs(v))),
+    nudged=Dual,
+    slope=lambda x: x.slope if isinstance(x, Dual) else _lift(0),
+)
+
+
+def error_units(data: Description, y: Vector, h: float, dW: Vector, step: ReferenceStep) -> list[float]:
+    """For each component of y1, the error that binary64 may bring to a step solved to rounding.
+
+    That is u(|∂y1/∂residual| r + |y1|) with r the running error bound of one evaluation of the residual at
+    the solution, or of the explicit formula. Another order of operations has another r of the same size.
+    """
+    problem = in_arithmetic(data, ROUNDED)
+    equation = step.equation
+    y0, parts = problem.state(y), make_step(problem, h, tuple(dW))
+    x = [Rounded(_CTX.mpf(v)) for v in step.x]
+    if equation.residual is None:
+        return [float(v.error * UNIT) for v in equation.result(problem, y0, parts, x)]
+    errors = [v.error for v in equation.residual(problem, y0, parts, x)]
+    d = len(y)
+    worst = [max(errors[k::d]) for k in range(d)]
+    carried = [sum(c * r for c, r in zip(row, worst, strict=True)) for row in step.condition]
+    return [float((c + abs(_CTX.mpf(v))) * UNIT + UNDERFLOW) for c, v in zip(carried, step.y1, strict=True)]
