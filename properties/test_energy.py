@@ -27,7 +27,9 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         y1 = ask(scheme, problem, y, h, dW)
         before, after = exact.hamiltonian(exact.state(y)), exact.hamiltonian(exact.state(y1))
         unit = energy_ulp(problem, y, y1)
-        bound = energy_bound(problem, y, y1, step_residual(problem, y, y1, h, dW, scheme.solver_tolerance))
+        bound = energy_bound(
+            problem, y, y1, step_residual(problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages)
+        )
         found = Measurement(
             abs(float(after - before)) / unit,
             bound / unit,

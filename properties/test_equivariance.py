@@ -87,14 +87,14 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     share = min(1.0, shortest / length)
     h, dW = share * h, share * dW
     y1 = ask(scheme, problem, y, h, dW)
-    residual = float(step_residual(problem, y, y1, h, dW, scheme.solver_tolerance).max())
+    residual = float(step_residual(problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages).max())
     worst = Measurement(0.0, 0.0)
     for name, P, other in others:
         z = P @ y
         z1 = ask(scheme, other, z, h, dW)
         expected = P @ y1
         allowed = float(np.abs(P).sum(axis=1).max()) * residual
-        allowed += float(step_residual(other, z, z1, h, dW, scheme.solver_tolerance).max())
+        allowed += float(step_residual(other, z, z1, h, dW, scheme.solver_tolerance, scheme.stages).max())
         unit = state_ulp(z, z1)
         error = float(np.max(np.abs(z1 - expected)))
         detail = f"{name}: the step from Py is {z1.tolist()}, P times the step from y is {expected.tolist()}"

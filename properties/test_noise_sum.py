@@ -44,7 +44,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         "as one": Case(replace(data, noise=(1.0,)), case.y, h, (total,)),
     }
     y1 = ask(scheme, problem, y, h, dW)
-    residual = float(step_residual(problem, y, y1, h, dW, scheme.solver_tolerance).max())
+    residual = float(step_residual(problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages).max())
     unit, worst = state_ulp(y, y1), Measurement(0.0, 0.0)
     for name, other in others.items():
         answer = ask(scheme, *other.build())

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from hypothesis import strategies as st
-from sepv.reference.implicit import averaged_vector_field, energy_preserving
+from sepv.reference.steps import reference_step
 
 from sepv import polynomial as poly
 from sepv.candidate import ask
@@ -40,16 +40,25 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     """Distance from (2.2), or from the deterministic step, at 50 digits."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
-    if problem.c.any():
-        exact, name = averaged_vector_field(case.problem, case.y, h, case.dW), "(2.2)"
+    method = "energy-preserving" if scheme.stages == 1 else f"collocation-{scheme.stages}"
+    if problem.c.any() and scheme.stages == 1:
+        exact = reference_step("averaged-vector-field", case.problem, case.y, h, case.dW)
+        name = "(2.2)"
+    elif problem.c.any():
+        # Constant B, s stages: the equations are those of any B, with one matrix at all stages.
+        exact = reference_step(method, case.problem, case.y, h, case.dW)
+        name = "the method for constant B"
     else:
         quiet = ask(scheme, problem, y, h, np.zeros_like(dW))
         if not np.array_equal(quiet, y1):
             return Measurement(
                 float("inf"), 0.0, f"c = 0, but dW changes y1 from {quiet.tolist()} to {y1.tolist()}"
             )
-        exact, name = energy_preserving(case.problem, case.y, h, case.dW), "the deterministic method"
-    error, bound = state_error(exact.y1, exact.condition, problem, y, y1, h, dW, scheme.solver_tolerance)
+        exact = reference_step(method, case.problem, case.y, h, case.dW)
+        name = "the deterministic method"
+    error, bound = state_error(
+        exact.y1, exact.condition, problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages
+    )
     return Measurement(error, bound, f"y1 = {y1.tolist()}, {error:.3g} ulp from {name}")
 
 

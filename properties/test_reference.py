@@ -1,8 +1,11 @@
-"""The step is the solution of (2.1), as found in extended precision by code that owes nothing to the core."""
+"""The step is the solution of (2.1), as found in extended precision by code that owes nothing to the core.
+
+For s stages, of the collocation equations of Cohen and Hairer (2011) with the random step.
+"""
 
 from __future__ import annotations
 
-from sepv.reference.implicit import energy_preserving
+from sepv.reference.steps import reference_step
 
 from sepv.candidate import ask
 from sepv.case import Case
@@ -18,14 +21,18 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     """Distance from (2.1) solved to 50 digits, against the condition-scaled bound."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
-    exact = energy_preserving(case.problem, case.y, h, case.dW)
-    error, bound = state_error(exact.y1, exact.condition, problem, y, y1, h, dW, scheme.solver_tolerance)
-    return Measurement(error, bound, f"y1 = {y1.tolist()}, {error:.3g} ulp from the solution of (2.1)")
+    method = "energy-preserving" if scheme.stages == 1 else f"collocation-{scheme.stages}"
+    exact = reference_step(method, case.problem, case.y, h, case.dW)
+    error, bound = state_error(
+        exact.y1, exact.condition, problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages
+    )
+    name = "the solution of (2.1)" if scheme.stages == 1 else f"{scheme.stages}-stage collocation"
+    return Measurement(error, bound, f"y1 = {y1.tolist()}, {error:.3g} ulp from {name}")
 
 
 law = searched(
     name="reference",
-    statement="the step solves (2.1)",
+    statement="the step solves (2.1) (s stages: its collocation equations)",
     source="(2.1)",
     unit="ulp of y",
     cases=any_steps,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from hypothesis import strategies as st
-from sepv.reference.implicit import energy_preserving
+from sepv.reference.steps import reference_step
 
 from sepv.candidate import ask
 from sepv.case import Case
@@ -39,9 +39,12 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     back[0] = -dW[0] - 2 * h / problem.c[0]
     y1 = ask(scheme, problem, y, h, dW)
     returned = ask(scheme, problem, y1, h, back)
-    residual = step_residual(problem, y, y1, h, dW, scheme.solver_tolerance)
-    residual = residual + step_residual(problem, y1, returned, h, back, scheme.solver_tolerance)
-    condition = energy_preserving(case.problem, y1.tolist(), h, back.tolist(), 20).condition
+    residual = step_residual(problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages)
+    residual = residual + step_residual(
+        problem, y1, returned, h, back, scheme.solver_tolerance, scheme.stages
+    )
+    method = "energy-preserving" if scheme.stages == 1 else f"collocation-{scheme.stages}"
+    condition = reference_step(method, case.problem, y1.tolist(), h, back.tolist(), 20).condition
     bound = np.array(condition) @ residual
     error = np.abs(returned - y)
     k = int(np.argmax(error / bound))

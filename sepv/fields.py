@@ -6,9 +6,14 @@ BLAS: the bits of one path then do not depend on how many paths are computed bes
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from sepv.problem import Array, Problem
+
+_ROOT = float(np.sqrt(np.finfo(np.float64).eps))
+_TINY = float(np.finfo(np.float64).tiny)
 
 
 def matvec(A: Array, v: Array) -> Array:
@@ -46,6 +51,36 @@ def contract(D: Array, v: Array) -> Array:
     for j in range(1, D.shape[1]):
         total = total + D[:, j] * v[j]
     return total
+
+
+def structure_slope(problem: Problem, y: Array, v: Array) -> Array:
+    """The derivative of B(y)v with v held fixed, (d, d, ...): analytic, else by differences for Newton's use."""
+    if problem.structure_derivative is not None:
+        return contract(problem.structure_derivative(y), v)
+    return _differences(problem, lambda at: matvec(problem.structure(at), v), y)
+
+
+def hessian(problem: Problem, y: Array) -> Array:
+    """H″(y), (d, d, ...): analytic, else by differences of ∇H for Newton's use."""
+    return problem.hessian(y) if problem.hessian is not None else _differences(problem, problem.gradient, y)
+
+
+def _differences(problem: Problem, function: Callable[[Array], Array], y: Array) -> Array:
+    """function′(y) by forward differences, backward ones next to the boundary of the domain.
+
+    The error of about √eps costs Newton's method an iteration, not accuracy.
+    """
+    base = function(y)
+    width = _ROOT * np.maximum(np.abs(y).max(axis=0), _TINY)
+    columns = []
+    for k in range(y.shape[0]):
+        shifted = y.copy()
+        shifted[k] += width
+        if problem.domain is not None:
+            outside = ~np.asarray(problem.domain(shifted), dtype=bool)
+            shifted[k] = np.where(outside, y[k] - width, shifted[k])
+        columns.append((function(shifted) - base) / (shifted[k] - y[k]))
+    return np.stack(columns, axis=1)
 
 
 def derivative_along(problem: Problem, y: Array, v: Array) -> Array:

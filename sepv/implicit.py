@@ -8,7 +8,7 @@ never an assumption: every lane of a batch carries its status.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -26,6 +26,9 @@ MAX_ITERATIONS = 40
 MAX_HALVINGS = 40
 # Corrections that stop shrinking are rounding, not divergence, only when they are small: √eps.
 STAGNATION = float(np.sqrt(_EPS))
+# … and when the residual is rounding too: a few hundred operations stand behind R, each rounded at the scale of y.
+# Without this, corrections that shrink slowly (Newton's matrix is approximate for some H) pass for stagnation.
+ROUNDING = 256 * _EPS
 
 
 class Status(IntEnum):
@@ -91,6 +94,31 @@ IncrementFunction = Callable[[Problem, Array, Array, Array], Increment]
 JacobianFunction = Callable[[Problem, Array, Array, Array], Array | None]
 
 
+class Evaluation(NamedTuple):
+    """R(z) for some lanes, and on demand ∂R/∂z (n, n, M) with the evaluations that cost, in units of R's."""
+
+    right_side: Increment
+    jacobian: Callable[[], tuple[Array, int]]
+
+
+@dataclass(frozen=True)
+class Equations:
+    """z = R(z) for n unknowns in every lane; `lanes` are the numbers of the lanes asked about.
+
+    Attributes
+    ----------
+    size : (n, M)
+        |y| of the state that each unknown is added to: corrections are small or not beside |y| + |z|.
+    evaluate : (z, lanes) -> Evaluation
+    inside : (z, lanes) -> (M,) of bool, optional
+        Whether the states that belong to z lie in the domain of the problem.
+    """
+
+    size: Array
+    evaluate: Callable[[Array, NDArray[np.intp]], Evaluation]
+    inside: Callable[[Array, NDArray[np.intp]], NDArray[np.bool_]] | None = None
+
+
 def solve(
     problem: Problem,
     y0: Array,
@@ -116,31 +144,54 @@ def solve(
     every component, or where corrections no longer shrink. That correction is not applied: the
     residual returned is the one at the value returned, at no further evaluation.
     """
-    d, lanes = y0.shape
-    delta = np.zeros_like(y0)
-    residual = np.full(lanes, np.inf)
-    iterations = np.zeros(lanes, dtype=np.int64)
+
+    def evaluate(z: Array, lanes: NDArray[np.intp]) -> Evaluation:
+        y, s = y0[:, lanes], step[:, lanes]
+        R = increment(problem, y, y + z, s)
+
+        def slope() -> tuple[Array, int]:
+            K = jacobian(problem, y, y + z, s)
+            if K is not None:
+                return K, 0
+            return _difference_jacobian(problem, y, y + z, s, increment, R.value), y.shape[0]
+
+        return Evaluation(R, slope)
+
+    def inside(z: Array, lanes: NDArray[np.intp]) -> NDArray[np.bool_]:
+        assert problem.domain is not None
+        return np.asarray(problem.domain(y0[:, lanes] + z), dtype=bool)
+
+    equations = Equations(np.abs(y0), evaluate, None if problem.domain is None else inside)
+    solution = iterate(equations, np.zeros_like(y0))
+    return replace(solution, value=y0 + solution.value)
+
+
+def iterate(equations: Equations, start: Array, lanes: NDArray[np.intp] | None = None) -> Solution:
+    """Newton's iteration for z = R(z) to stagnation, from `start` (n, M) in the given lanes (default: all M).
+
+    The fields of the solution have one entry for each of these lanes, `value` being z.
+    """
+    numbers = np.arange(start.shape[1]) if lanes is None else lanes
+    n, count = start.shape
+    z_all, size_all = start.copy(), equations.size[:, numbers]
+    residual = np.full(count, np.inf)
+    iterations = np.zeros(count, dtype=np.int64)
     gradients, structures = np.zeros_like(iterations), np.zeros_like(iterations)
-    status = np.full(lanes, Status.NO_CONVERGENCE, dtype=np.int64)
-    previous = np.full((2, lanes), np.inf)
-    active = np.arange(lanes)
+    status = np.full(count, Status.NO_CONVERGENCE, dtype=np.int64)
+    previous = np.full((2, count), np.inf)
+    active = np.arange(count)
     with np.errstate(all="ignore"):
         for _ in range(MAX_ITERATIONS):
-            y, s, z = y0[:, active], step[:, active], delta[:, active]
-            R = increment(problem, y, y + z, s)
+            z = z_all[:, active]
+            R, jacobian = equations.evaluate(z, numbers[active])
             F = z - R.value
             residual[active] = np.abs(F).max(axis=0)
             iterations[active] += 1
-            gradients[active] += R.gradients
-            structures[active] += R.structures
-            K = jacobian(problem, y, y + z, s)
-            if K is None:
-                K = _difference_jacobian(problem, y, y + z, s, increment, R.value)
-                gradients[active] += d * R.gradients
-                structures[active] += d * R.structures
-            A = np.eye(d)[..., None] - K
-            correction = linear_solve(A, F)
-            reach, moves = np.abs(y) + np.abs(z), np.abs(correction)
+            K, further = jacobian()
+            gradients[active] += (1 + further) * R.gradients
+            structures[active] += (1 + further) * R.structures
+            correction = linear_solve(np.eye(n)[..., None] - K, F)
+            reach, moves = size_all[:, active] + np.abs(z), np.abs(correction)
             scale = reach.max(axis=0)
             size = (moves / (reach + _EPS * scale + _TINY)).max(axis=0)
             broken = ~np.isfinite(residual[active])
@@ -148,7 +199,7 @@ def solve(
                 residual[active] == 0
             )  # a state at rest is a solution, also where the Jacobian is singular
             singular = ~broken & ~solved & ~np.isfinite(moves.max(axis=0))
-            small = moves.max(axis=0) <= STAGNATION * scale
+            small = (moves.max(axis=0) <= STAGNATION * scale) & (residual[active] <= ROUNDING * scale)
             # Stagnation needs both measures to stop shrinking: a component near zero moves by a large share of
             # itself long before the others have arrived.
             stuck = (size >= 0.5 * previous[0, active]) & (moves.max(axis=0) >= 0.5 * previous[1, active])
@@ -159,14 +210,14 @@ def solve(
             status[active[singular]] = Status.SINGULAR
             previous[:, active] = size, moves.max(axis=0)
             go_on = ~(done | broken | singular)
-            moved, inside = _into_domain(problem, y[:, go_on], z[:, go_on], correction[:, go_on])
-            delta[:, active[go_on]] = moved
+            moved, inside = into_domain(equations, z[:, go_on], correction[:, go_on], numbers[active[go_on]])
+            z_all[:, active[go_on]] = moved
             active = active[go_on]
             status[active[~inside]] = Status.LEFT_DOMAIN
             active = active[inside]
             if not active.size:
                 break
-    return Solution(y0 + delta, residual, iterations, gradients, structures, status)
+    return Solution(z_all, residual, iterations, gradients, structures, status)
 
 
 def require_converged(problem: Problem, y: Array, step: Array, solution: Solution) -> Array:
@@ -191,20 +242,22 @@ def require_converged(problem: Problem, y: Array, step: Array, solution: Solutio
     return solution.value
 
 
-def _into_domain(problem: Problem, y: Array, z: Array, correction: Array) -> tuple[Array, NDArray[np.bool_]]:
+def into_domain(
+    equations: Equations, z: Array, correction: Array, lanes: NDArray[np.intp]
+) -> tuple[Array, NDArray[np.bool_]]:
     """z − λ·correction with the largest λ = 2⁻ⁿ that stays in the domain, and where there is one."""
     moved = z - correction
     inside = np.ones(z.shape[1], dtype=bool)
-    if problem.domain is None or not z.shape[1]:
+    if equations.inside is None or not z.shape[1]:
         return moved, inside
-    inside = np.asarray(problem.domain(y + moved), dtype=bool)
+    inside = equations.inside(moved, lanes)
     factor = np.ones(z.shape[1])
     for _ in range(MAX_HALVINGS):
         if inside.all():
             break
         factor[~inside] *= 0.5
         moved = z - factor * correction
-        inside = np.asarray(problem.domain(y + moved), dtype=bool)
+        inside = equations.inside(moved, lanes)
     return moved, inside
 
 

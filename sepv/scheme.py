@@ -41,6 +41,9 @@ class Scheme:
         k of Remark 2.1 for the increments the scheme wants; None for untruncated.
     batched : bool
         Whether `step` takes batches.
+    stages : int
+        s of the collocation family: laws that compare with (2.1) compare with its s-stage method
+        (Cohen and Hairer), those that compare with the midpoint rule with the s-stage Gauss method.
     """
 
     name: str
@@ -53,6 +56,7 @@ class Scheme:
     solver_tolerance: float = 0.0
     truncation: int | None = 2
     batched: bool = False
+    stages: int = 1
 
     def __post_init__(self) -> None:
         claims = {self.claims} if isinstance(self.claims, str) else set(self.claims)

@@ -83,16 +83,16 @@ def _check_signature(step: Any, name: str) -> None:
 
 def _named(target: str) -> Scheme:
     if ":" not in target:
-        from sepv.schemes import ALL
+        from sepv.schemes import by_name
 
-        scheme = ALL.get(target.replace("_", "-"))
-        if scheme is None:
+        try:
+            return by_name(target)
+        except UsageError as error:
             raise TargetError(
-                expected=f"a built-in scheme ({', '.join(ALL)}) or module:attribute",
-                received=repr(target),
+                expected=f"{error.expected}, or module:attribute",
+                received=error.received,
                 remedy="see `sepv list`; your own scheme goes as mypackage.mymodule:scheme",
-            )
-        return scheme
+            ) from None
     return as_scheme(load_object(target), target)
 
 

@@ -13,6 +13,10 @@ quadrature points, d for the product B∇̄H, and 8 for Δ, weights and the fina
 implementations that order the same operations differently. A scheme that states its own solver's
 tolerance gets |y| times that on top.
 
+**Several stages.** A stage of a method with s of them leaves r too, with two more sums, of s stages and of ⌈sν/2⌉
+nodes, and averages that multiply errors of ∇H by up to max_i b_i⁻¹∫|ℓ_i| (1.57 for six stages). y1 = y0 + Σ b_j z_j
+with b_j ≥ 0 and Σ b_j = 1: what follows holds as for one stage, because H(y1) − H(y0) = Σ_j b_j g_jᵀ z_j.
+
 **Energy.** H(y1) − H(y0) = ∇̄Hᵀ(y1 − y0) (fundamental theorem), and ∇̄Hᵀ B ∇̄H = 0 for the computed skew B, so that
 |ΔH| ≤ Σ_i M_g,i r_i. **Casimirs**: the same with M_∇C. **Error of y1**: |(I − ∂R/∂y1)⁻¹| r.
 """
@@ -26,6 +30,7 @@ import numpy as np
 
 from sepv.polynomial import PolynomialMap
 from sepv.problem import Array, Problem
+from sepv.tableaux import amplification, exact_nodes
 
 EPS = float(np.finfo(np.float64).eps)
 TINY = float(np.finfo(np.float64).tiny)
@@ -60,23 +65,33 @@ def structure_majorant(problem: Problem, *states: Array) -> Array:
     return np.max(rows, axis=0)
 
 
-def operations(problem: Problem) -> float:
+def operations(problem: Problem, stages: int = 1) -> float:
     """K of the module's docstring."""
-    terms, degree = 6, 2
+    terms, degree, nodes = 6, 2, 2 * (stages + 4)  # of a quadrature that is refined until it is exact
     if isinstance(problem.gradient, PolynomialMap) and isinstance(problem.structure, PolynomialMap):
         terms = max(len(p.terms) for p in (*problem.gradient.rows, *problem.structure.rows))
         degree = max(p.degree for p in (*problem.gradient.rows, *problem.structure.rows)) + 1
-    return 4.0 * (2 * degree + terms + problem.dimension + 8)
+        nodes = exact_nodes(stages, degree)
+    single = 4.0 * (2 * degree + terms + problem.dimension + 8)
+    if stages == 1:
+        return single
+    return amplification(stages) * (single + 4.0 * (stages + nodes))
 
 
 def step_residual(
-    problem: Problem, y0: Array, y1: Array, h: float, dW: Array, solver_tolerance: float = 0.0
+    problem: Problem,
+    y0: Array,
+    y1: Array,
+    h: float,
+    dW: Array,
+    solver_tolerance: float = 0.0,
+    stages: int = 1,
 ) -> Array:
     """r (d,): the residual that a step solved to rounding may leave."""
     scale = max(float(np.max(np.abs(y0))), float(np.max(np.abs(y1))))
     length = abs(h) + float(np.sum(np.abs(problem.c * dW)))
     flow = structure_majorant(problem, y0, y1) @ gradient_majorant(problem, y0, y1)
-    return 0.5 * EPS * operations(problem) * (scale + length * flow) + solver_tolerance * scale + TINY
+    return 0.5 * EPS * operations(problem, stages) * (scale + length * flow) + solver_tolerance * scale + TINY
 
 
 def energy_bound(problem: Problem, y0: Array, y1: Array, residual: Array) -> float:
@@ -117,6 +132,7 @@ def state_error(
     h: float,
     dW: Array,
     solver_tolerance: float = 0.0,
+    stages: int = 1,
 ) -> tuple[float, float]:
     """(error, bound) of y1 against an exact step, in ulp of the largest component: the worst component.
 
@@ -129,7 +145,7 @@ def state_error(
     """
     unit = state_ulp(y0, y1)
     error = np.array([abs(float(a - float(b))) for a, b in zip(exact, y1, strict=True)])
-    residual = step_residual(problem, y0, y1, h, dW, solver_tolerance)
+    residual = step_residual(problem, y0, y1, h, dW, solver_tolerance, stages)
     bound = np.array(condition) @ residual + EPS * np.abs(y1)
     k = int(np.argmax(error / bound))
     return float(error[k]) / unit, float(bound[k]) / unit

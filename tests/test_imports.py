@@ -19,6 +19,7 @@ LAYERS = [
     "sepv.problem",
     "sepv.checks",
     "sepv.fields sepv.average",
+    "sepv.tableaux",
     "sepv.problems",
     "sepv.implicit",
     "sepv.scheme",

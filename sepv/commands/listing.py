@@ -25,7 +25,7 @@ def list_(debug: bool) -> None:  # noqa: ARG001  (every command takes it)
         (
             "Schemes",
             ("scheme", "order", "source"),
-            [(s.name, _order(s), s.source) for s in schemes.ALL.values()],
+            [(s.name, _order(s), s.source) for s in schemes.ALL.values()] + _families(schemes),
         ),
         ("Problems", ("problem", "d, m", "what"), [_problem_row(n, f) for n, f in problems.NAMED.items()]),
         ("Laws", ("law", "source", "statement"), [(x.name, x.source, x.statement) for x in load_laws()]),
@@ -41,6 +41,14 @@ def list_(debug: bool) -> None:  # noqa: ARG001  (every command takes it)
 
 def _order(scheme: Any) -> str:
     return f"{scheme.mean_square_order:g}"
+
+
+def _families(schemes: Any) -> list[tuple[str, str, str]]:
+    """One row for each family: its members are NAME-1 … NAME-6."""
+    return [
+        (f"{name}-s, s = 1 … {schemes.MAX_STAGES}", "s", make(1).source)
+        for name, make in schemes.FAMILIES.items()
+    ]
 
 
 def _problem_row(name: str, factory: Any) -> tuple[str, str, str]:

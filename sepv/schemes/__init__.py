@@ -1,21 +1,53 @@
-"""The schemes of the paper, one file each."""
+"""The schemes, one file each: those of the paper, and families of higher order by their number of stages."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+from sepv.errors import UsageError
 from sepv.scheme import Scheme
+from sepv.schemes.collocation import collocation as collocation
 from sepv.schemes.discrete_gradient import scheme as discrete_gradient
 from sepv.schemes.energy_preserving import scheme as energy_preserving
 from sepv.schemes.euler_heun import scheme as euler_heun
 from sepv.schemes.euler_maruyama import scheme as euler_maruyama
 from sepv.schemes.midpoint import scheme as midpoint
 from sepv.schemes.milstein import scheme as milstein
+from sepv.tableaux import MAX_STAGES
 
 ALL: dict[str, Scheme] = {
     s.name: s for s in (energy_preserving, midpoint, discrete_gradient, euler_heun, milstein, euler_maruyama)
 }
+# Families: NAME-s is their member with s stages, s = 1 … MAX_STAGES.
+FAMILIES: dict[str, Callable[[int], Scheme]] = {"collocation": collocation}
+
+
+def by_name(name: str) -> Scheme:
+    """A scheme of `ALL`, or a member of a family, such as "collocation-3"; hyphens and underscores are the same.
+
+    Raises
+    ------
+    UsageError
+    """
+    wanted = name.replace("_", "-")
+    if wanted in ALL:
+        return ALL[wanted]
+    family, _, stages = wanted.rpartition("-")
+    if family in FAMILIES and stages.isdecimal() and 1 <= int(stages) <= MAX_STAGES:
+        return FAMILIES[family](int(stages))
+    families = ", ".join(f"{f}-1 … {f}-{MAX_STAGES}" for f in FAMILIES)
+    raise UsageError(
+        expected=f"a built-in scheme: {', '.join(ALL)}, {families}",
+        received=repr(name),
+        remedy="see `sepv list`",
+    )
+
 
 __all__ = [
     "ALL",
+    "FAMILIES",
+    "by_name",
+    "collocation",
     "discrete_gradient",
     "energy_preserving",
     "euler_heun",

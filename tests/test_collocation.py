@@ -1,0 +1,162 @@
+"""Energy-preserving collocation: its coefficients, its solver, and what it reduces to."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from sepv.reference.arithmetic import decimal
+from sepv.reference.steps import reference_step
+from sepv.reference.tableau import stage_table
+
+import sepv
+from sepv import problems, schemes, strategies
+from sepv.case import Case
+from sepv.errors import StepFailure, UsageError
+from sepv.implicit import Status
+from sepv.tableaux import exact_nodes, gauss_tableau, moments
+from sepv.tolerance import state_ulp
+
+STAGES = range(1, 7)
+EPS = 2.0**-52
+
+
+@pytest.mark.parametrize("s", STAGES)
+def test_coefficients_are_right_to_two_roundings(s: int) -> None:
+    table = stage_table(s, decimal(40))
+    order = sorted(range(s), key=lambda i: table.c[i])
+    A, b = [[table.a[i][j] for j in order] for i in order], [table.b[i] for i in order]
+    found = gauss_tableau(s)
+    for i in range(s):
+        assert abs(float(b[i] - mpmath.mpf(float(found.b[i])))) <= EPS * found.b[i]
+        for j in range(s):
+            assert abs(float(A[i][j] - mpmath.mpf(float(found.A[i, j])))) <= EPS
+
+
+@pytest.mark.parametrize("s", STAGES)
+def test_averages_are_exact_up_to_the_degree_that_is_promised_and_not_beyond(s: int) -> None:
+    """b_i⁻¹∫ℓ_i g for g of degree s(ν − 1), as ∇H∘u has, against twice as many nodes."""
+    for degree in range(1, 7):
+        n, power = exact_nodes(s, degree), s * (degree - 1)
+
+        def averages(nodes: int, power: int = power) -> np.ndarray:
+            tau = gauss_tableau_nodes(nodes)
+            return moments(s, nodes)[0] @ (2 * tau - 0.75) ** power
+
+        exact = averages(2 * n + s)
+        # A node rounded by EPS/2 changes a power by 2·power·EPS/2; weights and sums a little more.
+        size = 1.25**power
+        assert np.max(np.abs(averages(n) - exact)) < (2 * power + 40) * EPS * size
+        if n > s:  # with fewer nodes than stages even ℓ_i is not resolved
+            assert np.max(np.abs(averages(n - 1) - exact)) > 1e-9
+
+
+def gauss_tableau_nodes(nodes: int) -> np.ndarray:
+    from sepv.average import gauss_legendre
+
+    return gauss_legendre(nodes)[0]
+
+
+@given(strategies.any_steps())
+def test_one_stage_is_the_energy_preserving_scheme_to_an_ulp(case: Case) -> None:
+    problem, y, h, dW = case.build()
+    one, plain = (
+        schemes.collocation(1).step(problem, y, h, dW),
+        schemes.energy_preserving.step(problem, y, h, dW),
+    )
+    assert np.max(np.abs(one - plain)) <= state_ulp(y, plain)
+
+
+@given(strategies.steps(strategies.poisson_systems(degree=4, largest=4)), st.sampled_from(STAGES))
+def test_newton_needs_no_derivatives_of_the_problem(case: Case, s: int) -> None:
+    problem, y, h, dW = case.build()
+    plain = replace(problem, hessian=None, structure_derivative=None, check=False)
+    exact = np.array(
+        [float(v) for v in reference_step(f"collocation-{s}", case.problem, case.y, h, case.dW, 30).y1]
+    )
+    found = schemes.collocation(s).step(plain, y, h, dW)
+    assert np.max(np.abs(found - exact)) <= 4 * state_ulp(y, exact)
+
+
+@pytest.mark.parametrize("s", STAGES)
+def test_energies_that_are_no_polynomials_are_kept_at_large_steps(s: int) -> None:
+    """Adaptive quadrature: a fixed rule of eight nodes leaves 1e-5 in a logarithmic energy."""
+    for name, h, allowed in (("pendulum", 0.25, 8), ("lotka-volterra", 2.0**-6, 40)):
+        problem = problems.by_name(name)
+        ends = sepv.ensemble(schemes.collocation(s), problem, h=h, T=1.0, paths=64, seed=3)
+        fine = ends.status == Status.CONVERGED
+        assert fine.sum() >= 60
+        assert ends.energy_defect[fine].max() <= allowed * EPS * np.sqrt(1 / h) * 4
+
+
+def test_what_no_quadrature_resolves_is_reported_and_not_returned() -> None:
+    """H = |y1| + …: the averages of its gradient never settle where the path crosses the kink."""
+    problem = sepv.Problem(
+        dimension=2,
+        structure=lambda y: np.stack(
+            [np.stack([0 * y[0], 0 * y[0] - 1]), np.stack([0 * y[0] + 1, 0 * y[0]])]
+        ),
+        hamiltonian=lambda y: abs(y[0]) + 0.5 * y[1] * y[1],
+        gradient=lambda y: np.stack([np.sign(y[0]), y[1]]),
+        noise=1.0,
+        check=False,
+    )
+    with pytest.raises(StepFailure, match="not solved"):
+        schemes.collocation(2).step(problem, np.array([0.1, 1.0]), 0.5, np.array([0.0]))
+
+
+def test_steps_too_large_for_the_octant_are_failures_and_no_numbers() -> None:
+    problem = problems.lotka_volterra()
+    for s in STAGES:
+        ends = sepv.ensemble(schemes.collocation(s), problem, h=0.25, T=1.0, paths=64, seed=1)
+        assert ends.status.any() or s >= 3  # with three stages and more these steps have solutions
+        fine = ends.status == Status.CONVERGED
+        assert np.all(ends.y[:, fine] > 0)
+        assert ends.energy_defect[fine].max(initial=0) < 1e-12
+
+
+@pytest.mark.parametrize("s", STAGES)
+def test_steps_of_a_batch_are_the_steps_of_its_states(s: int) -> None:
+    scheme = schemes.collocation(s)
+    for name in problems.NAMED:
+        problem = problems.by_name(name)
+        rng = np.random.default_rng(1)
+        y = np.asarray(problem.initial)[:, None] + 0.05 * rng.standard_normal((problem.dimension, 6))
+        dW = 0.1 * rng.standard_normal((problem.noises, 6))
+        together = scheme.step(problem, y, 0.01, dW)
+        for k in range(6):
+            assert np.array_equal(together[:, k], scheme.step(problem, y[:, k], 0.01, dW[:, k]))
+
+
+def test_members_of_families_have_names() -> None:
+    assert schemes.by_name("collocation_3") is schemes.collocation(3)
+    assert schemes.collocation(3).truncation == 6
+    for name in ("collocation-0", "collocation-7", "collocation", "collocation-x", "gauss-legendre"):
+        with pytest.raises(UsageError, match="collocation-1"):
+            schemes.by_name(name)
+    for stages in (0, 7, 1.5, True, "2"):
+        with pytest.raises(UsageError, match="stages"):
+            schemes.collocation(stages)
+
+
+@pytest.mark.parametrize("s", [1, 2, 3])
+def test_errors_fall_with_order_s(s: int) -> None:
+    """64 paths from 2⁻⁴ to 2⁻⁶: far from an estimate, near enough to tell the orders apart."""
+    from sepv.convergence import strong_errors
+
+    errors = strong_errors(
+        schemes.collocation(s), problems.rigid_body(), T=1.0, steps=(16, 64), paths=range(64)
+    ).rms()
+    assert abs(np.log(errors[0] / errors[1]) / np.log(4) - s) < 0.35
+
+
+def test_nothing_is_warned_about_in_a_hard_step() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        y = np.asarray(problems.lotka_volterra().initial)
+        schemes.collocation(2).solve(problems.lotka_volterra(), y, 0.01, np.array([3.0]))
