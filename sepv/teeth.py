@@ -217,12 +217,19 @@ def show(bites: Sequence[Bite], out: Console) -> None:
     )
     out.print(Text("·: holds, ?: inconclusive, e: error, n/a: not applicable; *: unclaimed"))
     out.print(Text(", ".join(f"{abbreviation(law)} {law}" for law in laws)))
-    for law, names in lone_keepers(bites).items():
-        out.print(Text(f"only {law} kills: {', '.join(names)}"))
-    pairs = missed(bites)
-    if pairs:
-        out.print(Text(f"expected, never seen: {', '.join(f'{name} by {law}' for name, law in pairs)}"))
+    if not _has_holes(bites):
+        for law, names in lone_keepers(bites).items():
+            out.print(Text(f"only {law} kills: {', '.join(names)}"))
+        pairs = missed(bites)
+        if pairs:
+            out.print(Text(f"expected, never seen: {', '.join(f'{name} by {law}' for name, law in pairs)}"))
     out.print(summary(bites))
+
+
+def _has_holes(bites: Sequence[Bite]) -> bool:
+    """Whether some saboteur was not shown to some law with some seed, as `first` leaves it."""
+    runs, laws = {(b.saboteur, b.seed) for b in bites}, {b.law for b in bites}
+    return len({(b.saboteur, b.seed, b.law) for b in bites}) < len(runs) * len(laws)
 
 
 def matrix(bites: Sequence[Bite]) -> Table:
