@@ -38,6 +38,8 @@ class Equation:
     result : (problem, y0, step, x) -> y1
     blocks : int
         x has blocks · d components: 1, or the stages; 0 for an explicit method.
+    of_increments : bool
+        Whether x holds increments, which vanish with Δ, rather than y1 itself.
     nodes : int
         For stages with H not polynomial: the quadrature that this equation stands for. 0 where exact.
     """
@@ -47,6 +49,7 @@ class Equation:
     residual: Residual | None
     result: Residual
     blocks: int = 1
+    of_increments: bool = False
     nodes: int = 0
 
 
@@ -151,7 +154,7 @@ def gauss(stages: int) -> Equation:
         return found
 
     return Equation(
-        f"gauss-{stages}", "Hairer, Nørsett, Wanner, II.7", residual, _stage_result(stages), stages
+        f"gauss-{stages}", "Hairer, Nørsett, Wanner, II.7", residual, _stage_result(stages), stages, True
     )
 
 
@@ -181,7 +184,13 @@ def collocation(stages: int, nodes: int = 0) -> Equation:
         return found
 
     return Equation(
-        f"collocation-{stages}", "Cohen and Hairer (2011)", residual, _stage_result(stages), stages, nodes
+        f"collocation-{stages}",
+        "Cohen and Hairer (2011)",
+        residual,
+        _stage_result(stages),
+        stages,
+        True,
+        nodes,
     )
 
 

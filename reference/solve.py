@@ -90,13 +90,18 @@ def largest(v: Vector) -> Number:
 
 
 def newton(
-    residual: Residual, x: Vector, scale: Number, arithmetic: Arithmetic, tolerance: float
+    residual: Residual,
+    x: Vector,
+    scale: Number,
+    arithmetic: Arithmetic,
+    tolerance: float,
+    most: int = _NEWTON,
 ) -> Root | Failure:
     """Newton's iteration from x, to corrections below tolerance · scale, damped only to stay in the domain."""
     best, goal, n, damping = math.inf, tolerance * scale, 0, 1.0
     try:
         value = residual(x)
-        for n in range(1, _NEWTON + 1):
+        for n in range(1, most + 1):
             best = min(best, float(largest(value)))
             inverted = inverse(jacobian(residual, x, arithmetic))
             correction = times(inverted, value)
@@ -120,7 +125,7 @@ def newton(
         return Failure(best, n, "singular Jacobian")
     except BROKEN as error:
         return Failure(best, n, str(error))
-    return Failure(best, _NEWTON, "no convergence")
+    return Failure(best, most, "no convergence")
 
 
 def refine(residual: Residual, root: Root, scale: Number, ctx: Any, digits: int) -> Root | Failure:

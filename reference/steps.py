@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from sepv.reference.arithmetic import Vector
+from sepv.reference.branch import follow
 from sepv.reference.equations import EQUATIONS, Equation, Step, collocation, make_step
 from sepv.reference.problem import Description, ExactProblem, binary64_problem, exact_problem
 from sepv.reference.solve import BROKEN, Failure, Matrix, Root, largest, newton, refine
@@ -77,10 +78,11 @@ def reference_step(
     h: float,
     dW: Sequence[float],
     digits: int = 50,
+    start: Vector | None = None,
 ) -> ReferenceStep:
     """One step from y to `digits` digits of the largest component.
 
-    Where the equation has several solutions it is the one that Newton's method finds from y.
+    Where the equation has several solutions it is the one that Newton's method finds from y, or from `start`.
 
     Parameters
     ----------
@@ -88,6 +90,8 @@ def reference_step(
         A name of `EQUATIONS`, or an equation of one's own.
     y, h, dW : binary64 numbers
         Each is taken exactly as it is.
+    start : floats, optional
+        Where Newton's iteration for the unknowns of the equation begins.
 
     Raises
     ------
@@ -106,11 +110,11 @@ def reference_step(
     if equation.residual is None:
         return ReferenceStep(equation.result(exact, y0, step, []), _identity(len(y0)), [], equation)
     scale = largest(y0) or largest(exact.field(y0)) * abs(step.delta) or exact.number(1.0)
-    root = _guess(equation, data, y, h, dW, float(scale))
+    root = _guess(equation, data, y, h, dW, float(scale), start)
     if isinstance(root, Root):
         root = refine(_bound(equation, exact, y0, step), root, scale, exact.ctx, digits + 5)
     if isinstance(root, Failure):
-        root = _in_digits(equation, exact, y0, step, scale, digits)
+        root = _in_digits(equation, exact, y0, step, scale, digits, start)
     if isinstance(root, Root) and equation.nodes:
         equation, root = _enough_nodes(equation, exact, y0, step, scale, digits, root)
     if isinstance(root, Failure):
@@ -119,11 +123,25 @@ def reference_step(
             y=[float(v) for v in y],  # type: ignore[arg-type]  # printed only
             delta=float(step.delta),
             residual=root.residual,
-            status=f"{root.reason} in extended precision",
+            status=f"{root.reason} in extended precision{_where_it_ends(equation, data, y, h, dW)}",
             iterations=root.iterations,
         )
     y1 = equation.result(exact, y0, step, root.x)
     return ReferenceStep(y1, _condition(equation, exact, root.inverse), root.x, equation)
+
+
+def _where_it_ends(
+    equation: Equation, data: Description, y: Sequence[float], h: float, dW: Sequence[float]
+) -> str:
+    """What following the branch of solutions from y says about the step that failed."""
+    try:
+        branch = follow(equation, data, y, h, dW)
+    except BROKEN:
+        return ""
+    if branch.whole:
+        return " (a solution exists all the same: following it from y in small steps finds it)"
+    delta = float(make_step(binary64_problem(data), h, tuple(dW)).delta)
+    return f" (the solutions that start at y end at Δ = {branch.reached * delta:.10g}, where they fold back)"
 
 
 def _bound(equation: Equation, problem: ExactProblem, y0: Vector, step: Step) -> Callable[[Vector], Vector]:
@@ -134,7 +152,7 @@ def _bound(equation: Equation, problem: ExactProblem, y0: Vector, step: Step) ->
 
 def _start(equation: Equation, problem: ExactProblem, y0: Vector, step: Step) -> Vector:
     """Where Newton begins: K = 0, or the explicit midpoint rule's y1 where that is near y0."""
-    if equation.blocks > 1 or equation.name in _INCREMENTAL:
+    if equation.of_increments:
         return [0 * v for v in y0] * equation.blocks
     half = [a + step.delta * b / 2 for a, b in zip(y0, problem.field(y0), strict=True)]
     try:
@@ -145,30 +163,39 @@ def _start(equation: Equation, problem: ExactProblem, y0: Vector, step: Step) ->
     return predicted if moved < largest(y0) / 4 else y0
 
 
-# Methods whose one unknown is the increment.
-_INCREMENTAL = {"gauss-1", "collocation-1"}
-
-
 def _guess(
-    equation: Equation, data: Description, y: Sequence[float], h: float, dW: Sequence[float], scale: float
+    equation: Equation,
+    data: Description,
+    y: Sequence[float],
+    h: float,
+    dW: Sequence[float],
+    scale: float,
+    start: Vector | None,
 ) -> Root | Failure:
     """The root in binary64, where binary64 can hold it."""
     problem = binary64_problem(data)
     try:
         y0, step = problem.state(y), make_step(problem, h, dW)
-        start = _start(equation, problem, y0, step)
+        start = start or _start(equation, problem, y0, step)
         return newton(_bound(equation, problem, y0, step), start, scale, problem.arithmetic, 1e-13)
     except BROKEN as error:
         return Failure(float("inf"), 0, str(error))
 
 
 def _in_digits(
-    equation: Equation, exact: ExactProblem, y0: Vector, step: Step, scale: Any, digits: int
+    equation: Equation,
+    exact: ExactProblem,
+    y0: Vector,
+    step: Step,
+    scale: Any,
+    digits: int,
+    start: Vector | None,
 ) -> Root | Failure:
     """The root by mpmath alone, whose exponents have no end."""
     residual = _bound(equation, exact, y0, step)
     try:
-        root = newton(residual, _start(equation, exact, y0, step), scale, exact.arithmetic, 1e-14)
+        first = [exact.ctx.mpf(v) for v in start] if start else _start(equation, exact, y0, step)
+        root = newton(residual, first, scale, exact.arithmetic, 1e-14)
         return refine(residual, root, scale, exact.ctx, digits + 5) if isinstance(root, Root) else root
     except BROKEN as error:
         return Failure(float("inf"), 0, str(error))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from sepv import problems
+from sepv.description import problem_from_json, problem_to_json
 from sepv.errors import UsageError
 from sepv.polynomial import parse_float
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
@@ -72,23 +73,6 @@ def from_json(data: Any) -> Case:
             received=f"{type(error).__name__}: {error}",
             remedy="copy it whole from a report",
         ) from error
-
-
-def problem_to_json(data: PolynomialSystem | NamedProblem) -> dict[str, Any]:
-    """{"name", "parameters"} or polynomial data, floats in hex."""
-    if isinstance(data, PolynomialSystem):
-        return problems.to_json(data)
-    return {"name": data.name, "parameters": {k: [v.hex() for v in values] for k, values in data.parameters}}
-
-
-def problem_from_json(data: Any) -> PolynomialSystem | NamedProblem:
-    """The inverse of `problem_to_json`."""
-    if "name" not in data:
-        return problems.from_json(data)
-    parameters = {
-        k: tuple(parse_float(v) for v in values) for k, values in data.get("parameters", {}).items()
-    }
-    return NamedProblem(data["name"], tuple(parameters.items()))
 
 
 def to_token(case: Case) -> str:

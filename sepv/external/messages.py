@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-from sepv.case import problem_to_json
+from sepv.description import problem_to_json
 from sepv.errors import Skipped
 from sepv.external.child import Child
 from sepv.external.errors import (

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from sepv.description import from_json as from_json
+from sepv.description import to_json as to_json
 from sepv.errors import UsageError
 from sepv.problem import NamedProblem, PolynomialSystem, Problem
 from sepv.problems.lotka_volterra import lotka_volterra as lotka_volterra
 from sepv.problems.oscillator import harmonic_oscillator as harmonic_oscillator
 from sepv.problems.pendulum import pendulum as pendulum
-from sepv.problems.polynomial_system import from_json as from_json
 from sepv.problems.polynomial_system import polynomial_problem as polynomial_problem
-from sepv.problems.polynomial_system import to_json as to_json
 from sepv.problems.rigid_body import rigid_body as rigid_body
 
 NAMED: dict[str, Callable[..., Problem]] = {

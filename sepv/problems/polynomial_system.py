@@ -1,15 +1,14 @@
-"""Polynomial problems as data, and their JSON with hex floats: a round trip keeps every bit."""
+"""Polynomial problems from their data, with analytic derivatives."""
 
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
 from sepv import polynomial as poly
 from sepv.errors import ProblemError
-from sepv.polynomial import Polynomial, PolynomialMap, parse_float
+from sepv.polynomial import Polynomial, PolynomialMap
 from sepv.problem import PolynomialSystem, Problem
 
 
@@ -57,48 +56,6 @@ def structure_entries(data: PolynomialSystem) -> list[list[Polynomial]]:
         table[i][j] = entry
         table[j][i] = poly.scale(-1.0, entry)
     return table
-
-
-def to_json(data: PolynomialSystem) -> dict[str, Any]:
-    """A JSON object with hex floats; `from_json` gives back an equal record."""
-    return {
-        "dimension": data.dimension,
-        "hamiltonian": poly.to_json(data.hamiltonian),
-        "structure": [[i, j, poly.to_json(entry)] for i, j, entry in data.structure],
-        "noise": [c.hex() for c in data.noise],
-        "casimirs": [[[a.hex() for a in row] for row in A] for A in data.casimirs],
-        "linear_casimirs": [[b.hex() for b in vector] for vector in data.linear_casimirs],
-    }
-
-
-def from_json(data: Any) -> PolynomialSystem:
-    """The inverse of `to_json`; plain numbers are taken as well as hex floats.
-
-    Raises
-    ------
-    ProblemError
-        For anything that does not describe a problem, with what was expected.
-    """
-    try:
-        d = int(data["dimension"])
-        return PolynomialSystem(
-            dimension=d,
-            hamiltonian=poly.from_json(d, data["hamiltonian"]),
-            structure=tuple((int(i), int(j), poly.from_json(d, entry)) for i, j, entry in data["structure"]),
-            noise=tuple(parse_float(c) for c in data.get("noise", [1.0])),
-            casimirs=tuple(
-                tuple(tuple(parse_float(a) for a in row) for row in A) for A in data.get("casimirs", [])
-            ),
-            linear_casimirs=tuple(tuple(parse_float(b) for b in v) for v in data.get("linear_casimirs", [])),
-        )
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        if isinstance(error, ProblemError):
-            raise
-        raise ProblemError(
-            expected="a problem: dimension, hamiltonian, structure [[i, j, terms], …], noise, casimirs",
-            received=f"{type(error).__name__}: {error}",
-            remedy="write one with sepv.problems.to_json and change that",
-        ) from error
 
 
 def _check_indices(data: PolynomialSystem) -> None:

@@ -1,0 +1,67 @@
+"""The branch of solutions that starts at y0 for Δ = 0, followed as the step grows: where does it end?
+
+The equation of an implicit scheme has one solution near y0 for small Δ. With the step t(h, ΔW), t from 0 to 1, that
+solution moves until it meets another and both vanish: a fold, where the Jacobian is singular. Beyond it
+there is no solution that has to do with y0, and a solver that returns one has changed branches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from sepv.reference.arithmetic import Vector
+from sepv.reference.equations import Equation, Step, make_step
+from sepv.reference.problem import Description, ExactProblem, binary64_problem
+from sepv.reference.solve import BROKEN, Root, largest, newton
+
+_FIRST, _LEAST = 1 / 16, 1e-14
+# A solution that moves by more than this share of its size at once may be another one.
+_JUMP = 0.05
+
+
+class Branch(NamedTuple):
+    """t, the largest share of the step that was reached (1: all of it), and the unknowns there, in floats."""
+
+    reached: float
+    x: Vector
+
+    @property
+    def whole(self) -> bool:
+        """Whether the solution exists for the step asked for."""
+        return self.reached == 1.0
+
+
+def follow(
+    equation: Equation, data: Description, y: Sequence[float], h: float, dW: Sequence[float]
+) -> Branch:
+    """Continuation in binary64: the end of a branch is found to about 13 digits of t."""
+    problem = binary64_problem(data)
+    y0, whole = problem.state(y), make_step(problem, h, tuple(dW))
+    x = [0.0] * (len(y0) * equation.blocks) if equation.of_increments else list(y0)
+    scale = largest(y0) or 1.0
+    reached, width = 0.0, _FIRST
+    while reached < 1.0 and width > _LEAST * max(reached, 1e-3):
+        t = min(1.0, reached + width)
+        found = _at(equation, problem, y0, Step(*(t * v for v in whole)), x, scale)
+        if found is None:
+            width /= 2
+        else:
+            reached, x, width = t, found, 1.5 * width
+    return Branch(reached, x)
+
+
+def _at(
+    equation: Equation, problem: ExactProblem, y0: Vector, step: Step, x: Vector, scale: float
+) -> Vector | None:
+    """The solution near x, if Newton finds one without a jump."""
+    assert equation.residual is not None
+    residual = equation.residual
+    try:
+        root = newton(lambda z: residual(problem, y0, step, z), x, scale, problem.arithmetic, 1e-12, most=8)
+    except BROKEN:
+        return None
+    if not isinstance(root, Root):
+        return None
+    moved = largest([a - b for a, b in zip(root.x, x, strict=True)])
+    return root.x if moved <= _JUMP * max(scale, largest(root.x)) else None

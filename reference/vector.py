@@ -1,0 +1,206 @@
+"""Reference vectors: one step, or one exact flow, with its answer to 50 digits, as a record and as JSON.
+
+The files are made by `sepv.reference.generate` only; docs/vectors.md explains them to readers in any language.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from sepv.reference.problem import Description
+
+from sepv.description import problem_from_json, problem_to_json
+from sepv.errors import UsageError
+
+FOLDER = Path(__file__).parent / "vectors"
+FORMAT = "sepv-vectors-1"
+FLOW = "exact-flow"
+DIGITS = 50
+# A solver may say that it does not solve these; it may not return something else.
+HARD = frozenset({"large-step", "near-fold", "subnormal", "huge"})
+
+_KEYS = {"id", "hash", "problem", "y", "y1", "y1_hex", "condition", "rounding", "flags", "proof", "note"}
+_REMEDY = "make it anew with `python -m sepv.reference.generate`, or install sepv again"
+
+
+@dataclass(frozen=True)
+class ReferenceVector:
+    """One case and its answer.
+
+    Attributes
+    ----------
+    y, h, dW : binary64
+        The step; for the exact flow h holds θ, and dW is empty.
+    y1 : d strings of 50 significant digits
+    y1_hex : d binary64 numbers
+        The same, rounded to nearest.
+    condition : float
+        ‖∂y1/∂residual‖_∞.
+    rounding : d floats
+        What plain binary64 arithmetic may be off by, see `sepv.reference.rounding`.
+    flags : words that classify it
+    proof : str
+        How the answer is known: "krawczyk", "balls", or "two methods".
+    note : str
+        Why it is there.
+    """
+
+    id: str
+    scheme: str
+    problem: Description
+    y: tuple[float, ...]
+    h: float
+    dW: tuple[float, ...]
+    y1: tuple[str, ...]
+    y1_hex: tuple[float, ...]
+    condition: float
+    rounding: tuple[float, ...]
+    flags: tuple[str, ...]
+    proof: str
+    note: str
+
+    @property
+    def hard(self) -> bool:
+        """Whether a solver may honestly refuse it."""
+        return bool(HARD & set(self.flags))
+
+
+def to_json(vector: ReferenceVector) -> dict[str, Any]:
+    """A JSON object, its hash last."""
+    step: dict[str, Any] = (
+        {"theta": vector.h.hex()}
+        if vector.scheme == FLOW
+        else {"h": vector.h.hex(), "dW": [w.hex() for w in vector.dW]}
+    )
+    data = {
+        "id": vector.id,
+        "note": vector.note,
+        "flags": list(vector.flags),
+        "problem": problem_to_json(vector.problem),
+        "y": [v.hex() for v in vector.y],
+        **step,
+        "y1": list(vector.y1),
+        "y1_hex": [v.hex() for v in vector.y1_hex],
+        "condition": vector.condition,
+        "rounding": list(vector.rounding),
+        "proof": vector.proof,
+    }
+    return {**data, "hash": digest(data)}
+
+
+def digest(data: dict[str, Any]) -> str:
+    """The first 16 hex digits of the SHA-256 of the case as JSON without its hash, keys sorted, no spaces, ASCII."""
+    text = json.dumps(
+        {k: v for k, v in data.items() if k != "hash"},
+        sort_keys=True,
+        separators=(",", ":"),
+        ensure_ascii=True,
+    )
+    return hashlib.sha256(text.encode("ascii")).hexdigest()[:16]
+
+
+def to_text(scheme: str, source: str, vectors: Iterable[ReferenceVector]) -> str:
+    """A whole file: a head, then one case a line."""
+    head = {"format": FORMAT, "scheme": scheme, "source": source, "digits": DIGITS}
+    lines = ",\n".join(json.dumps(to_json(v), separators=(",", ":"), ensure_ascii=True) for v in vectors)
+    return json.dumps(head, ensure_ascii=True, indent=1)[:-2] + ',\n "cases": [\n' + lines + "\n ]\n}\n"
+
+
+def schemes_with_vectors(folder: Path = FOLDER) -> list[str]:
+    """The schemes that have a file."""
+    return sorted(p.stem for p in folder.glob("*.json") if not p.stem.endswith(".schema"))
+
+
+@lru_cache(maxsize=64)
+def load(scheme: str, folder: Path = FOLDER) -> tuple[ReferenceVector, ...]:
+    """The vectors of one scheme, checked: format, keys, hashes, no id twice.
+
+    Raises
+    ------
+    UsageError
+        Naming the file, the case and what is wrong with it.
+    """
+    path = folder / f"{scheme}.json"
+    try:
+        data = json.loads(path.read_text(encoding="ascii"))
+    except (OSError, ValueError) as error:
+        have = ", ".join(schemes_with_vectors(folder)) or "none"
+        raise UsageError(
+            expected=f"a file of reference vectors for {scheme} (there are: {have})",
+            received=f"{path}: {error}",
+            remedy=_REMEDY,
+        ) from error
+    if not isinstance(data, dict) or data.get("format") != FORMAT or data.get("scheme") != scheme:
+        found = (
+            {k: data.get(k) for k in ("format", "scheme")} if isinstance(data, dict) else type(data).__name__
+        )
+        raise UsageError(
+            expected=f'{path} with "format": "{FORMAT}" and "scheme": "{scheme}"',
+            received=f"{found}",
+            remedy=_REMEDY,
+        )
+    vectors, seen = [], set()
+    for case in data.get("cases", []):
+        vector = _from_json(scheme, case, path)
+        if vector.id in seen:
+            raise UsageError(
+                expected=f"each id once in {path}", received=f"{vector.id} twice", remedy=_REMEDY
+            )
+        seen.add(vector.id)
+        vectors.append(vector)
+    return tuple(vectors)
+
+
+def _from_json(scheme: str, case: Any, path: Path) -> ReferenceVector:
+    keys = _KEYS | ({"theta"} if scheme == FLOW else {"h", "dW"})
+    name = case.get("id") if isinstance(case, dict) else None
+    if not isinstance(case, dict) or set(case) != keys:
+        odd = sorted(set(case) ^ keys) if isinstance(case, dict) else type(case).__name__
+        raise UsageError(
+            expected=f"cases with the keys {', '.join(sorted(keys))} in {path}",
+            received=f"case {name!r} that differs in {odd}",
+            remedy=_REMEDY,
+        )
+    if not isinstance(name, str) or not name.startswith(f"{scheme}/"):
+        raise UsageError(expected=f"ids {scheme}/… in {path}", received=repr(name), remedy=_REMEDY)
+    if case["hash"] != digest(case):
+        raise UsageError(
+            expected=f"case {name} of {path} with the hash of what it says, {digest(case)}",
+            received=f"{case['hash']!r}: the case was changed",
+            remedy=_REMEDY,
+        )
+    try:
+        vector = ReferenceVector(
+            id=name,
+            scheme=scheme,
+            problem=problem_from_json(case["problem"]),
+            y=tuple(map(float.fromhex, case["y"])),
+            h=float.fromhex(case["theta"] if scheme == FLOW else case["h"]),
+            dW=tuple(map(float.fromhex, case.get("dW", ()))),
+            y1=tuple(case["y1"]),
+            y1_hex=tuple(map(float.fromhex, case["y1_hex"])),
+            condition=float(case["condition"]),
+            rounding=tuple(map(float, case["rounding"])),
+            flags=tuple(case["flags"]),
+            proof=case["proof"],
+            note=case["note"],
+        )
+    except (TypeError, ValueError, KeyError) as error:
+        raise UsageError(
+            expected=f"case {name} of {path} as its schema says",
+            received=f"{type(error).__name__}: {error}",
+            remedy=_REMEDY,
+        ) from error
+    if not len(vector.y) == len(vector.y1) == len(vector.y1_hex) == len(vector.rounding):
+        raise UsageError(
+            expected=f"case {name} of {path} with as many components in y1, y1_hex and rounding as in y",
+            received=f"{len(vector.y)}, {len(vector.y1)}, {len(vector.y1_hex)}, {len(vector.rounding)}",
+            remedy=_REMEDY,
+        )
+    return vector

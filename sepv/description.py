@@ -1,0 +1,69 @@
+"""Problem descriptions as JSON with hex floats: a round trip keeps every bit."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sepv import polynomial as poly
+from sepv.errors import ProblemError
+from sepv.polynomial import parse_float
+from sepv.problem import NamedProblem, PolynomialSystem
+
+
+def problem_to_json(data: PolynomialSystem | NamedProblem) -> dict[str, Any]:
+    """{"name", "parameters"} or polynomial data, floats in hex."""
+    if isinstance(data, PolynomialSystem):
+        return to_json(data)
+    return {"name": data.name, "parameters": {k: [v.hex() for v in values] for k, values in data.parameters}}
+
+
+def problem_from_json(data: Any) -> PolynomialSystem | NamedProblem:
+    """The inverse of `problem_to_json`."""
+    if "name" not in data:
+        return from_json(data)
+    parameters = {
+        k: tuple(parse_float(v) for v in values) for k, values in data.get("parameters", {}).items()
+    }
+    return NamedProblem(data["name"], tuple(parameters.items()))
+
+
+def to_json(data: PolynomialSystem) -> dict[str, Any]:
+    """A JSON object with hex floats; `from_json` gives back an equal record."""
+    return {
+        "dimension": data.dimension,
+        "hamiltonian": poly.to_json(data.hamiltonian),
+        "structure": [[i, j, poly.to_json(entry)] for i, j, entry in data.structure],
+        "noise": [c.hex() for c in data.noise],
+        "casimirs": [[[a.hex() for a in row] for row in A] for A in data.casimirs],
+        "linear_casimirs": [[b.hex() for b in vector] for vector in data.linear_casimirs],
+    }
+
+
+def from_json(data: Any) -> PolynomialSystem:
+    """The inverse of `to_json`; plain numbers are taken as well as hex floats.
+
+    Raises
+    ------
+    ProblemError
+        For anything that does not describe a problem, with what was expected.
+    """
+    try:
+        d = int(data["dimension"])
+        return PolynomialSystem(
+            dimension=d,
+            hamiltonian=poly.from_json(d, data["hamiltonian"]),
+            structure=tuple((int(i), int(j), poly.from_json(d, entry)) for i, j, entry in data["structure"]),
+            noise=tuple(parse_float(c) for c in data.get("noise", [1.0])),
+            casimirs=tuple(
+                tuple(tuple(parse_float(a) for a in row) for row in A) for A in data.get("casimirs", [])
+            ),
+            linear_casimirs=tuple(tuple(parse_float(b) for b in v) for v in data.get("linear_casimirs", [])),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        if isinstance(error, ProblemError):
+            raise
+        raise ProblemError(
+            expected="a problem: dimension, hamiltonian, structure [[i, j, terms], …], noise, casimirs",
+            received=f"{type(error).__name__}: {error}",
+            remedy="write one with sepv.problems.to_json and change that",
+        ) from error
