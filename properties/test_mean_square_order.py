@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 from sepv.convergence import above_floor, slope
+from sepv.errors import Skipped
 from sepv.law import Effort, Finding, Law, Verdict, require
 from sepv.scheme import Scheme
 from sepv.sequential import SETUPS, judge, looks, sampled
@@ -19,12 +21,13 @@ def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
     """The slope against the claimed order, or against 1 where none is claimed."""
     order = 1.0 if scheme.mean_square_order is None else scheme.mean_square_order
     for setup in SETUPS:
-        errors = sampled(scheme, setup, looks(effort)[0], effort)
-        if above_floor(errors).sum() < 2 and not any(errors.failures):
-            return law.finding(
-                Verdict.INCONCLUSIVE,
-                message=f"{setup.problem}: errors at the rounding floor, no slope is left to see",
-            )
+        with suppress(Skipped):  # `judge` reports it
+            errors = sampled(scheme, setup, looks(effort)[0], effort)
+            if above_floor(errors).sum() < 2 and not any(errors.failures):
+                return law.finding(
+                    Verdict.INCONCLUSIVE,
+                    message=f"{setup.problem}: errors at the rounding floor, no slope is left to see",
+                )
     return judge(law, scheme, effort, slope, order - MARGIN)
 
 

@@ -16,11 +16,12 @@ import numpy as np
 import pytest
 
 from sepv import external, problems, schemes
-from sepv.errors import SchemeFault, UsageError
+from sepv.errors import SchemeFault, Skipped, UsageError
 from sepv.external import Program, check_protocol, load_program
 from sepv.law import Effort, Verdict
 from sepv.polynomial import polynomial
 from sepv.problem import PolynomialSystem
+from sepv.scheme import Scheme
 from sepv.suite import LAWS, verify
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -385,6 +386,19 @@ def test_a_broken_program_ends_in_the_verdict_error_and_exit_code_3(child, code)
         report = verify(scheme, laws=["contract", "energy", "mean-square-order"], effort=effort)
     assert [f.verdict for f in report.findings] == [Verdict.ERROR] * 3
     assert report.exit_code == 3
+
+
+def test_a_problem_that_is_skipped_leaves_a_verdict_about_the_others():
+    def step(problem, y, h, dW):
+        if problem.name == "pendulum":
+            raise Skipped("no pendulum here")
+        return schemes.midpoint.step(problem, y, h, dW)
+
+    scheme = Scheme("choosy", step, mean_square_order=1.0, batched=True)
+    (finding,) = verify(scheme, laws=["mean-square-order"], effort=Effort(paths=1024)).findings
+    assert finding.verdict is Verdict.HOLDS
+    assert "rigid-body: " in finding.message
+    assert "pendulum: skipped, no pendulum here" in finding.message
 
 
 def test_a_program_that_skips_everything_violates_nothing_and_holds_nothing(child):
