@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from sepv import schemes as schemes
     from sepv import strategies as strategies
     from sepv import wiener as wiener
+    from sepv.engine.ensemble import ensemble as ensemble
+    from sepv.errors import ChunkFailure as ChunkFailure
     from sepv.errors import ProblemError as ProblemError
     from sepv.errors import SchemeFault as SchemeFault
     from sepv.errors import SepvError as SepvError
@@ -24,7 +26,6 @@ if TYPE_CHECKING:
     from sepv.exact import exact_flow as exact_flow
     from sepv.problem import Problem as Problem
     from sepv.scheme import Scheme as Scheme
-    from sepv.simulation import ensemble as ensemble
     from sepv.simulation import integrate as integrate
     from sepv.suite import verify as verify
 
@@ -32,11 +33,19 @@ _HOME = {
     "Problem": "sepv.problem",
     "Scheme": "sepv.scheme",
     "integrate": "sepv.simulation",
-    "ensemble": "sepv.simulation",
+    "ensemble": "sepv.engine.ensemble",
     "exact_flow": "sepv.exact",
     "verify": "sepv.suite",
     **dict.fromkeys(
-        ("SepvError", "UsageError", "ProblemError", "TargetError", "SchemeFault", "StepFailure"),
+        (
+            "SepvError",
+            "UsageError",
+            "ProblemError",
+            "TargetError",
+            "SchemeFault",
+            "StepFailure",
+            "ChunkFailure",
+        ),
         "sepv.errors",
     ),
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import numpy as np
@@ -38,6 +38,26 @@ class Skipped(SepvError):
     def __init__(self, reason: str) -> None:
         self.reason = reason
         super().__init__(f"skipped: {reason}")
+
+
+class ChunkFailure(SepvError, RuntimeError):
+    """A chunk of an ensemble raised, on its worker and again here.
+
+    Attributes
+    ----------
+    paths : (P,) array
+        The numbers of the paths that are finished.
+    ensemble : Ensemble
+        Their ends.
+    """
+
+    def __init__(self, cause: Exception, finished: tuple[np.ndarray, Any]) -> None:
+        self.paths, self.ensemble = finished
+        super().__init__(
+            f"A chunk of paths raised {type(cause).__name__}: {cause}\n"
+            f"{len(self.paths)} paths are finished and kept in this error's `ensemble`, their numbers in `paths`.\n"
+            "Remedy: correct the cause above; the same seed gives the same paths again."
+        )
 
 
 class StepFailure(SepvError, ArithmeticError):

@@ -80,6 +80,8 @@ class Solution:
         Newton iterations, and evaluations of ∇H and B (those of Newton's Jacobian not counted).
     status : (M,)
         `Status` of each lane.
+    change : (d, M), optional
+        y1 − y0 before it was rounded into `value`: compensated summation needs it.
     """
 
     value: Array
@@ -88,6 +90,7 @@ class Solution:
     gradient_evaluations: NDArray[np.int64]
     structure_evaluations: NDArray[np.int64]
     status: NDArray[np.int64]
+    change: Array | None = None
 
 
 IncrementFunction = Callable[[Problem, Array, Array, Array], Increment]
@@ -217,7 +220,11 @@ def iterate(equations: Equations, start: Array, lanes: NDArray[np.intp] | None =
             active = active[inside]
             if not active.size:
                 break
+<<<<<<< HEAD
     return Solution(z_all, residual, iterations, gradients, structures, status)
+=======
+    return Solution(y0 + delta, residual, iterations, gradients, structures, status, delta)
+>>>>>>> 2d3169e (A compiled engine behind sepv.ensemble: lanes of paths in lockstep, increments drawn inside, chunks on any workers)
 
 
 def require_converged(problem: Problem, y: Array, step: Array, solution: Solution) -> Array:

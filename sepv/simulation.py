@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -46,6 +46,12 @@ class Ensemble:
         evaluated in binary64.
     gradient_evaluations, structure_evaluations, iterations : int
         Work over all paths and steps; zero for schemes that do not report it.
+    times, states : (K,), (K, d, M)
+        The states at the chosen times, of a failed path the last one reached.
+    engine : "numpy" or "compiled"
+    reason : why it was not the compiled engine.
+    repeated : int
+        Chunks that had to be computed again because a worker raised or died.
     """
 
     y: Array
@@ -57,6 +63,11 @@ class Ensemble:
     gradient_evaluations: int
     structure_evaluations: int
     iterations: int
+    times: Array = field(default_factory=lambda: np.empty(0))
+    states: Array = field(default_factory=lambda: np.empty((0, 0, 0)))
+    engine: str = "numpy"
+    reason: str = ""
+    repeated: int = 0
 
 
 def integrate(
@@ -90,7 +101,7 @@ def integrate(
         For arguments that make no path.
     """
     count = step_count(h, T, steps)
-    start = _start(problem, y0)
+    start = initial_state(problem, y0)
     raw = (
         wiener.increments(seed, T=h * count, steps=count, noises=problem.noises, refine=None)[:, :, 0]
         if dW is None
@@ -125,42 +136,6 @@ def integrate(
     return Trajectory(np.arange(count + 1, dtype=np.float64) * h, y, used, evaluations)
 
 
-def ensemble(
-    scheme: Scheme,
-    problem: Problem,
-    *,
-    h: float,
-    T: float,
-    paths: int,
-    seed: int = 0,
-    y0: ArrayLike | None = None,
-    truncation: int | None = -1,
-    refine: int | None = None,
-) -> Ensemble:
-    """The ends of `paths` paths; memory grows with paths and with one chunk's increments.
-
-    Path number p is the same for any number of paths, and for every h = T/(n·2^l) with the same odd n.
-
-    Raises
-    ------
-    UsageError
-        For arguments that make no ensemble. A failing path raises nothing: see `Ensemble.status`.
-    """
-    count = step_count(h, T, None)
-    if not isinstance(paths, int) or paths < 1:
-        raise UsageError(expected="paths, an integer ≥ 1", received=repr(paths), remedy="ask for a path")
-    start = _start(problem, y0)
-    k = scheme.truncation if truncation == -1 else truncation
-    chunks = []
-    for first in range(0, paths, CHUNK):
-        numbers = range(first, min(first + CHUNK, paths))
-        raw = wiener.increments(
-            seed, T=h * count, steps=count, noises=problem.noises, paths=numbers, refine=refine
-        )
-        chunks.append(run_chunk(scheme, problem, start, h, raw, k))
-    return _join(chunks)
-
-
 def run_chunk(
     scheme: Scheme, problem: Problem, y0: Array, h: float, raw: Array, k: int | None, *, track: bool = True
 ) -> Ensemble:
@@ -168,47 +143,88 @@ def run_chunk(
 
     Without `track` the invariants are not followed, and their defects are zero.
     """
-    paths = raw.shape[2]
-    y = np.repeat(y0[:, None], paths, axis=1)
-    used = wiener.truncate(raw, h, k)
-    status, failed = np.zeros(paths, dtype=np.int64), np.full(paths, -1)
-    invariants = _invariants(problem, y)
-    worst = np.zeros((2, paths))
-    work = np.zeros(3, dtype=np.int64)
-    alive = np.arange(paths)
-    for n in range(raw.shape[0]):
-        value, code, cost = advance(scheme, problem, y[:, alive], h, used[n][:, alive])
-        work += cost
-        ok = code == Status.CONVERGED
-        status[alive[~ok]], failed[alive[~ok]] = code[~ok], n
-        y[:, alive[ok]] = value[:, ok]
-        alive = alive[ok]
+    batch = Batch(scheme, problem, y0, raw.shape[2], track=track)
+    for increment in wiener.truncate(raw, h, k):
+        batch.step(h, increment)
+    return batch.result(raw.sum(axis=0))
+
+
+class Batch:
+    """Paths in NumPy, one step of all at a time; one whose step failed stays where it was."""
+
+    def __init__(
+        self,
+        scheme: Scheme,
+        problem: Problem,
+        y0: Array,
+        paths: int,
+        *,
+        track: bool = True,
+        compensated: bool = False,
+    ) -> None:
+        if compensated and scheme.solve is None:
+            raise UsageError(
+                expected="an implicit scheme for compensated summation in NumPy",
+                received=f"the scheme {scheme.name!r}, whose step returns a state and not its increment",
+                remedy="engine='compiled', or compensated=False",
+            )
+        self.scheme, self.problem, self.track = scheme, problem, track
+        self.y = np.repeat(y0[:, None], paths, axis=1)
+        self.lost = np.zeros_like(self.y) if compensated else None
+        self.status, self.failed = np.zeros(paths, dtype=np.int64), np.full(paths, -1)
+        self.invariants = _invariants(problem, self.y)
+        self.worst = np.zeros((2, paths))
+        self.work = np.zeros(3, dtype=np.int64)
+        self.alive = np.arange(paths)
+        self.done = 0
+
+    def step(self, h: float, dW: Array) -> None:
+        """One step with the increments dW (m, M), truncated by the caller."""
+        alive = self.alive
+        self.done += 1
         if not alive.size:
-            break
-        if not track:
-            continue
-        drift = np.abs(_invariants(problem, y[:, alive]) - invariants[:, alive])
-        worst[0, alive] = np.maximum(worst[0, alive], drift[0])
-        worst[1, alive] = np.maximum(worst[1, alive], drift[1:].max(axis=0, initial=0.0))
-    W = raw.sum(axis=0)
-    return Ensemble(y, W, status, failed, worst[0], worst[1], *(int(v) for v in work))
+            return
+        before = self.y[:, alive]
+        value, code, cost, change = advance(self.scheme, self.problem, before, h, dW[:, alive])
+        self.work += cost
+        ok = code == Status.CONVERGED
+        self.status[alive[~ok]], self.failed[alive[~ok]] = code[~ok], self.done - 1
+        if self.lost is not None and change is not None:
+            # Kahan: what the sum loses is kept and added to the next increment.
+            wanted = change + self.lost[:, alive]
+            value = before + wanted
+            self.lost[:, alive] = (before - value) + wanted
+        self.alive = alive = alive[ok]
+        self.y[:, alive] = value[:, ok]
+        if self.track and alive.size:
+            drift = np.abs(_invariants(self.problem, self.y[:, alive]) - self.invariants[:, alive])
+            self.worst[0, alive] = np.maximum(self.worst[0, alive], drift[0])
+            self.worst[1, alive] = np.maximum(self.worst[1, alive], drift[1:].max(axis=0, initial=0.0))
+
+    def result(self, W: Array, states: Array | None = None) -> Ensemble:
+        """The ends so far."""
+        gradients, structures, iterations = (int(v) for v in self.work)
+        ends = Ensemble(
+            self.y, W, self.status, self.failed, self.worst[0], self.worst[1], gradients, structures, iterations
+        )  # fmt: skip
+        return ends if states is None else replace(ends, states=states)
 
 
 def advance(
     scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array
-) -> tuple[Array, np.ndarray, np.ndarray]:
-    """One step of a batch: value, status of each lane, (gradients, structures, iterations)."""
+) -> tuple[Array, np.ndarray, np.ndarray, Array | None]:
+    """One step of a batch: value, status of each lane, (gradients, structures, iterations), y1 − y0 if known."""
     if scheme.solve is not None:
         solution = scheme.solve(problem, y, h, dW)
         cost = (solution.gradient_evaluations, solution.structure_evaluations, solution.iterations)
-        return solution.value, solution.status, np.array([int(c.sum()) for c in cost])
+        return solution.value, solution.status, np.array([int(c.sum()) for c in cost]), solution.change
     value, code = _batch_step(scheme, problem, y, h, dW)
     outside = ~np.all(np.isfinite(value), axis=0)
     code[outside & (code == 0)] = Status.OVERFLOW
     if problem.domain is not None:
         with np.errstate(invalid="ignore"):
             code[~np.asarray(problem.domain(value), dtype=bool) & (code == 0)] = Status.LEFT_DOMAIN
-    return value, code, np.zeros(3, dtype=np.int64)
+    return value, code, np.zeros(3, dtype=np.int64), None
 
 
 def _batch_step(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> tuple[Array, np.ndarray]:
@@ -236,23 +252,6 @@ def _invariants(problem: Problem, y: Array) -> Array:
     for b in problem.linear_casimirs:
         rows.append(sum(b[i] * y[i] for i in range(len(b))))
     return np.stack(rows)
-
-
-def _join(chunks: list[Ensemble]) -> Ensemble:
-    def along(key: str) -> np.ndarray:
-        return np.concatenate([getattr(c, key) for c in chunks], axis=-1)
-
-    return Ensemble(
-        y=along("y"),
-        W=along("W"),
-        status=along("status"),
-        failed_step=along("failed_step"),
-        energy_defect=along("energy_defect"),
-        casimir_defect=along("casimir_defect"),
-        gradient_evaluations=sum(c.gradient_evaluations for c in chunks),
-        structure_evaluations=sum(c.structure_evaluations for c in chunks),
-        iterations=sum(c.iterations for c in chunks),
-    )
 
 
 def step_count(h: float, T: float | None, steps: int | None) -> int:
@@ -293,7 +292,8 @@ def step_count(h: float, T: float | None, steps: int | None) -> int:
     return count
 
 
-def _start(problem: Problem, y0: ArrayLike | None) -> Array:
+def initial_state(problem: Problem, y0: ArrayLike | None) -> Array:
+    """y0, or the problem's initial state, checked."""
     start = problem.initial if y0 is None else y0
     if start is None:
         raise UsageError(

@@ -169,7 +169,7 @@ def walk(
     A piece is never shorter than one increment of the coarse part, 2^(halvings − top) steps.
     """
     wanted = range(paths) if isinstance(paths, int) else paths
-    _validate(seed, T, steps, noises, wanted)
+    validate(seed, T, steps, noises, wanted)
     plan = grid(steps, refine)
     factors = spreads(T, plan)
     streams = _Streams(stream_states(seed, wanted, plan), noises)
@@ -229,7 +229,8 @@ def coarsen(dW: Array, factor: int) -> Array:
     return np.asarray(dW).reshape(dW.shape[0] // factor, factor, *dW.shape[1:]).sum(axis=1)
 
 
-def _validate(seed: int, T: float, steps: int, noises: int, paths: range) -> None:
+def validate(seed: int, T: float, steps: int, noises: int, paths: range) -> None:
+    """Raises UsageError for arguments that draw no increments."""
     checks = (
         (isinstance(seed, (int, np.integer)) and seed >= 0, "seed, an integer ≥ 0", seed),
         (np.ndim(T) == 0 and np.isfinite(T) and T > 0, "T, a finite time > 0", T),

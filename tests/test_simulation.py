@@ -13,14 +13,16 @@ from sepv.simulation import CHUNK
 
 def test_a_path_of_an_ensemble_is_the_single_path() -> None:
     problem = problems.pendulum()
-    many = sepv.ensemble(schemes.energy_preserving, problem, h=1 / 32, T=1.0, paths=70, seed=9)
+    many = sepv.ensemble(
+        schemes.energy_preserving, problem, h=1 / 32, T=1.0, paths=70, seed=9, engine="numpy"
+    )
     one = sepv.integrate(schemes.energy_preserving, problem, h=1 / 32, T=1.0, seed=9)
     assert np.array_equal(one.y[:, -1], many.y[:, 0])
     assert one.t[-1] == 1.0
     assert one.y.shape == (2, 33)
     assert many.gradient_evaluations > 0
     assert many.iterations >= 70 * 32
-    few = sepv.ensemble(schemes.energy_preserving, problem, h=1 / 32, T=1.0, paths=5, seed=9)
+    few = sepv.ensemble(schemes.energy_preserving, problem, h=1 / 32, T=1.0, paths=5, seed=9, engine="numpy")
     assert np.array_equal(few.y, many.y[:, :5])
     assert np.array_equal(few.W, many.W[:, :5])
 

@@ -24,13 +24,13 @@ from sepv import problems, wiener
 from sepv._version import __version__
 from sepv.adapters.multistep import PathSolver
 from sepv.convergence import StrongErrors, log_decay, slope
+from sepv.engine.ensemble import ensemble
 from sepv.exact import exact_flow
 from sepv.law import Effort, Verdict
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
 from sepv.schemes import energy_preserving
 from sepv.sequential import FALSE_ALARM, SETUPS, Setup
-from sepv.simulation import ensemble
 from sepv.suite import LAWS, Report, verify
 from sepv.tolerance import energy_ulp
 

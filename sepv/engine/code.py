@@ -1,0 +1,70 @@
+"""What the engine needs of a problem: its functions as scalar code."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+from sepv.engine.text import Expression, Text
+
+Table = list[list[Expression]]
+
+
+class ProblemCode(Protocol):
+    """The functions of a problem, each written into a `Text` for given names of the components.
+
+    `y` are the names of the d components, `z` those of the increment y1 − y. `preamble` is what a module
+    needs before the kernel.
+    """
+
+    preamble: str
+    dimension: int
+    gradient_evaluations: int
+
+    def __hash__(self) -> int:
+        """Records of code are compared by identity."""
+
+    def hamiltonian(self, e: Text, y: Sequence[str]) -> Expression:
+        """H(y)."""
+
+    def gradient(self, e: Text, y: Sequence[str]) -> list[Expression]:
+        """∇H(y)."""
+
+    def hessian(self, e: Text, y: Sequence[str]) -> Table:
+        """H″(y)."""
+
+    def structure(self, e: Text, y: Sequence[str]) -> Table:
+        """B(y)."""
+
+    def structure_derivative(self, e: Text, y: Sequence[str]) -> list[Table]:
+        """∂B_ij/∂y_k at [k][i][j]."""
+
+    def mean_gradient(self, e: Text, y: Sequence[str], z: Sequence[str]) -> list[Expression]:
+        """∫₀¹∇H(y + τz)dτ, exact to rounding."""
+
+    def mean_hessian(self, e: Text, y: Sequence[str], z: Sequence[str]) -> Table:
+        """The derivative of the mean gradient by z; it serves Newton's Jacobian only."""
+
+    def domain(self, e: Text, y: Sequence[str]) -> str | None:
+        """Whether y is in the domain; None for everywhere."""
+
+    def casimirs(self, e: Text, y: Sequence[str]) -> list[Expression]:
+        """The quadratic Casimirs, then the linear ones."""
+
+
+def quadratic_form(e: Text, A: Any, y: Sequence[str]) -> Expression:
+    """Σ_ij A_ij (y_i y_j), row by row, without zeros."""
+    d = len(y)
+    terms = [(i, j) for i in range(d) for j in range(d) if A[i][j] != 0]
+    value: Expression = None
+    for i, j in terms:
+        value = e.plus(e.product(e.number(float(A[i][j])), y[i]), y[j], value)
+    return value
+
+
+def skew(d: int, upper: dict[tuple[int, int], Expression], e: Text) -> Table:
+    """The skew table with the given entries above the diagonal."""
+    table: Table = [[None] * d for _ in range(d)]
+    for (i, j), value in upper.items():
+        table[i][j], table[j][i] = value, e.product("(-1.0)", value)
+    return table

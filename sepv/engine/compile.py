@@ -1,0 +1,101 @@
+"""Which problems and schemes the compiled engine takes, and why it does not take the others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from importlib.util import find_spec
+from types import ModuleType
+
+import numpy as np
+
+from sepv import schemes
+from sepv.engine.code import ProblemCode
+from sepv.engine.kernel import module_text
+from sepv.engine.named import LotkaVolterra, Pendulum, as_polynomial
+from sepv.engine.polynomials import PolynomialCode
+from sepv.engine.schemes import FORMULAS, Formula
+from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
+from sepv.scheme import Scheme
+
+# Paths side by side: eight registers of eight doubles, long enough to hide latencies, and still in L1.
+LANES = 64
+# The code of a step is written out for every component: beyond this it grows too long to compile.
+LARGEST_DIMENSION = 16
+
+
+class CannotCompile(Exception):
+    """Why the compiled engine does not take a scheme or a problem."""
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """A compiled module, the parameters that it reads, and evaluations of ∇H and B for an iteration."""
+
+    module: ModuleType
+    parameters: Array
+    lanes: int
+    gradients: int
+    structures: int
+
+
+def kernel(scheme: Scheme, problem: Problem, *, lanes: int = LANES, compensated: bool = False) -> Kernel:
+    """The compiled kernel for a scheme and a problem.
+
+    Raises
+    ------
+    CannotCompile
+    """
+    if find_spec("numba") is None:
+        raise CannotCompile("numba is not installed (pip install 'sepv[fast]')")
+    formula, code = formula_of(scheme), code_of(problem)
+    text, parameters = module_text(code, formula, problem.noises, lanes, compensated)
+    from sepv.engine.store import load
+
+    return Kernel(
+        load(text),
+        np.array([*problem.c, *parameters], dtype=np.float64),
+        lanes,
+        formula.gradients * (code.gradient_evaluations if formula.averaged else 1),
+        formula.structures,
+    )
+
+
+def formula_of(scheme: Scheme) -> Formula:
+    """The scheme's formula; a scheme of another author is never mistaken for ours of the same name."""
+    own = schemes.ALL.get(scheme.name)
+    formula = FORMULAS.get(scheme.name)
+    if own is None or formula is None or own.step is not scheme.step or own.solve is not scheme.solve:
+        raise CannotCompile(f"the compiled engine has no code for the scheme {scheme.name!r}")
+    return formula
+
+
+def code_of(problem: Problem) -> ProblemCode:
+    """The problem's functions as code."""
+    if problem.dimension > LARGEST_DIMENSION:
+        raise CannotCompile(
+            f"{problem.name} has {problem.dimension} components, the compiled engine takes {LARGEST_DIMENSION}"
+        )
+    data = problem.data
+    if isinstance(data, NamedProblem):
+        data = as_polynomial(data) or data
+    if isinstance(data, PolynomialSystem):
+        return _polynomial_code(data)
+    if isinstance(data, NamedProblem) and data.name == "pendulum":
+        return _PENDULUM
+    if isinstance(data, NamedProblem) and data.name == "lotka-volterra":
+        return _lotka_volterra(data)
+    raise CannotCompile(f"{problem.name} is given by Python functions of arrays")
+
+
+_PENDULUM = Pendulum()
+
+
+@cache
+def _lotka_volterra(data: NamedProblem) -> LotkaVolterra:
+    return LotkaVolterra(data)
+
+
+@cache
+def _polynomial_code(data: PolynomialSystem) -> PolynomialCode:
+    return PolynomialCode(data)

@@ -1,0 +1,193 @@
+"""Sine, cosine and logarithm without branches or calls, so that a loop over lanes becomes SIMD code.
+
+The polynomials are those of fdlibm (k_sin.c, k_cos.c, e_log.c; errors below 1 ulp of their reduced
+argument). Imported by generated code alone: this module needs numba.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
+
+_inline: Any = njit(error_model="numpy", forceinline=True, cache=True)
+
+# π/2 in three parts of 22, 22 and 53 bits: k·part is exact for |k| < 2³¹.
+_PART_1 = float.fromhex("0x1.921fb0p+0")
+_PART_2 = float.fromhex("0x1.5110bp-22")
+_PART_3 = float.fromhex("0x1.18469898cc517p-44")
+_TWO_OVER_PI = 2 / math.pi
+# Beyond this an angle is NaN: its own rounding is then 1e-7, and the reduction is no longer exact.
+_LARGEST_ANGLE = 1e9
+_TO_INTEGER = 1.5 * 2.0**52  # adding it rounds to the nearest integer
+_LN2_HIGH, _LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
+
+
+@intrinsic
+def float_bits(typingctx: Any, x: Any) -> Any:  # noqa: ARG001 - numba's signature
+    """The 64 bits of a float64 as an int64."""
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001 - numba's
+        return builder.bitcast(arguments[0], ir.IntType(64))
+
+    return types.int64(types.float64), code
+
+
+@intrinsic
+def bits_float(typingctx: Any, x: Any) -> Any:  # noqa: ARG001 - numba's signature
+    """The float64 with these 64 bits."""
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001 - numba's
+        return builder.bitcast(arguments[0], ir.DoubleType())
+
+    return types.float64(types.int64), code
+
+
+@intrinsic
+def pick(typingctx: Any, condition: Any, a: Any, b: Any) -> Any:  # noqa: ARG001 - numba's signature
+    """a where the condition holds, else b, both evaluated: a branch would keep a loop from becoming SIMD code."""
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001 - numba's
+        return builder.select(*arguments)
+
+    kind = types.float64 if types.float64 in (a, b) else types.int64
+    return kind(types.boolean, kind, kind), code
+
+
+@intrinsic
+def fma(typingctx: Any, a: Any, b: Any, c: Any) -> Any:  # noqa: ARG001 - numba's signature
+    """a·b + c with one rounding: written out, so that it is the same in SIMD and in scalar code."""
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001 - numba's
+        return builder.fma(*arguments)
+
+    return types.float64(types.float64, types.float64, types.float64), code
+
+
+@intrinsic
+def wide(typingctx: Any) -> Any:  # noqa: ARG001 - numba's signature
+    """Asks LLVM for registers of 512 bits where there are any: on Intel's it takes 256 by default.
+
+    For loops of nothing but arithmetic that is 1.4 times slower. llvmlite knows no such attribute of a function
+    and refuses its name, which LLVM takes, so that it is put into the set past the check.
+    """
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001 - numba's
+        set.add(builder.function.attributes, '"prefer-vector-width"="512"')
+        return context.get_dummy_value()
+
+    return types.void(), code
+
+
+@intrinsic
+def no(typingctx: Any, condition: Any) -> Any:  # noqa: ARG001 - numba's signature
+    """Not the condition, without a branch."""
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001 - numba's
+        return builder.not_(arguments[0])
+
+    return types.boolean(types.boolean), code
+
+
+@_inline
+def sincos(x: float) -> tuple[float, float]:
+    """(sin x, cos x), within 1 ulp of 1 for |x| ≤ 1e9, NaN beyond."""
+    shifted = x * _TWO_OVER_PI + _TO_INTEGER
+    k = shifted - _TO_INTEGER
+    quadrant = float_bits(shifted)
+    r = ((x - k * _PART_1) - k * _PART_2) - k * _PART_3
+    r = pick(abs(x) <= _LARGEST_ANGLE, r, np.nan)
+    z = r * r
+    s = 8.33333333332248946124e-03 + z * (
+        -1.98412698298579493134e-04
+        + z
+        * (2.75573137070700676789e-06 + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10))
+    )
+    sine = r + z * r * (-1.66666666666666324348e-01 + z * s)
+    c = 4.16666666666666019037e-02 + z * (
+        -1.38888888888741095749e-03
+        + z * (2.48015872894767294178e-05 + z * (-2.75573143513906633035e-07
+        + z * (2.08757232129817482790e-09 - z * 1.13596475577881948265e-11)))
+    )  # fmt: skip
+    half = 0.5 * z
+    w = 1.0 - half
+    cos = w + (((1.0 - w) - half) + z * z * c)
+    odd = (quadrant & 1) != 0
+    a = pick(odd, cos, sine)
+    b = pick(odd, sine, cos)
+    a = pick((quadrant & 2) != 0, -a, a)
+    b = pick(((quadrant + 1) & 2) != 0, -b, b)
+    return a, b
+
+
+@_inline
+def cosine(x: float) -> float:
+    """cos x."""
+    return sincos(x)[1]
+
+
+@_inline
+def sinc(x: float) -> tuple[float, float]:
+    """sin(x)/x, and its derivative (to a few digits where x is small: it serves Newton's Jacobian)."""
+    sine, cos = sincos(x)
+    flat = abs(x) < 1e-3
+    safe = pick(flat, 1.0, x)
+    value = sine / safe
+    z = x * x
+    value = pick(flat, 1.0 - z * (1.0 / 6.0 - z / 120.0), value)
+    slope = pick(flat, -x * (1.0 / 3.0 - z / 30.0), (cos - value) / safe)
+    return value, slope
+
+
+@_inline
+def logarithm(x: float) -> float:
+    """ln x for normal x > 0, within 1 ulp; NaN for x ≤ 0 and for x not finite."""
+    bits = float_bits(x)
+    # 0x3fe6a09e667f3bcd is √½: the mantissa is taken into [√½, √2).
+    high = bits - 0x3FE6A09E667F3BCD
+    k = high >> 52
+    mantissa = bits_float(bits - (k << 52))
+    f = mantissa - 1.0
+    s = f / (2.0 + f)
+    z = s * s
+    w = z * z
+    t1 = w * (3.999999999940941908e-01 + w * (2.222219843214978396e-01 + w * 1.531383769920937332e-01))
+    t2 = z * (
+        6.666666666666735130e-01
+        + w * (2.857142874366239149e-01 + w * (1.818357216161805012e-01 + w * 1.479819860511658591e-01))
+    )
+    R = t1 + t2
+    half = 0.5 * f * f
+    dk = float(k)
+    value = dk * _LN2_HIGH - ((half - (s * (half + R) + dk * _LN2_LOW)) - f)
+    return pick((x > 0.0) & (x < np.inf), value, np.nan)
+
+
+@_inline
+def log1p_ratio(x: float) -> float:
+    """log1p(x)/x for x > −1, 1 at 0."""
+    u = 1.0 + x
+    # ln(1 + x) = ln u + (x − (u − 1))/u to first order in the rounding of u; where u = 1 it is x.
+    correction = (x - (u - 1.0)) / u
+    safe = pick(x == 0.0, 1.0, x)
+    return pick(x == 0.0, 1.0, (logarithm(u) + correction) / safe)
+
+
+@_inline
+def mean_reciprocal(y: float, z: float) -> tuple[float, float]:
+    """∫₀¹dτ/(y + τz) = log1p(z/y)/z for y, y + z > 0, and its derivative by z by three Gauss nodes."""
+    inverse = 1.0 / y
+    value = log1p_ratio(z * inverse) * inverse
+    a = y + 0.1127016653792583 * z
+    b = y + 0.5 * z
+    c = y + 0.8872983346207417 * z
+    slope = -(
+        (0.2777777777777778 * 0.1127016653792583) / (a * a)
+        + (0.4444444444444444 * 0.5) / (b * b)
+        + (0.2777777777777778 * 0.8872983346207417) / (c * c)
+    )
+    return value, slope

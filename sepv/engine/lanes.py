@@ -1,0 +1,149 @@
+"""The normals and the increments of a block of paths side by side: one stream of SFC64 a lane.
+
+The streams, their order and the ziggurat are numpy's (`Generator(SFC64).standard_normal`), so that the
+numbers are those of `sepv.wiener` to the bit. Imported by generated code alone: this module needs numba.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numba.np.random._constants import fi_double, ki_double, wi_double, ziggurat_nor_inv_r, ziggurat_nor_r
+
+from sepv.engine.functions import pick
+
+_kernel: Any = njit(error_model="numpy", nogil=True, cache=True)
+_WIDTH = np.array(wi_double, dtype=np.float64)
+_LIMIT = np.array(ki_double, dtype=np.int64)
+_HEIGHT = np.array(fi_double, dtype=np.float64)
+_R, _INVERSE_R = float(ziggurat_nor_r), float(ziggurat_nor_inv_r)
+_MANTISSA = np.int64(0x000FFFFFFFFFFFFF)
+_UNIT = 1.0 / 9007199254740992.0
+
+
+@_kernel
+def _next(state: Any, k: int) -> Any:
+    """The next 64 bits of lane k."""
+    a, b, c, counter = state[0, k], state[1, k], state[2, k], state[3, k]
+    out = a + b + counter
+    state[0, k] = b ^ (b >> np.uint64(11))
+    state[1, k] = c + (c << np.uint64(3))
+    state[2, k] = ((c << np.uint64(24)) | (c >> np.uint64(40))) + out
+    state[3, k] = counter + np.uint64(1)
+    return out
+
+
+@_kernel
+def _uniform(state: Any, k: int) -> float:
+    return np.int64(_next(state, k) >> np.uint64(11)) * _UNIT
+
+
+@_kernel
+def _rejected(state: Any, k: int, r: Any) -> float:
+    """The ziggurat from a draw r that its rectangle did not take."""
+    while True:
+        layer = np.int64(r & np.uint64(0xFF))
+        rabs = np.int64(r >> np.uint64(9)) & _MANTISSA
+        x = rabs * _WIDTH[layer]
+        if r & np.uint64(0x100):
+            x = -x
+        if rabs < _LIMIT[layer]:
+            return x
+        if layer == 0:
+            while True:
+                xx = -_INVERSE_R * np.log1p(-_uniform(state, k))
+                yy = -np.log1p(-_uniform(state, k))
+                if yy + yy > xx * xx:
+                    return -(_R + xx) if (rabs >> 8) & 1 else _R + xx
+        elif (_HEIGHT[layer - 1] - _HEIGHT[layer]) * _uniform(state, k) + _HEIGHT[layer] < np.exp(
+            -0.5 * x * x
+        ):
+            return x
+        r = _next(state, k)
+
+
+@_kernel
+def normals(state: Any, out: Any, raw: Any) -> None:
+    """A standard normal for each lane: state (4, L) of uint64, out (L,), raw (L,) of uint64 for scratch."""
+    lanes = out.shape[0]
+    for k in range(lanes):
+        raw[k] = _next(state, k)
+    missed = 0
+    for k in range(lanes):
+        r = raw[k]
+        layer = r & np.uint64(0xFF)
+        rabs = np.int64(r >> np.uint64(9)) & _MANTISSA
+        x = rabs * _WIDTH[layer]
+        out[k] = pick((r & np.uint64(0x100)) != 0, -x, x)
+        missed += pick(rabs >= _LIMIT[layer], 1, 0)
+    if missed:
+        for k in range(lanes):
+            r = raw[k]
+            if (np.int64(r >> np.uint64(9)) & _MANTISSA) >= _LIMIT[r & np.uint64(0xFF)]:
+                out[k] = _rejected(state, k, r)
+
+
+@_kernel
+def coarse(rng: Any, top: Any, factors: Any, base: int, halvings: int, scratch: Any, raw: Any) -> None:
+    """The coarse part of a block, top (base·2^halvings, m, L), level by level in place."""
+    noises, lanes = top.shape[1], top.shape[2]
+    length = base
+    for i in range(base):
+        for j in range(noises):
+            normals(rng[0], top[i, j], raw)
+            for k in range(lanes):
+                top[i, j, k] *= factors[0]
+    for level in range(1, halvings + 1):
+        # The normals of a level come in the order of time, its increments are spread from the end.
+        for i in range(length):
+            for j in range(noises):
+                normals(rng[0], scratch[i, j], raw)
+        for i in range(length - 1, -1, -1):
+            for j in range(noises):
+                for k in range(lanes):
+                    whole = top[i, j, k]
+                    left = 0.5 * whole + factors[level] * scratch[i, j, k]
+                    top[2 * i, j, k] = left
+                    top[2 * i + 1, j, k] = whole - left
+        length *= 2
+
+
+@_kernel
+def fill(
+    out: Any, first: int, count: int, rng: Any, stack: Any, top: Any, factors: Any, above: int, raw: Any
+) -> None:
+    """Increments of the steps first … first + count − 1 of a block into out (count, m, L).
+
+    stack (streams, m, L) keeps the right halves that are still to come; top (n, m, L) is the coarse part,
+    n = 0 where it is drawn here; `above` is the number of its halvings.
+    """
+    fine = rng.shape[0] - 1
+    noises, lanes = out.shape[1], out.shape[2]
+    for i in range(count):
+        n = first + i
+        level = fine
+        while level > 0 and n & 1 == 0:
+            level -= 1
+            n >>= 1
+        # n is now the number of the increment of that level; an odd one waits on the stack.
+        for j in range(noises):
+            if level > 0:
+                for k in range(lanes):
+                    out[i, j, k] = stack[level, j, k]
+            elif top.shape[0]:
+                for k in range(lanes):
+                    out[i, j, k] = top[n, j, k]
+            else:
+                normals(rng[0], out[i, j], raw)
+                for k in range(lanes):
+                    out[i, j, k] *= factors[0]
+        for deeper in range(level + 1, fine + 1):
+            for j in range(noises):
+                normals(rng[deeper], stack[deeper, j], raw)
+                for k in range(lanes):
+                    whole = out[i, j, k]
+                    left = 0.5 * whole + factors[above + deeper] * stack[deeper, j, k]
+                    out[i, j, k] = left
+                    stack[deeper, j, k] = whole - left

@@ -1,0 +1,54 @@
+"""Straight-line code that solves a small linear system in every lane."""
+
+from __future__ import annotations
+
+from sepv.engine.code import Table
+from sepv.engine.text import Expression, Text, shown
+
+
+def solve(e: Text, A: Table, b: list[Expression]) -> list[str]:
+    """x with A x = b: Cramer's rule to d = 3, else elimination without pivoting.
+
+    A is 1 − K with K small where steps make sense, and Newton's iteration computes the next residual afresh:
+    a bad pivot costs iterations and shows as a lane that does not converge, not as a wrong result.
+    """
+    d = len(b)
+    if d == 1:
+        return [e.let(f"{shown(b[0])} / {shown(A[0][0])}")]
+    if d == 2:
+        (p, q), (r, s) = A
+        inverse = e.let(f"1.0 / {shown(e.minus(e.product(p, s), q, r))}")
+        first = e.minus(e.product(s, b[0]), q, b[1])
+        second = e.minus(e.product(p, b[1]), r, b[0])
+        return [e.let(f"{shown(v)} * {inverse}") for v in (first, second)]
+    if d == 3:
+        rows = [_cross(e, A[(i + 1) % 3], A[(i + 2) % 3]) for i in range(3)]
+        inverse = e.let(f"1.0 / {shown(e.dot(A[0], rows[0]))}")
+        sums = [e.dot([row[i] for row in rows], b) for i in range(3)]
+        return [e.let(f"{shown(v)} * {inverse}") for v in sums]
+    return _eliminate(e, [list(row) for row in A], list(b))
+
+
+def _eliminate(e: Text, A: Table, b: list[Expression]) -> list[str]:
+    d = len(b)
+    pivots = []
+    for k in range(d):
+        pivots.append(e.let(f"1.0 / {shown(A[k][k])}"))
+        for i in range(k + 1, d):
+            factor = e.product(A[i][k], pivots[k])
+            if factor is None:
+                continue
+            for j in range(k + 1, d):
+                A[i][j] = e.minus(A[i][j], factor, A[k][j])
+            b[i] = e.minus(b[i], factor, b[k])
+    x: list[str] = [""] * d
+    for i in reversed(range(d)):
+        value = b[i]
+        for j in range(i + 1, d):
+            value = e.minus(value, A[i][j], x[j])
+        x[i] = e.let(f"{shown(value)} * {pivots[i]}")
+    return x
+
+
+def _cross(e: Text, u: list[Expression], v: list[Expression]) -> list[Expression]:
+    return [e.minus(e.product(u[i], v[j]), u[j], v[i]) for i, j in ((1, 2), (2, 0), (0, 1))]

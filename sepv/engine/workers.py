@@ -1,0 +1,134 @@
+"""The seam for more cores and machines: chunks go to an int's worth of workers or to a map-like callable.
+
+A chunk is a pure function, so that one whose worker died, or that raised, is simply computed again here;
+what the others finished is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from typing import Any, TypeVar
+
+from sepv.errors import UsageError
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+class _Guarded:
+    """The function, with what it raises returned beside its result: a map then goes on."""
+
+    def __init__(self, function: Callable[[Any], Any]) -> None:
+        self.function = function
+
+    def __call__(self, task: Any) -> tuple[bool, Any]:
+        try:
+            return True, self.function(task)
+        except Exception as error:  # whatever it is, it is tried again where it can be seen
+            return False, f"{type(error).__name__}: {error}"
+
+
+def run_all(
+    function: Callable[[T], R],
+    tasks: Sequence[T],
+    workers: Any,
+    *,
+    threads: bool,
+    receive: Callable[[int, R], None],
+) -> int:
+    """Run function on every task; `receive` gets the number and the result of each, in any order.
+
+    Parameters
+    ----------
+    workers : int ≥ 1, Executor, or map-like callable
+        With an int that many threads (where `threads`: the function releases the GIL) or processes.
+        An executor, or its `map`, gets the chunks one by one, so that none that is finished is lost when a
+        worker dies; any other map-like callable gets (function, tasks).
+
+    Returns
+    -------
+    How many tasks had to be computed again here.
+
+    Raises
+    ------
+    Exception
+        What a task raised when it was tried again here.
+    """
+    missing = set(range(len(tasks)))
+
+    def take(number: int, result: R) -> None:
+        receive(number, result)
+        missing.discard(number)
+
+    executor = _executor(workers)
+    if isinstance(workers, int) and not isinstance(workers, bool):
+        if workers < 1:
+            raise _bad(workers)
+        if workers > 1 and len(tasks) > 1:
+            pool: Executor = (ThreadPoolExecutor if threads else ProcessPoolExecutor)(
+                min(workers, len(tasks))
+            )
+            with pool:
+                _submit(pool, function, tasks, take)
+        else:
+            for number, task in enumerate(tasks):
+                take(number, function(task))
+    elif executor is not None:
+        _submit(executor, function, tasks, take)
+    elif callable(workers):
+        _map(workers, function, tasks, take)
+    else:
+        raise _bad(workers)
+    again = sorted(missing)
+    for number in again:
+        take(number, function(tasks[number]))
+    return len(again)
+
+
+def _submit(
+    executor: Executor, function: Callable[[T], R], tasks: Sequence[T], take: Callable[[int, R], None]
+) -> None:
+    futures = {}
+    try:
+        for number, task in enumerate(tasks):
+            futures[executor.submit(function, task)] = number
+    except RuntimeError:
+        pass  # the pool broke while it was being filled: what it did not take is computed again
+    try:
+        for future in as_completed(list(futures)):
+            number = futures.pop(future)
+            if future.cancelled() or future.exception() is not None:
+                continue
+            take(number, future.result())
+    except KeyboardInterrupt:
+        for future in futures:
+            future.cancel()
+        raise
+
+
+def _map(mapper: Any, function: Callable[[T], R], tasks: Sequence[T], take: Callable[[int, R], None]) -> None:
+    try:
+        for number, (ok, result) in enumerate(mapper(_Guarded(function), tasks)):
+            if ok:
+                take(number, result)
+    except Exception:
+        pass
+
+
+def _executor(workers: Any) -> Executor | None:
+    """The executor that `workers` is, or whose `map` it is."""
+    for candidate in (workers, getattr(workers, "__self__", None)):
+        if isinstance(candidate, Executor) or (
+            candidate is not None and hasattr(candidate, "submit") and hasattr(candidate, "shutdown")
+        ):
+            return candidate
+    return None
+
+
+def _bad(workers: Any) -> UsageError:
+    return UsageError(
+        expected="workers: an integer ≥ 1, an executor, or a callable like map",
+        received=repr(workers),
+        remedy="workers=2 for two cores, or pool.map of a process pool or of a cluster",
+    )
