@@ -75,7 +75,7 @@ def energy_walk(scheme: Scheme, name: str, h: float, steps: int, seed: int) -> n
     H0, unit = exact.hamiltonian(exact.state(y0)), energy_ulp(problem, y0, y0)
     rows, alive, checkpoint = [], np.arange(PATHS), FIRST
     for n in range(1, steps + 1):
-        value, status, *_ = advance(asked, problem, y[:, alive], h, dW[n - 1][:, alive])
+        value, status, _ = advance(asked, problem, y[:, alive], h, dW[n - 1][:, alive])
         alive = alive[status == Status.CONVERGED]
         y[:, alive] = value[:, status == Status.CONVERGED]
         if n == checkpoint:

@@ -166,7 +166,7 @@ def solve(
 
     equations = Equations(np.abs(y0), evaluate, None if problem.domain is None else inside)
     solution = iterate(equations, np.zeros_like(y0))
-    return replace(solution, value=y0 + solution.value)
+    return replace(solution, value=y0 + solution.value, change=solution.value)
 
 
 def iterate(equations: Equations, start: Array, lanes: NDArray[np.intp] | None = None) -> Solution:
@@ -220,11 +220,7 @@ def iterate(equations: Equations, start: Array, lanes: NDArray[np.intp] | None =
             active = active[inside]
             if not active.size:
                 break
-<<<<<<< HEAD
     return Solution(z_all, residual, iterations, gradients, structures, status)
-=======
-    return Solution(y0 + delta, residual, iterations, gradients, structures, status, delta)
->>>>>>> 2d3169e (A compiled engine behind sepv.ensemble: lanes of paths in lockstep, increments drawn inside, chunks on any workers)
 
 
 def require_converged(problem: Problem, y: Array, step: Array, solution: Solution) -> Array:

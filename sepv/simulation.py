@@ -185,7 +185,7 @@ class Batch:
         if not alive.size:
             return
         before = self.y[:, alive]
-        value, code, cost, change = advance(self.scheme, self.problem, before, h, dW[:, alive])
+        value, code, cost, change = _advance(self.scheme, self.problem, before, h, dW[:, alive])
         self.work += cost
         ok = code == Status.CONVERGED
         self.status[alive[~ok]], self.failed[alive[~ok]] = code[~ok], self.done - 1
@@ -212,8 +212,15 @@ class Batch:
 
 def advance(
     scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array
+) -> tuple[Array, np.ndarray, np.ndarray]:
+    """One step of a batch: value, status of each lane, (gradients, structures, iterations)."""
+    return _advance(scheme, problem, y, h, dW)[:3]
+
+
+def _advance(
+    scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array
 ) -> tuple[Array, np.ndarray, np.ndarray, Array | None]:
-    """One step of a batch: value, status of each lane, (gradients, structures, iterations), y1 − y0 if known."""
+    """The same, and y1 − y0 where the scheme gives it."""
     if scheme.solve is not None:
         solution = scheme.solve(problem, y, h, dW)
         cost = (solution.gradient_evaluations, solution.structure_evaluations, solution.iterations)

@@ -151,7 +151,7 @@ def solve_stages(problem: Problem, stages: int, y0: Array, delta: Array) -> Solu
         update = system.b[0] * z[:, 0]
         for j in range(1, stages):
             update = update + system.b[j] * z[:, j]
-    return replace(solution, value=y0 + update)
+    return replace(solution, value=y0 + update, change=update)
 
 
 def _agrees(system: _Stages, solution: Solution, lanes: np.ndarray) -> np.ndarray:
