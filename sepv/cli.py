@@ -18,6 +18,7 @@ from sepv.commands.shared import EXIT_CODES
 COMMANDS = {
     "verify": "sepv.commands.verify:verify",
     "compare": "sepv.commands.compare:compare",
+    "bench": "sepv.commands.bench:bench",
     "list": "sepv.commands.listing:list_",
     "teeth": "sepv.commands.teeth:teeth",
     "reproduce": "sepv.commands.reproduce:reproduce",

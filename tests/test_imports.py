@@ -45,7 +45,7 @@ LAYERS = [
     "sepv.schemas sepv.files",
     "sepv.report",
     "sepv.progress",
-    "sepv.work sepv.compare",
+    "sepv.work sepv.compare sepv.bench",
     "sepv.external sepv.adapters sepv.saboteurs",
     "sepv.teeth",
     "sepv.reproduce",

@@ -1,0 +1,42 @@
+"""A record as a table on the terminal."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from rich import box
+from rich.table import Table
+from rich.text import Text
+
+# The counters in the order of the columns, and their headings.
+HEADINGS = {
+    "gradient": "∇H", "structure": "B", "hamiltonian": "H", "hessian": "H″", "structure derivative": "B′",
+    "iterations": "Newton", "failed solves": "failed",
+}  # fmt: skip
+
+
+def record_table(record: dict[str, Any]) -> Table:
+    """One row for each case: counters of all paths and steps, rms error and defects."""
+    table = Table(
+        box=box.SIMPLE_HEAD,
+        title=Text(f"{record['target']}: evaluations over all paths and steps, rms over paths", style="bold"),
+        title_justify="left",
+        pad_edge=False,
+        padding=(0, 1, 0, 0),
+    )
+    table.add_column("case")
+    for heading in (*HEADINGS.values(), "error", "ΔH", "ΔC"):
+        table.add_column(heading, justify="right")
+    for case in record["cases"]:
+        counts = [case["counters"].get(name) for name in HEADINGS]
+        table.add_row(
+            case["case"]["name"],
+            *("–" if n is None else str(n) for n in counts),
+            *(_rms(case[kind]) for kind in ("error", "energy", "casimir")),
+        )
+    return table
+
+
+def _rms(groups: list[str]) -> str:
+    return f"{np.sqrt(np.mean([float.fromhex(v) for v in groups])):.1e}"

@@ -1,0 +1,122 @@
+"""``sepv bench``: guard the work, the error and the time of a scheme."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from sepv.commands.shared import FILE, friendly
+from sepv.errors import UsageError
+
+STYLES = {"worse": "bold red", "better": "green", "not settled": "yellow", "same": ""}
+EXITS = """Exit codes: 0 nothing is worse; 1 a counter, an error or a time is worse; 2 wrong usage; 3 the scheme
+crashed, or could not be loaded."""
+
+
+@click.command(epilog=EXITS)
+@click.argument("targets", nargs=-1, required=True, metavar="TARGET...")
+@click.option("--save", type=FILE, help="Write the records to this file.")
+@click.option("--against", type=click.Path(), help="Compare with the records of this file.")
+@click.option(
+    "--against-ref",
+    type=click.Path(exists=True, file_okay=False),
+    metavar="CHECKOUT",
+    help="Compare with another checkout of the same code, time included.",
+)
+@click.option("--case", "names", multiple=True, metavar="NAME", help="Only this case; may be repeated.")
+@click.option("--portable", is_flag=True, help="Only cases whose counters are the same on every machine.")
+@click.option(
+    "--batches",
+    type=click.IntRange(min=4),
+    default=12,
+    show_default=True,
+    help="Most batches of paired times.",
+)
+@friendly
+def bench(
+    targets: tuple[str, ...],
+    save: str | None,
+    against: str | None,
+    against_ref: str | None,
+    names: tuple[str, ...],
+    portable: bool,
+    batches: int,
+    debug: bool,  # noqa: ARG001  (every command takes it)
+) -> None:
+    """Work, error and invariant defects of TARGETs in fixed cases, against a file or another checkout.
+
+    Counters are exact integers, and one more is a regression. Errors are compared over the same paths, with an
+    interval of their ratio. Time is compared only with another checkout, as a ratio of runs that take turns.
+
+    \b
+    sepv bench mymodule:step --save counters.json
+    sepv bench mymodule:step --against counters.json
+    sepv bench mymodule:step --against-ref ../other-checkout
+    """
+    from sepv.bench import cases, pairs, store
+    from sepv.bench.gate import check
+    from sepv.files import require_folder, write_atomically
+    from sepv.report import console
+    from sepv.target import load_scheme
+
+    if against and against_ref:
+        raise UsageError(
+            expected="one of --against and --against-ref", received="both", remedy="run once with each"
+        )
+    require_folder(save)
+    status, chosen = console(stderr=True), cases.choose(names, portable)
+    base = {r["target"]: r for r in store.load(against)} if against else {}
+    records, checks = [], []
+    with status.status("") as line:
+        for target in targets:
+            line.update(target)
+            if against and target not in base:
+                raise UsageError(
+                    expected=f"a record of {target} in {against}",
+                    received=f"records of {', '.join(base) or 'nothing'}",
+                    remedy="name the target as it was saved, or save it first",
+                )
+            if against_ref:
+                where = pairs.head_of(target), Path(against_ref).resolve()
+                ours, theirs = pairs.measured(target, *where, chosen)
+                checks += check(ours, theirs)
+                checks += pairs.time_pairs(target, *where, chosen, batches=batches, progress=line.update)
+            else:
+                before = base.get(target)
+                wanted = [c["case"] for c in before["cases"]] if before else chosen
+                wanted = [c for c in wanted if not names or c["name"] in names]
+                ours = store.record(target, load_scheme(target), wanted)
+                if before:
+                    kept = [c for c in before["cases"] if c["case"] in wanted]
+                    checks += check(ours, {**before, "cases": kept})
+            records.append(ours)
+    if save:
+        write_atomically(save, store.save(records))
+    _show(records, checks)
+    raise SystemExit(1 if any(c.verdict == "worse" for c in checks) else 0)
+
+
+def _show(records: list[dict[str, Any]], checks: list[Any]) -> None:
+    """The records; then what differs from the other side, and one line of counts."""
+    from collections import Counter
+
+    from rich.text import Text
+
+    from sepv.bench import table
+    from sepv.report import console
+
+    out = console()
+    for record in records:
+        out.print(table.record_table(record))
+    if not checks:
+        return
+    for c in checks:
+        if c.verdict != "same" or "time" in c.what:
+            line = Text(f"{c.target}, {c.case}: {c.what} ")
+            out.print(line.append(c.verdict, style=STYLES[c.verdict]).append(f"  {c.text}"), soft_wrap=True)
+    counts = Counter(c.verdict for c in checks)
+    out.print(f"{len(checks)} checks: " + ", ".join(f"{counts[v]} {v}" for v in STYLES if counts[v]) + ".")
+    if counts["better"]:
+        out.print("Better than the other side: a file that guards the new state is written with --save.")
