@@ -22,6 +22,7 @@ COMMANDS = {
     "list": "sepv.commands.listing:list_",
     "teeth": "sepv.commands.teeth:teeth",
     "reproduce": "sepv.commands.reproduce:reproduce",
+    "report": "sepv.commands.report:report",
 }
 
 

@@ -25,9 +25,10 @@ _LOOKS = {
     "euler-heun": Look("#C47F00", "#E69F00", "s", ""),
     "milstein": Look("#6A5ACD", "#B5A8FF", "*", "5 1 1 1"),
     "euler-maruyama": Look("#D55E00", "#FF8A3D", "+", "3 2"),
+    "exact-flow": Look("#333333", "#DDDDDD", "v", ""),
 }
 _REFERENCE = Look("#333333", "#DDDDDD", "", "1 2")
-_MORE = ("v", "P", "X", "<", ">", "p", "h", "x")
+_MORE = ("v", "x", "s", "^", "D", "o", "*", "+")
 
 
 def look(scheme: str, number: int = 0) -> Look:

@@ -49,6 +49,7 @@ LAYERS = [
     "sepv.external sepv.adapters sepv.saboteurs",
     "sepv.teeth",
     "sepv.reproduce",
+    "sepv.page",
     "sepv.commands",
     "sepv.cli sepv.pytest_plugin",
 ]

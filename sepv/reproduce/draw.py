@@ -61,8 +61,12 @@ def draw(panel: Panel, folder: Path) -> tuple[Path, Path]:
         if panel.y.log:
             axes.set_yscale("log")
         _slopes(axes, panel)
+        if panel.window:
+            axes.set_ylim(-panel.window, panel.window)
         if panel.equal:
-            axes.set_aspect("equal", adjustable="datalim")
+            axes.set_aspect("equal", adjustable="box" if panel.window else "datalim")
+        if panel.window and panel.equal:
+            axes.set_xlim(-panel.window, panel.window)
         axes.set_xlabel(panel.x.label)
         axes.set_ylabel(panel.y.label)
         figure.legend(loc="outside upper center", ncols=2, frameon=False, handlelength=2.6)

@@ -47,7 +47,26 @@ def jobs(setting: Setting, size: Size) -> list[Job]:
         }
         seconds = count * sum(setting.steps) * COST.get(name, 0.3) * 1e-6
         found.append(Job((setting.figure, "fine", name), runs.errors, arguments, seconds))
+    counting = {
+        "problem": setting.problem,
+        "T": setting.T,
+        "steps": setting.steps,
+        "samples": count,
+        "seed": size.seed,
+    }
+    found.append(Job((setting.figure, "fine", "truncated"), runs.truncated, counting, 1.0))
     return found
+
+
+def _truncation(setting: Setting, counts: list[int]) -> list[str]:
+    """One truncated increment is an error of that sample that no step size explains: a bump in the curve."""
+    h = [f"2^{np.log2(setting.T / n):.0f}" for n in setting.steps]
+    found = [f"{n} at h = {at}" for n, at in zip(counts, h, strict=True) if n]
+    return (
+        [f"increments that Remark 2.1 truncates, each a bump in the curves: {', '.join(found)}"]
+        if found
+        else []
+    )
 
 
 def panel(setting: Setting, results: Results, source: str) -> Panel:
@@ -89,6 +108,7 @@ def panel(setting: Setting, results: Results, source: str) -> Panel:
         parameters={"problem": setting.problem, "T": setting.T, "samples": truth.shape[1], "h": h.tolist()},
         chosen=(
             f"{truth.shape[1]} samples; step sizes down to the reference's own, 2^-12, where its bias is largest",
+            *_truncation(setting, results[setting.figure, "fine", "truncated"]),
         ),
         slopes=(0.5, 1.0),
         statements=(exact,),

@@ -18,7 +18,7 @@ ALPHA = 0.01
 # A job is one scheme and so many samples: large enough for batches, small enough to share out.
 PART = 1024
 # Microseconds a sample and step in batches, for the time left.
-COST = {"energy-preserving": 2.5, "midpoint": 1.8, "discrete-gradient": 6.0}
+COST = {"energy-preserving": 3.0, "midpoint": 2.5, "discrete-gradient": 7.0}
 
 H_AXIS = Axis("step size h", log=True)
 ERROR_AXIS = Axis("mean-square error at the end", log=True)
@@ -51,7 +51,7 @@ def jobs(setting: Setting, size: Size) -> list[Job]:
                 "first": first,
                 "seed": size.seed,
             }
-            seconds = count * sum(setting.steps) * COST.get(scheme, 0.15) * 1e-6
+            seconds = count * sum(setting.steps) * COST.get(scheme, 0.5) * 1e-6
             found.append(Job((setting.figure, "order", scheme, str(first)), runs.errors, arguments, seconds))
     return found
 

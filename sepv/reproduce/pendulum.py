@@ -24,6 +24,9 @@ FINE = fine_step.Setting(
     "4.5", PROBLEM, T=2.0, steps=(128, 512, 1024, 2048, 4096, 8192), reference="midpoint", samples=256
 )
 
+# A few turns of the pendulum that turns over, and the other's swing still visible.
+WINDOW = 15.0
+
 _PARAMETERS = {"p0": 0.2, "q0": 1.0, "c": [1.0, 0.5], "h": H, "T": STEPS * H}
 
 
@@ -175,6 +178,8 @@ def _position(found: dict[str, runs.Run]) -> Panel:
         y=Axis("angle q in radians"),
         series=tuple(curves),
         parameters=_used(found),
+        chosen=(f"|q| ≤ {WINDOW:g}; the angle of Euler-Heun goes on to {largest['euler-heun']:.0f}",),
+        window=WINDOW,
         statements=(stable, also),
         description="The angle of the energy-preserving scheme oscillates in a constant band; the pendulum of "
         "Euler-Heun turns over and its angle wanders off.",

@@ -81,6 +81,10 @@ class Panel:
         The reference slopes to draw.
     description : str
         What there is to see, for whoever does not see it.
+    equal : bool
+        Whether both axes have one scale.
+    window : float, optional
+        Only |y| up to this is drawn, and |x| too where both axes have one scale; the series go on beyond.
     """
 
     key: str
@@ -96,6 +100,7 @@ class Panel:
     statements: tuple[Statement, ...] = ()
     description: str = ""
     equal: bool = False
+    window: float | None = None
     seconds: float = 0.0
     numbers: dict[str, Any] = field(default_factory=dict)
 

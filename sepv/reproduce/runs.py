@@ -116,6 +116,17 @@ def errors(
     return strong_errors(schemes.ALL[scheme], system, T=T, steps=steps, paths=paths, seed=seed)
 
 
+def truncated(problem: str, *, T: float, steps: Sequence[int], samples: int, seed: int) -> list[int]:
+    """How many increments Remark 2.1 truncates with k = 2, for each number of steps."""
+    noises = problems.by_name(problem).noises
+    fine = wiener.increments(seed, T=T, steps=steps[-1], noises=noises, paths=range(samples))
+    found = []
+    for count in steps:
+        raw = wiener.coarsen(fine, steps[-1] // count)
+        found.append(int(np.count_nonzero(wiener.truncate(raw, T / count) != raw)))
+    return found
+
+
 def rounding_bound(steps: int) -> float:
     """How far the relative value of an exactly preserved invariant walks by rounding in `steps` steps.
 

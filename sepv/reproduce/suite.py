@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import platform
 import time
 from collections.abc import Callable, Iterable
@@ -133,7 +134,8 @@ def _run(jobs: list[Job], workers: int, progress: Progress) -> Results:
         return results
     with ProcessPoolExecutor(workers) as pool:
         running = {pool.submit(_timed, job): job for job in jobs}
-        done, started = 0.0, time.perf_counter()
+        done = 0.0
+        since: dict[tuple[str, ...], float] = {}
         try:
             while running:
                 finished, _ = wait(running, timeout=0.5, return_when=FIRST_COMPLETED)
@@ -141,14 +143,24 @@ def _run(jobs: list[Job], workers: int, progress: Progress) -> Results:
                     job = running.pop(future)
                     results[job.key], results[("seconds",)][job.key] = future.result()
                     done += job.seconds
-                # What runs now is taken to be half done at most: the bar never runs ahead of the work.
-                active = sum(j.seconds for j in list(running.values())[:workers])
-                elapsed = time.perf_counter() - started
-                progress(max(done, min(done + 0.9 * active, workers * elapsed)), total)
+                now = time.perf_counter()
+                active = [since.setdefault(job.key, now) for job in list(running.values())[:workers]]
+                progress(
+                    done
+                    + sum(
+                        _part(job, now - start) for job, start in zip(running.values(), active, strict=False)
+                    ),
+                    total,
+                )
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
     return results
+
+
+def _part(job: Job, elapsed: float) -> float:
+    """What a running job has done, as far as its estimate says: it nears the end and never reaches it."""
+    return job.seconds * (1 - math.exp(-elapsed / job.seconds))
 
 
 def _timed(job: Job) -> tuple[Any, float]:

@@ -1,0 +1,54 @@
+"""The page: a template, a style sheet whose hash the content security policy names, and nothing else."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from importlib.resources import files
+from typing import Any
+
+from sepv._version import __version__
+from sepv.page import plot, views
+from sepv.page.sources import Sources
+from sepv.page.text import name, plain
+
+
+def render(sources: Sources, *, title: str = "Which structural properties hold?") -> str:
+    """The HTML page, complete: no script, no font, no picture and no style from anywhere else."""
+    from jinja2 import Environment, StrictUndefined
+
+    folder = files(__name__.rpartition(".")[0])
+    environment = Environment(
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    style = environment.from_string((folder / "style.css.j2").read_text(encoding="utf-8")).render(
+        colours=plot.colour_rules()
+    )
+    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
+    laws, schemes = views.schemes(sources.verify)
+    return environment.from_string((folder / "page.html.j2").read_text(encoding="utf-8")).render(
+        title=plain(title, 200),
+        version=__version__,
+        style=_trusted(style),
+        style_hash=digest,
+        laws=[name(law) for law in laws],
+        schemes=schemes,
+        comparisons=[views.comparison(c) for c in sources.compare],
+        reproductions=[views.reproduction(r) for r in sources.reproduce],
+        versions=sorted({_version(r) for r in (*sources.verify, *sources.reproduce)}),
+    )
+
+
+def _trusted(style: str) -> Any:
+    """Our own style sheet, which holds nothing of the files read: the one text that is not escaped."""
+    from markupsafe import Markup
+
+    return Markup(style)
+
+
+def _version(record: dict[str, Any]) -> str:
+    return plain(record.get("suite", record.get("reproduction", {})).get("version", "?"), 40)

@@ -1,0 +1,39 @@
+"""Text of strangers, made fit to be shown; escaping is the template engine's work, not done here."""
+
+from __future__ import annotations
+
+import math
+import unicodedata
+
+# Longer names and messages are cut: they are in the JSON file in full.
+NAME, MESSAGE = 60, 1500
+_KEPT = "\n\t"
+
+
+def plain(text: object, limit: int = MESSAGE) -> str:
+    """Text without control and formatting characters, right-to-left overrides among them, and not too long."""
+    shown = "".join(
+        c if c in _KEPT or unicodedata.category(c) not in ("Cc", "Cf", "Cs", "Co", "Cn") else "�"
+        for c in str(text)[: limit + 1]
+    )
+    return shown if len(shown) <= limit else f"{shown[:limit]}… ({len(str(text))} characters)"
+
+
+def name(text: object) -> str:
+    """A name for headings and tables: one short line."""
+    return " ".join(plain(text, NAME).split()) or "(no name)"
+
+
+def number(value: float | None) -> str:
+    """Three digits; a real minus sign; nothing for None."""
+    if value is None:
+        return ""
+    if not math.isfinite(value):
+        return "not finite"
+    text = f"{value:.3g}" if value == 0 or 1e-3 <= abs(value) < 1e5 else f"{value:.1e}"
+    return text.replace("-", "−")
+
+
+def power(base: int, exponent: int) -> str:
+    """base^exponent with superscript digits."""
+    return f"{base}" + str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))

@@ -1,0 +1,242 @@
+"""What the page shows of each kind of file, arranged for the template. Nothing here is HTML."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any
+
+from sepv.page import plot as drawing
+from sepv.page.text import name, number, plain
+
+# Characters of counterexamples on a page; the JSON files have them all.
+BUDGET = 60_000
+
+WORDS = {
+    "holds": ("✓", "holds"),
+    "violated": ("✗", "violated"),
+    "inconclusive": ("?", "inconclusive"),
+    "not_applicable": ("·", "not applicable"),
+    "error": ("!", "error"),
+    "fails": ("✗", "does not hold"),
+    "open": ("?", "open"),
+}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One verdict of the matrix."""
+
+    kind: str
+    sign: str
+    words: str
+    claimed: bool
+
+
+@dataclass(frozen=True)
+class Counterexample:
+    """A violation: the law, its source, what happened, and how to see it again."""
+
+    law: str
+    source: str
+    verdict: str
+    claimed: bool
+    message: str
+    command: str
+
+
+@dataclass(frozen=True)
+class SchemeView:
+    """A scheme's row in the matrix, its table, its counterexamples and how many were left out."""
+
+    name: str
+    source: str
+    cells: list[Cell]
+    rows: list[dict[str, Any]]
+    counterexamples: list[Counterexample]
+    left_out: int
+    summary: str
+    command: str
+
+
+def schemes(reports: list[dict[str, Any]]) -> tuple[list[str], list[SchemeView]]:
+    """The laws, in the order in which they first appear, and a view of each report."""
+    laws = list(dict.fromkeys(law["law"] for r in reports for law in r["laws"]))
+    share = BUDGET // max(1, len(reports))
+    return laws, [_scheme(r, laws, share) for r in reports]
+
+
+def _scheme(report: dict[str, Any], laws: list[str], budget: int) -> SchemeView:
+    found = {law["law"]: law for law in report["laws"]}
+    cells = [_cell(found[law]) if law in found else Cell("absent", "", "not measured", False) for law in laws]
+    counts = ", ".join(f"{n} {WORDS.get(k, ('', k))[1]}" for k, n in report["counts"].items() if n)
+    target = _target(report["scheme"]["name"])
+    shown, left = _counterexamples(report["laws"], target, budget)
+    suite = report["suite"]
+    return SchemeView(
+        name=name(report["scheme"]["name"]),
+        source=plain(report["scheme"]["source"], 200),
+        cells=cells,
+        rows=[_row(law) for law in report["laws"]],
+        counterexamples=shown,
+        left_out=left,
+        summary=f"{len(report['laws'])} laws: {counts}",
+        command=f"sepv verify {target} --seed {suite['seed']} --examples {suite['examples']} --paths {suite['paths']}",
+    )
+
+
+def _cell(law: dict[str, Any]) -> Cell:
+    sign, words = WORDS[law["verdict"]]
+    return Cell(law["verdict"], sign, words, law["claimed"])
+
+
+def _row(law: dict[str, Any]) -> dict[str, Any]:
+    bound = "" if law["bound"] is None else f"{'≥' if law['at_least'] else '≤'} {number(law['bound'])}"
+    return {
+        "law": name(law["law"]),
+        "cell": _cell(law),
+        "claimed": "expected to fail" if law["expected"] is not None else "yes" if law["claimed"] else "",
+        "defect": number(law["defect"]),
+        "bound": bound,
+        "unit": plain(law["unit"], 40),
+        "source": plain(law["source"], 60),
+    }
+
+
+def _counterexamples(
+    laws: list[dict[str, Any]], target: str, budget: int
+) -> tuple[list[Counterexample], int]:
+    """Claimed laws first; as many as the budget of characters allows, and how many it does not."""
+    open_ = [law for law in laws if law["verdict"] in ("violated", "error") and law["message"]]
+    shown: list[Counterexample] = []
+    for law in sorted(open_, key=lambda v: not v["claimed"]):
+        # A command is there to be copied: whole or not at all.
+        command = f"sepv verify {target} {law['replay']}" if len(law["replay"]) < 4000 else ""
+        entry = Counterexample(
+            name(law["law"]),
+            plain(law["source"], 60),
+            WORDS[law["verdict"]][1],
+            law["claimed"],
+            plain(law["message"]),
+            plain(command, 4200) if law["replay"] else "",
+        )
+        budget -= len(entry.message) + len(entry.command)
+        if budget < 0 and not (law["claimed"] and not shown):
+            break
+        shown.append(entry)
+    return shown, len(open_) - len(shown)
+
+
+def _target(scheme: str) -> str:
+    """What stands for the scheme in a command: its name where that is a plain word, else TARGET."""
+    return scheme if re.fullmatch(r"[a-z][a-z0-9-]{0,40}", scheme) else "TARGET"
+
+
+def comparison(data: dict[str, Any]) -> dict[str, Any]:
+    """Two plots, the points, the times to given errors, and where it ran."""
+    methods = [m["name"] for m in data["methods"]]
+    points = [p for p in data["points"] if p["failures"] < p["paths"]]
+    by_method = {m: [p for p in points if p["method"] == m] for m in methods}
+
+    def micro(p: dict[str, Any]) -> float:
+        return float(p["seconds"]["median"] / p["paths"] * 1e6)
+
+    def curve(m: str, value: Any) -> drawing.Curve:
+        own = by_method[m]
+        return drawing.Curve(m, [micro(p) for p in own], [value(p) for p in own], m, "both")
+
+    time = "processor time of one path in µs"
+    errors = drawing.plot(
+        [curve(m, lambda p: p["strong_error"]["value"]) for m in methods],
+        x_label=time, y_label="strong error at T", x_log=True, y_log=True,
+    )  # fmt: skip
+    # A defect of exactly zero has no logarithm: it is drawn at half a rounding of one, as the caption says.
+    defects = drawing.plot(
+        [curve(m, lambda p: max(p["energy_defect"] or 0.0, 1.1e-16) if p["energy_defect"] is not None else None)
+         for m in methods],
+        x_label=time, y_label="largest energy defect", x_log=True, y_log=True,
+    )  # fmt: skip
+    return {
+        "problem": name(data["problem"]),
+        "T": number(data["T"]),
+        "errors": errors,
+        "defects": defects,
+        "methods": [(name(m["name"]), plain(m["source"], 160)) for m in data["methods"]],
+        "rows": [_point(p, micro(p)) for p in points],
+        "times": _times(data["times_to_error"], methods),
+        "wanted": [number(e) for e in sorted({t["error"] for t in data["times_to_error"]}, reverse=True)],
+        "environment": [(plain(k, 40), plain(v, 120)) for k, v in data["environment"].items()],
+        "seed": data["seed"],
+        "repeats": data["repeats"],
+    }
+
+
+def _point(p: dict[str, Any], micro: float) -> dict[str, Any]:
+    evaluations = ", ".join(f"{number(v)} {plain(k, 30)}" for k, v in p["evaluations_per_step"].items())
+    error = p["strong_error"]
+    return {
+        "method": name(p["method"]),
+        "h": number(p["h"]),
+        "error": f"{number(error['value'])} [{number(error['low'])}, {number(error['high'])}]",
+        "energy": number(p["energy_defect"]),
+        "casimir": number(p["casimir_defect"]),
+        "micro": number(micro),
+        "evaluations": evaluations,
+        "iterations": number(p["iterations_per_step"]),
+        "failures": p["failures"] or "",
+    }
+
+
+def _times(times: list[dict[str, Any]], methods: list[str]) -> list[tuple[str, list[str]]]:
+    wanted = sorted({t["error"] for t in times}, reverse=True)
+    words = {"between": "", "beyond": " (extrapolated)", "coarsest": " (at the coarsest step)"}
+    rows = []
+    for m in methods:
+        own = {t["error"]: t for t in times if t["method"] == m}
+        cells = [
+            "never" if e not in own or own[e]["microseconds"] is None
+            else number(own[e]["microseconds"]) + words.get(own[e]["how"], "")
+            for e in wanted
+        ]  # fmt: skip
+        rows.append((name(m), cells))
+    return rows
+
+
+def reproduction(data: dict[str, Any]) -> dict[str, Any]:
+    """The panels with their plots and statements."""
+    return {
+        "about": {k: plain(v, 60) if isinstance(v, str) else v for k, v in data["reproduction"].items()},
+        "of": plain(data["reproduction"]["of"], 300),
+        "counts": "{holds} statements hold, {fails} do not, {open} are open".format(**data["counts"]),
+        "panels": [_panel(p) for p in data["panels"]],
+        "text": [_statement(s) for s in data["text"]],
+    }
+
+
+def _panel(p: dict[str, Any]) -> dict[str, Any]:
+    curves = [drawing.Curve(s["name"], s["x"], s["y"], s["scheme"], s["style"]) for s in p["series"]]
+    x, y = p["x"], p["y"]
+    statements = [_statement(s) for s in p["statements"]]
+    held = [s for s in statements if s["cell"].kind == "holds"]
+    return {
+        "title": plain(p["title"], 120),
+        "source": plain(p["source"], 120),
+        "description": plain(p["description"], 400),
+        "chosen": [plain(c, 300) for c in p["chosen"]],
+        "statements": statements,
+        "held": held,
+        "holding": len(held),
+        "plot": drawing.plot(
+            curves, x_label=plain(x["label"], 60), y_label=plain(y["label"], 60), x_log=x["log"], y_log=y["log"],
+            x_base=2 if p["slopes"] else 10, slopes=p["slopes"], equal=p["equal"],
+            window=p["window"],
+        ),
+    }  # fmt: skip
+
+
+def _statement(s: dict[str, Any]) -> dict[str, Any]:
+    sign, words = WORDS[s["verdict"]]
+    return {
+        "cell": Cell(s["verdict"], sign, words, False),
+        **{key: plain(s[key], 600) for key in ("text", "source", "measured", "criterion", "correction")},
+    }

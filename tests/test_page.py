@@ -1,0 +1,351 @@
+"""The HTML page: complete, accessible, small, and inert whatever strangers put into the files."""
+
+from __future__ import annotations
+
+import base64
+import copy
+import hashlib
+import json
+import re
+import shutil
+import subprocess
+from html.parser import HTMLParser
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+from sepv.cli import main
+from sepv.errors import UsageError
+from sepv.page import load, render
+from sepv.page.plot import Curve, colour_rules, plot
+from sepv.page.sources import Sources
+from sepv.page.text import name, plain
+from sepv.palette import look
+
+EVIL = [
+    "<script>document.title='owned'</script>",
+    '"><img src=x onerror="document.title=\'owned\'">',
+    "'; DROP TABLE schemes; --",
+    "\u202egnp.exe\u202c",
+    "</style><style>*{display:none}",
+    "{{ 7 * 7 }}{% raw %}",
+    "javascript:alert(1)",
+    "a\x00b\x1b[31m\ud83d",
+    "x" * 10_240,
+    "",
+]
+
+
+def verify_report(scheme: str, message: str = "", verdict: str = "violated") -> dict[str, Any]:
+    law = {
+        "law": "energy", "claimed": True, "verdict": verdict, "defect": 1e9, "bound": 48.0, "at_least": False,
+        "unit": message[:20] or "ulp of H", "source": message or "Prop. 3.1", "witness": None, "replay": message,
+        "checks": 3, "message": message or "step 3: H moved", "expected": None, "seconds": 0.1,
+    }  # fmt: skip
+    counts = dict.fromkeys(("holds", "violated", "inconclusive", "not_applicable", "error"), 0)
+    return {
+        "suite": {"name": "sepv", "version": "0.1.0", "laws": 1, "seed": 0, "examples": 100, "paths": 8192},
+        "scheme": {
+            "name": scheme, "source": message or "a book", "claims": ["energy"], "mean_square_order": None,
+            "weak_order": None, "solver_tolerance": 0.0, "truncation": 2,
+        },
+        "counts": counts | {verdict: 1},
+        "laws": [law],
+    }  # fmt: skip
+
+
+def comparison(method: str) -> dict[str, Any]:
+    size = {"value": 1e-3, "low": 9e-4, "high": 1.1e-3}
+    point = {
+        "method": method, "h": 0.1, "steps": 10, "paths": 64, "failures": 0, "strong_error": size, "weak_error": size,
+        "energy_defect": 0.0, "casimir_defect": None, "ns_per_step": 5.0, "evaluations_per_step": {method[:40]: 2.0},
+        "iterations_per_step": None, "seconds": {"median": 1e-3, "low": 1e-3, "high": 1e-3, "wall": 1e-3, "first": 0.0},
+    }  # fmt: skip
+    return {
+        "format": 1, "problem": method, "T": 1.0, "seed": 0, "repeats": 3, "confidence": 0.99,
+        "environment": {method[:40]: method}, "methods": [{"name": method, "source": method}], "points": [point],
+        "times_to_error": [
+            {"method": method, "error": 1e-2, "microseconds": None, "energy_defect": None, "how": "never"}
+        ],
+    }  # fmt: skip
+
+
+def reproduction(text: str) -> dict[str, Any]:
+    statement = {
+        "text": text, "source": text, "verdict": "fails", "measured": text, "criterion": text, "correction": text,
+    }  # fmt: skip
+    panel = {
+        "key": "4.1-energy", "figure": "4.1", "title": text, "source": text, "x": {"label": text, "log": False},
+        "y": {"label": text, "log": True}, "parameters": {}, "chosen": [text], "slopes": [], "statements": [statement],
+        "description": text, "equal": False, "window": None, "seconds": 1.0, "numbers": {},
+        "series": [{"name": text, "x": [0.0, 1.0, None], "y": [1.0, 1e300, -1.0], "scheme": text, "style": "line"}],
+    }  # fmt: skip
+    about = {
+        "name": "sepv", "version": text[:30], "seed": 0, "share": 1.0, "seconds": 1.0, "workers": 2, "python": text,
+        "numpy": text, "scipy": text, "of": text,
+    }  # fmt: skip
+    return {
+        "reproduction": about,
+        "counts": {"holds": 0, "fails": 2, "open": 0},
+        "panels": [panel],
+        "text": [statement],
+    }
+
+
+def hostile_page() -> str:
+    sources = Sources()
+    for evil in EVIL:
+        sources.verify.append(verify_report(evil, evil))
+        sources.compare.append(comparison(evil))
+        sources.reproduce.append(reproduction(evil))
+    return render(sources, title=EVIL[0])
+
+
+class Reader(HTMLParser):
+    """Every tag with its attributes, all text, and the nesting."""
+
+    VOID = frozenset(("meta", "line", "path", "br", "img", "link"))
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.open: list[str] = []
+        self.words: list[str] = []
+        self.feed(page)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag in self.VOID:  # as a browser writes them down: <line></line>
+            return
+        assert self.open.pop() == tag, tag
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data)
+
+
+ELEMENTS = """html head meta title style body a header h1 h2 h3 p sub nav ul li main section div table caption thead
+tbody tr th td span bdi details summary pre figure figcaption svg desc line text path clippath g dl dt dd"""
+ALLOWED = frozenset(ELEMENTS.split())
+
+
+@pytest.mark.parametrize("page", [hostile_page(), render(Sources())], ids=["hostile", "empty"])
+def test_the_page_is_well_formed_and_holds_only_known_elements(page: str) -> None:
+    reader = Reader(page)
+    assert reader.open == []
+    assert {tag for tag, _ in reader.tags} <= ALLOWED
+    for tag, attributes in reader.tags:
+        assert not any(
+            key.startswith("on") or key in ("src", "style", "srcset", "action") for key in attributes
+        ), tag
+        assert (attributes.get("href") or "#").startswith("#")
+    ids = [a["id"] for _, a in reader.tags if "id" in a]
+    assert len(ids) == len(set(ids))
+    for _, attributes in reader.tags:
+        for key in ("aria-labelledby", "href"):
+            for reference in (attributes.get(key) or "").replace("#", "").split():
+                assert reference in ids
+
+
+def test_hostile_strings_are_text() -> None:
+    page = hostile_page()
+    assert "<script" not in page
+    assert "<img" not in page
+    assert "&lt;script&gt;" in page
+    assert "{{ 7 * 7 }}" in page  # shown, not computed
+    assert "\u202e" not in page
+    assert "\x00" not in page
+    assert "\x1b" not in page
+    assert max(map(len, re.findall("x+", page))) <= 1500
+    page.encode("utf-8")  # no lone surrogate
+    assert len(page) < 400_000
+
+
+def test_the_policy_names_the_one_style_sheet_and_allows_nothing_else() -> None:
+    page = hostile_page()
+    policy = next(
+        a["content"] for t, a in Reader(page).tags if a.get("http-equiv") == "Content-Security-Policy"
+    )
+    style = page[page.index("<style>") + 7 : page.index("</style>")]
+    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
+    assert policy == f"default-src 'none'; style-src 'sha256-{digest}'; base-uri 'none'; form-action 'none'"
+    assert page.count("<style") == 1
+    assert "url(" not in style
+    assert "@import" not in style
+
+
+def test_headings_captions_and_alternatives() -> None:
+    reader = Reader(hostile_page())
+    levels = [int(tag[1]) for tag, _ in reader.tags if re.fullmatch("h[1-6]", tag)]
+    assert levels[0] == 1
+    assert levels.count(1) == 1
+    assert all(b <= a + 1 for a, b in pairwise(levels))
+    kinds = [tag for tag, _ in reader.tags]
+    assert kinds.count("table") == kinds.count("caption")
+    drawings = [a for tag, a in reader.tags if tag == "svg" and a.get("role") == "img"]
+    assert drawings
+    assert all(len((a["aria-labelledby"] or "").split()) == 2 for a in drawings)
+    assert all(a.get("scope") in ("col", "row") for tag, a in reader.tags if tag == "th")
+    assert next(a for tag, a in reader.tags if tag == "html")["lang"] == "en"
+
+
+def luminance(colour: str) -> float:
+    full = colour[1:] if len(colour) == 7 else "".join(2 * c for c in colour[1:])
+    channels = [int(full[i : i + 2], 16) / 255 for i in (0, 2, 4)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def contrast(one: str, other: str) -> float:
+    a, b = sorted((luminance(one), luminance(other)))
+    return (b + 0.05) / (a + 0.05)
+
+
+@pytest.mark.parametrize("theme", [0, 1], ids=["light", "dark"])
+def test_contrast_is_that_of_wcag_aa(theme: int) -> None:
+    page = render(Sources())
+    rules = re.findall(r":root\{([^}]*)\}", page)
+    value = dict(re.findall(r"--(\w+):(#\w+)", rules[theme]))
+    for text in ("fg", "soft", "link", "good", "bad", "warn", "odd"):
+        assert contrast(value[text], value["bg"]) >= 4.5, text
+    assert contrast(value["fg"], value["pane"]) >= 4.5
+    for text in ("good", "bad", "warn", "odd"):
+        assert contrast(value[text], value[f"{text}bg"]) >= 4.5, text
+    for curve, *_ in colour_rules():
+        assert contrast(value[curve], value["bg"]) >= 3, curve
+    assert contrast(value["guide"], value["bg"]) >= 3
+
+
+def test_counterexamples_are_within_a_budget_and_the_rest_is_counted() -> None:
+    report = verify_report("chatty", "m" * 1400)
+    report["laws"] = [copy.deepcopy(report["laws"][0]) for _ in range(100)]
+    page = render(Sources(verify=[report]))
+    assert page.count("<pre class") < 100
+    left = re.search(r"(\d+) more counterexamples in the JSON file", page)
+    assert left
+    assert int(left[1]) + page.count('<pre class="wrap"') == 100
+
+
+def test_a_plot_leaves_out_what_cannot_be_drawn_and_keeps_spikes() -> None:
+    n = 5000
+    y: list[float | None] = [1.0] * n
+    y[1234], y[2000], y[2001], y[3000] = 50.0, None, float("nan"), -1.0
+    drawn = plot([Curve("c", list(range(n)), y)], x_label="x", y_label="y", y_log=True)
+    numbers = [float(v) for v in re.findall(r"-?\d+\.\d", drawn.curves[0].path)]
+    assert len(numbers) < 600
+    assert min(numbers[1::2]) == pytest.approx(23, abs=2)  # the spike, 4 % below the top
+    assert len({text for _, text in drawn.y_ticks}) == len(drawn.y_ticks) >= 2
+    assert plot([], x_label="", y_label="").curves == []
+
+
+def test_every_scheme_of_ours_has_a_look_of_its_own() -> None:
+    from sepv import schemes
+
+    looks = [look(s) for s in schemes.ALL]
+    assert len({k.colour for k in looks}) == len({k.marker for k in looks}) == len(looks)
+
+
+def test_text_of_strangers() -> None:
+    assert plain("a\u202eb\x07c") == "a�b�c"
+    assert plain("é中\n\t∇") == "é中\n\t∇"
+    assert plain("x" * 50, 10) == "x" * 10 + "… (50 characters)"
+    assert name("  two\nlines ") == "two lines"
+    assert name("") == "(no name)"
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("{", "a JSON file written by sepv"),
+        ("[1, 2]", "none of these"),
+        ('{"suite": {}}', "has no 'scheme'"),
+        (json.dumps(verify_report("x") | {"laws": [{"law": 3}]}), r"laws\[0\] has no 'claimed'"),
+        (json.dumps(verify_report("x", verdict="maybe")), "is 'maybe', not one of"),
+        ("[" * 100_000, "a JSON file written by sepv"),
+    ],
+)
+def test_files_that_are_no_reports_are_refused(content: str, words: str, tmp_path: Path) -> None:
+    (tmp_path / "f.json").write_text(content)
+    with pytest.raises(UsageError, match=words):
+        load([tmp_path / "f.json"])
+    with pytest.raises(UsageError, match="Remedy"):
+        load([tmp_path / "missing.json"])
+
+
+def test_the_command_makes_a_page_of_real_reports(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    run = CliRunner().invoke
+    for scheme in ("energy-preserving", "midpoint"):
+        run(
+            main,
+            [
+                "verify",
+                scheme,
+                "--law",
+                "energy",
+                "--law",
+                "casimir",
+                "--examples",
+                "30",
+                "--json",
+                f"{scheme}.json",
+            ],
+        )
+    run(main, ["reproduce", "text", "--json", "paper.json"])
+    result = run(
+        main, ["report", "energy-preserving.json", "midpoint.json", "paper.json", "--out", "page.html"]
+    )
+    assert result.exit_code == 0, result.output
+    assert re.fullmatch(r"page\.html: \d+ kB\n", result.output)
+    page = (tmp_path / "page.html").read_text()
+    words = " ".join(" ".join(Reader(page).words).split())
+    assert "sepv verify midpoint --law energy --replay" in words
+    assert "Remark 2.1" in words
+    again = run(
+        main, ["report", "energy-preserving.json", "midpoint.json", "paper.json", "--out", "again.html"]
+    )
+    assert again.exit_code == 0
+    assert (tmp_path / "again.html").read_text() == page  # the same files give the same page
+    assert run(main, ["report"]).exit_code == 2
+    assert run(main, ["report", "nothing.json"]).exit_code == 2
+
+
+CHROMIUM = next((p for p in ("chromium", "chromium-browser", "google-chrome") if shutil.which(p)), None)
+FLAGS = [
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed: the page is read by a parser only")
+def test_a_browser_runs_nothing_of_it(tmp_path: Path) -> None:
+    """Chromium's own reading of the hostile page: no element of a stranger, the title ours, the policy obeyed."""
+    page = tmp_path / "page.html"
+    page.write_text(hostile_page(), encoding="utf-8")
+    assert CHROMIUM
+    own = [f"--user-data-dir={tmp_path / 'profile'}", "--enable-logging=stderr", "--dump-dom", page.as_uri()]
+    done = subprocess.run(
+        [CHROMIUM, *FLAGS, *own],
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    dom = Reader(done.stdout)
+    assert {tag for tag, _ in dom.tags} <= ALLOWED
+    assert "<title>owned" not in done.stdout
+    assert "Content Security Policy" not in done.stderr, "the page itself breaks its policy"
