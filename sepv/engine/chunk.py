@@ -27,11 +27,12 @@ class Chunk:
         blocks = -(-task.count // lanes)
         self.lanes, self.done = lanes, 0
         self.S = np.zeros((blocks, module.SIZE))
-        self.I = np.zeros((blocks, 6 * lanes), dtype=np.int64)
+        self.I = np.zeros((blocks, 4 * lanes + 2), dtype=np.int64)
         for i, value in enumerate(task.y0):
             self._floats(i)[:] = value
         self._integers(1)[:] = (np.arange(blocks * lanes) < task.count).reshape(blocks, lanes)
         self._integers(3)[:] = -1
+        self.I[:, -2] = self._integers(1).sum(axis=1)
         self.W = np.zeros((blocks, m, lanes))
         self.grid = wiener.grid(task.steps, task.refine)
         streams = self.grid.streams if task.dW is None and m else 0
@@ -71,7 +72,7 @@ class Chunk:
     def result(self, kept: Array) -> Ensemble:
         """The ends so far."""
         d, m, M = self.problem.dimension, self.problem.noises, self.task.count
-        iterations = int(self._flat(self._integers(4)).sum())
+        iterations = int(self.I[:, -1].sum())
         module = self.kernel.module
         return Ensemble(
             y=self.states(),

@@ -4,20 +4,21 @@ The loop over iterations is outside the loop over lanes, whose body is straight-
 so that it becomes SIMD code; a block leaves the iteration when none of its lanes is busy. All state of a
 block lies in one scratch buffer at fixed offsets.
 
-A lane is done where its correction, applied, leaves an error below rounding: with corrections m, then at worst
-m²/m_before next, because Newton's converge faster than linearly; or where corrections are small and no longer
-shrink. The last correction is always applied.
+A lane is done where its correction m, applied, leaves an error below rounding: Newton's corrections shrink
+faster than linearly, so that the next one is at most m²/m_before. A lane that is not done after a few steps, that
+overflows or leaves the domain, is solved again by itself with every test of `sepv.implicit`: stagnation, a
+correction halved until it stays in the domain, a status. What a lane does never depends on the others.
 """
 
 from __future__ import annotations
 
 from functools import lru_cache
 
-from sepv.engine.code import ProblemCode
-from sepv.engine.linear import solve
+from sepv.engine.code import ProblemCode, Table
+from sepv.engine.linear import pivoted_solve, solve
 from sepv.engine.schemes import Formula
-from sepv.engine.text import Text, shown
-from sepv.implicit import MAX_HALVINGS, MAX_ITERATIONS, STAGNATION, Status
+from sepv.engine.text import Expression, Text, shown
+from sepv.implicit import MAX_HALVINGS, MAX_ITERATIONS, ROUNDING, STAGNATION, Status
 
 # The error that a lane may be left with, relative to its state: 2⁻¹⁰ of a rounding.
 LEFT = 2.0**-62
@@ -25,6 +26,10 @@ LEFT = 2.0**-62
 FIRST = 2.0**-31
 # Where corrections are below a quarter of a rounding nothing is left to correct.
 TINY = 2.0**-54
+# Steps of Newton's iteration before the first test.
+UNCHECKED = 2
+# Steps of all lanes together, before those that are not done are looked at one by one.
+FAST = 8
 
 
 @lru_cache(maxsize=256)
@@ -45,12 +50,15 @@ class _Writer:
         self.d = problem.dimension
         self.parameters: list[float] = []
         d, L = self.d, lanes
-        names = ["Y", "Z", "C", "E"]
-        self.offset = {name: n * d * L for n, name in enumerate(names)}
-        base = len(names) * d * L
-        for n, name in enumerate(("D", "P", "H", "WH", "WC")):
-            self.offset[name] = base + n * L
-        base += 5 * L
+        self.unknowns = formula.stages * d
+        self.offset = {}
+        base = 0
+        # State, unknowns of Newton's iteration, what Kahan's sum lost; Δ, the last correction, the size of the
+        # state, the energy at the start, the largest defects of energy and Casimirs.
+        rows = {"Y": d, "Z": self.unknowns, "E": d, **dict.fromkeys(("D", "P", "X", "H", "WH", "WC"), 1)}
+        for name, count in rows.items():
+            self.offset[name] = base
+            base += count * L
         self.casimirs = len(problem.casimirs(Text(), [f"y{i}" for i in range(d)]))
         self.offset["K"] = base
         self.size = base + self.casimirs * L
@@ -61,6 +69,7 @@ class _Writer:
 
     def text(self) -> str:
         body = self.implicit() if self.formula.implicit else self.explicit()
+        careful = self.carefully() if self.formula.implicit else ["return 0"]
         start, update = self.start(), self.update()
         loads = [f"p{i} = P[{self.noises + i}]" for i in range(len(self.parameters))]
         c = [f"c{j} = P[{j}]" for j in range(self.noises)]
@@ -76,6 +85,7 @@ class _Writer:
         )
         lines = [head]
         lines += ["@_kernel", "def _start(S, P):", *_indent(1, loads), *_indent(1, start), ""]
+        lines += ["", "@_kernel", "def _carefully(S, I, k, P):", *_indent(1, loads), *_indent(1, careful), ""]
         lines += ["", "@_kernel", "def _advance(S, I, buffer, count, first, h, bound, P):"]
         lines += _indent(1, ["wide()", *c, *loads, "for n in range(count):", *_indent(1, [*body, *update])])
         return "\n".join(lines) + "\n" + _DRIVER
@@ -104,150 +114,211 @@ class _Writer:
         return lines
 
     def implicit(self) -> list[str]:
-        d = self.d
-        first = [
-            *self.random_step(),
-            f"{self.at('D')} = delta",
-            f"{self.at('P')} = INF",
-            "I[BUSY + k] = I[ALIVE + k]",
-        ]
-        first += [f"{self.at('Z', i)} = 0.0" for i in range(d)]
-        lines = ["for k in range(L):", *_indent(1, first), "limit = FIRST", "for iteration in range(MOST):"]
-        lines += ["    left = 0", "    outside = 0", "    for k in range(L):"]
-        lines += _indent(2, self.iteration())
-        if self.has_domain():
-            lines += _indent(1, self.back_into_domain())
-        lines += ["    if left == 0:", "        break", "    limit = STAGNATION"]
+        """Newton's iteration for all lanes: unchecked steps first, then each with its test."""
+        lines = ["for k in range(L):", *_indent(1, [*self.random_step(), *self.unchecked()])]
+        lines += [] if self.has_domain() else ["I[WORK] += UNCHECKED * I[LIVING]"]
+        lines += ["left = I[LIVING]", "for iteration in range(FAST):"]
+        lines += ["    if left == 0:", "        break", "    I[WORK] += left", "    left = 0"]
+        lines += ["    for k in range(L):", *_indent(2, self.iteration())]
+        lines += ["trouble = left", "if left > 0:", "    for k in range(L):", "        if I[BUSY + k] != 0:"]
+        lines += ["            code = _carefully(S, I, k, P)", "            I[STATUS + k] = code"]
+        lines += ["            trouble += 1 if code != 0 else 0"]
         return lines
 
-    def has_domain(self) -> bool:
-        return self.problem.domain(Text(), [f"y{i}" for i in range(self.d)]) is not None
+    def unchecked(self) -> list[str]:
+        """Where the iteration starts: two steps in registers where H and B are defined everywhere.
+
+        A test costs as much as a third of a step, and two steps are needed for every Δ above 1e-6.
+        """
+        n = self.unknowns
+        e = Text(self.parameters)
+        y = [f"y{i}" for i in range(self.d)]
+        e.lines += [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
+        z, c = ["0.0"] * n, ["INF"]
+        if not self.has_domain():
+            for _ in range(UNCHECKED):
+                _, c = self.newton(e, y, z)
+                z = [e.let(f"{a} - {b}" if a != "0.0" else f"-{b}") for a, b in zip(z, c, strict=True)]
+        e.lines.append(f"scale = {' + '.join(f'abs({v})' for v in y)}")
+        e.lines += [f"{self.at('Z', i)} = {v}" for i, v in enumerate(z)]
+        e.lines += [
+            f"{self.at('P')} = {' + '.join(f'abs({v})' for v in c)}",
+            f"{self.at('X')} = scale",
+            f"{self.at('D')} = delta",
+            "I[BUSY + k] = I[ALIVE + k]",
+        ]
+        return e.lines
+
+    def newton(
+        self, e: Text, y: list[str], z: list[str], pivoted: bool = False
+    ) -> tuple[list[str], list[str]]:
+        """F = z − R and the correction (1 − K)⁻¹F."""
+        n = len(z)
+        R, K = self.formula.increment(e, self.problem, y, z, "delta")
+        F = [_minus(e, z[i], R[i]) for i in range(n)]
+        A: Table = [[_one_minus(e, i == j, K[i][j]) for j in range(n)] for i in range(n)]
+        return F, pivoted_solve(e, A, F) if pivoted and n > 3 else solve(e, A, list(F))
 
     def iteration(self) -> list[str]:
-        d = self.d
+        """A step of all lanes and its test; a lane in any trouble stays busy, and is left to `_carefully`."""
+        n, d = self.unknowns, self.d
         e = Text(self.parameters)
-        y, z = [f"y{i}" for i in range(d)], [f"z{i}" for i in range(d)]
+        y, z = [f"y{i}" for i in range(d)], [f"z{i}" for i in range(n)]
         e.lines += [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
         e.lines += [f"{v} = {self.at('Z', i)}" for i, v in enumerate(z)]
         e.lines.append(f"delta = {self.at('D')}")
-        R, K = self.formula.increment(e, self.problem, y, z, "delta")
-        F = [e.let(f"{z[i]} - {shown(R[i])}" if R[i] is not None else z[i]) for i in range(d)]
-        A = [
-            [e.let(f"{float(i == j)} - {K[i][j]}") if K[i][j] is not None else ("(1.0)" if i == j else None)
-             for j in range(d)]
-            for i in range(d)
-        ]  # fmt: skip
-        c = solve(e, A, list(F))
+        _, c = self.newton(e, y, z)
         e.lines += [
-            f"residual = {' + '.join(f'abs({f})' for f in F)}",
-            f"size = {' + '.join(f'abs({v})' for v in c)}",
+            f"m = {' + '.join(f'abs({v})' for v in c)}",
             "busy = I[BUSY + k] != 0",
-            "rest = residual == 0.0",  # a state at rest is a solution, also where the Jacobian is singular
-            "broken = no(residual < INF)",
-            "singular = no(broken | rest | (size < INF))",
-            f"m = abs({c[0]})",
-            f"scale = abs(y0) + abs({z[0]})",
-        ]
-        for i in range(1, d):
-            e.lines += [f"v = abs({c[i]})", "m = pick(v > m, v, m)"]
-            e.lines += [f"v = abs(y{i}) + abs({z[i]})", "scale = pick(v > scale, v, scale)"]
-        e.lines += [
+            f"scale = {self.at('X')}",
             f"before = {self.at('P')}",
-            "small = m <= limit * scale",
-            "close = (m * m <= LEFT * scale * before) | (m >= 0.5 * before) | (m <= TINY * scale)",
-            "done = rest | (small & close)",
-            "stop = broken | singular",
-            "move = busy & no(rest | stop)",
-        ]
-        moved = [f"n{i}" for i in range(d)]
-        e.lines += [f"{moved[i]} = {z[i]} - {c[i]}" for i in range(d)]
-        if self.has_domain():
-            there = [e.let(f"{y[i]} + {moved[i]}") for i in range(d)]
-            inside = self.problem.domain(e, there)
-            e.lines += [
-                f"inside = {inside}",
-                "out = move & no(inside)",
-                "move = move & inside",
-                "done = rest | (done & inside)",
-            ]
-            e.lines += [f"{self.at('C', i)} = {c[i]}" for i in range(d)]
-            e.lines += ["outside += pick(out, 1, 0)", "I[OUT + k] = pick(out, 1, 0)"]
-        e.lines += [f"{self.at('Z', i)} = pick(move, {moved[i]}, {z[i]})" for i in range(d)]
-        e.lines += [
             f"{self.at('P')} = m",
-            "code = pick(broken, BROKEN, SINGULAR)",
-            "I[STATUS + k] = pick(busy & stop, code, I[STATUS + k])",
-            "I[WORK + k] += pick(busy, 1, 0)",
-            "still = busy & no(done | stop)",
+            "first = (before == INF) & (m > FIRST * scale)",
+            "done = ((m * m <= LEFT * (scale * before)) & no(first)) | (m <= TINY * scale)",
+        ]
+        moved = [f"n{i}" for i in range(n)]
+        e.lines += [f"{moved[i]} = {z[i]} - {c[i]}" for i in range(n)]
+        if self.has_domain():
+            # Outside the domain nothing is computed with: what comes of it is no number.
+            e.lines.append(f"inside = {self.inside(e, y, moved)}")
+            e.lines += [f"{v} = pick(inside, {v}, NAN)" for v in moved]
+            e.lines.append("done = done & inside")
+        e.lines += [f"{self.at('Z', i)} = pick(busy, {moved[i]}, {z[i]})" for i in range(n)]
+        e.lines += [
+            "still = busy & no(done)",
             "left += pick(still, 1, 0)",
             "I[BUSY + k] = pick(still, 1, 0)",
         ]
         return e.lines
 
-    def back_into_domain(self) -> list[str]:
-        """Corrections halved until they stay in the domain, for the few lanes that need it, one by one."""
-        d = self.d
+    def carefully(self) -> list[str]:
+        """One lane by itself, from z = 0, with every test of `sepv.implicit`."""
+        n, d = self.unknowns, self.d
+        y, z = [f"y{i}" for i in range(d)], [f"z{i}" for i in range(n)]
         e = Text(self.parameters)
-        there = [f"({self.at('Y', i)} + ({self.at('Z', i)} - factor * {self.at('C', i)}))" for i in range(d)]
-        inside = self.problem.domain(e, [e.let(t) for t in there])
-        moves = [f"{self.at('Z', i)} = {self.at('Z', i)} - factor * {self.at('C', i)}" for i in range(d)]
-        return [
-            "if outside > 0:",
-            "    for k in range(L):",
-            "        if I[OUT + k] != 0:",
-            "            factor = 1.0",
-            "            found = False",
-            "            for halving in range(HALVINGS):",
-            "                factor *= 0.5",
-            *_indent(4, e.lines),
-            f"                if {inside}:",
-            "                    found = True",
-            "                    break",
-            "            if found:",
-            *_indent(4, moves),
-            "            else:",
-            "                I[STATUS + k] = LEFT_DOMAIN",
-            "                I[BUSY + k] = 0",
-            "                left -= 1",
+        F, c = self.newton(e, y, z, pivoted=True)
+        e.lines += [
+            "I[WORK] += 1",
+            f"residual = max({', '.join(f'abs({f})' for f in F)}, 0.0)",
+            f"m = max({', '.join(f'abs({v})' for v in c)}, 0.0)",
+            f"scale = max({', '.join(f'abs(y{i % d}) + abs({z[i]})' for i in range(n))}, 0.0)",
+            f"if not ({' + '.join(f'abs({f})' for f in F)} < INF):",
+            "    return BROKEN",
+            "if residual == 0.0:",  # a state at rest is a solution, also where the Jacobian is singular
+            "    break",
+            f"if not ({' + '.join(f'abs({v})' for v in c)} < INF):",
+            "    return SINGULAR",
+            "done = m <= limit * scale and m * m <= LEFT * scale * before or m <= TINY * scale",
+            "small = m <= STAGNATION * scale and residual <= ROUNDING * scale",
+            "done = done or small and m >= 0.5 * before",
+            "before = m",
+            "limit = STAGNATION",
+            "factor = 1.0",
         ]
+        moved = [f"n{i}" for i in range(n)]
+        step = [f"{moved[i]} = {z[i]} - factor * {c[i]}" for i in range(n)]
+        lines = [*e.lines, *step]
+        if self.has_domain():
+            e = Text(self.parameters)
+            inside = self.inside(e, y, moved)
+            lines += ["found = False", "for halving in range(HALVINGS):", *_indent(1, e.lines)]
+            lines += [f"    if {inside}:", "        found = True", "        break", "    done = False"]
+            lines += ["    factor *= 0.5", *_indent(1, step), "if not found:", "    return LEFT_DOMAIN"]
+        lines += [f"{z[i]} = {moved[i]}" for i in range(n)]
+        lines += ["if done:", "    break"]
+        head = [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
+        head += [*(f"{v} = 0.0" for v in z), f"delta = {self.at('D')}", "before = INF", "limit = FIRST"]
+        body = [
+            *head,
+            "for iteration in range(MOST):",
+            *_indent(1, lines),
+            "else:",
+            "    return NO_CONVERGENCE",
+        ]
+        return [*body, *(f"{self.at('Z', i)} = {v}" for i, v in enumerate(z)), "return 0"]
+
+    def inside(self, e: Text, y: list[str], z: list[str]) -> str:
+        """Whether all states that belong to z are in the domain."""
+        found = [self.problem.domain(e, state) for state in self.formula.states(e, y, z)]
+        return " & ".join(f"({f})" for f in found)
+
+    def has_domain(self) -> bool:
+        return self.problem.domain(Text(), [f"y{i}" for i in range(self.d)]) is not None
 
     def explicit(self) -> list[str]:
         raise NotImplementedError
 
     def update(self) -> list[str]:
-        """The step's end: states, invariants, statuses."""
+        """The step's end: states, statuses, invariants; without masks where all lanes live and none failed."""
+        quick, masked = self.moves(masked=False), self.moves(masked=True)
+        return [
+            "if trouble == 0 and I[LIVING] == L:",
+            "    for k in range(L):",
+            *_indent(2, quick),
+            "else:",
+            "    living = 0",
+            "    for k in range(L):",
+            *_indent(2, masked),
+            "    I[LIVING] = living",
+            "    if living == 0:",
+            "        return 1",
+        ]
+
+    def moves(self, masked: bool) -> list[str]:
         d = self.d
         e = Text(self.parameters)
         y = [f"y{i}" for i in range(d)]
         e.lines += [f"x{i} = {self.at('Y', i)}" for i in range(d)]
-        e.lines += [
-            "alive = I[ALIVE + k] != 0",
-            "code = pick(I[BUSY + k] != 0, NO_CONVERGENCE, I[STATUS + k])",
-            "ok = alive & (code == 0)",
-            "I[STATUS + k] = pick(alive, code, I[STATUS + k])",
-            "I[FAILED + k] = pick(alive & no(ok), first + n, I[FAILED + k])",
-            "I[ALIVE + k] = pick(ok, 1, 0)",
-            "living += pick(ok, 1, 0)",
-        ]
+        if masked:
+            e.lines += [
+                "alive = I[ALIVE + k] != 0",
+                "code = I[STATUS + k]",
+                "ok = alive & (code == 0)",
+                "I[FAILED + k] = pick(alive & no(ok), first + n, I[FAILED + k])",
+                "I[ALIVE + k] = pick(ok, 1, 0)",
+                "living += pick(ok, 1, 0)",
+            ]
+        z = self.formula.update(e, [self.at("Z", i) for i in range(self.unknowns)])
         for i in range(d):
             if self.compensated:
                 # Kahan: what a sum loses is kept and added to the next increment.
-                e.lines += [
-                    f"q{i} = {self.at('Z', i)} + {self.at('E', i)}",
-                    f"y{i} = x{i} + q{i}",
-                    f"r{i} = (x{i} - y{i}) + q{i}",
-                    f"{self.at('E', i)} = pick(ok, r{i}, {self.at('E', i)})",
-                ]
+                lost = self.at("E", i)
+                kept = f"pick(ok, r{i}, {lost})" if masked else f"r{i}"
+                e.lines += [f"q{i} = {z[i]} + {lost}", f"y{i} = x{i} + q{i}", f"r{i} = (x{i} - y{i}) + q{i}"]
+                e.lines.append(f"{lost} = {kept}")
             else:
-                e.lines.append(f"y{i} = x{i} + {self.at('Z', i)}")
-        e.lines += [f"y{i} = pick(ok, y{i}, x{i})" for i in range(d)]
+                e.lines.append(f"y{i} = x{i} + {z[i]}")
+        if masked:
+            e.lines += [f"y{i} = pick(ok, y{i}, x{i})" for i in range(d)]
         e.lines += [f"{self.at('Y', i)} = y{i}" for i in range(d)]
-        e.lines.append(f"drift = abs({shown(self.problem.hamiltonian(e, y))} - {self.at('H')})")
-        e.lines.append(f"{self.at('WH')} = pick(drift > {self.at('WH')}, drift, {self.at('WH')})")
+        energy = self.problem.hamiltonian(e, y)
+        e.lines += self.drift(energy, "H", "WH")
         for i, value in enumerate(self.problem.casimirs(e, y)):
-            e.lines.append(f"drift = abs({shown(value)} - {self.at('K', i)})")
-            e.lines.append(f"{self.at('WC')} = pick(drift > {self.at('WC')}, drift, {self.at('WC')})")
-        return ["living = 0", "for k in range(L):", *_indent(1, e.lines), "if living == 0:", "    return 1"]
+            e.lines += self.drift(value, ("K", i), "WC")
+        return e.lines
+
+    def drift(self, value: Expression, start: str | tuple[str, int], worst: str) -> list[str]:
+        """The largest deviation so far from the value at the start."""
+        before = self.at(start) if isinstance(start, str) else self.at(*start)
+        largest = self.at(worst)
+        return [
+            f"drift = abs({shown(value)} - {before})",
+            f"{largest} = pick(drift > {largest}, drift, {largest})",
+        ]
+
+
+def _minus(e: Text, z: str, value: Expression) -> str:
+    if value is None:
+        return z
+    return e.let(f"-{value}") if z == "0.0" else e.let(f"{z} - {value}")
+
+
+def _one_minus(e: Text, diagonal: bool, value: Expression) -> Expression:
+    """An entry of 1 − K."""
+    if value is None:
+        return "(1.0)" if diagonal else None
+    return e.let(f"1.0 - {value}") if diagonal else e.let(f"-{value}")
 
 
 def _indent(depth: int, lines: list[str]) -> list[str]:
@@ -259,20 +330,22 @@ _HEAD = f'''"""Generated by sepv; see sepv/engine/kernel.py."""
 import numpy as np
 from numba import njit
 
-from sepv.engine.functions import fma, no, pick, wide
+from sepv.engine.functions import fma, no, pick, pivoted, wide
 from sepv.engine.lanes import coarse, fill
 {{preamble}}
 _kernel = njit(error_model="numpy", nogil=True, cache=True)
 L, SIZE, NOISES = {{lanes}}, {{size}}, {{noises}}
 INF = np.inf
 MOST, HALVINGS = {MAX_ITERATIONS}, {MAX_HALVINGS}
-STAGNATION, FIRST, LEFT, TINY = {STAGNATION!r}, {FIRST!r}, {LEFT!r}, {TINY!r}
+STAGNATION, FIRST, LEFT, TINY, ROUNDING = {STAGNATION!r}, {FIRST!r}, {LEFT!r}, {TINY!r}, {ROUNDING!r}
+UNCHECKED, FAST = {UNCHECKED}, {FAST}
+NAN = np.nan
 NO_CONVERGENCE, LEFT_DOMAIN = {int(Status.NO_CONVERGENCE)}, {int(Status.LEFT_DOMAIN)}
 BROKEN, SINGULAR = {int(Status.OVERFLOW)}, {int(Status.SINGULAR)}
 PIECE, IMPLICIT = {{piece}}, {{implicit}}
 # Rows of L in the scratch buffer.
 ENERGY, CASIMIR = {{energy}}, {{casimir}}
-BUSY, ALIVE, STATUS, FAILED, WORK, OUT = 0, L, 2 * L, 3 * L, 4 * L, 5 * L
+BUSY, ALIVE, STATUS, FAILED, LIVING, WORK = 0, L, 2 * L, 3 * L, 4 * L, 4 * L + 1
 
 
 '''
@@ -302,11 +375,17 @@ def run(S, I, W, rng, stack, top, factors, base, halvings, given, place, n0, n1,
             if given.shape[0] == 0:
                 fill(buffer, n, count, rng[b], stack[b], top[b], factors, halvings, raw)
             else:
+                lane = place + b * L
+                width = min(L, given.shape[2] - lane)
                 for i in range(count):
                     for j in range(NOISES):
-                        for k in range(L):
-                            lane = place + b * L + k
-                            buffer[i, j, k] = given[n + i, j, lane] if lane < given.shape[2] else 0.0
+                        row = given[n + i, j, lane : lane + width]
+                        if width == L:
+                            for k in range(L):
+                                buffer[i, j, k] = row[k]
+                        else:
+                            for k in range(L):
+                                buffer[i, j, k] = row[k] if k < width else 0.0
             for i in range(count):
                 for j in range(NOISES):
                     for k in range(L):

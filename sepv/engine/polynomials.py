@@ -77,7 +77,7 @@ class PolynomialCode:
         return sums
 
     def _along(self, e: Text, y: Sequence[str], z: Sequence[str], tau: float) -> list[str]:
-        return [str(e.plus(e.number(tau), b, a)) for a, b in zip(y, z, strict=True)]
+        return [a if b == "0.0" else str(e.plus(e.number(tau), b, a)) for a, b in zip(y, z, strict=True)]
 
     def domain(self, e: Text, y: Sequence[str]) -> str | None:  # noqa: ARG002 - everywhere
         """Polynomials are defined everywhere."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from sepv.engine.code import ProblemCode, Table
+from sepv.engine.code import ProblemCode, Table, skew
 from sepv.engine.text import Expression, Text
 
 
@@ -28,6 +28,15 @@ class Formula:
     gradients: int
     structures: int
     averaged: bool = False
+    stages: int = 1
+
+    def update(self, e: Text, z: Sequence[str]) -> list[str]:  # noqa: ARG002 - for more stages
+        """y1 − y0."""
+        return list(z)
+
+    def states(self, e: Text, y: Sequence[str], z: Sequence[str]) -> list[list[str]]:
+        """The states that must lie in the domain."""
+        return [[e.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)]]
 
 
 def field(e: Text, B: Table, g: Sequence[Expression]) -> list[Expression]:
@@ -35,16 +44,13 @@ def field(e: Text, B: Table, g: Sequence[Expression]) -> list[Expression]:
     return [e.dot(row, g) for row in B]
 
 
-def slope(
-    e: Text, B: Table, derivative: Sequence[Table], g: Sequence[Expression], hessian: Table, half: str
-) -> Table:
-    """half·B′[·]g + B·hessian: the derivative of B(ȳ)g(z)."""
+def slope(e: Text, B: Table, derivative: Sequence[Table], g: Sequence[Expression], hessian: Table) -> Table:
+    """B′[·]g + B·hessian."""
     d = len(g)
-    halves = [e.product(half, v) for v in g]
     table: Table = [[None] * d for _ in range(d)]
     for i in range(d):
         for k in range(d):
-            value = e.dot(derivative[k][i], halves)
+            value = e.dot(derivative[k][i], g)
             for j in range(d):
                 value = e.plus(B[i][j], hessian[j][k], value)
             table[i][k] = value
@@ -52,13 +58,15 @@ def slope(
 
 
 def scaled(e: Text, factor: str, table: Table) -> Table:
-    """factor·table."""
-    return [[e.product(factor, v) for v in row] for row in table]
+    """factor·table for a skew table."""
+    d = len(table)
+    upper = {(i, j): e.product(factor, table[i][j]) for i in range(d) for j in range(i + 1, d)}
+    return skew(d, upper, e)
 
 
 def middle(e: Text, y: Sequence[str], z: Sequence[str]) -> list[str]:
     """ȳ = y + z/2."""
-    return [str(e.plus("(0.5)", b, a)) for a, b in zip(y, z, strict=True)]
+    return [a if b == "0.0" else str(e.plus("(0.5)", b, a)) for a, b in zip(y, z, strict=True)]
 
 
 def energy_preserving(
@@ -66,9 +74,11 @@ def energy_preserving(
 ) -> tuple[list[Expression], Table]:
     """(2.1): R = Δ B(ȳ) ∇̄H, K = Δ(½ B′(ȳ)[·]∇̄H + B(ȳ) ∫τH″dτ)."""
     mid = middle(e, y, z)
-    B, g = problem.structure(e, mid), problem.mean_gradient(e, y, z)
-    K = slope(e, B, problem.structure_derivative(e, mid), g, problem.mean_hessian(e, y, z), "0.5")
-    return [e.product(delta, f) for f in field(e, B, g)], scaled(e, delta, K)
+    B, g = scaled(e, delta, problem.structure(e, mid)), problem.mean_gradient(e, y, z)
+    half = e.let(f"0.5 * {delta}")
+    halves = [e.product(half, v) for v in g]
+    K = slope(e, B, problem.structure_derivative(e, mid), halves, problem.mean_hessian(e, y, z))
+    return field(e, B, g), K
 
 
 def midpoint(
@@ -77,9 +87,10 @@ def midpoint(
     """(3.4): R = Δ f(ȳ), K = ½ Δ f′(ȳ)."""
     mid = middle(e, y, z)
     B, g = problem.structure(e, mid), problem.gradient(e, mid)
-    K = slope(e, B, problem.structure_derivative(e, mid), g, problem.hessian(e, mid), "(1.0)")
     half = e.let(f"0.5 * {delta}")
-    return [e.product(delta, f) for f in field(e, B, g)], scaled(e, half, K)
+    halves = [e.product(half, v) for v in g]
+    K = slope(e, scaled(e, half, B), problem.structure_derivative(e, mid), halves, problem.hessian(e, mid))
+    return field(e, scaled(e, delta, B), g), K
 
 
 FORMULAS: dict[str, Formula] = {
