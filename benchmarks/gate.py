@@ -1,8 +1,8 @@
 """Does the gate of `sepv bench` see what it must, and pass what it must? ``python -m benchmarks.gate``.
 
 Two folders stand for two checkouts of a third party's scheme. Planted in one of them: one Newton iteration more, one
-evaluation more in all, an error 5 % larger, a slowdown of 10 %. Then the same code on both sides, twenty times: counters,
-errors and paired times must all pass. Takes some ten minutes.
+evaluation more in all, an error 5 % larger, a slowdown of 10 %. Then the same code on both sides, twenty times:
+counters, errors and paired times must all pass. Takes some ten minutes.
 """
 
 from __future__ import annotations
