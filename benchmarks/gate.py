@@ -32,10 +32,9 @@ def solve(problem, y, h, dW, plain=scheme.solve):
 scheme = replace(scheme, solve=solve)
 """,
     "one evaluation of ∇H more in all": """
-done = []
 def solve(problem, y, h, dW, plain=scheme.solve):
-    if not done:
-        done.append(problem.gradient(y[:, 0]))
+    if (y == y[:, :1]).all():  # the first step
+        problem.gradient(y[:, 0])
     return plain(problem, y, h, dW)
 scheme = replace(scheme, solve=solve)
 """,
@@ -47,12 +46,12 @@ def step(problem, y, h, dW, plain=scheme.step):
 scheme = replace(scheme, step=step, solve=None)
 """,
     "a slowdown of 10 %": """
-from time import perf_counter
+from time import process_time
 def solve(problem, y, h, dW, plain=scheme.solve):
-    begin = perf_counter()
+    begin = process_time()
     solution = plain(problem, y, h, dW)
-    end = perf_counter() + 0.1 * (perf_counter() - begin)
-    while perf_counter() < end:
+    end = process_time() + 0.1 * (process_time() - begin)
+    while process_time() < end:
         pass
     return solution
 scheme = replace(scheme, solve=solve)
