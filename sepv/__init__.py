@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from sepv._version import __version__ as __version__
 
 if TYPE_CHECKING:
+    from sepv import large as large
     from sepv import problems as problems
     from sepv import schemes as schemes
     from sepv import strategies as strategies
@@ -49,7 +50,7 @@ _HOME = {
         "sepv.errors",
     ),
 }
-_MODULES = ("problems", "schemes", "strategies", "wiener")
+_MODULES = ("large", "problems", "schemes", "strategies", "wiener")
 
 
 def __getattr__(name: str) -> Any:

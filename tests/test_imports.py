@@ -28,6 +28,7 @@ LAYERS = [
     "sepv.wiener",
     "sepv.closed_forms sepv.dense sepv.exact",
     "sepv.simulation",
+    "sepv.large",
     "sepv.engine",
     "sepv.convergence",
     "sepv.tolerance",

@@ -1,0 +1,15 @@
+"""Large systems: one path with d to 10⁴ and more, B sparse, Newton's matrix banded or sparse, cost linear in d.
+
+SciPy's sparse matrices are imported when a step is made, and not before.
+"""
+
+from sepv.large.check import check_large as check_large
+from sepv.large.integrate import LargePath as LargePath
+from sepv.large.integrate import integrate as integrate
+from sepv.large.problem import LargeProblem as LargeProblem
+from sepv.large.problems import nonlinear_schroedinger as nonlinear_schroedinger
+from sepv.large.problems import spin_chain as spin_chain
+from sepv.large.problems import toda_chain as toda_chain
+from sepv.large.problems import volterra_lattice as volterra_lattice
+from sepv.large.schemes import energy_preserving as energy_preserving
+from sepv.large.schemes import midpoint as midpoint
