@@ -84,7 +84,8 @@ def reproduction(text: str) -> dict[str, Any]:
         "series": [{"name": text, "x": [0.0, 1.0, None], "y": [1.0, 1e300, -1.0], "scheme": text, "style": "line"}],
     }  # fmt: skip
     about = {
-        "name": "sepv", "version": text[:30], "seed": 0, "share": 1.0, "seconds": 1.0, "workers": 2, "python": text,
+        "name": "sepv", "version": text[:30], "seed": 0, "share": 1.0, "engine": "auto", "seconds": 1.0,
+        "workers": 2, "python": text,
         "numpy": text, "scipy": text, "of": text,
     }  # fmt: skip
     return {

@@ -25,6 +25,10 @@ QUICK = 1 / 32
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of all Wiener paths.")
 @click.option("--workers", type=click.IntRange(min=1), default=2, show_default=True, help="Processes.")
+@click.option(
+    "--engine", type=click.Choice(["auto", "numpy"]), default="auto", show_default=True,
+    help="auto: compiled where the extra fast has code for the scheme.",
+)  # fmt: skip
 @click.option("-q", "--quiet", is_flag=True, help="Only the last line.")
 @friendly
 def reproduce(figures: tuple[str, ...], out: str | None, json_file: str | None, **options: Any) -> None:
@@ -49,7 +53,7 @@ def reproduce(figures: tuple[str, ...], out: str | None, json_file: str | None, 
 
     require_folder(json_file)
     folder = _folder(out, draws=not options["no_figures"])
-    size = Size(share=QUICK if options["quick"] else 1.0, seed=options["seed"])
+    size = Size(share=QUICK if options["quick"] else 1.0, seed=options["seed"], engine=options["engine"])
     with watching(options["quiet"]) as progress:
         found = run(figures, size=size, workers=options["workers"], progress=progress)
     if json_file:

@@ -44,6 +44,7 @@ def jobs(setting: Setting, size: Size) -> list[Job]:
             "samples": count,
             "first": 0,
             "seed": size.seed,
+            "engine": size.engine,
         }
         seconds = count * sum(setting.steps) * COST.get(name, 0.3) * 1e-6
         found.append(Job((setting.figure, "fine", name), runs.errors, arguments, seconds))

@@ -19,10 +19,11 @@ class Job:
 
 @dataclass(frozen=True)
 class Size:
-    """How much is computed: everything the paper has, or a share of it for a quick look."""
+    """How much is computed: everything the paper has, or a share of it for a quick look; and by which engine."""
 
     share: float = 1.0
     seed: int = 0
+    engine: str = "auto"
 
     def steps(self, full: int) -> int:
         """The steps of a long run."""

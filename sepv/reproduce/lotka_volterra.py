@@ -25,7 +25,14 @@ def jobs(size: Size) -> list[Job]:
     """Six runs, and the errors of six schemes."""
     found = order.jobs(ORDER, size)
     for name in SHOWN:
-        arguments = {"scheme": name, "problem": PROBLEM, "h": H, "steps": STEPS, "seed": size.seed}
+        arguments = {
+            "scheme": name,
+            "problem": PROBLEM,
+            "h": H,
+            "steps": STEPS,
+            "seed": size.seed,
+            "engine": size.engine,
+        }
         found.append(Job(("4.6", "run", name), runs.long_run, arguments, STEPS * COST.get(name, 150e-6)))
     return found
 

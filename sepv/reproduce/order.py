@@ -50,6 +50,7 @@ def jobs(setting: Setting, size: Size) -> list[Job]:
                 "samples": count,
                 "first": first,
                 "seed": size.seed,
+                "engine": size.engine,
             }
             seconds = count * sum(setting.steps) * COST.get(scheme, 0.5) * 1e-6
             found.append(Job((setting.figure, "order", scheme, str(first)), runs.errors, arguments, seconds))

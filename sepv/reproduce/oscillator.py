@@ -29,7 +29,14 @@ def jobs(size: Size) -> list[Job]:
     found, steps = order.jobs(ORDER, size), size.steps(STEPS)
     for name in SHOWN:
         implicit = schemes.ALL[name].solve is not None
-        arguments = {"scheme": name, "problem": PROBLEM, "h": H, "steps": steps, "seed": size.seed}
+        arguments = {
+            "scheme": name,
+            "problem": PROBLEM,
+            "h": H,
+            "steps": steps,
+            "seed": size.seed,
+            "engine": size.engine,
+        }
         arguments["samples"] = 1 if implicit else SAMPLES
         found.append(Job(("4.1", "run", name), runs.long_run, arguments, steps * COST.get(name, 110e-6)))
     return found

@@ -40,6 +40,7 @@ def jobs(size: Size) -> list[Job]:
             "h": H,
             "steps": steps,
             "seed": size.seed,
+            "engine": size.engine,
             "samples": SAMPLES.get(name, 64),
         }
         found.append(Job(("4.4", "run", name), runs.long_run, arguments, steps * COST.get(name, 110e-6)))

@@ -21,7 +21,14 @@ def jobs(size: Size) -> list[Job]:
     """Six short runs, and the errors of six schemes."""
     found = order.jobs(ORDER, size)
     for name in SHOWN:
-        arguments = {"scheme": name, "problem": PROBLEM, "h": H, "steps": STEPS, "seed": size.seed}
+        arguments = {
+            "scheme": name,
+            "problem": PROBLEM,
+            "h": H,
+            "steps": STEPS,
+            "seed": size.seed,
+            "engine": size.engine,
+        }
         found.append(Job(("4.3", "run", name), runs.long_run, arguments, 0.3))
     return found
 

@@ -12,10 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from sepv import problems, schemes, wiener
-from sepv.convergence import StrongErrors, strong_errors
-from sepv.implicit import Status
-from sepv.problem import Array
-from sepv.simulation import advance
+from sepv.convergence import StrongErrors
+from sepv.engine.ensemble import ensemble
+from sepv.errors import UsageError
+from sepv.exact import exact_flow
+from sepv.problem import Array, Problem
+from sepv.scheme import Scheme
+from sepv.simulation import Batch
 
 EPS = float(np.finfo(np.float64).eps)
 
@@ -60,35 +63,26 @@ class Run:
 
 
 def long_run(
-    scheme: str, problem: str, *, h: float, steps: int, seed: int, samples: int = 1, points: int = 1000
+    scheme: str,
+    problem: str,
+    *,
+    h: float,
+    steps: int,
+    seed: int,
+    samples: int = 1,
+    points: int = 1000,
+    engine: str = "auto",
 ) -> Run:
-    """`samples` paths from the problem's initial state, side by side, with the scheme's own step.
+    """`samples` paths from the problem's initial state with the scheme's own step.
 
     Sample 0 sees the same Wiener path whatever the scheme. A sample that fails, or leaves the domain,
     stays where it was and counts no further; the first one's curve ends there.
     """
     method, system = schemes.ALL[scheme], problems.by_name(problem)
-    raw = wiener.increments(seed, T=h * steps, steps=steps, noises=system.noises, paths=range(samples))
-    used = wiener.truncate(raw, h, method.truncation)
-    y = np.repeat(np.array(system.initial, dtype=np.float64)[:, None], samples, axis=1)
-    first = np.empty((system.dimension, steps + 1))
-    first[:, 0] = y[:, 0]
     checkpoints = np.array([*(2**i for i in range(steps.bit_length()) if 2**i < steps), steps])
-    energies: list[Array] = []
-    alive, stopped = np.arange(samples), -1
-    for n in range(steps):
-        value, status, _ = advance(method, system, y[:, alive], h, used[n][:, alive])
-        ok = status == Status.CONVERGED
-        y[:, alive[ok]] = value[:, ok]
-        if stopped < 0 and not ok[0]:
-            stopped = n + 1
-        alive = alive if ok.all() else alive[ok]
-        if not alive.size:
-            break
-        first[:, n + 1] = y[:, 0]
-        if n + 1 == checkpoints[len(energies)]:
-            energies.append(system.hamiltonian(y))
-    energies += [system.hamiltonian(y)] * (checkpoints.size - len(energies))
+    raw = wiener.increments(seed, T=h * steps, steps=steps, noises=system.noises, paths=range(samples))
+    first, energies, failed = _follow(method, system, h, raw, checkpoints, engine)
+    stopped = failed + 1 if failed >= 0 else -1
     shown = first[:, : stopped if stopped > 0 else steps + 1]
     kept = np.unique(np.append(np.arange(0, shown.shape[1], max(1, steps // points)), shown.shape[1] - 1))
     W = np.concatenate([np.zeros((system.noises, 1)), np.cumsum(raw[:, :, 0].T, axis=1)], axis=1)
@@ -102,18 +96,75 @@ def long_run(
         energy=system.hamiltonian(shown),
         casimir=_casimir(system.casimirs[0], shown) if system.casimirs else np.empty(0),
         checkpoints=checkpoints,
-        energies=np.stack(energies),
+        energies=energies,
         stopped=stopped,
     )
 
 
+def _follow(
+    method: Scheme, system: Problem, h: float, raw: Array, checkpoints: np.ndarray, engine: str
+) -> tuple[Array, Array, int]:
+    """The first sample at every step (d, N+1), all energies at the checkpoints, and the step at which it failed."""
+    steps = raw.shape[0]
+    if engine == "numpy":
+        return _follow_numpy(method, system, h, raw, checkpoints)
+    try:
+        # Every step of one sample, then the checkpoints of all: not everything has to be kept.
+        every = ensemble(
+            method, system, h=h, steps=steps, dW=raw[:, :, :1], times=np.arange(1, steps + 1) * h, engine="compiled"
+        )  # fmt: skip
+    except UsageError:
+        if engine != "auto":
+            raise
+        return _follow_numpy(method, system, h, raw, checkpoints)
+    all_ = ensemble(method, system, h=h, steps=steps, dW=raw, times=checkpoints * h, engine="compiled")
+    start = np.array(system.initial, dtype=np.float64)[:, None]
+    first = np.concatenate([start, every.states[:, :, 0].T], axis=1)
+    return first, np.stack([system.hamiltonian(y) for y in all_.states]), int(every.failed_step[0])
+
+
+def _follow_numpy(
+    method: Scheme, system: Problem, h: float, raw: Array, checkpoints: np.ndarray
+) -> tuple[Array, Array, int]:
+    """The same in one sweep: a NumPy step costs hardly more for many samples than for one."""
+    batch = Batch(method, system, np.array(system.initial, dtype=np.float64), raw.shape[2], track=False)
+    first = np.empty((system.dimension, raw.shape[0] + 1))
+    first[:, 0] = batch.y[:, 0]
+    energies: list[Array] = []
+    for n, increment in enumerate(wiener.truncate(raw, h, method.truncation)):
+        batch.step(h, increment)
+        first[:, n + 1] = batch.y[:, 0]
+        if n + 1 == checkpoints[len(energies)]:
+            energies.append(system.hamiltonian(batch.y))
+    return first, np.stack(energies), int(batch.failed[0])
+
+
 def errors(
-    scheme: str, problem: str, *, T: float, steps: Sequence[int], samples: int, first: int, seed: int
+    scheme: str,
+    problem: str,
+    *,
+    T: float,
+    steps: Sequence[int],
+    samples: int,
+    first: int,
+    seed: int,
+    engine: str = "auto",
 ) -> StrongErrors:
-    """Errors against the exact flow of the samples numbered from `first`."""
+    """Errors against the exact flow of the samples numbered from `first`, all step sizes on the same paths."""
+    method, system = schemes.ALL[scheme], problems.by_name(problem)
     paths = range(first, first + samples)
-    system = problems.by_name(problem)
-    return strong_errors(schemes.ALL[scheme], system, T=T, steps=steps, paths=paths, seed=seed)
+    fine = wiener.increments(seed, T=T, steps=steps[-1], noises=system.noises, paths=paths)
+    exact = exact_flow(system, system.random_step(T, fine.sum(axis=0))).y
+    found, failures = [], []
+    for count in steps:
+        raw = wiener.coarsen(fine, steps[-1] // count)
+        ends = ensemble(method, system, h=T / count, steps=count, dW=raw, engine=engine)
+        found.append(ends.y - exact)
+        failures.append(int(np.count_nonzero(ends.status)))
+    gaps = np.stack(found)
+    with np.errstate(over="ignore"):
+        squared = np.sum(gaps**2, axis=1)
+    return StrongErrors(T, tuple(steps), squared, gaps, tuple(failures), float(np.max(np.abs(exact))))
 
 
 def truncated(problem: str, *, T: float, steps: Sequence[int], samples: int, seed: int) -> list[int]:

@@ -51,6 +51,7 @@ class Reproduction:
                 "version": __version__,
                 "seed": self.size.seed,
                 "share": self.size.share,
+                "engine": self.size.engine,
                 "seconds": round(self.seconds, 1),
                 "workers": self.workers,
                 "python": platform.python_version(),
