@@ -23,6 +23,7 @@ COMMANDS = {
     "teeth": "sepv.commands.teeth:teeth",
     "reproduce": "sepv.commands.reproduce:reproduce",
     "report": "sepv.commands.report:report",
+    "hard": "sepv.commands.hard:hard",
 }
 
 

@@ -28,6 +28,7 @@ from typing import Any
 
 import numpy as np
 
+from sepv.fields import matvec
 from sepv.polynomial import PolynomialMap
 from sepv.problem import Array, Problem
 from sepv.tableaux import amplification, exact_nodes
@@ -48,7 +49,7 @@ def gradient_majorant(problem: Problem, *states: Array) -> Array:
         else:
             rows.append(np.abs(problem.gradient(y)))
             if problem.hessian is not None:
-                rows[-1] = rows[-1] + np.abs(problem.hessian(y)) @ np.abs(y)
+                rows[-1] = rows[-1] + matvec(np.abs(problem.hessian(y)), np.abs(y))
     return np.max(rows, axis=0)
 
 
@@ -61,7 +62,8 @@ def structure_majorant(problem: Problem, *states: Array) -> Array:
         else:
             rows.append(np.abs(problem.structure(y)))
             if problem.structure_derivative is not None:
-                rows[-1] = rows[-1] + np.abs(problem.structure_derivative(y)) @ np.abs(y)
+                slopes = np.abs(problem.structure_derivative(y))
+                rows[-1] = rows[-1] + np.einsum("ijk...,k...->ij...", slopes, np.abs(y))
     return np.max(rows, axis=0)
 
 
@@ -87,16 +89,16 @@ def step_residual(
     solver_tolerance: float = 0.0,
     stages: int = 1,
 ) -> Array:
-    """r (d,): the residual that a step solved to rounding may leave."""
-    scale = max(float(np.max(np.abs(y0))), float(np.max(np.abs(y1))))
-    length = abs(h) + float(np.sum(np.abs(problem.c * dW)))
-    flow = structure_majorant(problem, y0, y1) @ gradient_majorant(problem, y0, y1)
+    """r (d,): the residual that a step solved to rounding may leave; (d, M) for a batch."""
+    scale = np.maximum(np.abs(y0).max(axis=0), np.abs(y1).max(axis=0))
+    length = abs(h) + np.tensordot(problem.c, np.abs(dW), axes=1)
+    flow = matvec(structure_majorant(problem, y0, y1), gradient_majorant(problem, y0, y1))
     return 0.5 * EPS * operations(problem, stages) * (scale + length * flow) + solver_tolerance * scale + TINY
 
 
-def energy_bound(problem: Problem, y0: Array, y1: Array, residual: Array) -> float:
+def energy_bound(problem: Problem, y0: Array, y1: Array, residual: Array) -> Any:
     """|H(y1) − H(y0)| that this residual may cause."""
-    return float(gradient_majorant(problem, y0, y1) @ residual) + TINY
+    return np.sum(gradient_majorant(problem, y0, y1) * residual, axis=0) + TINY
 
 
 def casimir_bound(A: Array, y0: Array, y1: Array, residual: Array) -> float:
@@ -106,10 +108,10 @@ def casimir_bound(A: Array, y0: Array, y1: Array, residual: Array) -> float:
     return float((np.abs(A) @ (np.abs(y0) + np.abs(y1))) @ residual) + TINY
 
 
-def energy_ulp(problem: Problem, y0: Array, y1: Array) -> float:
+def energy_ulp(problem: Problem, y0: Array, y1: Array) -> Any:
     """The unit of energy defects: eps |∇H| |y|, what one rounding of y does to H."""
-    slopes = [float(np.linalg.norm(problem.gradient(y)) * np.linalg.norm(y)) for y in (y0, y1)]
-    return EPS * max(*slopes, TINY)
+    slopes = [np.linalg.norm(problem.gradient(y), axis=0) * np.linalg.norm(y, axis=0) for y in (y0, y1)]
+    return EPS * np.maximum(np.maximum(*slopes), TINY)
 
 
 def casimir_ulp(A: Array, y0: Array, y1: Array) -> float:

@@ -48,7 +48,7 @@ LAYERS = [
     "sepv.progress",
     "sepv.work sepv.compare sepv.bench",
     "sepv.external sepv.adapters sepv.saboteurs",
-    "sepv.teeth",
+    "sepv.teeth sepv.stability",
     "sepv.reproduce",
     "sepv.page",
     "sepv.commands",

@@ -8,11 +8,13 @@ from sepv.description import from_json as from_json
 from sepv.description import to_json as to_json
 from sepv.errors import UsageError
 from sepv.problem import NamedProblem, PolynomialSystem, Problem
+from sepv.problems.kepler import kepler as kepler
 from sepv.problems.lotka_volterra import lotka_volterra as lotka_volterra
 from sepv.problems.oscillator import harmonic_oscillator as harmonic_oscillator
 from sepv.problems.pendulum import pendulum as pendulum
 from sepv.problems.polynomial_system import polynomial_problem as polynomial_problem
 from sepv.problems.rigid_body import rigid_body as rigid_body
+from sepv.problems.toda import toda as toda
 
 NAMED: dict[str, Callable[..., Problem]] = {
     "harmonic-oscillator": harmonic_oscillator,
@@ -20,14 +22,18 @@ NAMED: dict[str, Callable[..., Problem]] = {
     "pendulum": pendulum,
     "lotka-volterra": lotka_volterra,
 }
+# Not of the paper: they serve the hard cases.
+FURTHER: dict[str, Callable[..., Problem]] = {"kepler": kepler, "toda": toda}
 
 
 def by_name(name: str) -> Problem:
-    """One of the paper's problems with the paper's parameters; hyphens and underscores are the same."""
-    factory = NAMED.get(name.replace("_", "-"))
+    """A problem with its default parameters, the paper's for the paper's; hyphens and underscores are the same."""
+    factory = (NAMED | FURTHER).get(name.replace("_", "-"))
     if factory is None:
         raise UsageError(
-            expected=f"a problem, one of {', '.join(NAMED)}", received=repr(name), remedy="see `sepv list`"
+            expected=f"a problem, one of {', '.join(NAMED | FURTHER)}",
+            received=repr(name),
+            remedy="see `sepv list`",
         )
     return factory()
 
@@ -36,10 +42,10 @@ def build(data: PolynomialSystem | NamedProblem) -> Problem:
     """The problem that a description means."""
     if isinstance(data, PolynomialSystem):
         return polynomial_problem(data)
-    factory = NAMED.get(data.name)
+    factory = (NAMED | FURTHER).get(data.name)
     if factory is None:
         raise UsageError(
-            expected=f"a problem's name, one of {', '.join(NAMED)}",
+            expected=f"a problem's name, one of {', '.join(NAMED | FURTHER)}",
             received=repr(data.name),
             remedy="correct the name, or give the problem as polynomial data",
         )

@@ -16,3 +16,16 @@ def structure(y: Array) -> Array:
 def structure_derivative(y: Array) -> Array:
     """∂B_ij/∂y_k = 0, of shape (2, 2, 2, ...)."""
     return np.zeros((2, 2, 2, *y.shape[1:]), dtype=y.dtype)
+
+
+def canonical(n: int, y: Array) -> Array:
+    """B = ((0, −I), (I, 0)) for y = (p, q) with n of each, (2n, 2n, ...)."""
+    B = np.zeros((2 * n, 2 * n, *y.shape[1:]), dtype=y.dtype)
+    for i in range(n):
+        B[i, n + i], B[n + i, i] = -1.0, 1.0
+    return B
+
+
+def canonical_derivative(n: int, y: Array) -> Array:
+    """∂B_ij/∂y_k = 0, (2n, 2n, 2n, ...)."""
+    return np.zeros((2 * n, 2 * n, 2 * n, *y.shape[1:]), dtype=y.dtype)

@@ -1,0 +1,40 @@
+"""H in extended precision for every description, also those that only the hard cases use."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import Any
+
+from sepv.reference.arithmetic import context
+from sepv.reference.problem import exact_problem
+
+from sepv.problem import NamedProblem, PolynomialSystem
+
+
+@lru_cache(maxsize=64)
+def exact_energy(data: PolynomialSystem | NamedProblem, digits: int = 40) -> Callable[[Sequence[float]], Any]:
+    """H of a binary64 state, as an mpf of this many digits.
+
+    Raises
+    ------
+    UsageError
+        For a name that the references do not know.
+    """
+    ctx = context(digits)
+    if isinstance(data, NamedProblem) and data.name == "kepler":
+        return lambda y: _kepler(ctx, [ctx.mpf(float(v)) for v in y])
+    if isinstance(data, NamedProblem) and data.name == "toda":
+        return lambda y: _toda(ctx, [ctx.mpf(float(v)) for v in y])
+    exact = exact_problem(data, digits)
+    return lambda y: exact.hamiltonian(exact.state(y))
+
+
+def _kepler(ctx: Any, y: list[Any]) -> Any:
+    return (y[0] ** 2 + y[1] ** 2) / 2 - 1 / ctx.sqrt(y[2] ** 2 + y[3] ** 2)
+
+
+def _toda(ctx: Any, y: list[Any]) -> Any:
+    n = len(y) // 2
+    links = [ctx.exp(a - b) for a, b in zip(y[n:], y[n + 1 :], strict=False)]
+    return ctx.fsum(p * p for p in y[:n]) / 2 + ctx.fsum(links)

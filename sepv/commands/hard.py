@@ -1,0 +1,166 @@
+"""``sepv hard``: a scheme where schemes break."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from sepv.commands.shared import FILE, friendly
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from sepv.stability import Seen
+
+
+@click.command()
+@click.argument("target", metavar="[TARGET]", default="energy-preserving")
+@click.option("--case", "names", multiple=True, metavar="NAME", help="Only this case; may be repeated.")
+@click.option(
+    "--steps", type=click.IntRange(min=1), default=200, show_default=True, help="Random steps of each case."
+)
+@click.option(
+    "--laws",
+    type=click.IntRange(min=0),
+    default=2,
+    show_default=True,
+    help="Steps on which laws are measured.",
+)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@click.option("--explain", is_flag=True, help="Why each case is hard, and what is expected. Runs nothing.")
+@click.option("--json", "json_file", type=FILE, help="Write all numbers to this file.")
+@friendly
+def hard(
+    target: str,
+    names: tuple[str, ...],
+    steps: int,
+    laws: int,
+    seed: int,
+    explain: bool,
+    json_file: str | None,
+    debug: bool,  # noqa: ARG001  (every command takes it)
+) -> None:
+    """Where schemes break: random steps of the hard cases, each solved to its bound or refused by name.
+
+    TARGET is a built-in scheme or module:attribute. Exit code 0 if every step of every case ends as the
+    case allows, else 1.
+
+    \b
+    sepv hard                             the whole catalogue with the energy-preserving scheme
+    sepv hard midpoint --case toda-steep
+    sepv hard --steps 40000               a million steps and more
+    """
+    from sepv.problems.hard import CATALOGUE, by_name
+    from sepv.report import console
+
+    cases = [by_name(name) for name in names] if names else CATALOGUE
+    out = console()
+    if explain:
+        for case in cases:
+            out.print(f"[bold]{case.name}[/bold]\n  hard: {case.reason}\n  expected: {case.expected}")
+        return
+    from sepv.files import require_folder, write_atomically
+    from sepv.stability import run
+    from sepv.target import load_scheme
+
+    require_folder(json_file)
+    scheme = load_scheme(target)
+    with console(stderr=True).status("") as line:
+        seen = run(
+            scheme, cases, steps=steps, laws=laws, seed=seed, progress=lambda case: line.update(case.name)
+        )
+    if json_file:
+        report = {"scheme": scheme.name, "seed": seed, "cases": [s.to_json() for s in seen]}
+        write_atomically(json_file, json.dumps(report, indent=1, allow_nan=False) + "\n")
+    out.print(_table(scheme.name, seen))
+    for row in seen:
+        if not row.as_expected:
+            out.print(_complaint(target, row), soft_wrap=True)
+    out.print(_summary(seen))
+    raise SystemExit(0 if all(s.as_expected for s in seen) else 1)
+
+
+def _table(name: str, seen: Sequence[Seen]) -> Table:
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(
+        box=None,
+        pad_edge=False,
+        padding=(0, 1, 0, 0),
+        title=f"{name}: defects of H in energy ulps, eps |∇H| |y|, H in extended precision",
+        title_justify="left",
+    )
+    table.add_column("case", no_wrap=True)
+    table.add_column("expected")
+    table.add_column("seen")
+    for heading in ("median", "largest", "of bound", "iterations", "laws"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for s in seen:
+        numbers = (
+            _number(s.defects, _middle),
+            _number(s.defects, max),
+            f"{s.ratio:.1g}" if s.defects.size else "",
+        )
+        held = f"{sum(a for a, _ in s.laws.values())}/{sum(b for _, b in s.laws.values())}" if s.laws else ""
+        turns = f"{_number(s.iterations, _middle)}, ≤ {int(max(s.iterations))}" if s.iterations.any() else ""
+        style = "" if s.as_expected else "bold red"
+        table.add_row(
+            Text(s.case.name, style=style),
+            _expected(s),
+            Text(_endings(s), style=style),
+            *numbers,
+            turns,
+            held,
+        )
+    return table
+
+
+def _expected(seen: Seen) -> str:
+    return "solved" if not seen.case.refusals else "solved or refused"
+
+
+def _endings(seen: Seen) -> str:
+    from sepv.implicit import Status
+
+    short = {"CONVERGED": "solved", "REFUSED": "refused", "CRASH": "crashed"}
+    short |= {s.name: s.text.split(" of ")[0].split(" or ")[0] for s in Status if s.name not in short}
+    endings = [f"{count} {short[name]}" for name, count in sorted(seen.statuses.items())]
+    return ", ".join(endings + [f"{count} {what}" for what, count in seen.wrong.items()])
+
+
+def _complaint(target: str, seen: Seen) -> str:
+    """What was not expected, with a step that shows it."""
+    from sepv import case as cases
+
+    lines = [f"{seen.case.name}: expected {seen.case.expected}; seen {_endings(seen)}"]
+    lines += [f"  the law {law} held on {a} of {b} steps" for law, (a, b) in seen.laws.items() if a != b]
+    if seen.worst is not None:
+        lines += ["  " + text for text in seen.worst.describe().splitlines()]
+        lines.append(f"  sepv verify {target} --law energy --replay {cases.to_token(seen.worst)}")
+    return "\n".join(lines)
+
+
+def _summary(seen: Sequence[Seen]) -> str:
+    steps, solved = sum(s.steps for s in seen), sum(s.solved for s in seen)
+    crashed = sum(s.statuses.get("CRASH", 0) for s in seen)
+    wrong = sum(sum(s.wrong.values()) for s in seen)
+    nan = sum(s.wrong.get("not finite", 0) for s in seen)
+    return (
+        f"{len(seen)} cases, {steps} steps: {solved} solved, {steps - solved - crashed} refused, {crashed} crashed; "
+        f"{nan} not finite, {wrong} wrong values passed for solutions; "
+        f"{sum(s.as_expected for s in seen)} cases as expected."
+    )
+
+
+def _middle(values: Any) -> float:
+    import numpy as np
+
+    return float(np.median(values))
+
+
+def _number(values: Any, of: Any) -> str:
+    return f"{of(values):.2g}" if values.size else ""

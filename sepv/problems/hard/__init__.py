@@ -1,0 +1,36 @@
+"""Hard cases: where schemes, solvers and suites break, each with its reason and what is expected there.
+
+`CATALOGUE` lists them all; `sepv hard` runs a scheme on them.
+"""
+
+from __future__ import annotations
+
+from sepv.errors import UsageError
+from sepv.problems.hard import fields, mechanics, populations, scales, steps
+from sepv.problems.hard.record import HardCase as HardCase
+from sepv.problems.hard.record import Sample as Sample
+
+CATALOGUE: tuple[HardCase, ...] = (
+    *steps.CASES,
+    *mechanics.CASES,
+    *populations.CASES,
+    *scales.CASES,
+    *fields.CASES,
+)
+
+
+def by_name(name: str) -> HardCase:
+    """A case of the catalogue; hyphens and underscores are the same.
+
+    Raises
+    ------
+    UsageError
+    """
+    for case in CATALOGUE:
+        if case.name == name.replace("_", "-"):
+            return case
+    raise UsageError(
+        expected=f"a hard case, one of {', '.join(c.name for c in CATALOGUE)}",
+        received=repr(name),
+        remedy="`sepv hard` without names runs them all",
+    )

@@ -1,0 +1,118 @@
+"""The record of a hard case, and what several of them use."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sepv import polynomial as poly
+from sepv.polynomial import Polynomial
+from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
+
+# Names of `sepv.implicit.Status`: the ways in which a step without a solution may be refused. Which of them
+# it is depends on where the iteration happens to be when it gives up.
+REFUSALS = ("NO_CONVERGENCE", "LEFT_DOMAIN", "OVERFLOW", "SINGULAR")
+
+
+class Sample(NamedTuple):
+    """States y (d, M), one h for all of them, and increments dW (m, M)."""
+
+    y: Array
+    h: float
+    dW: Array
+
+
+@dataclass(frozen=True, eq=False)
+class HardCase:
+    """A family of steps that are hard for one stated reason.
+
+    Attributes
+    ----------
+    reason : str
+        What is hard.
+    expected : str
+        What a right solver does there, and why.
+    data : PolynomialSystem or NamedProblem
+        The problem as data: it travels, and its H is evaluated in extended precision.
+    sample : (rng, lanes) -> Sample
+        Random steps of the family.
+    refusals : tuple of str
+        The statuses other than CONVERGED that a step of the family may end in.
+    laws : tuple of str
+        The laws that hold for every step of the family, whatever solves it.
+    structure : callable, optional
+        A structure matrix put in place of that of `data`, unchecked: for B that is not quite skew.
+    skewness : float
+        The size of the symmetric part of `structure`, which moves H by |Δ| skewness |∇H|².
+    """
+
+    name: str
+    reason: str
+    expected: str
+    data: PolynomialSystem | NamedProblem
+    sample: Callable[[np.random.Generator, int], Sample]
+    refusals: tuple[str, ...] = ()
+    laws: tuple[str, ...] = ("energy",)
+    structure: Callable[[Array], Array] | None = None
+    skewness: float = 0.0
+
+    @cached_property
+    def problem(self) -> Problem:
+        """The problem of every step of the family."""
+        from dataclasses import replace
+
+        from sepv.problems import build
+
+        problem = build(self.data)
+        if self.structure is None:
+            return problem
+        return replace(problem, structure=self.structure, name=self.name, data=None, check=False)
+
+
+def sizes(rng: np.random.Generator, low: float, high: float, shape: int | tuple[int, ...]) -> Array:
+    """Numbers of either sign, their sizes spread evenly over the decades from `low` to `high`."""
+    exponents = rng.uniform(np.log10(low), np.log10(high), shape)
+    values: Array = rng.choice([-1.0, 1.0], shape) * 10.0**exponents
+    return values
+
+
+def split(
+    rng: np.random.Generator, low: float, high: float, lanes: int, c: float = 1.0
+) -> tuple[float, Array]:
+    """h and dW (1, lanes) so that Δ = h + c dW has either sign and a size between `low` and `high`.
+
+    h is `low`/2: what is given is Δ, as for a step far out in the tail of the noise.
+    """
+    h = 0.5 * low
+    return h, (sizes(rng, low, high, (1, lanes)) - h) / c
+
+
+def terms(dimension: int, coefficients: Mapping[Any, float]) -> Polynomial:
+    """Σ coefficients[e] Π y_i^e_i."""
+    return poly.polynomial(dimension, coefficients)
+
+
+def canonical(dimension: int) -> tuple[tuple[int, int, Polynomial], ...]:
+    """B = J⁻¹ for y = (p, q), equation (1.2)."""
+    n = dimension // 2
+    return tuple((k, n + k, poly.constant(dimension, -1.0)) for k in range(n))
+
+
+def hat(factor: Polynomial | None = None) -> tuple[tuple[int, int, Polynomial], ...]:
+    """B = factor · hat(y), d = 3: |y|² is a Casimir."""
+    entries = ((0, 1, 2, -1.0), (0, 2, 1, 1.0), (1, 2, 0, -1.0))
+    g = poly.constant(3, 1.0) if factor is None else factor
+    return tuple((i, j, poly.multiply(g, poly.scale(s, poly.variable(3, k)))) for i, j, k, s in entries)
+
+
+def squares(weights: tuple[float, ...]) -> Polynomial:
+    """½ Σ w_i y_i²."""
+    d = len(weights)
+    return terms(d, {tuple(2 * int(i == k) for i in range(d)): 0.5 * w for k, w in enumerate(weights)})
+
+
+UNIT3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

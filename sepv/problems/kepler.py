@@ -1,0 +1,63 @@
+"""The planar Kepler problem, H = |p|²/2 − 1/|q|, with B = J⁻¹ as in (1.2)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sepv.problem import Array, NamedProblem, Problem
+from sepv.problems._canonical import canonical, canonical_derivative
+
+
+def kepler(eccentricity: float = 0.6, noise: ArrayLike = 1.0) -> Problem:
+    """y = (p1, p2, q1, q2), from the pericentre of the orbit with major semi-axis 1; |q| > 0.
+
+    The averaged gradient is the field of a uniformly charged segment from q0 to q1, seen from the origin: it
+    points along the bisector u = q0/|q0| + q1/|q1|, and ∫₀¹ q/|q|³ dτ = 2u/(|q0||q1||u|²). Nothing cancels as
+    q1 → q0; as the segment comes near the origin it grows like 1/|u|.
+    """
+    e = float(eccentricity)
+    c = np.atleast_1d(np.asarray(noise, dtype=np.float64))
+    start = np.array([0.0, np.sqrt((1 + e) / (1 - e)), 1 - e, 0.0])
+    return Problem(
+        dimension=4,
+        structure=lambda y: canonical(2, y),
+        hamiltonian=lambda y: 0.5 * (y[0] * y[0] + y[1] * y[1]) - 1 / _radius(y),
+        gradient=lambda y: np.stack([y[0], y[1], y[2] / _radius(y) ** 3, y[3] / _radius(y) ** 3]),
+        noise=c,
+        hessian=_hessian,
+        structure_derivative=lambda y: canonical_derivative(2, y),
+        mean_gradient=_mean_gradient,
+        domain=_away_from_the_centre,
+        initial=start,
+        name="kepler",
+        data=NamedProblem("kepler", (("eccentricity", (e,)), ("noise", tuple(c.tolist())))),
+        check=False,
+    )
+
+
+def _radius(y: Array) -> Array:
+    radius: Array = np.sqrt(y[2] * y[2] + y[3] * y[3])
+    return radius
+
+
+def _away_from_the_centre(y: Array) -> NDArray[np.bool_]:
+    inside: NDArray[np.bool_] = _radius(y) > 0
+    return inside
+
+
+def _hessian(y: Array) -> Array:
+    r = _radius(y)
+    H = np.zeros((4, 4, *y.shape[1:]), dtype=y.dtype)
+    H[0, 0] = H[1, 1] = 1.0
+    for i in (2, 3):
+        for k in (2, 3):
+            H[i, k] = (float(i == k) - 3 * (y[i] / r) * (y[k] / r)) / r**3
+    return H
+
+
+def _mean_gradient(y0: Array, y1: Array) -> Array:
+    r0, r1 = _radius(y0), _radius(y1)
+    u1, u2 = y0[2] / r0 + y1[2] / r1, y0[3] / r0 + y1[3] / r1
+    factor = 2 / (r0 * r1 * (u1 * u1 + u2 * u2))
+    return np.stack([y0[0] + 0.5 * (y1[0] - y0[0]), y0[1] + 0.5 * (y1[1] - y0[1]), factor * u1, factor * u2])

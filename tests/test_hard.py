@@ -1,0 +1,168 @@
+"""The hard cases: each step ends in a solution within its derived bound, or in a refusal that says which."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from sepv.reference.hard import exact_energy
+
+from sepv import problems, schemes
+from sepv.average import average_gradient
+from sepv.checks import check_problem
+from sepv.cli import main
+from sepv.errors import ProblemError, StepFailure
+from sepv.implicit import Solution, Status
+from sepv.problem import Problem
+from sepv.problems import hard
+from sepv.stability import Seen, run
+from sepv.suite import LAWS
+
+
+@pytest.mark.parametrize("case", hard.CATALOGUE, ids=lambda c: c.name)
+def test_every_case_says_why_it_is_hard_and_what_is_expected(case: hard.HardCase) -> None:
+    assert case.reason
+    assert case.expected
+    assert set(case.refusals) <= {s.name for s in Status} - {"CONVERGED"}
+    assert set(case.laws) <= set(LAWS)
+    sample = case.sample(np.random.default_rng(0), 7)
+    assert sample.y.shape == (case.problem.dimension, 7)
+    assert sample.dW.shape == (case.problem.noises, 7)
+    assert np.isfinite(sample.y).all()
+    assert case.problem.domain is None or case.problem.domain(sample.y).all()
+
+
+def test_names_are_unique_and_found() -> None:
+    names = [c.name for c in hard.CATALOGUE]
+    assert len(set(names)) == len(names) >= 25
+    assert hard.by_name("kepler_0.99") is hard.by_name("kepler-0.99")
+
+
+@pytest.mark.parametrize("case", hard.CATALOGUE, ids=lambda c: c.name)
+def test_the_energy_preserving_scheme_solves_to_its_bound_or_refuses(case: hard.HardCase) -> None:
+    (seen,) = run(schemes.energy_preserving, [case], steps=300, laws=2)
+    assert seen.as_expected, f"{seen.statuses} {seen.wrong} {seen.laws} {seen.worst}"
+    assert sum(seen.statuses.values()) == seen.steps == 300
+    assert seen.solved == seen.defects.size
+    assert seen.ratio <= 1
+
+
+@pytest.mark.parametrize("scheme", [schemes.discrete_gradient], ids=lambda s: s.name)
+def test_the_other_implicit_schemes_leave_nothing_unmarked(scheme) -> None:
+    for seen in run(scheme, steps=60, laws=0):
+        assert not seen.wrong, f"{seen.case.name}: {seen.wrong}, {seen.worst}"
+        allowed = {"CONVERGED", *seen.case.refusals}
+        assert set(seen.statuses) <= allowed, seen.case.name
+
+
+@pytest.mark.parametrize("name", ["kepler", "toda"])
+def test_further_problems_agree_with_themselves(name: str) -> None:
+    problem = problems.by_name(name)
+    check_problem(problem)
+    assert problem.data is not None
+    rebuilt = problems.build(problem.data)
+    y0 = np.asarray(problem.initial) + 0.1 * np.cos(np.arange(problem.dimension))
+    assert np.array_equal(rebuilt.gradient(y0), problem.gradient(y0))
+    H = exact_energy(problem.data)
+    assert float(H(y0)) == pytest.approx(float(problem.hamiltonian(y0)), rel=1e-15)
+    for size in (0.0, 1e-300, 1e-12, 1e-3, 0.5):
+        y1 = y0 + size * np.sin(1 + np.arange(problem.dimension))
+        change = float(problem.mean_gradient(y0, y1) @ (y1 - y0))
+        # ∇̄Hᵀ(y1 − y0) = H(y1) − H(y0), each of at most 6 terms of size ≤ 10 carrying a few roundings.
+        assert abs(change - float(H(y1) - H(y0))) <= 100 * 2.3e-16 * max(size, 2.3e-16)
+        plain = replace(problem, mean_gradient=None, degree=None, check=False)
+        quadrature = average_gradient(plain, y0[:, None], y1[:, None])
+        assert quadrature.reliable.all()
+        closed = problem.mean_gradient(y0, y1)
+        assert np.max(np.abs(quadrature.value[:, 0] - closed)) < 1e-13
+
+
+def test_a_toda_chain_needs_two_particles() -> None:
+    for wrong in (1, 2.5):
+        with pytest.raises(ProblemError, match="particles"):
+            problems.toda(wrong)
+
+
+def test_a_structure_off_by_1e_12_is_refused_when_the_problem_is_made() -> None:
+    case = hard.by_name("nearly-skew-1e-12")
+    with pytest.raises(ProblemError, match="skew"):
+        replace(case.problem, check=True)
+    replace(hard.by_name("nearly-skew-1e-16").problem, check=True)
+
+
+def broken(change) -> list[Seen]:
+    """The catalogue's quiet cases, their solutions changed behind the solver's back."""
+
+    def solve(problem: Problem, y, h, dW) -> Solution:
+        return change(schemes.energy_preserving.solve(problem, y, h, dW))
+
+    scheme = replace(schemes.energy_preserving, solve=solve)
+    return run(scheme, [hard.by_name(n) for n in ("henon-heiles", "huge-constant")], steps=50, laws=0)
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        (lambda s: replace(s, value=np.where(s.value > 0.1, np.nan, s.value)), "not finite"),
+        (lambda s: replace(s, value=s.value * (1 + 1e-12)), "beyond the bound"),
+        (lambda s: replace(s, residual=s.residual + 1e-12), "residual beyond the bound"),
+    ],
+)
+def test_values_that_pass_for_solutions_are_counted(change, word: str) -> None:
+    for seen in broken(change):
+        assert seen.wrong.get(word, 0) > 0
+        assert not seen.as_expected
+        assert seen.worst is not None
+
+
+def test_refusals_that_a_case_does_not_allow_are_not_as_expected() -> None:
+    (seen, _) = broken(lambda s: replace(s, status=np.full_like(s.status, Status.OVERFLOW)))
+    assert seen.statuses == {"OVERFLOW": 50}
+    assert not seen.as_expected
+
+
+def test_a_third_party_step_is_run_state_by_state() -> None:
+    from sepv.scheme import Scheme
+
+    def step(problem, y, h, dW):
+        if y[0] > 1:
+            raise StepFailure(problem="p", y=y, delta=h, residual=1.0, status="gave up", iterations=1)
+        if y[0] < -1:
+            raise RuntimeError("out of order")
+        return y.copy()
+
+    (seen,) = run(Scheme("mine", step), [hard.by_name("rank-0")], steps=60, laws=0)
+    assert set(seen.statuses) == {"CONVERGED", "REFUSED", "CRASH"}
+    assert sum(seen.statuses.values()) == 60
+    assert not seen.as_expected
+
+
+def test_the_command_shows_the_table_and_writes_json(tmp_path) -> None:
+    out = tmp_path / "hard.json"
+    arguments = ["hard", "--case", "rank-0", "--case", "one-dimension", "--steps", "20", "--json", str(out)]
+    result = CliRunner().invoke(main, arguments)
+    assert result.exit_code == 0, result.output
+    for word in ("rank-0", "20 solved", "0 not finite", "2 cases as expected"):
+        assert word in result.output
+    report = json.loads(out.read_text())
+    assert [c["case"] for c in report["cases"]] == ["rank-0", "one-dimension"]
+    assert all(c["statuses"] == {"CONVERGED": 20} for c in report["cases"])
+
+
+def test_the_command_explains_and_refuses_unknown_names() -> None:
+    explained = CliRunner().invoke(main, ["hard", "--explain"]).output
+    for case in hard.CATALOGUE:
+        assert case.name in explained
+    result = CliRunner().invoke(main, ["hard", "--case", "nosuch"])
+    assert result.exit_code == 2
+    assert "nosuch" in result.output
+
+
+@pytest.mark.deep
+def test_a_million_steps() -> None:
+    found = run(schemes.energy_preserving, steps=1_000_000 // len(hard.CATALOGUE) + 1, laws=50, seed=1)
+    assert sum(s.steps for s in found) >= 1_000_000
+    assert all(s.as_expected for s in found)
