@@ -60,6 +60,17 @@ class ChunkFailure(SepvError, RuntimeError):
         )
 
 
+# What helps, by the status of the solve.
+_REMEDIES = {
+    "no convergence": "a smaller h, or a truncation of the increments (Remark 2.1); for large |Δ| the equation may "
+    "have no solution near y at all, and `sepv solvability` shows how far the solutions from y reach",
+    "left": "a smaller h: y is next to the boundary of the domain, and this step leads across it",
+    "overflow": "a smaller h, or other units for y: B or ∇H is beyond the largest binary64 number on the way",
+    "singular": "another h: at this Δ two solutions meet or none is isolated; two steps of half the size avoid it",
+    "the adaptive quadrature": "give the problem mean_gradient in closed form, or the degree of a polynomial H",
+}
+
+
 class StepFailure(SepvError, ArithmeticError):
     """A step whose implicit equation was not solved. Nothing unconverged is ever returned unmarked.
 
@@ -82,9 +93,9 @@ class StepFailure(SepvError, ArithmeticError):
     ) -> None:
         self.problem, self.y, self.delta = problem, y, delta
         self.residual, self.status, self.iterations = residual, status, iterations
+        remedy = next((r for s, r in _REMEDIES.items() if status.startswith(s)), _REMEDIES["no convergence"])
         super().__init__(
             f"The implicit equation of the step was not solved: {status} after {iterations} iterations.\n"
             f"problem {problem}, y = {[float(v) for v in y]}, Δ = {delta!r}, residual {residual:.3e}.\n"
-            "Remedy: a smaller h, or a truncation of the increments (Remark 2.1); for large |Δ| the "
-            "equation may have no solution near y at all."
+            f"Remedy: {remedy}."
         )

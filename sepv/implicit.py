@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sepv.errors import StepFailure
-from sepv.fields import linear_solve
+from sepv.fields import linear_solve, matvec
 from sepv.problem import Array, Problem
 
 _EPS = float(np.finfo(np.float64).eps)
@@ -24,6 +24,9 @@ _TINY = float(np.finfo(np.float64).tiny)
 # Newton needs 3 to 5 iterations for steps that make sense; 40 leave room for damped starts.
 MAX_ITERATIONS = 40
 MAX_HALVINGS = 40
+# Damped iterations of a solve that failed undamped, and the smallest share of a correction that they take.
+MAX_DAMPED = 100
+SMALLEST_SHARE = 2.0**-20
 # Corrections that stop shrinking are rounding, not divergence, only when they are small: √eps.
 STAGNATION = float(np.sqrt(_EPS))
 # … and when the residual is rounding too: a few hundred operations stand behind R, each rounded at the scale of y.
@@ -115,11 +118,14 @@ class Equations:
     evaluate : (z, lanes) -> Evaluation
     inside : (z, lanes) -> (M,) of bool, optional
         Whether the states that belong to z lie in the domain of the problem.
+    exact : bool
+        Whether the Jacobian is that of R, and not of R with H″ averaged by a few nodes.
     """
 
     size: Array
     evaluate: Callable[[Array, NDArray[np.intp]], Evaluation]
     inside: Callable[[Array, NDArray[np.intp]], NDArray[np.bool_]] | None = None
+    exact: bool = False
 
 
 def solve(
@@ -164,7 +170,8 @@ def solve(
         assert problem.domain is not None
         return np.asarray(problem.domain(y0[:, lanes] + z), dtype=bool)
 
-    equations = Equations(np.abs(y0), evaluate, None if problem.domain is None else inside)
+    exact = None not in (problem.degree, problem.hessian, problem.structure_derivative)
+    equations = Equations(np.abs(y0), evaluate, None if problem.domain is None else inside, exact)
     solution = iterate(equations, np.zeros_like(y0))
     return replace(solution, value=y0 + solution.value, change=solution.value)
 
@@ -172,9 +179,51 @@ def solve(
 def iterate(equations: Equations, start: Array, lanes: NDArray[np.intp] | None = None) -> Solution:
     """Newton's iteration for z = R(z) to stagnation, from `start` (n, M) in the given lanes (default: all M).
 
-    The fields of the solution have one entry for each of these lanes, `value` being z.
+    A lane that is close when it ends, but not at rounding, goes on from there with a Jacobian from differences of
+    R: analytic ones may average H″ with a few nodes, which does not suffice for long steps of every H. A lane
+    that fails is approached once more from z = 0 by damped steps and then goes on in the same way. Lanes that
+    converge at once see nothing of this. The fields of the solution have one entry for each lane, `value` being z.
     """
     numbers = np.arange(start.shape[1]) if lanes is None else lanes
+    solution = _newton(equations, start, numbers, differences=False)
+    failed = np.flatnonzero((solution.status != Status.CONVERGED) & (solution.status != Status.QUADRATURE))
+    if failed.size:
+        z, size = solution.value[:, failed], equations.size[:, numbers[failed]]
+        near = solution.residual[failed] <= STAGNATION * (size + np.abs(z)).max(axis=0)
+        _finish(equations, solution, numbers, failed[near])
+        failed = failed[solution.status[failed] != Status.CONVERGED]
+        merge(solution, _approach(equations, numbers[failed]), failed)
+        _finish(equations, solution, numbers, failed[solution.status[failed] == Status.CONVERGED])
+    return solution
+
+
+def _finish(
+    equations: Equations, solution: Solution, numbers: NDArray[np.intp], lanes: NDArray[np.intp]
+) -> None:
+    """Go on from where the given lanes are, with the Jacobian of R itself."""
+    if lanes.size:
+        merge(
+            solution,
+            _newton(equations, solution.value[:, lanes], numbers[lanes], differences=True),
+            lanes,
+        )
+
+
+def merge(whole: Solution, part: Solution, lanes: NDArray[np.intp]) -> None:
+    """Write lanes that were solved anew into a solution; counts add up."""
+    whole.value[:, lanes], whole.residual[lanes], whole.status[lanes] = part.value, part.residual, part.status
+    whole.iterations[lanes] += part.iterations
+    whole.gradient_evaluations[lanes] += part.gradient_evaluations
+    whole.structure_evaluations[lanes] += part.structure_evaluations
+
+
+def _newton(equations: Equations, start: Array, numbers: NDArray[np.intp], *, differences: bool) -> Solution:
+    """Newton's iteration with full steps, cut only where they leave the domain.
+
+    With `differences` the Jacobian is that of R itself, and not of an approximation of R. Only with a Jacobian of
+    R itself are corrections that do not shrink a sign of rounding, whatever the residual.
+    """
+    exact = differences or equations.exact
     n, count = start.shape
     z_all, size_all = start.copy(), equations.size[:, numbers]
     residual = np.full(count, np.inf)
@@ -190,7 +239,7 @@ def iterate(equations: Equations, start: Array, lanes: NDArray[np.intp] | None =
             F = z - R.value
             residual[active] = np.abs(F).max(axis=0)
             iterations[active] += 1
-            K, further = jacobian()
+            K, further = _slopes(equations, z, numbers[active], R.value) if differences else jacobian()
             gradients[active] += (1 + further) * R.gradients
             structures[active] += (1 + further) * R.structures
             correction = linear_solve(np.eye(n)[..., None] - K, F)
@@ -202,11 +251,20 @@ def iterate(equations: Equations, start: Array, lanes: NDArray[np.intp] | None =
                 residual[active] == 0
             )  # a state at rest is a solution, also where the Jacobian is singular
             singular = ~broken & ~solved & ~np.isfinite(moves.max(axis=0))
-            small = (moves.max(axis=0) <= STAGNATION * scale) & (residual[active] <= ROUNDING * scale)
+            if singular.any():
+                overflowing = singular & ~np.isfinite(K).all(axis=(0, 1))
+                broken, singular = broken | overflowing, singular & ~overflowing
+            small = moves.max(axis=0) <= STAGNATION * scale
             # Stagnation needs both measures to stop shrinking: a component near zero moves by a large share of
             # itself long before the others have arrived.
             stuck = (size >= 0.5 * previous[0, active]) & (moves.max(axis=0) >= 0.5 * previous[1, active])
-            done = ~broken & ~singular & (solved | (size <= 0.5 * _EPS) | (small & stuck))
+            # Where y1 is 2^52 times y0 or more, an ulp of it says nothing about the components that stayed small.
+            vast = scale > size_all[:, active].max(axis=0) / _EPS
+            still = ((size <= 0.5 * _EPS) & ~(vast & (moves > STAGNATION * reach).any(axis=0))) | (
+                small & stuck
+            )
+            still &= _is_rounding(equations, numbers[active], residual[active], reach, still & exact)
+            done = ~broken & ~singular & (solved | still)
             outcome = np.where(R.reliable, Status.CONVERGED, Status.QUADRATURE)
             status[active[done]] = outcome[done]
             status[active[broken]] = Status.OVERFLOW
@@ -221,6 +279,104 @@ def iterate(equations: Equations, start: Array, lanes: NDArray[np.intp] | None =
             if not active.size:
                 break
     return Solution(z_all, residual, iterations, gradients, structures, status)
+
+
+def _is_rounding(
+    equations: Equations, numbers: NDArray[np.intp], residual: Array, reach: Array, asked: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Where a residual is no larger than the rounding of R: that of y, and what a rounding of y does to R.
+
+    The second, |K||y0| with K = ∂R/∂y1, is what stiff equations need, whose R cancels. It is taken at y1 = y0,
+    sixteenfold for what changes along the step: at y1 itself it would excuse any residual next to a singularity
+    of ∇H, where R can no longer be computed. It is asked for only where the first does not suffice.
+    """
+    scale = reach.max(axis=0)
+    rounding = residual <= ROUNDING * scale
+    open_ = np.flatnonzero(asked & ~rounding)
+    if open_.size:
+        K, _ = equations.evaluate(np.zeros_like(reach[:, open_]), numbers[open_]).jacobian()
+        through = matvec(np.abs(K), equations.size[:, numbers[open_]]).max(axis=0)
+        rounding[open_] = residual[open_] <= ROUNDING * (scale[open_] + 16 * through)
+    return rounding
+
+
+def _approach(equations: Equations, numbers: NDArray[np.intp]) -> Solution:
+    """Damped Newton from z = 0 up to where full steps contract; CONVERGED means that they do.
+
+    In the limit of small shares it follows the path on which all of F shrinks alike, which ends in a solution
+    or where the Jacobian is singular.
+    """
+    n, count = equations.size.shape[0], numbers.size
+    none = np.zeros(count, dtype=np.int64)
+    state = Solution(
+        np.zeros((n, count)), np.full(count, np.inf), none, none.copy(), none.copy(),
+        np.full(count, Status.NO_CONVERGENCE, dtype=np.int64),
+    )  # fmt: skip
+    share, active = np.ones(count), np.arange(count)
+    with np.errstate(all="ignore"):
+        for _ in range(MAX_DAMPED):
+            z = state.value[:, active]
+            R, _ = equations.evaluate(z, numbers[active])
+            K, further = _slopes(equations, z, numbers[active], R.value)
+            F, A = z - R.value, np.eye(n)[..., None] - K
+            state.residual[active] = np.abs(F).max(axis=0)
+            state.iterations[active] += 1
+            state.gradient_evaluations[active] += (1 + further) * R.gradients
+            state.structure_evaluations[active] += (1 + further) * R.structures
+            correction = linear_solve(A, F)
+            regular = np.isfinite(correction).all(axis=0)
+            finite = np.isfinite(state.residual[active]) & np.isfinite(K).all(axis=(0, 1))
+            failed = np.where(finite, Status.SINGULAR, Status.OVERFLOW)
+            state.status[active[~regular]] = failed[~regular]
+            active, A, correction = active[regular], A[:, :, regular], correction[:, regular]
+            share[active] = np.minimum(1.0, 4 * share[active])
+            moved = _take_share(equations, numbers, state, share, active, A, correction)
+            active = active[moved & (state.status[active] != Status.CONVERGED)]
+            if not active.size:
+                break
+    return state
+
+
+def _take_share(
+    equations: Equations,
+    numbers: NDArray[np.intp],
+    state: Solution,
+    share: Array,
+    active: NDArray[np.intp],
+    A: Array,
+    p: Array,
+) -> NDArray[np.bool_]:
+    """Move the active lanes by a share λ of the correction p = A⁻¹F, halved until it passes; whether it did.
+
+    A share passes where z − λp is in the domain, R is finite there, and the simplified correction A⁻¹F(z − λp)
+    is at most (1 − λ/4)|p|: a test that no linear change of the equations changes (P. Deuflhard, Newton
+    Methods for Nonlinear Problems, 2004, §3.3).
+    """
+    z, length = state.value[:, active], np.abs(p).max(axis=0)
+    moved = np.zeros(active.size, dtype=bool)
+    open_ = np.arange(active.size)
+    while open_.size:
+        where = active[open_]
+        trial = z[:, open_] - share[where] * p[:, open_]
+        inside = np.ones(open_.size, dtype=bool)
+        if equations.inside is not None:
+            inside = equations.inside(trial, numbers[where])
+        R, _ = equations.evaluate(trial, numbers[where])
+        state.gradient_evaluations[where] += R.gradients
+        state.structure_evaluations[where] += R.structures
+        after = np.abs(linear_solve(A[:, :, open_], trial - R.value)).max(axis=0)
+        good = inside & (after <= (1 - share[where] / 4) * length[open_])
+        state.value[:, where[good]] = trial[:, good]
+        moved[open_[good]] = True
+        arrived = good & (share[where] == 1.0) & (after <= 0.25 * length[open_])
+        state.status[where[arrived]] = Status.CONVERGED
+        obstacle = np.where(np.isfinite(after), Status.NO_CONVERGENCE, Status.OVERFLOW)
+        obstacle = np.where(inside, obstacle, Status.LEFT_DOMAIN)
+        share[where[~good]] *= 0.5
+        blocked = ~good & (share[where] < SMALLEST_SHARE)
+        state.status[where[blocked]] = obstacle[blocked]
+        open_ = open_[~good & ~blocked]
+    return moved
 
 
 def require_converged(problem: Problem, y: Array, step: Array, solution: Solution) -> Array:
@@ -262,6 +418,21 @@ def into_domain(
         moved = z - factor * correction
         inside = equations.inside(moved, lanes)
     return moved, inside
+
+
+def _slopes(equations: Equations, z: Array, numbers: NDArray[np.intp], base: Array) -> tuple[Array, int]:
+    """∂R/∂z by forward differences, backward ones where those leave the domain, and their n evaluations."""
+    n = z.shape[0]
+    width = STAGNATION * np.maximum((equations.size[:, numbers] + np.abs(z)).max(axis=0), _TINY)
+    columns = []
+    for k in range(n):
+        shifted = z.copy()
+        shifted[k] += width
+        if equations.inside is not None:
+            shifted[k] = np.where(equations.inside(shifted, numbers), shifted[k], z[k] - width)
+        ahead = equations.evaluate(shifted, numbers).right_side.value
+        columns.append((ahead - base) / (shifted[k] - z[k]))
+    return np.stack(columns, axis=1), n
 
 
 def _difference_jacobian(

@@ -21,6 +21,7 @@ from sepv.problem import Array, Problem
 from sepv.problems.hard import CATALOGUE, HardCase, Sample
 from sepv.reference.hard import exact_energy
 from sepv.scheme import Scheme
+from sepv.tableaux import amplification
 from sepv.tolerance import energy_bound, energy_ulp, step_residual
 
 # Steps solved together; each batch draws an h of its own.
@@ -48,6 +49,8 @@ class Seen:
     worst : Case or None
         The step with the largest ratio, or the first that went wrong; None for problems that are not data.
     laws : {law: (held, measured)}
+    unmeasured : int
+        Solved steps whose energy or its bound is beyond the largest binary64 number.
     """
 
     case: HardCase
@@ -59,6 +62,7 @@ class Seen:
     iterations: Array = field(default_factory=lambda: np.empty(0))
     worst: Case | None = None
     laws: dict[str, tuple[int, int]] = field(default_factory=dict)
+    unmeasured: int = 0
 
     @property
     def solved(self) -> int:
@@ -83,6 +87,7 @@ class Seen:
             "steps": self.steps,
             "statuses": self.statuses,
             "wrong": self.wrong,
+            "unmeasured": self.unmeasured,
             "defect_median": _median(self.defects),
             "defect_largest": float(self.defects.max()) if self.defects.size else None,
             "largest_defect_over_bound": self.ratio,
@@ -143,21 +148,25 @@ def _measure(seen: Seen, scheme: Scheme, sample: Sample) -> None:
     if not good.size:
         return
     y0, y1, used = y[:, good], value[:, good], dW[:, good]
-    with np.errstate(over="ignore", under="ignore"):
-        allowed = step_residual(problem, y0, y1, h, used, scheme.solver_tolerance)
-        bound = energy_bound(problem, y0, y1, allowed) + _tilt(seen.case, y0, y1, h, used)
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        allowed = step_residual(problem, y0, y1, h, used, scheme.solver_tolerance, scheme.stages)
+        bound = energy_bound(problem, y0, y1, allowed) + _tilt(seen.case, scheme, y0, y1, h, used)
         unit = energy_ulp(problem, y0, y1)
     defect = energy_defects(seen.case, y0, y1)
-    ratio = defect / bound
-    seen.defects = np.concatenate([seen.defects, defect / unit])
+    if scheme.solve is not None:
+        _count(seen, sample, good[~(residual[good] <= allowed.max(axis=0))], "residual beyond the bound")
+    judged = np.isfinite(bound) & np.isfinite(unit)
+    seen.unmeasured += int((~judged).sum())
+    good, ratio = good[judged], defect[judged] / bound[judged]
+    seen.defects = np.concatenate([seen.defects, defect[judged] / unit[judged]])
     seen.iterations = np.concatenate([seen.iterations, iterations[good]])
+    if not good.size:
+        return
     if "energy" in scheme.claims:
         _count(seen, sample, good[~(ratio <= 1)], "beyond the bound")
         if not ratio.max() <= seen.ratio and not seen.wrong:
             seen.worst = _as_case(seen.case, sample, int(good[np.argmax(ratio)]))
     seen.ratio = max(seen.ratio, float(ratio.max()))
-    if scheme.solve is not None:
-        _count(seen, sample, good[~(residual[good] <= allowed.max(axis=0))], "residual beyond the bound")
 
 
 def energy_defects(case: HardCase, y0: Array, y1: Array) -> Array:
@@ -195,8 +204,11 @@ def _count(seen: Seen, sample: Sample, lanes: Array, what: str) -> None:
         seen.wrong[what] = seen.wrong.get(what, 0) + int(numbers.size)
 
 
-def _tilt(case: HardCase, y0: Array, y1: Array, h: float, dW: Array) -> Array | float:
-    """|Δ| gᵀ|S|g: what the symmetric part S of a nearly skew B does to H, with g bounded along the step."""
+def _tilt(case: HardCase, scheme: Scheme, y0: Array, y1: Array, h: float, dW: Array) -> Array | float:
+    """|Δ| gᵀ|S|g: what the symmetric part S of a nearly skew B does to H, with g bounded along the step.
+
+    The averages of a scheme with several stages exceed ∇H by up to `amplification`.
+    """
     if not case.skewness:
         return 0.0
     problem = case.problem
@@ -205,7 +217,7 @@ def _tilt(case: HardCase, y0: Array, y1: Array, h: float, dW: Array) -> Array | 
     S = problem.structure(y0)
     tilt: Array = np.sum(g * matvec(0.5 * np.abs(S + np.swapaxes(S, 0, 1)), g), axis=0)
     # The mean of ∇H is below its largest value; 9 points may miss that by a little.
-    return 1.1 * np.abs(problem.random_step(h, dW)) * tilt
+    return 1.1 * amplification(scheme.stages) ** 2 * np.abs(problem.random_step(h, dW)) * tilt
 
 
 def _as_case(case: HardCase, sample: Sample, lane: int) -> Case | None:

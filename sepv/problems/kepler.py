@@ -14,7 +14,8 @@ def kepler(eccentricity: float = 0.6, noise: ArrayLike = 1.0) -> Problem:
 
     The averaged gradient is the field of a uniformly charged segment from q0 to q1, seen from the origin: it
     points along the bisector u = q0/|q0| + q1/|q1|, and ∫₀¹ q/|q|³ dτ = 2u/(|q0||q1||u|²). Nothing cancels as
-    q1 → q0; as the segment comes near the origin it grows like 1/|u|.
+    q1 → q0; as the segment comes near the origin it grows like 1/|u|, and where that is it is written as a part
+    along the segment, which does all the work, and one across it.
     """
     e = float(eccentricity)
     c = np.atleast_1d(np.asarray(noise, dtype=np.float64))
@@ -58,6 +59,16 @@ def _hessian(y: Array) -> Array:
 
 def _mean_gradient(y0: Array, y1: Array) -> Array:
     r0, r1 = _radius(y0), _radius(y1)
-    u1, u2 = y0[2] / r0 + y1[2] / r1, y0[3] / r0 + y1[3] / r1
-    factor = 2 / (r0 * r1 * (u1 * u1 + u2 * u2))
-    return np.stack([y0[0] + 0.5 * (y1[0] - y0[0]), y0[1] + 0.5 * (y1[1] - y0[1]), factor * u1, factor * u2])
+    u = np.stack([y0[2] / r0 + y1[2] / r1, y0[3] / r0 + y1[3] / r1])
+    opening = u[0] * u[0] + u[1] * u[1]  # 2(1 + cos φ) for the angle φ between q0 and q1
+    force = 2 * u / (r0 * r1 * opening)
+    # Past a right angle and a half u cancels: the part along b = q1 − q0 comes from 1/r0 − 1/r1 instead, and the
+    # rest is perpendicular to b in every digit, so that it does no work however badly it is known.
+    b, middle = y1[2:] - y0[2:], y1[2:] + y0[2:]
+    square = np.where(opening < 1, b[0] * b[0] + b[1] * b[1], 1.0)
+    along = (b[0] * middle[0] + b[1] * middle[1]) / (r0 * r1 * (r0 + r1)) / square
+    area = y0[2] * y1[3] - y0[3] * y1[2]
+    across = 2 * area * (r0 + r1) / ((r0 * r1) ** 2 * np.where(opening > 0, opening, 1.0)) / square
+    split = np.stack([along * b[0] + across * b[1], along * b[1] - across * b[0]])
+    force = np.where((opening < 1) & (opening > 0), split, force)
+    return np.concatenate([y0[:2] + 0.5 * (y1[:2] - y0[:2]), force])

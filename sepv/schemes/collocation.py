@@ -23,7 +23,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from sepv.average import average_gradient
+from sepv.average import argument_rounding, average_gradient
 from sepv.fields import hessian, linear_solve, matmul, matvec, structure_slope
 from sepv.implicit import (
     Equations,
@@ -33,6 +33,7 @@ from sepv.implicit import (
     Status,
     into_domain,
     iterate,
+    merge,
     require_converged,
 )
 from sepv.problem import Array, Problem
@@ -146,7 +147,7 @@ def solve_stages(problem: Problem, stages: int, y0: Array, delta: Array) -> Solu
                 solution.status[open_] = Status.QUADRATURE
                 break
             if open_.size:
-                _merge(solution, iterate(equations, solution.value[:, open_], open_), open_)
+                merge(solution, iterate(equations, solution.value[:, open_], open_), open_)
         z = solution.value.reshape(*y0.shape[:1], stages, -1)
         update = system.b[0] * z[:, 0]
         for j in range(1, stages):
@@ -161,15 +162,9 @@ def _agrees(system: _Stages, solution: Solution, lanes: np.ndarray) -> np.ndarra
     solution.gradient_evaluations[lanes] += nodes
     finer, size = system.averages(z, lanes, nodes)
     used = system.averages(z, lanes, system.nodes)[0]
-    return np.asarray(np.max(np.abs(finer - used), axis=(0, 1)) <= nodes * _EPS * size)
-
-
-def _merge(whole: Solution, part: Solution, lanes: np.ndarray) -> None:
-    """Write the lanes solved anew into the solution; counts add up."""
-    whole.value[:, lanes], whole.residual[lanes], whole.status[lanes] = part.value, part.residual, part.status
-    whole.iterations[lanes] += part.iterations
-    whole.gradient_evaluations[lanes] += part.gradient_evaluations
-    whole.structure_evaluations[lanes] += part.structure_evaluations
+    y0, y1 = system.y0[:, lanes], system.y0[:, lanes] + z.sum(axis=1) / system.stages
+    rounding = nodes * _EPS * size + 4 * argument_rounding(system.problem, y0, y1)
+    return np.asarray(np.max(np.abs(finer - used), axis=(0, 1)) <= rounding)
 
 
 @lru_cache(maxsize=8)
