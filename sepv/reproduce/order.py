@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sepv import schemes
 from sepv.convergence import Estimate, StrongErrors, join, slope
 from sepv.reproduce import runs
 from sepv.reproduce.job import Job, Results, Size
@@ -19,6 +18,16 @@ ALPHA = 0.01
 PART = 1024
 # Microseconds a sample and step in batches, for the time left.
 COST = {"energy-preserving": 3.0, "midpoint": 2.5, "discrete-gradient": 7.0}
+
+# The mean-square orders that §4 gives: the paper's statements, not what the schemes here claim.
+STATED = {
+    "energy-preserving": 1.0,
+    "midpoint": 1.0,
+    "discrete-gradient": 1.0,
+    "euler-heun": 1.0,
+    "milstein": 1.0,
+    "euler-maruyama": 0.5,
+}
 
 H_AXIS = Axis("step size h", log=True)
 ERROR_AXIS = Axis("mean-square error at the end", log=True)
@@ -33,7 +42,7 @@ class Setting:
     T: float
     steps: tuple[int, ...]
     samples: int
-    schemes: tuple[str, ...] = tuple(schemes.ALL)
+    schemes: tuple[str, ...] = tuple(STATED)
 
 
 def jobs(setting: Setting, size: Size) -> list[Job]:
@@ -75,8 +84,7 @@ def curves(found: dict[str, StrongErrors]) -> tuple[Series, ...]:
 
 def order_statement(name: str, found: StrongErrors, source: str) -> Statement:
     """Whether the measured slope is the order that the paper gives the scheme."""
-    stated = schemes.ALL[name].mean_square_order
-    assert stated is not None
+    stated = STATED[name]
     measured = slope(found, ALPHA)
     words = {0.5: "1/2", 1.0: "1"}[stated]
     return Statement(
