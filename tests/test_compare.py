@@ -32,10 +32,15 @@ from sepv.work import Work, counted
 STEPS = (4, 8, 16)
 
 
+def in_batches(scheme: sepv.Scheme) -> Method:
+    return from_scheme(scheme, problems.rigid_body(), "numpy")
+
+
 @pytest.fixture(scope="module")
 def found() -> Comparison:
-    methods = [from_scheme(schemes.energy_preserving), from_scheme(schemes.euler_heun), exact_time_change()]
-    return compare(methods, problems.rigid_body(), steps=STEPS, paths=64, repeats=2, targets=[1e-1, 1e-3])
+    body = problems.rigid_body()
+    methods = [in_batches(schemes.energy_preserving), in_batches(schemes.euler_heun), exact_time_change()]
+    return compare(methods, body, steps=STEPS, paths=64, repeats=2, targets=[1e-1, 1e-3])
 
 
 def test_the_errors_are_those_of_the_convergence_laws(found: Comparison) -> None:
@@ -60,6 +65,26 @@ def test_the_exact_time_change_has_one_point_and_the_error_it_states(found: Comp
     (point,) = found.of("exact-flow")
     assert not point.steps_matter
     assert 0 < point.strong.value < 1e-13
+
+
+@pytest.mark.parametrize(("name", "steps"), [("rigid-body", 16), ("pendulum", 16), ("lotka-volterra", 128)])
+def test_the_compiled_engine_is_taken_where_it_can_be_and_agrees(name: str, steps: int) -> None:
+    pytest.importorskip("numba", reason="the extra `fast`")
+    problem = problems.by_name(name)
+    fast = from_scheme(schemes.energy_preserving, problem)
+    assert "compiled engine" in fast.source
+    slow = replace(in_batches(schemes.energy_preserving), name="numpy")
+    found = compare([fast, slow], problem, steps=[steps], paths=32, repeats=1)
+    for ours, theirs in zip(found.of("energy-preserving"), found.of("numpy"), strict=True):
+        assert ours.strong.value == pytest.approx(theirs.strong.value, rel=1e-9)
+        assert ours.energy_defect < 1e-13
+        assert ours.iterations is not None
+        assert ours.evaluations["gradient"] > 0
+
+
+def test_a_scheme_that_the_engine_does_not_take_says_why() -> None:
+    method = from_scheme(replace(schemes.euler_maruyama, name="another"), problems.rigid_body())
+    assert "NumPy batch" in method.source
 
 
 def test_explicit_schemes_are_counted_too(found: Comparison) -> None:
@@ -94,7 +119,7 @@ def test_the_document_matches_its_schema_and_the_csv_has_a_line_for_each_point(f
 
 def test_equal_comparisons_give_the_same_errors_counts_and_picture(found: Comparison) -> None:
     again = compare(
-        [from_scheme(schemes.energy_preserving)], problems.rigid_body(), steps=STEPS, paths=64, repeats=1
+        [in_batches(schemes.energy_preserving)], problems.rigid_body(), steps=STEPS, paths=64, repeats=1
     )
     for ours, theirs in zip(again.points, found.of("energy-preserving"), strict=True):
         still = replace(ours, seconds=theirs.seconds)
@@ -178,7 +203,7 @@ def test_a_path_that_fails_counts_in_no_error_and_is_counted() -> None:
     broken = replace(schemes.euler_heun, name="broken", step=step, truncation=None)
     healthy = replace(schemes.euler_heun, truncation=None)
     found = compare(
-        [from_scheme(broken), from_scheme(healthy)], problems.rigid_body(), steps=[8], paths=128, repeats=1
+        [in_batches(broken), in_batches(healthy)], problems.rigid_body(), steps=[8], paths=128, repeats=1
     )
     bad, good = found.points
     dW = wiener.increments(0, T=1.0, steps=8, noises=1, paths=128)
@@ -186,6 +211,16 @@ def test_a_path_that_fails_counts_in_no_error_and_is_counted() -> None:
     assert good.failures == 0
     assert np.isfinite(bad.strong.value)
     assert any("failed count in no error" in note for note in table.notes(found))
+
+
+def test_a_driver_that_waits_for_something_is_said_to_wait(found: Comparison) -> None:
+    assert not any("waits" in note for note in table.notes(found))
+
+    def slower(p: Point) -> Point:
+        return replace(p, seconds=replace(p.seconds, wall=100 * p.seconds.wall))
+
+    points = tuple(slower(p) if p.method == "euler-heun" else p for p in found.points)
+    assert ["euler-heun" in note for note in table.notes(replace(found, points=points))].count(True) == 1
 
 
 def test_one_core_is_given_back() -> None:

@@ -59,8 +59,9 @@ def compare(targets: tuple[str, ...], problem: str, picture: str | None, **optio
     """Error, invariant defects, time and work of SCHEMEs, on the same paths.
 
     A SCHEME is a built-in name, module:attribute, exact-flow (the exact time change), or a peer such as
-    diffrax-heun. The reference is the exact solution at the random time. Every method runs on one core, they
-    take turns, increments are given and compilation is shown apart.
+    diffrax-heun. The compiled engine (extra fast) runs what it takes; numpy/SCHEME is the NumPy batch beside it.
+    The reference is the exact solution at the random time. Methods take turns on one core, increments are given,
+    and compilation is shown apart.
 
     \b
     sepv compare energy-preserving midpoint euler-heun exact-flow

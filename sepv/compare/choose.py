@@ -33,11 +33,13 @@ PEERS = {
     "sdeint-heun": "sepv.adapters.driven_sdeint:heun",
 }
 EXACT = "exact-flow"
+NUMPY = "numpy/"
 
 
 def load_method(target: str, problem: Problem) -> Method:
     """A built-in scheme, ``exact-flow``, a peer by name, or module:attribute with a scheme or a `Method`.
 
+    ``numpy/SCHEME`` is a scheme in NumPy batches where the compiled engine would take it.
     A third party's scheme is asked for one step first, so that a wrong shape is a message and no traceback.
 
     Raises
@@ -52,7 +54,8 @@ def load_method(target: str, problem: Problem) -> Method:
         found = load_object(target)
         if isinstance(found, Method):
             return found
-    scheme = load_scheme(target)
+    plain = target.startswith(NUMPY)
+    scheme = load_scheme(target.removeprefix(NUMPY))
     h = 2.0**-10
     if problem.initial is not None:
         try:
@@ -61,7 +64,9 @@ def load_method(target: str, problem: Problem) -> Method:
             raise TargetError(
                 expected=f"{fault.expected} from {target}", received=fault.received, remedy=fault.remedy
             ) from fault
-    method = from_scheme(scheme)
+    method = from_scheme(scheme, problem, "numpy" if plain else "auto")
+    if plain:
+        return replace(method, name=target, source=f"{scheme.source}; NumPy batch")
     return replace(method, name=target) if ":" in target and scheme.name in (target, "step") else method
 
 

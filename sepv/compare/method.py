@@ -7,7 +7,7 @@ A driver is given the Wiener increments, so that all methods see the same paths.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -104,9 +104,27 @@ def finite_ends(problem: Problem, y: Array) -> Ends:
     return Ends(y, status)
 
 
-def from_scheme(scheme: Scheme) -> Method:
-    """A `sepv.Scheme` in NumPy batches, its increments truncated as it asks for."""
+def from_scheme(scheme: Scheme, problem: Problem, engine: str = "auto") -> Method:
+    """A `sepv.Scheme` under `sepv.ensemble`, its increments truncated as it asks for.
 
+    Parameters
+    ----------
+    engine : "auto" or "numpy"
+        "auto" takes the compiled engine (extra `fast`) where it takes the scheme and the problem; such a
+        method is timed as a user has it, invariants watched and status kept.
+    """
+    if engine == "auto":
+        from sepv.engine.compile import CannotCompile, kernel
+
+        try:
+            kernel(scheme, problem)
+        except CannotCompile as reason:
+            return replace(_in_batches(scheme), source=f"{scheme.source}; NumPy batch: {reason}")
+        return _compiled(scheme)
+    return _in_batches(scheme)
+
+
+def _in_batches(scheme: Scheme) -> Method:
     def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]:
         parts = [np.ascontiguousarray(dW[:, :, p : p + CHUNK]) for p in range(0, dW.shape[2], CHUNK)]
 
@@ -124,6 +142,33 @@ def from_scheme(scheme: Scheme) -> Method:
         return Followed(Ends(run.y, run.status), run.energy_defect, run.casimir_defect, work)
 
     return Method(scheme.name, prepare, follow, scheme.source, batched=scheme.batched)
+
+
+def _compiled(scheme: Scheme) -> Method:
+    def ensemble_for(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ensemble]:
+        from sepv.engine.ensemble import ensemble
+
+        given = np.ascontiguousarray(dW)
+        return lambda: ensemble(
+            scheme, problem, h=h, steps=len(given), dW=given, y0=y0, engine="compiled", workers=1
+        )
+
+    def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]:
+        run = ensemble_for(problem, y0, h, dW)
+
+        def job() -> Ends:
+            ends = run()
+            return Ends(ends.y, ends.status)
+
+        return job
+
+    def follow(problem: Problem, y0: Array, h: float, dW: Array) -> Followed:
+        run = ensemble_for(problem, y0, h, dW)()
+        work = Work(iterations=int(run.iterations) if scheme.solve is not None else None)
+        work.evaluations |= {"gradient": run.gradient_evaluations, "structure": run.structure_evaluations}
+        return Followed(Ends(run.y, run.status), run.energy_defect, run.casimir_defect, work)
+
+    return Method(scheme.name, prepare, follow, f"{scheme.source}; compiled engine")
 
 
 def _run(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array, *, track: bool) -> Ensemble:
