@@ -40,6 +40,7 @@ class StrongErrors:
     errors: Array
     failures: tuple[int, ...]
     scale: float
+    floor: float = FLOOR
 
     def rms(self) -> Array:
         """√E|y_N − y(T)|², (L,)."""
@@ -106,13 +107,14 @@ def join(parts: Sequence[StrongErrors]) -> StrongErrors:
         np.concatenate([p.errors for p in parts], axis=2),
         tuple(int(n) for n in np.sum([p.failures for p in parts], axis=0)),
         max(p.scale for p in parts),
+        parts[0].floor,
     )
 
 
 def above_floor(errors: StrongErrors) -> np.ndarray:
     """Which step sizes have errors that are not rounding."""
     eps = float(np.finfo(np.float64).eps)
-    return errors.rms() > FLOOR * eps * errors.scale
+    return errors.rms() > errors.floor * eps * errors.scale
 
 
 def slope(errors: StrongErrors, alpha: float) -> Estimate:
@@ -140,8 +142,10 @@ def weak_slope(errors: StrongErrors, alpha: float) -> Estimate:
     The squared norm of a sample mean is too large by its own variance, which is subtracted; where nothing is
     left it is taken at the noise. Step sizes count by how far they stand out of the noise (up to 100 times).
     """
-    x = np.log(errors.T / np.array(errors.steps, dtype=np.float64))
-    d, paths = errors.errors.shape[1:]
+    kept = above_floor(errors)
+    x = np.log(errors.T / np.array(errors.steps, dtype=np.float64))[kept]
+    values = errors.errors[kept]
+    d, paths = values.shape[1:]
 
     def signal(mean: Array) -> tuple[Array, Array]:
         rows = mean.reshape(-1, d + 1)
@@ -149,7 +153,7 @@ def weak_slope(errors: StrongErrors, alpha: float) -> Estimate:
         noise = (rows[:, d] - size) / paths
         return np.maximum(size - noise, noise), noise
 
-    samples = np.concatenate([errors.errors, errors.squared[:, None]], axis=1).reshape(-1, paths)
+    samples = np.concatenate([values, np.sum(values**2, axis=1)[:, None]], axis=1).reshape(-1, paths)
     squared, noise = signal(samples.mean(axis=1))
     weights = np.minimum(squared / noise, 100.0)
     centred = x - np.sum(weights * x) / np.sum(weights)

@@ -17,9 +17,15 @@ from sepv.convergence import Estimate, StrongErrors, join, strong_errors
 from sepv.errors import Skipped
 from sepv.law import Effort, Finding, Law, Verdict
 from sepv.scheme import Scheme
+from sepv.tilting import tilted_errors
 
 FALSE_ALARM = 1e-4
 FIRST_LOOK = 256
+# From this claimed order on the mean square error lives on increments too rare for plain sampling. The coarsest step
+# is then left out: its large increments are steps of more than 1, far from any asymptotics.
+TILTED = 1.5
+# At these orders finer steps are at the rounding floor.
+FEW = ((6, (16, 24, 32)), (5, (16, 32, 64)))
 
 
 @dataclass(frozen=True)
@@ -45,18 +51,20 @@ def looks(effort: Effort) -> list[int]:
 
 def sampled(scheme: Scheme, setup: Setup, paths: int, effort: Effort) -> StrongErrors:
     """The errors of the first `paths` paths, computed once for all laws of a run."""
-    key = (id(scheme.step), scheme.truncation, setup)
+    order = scheme.mean_square_order
+    key = (id(scheme.step), scheme.truncation, order, setup)
     have: StrongErrors | None = effort.cache.get(key)
     done = have.squared.shape[1] if have else 0
     if done < paths:
-        more = strong_errors(
-            guarded(scheme),
-            problems.by_name(setup.problem),
-            T=setup.T,
-            steps=setup.steps,
-            paths=range(done, paths),
-            seed=effort.seed,
-        )
+        problem, wanted = problems.by_name(setup.problem), range(done, paths)
+        asked = guarded(scheme)
+        if order is not None and order >= TILTED:
+            levels = next((steps for least, steps in FEW if order >= least), setup.steps[1:])
+            more = tilted_errors(
+                asked, problem, T=setup.T, steps=levels, paths=wanted, seed=effort.seed, order=order
+            )
+        else:
+            more = strong_errors(asked, problem, T=setup.T, steps=setup.steps, paths=wanted, seed=effort.seed)
         have = join([have, more]) if have else more
         effort.cache[key] = have
     assert have is not None
@@ -109,7 +117,7 @@ def judge(
             {
                 "problem": setup.problem,
                 "T": setup.T,
-                "steps": setup.steps,
+                "steps": errors.steps,
                 "paths": count,
                 "rms_error": errors.rms().tolist(),
                 "estimate": show(value.value),
@@ -161,4 +169,5 @@ def _first(errors: StrongErrors, paths: int) -> StrongErrors:
         errors.errors[:, :, :paths],
         errors.failures,
         errors.scale,
+        errors.floor,
     )

@@ -30,7 +30,7 @@ LAYERS = [
     "sepv.simulation",
     "sepv.large",
     "sepv.engine",
-    "sepv.convergence",
+    "sepv.convergence sepv.tilting",
     "sepv.tolerance",
     "sepv.case",
     "sepv.strategies",
