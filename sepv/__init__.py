@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from sepv import strategies as strategies
     from sepv import wiener as wiener
     from sepv.engine.ensemble import ensemble as ensemble
+    from sepv.engine.long import long_path as long_path
     from sepv.errors import ChunkFailure as ChunkFailure
     from sepv.errors import ProblemError as ProblemError
     from sepv.errors import SchemeFault as SchemeFault
@@ -35,6 +36,7 @@ _HOME = {
     "Scheme": "sepv.scheme",
     "integrate": "sepv.simulation",
     "ensemble": "sepv.engine.ensemble",
+    "long_path": "sepv.engine.long",
     "exact_flow": "sepv.exact",
     "verify": "sepv.suite",
     **dict.fromkeys(

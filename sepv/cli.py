@@ -19,6 +19,7 @@ COMMANDS = {
     "verify": "sepv.commands.verify:verify",
     "compare": "sepv.commands.compare:compare",
     "bench": "sepv.commands.bench:bench",
+    "run": "sepv.commands.run:run",
     "list": "sepv.commands.listing:list_",
     "teeth": "sepv.commands.teeth:teeth",
     "reproduce": "sepv.commands.reproduce:reproduce",

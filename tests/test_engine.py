@@ -126,3 +126,77 @@ def test_compensated_summation_keeps_the_energy_better() -> None:
     kept = sepv.ensemble(EP, problem, engine="compiled", compensated=True, **arguments)
     assert np.sqrt(np.mean(kept.energy_defect**2)) < 0.25 * np.sqrt(np.mean(plain.energy_defect**2))
     assert math.isfinite(kept.energy_defect.max())
+
+
+@pytest.mark.parametrize("scheme", ["midpoint", "euler-heun", "milstein", "explicit-8", "collocation-2"])
+def test_other_schemes_agree_too(scheme: str) -> None:
+    problem = problems.harmonic_oscillator(noise=(0.5, 1.0))
+    fast, plain = both(schemes.by_name(scheme), problem, h=1 / 16, T=0.5, paths=70, seed=4)
+    assert fast.engine == "compiled"
+    assert np.array_equal(fast.W, plain.W)
+    # Eight steps of a flow that keeps lengths: a few roundings each.
+    assert np.max(np.abs(fast.y - plain.y)) < 8 * 8 * 2.3e-16
+    assert (fast.iterations > 0) == (plain.iterations > 0)
+
+
+def test_explicit_schemes_that_leave_the_domain_are_marked_alike() -> None:
+    fast, plain = both(schemes.milstein, problems.lotka_volterra(), h=1 / 8, T=2.0, paths=100, seed=0)
+    assert np.array_equal(fast.status, plain.status)
+    assert np.array_equal(fast.failed_step, plain.failed_step)
+    assert np.count_nonzero(plain.status) > 5
+
+
+def quartic():
+    """A random-looking quartic H in the plane with B(y) of degree one: nodes, derivatives and parameters all matter."""
+    from sepv.polynomial import polynomial
+    from sepv.problem import PolynomialSystem
+
+    return problems.polynomial_problem(
+        PolynomialSystem(
+            dimension=2,
+            hamiltonian=polynomial(2, {(2, 0): 0.7, (0, 2): 0.4, (1, 2): 0.3, (4, 0): 0.1, (2, 2): -0.05}),
+            structure=((0, 1, polynomial(2, {(0, 0): 1.0, (1, 0): 0.25, (0, 1): -0.125})),),
+            noise=(0.5, 0.25),
+        )
+    )
+
+
+def test_problems_given_as_data_are_compiled() -> None:
+    fast, plain = both(EP, quartic(), h=1 / 16, T=1.0, paths=70, y0=(0.6, 0.3))
+    assert fast.engine == "compiled"
+    assert np.max(np.abs(fast.y - plain.y)) < 16 * 8 * 2.3e-16
+    assert fast.energy_defect.max() < 16 * 8 * 2.3e-16
+
+
+def test_a_long_path_is_path_number_p_of_the_ensemble_and_can_be_interrupted() -> None:
+    problem, arguments = problems.rigid_body(), {"h": 0.01, "steps": 6000, "seed": 8}
+    whole = sepv.long_path(EP, problem, path=2, every=1000, **arguments)
+    assert (whole.steps, whole.interrupted, whole.engine) == (6000, False, "compiled")
+    assert whole.times.tolist() == [10.0, 20.0, 30.0, 40.0, 50.0, 60.0]
+    many = sepv.ensemble(EP, problem, paths=3, **arguments)
+    assert np.array_equal(whole.y, many.y[:, 2])
+    assert np.array_equal(whole.states[:, -1], whole.y)
+
+    def stop(done: int, planned: int) -> None:
+        if done >= 3000:
+            raise KeyboardInterrupt
+
+    part = sepv.long_path(EP, problem, path=2, every=1000, progress=stop, **arguments)
+    assert (part.steps, part.interrupted) == (3000, True)
+    assert np.array_equal(part.states, whole.states[:, :3])
+    rest = sepv.long_path(EP, problem, path=2, every=1000, resume=part, **arguments)
+    assert np.array_equal(rest.y, whole.y)
+    assert np.array_equal(rest.states, whole.states)
+    assert rest.energy_defect == whole.energy_defect
+    with pytest.raises(sepv.UsageError, match="same arguments"):
+        sepv.long_path(EP, problem, path=1, resume=part, **arguments)
+
+
+def test_a_long_path_runs_without_the_compiled_engine_and_stops_at_a_failure() -> None:
+    problem = problems.rigid_body()
+    plain = sepv.long_path(EP, problem, h=1 / 16, T=2.0, seed=3, every=16, engine="numpy")
+    one = sepv.integrate(EP, problem, h=1 / 16, T=2.0, seed=3)
+    assert np.array_equal(plain.states, one.y[:, [16, 32]])
+    failed = sepv.long_path(EP, problems.lotka_volterra(), h=1 / 4, T=400.0, seed=0)
+    assert failed.status != Status.CONVERGED
+    assert 0 <= failed.failed_step < failed.steps

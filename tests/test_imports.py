@@ -24,6 +24,7 @@ LAYERS = [
     "sepv.problems",
     "sepv.implicit",
     "sepv.scheme",
+    "sepv.explicit_tableaux",
     "sepv.schemes",
     "sepv.wiener",
     "sepv.closed_forms sepv.dense sepv.exact",

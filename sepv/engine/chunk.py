@@ -7,13 +7,10 @@ import math
 import numpy as np
 
 from sepv import wiener
-from sepv.engine.compile import LANES, Kernel, kernel
+from sepv.engine.compile import FEW, LANES, Kernel, kernel
 from sepv.engine.task import Task
 from sepv.problem import Array, Problem
 from sepv.simulation import Ensemble
-
-# Fewer paths than this run one by one: a block of lanes would be mostly empty. The bits are the same.
-FEW = 8
 
 
 class Chunk:
@@ -25,14 +22,14 @@ class Chunk:
         self.kernel: Kernel = kernel(task.scheme, problem, lanes=lanes, compensated=task.compensated)
         module, m = self.kernel.module, problem.noises
         blocks = -(-task.count // lanes)
-        self.lanes, self.done = lanes, 0
+        self.lanes = lanes
         self.S = np.zeros((blocks, module.SIZE))
-        self.I = np.zeros((blocks, 4 * lanes + 2), dtype=np.int64)
+        self.I = np.zeros((blocks, 4 * lanes + 3), dtype=np.int64)
         for i, value in enumerate(task.y0):
             self._floats(i)[:] = value
         self._integers(1)[:] = (np.arange(blocks * lanes) < task.count).reshape(blocks, lanes)
         self._integers(3)[:] = -1
-        self.I[:, -2] = self._integers(1).sum(axis=1)
+        self.I[:, -3] = self._integers(1).sum(axis=1)
         self.W = np.zeros((blocks, m, lanes))
         self.grid = wiener.grid(task.steps, task.refine)
         streams = self.grid.streams if task.dW is None and m else 0
@@ -54,7 +51,15 @@ class Chunk:
             self.given, self.task.place, self.done, self.done + steps, self.task.h, self.bound,
             self.kernel.parameters,
         )  # fmt: skip
-        self.done += steps
+
+    @property
+    def done(self) -> int:
+        """Steps done."""
+        return int(self.I[-1, -1])
+
+    def failed(self) -> bool:
+        """Whether no path goes on."""
+        return not bool(self._integers(1).any())
 
     def _floats(self, row: int) -> Array:
         return self.S[:, row * self.lanes : (row + 1) * self.lanes]
@@ -72,7 +77,7 @@ class Chunk:
     def result(self, kept: Array) -> Ensemble:
         """The ends so far."""
         d, m, M = self.problem.dimension, self.problem.noises, self.task.count
-        iterations = int(self.I[:, -1].sum())
+        iterations = int(self.I[:, -2].sum())
         module = self.kernel.module
         return Ensemble(
             y=self.states(),

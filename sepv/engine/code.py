@@ -20,6 +20,7 @@ class ProblemCode(Protocol):
     preamble: str
     dimension: int
     gradient_evaluations: int
+    degree: int  # of a polynomial H, 0 of any other
 
     def __hash__(self) -> int:
         """Records of code are compared by identity."""

@@ -17,11 +17,15 @@ from sepv.engine.polynomials import PolynomialCode
 from sepv.engine.schemes import FORMULAS, Formula
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
 from sepv.scheme import Scheme
+from sepv.tableaux import exact_nodes
 
 # Paths side by side: eight registers of eight doubles, long enough to hide latencies, and still in L1.
 LANES = 64
+# Up to this many paths run one by one: a block of lanes would be mostly empty. The bits are the same.
+FEW = 8
 # The code of a step is written out for every component: beyond this it grows too long to compile.
 LARGEST_DIMENSION = 16
+LARGEST_SYSTEM = 16
 
 
 class CannotCompile(Exception):
@@ -49,6 +53,14 @@ def kernel(scheme: Scheme, problem: Problem, *, lanes: int = LANES, compensated:
     if find_spec("numba") is None:
         raise CannotCompile("numba is not installed (pip install 'sepv[fast]')")
     formula, code = formula_of(scheme), code_of(problem)
+    if formula.stages > 1 and not code.degree:
+        raise CannotCompile(
+            f"{scheme.name} needs a polynomial H, or a quadrature whose error is controlled step by step"
+        )
+    if formula.implicit and formula.stages * problem.dimension > LARGEST_SYSTEM:
+        raise CannotCompile(
+            f"{scheme.name} has {formula.stages * problem.dimension} unknowns, the engine takes {LARGEST_SYSTEM}"
+        )
     text, parameters = module_text(code, formula, problem.noises, lanes, compensated)
     from sepv.engine.store import load
 
@@ -56,15 +68,22 @@ def kernel(scheme: Scheme, problem: Problem, *, lanes: int = LANES, compensated:
         load(text),
         np.array([*problem.c, *parameters], dtype=np.float64),
         lanes,
-        formula.gradients * (code.gradient_evaluations if formula.averaged else 1),
+        _gradients(formula, code),
         formula.structures,
     )
 
 
+def _gradients(formula: Formula, code: ProblemCode) -> int:
+    """Evaluations of ∇H in an iteration."""
+    if formula.stages > 1:
+        return exact_nodes(formula.stages, code.degree)
+    return formula.gradients * (code.gradient_evaluations if formula.averaged else 1)
+
+
 def formula_of(scheme: Scheme) -> Formula:
     """The scheme's formula; a scheme of another author is never mistaken for ours of the same name."""
-    own = schemes.ALL.get(scheme.name)
     formula = FORMULAS.get(scheme.name)
+    own = schemes.by_name(scheme.name) if formula else None
     if own is None or formula is None or own.step is not scheme.step or own.solve is not scheme.solve:
         raise CannotCompile(f"the compiled engine has no code for the scheme {scheme.name!r}")
     return formula

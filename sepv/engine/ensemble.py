@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sepv import wiener
-from sepv.engine.compile import LANES, CannotCompile, kernel
+from sepv.engine.compile import FEW, LANES, CannotCompile, kernel
 from sepv.engine.task import Task, portable, run
 from sepv.engine.workers import run_all
 from sepv.errors import ChunkFailure, UsageError
@@ -83,16 +83,12 @@ def ensemble(
     count = step_count(h, T, steps)
     raw, paths = _increments(dW, count, problem, paths)
     start = initial_state(problem, y0)
-    if engine not in ENGINES:
-        raise UsageError(
-            expected=f"engine, one of {', '.join(ENGINES)}", received=repr(engine), remedy="take auto"
-        )
     k = scheme.truncation if truncation == -1 else truncation
     if k is not None:
         wiener.truncate(np.zeros(1), h, k)  # refuses h and k that Remark 2.1 does not cover
     wiener.validate(seed, h * count, count, problem.noises, range(paths))
     wiener.grid(count, refine)
-    compiled, reason = _choose(engine, scheme, problem, compensated)
+    compiled, reason = choose(engine, scheme, problem, compensated, LANES if paths > FEW else 1)
     whole = Task(
         scheme=scheme, problem=problem, y0=start, h=float(h), steps=count, first=0, count=paths, seed=int(seed),
         refine=refine, truncation=k, stops=_stops(times, h, count), compensated=compensated, compiled=compiled, dW=raw,
@@ -144,11 +140,24 @@ def _stops(times: ArrayLike | None, h: float, steps: int) -> tuple[int, ...]:
     return tuple(int(n) for n in stops)
 
 
-def _choose(engine: str, scheme: Scheme, problem: Problem, compensated: bool) -> tuple[bool, str]:
+def choose(
+    engine: str, scheme: Scheme, problem: Problem, compensated: bool, lanes: int = LANES
+) -> tuple[bool, str]:
+    """Whether the compiled engine takes this, and why not.
+
+    Raises
+    ------
+    UsageError
+        For an unknown engine, and where it must be the compiled one and cannot.
+    """
+    if engine not in ENGINES:
+        raise UsageError(
+            expected=f"engine, one of {', '.join(ENGINES)}", received=repr(engine), remedy="take auto"
+        )
     if engine == "numpy":
         return False, "engine='numpy'"
     try:
-        kernel(scheme, problem, compensated=compensated)
+        kernel(scheme, problem, lanes=lanes, compensated=compensated)
     except CannotCompile as error:
         if engine == "compiled":
             raise UsageError(

@@ -28,6 +28,7 @@ FIRST = 2.0**-31
 TINY = 2.0**-54
 # Steps of Newton's iteration before the first test.
 UNCHECKED = 2
+LARGE = 6
 # Steps of all lanes together, before those that are not done are looked at one by one.
 FAST = 8
 
@@ -103,20 +104,21 @@ class _Writer:
         return ["for k in range(L):", *_indent(1, e.lines)]
 
     def random_step(self) -> list[str]:
-        lines = ["delta = h"]
+        lines = ["delta = h", "noise = 0.0"]
         for j in range(self.noises):
             lines += [
                 f"u = buffer[n, {j}, k]",
                 "u = pick(u < -bound, -bound, u)",
                 "u = pick(u > bound, bound, u)",
                 f"delta = delta + c{j} * u",
+                f"noise = noise + c{j} * u",
             ]
         return lines
 
     def implicit(self) -> list[str]:
         """Newton's iteration for all lanes: unchecked steps first, then each with its test."""
         lines = ["for k in range(L):", *_indent(1, [*self.random_step(), *self.unchecked()])]
-        lines += [] if self.has_domain() else ["I[WORK] += UNCHECKED * I[LIVING]"]
+        lines += [] if not self.starts() else ["I[WORK] += UNCHECKED * I[LIVING]"]
         lines += ["left = I[LIVING]", "for iteration in range(FAST):"]
         lines += ["    if left == 0:", "        break", "    I[WORK] += left", "    left = 0"]
         lines += ["    for k in range(L):", *_indent(2, self.iteration())]
@@ -135,7 +137,7 @@ class _Writer:
         y = [f"y{i}" for i in range(self.d)]
         e.lines += [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
         z, c = ["0.0"] * n, ["INF"]
-        if not self.has_domain():
+        if self.starts():
             for _ in range(UNCHECKED):
                 _, c = self.newton(e, y, z)
                 z = [e.let(f"{a} - {b}" if a != "0.0" else f"-{b}") for a, b in zip(z, c, strict=True)]
@@ -243,11 +245,31 @@ class _Writer:
         found = [self.problem.domain(e, state) for state in self.formula.states(e, y, z)]
         return " & ".join(f"({f})" for f in found)
 
+    def starts(self) -> bool:
+        """Whether there are unchecked steps; not for large systems, whose code is long enough."""
+        return not self.has_domain() and self.unknowns <= LARGE
+
     def has_domain(self) -> bool:
         return self.problem.domain(Text(), [f"y{i}" for i in range(self.d)]) is not None
 
     def explicit(self) -> list[str]:
-        raise NotImplementedError
+        """The increment itself, and whether it leads anywhere."""
+        d = self.d
+        e = Text(self.parameters)
+        y = [f"y{i}" for i in range(d)]
+        e.lines += [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
+        z = [shown(v) for v in self.formula.increment(e, self.problem, y, y, "delta")[0]]
+        e.lines += [f"{self.at('Z', i)} = {v}" for i, v in enumerate(z)]
+        there = [e.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)]
+        e.lines.append(f"finite = ({' + '.join(f'abs({v})' for v in there)}) < INF")
+        inside = self.problem.domain(e, there)
+        e.lines += [
+            f"code = pick(finite, {f'pick({inside}, 0, LEFT_DOMAIN)' if inside else 0}, BROKEN)",
+            "failed = (I[ALIVE + k] != 0) & (code != 0)",
+            "I[STATUS + k] = pick(failed, code, I[STATUS + k])",
+            "trouble += pick(failed, 1, 0)",
+        ]
+        return ["trouble = 0", "for k in range(L):", *_indent(1, [*self.random_step(), *e.lines])]
 
     def update(self) -> list[str]:
         """The step's end: states, statuses, invariants; without masks where all lanes live and none failed."""
@@ -345,7 +367,7 @@ BROKEN, SINGULAR = {int(Status.OVERFLOW)}, {int(Status.SINGULAR)}
 PIECE, IMPLICIT = {{piece}}, {{implicit}}
 # Rows of L in the scratch buffer.
 ENERGY, CASIMIR = {{energy}}, {{casimir}}
-BUSY, ALIVE, STATUS, FAILED, LIVING, WORK = 0, L, 2 * L, 3 * L, 4 * L, 4 * L + 1
+BUSY, ALIVE, STATUS, FAILED, LIVING, WORK, DONE = 0, L, 2 * L, 3 * L, 4 * L, 4 * L + 1, 4 * L + 2
 
 
 '''
@@ -392,4 +414,6 @@ def run(S, I, W, rng, stack, top, factors, base, halvings, given, place, n0, n1,
                         W[b, j, k] += buffer[i, j, k]
             if alive:
                 alive = _advance(S[b], I[b], buffer, count, n, h, bound, P) == 0
+        # Written here and not by the caller, so that an interrupt never finds states ahead of their number.
+        I[b, DONE] = n1
 '''

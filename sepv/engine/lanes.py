@@ -41,8 +41,8 @@ def _uniform(state: Any, k: int) -> float:
 
 
 @_kernel
-def _rejected(state: Any, k: int, r: Any) -> float:
-    """The ziggurat from a draw r that its rectangle did not take."""
+def _ziggurat(state: Any, k: int, r: Any) -> float:
+    """The ziggurat from the draw r on."""
     while True:
         layer = np.int64(r & np.uint64(0xFF))
         rabs = np.int64(r >> np.uint64(9)) & _MANTISSA
@@ -68,6 +68,9 @@ def _rejected(state: Any, k: int, r: Any) -> float:
 def normals(state: Any, out: Any, raw: Any) -> None:
     """A standard normal for each lane: state (4, L) of uint64, out (L,), raw (L,) of uint64 for scratch."""
     lanes = out.shape[0]
+    if lanes == 1:
+        out[0] = _ziggurat(state, 0, _next(state, 0))
+        return
     for k in range(lanes):
         raw[k] = _next(state, k)
     missed = 0
@@ -82,7 +85,7 @@ def normals(state: Any, out: Any, raw: Any) -> None:
         for k in range(lanes):
             r = raw[k]
             if (np.int64(r >> np.uint64(9)) & _MANTISSA) >= _LIMIT[r & np.uint64(0xFF)]:
-                out[k] = _rejected(state, k, r)
+                out[k] = _ziggurat(state, k, r)
 
 
 @_kernel

@@ -40,6 +40,7 @@ class Pendulum:
     preamble = "from sepv.engine.functions import cosine, sincos, sinc\n"
     dimension = 2
     gradient_evaluations = 1
+    degree = 0
 
     def hamiltonian(self, e: Text, y: Sequence[str]) -> Expression:
         """H(y)."""
@@ -91,6 +92,7 @@ class LotkaVolterra:
     preamble = "from sepv.engine.functions import logarithm, mean_reciprocal\n"
     dimension = 3
     gradient_evaluations = 1
+    degree = 0
 
     def __init__(self, data: NamedProblem) -> None:
         p = {key: value[0] for key, value in data.parameters if key != "noise"}

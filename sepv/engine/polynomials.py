@@ -24,6 +24,7 @@ class PolynomialCode:
         self.slope = poly.gradient(data.hamiltonian)
         self.nodes = max(1, -(-data.hamiltonian.degree // 2))
         self.gradient_evaluations = self.nodes
+        self.degree = max(data.hamiltonian.degree, 1)
 
     def hamiltonian(self, e: Text, y: Sequence[str]) -> Expression:
         """H(y)."""

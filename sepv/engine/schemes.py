@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from sepv.engine.code import ProblemCode, Table, skew
 from sepv.engine.text import Expression, Text
+from sepv.explicit_tableaux import TABLEAUX
+from sepv.tableaux import exact_nodes, gauss_tableau, moments
 
 
 @dataclass(frozen=True)
@@ -30,7 +33,7 @@ class Formula:
     averaged: bool = False
     stages: int = 1
 
-    def update(self, e: Text, z: Sequence[str]) -> list[str]:  # noqa: ARG002 - for more stages
+    def update(self, e: Text, z: Sequence[str]) -> list[str]:
         """y1 − y0."""
         return list(z)
 
@@ -93,7 +96,141 @@ def midpoint(
     return field(e, scaled(e, delta, B), g), K
 
 
+def rate(e: Text, problem: ProblemCode, y: Sequence[str]) -> list[Expression]:
+    """f(y) = B∇H."""
+    return field(e, problem.structure(e, y), problem.gradient(e, y))
+
+
+def along_itself(
+    e: Text, problem: ProblemCode, y: Sequence[str]
+) -> tuple[list[Expression], list[Expression]]:
+    """f and f′f."""
+    B, g = problem.structure(e, y), problem.gradient(e, y)
+    f = field(e, B, g)
+    K = slope(e, B, problem.structure_derivative(e, y), g, problem.hessian(e, y))
+    return f, [e.dot(row, f) for row in K]
+
+
+def euler_heun(
+    e: Text, problem: ProblemCode, y: Sequence[str], z: Sequence[str], delta: str
+) -> tuple[list[Expression], Table]:  # fmt: skip
+    """h f(y0) + ½(f(ŷ) + f(y0)) S, ŷ = y0 + f(y0)(h + S)."""
+    f = rate(e, problem, y)
+    predicted = [str(e.plus(delta, v, a)) for v, a in zip(f, y, strict=True)]
+    mean = [e.product("(0.5)", e.total([a, b])) for a, b in zip(rate(e, problem, predicted), f, strict=True)]
+    return [e.plus(m, "noise", e.product("h", v)) for m, v in zip(mean, f, strict=True)], []
+
+
+def milstein(
+    e: Text, problem: ProblemCode, y: Sequence[str], z: Sequence[str], delta: str
+) -> tuple[list[Expression], Table]:
+    """f (h + S) + ½ f′f S²."""
+    f, second = along_itself(e, problem, y)
+    square = e.let("0.5 * noise * noise")
+    return [e.plus(square, b, e.product(delta, a)) for a, b in zip(f, second, strict=True)], []
+
+
+def runge_kutta(order: int) -> Any:
+    """The explicit method of this order with the step Δ."""
+    tableau = TABLEAUX[order]
+
+    def increment(
+        e: Text, problem: ProblemCode, y: Sequence[str], z: Sequence[str], delta: str
+    ) -> tuple[list[Expression], Table]:
+        slopes: list[list[Expression]] = []
+        for row in tableau.A:
+            state: list[str] = list(y)
+            for j, a in row.items():
+                weight = e.product(e.number(a), delta)
+                state = [str(e.plus(weight, v, s)) for v, s in zip(slopes[j], state, strict=True)]
+            slopes.append(rate(e, problem, state))
+        total: list[Expression] = [None] * len(y)
+        for i, b in tableau.b.items():
+            weight = e.product(e.number(b), delta)
+            total = [e.plus(weight, v, s) for v, s in zip(slopes[i], total, strict=True)]
+        return total, []
+
+    return increment
+
+
+def collocation(stages: int) -> Any:
+    """z_i = Δ B(Y_i) g_i with g_i = b_i⁻¹∫ℓ_i∇H(u), for a polynomial H; K by blocks of stages."""
+    A = gauss_tableau(stages).A
+
+    def increment(
+        e: Text, problem: ProblemCode, y: Sequence[str], z: Sequence[str], delta: str
+    ) -> tuple[list[Expression], Table]:
+        d = len(y)
+        W, P = moments(stages, exact_nodes(stages, problem.degree))
+        # With s nodes, those of the quadrature are the stages: W is the identity and P is A, to rounding.
+        same = len(P) == stages
+        points = [at(e, y, z, P[n] if not same else A[n]) for n in range(len(P))]
+        gradients = [problem.gradient(e, u) for u in points]
+        curvatures = [problem.hessian(e, u) for u in points]
+        R: list[Expression] = []
+        K: Table = [[None] * (stages * d) for _ in range(stages * d)]
+        for i in range(stages):
+            weights = {n: float(W[i, n]) for n in range(len(P))} if not same else {i: 1.0}
+            g: list[Expression] = [None] * d
+            for n, w in weights.items():
+                g = [e.plus(e.number(w), v, s) for v, s in zip(gradients[n], g, strict=True)]
+            Y = at(e, y, z, A[i])
+            B = scaled(e, delta, problem.structure(e, Y))
+            derivative = problem.structure_derivative(e, Y)
+            pushed = [e.product(delta, v) for v in g]
+            turned = [[e.dot(derivative[k][r], pushed) for k in range(d)] for r in range(d)]
+            bent = {n: [[e.dot(B[r], [row[k] for row in curvatures[n]]) for k in range(d)] for r in range(d)]
+                    for n in weights}  # fmt: skip
+            R += field(e, B, g)
+            for j in range(stages):
+                for r in range(d):
+                    for k in range(d):
+                        value = e.product(e.number(float(A[i, j])), turned[r][k])
+                        for n, w in weights.items():
+                            factor = w * float(P[n, j] if not same else A[n, j])
+                            value = e.plus(e.number(factor), bent[n][r][k], value)
+                        K[i * d + r][j * d + k] = value
+        return R, K
+
+    return increment
+
+
+def at(e: Text, y: Sequence[str], z: Sequence[str], integrals: Any) -> list[str]:
+    """u = y + Σ_j integrals_j z_j, the stages one after the other in z."""
+    d = len(y)
+    state = list(y)
+    for j, weight in enumerate(integrals):
+        for k in range(d):
+            if z[j * d + k] != "0.0":
+                state[k] = str(e.plus(e.number(float(weight)), z[j * d + k], state[k]))
+    return state
+
+
+@dataclass(frozen=True)
+class Collocation(Formula):
+    """The s-stage method: y1 = y0 + Σ b_i z_i."""
+
+    def update(self, e: Text, z: Sequence[str]) -> list[str]:
+        """Σ b_i z_i."""
+        d = len(z) // self.stages
+        sums: list[Expression] = [None] * d
+        for j, b in enumerate(gauss_tableau(self.stages).b):
+            sums = [e.plus(e.number(float(b)), z[j * d + k], sums[k]) for k in range(d)]
+        return [str(s) for s in sums]
+
+    def states(self, e: Text, y: Sequence[str], z: Sequence[str]) -> list[list[str]]:
+        """y1 and the stages."""
+        tableau = gauss_tableau(self.stages)
+        return [at(e, y, z, row) for row in (tableau.b, *tableau.A)]
+
+
 FORMULAS: dict[str, Formula] = {
     "energy-preserving": Formula(energy_preserving, True, 1, 1, averaged=True),
     "midpoint": Formula(midpoint, True, 1, 1),
+    "euler-heun": Formula(euler_heun, False, 2, 2),
+    "milstein": Formula(milstein, False, 1, 1),
+    "explicit-4": Formula(runge_kutta(4), False, 4, 4),
+    "explicit-8": Formula(runge_kutta(8), False, 12, 12),
+    "collocation-1": Formula(energy_preserving, True, 1, 1, averaged=True),
+    **{f"collocation-{s}": Collocation(collocation(s), True, 1, s, stages=s) for s in (2, 3, 4)},
 }

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
@@ -63,26 +65,54 @@ def run(task: Task) -> Ensemble:
 
 
 def _run_numpy(task: Task, problem: Problem) -> Ensemble:
-    batch = Batch(task.scheme, problem, task.y0, task.count, compensated=task.compensated)
-    W = np.zeros((problem.noises, task.count))
+    chunk = NumpyChunk(task, problem)
     kept = np.empty((len(task.stops), problem.dimension, task.count))
-    done = 0
-    for raw in _increments(task, problem):
-        used = wiener.truncate(raw, task.h, task.truncation)
-        for row, increment in zip(raw, used, strict=True):
-            batch.step(task.h, increment)
-            W += row
-            done += 1
-            for place in np.flatnonzero(np.equal(task.stops, done)):
-                kept[place] = batch.y
-    return batch.result(W, kept)
+    for place, stop in enumerate(task.stops):
+        chunk.advance(stop - chunk.done)
+        kept[place] = chunk.states()
+    chunk.advance(task.steps - chunk.done)
+    return chunk.result(kept)
 
 
-def _increments(task: Task, problem: Problem):  # type: ignore[no-untyped-def]
-    if task.dW is not None:
-        yield task.dW[:, :, task.place : task.place + task.count]
-        return
-    yield from wiener.walk(
-        task.seed, T=task.h * task.steps, steps=task.steps, noises=problem.noises,
-        paths=range(task.first, task.first + task.count), refine=task.refine, size=PIECE,
-    )  # fmt: skip
+class NumpyChunk:
+    """A chunk in NumPy; `advance` goes on where it was left, as the compiled one's does."""
+
+    def __init__(self, task: Task, problem: Problem) -> None:
+        self.task = task
+        self.batch = Batch(task.scheme, problem, task.y0, task.count, compensated=task.compensated)
+        self.W = np.zeros((problem.noises, task.count))
+        self.increments = self._walk(problem)
+
+    @property
+    def done(self) -> int:
+        """Steps done."""
+        return self.batch.done
+
+    def advance(self, steps: int) -> None:
+        """The next `steps` steps."""
+        for raw in islice(self.increments, steps):
+            self.batch.step(self.task.h, wiener.truncate(raw, self.task.h, self.task.truncation))
+            self.W += raw
+
+    def states(self) -> Array:
+        """(d, M)."""
+        return self.batch.y.copy()
+
+    def failed(self) -> bool:
+        """Whether no path goes on."""
+        return not self.batch.alive.size
+
+    def result(self, kept: Array) -> Ensemble:
+        """The ends so far."""
+        return self.batch.result(self.W, kept)
+
+    def _walk(self, problem: Problem) -> Iterator[Array]:
+        task = self.task
+        if task.dW is not None:
+            yield from task.dW[:, :, task.place : task.place + task.count]
+            return
+        for piece in wiener.walk(
+            task.seed, T=task.h * task.steps, steps=task.steps, noises=problem.noises,
+            paths=range(task.first, task.first + task.count), refine=task.refine, size=PIECE,
+        ):  # fmt: skip
+            yield from piece

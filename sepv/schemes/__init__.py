@@ -11,6 +11,7 @@ from sepv.schemes.discrete_gradient import scheme as discrete_gradient
 from sepv.schemes.energy_preserving import scheme as energy_preserving
 from sepv.schemes.euler_heun import scheme as euler_heun
 from sepv.schemes.euler_maruyama import scheme as euler_maruyama
+from sepv.schemes.explicit import explicit as explicit
 from sepv.schemes.midpoint import scheme as midpoint
 from sepv.schemes.milstein import scheme as milstein
 from sepv.tableaux import MAX_STAGES
@@ -32,12 +33,14 @@ def by_name(name: str) -> Scheme:
     wanted = name.replace("_", "-")
     if wanted in ALL:
         return ALL[wanted]
+    if wanted in ("explicit-4", "explicit-8"):
+        return explicit(int(wanted[-1]))
     family, _, stages = wanted.rpartition("-")
     if family in FAMILIES and stages.isdecimal() and 1 <= int(stages) <= MAX_STAGES:
         return FAMILIES[family](int(stages))
     families = ", ".join(f"{f}-1 … {f}-{MAX_STAGES}" for f in FAMILIES)
     raise UsageError(
-        expected=f"a built-in scheme: {', '.join(ALL)}, {families}",
+        expected=f"a built-in scheme: {', '.join(ALL)}, explicit-4, explicit-8, {families}",
         received=repr(name),
         remedy="see `sepv list`",
     )
@@ -52,6 +55,7 @@ __all__ = [
     "energy_preserving",
     "euler_heun",
     "euler_maruyama",
+    "explicit",
     "midpoint",
     "milstein",
 ]

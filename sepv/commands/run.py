@@ -1,0 +1,132 @@
+"""``sepv run``: one long path, with progress; Ctrl-C keeps what was done."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import click
+
+from sepv.commands.shared import FILE, friendly
+
+
+@click.command()
+@click.argument("scheme")
+@click.option("--problem", default="rigid-body", show_default=True, help="One of `sepv list`.")
+@click.option("--h", "h", type=float, default=0.01, show_default=True, help="The step size.")
+@click.option("--steps", type=float, default=1e6, show_default=True, help="How many steps, such as 1e8.")
+@click.option("--seed", type=int, default=0, show_default=True)
+@click.option("--every", type=float, help="Keep the state after each so many steps [default: a thousandth].")
+@click.option("--compensated", is_flag=True, help="Kahan's summation of the steps.")
+@click.option("--engine", type=click.Choice(["auto", "numpy", "compiled"]), default="auto", show_default=True)
+@click.option("--json", "json_file", type=FILE, help="Write the kept states and defects.")
+@friendly
+def run(
+    scheme: str, problem: str, h: float, steps: float, seed: int, every: float | None, compensated: bool,
+    engine: str, json_file: str | None,
+    debug: bool,  # noqa: ARG001  (every command takes it)
+) -> None:  # fmt: skip
+    """One path of SCHEME over many steps: its end, its invariants, its price.
+
+    \b
+    sepv run energy-preserving --steps 1e8 --compensated
+
+    Ctrl-C stops it, shows and writes what was done, and exits with 130.
+    """
+    from sepv import problems, schemes
+    from sepv.engine.long import long_path
+    from sepv.errors import StepFailure
+
+    count = _whole("steps", steps)
+    kept = _whole("every", every) if every is not None else max(1, count // 1000)
+    with _bar(count) as progress:
+        path = long_path(
+            schemes.by_name(scheme), problems.by_name(problem), h=h, steps=count, seed=seed, every=kept,
+            compensated=compensated, engine=engine, progress=progress,
+        )  # fmt: skip
+    _show(scheme, problem, path)
+    if json_file:
+        with open(json_file, "w", encoding="utf-8") as out:
+            json.dump(_record(scheme, problem, h, seed, path), out)
+    if path.interrupted:
+        raise SystemExit(130)
+    if path.status:
+        raise StepFailure(
+            problem=problem,
+            y=path.y,
+            delta=float("nan"),
+            residual=float("nan"),
+            status=path.status.text,
+            iterations=0,
+        )
+
+
+def _whole(name: str, value: float) -> int:
+    from sepv.errors import UsageError
+
+    if not (1 <= value < 2**62) or value != int(value):
+        raise UsageError(
+            expected=f"--{name}, a whole number ≥ 1", received=f"{value!r}", remedy="such as 1e6"
+        )
+    return int(value)
+
+
+def _bar(total: int) -> Any:
+    from contextlib import contextmanager
+
+    from sepv.report import console
+
+    @contextmanager
+    def bar() -> Any:
+        out = console(stderr=True)
+        if not out.is_terminal:
+            yield None
+            return
+        from rich.progress import (
+            BarColumn,
+            Progress,
+            TaskProgressColumn,
+            TimeElapsedColumn,
+            TimeRemainingColumn,
+        )
+
+        columns = (BarColumn(30), TaskProgressColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+        with Progress(*columns, console=out, transient=True) as shown:
+            task = shown.add_task("", total=total)
+            yield lambda done, _total: shown.update(task, completed=done)
+
+    return bar()
+
+
+def _show(scheme: str, problem: str, path: Any) -> None:
+    from rich.table import Table
+
+    from sepv.report import console
+
+    unit = 2.0**-52 * max(path.steps, 1) ** 0.5
+    table = Table(box=None, pad_edge=False, show_header=False)
+    rows = [
+        (
+            "path",
+            f"{scheme} on {problem}, {path.engine} engine" + (f" ({path.reason})" if path.reason else ""),
+        ),
+        ("steps", f"{path.steps:,} of {path.planned:,}" + (" (interrupted)" if path.interrupted else "")),
+        ("time", f"{path.seconds:.3g} s, {path.seconds / max(path.steps, 1) * 1e9:.3g} ns a step"),
+        ("end", f"t = {path.t:g}, y = {[float(v) for v in path.y]}"),
+        ("energy", f"largest defect {path.energy_defect:.3g} = {path.energy_defect / unit:.3g} eps·√N"),
+        ("Casimirs", f"largest defect {path.casimir_defect:.3g} = {path.casimir_defect / unit:.3g} eps·√N"),
+        ("work", f"{path.iterations / max(path.steps, 1):.3g} iterations a step"),
+    ]
+    for row in rows:
+        table.add_row(*row)
+    console().print(table)
+
+
+def _record(scheme: str, problem: str, h: float, seed: int, path: Any) -> dict[str, Any]:
+    return {
+        "scheme": scheme, "problem": problem, "h": h, "seed": seed, "steps": path.steps, "planned": path.planned,
+        "interrupted": path.interrupted, "status": path.status.text, "engine": path.engine,
+        "y": path.y.tolist(), "W": path.W.tolist(), "times": path.times.tolist(), "states": path.states.T.tolist(),
+        "energy_defects": path.energy_defects.tolist(), "energy_defect": path.energy_defect,
+        "casimir_defect": path.casimir_defect, "iterations": path.iterations, "seconds": path.seconds,
+    }  # fmt: skip
