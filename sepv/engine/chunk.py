@@ -34,8 +34,10 @@ class Chunk:
         self.grid = wiener.grid(task.steps, task.refine)
         streams = self.grid.streams if task.dW is None and m else 0
         numbers = task.first + np.arange(blocks * lanes)
-        states = wiener.stream_states(task.seed, numbers, self.grid)[:streams]
-        self.rng = np.ascontiguousarray(np.moveaxis(states.reshape(streams, 4, blocks, lanes), 2, 0))
+        self.rng = np.zeros((blocks, streams, 4, lanes), dtype=np.uint64)
+        if streams:
+            states = wiener.stream_states(task.seed, numbers, self.grid)
+            self.rng[:] = np.moveaxis(states.reshape(streams, 4, blocks, lanes), 2, 0)
         self.stack = np.zeros((blocks, streams, m, lanes))
         coarse = self.grid.base << self.grid.top if streams and self.grid.base <= wiener.TOP else 0
         self.top = np.zeros((blocks, coarse, m, lanes))
