@@ -30,14 +30,3 @@ def test_step(benchmark: Any, scheme: Scheme, name: str, paths: int) -> None:
         benchmark.extra_info["iterations"] = int(solution.iterations.sum())
         benchmark.extra_info["gradient evaluations"] = int(solution.gradient_evaluations.sum())
         benchmark.extra_info["structure evaluations"] = int(solution.structure_evaluations.sum())
-
-
-@pytest.mark.parametrize("name", problems.NAMED)
-@pytest.mark.parametrize("dense", [False, True], ids=["closed form", "dense"])
-def test_exact_flow(benchmark: Any, name: str, dense: bool) -> None:
-    from sepv.exact import exact_flow
-
-    problem, theta = problems.by_name(name), np.linspace(-5, 8, 5000)
-    flow = benchmark(exact_flow, problem, theta, dense=dense)
-    benchmark.extra_info["stated error"] = flow.error
-    assert flow.error < 1e-12
