@@ -30,7 +30,7 @@ def test_python_blocks_run_as_printed(tmp_path: Path) -> None:
         )
         assert done.returncode == 0, done.stderr
         assert done.stdout
-        if "casimir" in block:
+        if "sepv.verify" in block:
             assert "Verdict.HOLDS" in done.stdout
             assert "H(y1) − H(y0)" in done.stdout
 
