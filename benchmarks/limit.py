@@ -1,8 +1,8 @@
 """How close the engine is to what the machine allows: ``python -m benchmarks.limit``.
 
 The limit is a hand-written C kernel for the rigid body, compiled here when there is a compiler; everything else is
-timed in alternation with it, and shown as the median of paired ratios with its quartiles. CPU time of one thread, so that other
-programs on the machine disturb less; wall time where two threads are compared with one.
+timed in alternation with it, and shown as the median of paired ratios with its quartiles. CPU time of one thread,
+so that other programs on the machine disturb less; wall time where two threads are compared with one.
 """
 
 from __future__ import annotations

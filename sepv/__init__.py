@@ -27,12 +27,14 @@ if TYPE_CHECKING:
     from sepv.errors import UsageError as UsageError
     from sepv.exact import exact_flow as exact_flow
     from sepv.problem import Problem as Problem
+    from sepv.problem import ScalarFunctions as ScalarFunctions
     from sepv.scheme import Scheme as Scheme
     from sepv.simulation import integrate as integrate
     from sepv.suite import verify as verify
 
 _HOME = {
     "Problem": "sepv.problem",
+    "ScalarFunctions": "sepv.problem",
     "Scheme": "sepv.scheme",
     "integrate": "sepv.simulation",
     "ensemble": "sepv.engine.ensemble",

@@ -43,6 +43,31 @@ class PolynomialSystem:
 
 
 @dataclass(frozen=True)
+class ScalarFunctions:
+    """A problem's functions of numbers instead of arrays: with them the compiled engine takes the problem.
+
+    Each takes the d components as separate arguments and is a plain `def` of arithmetic, `math` functions,
+    numbers and functions like itself: its source is compiled into the engine's loop.
+
+    Attributes
+    ----------
+    hamiltonian : (y1, …, yd) -> H
+    gradient : (y1, …, yd) -> (∂₁H, …, ∂_dH)
+    structure : (y1, …, yd) -> the entries of B above the diagonal, row by row: (B12, B13, …, B23, …)
+    mean_gradient : (y1, …, yd, x1, …, xd) -> the components of ∫₀¹∇H(y + τ(x − y))dτ, optional
+        Needed for schemes with an averaged gradient where the problem states no `degree`.
+    domain : (y1, …, yd) -> bool, optional
+        Needed where the problem has a domain.
+    """
+
+    hamiltonian: Callable[..., float]
+    gradient: Callable[..., tuple[float, ...]]
+    structure: Callable[..., tuple[float, ...]]
+    mean_gradient: Callable[..., tuple[float, ...]] | None = None
+    domain: Callable[..., bool] | None = None
+
+
+@dataclass(frozen=True)
 class NamedProblem:
     """A problem that goes by its name and parameters, such as the paper's four."""
 
@@ -80,6 +105,8 @@ class Problem:
         (d, ...) -> (...) of bool: where H and B are defined.
     initial : array_like, shape (d,), optional
         A typical initial state.
+    scalar : ScalarFunctions, optional
+        The same functions of numbers, for the compiled engine.
     check : bool
         Whether to compare the parts with each other at a few states (default). Generated and built-in
         problems are checked by tests instead.
@@ -104,6 +131,7 @@ class Problem:
     degree: int | None = None
     domain: Callable[[Array], NDArray[np.bool_]] | None = None
     initial: ArrayLike | None = None
+    scalar: ScalarFunctions | None = None
     name: str = "problem"
     data: PolynomialSystem | NamedProblem | None = None
     check: InitVar[bool] = True

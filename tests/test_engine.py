@@ -200,3 +200,66 @@ def test_a_long_path_runs_without_the_compiled_engine_and_stops_at_a_failure() -
     failed = sepv.long_path(EP, problems.lotka_volterra(), h=1 / 4, T=400.0, seed=0)
     assert failed.status != Status.CONVERGED
     assert 0 <= failed.failed_step < failed.steps
+
+
+STIFFNESS = 0.75
+
+
+def _square(x):
+    return x * x
+
+
+def _spring_energy(p, q):
+    return 0.5 * _square(p) + 0.5 * STIFFNESS * _square(q)
+
+
+def _spring_slope(p, q):
+    return p, STIFFNESS * q
+
+
+def _canonical(p, q):
+    return (-1.0,)
+
+
+def _wrong_slope(p, q):
+    return p, q
+
+
+TABLE = [1.0]
+
+
+def _reads_a_list(p, q):
+    return TABLE[0] * p, STIFFNESS * q
+
+
+def spring(slope=_spring_slope) -> sepv.Problem:
+    plain = problems.harmonic_oscillator()
+    return sepv.Problem(
+        dimension=2,
+        structure=plain.structure,
+        hamiltonian=lambda y: 0.5 * y[0] ** 2 + 0.5 * STIFFNESS * y[1] ** 2,
+        gradient=lambda y: np.stack([y[0], STIFFNESS * y[1]]),
+        degree=2,
+        initial=(0.2, 0.1),
+        name="spring",
+        scalar=sepv.ScalarFunctions(_spring_energy, slope, _canonical),
+    )
+
+
+def test_problems_with_scalar_functions_are_compiled() -> None:
+    fast, plain = both(EP, spring(), h=1 / 16, T=0.5, paths=70, seed=6)
+    assert fast.engine == "compiled"
+    assert np.max(np.abs(fast.y - plain.y)) < 8 * 8 * 2.3e-16
+    assert fast.energy_defect.max() < 8 * 2.3e-16
+
+
+def test_scalar_functions_that_cannot_be_used_are_named() -> None:
+    with pytest.raises(sepv.ProblemError, match=r"scalar\.gradient"):
+        sepv.ensemble(EP, spring(_wrong_slope), h=0.5, T=1.0, paths=2)
+    for slope, why in (
+        (lambda p, q: (p, STIFFNESS * q), "as a def in a file"),
+        (_reads_a_list, "TABLE, a list"),
+    ):
+        result = sepv.ensemble(EP, spring(slope), h=0.5, T=1.0, paths=2)
+        assert result.engine == "numpy"
+        assert why in result.reason

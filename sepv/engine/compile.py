@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from importlib.util import find_spec
 from types import ModuleType
 
@@ -15,6 +15,7 @@ from sepv.engine.kernel import module_text
 from sepv.engine.named import LotkaVolterra, Pendulum, as_polynomial
 from sepv.engine.polynomials import PolynomialCode
 from sepv.engine.schemes import FORMULAS, Formula
+from sepv.engine.user import CannotTranslate, UserCode
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
 from sepv.scheme import Scheme
 from sepv.tableaux import exact_nodes
@@ -57,6 +58,13 @@ def kernel(scheme: Scheme, problem: Problem, *, lanes: int = LANES, compensated:
         raise CannotCompile(
             f"{scheme.name} needs a polynomial H, or a quadrature whose error is controlled step by step"
         )
+    if isinstance(code, UserCode):
+        if formula.averaged and not code.closed and not code.degree:
+            raise CannotCompile(f"{problem.name} has neither a degree nor a scalar mean_gradient")
+        if scheme.name == "milstein":
+            raise CannotCompile(
+                "Milstein's f′f needs derivatives, which scalar functions do not give exactly"
+            )
     if formula.implicit and formula.stages * problem.dimension > LARGEST_SYSTEM:
         raise CannotCompile(
             f"{scheme.name} has {formula.stages * problem.dimension} unknowns, the engine takes {LARGEST_SYSTEM}"
@@ -104,7 +112,14 @@ def code_of(problem: Problem) -> ProblemCode:
         return _PENDULUM
     if isinstance(data, NamedProblem) and data.name == "lotka-volterra":
         return _lotka_volterra(data)
-    raise CannotCompile(f"{problem.name} is given by Python functions of arrays")
+    if problem.scalar is not None:
+        try:
+            return _user_code(problem)
+        except CannotTranslate as error:
+            raise CannotCompile(str(error)) from error
+    raise CannotCompile(
+        f"{problem.name} is given by functions of arrays alone (see sepv.problem.ScalarFunctions)"
+    )
 
 
 _PENDULUM = Pendulum()
@@ -113,6 +128,12 @@ _PENDULUM = Pendulum()
 @cache
 def _lotka_volterra(data: NamedProblem) -> LotkaVolterra:
     return LotkaVolterra(data)
+
+
+@lru_cache(maxsize=64)
+def _user_code(problem: Problem) -> UserCode:
+    assert problem.scalar is not None
+    return UserCode(problem, problem.scalar)
 
 
 @cache
