@@ -259,7 +259,9 @@ def _newton(equations: Equations, start: Array, numbers: NDArray[np.intp], *, di
             # itself long before the others have arrived.
             stuck = (size >= 0.5 * previous[0, active]) & (moves.max(axis=0) >= 0.5 * previous[1, active])
             # Where y1 is 2^52 times y0 or more, an ulp of it says nothing about the components that stayed small.
-            vast = scale > size_all[:, active].max(axis=0) / _EPS
+            # Where y0 = 0 nothing says what small is: a component that cancels to zero would never settle.
+            before = size_all[:, active].max(axis=0)
+            vast = (before > 0) & (scale > before / _EPS)
             still = ((size <= 0.5 * _EPS) & ~(vast & (moves > STAGNATION * reach).any(axis=0))) | (
                 small & stuck
             )

@@ -25,8 +25,7 @@ def list_(debug: bool) -> None:  # noqa: ARG001  (every command takes it)
         (
             "Schemes",
             ("scheme", "order", "source"),
-            [(s.name, _order(s), s.source) for s in schemes.ALL.values()]
-            + _rivals(schemes)
+            [(s.name, _order(s), s.source) for s in (schemes.ALL | schemes.MORE).values()]
             + _families(schemes),
         ),
         ("Problems", ("problem", "d, m", "what"), [_problem_row(n, f) for n, f in problems.NAMED.items()]),
@@ -43,11 +42,6 @@ def list_(debug: bool) -> None:  # noqa: ARG001  (every command takes it)
 
 def _order(scheme: Any) -> str:
     return f"{scheme.mean_square_order:g}"
-
-
-def _rivals(schemes: Any) -> list[tuple[str, str, str]]:
-    """Explicit methods with the random step, which keep nothing."""
-    return [(s.name, _order(s), s.source) for s in (schemes.explicit(4), schemes.explicit(8))]
 
 
 def _families(schemes: Any) -> list[tuple[str, str, str]]:

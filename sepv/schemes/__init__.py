@@ -12,6 +12,7 @@ from sepv.schemes.energy_preserving import scheme as energy_preserving
 from sepv.schemes.euler_heun import scheme as euler_heun
 from sepv.schemes.euler_maruyama import scheme as euler_maruyama
 from sepv.schemes.explicit import explicit as explicit
+from sepv.schemes.gauss import gauss as gauss
 from sepv.schemes.midpoint import scheme as midpoint
 from sepv.schemes.milstein import scheme as milstein
 from sepv.tableaux import MAX_STAGES
@@ -19,28 +20,29 @@ from sepv.tableaux import MAX_STAGES
 ALL: dict[str, Scheme] = {
     s.name: s for s in (energy_preserving, midpoint, discrete_gradient, euler_heun, milstein, euler_maruyama)
 }
+# What the paper does not have.
+MORE: dict[str, Scheme] = {s.name: s for s in (explicit(4), explicit(8))}
 # Families: NAME-s is their member with s stages, s = 1 … MAX_STAGES.
-FAMILIES: dict[str, Callable[[int], Scheme]] = {"collocation": collocation}
+FAMILIES: dict[str, Callable[[int], Scheme]] = {"collocation": collocation, "gauss": gauss}
 
 
 def by_name(name: str) -> Scheme:
-    """A scheme of `ALL`, or a member of a family, such as "collocation-3"; hyphens and underscores are the same.
+    """A scheme of `ALL` or `MORE`, or a member of a family, such as "collocation-3"; "_" and "-" are the same.
 
     Raises
     ------
     UsageError
     """
     wanted = name.replace("_", "-")
-    if wanted in ALL:
-        return ALL[wanted]
-    if wanted in ("explicit-4", "explicit-8"):
-        return explicit(int(wanted[-1]))
+    for schemes in (ALL, MORE):
+        if wanted in schemes:
+            return schemes[wanted]
     family, _, stages = wanted.rpartition("-")
     if family in FAMILIES and stages.isdecimal() and 1 <= int(stages) <= MAX_STAGES:
         return FAMILIES[family](int(stages))
     families = ", ".join(f"{f}-1 … {f}-{MAX_STAGES}" for f in FAMILIES)
     raise UsageError(
-        expected=f"a built-in scheme: {', '.join(ALL)}, explicit-4, explicit-8, {families}",
+        expected=f"a built-in scheme: {', '.join([*ALL, *MORE])}, {families}",
         received=repr(name),
         remedy="see `sepv list`",
     )
@@ -49,6 +51,7 @@ def by_name(name: str) -> Scheme:
 __all__ = [
     "ALL",
     "FAMILIES",
+    "MORE",
     "by_name",
     "collocation",
     "discrete_gradient",
@@ -56,6 +59,7 @@ __all__ = [
     "euler_heun",
     "euler_maruyama",
     "explicit",
+    "gauss",
     "midpoint",
     "milstein",
 ]

@@ -48,8 +48,11 @@ FIRST_NODES, MAX_NODES = 4, 128
 class _Stages:
     """z_i = Δ u̇(c_i) = Δ B(Y_i) g_i for one batch; arrays (d, s, M), which the solver sees as (d·s, M)."""
 
-    def __init__(self, problem: Problem, stages: int, y0: Array, delta: Array, nodes: int) -> None:
+    def __init__(
+        self, problem: Problem, stages: int, y0: Array, delta: Array, nodes: int, averaged: bool = True
+    ) -> None:
         self.problem, self.stages, self.y0, self.delta, self.nodes = problem, stages, y0, delta, nodes
+        self.averaged = averaged
         self.A, self.b = gauss_tableau(stages).A, gauss_tableau(stages).b
 
     def polynomial(self, z: Array, lanes: np.ndarray, integrals: Array) -> Array:
@@ -75,7 +78,10 @@ class _Stages:
         d, s = self.problem.dimension, self.stages
         z = flat.reshape(d, s, -1)
         Y = self.polynomial(z, lanes, self.A)
-        if s == 1:  # u is the segment from y0 to y1: closed forms of the problem serve
+        if not self.averaged:
+            g, cost = self.problem.gradient(Y), np.full(z.shape[2], s)
+            reliable = np.ones(z.shape[2], dtype=bool)
+        elif s == 1:  # u is the segment from y0 to y1: closed forms of the problem serve
             mean = average_gradient(self.problem, self.y0[:, lanes], self.y0[:, lanes] + z[:, 0])
             g, cost, reliable = mean.value[:, None], mean.evaluations, mean.reliable
         else:
@@ -91,7 +97,8 @@ class _Stages:
         H″ is averaged with a few nodes: that changes the speed of convergence, not its limit.
         """
         d, s = self.problem.dimension, self.stages
-        W, P = moments(s, min(self.nodes, s + 2) if self.problem.degree is not None else s + 4)
+        few = s if not self.averaged else s + 4 if self.problem.degree is None else min(self.nodes, s + 2)
+        W, P = moments(s, few)
         curvature = hessian(self.problem, self.polynomial(z, lanes, P))
         averaged = np.zeros((d, d, s, s, z.shape[2]))
         for n in range(P.shape[0]):
@@ -122,18 +129,26 @@ class _Stages:
         return np.where(inside, moved, 0.0)
 
 
-def solve_stages(problem: Problem, stages: int, y0: Array, delta: Array) -> Solution:
-    """One step of a batch: y0 (d, M), Δ (M,).
+def solve_stages(
+    problem: Problem, stages: int, y0: Array, delta: Array, *, averaged: bool = True
+) -> Solution:
+    """One step of a batch: y0 (d, M), Δ (M,). Without `averaged`, g_i = ∇H(u(c_i)): the Gauss method.
 
     Where H is a polynomial, ⌈sν/2⌉ nodes are exact. Otherwise the solution with N nodes is compared with a rule
     half as large again, and solved anew with twice the nodes until both agree to rounding; a lane where
     MAX_NODES do not suffice gets the status QUADRATURE.
     """
-    exact = problem.degree is not None or stages == 1
-    nodes = exact_nodes(stages, problem.degree or 2) if exact else stages + FIRST_NODES
+    exact = problem.degree is not None or stages == 1 or not averaged
+    nodes = (
+        stages
+        if not averaged
+        else exact_nodes(stages, problem.degree or 2)
+        if exact
+        else stages + FIRST_NODES
+    )
     size = np.repeat(np.abs(y0)[:, None], stages, axis=1).reshape(-1, y0.shape[1])
     with np.errstate(all="ignore"):
-        system = _Stages(problem, stages, y0, delta, nodes)
+        system = _Stages(problem, stages, y0, delta, nodes, averaged)
         equations = Equations(size, system.evaluate, system.inside if problem.domain is not None else None)
         solution = iterate(equations, system.start(equations))
         for counts in (solution.iterations, solution.gradient_evaluations, solution.structure_evaluations):

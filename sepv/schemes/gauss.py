@@ -1,0 +1,67 @@
+"""Gauss Runge-Kutta methods with the random step: quadratic invariants to rounding, no other energy.
+
+Y_i = y0 + Δ Σ_j a_ij f(Y_j), y1 = y0 + Δ Σ_j b_j f(Y_j), with the s Gauss nodes: order 2s, mean-square order s. Every
+quadratic first integral is kept (G. J. Cooper, IMA Journal of Numerical Analysis 7, 1987): quadratic Casimirs, and H
+where it is quadratic. s = 1 is the midpoint rule (3.4). It is the collocation method of Cohen and Hairer
+with the averages of ∇H taken by s nodes.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from sepv.implicit import Solution, require_converged
+from sepv.problem import Array, Problem
+from sepv.scheme import Scheme, as_lanes
+from sepv.schemes.collocation import solve_stages
+from sepv.tableaux import check_stages
+
+
+@lru_cache(maxsize=8)
+def gauss(stages: int) -> Scheme:
+    """The s-stage method, s = 1 … 6, as a scheme with truncation k = 2s.
+
+    Raises
+    ------
+    UsageError
+        For another number of stages.
+    """
+    s = check_stages(stages)
+
+    def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
+        """One step of a batch with residual (of the stages), counts and status of each lane."""
+        state, noise = as_lanes(problem, y, h, dW)
+        return solve_stages(problem, s, state, problem.random_step(h, noise), averaged=False)
+
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        """One step, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M); StepFailure where unsolved."""
+        state, noise = as_lanes(problem, y, h, dW)
+        delta = problem.random_step(h, noise)
+        solution = solve_stages(problem, s, state, delta, averaged=False)
+        return require_converged(problem, state, delta[None], solution).reshape(np.shape(y))
+
+    return Scheme(
+        name=f"gauss-{s}",
+        step=step,
+        claims=(
+            "contract",
+            "reproducibility",
+            "identity",
+            "casimir",
+            "midpoint",
+            "noise-sum",
+            "expansion",
+            "symmetry",
+            "equivariance",
+            "truncation",
+        ),
+        mean_square_order=float(s),
+        weak_order=float(s),
+        source="Gauss Runge-Kutta, with the random step",
+        solve=solve,
+        truncation=2 * s,
+        batched=True,
+        stages=s,
+    )
