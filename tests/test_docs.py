@@ -1,0 +1,140 @@
+"""Every code block of the pages under docs/ runs, and what they say of commands, files and laws is so."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import click
+import pytest
+
+from sepv.cli import main
+from sepv.suite import load_laws
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = ("ten-minutes", "laws", "choosing", "ci", "extending")
+
+
+def text(page: str) -> str:
+    return (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
+
+
+def blocks(page: str, language: str | None = None) -> list[tuple[str, str]]:
+    """(language, content) of each fenced block, in their order."""
+    found = re.findall(r"^```(\w+)\n(.*?)^```$", text(page), flags=re.MULTILINE | re.DOTALL)
+    return [(kind, body) for kind, body in found if language in (None, kind)]
+
+
+def run(command: list[str], folder: Path, **variables: str) -> subprocess.CompletedProcess[str]:
+    environment = os.environ | {"PYTHONPATH": str(folder), "PYTHONWARNINGS": "error"} | variables
+    return subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=300
+    )
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A reader's folder with the examples, and commands of the printed names that take less effort."""
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    tools = tmp_path / "bin"
+    tools.mkdir()
+    few = "--examples 8 --paths 64"
+    laws = "--law contract --law energy --law casimir"
+    scripts = {
+        "sepv": f"""
+if [ "$1" = verify ]; then
+    case "$*" in *--law*|*--check*) set -- "$@" {few} ;; *) set -- "$@" {few} {laws} ;; esac
+fi
+exec {sys.executable} -m sepv "$@"
+""",
+        "pytest": f"""exec {sys.executable} -m pytest -p no:cacheprovider "$@" --sepv-examples 8 --sepv-paths 64""",
+    }
+    for name, body in scripts.items():
+        (tools / name).write_text(f"#!/bin/sh\n{body}\n")
+        (tools / name).chmod(0o755)
+    return tmp_path
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_the_blocks_of_a_page_run_in_their_order(page: str, folder: Path) -> None:
+    for kind, body in blocks(page):
+        if kind == "python":
+            name = re.match(r"# (\w+\.py)\n", body)
+            if name:
+                (folder / name[1]).write_text(body, encoding="utf-8")
+            done = run([sys.executable, "-c", body], folder)
+            assert done.returncode == 0, done.stderr
+            assert name or done.stdout, f"a block of {page} shows nothing"
+        elif kind == "sh":
+            if "cc " in body and shutil.which("cc") is None:
+                continue
+            path = f"{folder / 'bin'}{os.pathsep}{os.environ['PATH']}"
+            done = run(["bash", "-e", "-c", body], folder, PATH=path)
+            assert done.returncode == 0, f"{body}\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}"
+        elif kind == "toml":
+            tomllib.loads(body)
+        else:
+            assert kind in ("text", "yaml"), f"{page}: nothing runs a {kind} block"
+
+
+def commands() -> list[tuple[str, str]]:
+    """Every command line of ours in README and docs, whatever block or sentence it stands in."""
+    found = []
+    for page in ("README", *PAGES):
+        content = (ROOT / "README.md").read_text(encoding="utf-8") if page == "README" else text(page)
+        fenced = "\n".join(
+            re.findall(r"^```(?:sh|yaml|text)\n(.*?)^```$", content, flags=re.MULTILINE | re.DOTALL)
+        )
+        spoken = re.findall(r"`(sepv [a-z]+ [^`…]*)`", content)
+        printed = re.findall(r"^(?:\s*(?:- )?(?:run: )?)(sepv [a-z].*)$", fenced, flags=re.MULTILINE)
+        found += [
+            (page, line.split("  #")[0].split(" || ")[0].strip())
+            for line in (*printed, *spoken)
+            if "…" not in line
+        ]
+    return found
+
+
+@pytest.mark.parametrize(("page", "line"), commands())
+def test_every_command_that_is_shown_can_be_parsed(page: str, line: str) -> None:
+    """Options that do not exist, in a workflow file or in a sentence, are found here; nothing is run."""
+    line = re.sub(r"\$\{\{.*?\}\}|\$\w+", "7", line)
+    _, name, *arguments = shlex.split(line)
+    command = main.get_command(click.Context(main), name)
+    assert command, line
+    # Files that a reader would have need not be here.
+    for parameter in command.params:
+        if isinstance(parameter.type, click.Path):
+            parameter.type.exists = False
+    command.make_context(name, arguments)
+
+
+def test_workflows_are_indented_lists_and_mappings() -> None:
+    for _, body in blocks("ci", "yaml"):
+        for number, line in enumerate(body.splitlines(), 1):
+            assert "\t" not in line
+            assert (len(line) - len(line.lstrip())) % 2 == 0, number
+            bare = line.strip()
+            assert not bare or bare[0] == "#" or re.match(r"- |[\w.-]+:|\"|laws\.", bare), line
+
+
+def test_every_law_has_a_section_with_its_file_and_what_breaks_it() -> None:
+    sections = re.split(r"^## ", text("laws"), flags=re.MULTILINE)[1:]
+    found = {s.splitlines()[0]: s for s in sections}
+    for law in load_laws():
+        section = found[law.name]
+        assert f"(../properties/test_{law.name.replace('-', '_')}.py)" in section
+        assert "Broken by:" in section
+    assert set(found) - {law.name for law in load_laws()} == {"Do they bite?"}
+
+
+@pytest.mark.parametrize("page", [p.stem for p in sorted((ROOT / "docs").glob("*.md"))])
+def test_links_lead_somewhere(page: str) -> None:
+    for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text(page)):
+        assert "://" in target or (ROOT / "docs" / target).exists(), target
