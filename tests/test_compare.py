@@ -82,6 +82,15 @@ def test_the_compiled_engine_is_taken_where_it_can_be_and_agrees(name: str, step
         assert ours.evaluations["gradient"] > 0
 
 
+def test_explicit_schemes_of_the_compiled_engine_are_counted() -> None:
+    pytest.importorskip("numba", reason="the extra `fast`")
+    method = from_scheme(schemes.euler_heun, problems.rigid_body())
+    if "compiled" not in method.source:
+        pytest.skip("the engine has no explicit schemes")
+    (point,) = compare([method], problems.rigid_body(), steps=[4], paths=32, repeats=1).points
+    assert point.evaluations["gradient"] == point.evaluations["structure"] == 2.0
+
+
 def test_a_scheme_that_the_engine_does_not_take_says_why() -> None:
     method = from_scheme(replace(schemes.euler_maruyama, name="another"), problems.rigid_body())
     assert "NumPy batch" in method.source

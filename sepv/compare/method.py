@@ -164,8 +164,13 @@ def _compiled(scheme: Scheme) -> Method:
 
     def follow(problem: Problem, y0: Array, h: float, dW: Array) -> Followed:
         run = ensemble_for(problem, y0, h, dW)()
-        work = Work(iterations=int(run.iterations) if scheme.solve is not None else None)
-        work.evaluations |= {"gradient": run.gradient_evaluations, "structure": run.structure_evaluations}
+        if scheme.solve is None:  # the same number for every path: one of them is counted, in NumPy
+            work = Work()
+            _run(scheme, counted(problem, work), y0, h, dW[:, :, :1], track=False)
+            work.evaluations = {kind: n * dW.shape[2] for kind, n in work.evaluations.items()}
+        else:
+            work = Work(iterations=int(run.iterations))
+            work.evaluations |= {"gradient": run.gradient_evaluations, "structure": run.structure_evaluations}
         return Followed(Ends(run.y, run.status), run.energy_defect, run.casimir_defect, work)
 
     return Method(scheme.name, prepare, follow, f"{scheme.source}; compiled engine")
