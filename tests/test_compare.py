@@ -231,7 +231,7 @@ def test_a_driver_that_waits_for_something_is_said_to_wait(found: Comparison) ->
         return replace(found, points=tuple(points))
 
     assert not any("waits" in note for note in table.notes(timed(2.0)))
-    assert [note for note in table.notes(timed(20.0)) if "waits" in note and "euler-heun" in note]
+    assert [note for note in table.notes(timed(200.0)) if "waits" in note and "euler-heun" in note]
 
 
 def test_one_core_is_given_back() -> None:

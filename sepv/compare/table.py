@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import statistics
 
 from rich import box
 from rich.table import Table
@@ -15,9 +16,9 @@ from sepv.convergence import Estimate
 
 # What a figure beside a time to an error means.
 MARKS = {"between": "", "beyond": "~", "coarsest": "≤"}
-# A driver whose time by the clock, in units of its processor time, is this many times that of the others waits for
+# A driver whose time by the clock, in units of its processor time, is this many times what is usual waits for
 # something that is not this process. On a busy machine the clock runs faster for all of them.
-WAITS = 3.0
+WAITS = 10.0
 
 COLUMN_WIDTHS = {
     "steps": 6, "strong error": 12, "weak error": 11, "|ΔH|": 5, "|ΔC|": 5, "ns/step": 7, "±%": 3, "∇H": 4, "B": 4,
@@ -94,7 +95,7 @@ def notes(comparison: Comparison) -> list[str]:
     if "coarsest" in ways:
         lines.append("≤ already reached at the coarsest step")
     most = max(p.paths for p in comparison.points)
-    busy = min(p.seconds.wall / p.seconds.median for p in comparison.points)
+    busy = statistics.median(p.seconds.wall / p.seconds.median for p in comparison.points)
     for name in comparison.sources:
         points = comparison.of(name)
         first = sum(p.seconds.first for p in points)
