@@ -35,13 +35,13 @@ def require_folder(path: str | None) -> None:
         )
 
 
-def write_atomically(path: str, text: str) -> None:
-    """Write a file whole or not at all: a reader never sees half of it."""
+def write_atomically(path: str, content: str | bytes) -> None:
+    """Write a file whole or not at all: a reader never sees half of it. Text goes as UTF-8."""
     target = Path(path).resolve()
     handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
     try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
+        with os.fdopen(handle, "wb") as file:
+            file.write(content.encode() if isinstance(content, str) else content)
         os.chmod(name, 0o644)
         os.replace(name, target)
     except BaseException:

@@ -17,10 +17,13 @@ from numpy.typing import NDArray
 
 from sepv.errors import StepFailure
 from sepv.fields import linear_solve, matvec
+from sepv.polynomial import PolynomialMap
 from sepv.problem import Array, Problem
 
 _EPS = float(np.finfo(np.float64).eps)
 _TINY = float(np.finfo(np.float64).tiny)
+# A residual of a few of the smallest numbers there are is none.
+_QUANTA = 4 * float(np.finfo(np.float64).smallest_subnormal)
 # Newton needs 3 to 5 iterations for steps that make sense; 40 leave room for damped starts.
 MAX_ITERATIONS = 40
 MAX_HALVINGS = 40
@@ -32,6 +35,8 @@ STAGNATION = float(np.sqrt(_EPS))
 # … and when the residual is rounding too: a few hundred operations stand behind R, each rounded at the scale of y.
 # Without this, corrections that shrink slowly (Newton's matrix is approximate for some H) pass for stagnation.
 ROUNDING = 256 * _EPS
+# The rounding of a sum of a dozen terms, beside their absolute values: far below the K of `sepv.tolerance`.
+TERMS = 16 * _EPS
 
 
 class Status(IntEnum):
@@ -120,12 +125,15 @@ class Equations:
         Whether the states that belong to z lie in the domain of the problem.
     exact : bool
         Whether the Jacobian is that of R, and not of R with H″ averaged by a few nodes.
+    magnitude : (z, lanes) -> (M,), optional
+        The sum of the absolute values of the terms of R, to which its rounding is relative whatever cancels.
     """
 
     size: Array
     evaluate: Callable[[Array, NDArray[np.intp]], Evaluation]
     inside: Callable[[Array, NDArray[np.intp]], NDArray[np.bool_]] | None = None
     exact: bool = False
+    magnitude: Callable[[Array, NDArray[np.intp]], Array] | None = None
 
 
 def solve(
@@ -134,6 +142,7 @@ def solve(
     step: Array,
     increment: IncrementFunction,
     jacobian: JacobianFunction,
+    start: Array | None = None,
 ) -> Solution:
     """Solve y1 = y0 + R(y0, y1) for every lane.
 
@@ -146,6 +155,8 @@ def solve(
         R.
     jacobian : (problem, y0, y1, step) -> (d, d, M) or None
         ∂R/∂y1; None has it formed from differences of R.
+    start : (d, M), optional
+        A guess of y1 − y0; by default 0.
 
     Notes
     -----
@@ -170,10 +181,21 @@ def solve(
         assert problem.domain is not None
         return np.asarray(problem.domain(y0[:, lanes] + z), dtype=bool)
 
+    def magnitude(z: Array, lanes: NDArray[np.intp]) -> Array:
+        reach = np.maximum(np.abs(y0[:, lanes]), np.abs(y0[:, lanes] + z))
+        flow = matvec(_majorant(problem.structure, reach), _majorant(problem.gradient, reach))
+        terms: Array = np.abs(step[:, lanes]).sum(axis=0) * flow.max(axis=0)
+        return terms
+
     exact = None not in (problem.degree, problem.hessian, problem.structure_derivative)
-    equations = Equations(np.abs(y0), evaluate, None if problem.domain is None else inside, exact)
-    solution = iterate(equations, np.zeros_like(y0))
+    equations = Equations(np.abs(y0), evaluate, None if problem.domain is None else inside, exact, magnitude)
+    solution = iterate(equations, np.zeros_like(y0) if start is None else start)
     return replace(solution, value=y0 + solution.value, change=solution.value)
+
+
+def _majorant(function: Callable[[Array], Array], y: Array) -> Array:
+    """Absolute coefficients for polynomials, else |value|."""
+    return function.majorant(y) if isinstance(function, PolynomialMap) else np.abs(function(y))
 
 
 def iterate(equations: Equations, start: Array, lanes: NDArray[np.intp] | None = None) -> Solution:
@@ -247,9 +269,8 @@ def _newton(equations: Equations, start: Array, numbers: NDArray[np.intp], *, di
             scale = reach.max(axis=0)
             size = (moves / (reach + _EPS * scale + _TINY)).max(axis=0)
             broken = ~np.isfinite(residual[active])
-            solved = (
-                residual[active] == 0
-            )  # a state at rest is a solution, also where the Jacobian is singular
+            # A state at rest is a solution, also where the Jacobian is singular.
+            solved = residual[active] <= _QUANTA
             singular = ~broken & ~solved & ~np.isfinite(moves.max(axis=0))
             if singular.any():
                 overflowing = singular & ~np.isfinite(K).all(axis=(0, 1))
@@ -265,7 +286,7 @@ def _newton(equations: Equations, start: Array, numbers: NDArray[np.intp], *, di
             still = ((size <= 0.5 * _EPS) & ~(vast & (moves > STAGNATION * reach).any(axis=0))) | (
                 small & stuck
             )
-            still &= _is_rounding(equations, numbers[active], residual[active], reach, still & exact)
+            still &= _is_rounding(equations, numbers[active], residual[active], z, scale, still & exact)
             done = ~broken & ~singular & (solved | still)
             outcome = np.where(R.reliable, Status.CONVERGED, Status.QUADRATURE)
             status[active[done]] = outcome[done]
@@ -284,21 +305,28 @@ def _newton(equations: Equations, start: Array, numbers: NDArray[np.intp], *, di
 
 
 def _is_rounding(
-    equations: Equations, numbers: NDArray[np.intp], residual: Array, reach: Array, asked: NDArray[np.bool_]
+    equations: Equations,
+    numbers: NDArray[np.intp],
+    residual: Array,
+    z: Array,
+    scale: Array,
+    asked: NDArray[np.bool_],
 ) -> NDArray[np.bool_]:
-    """Where a residual is no larger than the rounding of R: that of y, and what a rounding of y does to R.
+    """Where a residual is no larger than the rounding of R: that of y, of R's terms, and what a rounding of y does.
 
-    The second, |K||y0| with K = ∂R/∂y1, is what stiff equations need, whose R cancels. It is taken at y1 = y0,
+    The last, |K||y0| with K = ∂R/∂y1, is what stiff equations need, whose R cancels. It is taken at y1 = y0,
     sixteenfold for what changes along the step: at y1 itself it would excuse any residual next to a singularity
-    of ∇H, where R can no longer be computed. It is asked for only where the first does not suffice.
+    of ∇H, where R can no longer be computed. Both are asked for only where the first does not suffice.
     """
-    scale = reach.max(axis=0)
-    rounding = residual <= ROUNDING * scale
+    rounding = residual <= ROUNDING * scale + _QUANTA
     open_ = np.flatnonzero(asked & ~rounding)
     if open_.size:
-        K, _ = equations.evaluate(np.zeros_like(reach[:, open_]), numbers[open_]).jacobian()
+        K, _ = equations.evaluate(np.zeros_like(z[:, open_]), numbers[open_]).jacobian()
         through = matvec(np.abs(K), equations.size[:, numbers[open_]]).max(axis=0)
-        rounding[open_] = residual[open_] <= ROUNDING * (scale[open_] + 16 * through)
+        allowed = ROUNDING * (scale[open_] + 16 * through)
+        if equations.magnitude is not None:
+            allowed = np.fmax(allowed, TERMS * equations.magnitude(z[:, open_], numbers[open_]))
+        rounding[open_] = residual[open_] <= allowed
     return rounding
 
 

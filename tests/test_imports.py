@@ -49,7 +49,7 @@ LAYERS = [
     "sepv.progress",
     "sepv.work sepv.compare sepv.bench",
     "sepv.external sepv.adapters sepv.saboteurs",
-    "sepv.teeth sepv.stability",
+    "sepv.teeth sepv.stability sepv.solvability",
     "sepv.reproduce",
     "sepv.page",
     "sepv.commands",

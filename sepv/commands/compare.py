@@ -106,7 +106,7 @@ def compare(targets: tuple[str, ...], problem: str, picture: str | None, **optio
     if options["csv_file"]:
         write_atomically(options["csv_file"], table.to_csv(found))
     if picture:
-        Path(picture).write_bytes(drawing.draw(found, Path(picture).suffix))
+        write_atomically(picture, drawing.draw(found, Path(picture).suffix))
     if not options["quiet"]:
         for part in table.point_tables(found):
             out.print(part)

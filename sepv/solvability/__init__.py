@@ -1,0 +1,11 @@
+"""Where the implicit equation of a step has a solution connected to y0, and where Newton finds it."""
+
+from __future__ import annotations
+
+from sepv.solvability.branch import Branch as Branch
+from sepv.solvability.branch import End as End
+from sepv.solvability.branch import follow as follow
+from sepv.solvability.chance import chance_outside as chance_outside
+from sepv.solvability.map import Finding as Finding
+from sepv.solvability.map import Map as Map
+from sepv.solvability.map import solvability_map as solvability_map

@@ -1,0 +1,204 @@
+"""The map: states along an orbit of the exact flow × Δ, what exists there and what Newton finds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+
+from sepv.exact import exact_flow
+from sepv.implicit import Status, solve
+from sepv.problem import Array, Problem
+from sepv.scheme import Scheme
+from sepv.schemes import energy_preserving
+from sepv.solvability.branch import EQUATIONS, Branch, End, follow
+from sepv.solvability.chance import chance_outside
+
+# A solution is the connected one where it agrees with it to this share of |y0| and the distance moved: both are known
+# to rounding times a condition that grows towards the fold.
+SAME = 1e-4
+
+
+class Finding(IntEnum):
+    """What there is at one state and Δ."""
+
+    FOUND = 0
+    MISSED = 1
+    ANOTHER = 2
+    NONE = 3
+    UNKNOWN = 4
+
+    @property
+    def text(self) -> str:
+        """The finding in words."""
+        return _TEXTS[self]
+
+
+_TEXTS = {
+    Finding.FOUND: "connected solution, found",
+    Finding.MISSED: "connected solution, not found",
+    Finding.ANOTHER: "another solution found",
+    Finding.NONE: "no connected solution, none found",
+    Finding.UNKNOWN: "branch lost",
+}
+
+
+@dataclass(frozen=True)
+class Map:
+    """Solvability along an orbit.
+
+    Attributes
+    ----------
+    theta, states : (M,), (d, M)
+        Times of the exact flow from the initial state, and the states there: the random times of (1.1)
+        pass through no others.
+    delta : (K,)
+        The grid of Δ, both signs.
+    findings : (K, M)
+        `Finding` at each.
+    forward, backward : Branch
+        For Δ > 0 and Δ < 0.
+    """
+
+    problem: Problem
+    scheme: Scheme
+    theta: Array
+    states: Array
+    delta: Array
+    findings: np.ndarray
+    forward: Branch
+    backward: Branch
+
+    @property
+    def safe(self) -> tuple[float, float]:
+        """The largest interval (−a, b) of Δ with a connected solution from every state of the orbit."""
+        return -float(self.backward.reach.min()), float(self.forward.reach.min())
+
+    def chances(self, h: float, k: int | None) -> Array:
+        """P(Δ of one step is outside the branch) for each state, (M,)."""
+        return chance_outside(h, self.problem.c, -self.backward.reach, self.forward.reach, k)
+
+    def counts(self) -> dict[Finding, int]:
+        """How many points of the map there are of each kind."""
+        return {kind: int(np.count_nonzero(self.findings == kind)) for kind in Finding}
+
+    def to_json(self, steps: tuple[float, ...], k: int | None) -> dict[str, Any]:
+        """All numbers of the map."""
+        return {
+            "problem": self.problem.name,
+            "scheme": self.scheme.name,
+            "noise": self.problem.c.tolist(),
+            "safe": list(self.safe),
+            "theta": self.theta.tolist(),
+            "states": self.states.T.tolist(),
+            "delta": self.delta.tolist(),
+            "findings": {kind.text: count for kind, count in self.counts().items()},
+            "map": self.findings.T.tolist(),
+            "legend": {str(int(kind)): kind.text for kind in Finding},
+            "forward": _branch_json(self.forward),
+            "backward": _branch_json(self.backward),
+            "truncation": k,
+            "chances": [
+                {"h": h, "mean": float(p.mean()), "worst": float(p.max())}
+                for h, p in ((h, self.chances(h, k)) for h in steps)
+            ],
+        }
+
+
+def _branch_json(branch: Branch) -> dict[str, Any]:
+    return {"reach": branch.reach.tolist(), "end": [End(int(e)).text for e in branch.end]}
+
+
+def solvability_map(
+    problem: Problem,
+    *,
+    scheme: Scheme = energy_preserving,
+    furthest: float = 1.0,
+    grid: int = 80,
+    states: int = 96,
+    time: float = 10.0,
+    y0: Array | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Map:
+    """The map over `states` states of the orbit through y0 at times from 0 to `time`, |Δ| ≤ `furthest`.
+
+    Parameters
+    ----------
+    grid : int
+        Points of Δ on each side of 0.
+
+    Raises
+    ------
+    UsageError
+        For a scheme or a problem that cannot be followed, or no initial state.
+    """
+    theta = np.linspace(0.0, time, states)
+    progress("the orbit")
+    y = exact_flow(problem, theta, y0).y
+    progress("branches")
+    forward, backward = follow(problem, y, furthest, scheme), follow(problem, y, -furthest, scheme)
+    steps = furthest * np.arange(1, grid + 1) / grid
+    rows = []
+    for sign, branch in ((-1.0, backward), (1.0, forward)):
+        for number, delta in enumerate(sign * steps):
+            progress(f"Newton, Δ = {delta:.3g}")
+            rows.append(((sign, number), _row(problem, scheme, y, delta, branch)))
+    ordered = sorted(rows, key=lambda item: item[0][0] * (item[0][1] + 1))
+    delta = np.concatenate([-steps[::-1], steps])
+    return Map(problem, scheme, theta, y, delta, np.stack([row for _, row in ordered]), forward, backward)
+
+
+def _row(problem: Problem, scheme: Scheme, y: Array, delta: float, branch: Branch) -> np.ndarray:
+    """`Finding` of every state at one Δ."""
+    assert scheme.solve is not None
+    solution = scheme.solve(problem, y, delta, np.zeros((problem.noises, y.shape[1])))
+    solved = solution.status == Status.CONVERGED
+    exists = np.abs(delta) <= branch.reach
+    connected = _on_branch(problem, scheme, y, delta, branch)
+    size = np.abs(connected - y).max(axis=0) + np.abs(y).max(axis=0)
+    same = np.abs(solution.value - connected).max(axis=0) <= SAME * size
+    found = np.select(
+        [exists & solved & same, exists & ~solved, solved],
+        [Finding.FOUND, Finding.MISSED, Finding.ANOTHER],
+        Finding.NONE,
+    )
+    unknown = (branch.end == End.LOST) & ~exists & ~solved
+    return np.where(unknown, Finding.UNKNOWN, found)
+
+
+def _on_branch(problem: Problem, scheme: Scheme, y: Array, delta: float, branch: Branch) -> Array:
+    """y1 on the branch, solved from between the two points of the curve next to Δ."""
+    near = _interpolated(branch, delta)
+    step = np.full((1, y.shape[1]), delta)
+    solution = solve(problem, y, step, *EQUATIONS[scheme.name], start=near)
+    settled = solution.status == Status.CONVERGED
+    # Next to a fold the equation is nearly singular: the point between serves where it was not solved.
+    return np.where(settled, solution.value, y + near)
+
+
+def _place(branch: Branch, delta: float) -> tuple[np.ndarray, Array]:
+    """For each lane the last point of the curve before |Δ|, and where between it and the next one."""
+    reached = np.abs(branch.delta)
+    before = np.nanargmax(np.where(reached <= abs(delta), reached, -1.0), axis=0)
+    lanes = np.arange(branch.reach.size)
+    after = np.minimum(before + 1, len(reached) - 1)
+    while True:  # rejected steps repeat a point
+        same = (reached[after, lanes] <= reached[before, lanes]) & (after < len(reached) - 1)
+        if not same.any():
+            break
+        after = after + same
+    here, there = reached[before, lanes], reached[after, lanes]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = np.nan_to_num((abs(delta) - here) / (there - here))
+    return np.stack([before, after]), share
+
+
+def _interpolated(branch: Branch, delta: float) -> Array:
+    """z(Δ) of each lane between the points of its curve, (d, M)."""
+    (before, after), share = _place(branch, delta)
+    lanes = np.arange(branch.reach.size)
+    a, b = branch.z[before, :, lanes].T, branch.z[after, :, lanes].T
+    return a + share * np.where(np.isfinite(b), b - a, 0.0)

@@ -1,0 +1,177 @@
+"""Solvability: branches with folds that can be computed by hand, and probabilities against simulation."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import sepv
+from sepv import problems, schemes, wiener
+from sepv.cli import main
+from sepv.errors import UsageError
+from sepv.solvability import End, Finding, chance_outside, follow, solvability_map
+
+# H = q²p: the equation of q alone is Δq1² + (Δ − 3)q1 + Δ + 3 = 0 from q0 = 1, with the discriminant
+# 9 − 18Δ − 3Δ²: a fold at Δ = 2√3 − 3. Backwards p1 has a pole where q1 = 0, at Δ = −3.
+FOLDED = problems.polynomial_problem(
+    problems.from_json(
+        {"dimension": 2, "hamiltonian": [[[1, 2], 1.0]], "structure": [[0, 1, [[[0, 0], -1.0]]]]}
+    )
+)
+START = np.array([[1.0, -0.5], [1.0, 1.0]])
+
+
+def test_a_fold_is_found_where_the_discriminant_vanishes() -> None:
+    branch = follow(FOLDED, START, 1.0)
+    assert branch.end.tolist() == [End.FOLD, End.FOLD]
+    assert branch.reach == pytest.approx(2 * math.sqrt(3) - 3, rel=1e-9)
+
+
+def test_a_pole_is_an_escape_to_infinity() -> None:
+    branch = follow(FOLDED, START, -10.0)
+    assert branch.end.tolist() == [End.INFINITY, End.INFINITY]
+    assert branch.reach == pytest.approx(3.0, rel=0.01)
+
+
+def test_points_of_a_branch_solve_the_equation() -> None:
+    branch = follow(FOLDED, START, 1.0)
+    q1 = 1 + branch.z[:, 1, 0]
+    delta = branch.delta[:, 0]
+    seen = np.isfinite(delta)
+    assert seen.sum() > 10
+    left = delta * q1 * q1 + (delta - 3) * q1 + delta + 3
+    assert np.max(np.abs(left[seen])) < 1e-10
+
+
+def test_steps_are_solved_before_the_fold_and_refused_beyond() -> None:
+    fold = 2 * math.sqrt(3) - 3
+    before = schemes.energy_preserving.solve(FOLDED, START, 0.999 * fold, np.zeros((1, 2)))
+    beyond = schemes.energy_preserving.solve(FOLDED, START, 1.001 * fold, np.zeros((1, 2)))
+    assert (before.status == 0).all()
+    assert (beyond.status != 0).all()
+
+
+def test_bounded_levels_have_solutions_as_far_as_asked() -> None:
+    """|y1| = |y0| for the rigid body; p is bounded and q moves by at most |Δ| |p| for the pendulum."""
+    for name, furthest in (("rigid-body", 5.0), ("pendulum", 4.0)):
+        problem = problems.by_name(name)
+        y = np.repeat(np.asarray(problem.initial)[:, None], 2, axis=1)
+        for sign in (1, -1):
+            assert follow(problem, y, sign * furthest).end.tolist() == [End.RANGE, End.RANGE]
+
+
+def test_midpoint_can_be_followed_and_others_are_refused() -> None:
+    assert follow(FOLDED, START, 0.1, schemes.midpoint).end.tolist() == [End.RANGE, End.RANGE]
+    with pytest.raises(UsageError, match="Δ alone"):
+        follow(FOLDED, START, 0.1, schemes.discrete_gradient)
+    with pytest.raises(UsageError, match="not 0"):
+        follow(FOLDED, START, 0.0)
+
+
+def test_the_map_agrees_with_the_fold_of_lotka_volterra() -> None:
+    """Steps of |Δ| up to about 0.26 were solved from every state that was tried, beyond not from all of them."""
+    found = solvability_map(problems.lotka_volterra(), furthest=1.0, states=24, grid=10, time=3.0)
+    low, high = found.safe
+    assert 0.26 < high < 0.29
+    assert -0.6 < low < -0.4
+    inside = (found.delta > low) & (found.delta < high)
+    assert (found.findings[inside] == Finding.FOUND).all()
+    assert sum(found.counts().values()) == found.findings.size == 20 * 24
+    assert found.counts()[Finding.NONE] > 0
+    assert found.counts()[Finding.UNKNOWN] == 0
+    p = [found.chances(2.0**-n, 2).mean() for n in (3, 4, 5, 7)]
+    assert p[0] > p[1] > p[2] > 0 == p[3]
+
+
+@pytest.mark.parametrize(("noise", "k"), [((0.5,), 2), ((0.5,), None), ((0.4, 0.3), 1), ((0.4, 0.3), None)])
+def test_chances_are_those_of_simulated_steps(noise: tuple[float, ...], k: int | None) -> None:
+    h, low, high = 2.0**-3, np.array([-0.2, -0.05]), np.array([0.3, 0.45])
+    rng = np.random.default_rng(2)
+    dW = wiener.truncate(math.sqrt(h) * rng.standard_normal((len(noise), 400_000)), h, k)
+    delta = h + np.array(noise) @ dW
+    for i in range(2):
+        chance = float(chance_outside(h, noise, low[i : i + 1], high[i : i + 1], k)[0])
+        seen = float(np.mean((delta <= low[i]) | (delta >= high[i])))
+        # Six standard errors: 2e-9 of false alarm for each of the eight comparisons.
+        assert abs(seen - chance) < 6 * math.sqrt(chance / delta.size)
+
+
+def test_truncation_makes_far_steps_impossible() -> None:
+    h = 2.0**-8
+    reach = h + 0.5 * math.sqrt(h) * wiener.truncation_bound(h, 2)
+    inside, outside = (np.array([factor * reach]) for factor in (0.999, 1.001))
+    low = np.array([-10.0])
+    assert chance_outside(h, [0.5], low, outside, 2)[0] == 0
+    assert chance_outside(h, [0.5], low, inside, 2)[0] > 0
+    assert chance_outside(h, [0.5], low, outside, None)[0] > 0
+    assert chance_outside(h, [], low, outside, 2)[0] == 0
+    assert chance_outside(0.5, [], low, np.array([0.4]), 2)[0] == 1
+
+
+def test_the_command_prints_numbers_and_writes_json(tmp_path) -> None:
+    out = tmp_path / "map.json"
+    arguments = [
+        "solvability",
+        "lotka-volterra",
+        "--range",
+        "0.5",
+        "--states",
+        "6",
+        "--grid",
+        "4",
+        "--time",
+        "2",
+    ]
+    result = CliRunner().invoke(main, [*arguments, "--json", str(out)])
+    assert result.exit_code == 0, result.output
+    for word in ("solution connected to y0", "turns back at a fold", "2^-3", "worst state"):
+        assert word in result.output
+    data = json.loads(out.read_text())
+    assert len(data["forward"]["reach"]) == len(data["theta"]) == 6
+    assert len(data["map"][0]) == len(data["delta"]) == 8
+    assert sum(data["findings"].values()) == 48
+
+
+def test_the_command_draws(tmp_path) -> None:
+    pytest.importorskip("matplotlib")
+    out = tmp_path / "map.svg"
+    arguments = ["solvability", "rigid-body", "--range", "0.5", "--states", "4", "--grid", "2", "--picture"]
+    result = CliRunner().invoke(main, [*arguments, str(out)])
+    assert result.exit_code == 0, result.output
+    assert "connected solution, found" in out.read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        ("solvability nosuch", "nosuch"),
+        ("solvability rigid-body --range 0", "--range"),
+        ("solvability rigid-body --scheme discrete-gradient", "Δ alone"),
+        ("solvability rigid-body --picture x.txt", ".svg"),
+        ("solvability rigid-body --initial 1,2", "(3,)"),
+        ("solvability rigid-body --noise=-1", "≥ 0"),
+    ],
+)
+def test_mistakes_get_one_clear_message(arguments: str, word: str) -> None:
+    result = CliRunner().invoke(main, arguments.split())
+    assert result.exit_code == 2, result.output
+    assert word in result.output
+    assert "Traceback" not in result.output
+
+
+def test_a_fold_predicts_the_failures_of_steps() -> None:
+    """Of 4096 first steps of Lotka-Volterra from its most delicate states, those beyond the fold fail, and no others.
+
+    Six standard errors.
+    """
+    problem, h, y = problems.lotka_volterra(), 2.0**-3, np.array([[0.5030815], [0.98331253], [3.8172917]])
+    reach = [follow(problem, y, sign * 3.0).reach for sign in (-1.0, 1.0)]
+    chance = float(chance_outside(h, problem.c, -reach[0], reach[1], 2)[0])
+    assert 0.1 < chance < 0.3
+    arguments = {"h": h, "T": h, "paths": 4096, "seed": 4, "engine": "numpy", "y0": y[:, 0]}
+    ends = sepv.ensemble(schemes.energy_preserving, problem, **arguments)
+    assert abs(np.mean(ends.status != 0) - chance) < 6 * math.sqrt(chance / 4096)
