@@ -315,7 +315,10 @@ def test_a_record_of_other_cases_is_refused(base: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("entry", store.load(str(COUNTERS)), ids=lambda e: e["target"])
 def test_the_committed_counters_are_those_of_today(entry: dict[str, Any]) -> None:
-    """To change them is a visible act: sepv bench … --portable --save benchmarks/counters.json, and say why."""
+    """To change them is a visible act: sepv bench … --portable --save benchmarks/counters.json, and say why.
+
+    Collocation with several stages is not among them: LAPACK solves its linear systems, and rounds as it likes.
+    """
     scheme = schemes.by_name(entry["target"])
     today = store.record(entry["target"], scheme, [c["case"] for c in entry["cases"]])
     for now, then in zip(today["cases"], entry["cases"], strict=True):
