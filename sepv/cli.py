@@ -25,6 +25,7 @@ COMMANDS = {
     "reproduce": "sepv.commands.reproduce:reproduce",
     "report": "sepv.commands.report:report",
     "hard": "sepv.commands.hard:hard",
+    "ulps": "sepv.commands.ulps:ulps",
     "solvability": "sepv.commands.solvability:solvability",
 }
 

@@ -49,7 +49,7 @@ LAYERS = [
     "sepv.progress",
     "sepv.work sepv.compare sepv.bench",
     "sepv.external sepv.adapters sepv.saboteurs",
-    "sepv.teeth sepv.stability sepv.solvability",
+    "sepv.teeth sepv.stability sepv.solvability sepv.ulps",
     "sepv.reproduce",
     "sepv.page",
     "sepv.commands",

@@ -1,0 +1,73 @@
+"""``sepv ulps``: what one step does to the invariants, in units of rounding."""
+
+from __future__ import annotations
+
+import json
+
+import click
+
+from sepv.commands.shared import FILE, friendly
+
+
+@click.command()
+@click.argument("targets", nargs=-1, metavar="[SCHEME]...")
+@click.option(
+    "--problem", "-p", "names", multiple=True, help="By name or as for compare. [default: the paper's]"
+)
+@click.option(
+    "--step", "h", type=click.FloatRange(min=0, min_open=True), help="h. [default: 2^-5, Lotka-Volterra 2^-7]"
+)
+@click.option("--steps", type=click.IntRange(min=1), default=400, show_default=True, help="How many.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@click.option("--peers", is_flag=True, help="And solvers of every peer that is installed.")
+@click.option("--json", "json_file", type=FILE, help="Write the numbers to this file.")
+@friendly
+def ulps(
+    targets: tuple[str, ...],
+    names: tuple[str, ...],
+    h: float | None,
+    steps: int,
+    seed: int,
+    peers: bool,
+    json_file: str | None,
+    debug: bool,  # noqa: ARG001  (every command takes it)
+) -> None:
+    """One-step defects of energy and Casimirs in ulps: median and largest over independent steps.
+
+    The unit is what one rounding of y does, eps |∇H| |y|; invariants are evaluated in extended precision.
+
+    \b
+    sepv ulps                             the built-in schemes on the paper's problems
+    sepv ulps mymodule:step -p pendulum --peers
+    """
+    from rich.table import Table
+
+    from sepv import problems, schemes
+    from sepv import ulps as unit
+    from sepv.compare.choose import load_problem
+    from sepv.files import require_folder, write_atomically
+    from sepv.report import console
+    from sepv.target import load_scheme
+
+    require_folder(json_file)
+    wanted = [load_scheme(t) for t in (targets or tuple(schemes.ALL))]
+    wanted += [load_scheme(t) for t in (unit.peers() if peers else ())]
+    chosen = [load_problem(name) for name in (names or tuple(problems.NAMED))]
+    rows, status = [], console(stderr=True)
+    with status.status("") as line:
+        for scheme in wanted:
+            for problem in chosen:
+                line.update(f"{scheme.name}, {problem.name}")
+                rows.append(unit.one_step(scheme, problem, h=h, steps=steps, seed=seed))
+    if json_file:
+        write_atomically(json_file, json.dumps([r.to_json() for r in rows], indent=1, allow_nan=False) + "\n")
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    for heading in ("scheme", "problem"):
+        table.add_column(heading, no_wrap=True)
+    for heading in ("h", "steps", "failed", "energy: median", "largest", "casimir: median", "largest"):
+        table.add_column(heading, justify="right")
+    for r in rows:
+        sizes = (r.energy_median, r.energy_largest, r.casimir_median, r.casimir_largest)
+        shown = ["" if v is None else f"{v:.3g}" for v in sizes]
+        table.add_row(r.scheme, r.problem, f"{r.h:g}", str(r.steps), str(r.failed or ""), *shown)
+    console().print(table)

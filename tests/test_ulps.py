@@ -1,0 +1,80 @@
+"""One-step defects in ulps: small for what is kept, of the right size for what is not."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import sepv
+from sepv import problems, schemes
+from sepv.cli import main
+from sepv.errors import UsageError
+from sepv.scheme import Scheme
+from sepv.ulps import one_step
+
+
+@pytest.mark.parametrize("name", problems.NAMED)
+def test_the_energy_preserving_scheme_stays_within_two_ulps(name: str) -> None:
+    """Two is no bound (that is derived in sepv.tolerance, and larger): it is what 10⁶ steps have shown, doubled."""
+    found = one_step(schemes.energy_preserving, problems.by_name(name), steps=200)
+    assert found.failed == 0
+    assert 0 < found.energy_median < found.energy_largest < 2
+    assert (found.casimir_largest is not None) == (name == "rigid-body")
+    if found.casimir_largest is not None:
+        assert found.casimir_largest < 2
+
+
+def test_an_explicit_scheme_is_off_by_its_truncation_error() -> None:
+    problem = problems.harmonic_oscillator()
+    found = one_step(schemes.euler_heun, problem, steps=100)
+    # A relative change of H between h² and h: neither rounding nor nonsense.
+    assert found.h**2 < found.energy_median * 2.2e-16 < found.h
+
+
+def test_a_known_defect_has_a_known_size() -> None:
+    """y moved by one part in 2⁴⁰ along itself changes H = |y|²/2 by 2·2⁻⁴⁰ H = eps|∇H||y| 2⁻⁴⁰/eps."""
+    scheme = Scheme("stretched", lambda problem, y, h, dW: y * (1 + 2.0**-40))
+    found = one_step(scheme, problems.harmonic_oscillator(), steps=20)
+    assert found.energy_median == pytest.approx(2.0**12, rel=1e-3)
+
+
+def test_failures_are_counted_and_left_out() -> None:
+    def step(problem, y, h, dW):
+        if dW[0] > 0:
+            raise RuntimeError("out of order")
+        return y * np.nan if dW[0] < -0.1 else y.copy()
+
+    found = one_step(Scheme("mine", step), problems.rigid_body(), steps=100)
+    assert 50 < found.failed < 100
+    assert found.energy_largest == 0
+    nothing = one_step(Scheme("none", lambda p, y, h, dW: y[:1]), problems.rigid_body(), steps=5)
+    assert nothing.failed == 5
+    assert nothing.energy_median is None
+
+
+def test_a_problem_of_functions_is_refused() -> None:
+    mine = sepv.Problem(
+        dimension=1,
+        structure=lambda y: np.zeros((1, 1, *y.shape[1:])),
+        hamiltonian=lambda y: y[0] ** 2,
+        gradient=lambda y: np.stack([2 * y[0]]),
+    )
+    with pytest.raises(UsageError, match="extended precision"):
+        one_step(schemes.midpoint, mine)
+
+
+def test_the_command_prints_a_table_and_writes_json(tmp_path) -> None:
+    out = tmp_path / "ulps.json"
+    arguments = "ulps energy-preserving euler-heun -p rigid-body -p pendulum --steps 20 --json"
+    result = CliRunner().invoke(main, [*arguments.split(), str(out)])
+    assert result.exit_code == 0, result.output
+    rows = json.loads(out.read_text())
+    assert [(r["scheme"], r["problem"]) for r in rows] == [
+        (s, p) for s in ("energy-preserving", "euler-heun") for p in ("rigid-body", "pendulum")
+    ]
+    assert rows[0]["energy_largest"] < 2
+    assert rows[2]["energy_median"] > 1e6
+    assert "energy: median" in result.output
