@@ -201,7 +201,11 @@ def test_two_checkouts_take_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
             pass
 
     monkeypatch.setattr(pairs, "Side", Told)
-    found = pairs.time_pairs("t", tmp_path, tmp_path, CASE)
+    built_in = pairs.time_pairs("t", tmp_path, tmp_path, CASE)
+    clocks = ["processor time", "clock time"]
+    assert [c.what for c in built_in] == [*clocks, *(f"{c} of an ensemble" for c in clocks)]
+    asked.clear()
+    found = pairs.time_pairs("mine:t", tmp_path, tmp_path, CASE)
     assert [c.verdict for c in found] == ["worse", "worse"]
     readings = asked[4 : 4 + 2 * pairs.PAIRS]  # after the first runs and the look at how long one takes
     assert readings == ["head's", "other", "other", "head's"] * (pairs.PAIRS // 2)

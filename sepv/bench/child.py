@@ -50,7 +50,11 @@ def main() -> None:
             elif "measure" in question:
                 answer = measuring.measure(scheme, question["measure"])
             else:
-                answer = {"seconds": measuring.seconds(scheme, question["time"], question["loops"])}
+                answer = {
+                    "seconds": measuring.seconds(
+                        scheme, question["time"], question["loops"], question["call"]
+                    )
+                }
         except Exception as error:
             answer = {"failed": f"{type(error).__name__}: {error}"}
         answers.write(json.dumps(answer) + "\n")

@@ -120,13 +120,21 @@ def _advance(
     return value, ~np.all(np.isfinite(value), axis=0), 0
 
 
-def seconds(scheme: Scheme, case: dict[str, Any], loops: int) -> tuple[float, float]:
-    """(processor, clock) seconds of `loops` runs of a case, invariants not watched, increments given."""
+def seconds(scheme: Scheme, case: dict[str, Any], loops: int, call: str = "step") -> tuple[float, float]:
+    """(processor, clock) seconds of `loops` runs of a case.
+
+    call : "step", the scheme's own with increments given; or "ensemble", `sepv.ensemble` as users have it, its engine,
+    random numbers and watched invariants included.
+    """
     problem = build(case)
+    h, N = case["h"], case["steps"]
     dW = increments(scheme, problem, case)
     begin = process_time(), perf_counter()
     for _ in range(loops):
-        run(scheme, problem, case, dW)
+        if call == "ensemble":
+            sepv.ensemble(scheme, problem, h=h, T=h * N, paths=case["paths"], seed=case["seed"])
+        else:
+            run(scheme, problem, case, dW)
     return process_time() - begin[0], perf_counter() - begin[1]
 
 

@@ -137,9 +137,10 @@ def head_of(target: str) -> Path:
 
 @dataclass
 class Times:
-    """Log ratios head/base of one case: one list a batch, for both clocks."""
+    """Log ratios head/base of one case, of its steps or of `sepv.ensemble`: one list a batch, for both clocks."""
 
-    case: str
+    case: dict[str, Any]
+    call: str
     batches: list[list[tuple[float, float]]] = field(default_factory=list)
 
     def bounds(self, clock: int) -> tuple[float, float, float]:
@@ -177,23 +178,27 @@ def time_pairs(
     batches: int = 12,
     progress: Callable[[str], None] = lambda _: None,
 ) -> list[Check]:
-    """Run batches until every case is settled or `batches` are used up; one check for each case and clock."""
-    found = [Times(case["name"]) for case in cases]
+    """Run batches until every case is settled or `batches` are used up; one check for each case and clock.
+
+    A built-in target is timed under `sepv.ensemble` as well, whose engines belong to the same checkout.
+    """
+    calls = ("step",) if ":" in target else ("step", "ensemble")
+    found = [Times(case, call) for case in cases for call in calls]
     for number in range(batches):
         progress(f"timing, batch {number + 1} of at most {batches}")
         with both(target, head, base) as sides:
-            for times, case in zip(found, cases, strict=True):
-                times.batches.append(_batch(sides, case))
+            for times in found:
+                times.batches.append(_batch(sides, {"time": times.case, "call": times.call}))
         if number + 1 >= FEWEST_BATCHES and all(_settled(times) for times in found):
             break
     return [_check(target, times, clock) for times in found for clock in range(len(CLOCKS))]
 
 
-def _batch(sides: tuple[Side, Side], case: dict[str, Any]) -> list[tuple[float, float]]:
+def _batch(sides: tuple[Side, Side], job: dict[str, Any]) -> list[tuple[float, float]]:
     for side in sides:
-        side.ask({"time": case, "loops": 1})  # whatever a first run has to do
-    once = max(side.ask({"time": case, "loops": 1})["seconds"][1] for side in sides)
-    question = {"time": case, "loops": max(1, round(READING / once))}
+        side.ask({**job, "loops": 1})  # whatever a first run has to do
+    once = max(side.ask({**job, "loops": 1})["seconds"][1] for side in sides)
+    question = {**job, "loops": max(1, round(READING / once))}
     pairs = []
     for n in range(PAIRS):
         order = (0, 1) if n % 2 == 0 else (1, 0)
@@ -224,7 +229,8 @@ def _check(target: str, times: Times, clock: int) -> Check:
     else:
         # A bound that reaches ten per cent has not ruled out what the gate is for.
         verdict = "same" if high < 1.1 else "not settled"
-    return Check(target, times.case, CLOCKS[clock], verdict, text)
+    what = CLOCKS[clock] + (" of an ensemble" if times.call == "ensemble" else "")
+    return Check(target, times.case["name"], what, verdict, text)
 
 
 def measured(
