@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -10,34 +12,35 @@ from sepv import problems, schemes
 from sepv.implicit import Status
 from sepv.simulation import CHUNK
 
+# These are about the NumPy batch; the compiled engine has its own file.
+ensemble = partial(sepv.ensemble, engine="numpy")
+
 
 def test_a_path_of_an_ensemble_is_the_single_path() -> None:
     problem = problems.pendulum()
-    many = sepv.ensemble(
-        schemes.energy_preserving, problem, h=1 / 32, T=1.0, paths=70, seed=9, engine="numpy"
-    )
+    many = ensemble(schemes.energy_preserving, problem, h=1 / 32, T=1.0, paths=70, seed=9)
     one = sepv.integrate(schemes.energy_preserving, problem, h=1 / 32, T=1.0, seed=9)
     assert np.array_equal(one.y[:, -1], many.y[:, 0])
     assert one.t[-1] == 1.0
     assert one.y.shape == (2, 33)
     assert many.gradient_evaluations > 0
     assert many.iterations >= 70 * 32
-    few = sepv.ensemble(schemes.energy_preserving, problem, h=1 / 32, T=1.0, paths=5, seed=9, engine="numpy")
+    few = ensemble(schemes.energy_preserving, problem, h=1 / 32, T=1.0, paths=5, seed=9)
     assert np.array_equal(few.y, many.y[:, :5])
     assert np.array_equal(few.W, many.W[:, :5])
 
 
 def test_chunks_do_not_change_the_bits() -> None:
     problem = problems.harmonic_oscillator()
-    many = sepv.ensemble(schemes.euler_heun, problem, h=0.25, T=1.0, paths=CHUNK + 3, seed=1)
-    few = sepv.ensemble(schemes.euler_heun, problem, h=0.25, T=1.0, paths=CHUNK, seed=1)
+    many = ensemble(schemes.euler_heun, problem, h=0.25, T=1.0, paths=CHUNK + 3, seed=1)
+    few = ensemble(schemes.euler_heun, problem, h=0.25, T=1.0, paths=CHUNK, seed=1)
     assert np.array_equal(many.y[:, :CHUNK], few.y)
 
 
 def test_invariants_are_kept_and_shown() -> None:
     problem = problems.rigid_body()
-    kept = sepv.ensemble(schemes.energy_preserving, problem, h=1 / 64, T=1.0, paths=50)
-    lost = sepv.ensemble(schemes.euler_heun, problem, h=1 / 64, T=1.0, paths=50)
+    kept = ensemble(schemes.energy_preserving, problem, h=1 / 64, T=1.0, paths=50)
+    lost = ensemble(schemes.euler_heun, problem, h=1 / 64, T=1.0, paths=50)
     # 64 steps, each with a few roundings of an energy of size 1.2.
     assert kept.energy_defect.max() < 64 * 8 * 2.3e-16
     assert kept.casimir_defect.max() < 64 * 8 * 2.3e-16
@@ -46,7 +49,7 @@ def test_invariants_are_kept_and_shown() -> None:
 
 def test_failed_paths_are_marked_and_the_others_go_on() -> None:
     problem = problems.lotka_volterra()
-    result = sepv.ensemble(schemes.energy_preserving, problem, h=1 / 8, T=1.0, paths=100, seed=0)
+    result = ensemble(schemes.energy_preserving, problem, h=1 / 8, T=1.0, paths=100, seed=0)
     failed = result.status != Status.CONVERGED
     assert 10 < failed.sum() < 70  # 41 % of the paths meet a step without solution at this step size
     assert np.all((result.failed_step >= 0) == failed)
@@ -55,14 +58,14 @@ def test_failed_paths_are_marked_and_the_others_go_on() -> None:
     # Path 0 of a seed is path 0 of its ensemble: take a seed whose path 0 fails.
     seed = next(
         s for s in range(20)
-        if sepv.ensemble(schemes.energy_preserving, problem, h=1 / 8, T=1.0, paths=1, seed=s).status[0]
+        if ensemble(schemes.energy_preserving, problem, h=1 / 8, T=1.0, paths=1, seed=s).status[0]
     )  # fmt: skip
     with pytest.raises(sepv.StepFailure, match="Remedy"):
         sepv.integrate(schemes.energy_preserving, problem, h=1 / 8, T=1.0, seed=seed)
 
 
 def test_explicit_schemes_that_leave_the_domain_are_marked() -> None:
-    result = sepv.ensemble(schemes.euler_maruyama, problems.lotka_volterra(), h=1 / 8, T=2.0, paths=64)
+    result = ensemble(schemes.euler_maruyama, problems.lotka_volterra(), h=1 / 8, T=2.0, paths=64)
     assert {Status(s) for s in result.status} >= {Status.LEFT_DOMAIN}
     assert np.all(np.isfinite(result.y))
 
@@ -73,8 +76,8 @@ def test_one_lane_functions_can_be_run_as_ensembles() -> None:
         return schemes.euler_heun.step(problem, y, h, dW)
 
     problem = problems.rigid_body()
-    slow = sepv.ensemble(sepv.Scheme("one", one_state), problem, h=1 / 8, T=1.0, paths=7)
-    fast = sepv.ensemble(schemes.euler_heun, problem, h=1 / 8, T=1.0, paths=7)
+    slow = ensemble(sepv.Scheme("one", one_state), problem, h=1 / 8, T=1.0, paths=7)
+    fast = ensemble(schemes.euler_heun, problem, h=1 / 8, T=1.0, paths=7)
     assert np.array_equal(slow.y, fast.y)
 
 
@@ -98,7 +101,7 @@ def test_one_lane_functions_can_be_run_as_ensembles() -> None:
 def test_wrong_arguments_are_refused(wrong) -> None:
     arguments = {"h": 0.25, "T": 1.0, "paths": 3, **wrong}
     with pytest.raises(sepv.UsageError, match="Expected"):
-        sepv.ensemble(schemes.energy_preserving, problems.rigid_body(), **arguments)
+        ensemble(schemes.energy_preserving, problems.rigid_body(), **arguments)
 
 
 def test_wrong_arguments_of_a_path_are_refused() -> None:

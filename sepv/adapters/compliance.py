@@ -161,7 +161,7 @@ def _path_errors(solver: PathSolver, problem: Problem, setup: Setup, seed: int) 
 
 
 def _energy_of_scheme(scheme: Scheme, problem: Problem, T: float) -> str:
-    result = ensemble(scheme, problem, h=T / ENERGY_STEPS, T=T, paths=PATHS)
+    result = ensemble(scheme, problem, h=T / ENERGY_STEPS, T=T, paths=PATHS, engine="numpy")
     failed = int(np.count_nonzero(result.status))
     return f"{failed} paths failed" if failed else _energy(problem, result.energy_defect)
 
