@@ -27,6 +27,7 @@ COMMANDS = {
     "hard": "sepv.commands.hard:hard",
     "ulps": "sepv.commands.ulps:ulps",
     "solvability": "sepv.commands.solvability:solvability",
+    "completion": "sepv.commands.completion:completion",
 }
 
 
@@ -52,8 +53,10 @@ def main() -> None:
     \b
     sepv verify energy-preserving            a built-in scheme
     sepv verify mypackage.mymodule:step      your own
-    sepv compare energy-preserving midpoint  error, defects, time and work on the same paths
+    sepv compare energy-preserving midpoint  error, defects, time and work
+    sepv reproduce 4.4                       a figure of the paper
     sepv list                                schemes, problems, laws
+    sepv completion bash                     completion for your shell
     """
     _keep_hypothesis_out_of_the_folder()
 

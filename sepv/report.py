@@ -52,7 +52,12 @@ def show(report: Report, target: str, out: Console, *, debug: bool = False) -> N
         said.update(fault[:1])
         if finding.verdict is not Verdict.HOLDS or finding.expected is not None or _is_statistical(finding):
             _details(finding, target, out, debug)
-    out.print(summary(report))
+    line(out, summary(report))
+
+
+def line(out: Console, text: Text) -> None:
+    """A sentence: wrapped for a terminal, one line for a program that reads it."""
+    out.print(text, soft_wrap=not out.is_terminal)
 
 
 def law_table(report: Report) -> Table:
@@ -61,8 +66,10 @@ def law_table(report: Report) -> Table:
         report.scheme.name + (f" · {report.scheme.source}" if report.scheme.source else ""), style="bold"
     )
     table = Table(box=_BOX, title=title, title_justify="left", pad_edge=False, padding=(0, 1, 0, 0))
-    for heading in ("law", "claimed", "verdict"):
-        table.add_column(heading)
+    # On 80 columns the unit and the source give way, never the name of a law.
+    table.add_column("law", no_wrap=True, min_width=max((len(f.law) for f in report.findings), default=0))
+    table.add_column("claimed")
+    table.add_column("verdict", no_wrap=True)
     for heading in ("defect", "bound"):
         table.add_column(heading, justify="right")
     for heading in ("unit", "source"):

@@ -65,7 +65,7 @@ def compare(targets: tuple[str, ...], problem: str, picture: str | None, **optio
 
     \b
     sepv compare energy-preserving midpoint euler-heun exact-flow
-    sepv compare mymodule:step --problem pendulum --steps 16,32,64 --picture cost.svg
+    sepv compare mymodule:step --problem pendulum --picture cost.svg
     """
     from sepv.compare import compare as run
     from sepv.compare import picture as drawing

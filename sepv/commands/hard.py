@@ -49,7 +49,7 @@ def hard(
     case allows, else 1.
 
     \b
-    sepv hard                             the whole catalogue with the energy-preserving scheme
+    sepv hard                             all of it with energy-preserving
     sepv hard midpoint --case toda-steep
     sepv hard --steps 40000               a million steps and more
     """

@@ -46,7 +46,7 @@ def reproduce(figures: tuple[str, ...], out: str | None, json_file: str | None, 
     Exit code 0, or 2 for wrong usage.
     """  # fmt: skip
     from sepv.files import require_folder, write_atomically
-    from sepv.report import console
+    from sepv.report import console, line
     from sepv.reproduce import Size
     from sepv.reproduce import reproduce as run
     from sepv.reproduce.show import dump, show, summary, watching
@@ -63,7 +63,7 @@ def reproduce(figures: tuple[str, ...], out: str | None, json_file: str | None, 
     screen = console()
     if not options["quiet"]:
         show(found, screen)
-    screen.print(summary(found))
+    line(screen, summary(found))
 
 
 def _folder(out: str | None, *, draws: bool) -> Path | None:

@@ -16,6 +16,20 @@ budget; 2 wrong usage; 3 the scheme crashed, hung, or could not be loaded; 130 i
 FILE = click.Path(dir_okay=False)
 
 
+def complete_schemes(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
+    """Built-in schemes, for shell completion."""
+    from sepv import schemes
+
+    return [name for name in schemes.ALL if name.startswith(incomplete)]
+
+
+def complete_laws(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
+    """Laws, for shell completion."""
+    from sepv.suite import LAWS
+
+    return [name for name in LAWS if name.startswith(incomplete)]
+
+
 def friendly(command: Callable[..., Any]) -> Callable[..., Any]:
     """Errors as one message and the documented exit code; the traceback only with --debug."""
 

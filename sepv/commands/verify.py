@@ -7,13 +7,15 @@ from typing import Any
 
 import click
 
-from sepv.commands.shared import EXIT_CODES, FILE, friendly
+from sepv.commands.shared import EXIT_CODES, FILE, complete_laws, complete_schemes, friendly
 from sepv.errors import UsageError
 
 
 @click.command(epilog=EXIT_CODES)
-@click.argument("targets", nargs=-1, metavar="TARGET...")
-@click.option("--law", "laws", multiple=True, metavar="NAME", help="Only this law; may be repeated.")
+@click.argument("targets", nargs=-1, metavar="TARGET...", shell_complete=complete_schemes)
+@click.option(
+    "--law", "laws", multiple=True, metavar="NAME", help="Only this law; may be repeated.", shell_complete=complete_laws
+)  # fmt: skip
 @click.option("--claim", "claims", multiple=True, metavar="LAW,…", help="Hold the scheme to these laws too.")
 @click.option("--json", "json", type=FILE, help="Write the report to this file.")
 @click.option("--junit", "junit", type=FILE, help="Write JUnit XML to this file.")
@@ -139,7 +141,7 @@ def _verify(
         reports.append(report)
         _write(report, files)
         if quiet:
-            out.print(page.summary(report))
+            page.line(out, page.summary(report))
         else:
             page.show(report, shown or shlex.quote(target), out, debug=debug)
         if report.interrupted:
