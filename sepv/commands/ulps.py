@@ -37,7 +37,7 @@ def ulps(
     The unit is what one rounding of y does, eps |∇H| |y|; invariants are evaluated in extended precision.
 
     \b
-    sepv ulps                             the built-in schemes on the paper's problems
+    sepv ulps                             all schemes on the paper's problems
     sepv ulps mymodule:step -p pendulum --peers
     """
     from rich.table import Table
