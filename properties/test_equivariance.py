@@ -12,6 +12,7 @@ from sepv.case import Case
 from sepv.law import Effort, Measurement, require
 from sepv.polynomial import Polynomial
 from sepv.problem import Array, PolynomialSystem
+from sepv.problems import nambu_system
 from sepv.scheme import Scheme
 from sepv.search import searched
 from sepv.strategies import CONTRACTION, contraction_radius, poisson_systems, steps
@@ -67,7 +68,12 @@ def transformed(system: PolynomialSystem, P: Array, inverse: Array) -> Polynomia
             entry = poly.add(poly.polynomial(d, {}), *parts)
             if entry.terms:
                 entries.append((a, b, entry))
-    return PolynomialSystem(d, substitute(system.hamiltonian, inverse), tuple(entries), system.noise)
+    H = substitute(system.hamiltonian, inverse)
+    if system.nambu is not None:
+        # P hat(c) Pᵀ = det(P) hat(P⁻ᵀc): the factor takes the determinant, and C goes with H.
+        g, C = (substitute(p, inverse) for p in system.nambu)
+        return nambu_system(H, poly.scale(float(round(np.linalg.det(P))), g), C, system.noise)
+    return PolynomialSystem(d, H, tuple(entries), system.noise)
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:

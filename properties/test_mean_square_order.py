@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from typing import Any
 
-from sepv.convergence import above_floor, slope
-from sepv.errors import Skipped
-from sepv.law import Effort, Finding, Law, Verdict, require
+from sepv.convergence import slope
+from sepv.law import Effort, Finding, Law, require
 from sepv.scheme import Scheme
-from sepv.sequential import SETUPS, judge, looks, sampled
+from sepv.sequential import at_the_floor, judge
 
 # Orders of one-step methods for (1.1) are multiples of ½: the next lower one is rejected by the slope's
 # interval lying above the point half-way to it. That point also absorbs the pre-asymptotic part of a
@@ -20,15 +18,7 @@ MARGIN = 0.25
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
     """The slope against the claimed order, or against 1 where none is claimed."""
     order = 1.0 if scheme.mean_square_order is None else scheme.mean_square_order
-    for setup in SETUPS:
-        with suppress(Skipped):  # `judge` reports it
-            errors = sampled(scheme, setup, looks(effort)[0], effort)
-            if above_floor(errors).sum() < 2 and not any(errors.failures):
-                return law.finding(
-                    Verdict.INCONCLUSIVE,
-                    message=f"{setup.problem}: errors at the rounding floor, no slope is left to see",
-                )
-    return judge(law, scheme, effort, slope, order - MARGIN)
+    return at_the_floor(law, scheme, effort) or judge(law, scheme, effort, slope, order - MARGIN)
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from hypothesis import strategies as st
+from sepv.reference.more_equations import equation_for
 from sepv.reference.steps import reference_step
 
 from sepv import polynomial as poly
@@ -40,7 +41,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     """Distance from (2.2), or from the deterministic step, at 50 digits."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
-    method = "energy-preserving" if scheme.stages == 1 else f"collocation-{scheme.stages}"
+    method = equation_for(scheme.systems, scheme.stages)
     if problem.c.any() and scheme.stages == 1:
         exact = reference_step("averaged-vector-field", case.problem, case.y, h, case.dW)
         name = "(2.2)"

@@ -5,6 +5,7 @@ For s stages, of the collocation equations of Cohen and Hairer (2011) with the r
 
 from __future__ import annotations
 
+from sepv.reference.more_equations import equation_for
 from sepv.reference.steps import reference_step
 
 from sepv.candidate import ask
@@ -21,12 +22,13 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     """Distance from (2.1) solved to 50 digits, against the condition-scaled bound."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
-    method = "energy-preserving" if scheme.stages == 1 else f"collocation-{scheme.stages}"
+    method = equation_for(scheme.systems, scheme.stages)
     exact = reference_step(method, case.problem, case.y, h, case.dW)
     error, bound = state_error(
         exact.y1, exact.condition, problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages
     )
-    name = "the solution of (2.1)" if scheme.stages == 1 else f"{scheme.stages}-stage collocation"
+    equation = method if isinstance(method, str) else method.name
+    name = "the solution of (2.1)" if equation == "energy-preserving" else equation
     return Measurement(error, bound, f"y1 = {y1.tolist()}, {error:.3g} ulp from {name}")
 
 

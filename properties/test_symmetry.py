@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from hypothesis import strategies as st
+from sepv.reference.more_equations import equation_for
 from sepv.reference.steps import reference_step
 
 from sepv.candidate import ask
@@ -43,7 +44,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     residual = residual + step_residual(
         problem, y1, returned, h, back, scheme.solver_tolerance, scheme.stages
     )
-    method = "energy-preserving" if scheme.stages == 1 else f"collocation-{scheme.stages}"
+    method = equation_for(scheme.systems, scheme.stages)
     condition = reference_step(method, case.problem, y1.tolist(), h, back.tolist(), 20).condition
     bound = np.array(condition) @ residual
     error = np.abs(returned - y)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from sepv.convergence import above_floor, weak_slope
-from sepv.law import Effort, Finding, Law, Verdict, require
+from sepv.convergence import weak_slope
+from sepv.law import Effort, Finding, Law, require
 from sepv.scheme import Scheme
-from sepv.sequential import SETUPS, judge, looks, sampled
+from sepv.sequential import at_the_floor, judge
 
 # Weak orders of the schemes at hand are integers: half-way to the next lower one, with the room that the
 # pre-asymptotic part of a slope needs.
@@ -17,14 +17,7 @@ MARGIN = 0.5
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
     """The slope against the claimed weak order, or against 1 where none is claimed."""
     order = 1.0 if scheme.weak_order is None else scheme.weak_order
-    for setup in SETUPS:
-        errors = sampled(scheme, setup, looks(effort)[0], effort)
-        if above_floor(errors).sum() < 2 and not any(errors.failures):
-            return law.finding(
-                Verdict.INCONCLUSIVE,
-                message=f"{setup.problem}: errors at the rounding floor, no slope is left to see",
-            )
-    return judge(law, scheme, effort, weak_slope, order - MARGIN)
+    return at_the_floor(law, scheme, effort) or judge(law, scheme, effort, weak_slope, order - MARGIN)
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:

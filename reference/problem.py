@@ -23,7 +23,7 @@ from sepv.reference.arithmetic import (
 )
 
 from sepv.errors import UsageError
-from sepv.polynomial import Exponents
+from sepv.polynomial import Exponents, Polynomial
 from sepv.problem import NamedProblem, PolynomialSystem
 
 Matrix = list[Vector]
@@ -54,6 +54,10 @@ class ExactProblem:
     gradient: Callable[[Vector], Vector]
     structure: Callable[[Vector], Skew]
     mean_gradient: Callable[[Vector, Vector], Vector]
+    # For B(y)v = g(y)(v × ∇C(y)) in dimension 3: g, C, and the average of ∇C.
+    factor: Callable[[Vector], Number] | None = None
+    casimir: Callable[[Vector], Number] | None = None
+    mean_casimir_gradient: Callable[[Vector, Vector], Vector] | None = None
 
     def state(self, y: Sequence[float]) -> Vector:
         """A binary64 state, exactly."""
@@ -144,6 +148,22 @@ def _polynomial(self: ExactProblem, data: PolynomialSystem) -> None:
     self.structure = lambda y: [(i, j, _value(p, y, zero)) for i, j, p in entries]
     self.gradient = gradient
     self.mean_gradient = lambda y0, y1: self.mean_gradient_by(rule, y0, y1)
+    if data.nambu is not None:
+        _nambu(self, *data.nambu)
+
+
+def _nambu(self: ExactProblem, factor: Polynomial, casimir: Polynomial) -> None:
+    zero = self.number(0.0)
+    g, C = _monomials(self, factor.terms), _monomials(self, casimir.terms)
+    partials = [_partial(C, i) for i in range(3)]
+    rule = self.arithmetic.gauss(max(1, -(-casimir.degree // 2)))
+
+    def mean(y0: Vector, y1: Vector) -> Vector:
+        points = [(w, [a + x * (b - a) for a, b in zip(y0, y1, strict=True)]) for x, w in rule]
+        return [total(w * _value(p, at, zero) for w, at in points) for p in partials]
+
+    self.factor, self.casimir = lambda y: _value(g, y, zero), lambda y: _value(C, y, zero)
+    self.mean_casimir_gradient = mean
 
 
 def _monomials(self: ExactProblem, terms: tuple[tuple[Exponents, float], ...]) -> Monomials:
@@ -213,6 +233,10 @@ def _rigid_body(self: ExactProblem, parameters: dict[str, Vector]) -> None:
     self.structure = lambda y: [(0, 1, -y[2]), (0, 2, y[1]), (1, 2, -y[0])]
     twice = [2 * I1, 2 * I2, 2 * I3]
     self.mean_gradient = lambda y0, y1: [(a + b) / I for a, b, I in zip(y0, y1, twice, strict=True)]
+    # hat(y)v = −(v × y), C = ½|y|².
+    self.factor = lambda y: 0 * y[0] - 1
+    self.casimir = lambda y: half * (y[0] * y[0] + y[1] * y[1] + y[2] * y[2])
+    self.mean_casimir_gradient = lambda y0, y1: [half * (a + b) for a, b in zip(y0, y1, strict=True)]
 
 
 def _lotka_volterra(self: ExactProblem, parameters: dict[str, Vector]) -> None:
@@ -233,6 +257,11 @@ def _lotka_volterra(self: ExactProblem, parameters: dict[str, Vector]) -> None:
         a * b,
         1 + nu * mean_reciprocal(y0[1], y1[1]),
         -a - mu * mean_reciprocal(y0[2], y1[2]),
+    ]
+    self.factor = lambda y: -y[0] * y[1] * y[2]
+    self.casimir = lambda y: log(y[0]) + b * d * log(y[1]) - d * log(y[2])
+    self.mean_casimir_gradient = lambda y0, y1: [
+        k * mean_reciprocal(u, v) for k, u, v in zip((1, b * d, -d), y0, y1, strict=True)
     ]
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from sepv import polynomial as poly
 from sepv.errors import ProblemError
-from sepv.polynomial import parse_float
+from sepv.polynomial import Polynomial, parse_float
 from sepv.problem import NamedProblem, PolynomialSystem
 
 
@@ -29,6 +29,7 @@ def problem_from_json(data: Any) -> PolynomialSystem | NamedProblem:
 
 def to_json(data: PolynomialSystem) -> dict[str, Any]:
     """A JSON object with hex floats; `from_json` gives back an equal record."""
+    nambu = {} if data.nambu is None else {"nambu": [poly.to_json(p) for p in data.nambu]}
     return {
         "dimension": data.dimension,
         "hamiltonian": poly.to_json(data.hamiltonian),
@@ -36,6 +37,7 @@ def to_json(data: PolynomialSystem) -> dict[str, Any]:
         "noise": [c.hex() for c in data.noise],
         "casimirs": [[[a.hex() for a in row] for row in A] for A in data.casimirs],
         "linear_casimirs": [[b.hex() for b in vector] for vector in data.linear_casimirs],
+        **nambu,
     }
 
 
@@ -58,6 +60,7 @@ def from_json(data: Any) -> PolynomialSystem:
                 tuple(tuple(parse_float(a) for a in row) for row in A) for A in data.get("casimirs", [])
             ),
             linear_casimirs=tuple(tuple(parse_float(b) for b in v) for v in data.get("linear_casimirs", [])),
+            nambu=_nambu(d, data["nambu"]) if data.get("nambu") else None,
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         if isinstance(error, ProblemError):
@@ -67,3 +70,8 @@ def from_json(data: Any) -> PolynomialSystem:
             received=f"{type(error).__name__}: {error}",
             remedy="write one with sepv.problems.to_json and change that",
         ) from error
+
+
+def _nambu(d: int, data: Any) -> tuple[Polynomial, Polynomial]:
+    factor, casimir = data
+    return poly.from_json(d, factor), poly.from_json(d, casimir)

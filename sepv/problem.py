@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sepv.errors import ProblemError
+from sepv.nambu import Nambu
 from sepv.polynomial import Polynomial
 
 Array = NDArray[np.float64]
@@ -32,6 +33,8 @@ class PolynomialSystem:
         C(y) = yᵀAy is a Casimir.
     linear_casimirs : tuple of vectors b
         C(y) = bᵀy is a Casimir.
+    nambu : (g, C), optional
+        For d = 3, B(y)v = g(y)(v × ∇C(y)); `structure` must say the same. See `sepv.problems.nambu_system`.
     """
 
     dimension: int
@@ -40,6 +43,7 @@ class PolynomialSystem:
     noise: tuple[float, ...] = (1.0,)
     casimirs: tuple[tuple[tuple[float, ...], ...], ...] = ()
     linear_casimirs: tuple[tuple[float, ...], ...] = ()
+    nambu: tuple[Polynomial, Polynomial] | None = None
 
 
 @dataclass(frozen=True)
@@ -105,6 +109,8 @@ class Problem:
         (d, ...) -> (...) of bool: where H and B are defined.
     initial : array_like, shape (d,), optional
         A typical initial state.
+    nambu : Nambu, optional
+        For d = 3: the Casimir C and the factor g with B(y)v = g(y)(v × ∇C(y)).
     scalar : ScalarFunctions, optional
         The same functions of numbers, for the compiled engine.
     check : bool
@@ -132,6 +138,7 @@ class Problem:
     domain: Callable[[Array], NDArray[np.bool_]] | None = None
     initial: ArrayLike | None = None
     scalar: ScalarFunctions | None = None
+    nambu: Nambu | None = None
     name: str = "problem"
     data: PolynomialSystem | NamedProblem | None = None
     check: InitVar[bool] = True

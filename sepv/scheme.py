@@ -12,6 +12,8 @@ from sepv.errors import UsageError
 from sepv.implicit import Solution
 from sepv.problem import Array, Problem
 
+# The classes of systems that a scheme may be for; `sepv.strategies_structures` has cases for each.
+SYSTEMS = ("single", "nambu")
 Step = Callable[[Problem, Array, float, Array], Array]
 
 
@@ -41,6 +43,9 @@ class Scheme:
         k of Remark 2.1 for the increments the scheme wants; None for untruncated.
     batched : bool
         Whether `step` takes batches.
+    systems : str
+        The class of systems it takes, from which laws draw their cases: "single" for every (1.1), "nambu" for
+        those in dimension three with a Casimir and a factor (`Problem.nambu`).
     stages : int
         s of the collocation family: laws that compare with (2.1) compare with its s-stage method
         (Cohen and Hairer), those that compare with the midpoint rule with the s-stage Gauss method.
@@ -57,6 +62,7 @@ class Scheme:
     truncation: int | None = 2
     batched: bool = False
     stages: int = 1
+    systems: str = "single"
 
     def __post_init__(self) -> None:
         claims = {self.claims} if isinstance(self.claims, str) else set(self.claims)
@@ -64,6 +70,12 @@ class Scheme:
             claims |= {"mean-square-order", "right-limit"}
         if self.weak_order is not None:
             claims |= {"weak-order"}
+        if self.systems not in SYSTEMS:
+            raise UsageError(
+                expected=f"systems, one of {', '.join(SYSTEMS)}",
+                received=repr(self.systems),
+                remedy="leave it out for a scheme for (1.1)",
+            )
         object.__setattr__(self, "claims", frozenset(c.strip().replace("_", "-") for c in claims))
         if not callable(self.step):
             raise UsageError(

@@ -18,6 +18,7 @@ from sepv.case import Case
 from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure
 from sepv.law import Effort, Finding, Law, Measurement, Verdict
 from sepv.scheme import Scheme
+from sepv.strategies_structures import CASES
 
 Check = Callable[[Scheme, Case], Measurement]
 
@@ -57,6 +58,8 @@ def searched(
 ) -> Law:
     """A law whose cases are drawn by a strategy and measured one by one.
 
+    A scheme for a special class of systems is asked about those (`sepv.strategies_structures.CASES`).
+
     Parameters
     ----------
     check : (scheme, case) -> Measurement
@@ -73,7 +76,13 @@ def searched(
         reason = not_applicable(scheme)
         if reason:
             return law.finding(Verdict.NOT_APPLICABLE, message=reason)
-        return _search(law, scheme, effort, cases(), corners, check, faults_violate)
+        if scheme.systems == "single":
+            return _search(law, scheme, effort, cases(), corners, check, faults_violate)
+        own = CASES[scheme.systems].get(law.name)
+        if own is None:
+            reason = f"the law is not about the systems that the scheme takes ({scheme.systems})"
+            return law.finding(Verdict.NOT_APPLICABLE, message=reason)
+        return _search(law, scheme, effort, own(), tuple, check, faults_violate)
 
     def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
         log = _Log()

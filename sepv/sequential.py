@@ -13,7 +13,7 @@ from typing import Any
 
 from sepv import problems
 from sepv.candidate import guarded
-from sepv.convergence import Estimate, StrongErrors, join, strong_errors
+from sepv.convergence import Estimate, StrongErrors, above_floor, join, strong_errors
 from sepv.errors import Skipped
 from sepv.law import Effort, Finding, Law, Verdict
 from sepv.scheme import Scheme
@@ -39,6 +39,30 @@ class Setup:
 
 # A non-constant B with one noise, and a non-quadratic H with two: no large step of theirs is unsolvable.
 SETUPS = (Setup("rigid-body", 1.0, (8, 16, 32, 64, 128)), Setup("pendulum", 1.0, (8, 16, 32, 64, 128)))
+
+
+# Nambu systems; Lotka-Volterra at steps that have solutions.
+NAMBU_SETUPS = (SETUPS[0], Setup("lotka-volterra", 0.25, (32, 64, 128, 256, 512)))
+
+
+def setups_for(scheme: Scheme) -> Sequence[Setup]:
+    """The problems on which schemes for its class of systems are judged."""
+    return NAMBU_SETUPS if scheme.systems == "nambu" else SETUPS
+
+
+def at_the_floor(law: Law, scheme: Scheme, effort: Effort) -> Finding | None:
+    """The finding of a law about a slope, where a problem leaves less than two errors above rounding."""
+    for setup in setups_for(scheme):
+        try:
+            errors = sampled(scheme, setup, looks(effort)[0], effort)
+        except Skipped:
+            continue  # `judge` names it
+        if above_floor(errors).sum() < 2 and not any(errors.failures):
+            return law.finding(
+                Verdict.INCONCLUSIVE,
+                message=f"{setup.problem}: errors at the rounding floor, no slope is left to see",
+            )
+    return None
 
 
 def looks(effort: Effort) -> list[int]:
@@ -78,7 +102,7 @@ def judge(
     estimate: Callable[[StrongErrors, float], Estimate],
     threshold: float,
     show: Callable[[float], float] = float,
-    setups: Sequence[Setup] = SETUPS,
+    setups: Sequence[Setup] | None = None,
 ) -> Finding:
     """Whether the estimate lies above the threshold on every problem.
 
@@ -86,6 +110,7 @@ def judge(
     ----------
     show : how an estimate is shown to a reader (an order as it is, a logarithm as its exponential).
     """
+    setups = setups_for(scheme) if setups is None else setups
     alpha = FALSE_ALARM / (len(setups) * len(looks(effort)))
     verdicts, lines, measured, worst, used = [], [], [], None, 0
     skipped: list[Skipped] = []

@@ -28,6 +28,7 @@ LAWS = (
     "identity",
     "energy",
     "casimir",
+    "any-casimir",
     "midpoint",
     "reduction",
     "noise-sum",

@@ -10,6 +10,7 @@ from sepv.errors import UsageError
 from sepv.problem import NamedProblem, PolynomialSystem, Problem
 from sepv.problems.kepler import kepler as kepler
 from sepv.problems.lotka_volterra import lotka_volterra as lotka_volterra
+from sepv.problems.nambu_system import nambu_system as nambu_system
 from sepv.problems.oscillator import harmonic_oscillator as harmonic_oscillator
 from sepv.problems.pendulum import pendulum as pendulum
 from sepv.problems.polynomial_system import polynomial_problem as polynomial_problem

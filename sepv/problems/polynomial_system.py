@@ -8,8 +8,10 @@ import numpy as np
 
 from sepv import polynomial as poly
 from sepv.errors import ProblemError
+from sepv.nambu import Nambu
 from sepv.polynomial import Polynomial, PolynomialMap
 from sepv.problem import PolynomialSystem, Problem
+from sepv.problems.nambu_system import check_nambu
 
 
 @lru_cache(maxsize=256)
@@ -27,6 +29,7 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
     for name, slope in _casimir_gradients(data):
         _check_casimir(name, slope, entries)
     flat = tuple(entries[i][j] for i in range(d) for j in range(d))
+    check_nambu(data)
     gradient = poly.gradient(data.hamiltonian)
     H = PolynomialMap((), (data.hamiltonian,))
     return Problem(
@@ -44,7 +47,20 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
         degree=max(data.hamiltonian.degree, 1),
         name=f"polynomial system in {d} variables",
         data=data,
+        nambu=None if data.nambu is None else _nambu(*data.nambu),
         check=False,
+    )
+
+
+def _nambu(factor: Polynomial, casimir: Polynomial) -> Nambu:
+    slope = poly.gradient(casimir)
+    return Nambu(
+        factor=PolynomialMap((), (factor,)),
+        factor_gradient=PolynomialMap((3,), poly.gradient(factor)),
+        casimir=PolynomialMap((), (casimir,)),
+        gradient=PolynomialMap((3,), slope),
+        hessian=PolynomialMap((3, 3), tuple(poly.differentiate(g, k) for g in slope for k in range(3))),
+        degree=max(casimir.degree, 1),
     )
 
 

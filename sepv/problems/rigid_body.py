@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sepv.errors import ProblemError
+from sepv.nambu import Nambu
 from sepv.problem import Array, NamedProblem, Problem
 
 _HAT = ((0, 1, 2, -1.0), (0, 2, 1, 1.0), (1, 2, 0, -1.0))  # B[i, j] = sign · y[k]
@@ -50,8 +51,23 @@ def rigid_body(inertia: ArrayLike = (0.345, 0.653, 1.0), noise: ArrayLike = 1.0)
         initial=(0.8, 0.6, 0.0),
         name="rigid-body",
         data=NamedProblem("rigid-body", (("inertia", tuple(moments.tolist())), ("noise", tuple(c.tolist())))),
+        nambu=_NAMBU,
         check=False,
     )
+
+
+# hat(y)v = y × v = −(v × ∇C) with C = ½|y|².
+_NAMBU = Nambu(
+    factor=lambda y: np.full_like(y[0], -1.0),
+    factor_gradient=np.zeros_like,
+    casimir=lambda y: 0.5 * (y[0] * y[0] + y[1] * y[1] + y[2] * y[2]),
+    gradient=lambda y: np.stack([y[0], y[1], y[2]]),
+    hessian=lambda y: (
+        np.zeros((3, 3, *y.shape[1:]), dtype=y.dtype) + np.eye(3).reshape(3, 3, *(1,) * (y.ndim - 1))
+    ),
+    mean_gradient=lambda y0, y1: y0 + 0.5 * (y1 - y0),
+    degree=2,
+)
 
 
 def _structure(y: Array) -> Array:

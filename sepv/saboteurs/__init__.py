@@ -6,11 +6,13 @@ that it does; `sepv.teeth` runs them all.
 
 from __future__ import annotations
 
-from sepv.saboteurs import arithmetic, formula, interface, noise, solver
+from sepv.saboteurs import arithmetic, formula, higher_order, interface, noise, solver
 from sepv.saboteurs.record import Saboteur as Saboteur
 
-FAMILIES = ("formula", "noise", "solver", "arithmetic", "interface")
+FAMILIES = ("formula", "noise", "solver", "arithmetic", "interface", "higher order")
 
 ALL: dict[str, Saboteur] = {
-    s.name: s for module in (formula, noise, solver, arithmetic, interface) for s in module.SABOTEURS
+    s.name: s
+    for module in (formula, noise, solver, arithmetic, interface, higher_order)
+    for s in module.SABOTEURS
 }

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from sepv.errors import UsageError
 from sepv.scheme import Scheme
+from sepv.schemes.both_invariants import scheme as both_invariants
 from sepv.schemes.collocation import collocation as collocation
 from sepv.schemes.discrete_gradient import scheme as discrete_gradient
 from sepv.schemes.energy_preserving import scheme as energy_preserving
@@ -21,7 +22,7 @@ ALL: dict[str, Scheme] = {
     s.name: s for s in (energy_preserving, midpoint, discrete_gradient, euler_heun, milstein, euler_maruyama)
 }
 # What the paper does not have.
-MORE: dict[str, Scheme] = {s.name: s for s in (explicit(4), explicit(8))}
+MORE: dict[str, Scheme] = {s.name: s for s in (both_invariants, explicit(4), explicit(8))}
 # Families: NAME-s is their member with s stages, s = 1 … MAX_STAGES.
 FAMILIES: dict[str, Callable[[int], Scheme]] = {"collocation": collocation, "gauss": gauss}
 
@@ -52,6 +53,7 @@ __all__ = [
     "ALL",
     "FAMILIES",
     "MORE",
+    "both_invariants",
     "by_name",
     "collocation",
     "discrete_gradient",

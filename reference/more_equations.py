@@ -1,0 +1,36 @@
+"""Equations of schemes for special classes of systems; hand them to `sepv.reference.steps.reference_step`."""
+
+from __future__ import annotations
+
+from sepv.reference.arithmetic import Vector
+from sepv.reference.equations import Equation, Step
+from sepv.reference.problem import ExactProblem
+
+from sepv.errors import UsageError
+
+
+def _both_invariants(problem: ExactProblem, y0: Vector, step: Step, y1: Vector) -> Vector:
+    """y1 − y0 − Δ g((y0 + y1)/2) (∇̄H × ∇̄C), both gradients averaged, for B(y)v = g(y)(v × ∇C(y))."""
+    if problem.factor is None or problem.mean_casimir_gradient is None:
+        raise UsageError(
+            expected="a problem with a Casimir and a factor in dimension 3",
+            received=f"{problem.data!r:.80}",
+            remedy="describe it with sepv.problems.nambu_system",
+        )
+    half = problem.number(0.5)
+    u, v = problem.mean_gradient(y0, y1), problem.mean_casimir_gradient(y0, y1)
+    product = [u[i] * v[j] - u[j] * v[i] for i, j in ((1, 2), (2, 0), (0, 1))]
+    factor = step.delta * problem.factor([half * (a + b) for a, b in zip(y0, y1, strict=True)])
+    return [b - a - factor * p for a, b, p in zip(y0, y1, product, strict=True)]
+
+
+def equation_for(systems: str, stages: int = 1) -> str | Equation:
+    """What a scheme for this class of systems, with so many stages, is compared with."""
+    if systems == "nambu":
+        return BOTH_INVARIANTS
+    return "energy-preserving" if stages == 1 else f"collocation-{stages}"
+
+
+BOTH_INVARIANTS = Equation(
+    "both-invariants", "(2.1) with ∇C averaged too", _both_invariants, lambda _problem, _y0, _step, y1: y1
+)

@@ -1,0 +1,47 @@
+"""Systems in three dimensions given by two invariants: B(y)v = g(y) (v × ∇C(y)), so that f = g ∇H × ∇C.
+
+Every Poisson structure in dimension three has this form near a point where it does not vanish (Nambu's form): C is its
+Casimir. Any C and g will do here, quadratic or not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from sepv.problem import Array, Function
+
+
+@dataclass(frozen=True)
+class Nambu:
+    """What a problem in dimension three knows of its Casimir C and factor g.
+
+    Attributes
+    ----------
+    factor, factor_gradient : callable, (3, ...) -> (...) and (3, ...) -> (3, ...)
+        g and ∇g.
+    casimir, gradient, hessian : callable
+        C, ∇C and C″, with the shapes of H, ∇H and H″.
+    mean_gradient : callable, optional
+        (y0, y1) -> ∫₀¹∇C(y0 + τ(y1 − y0))dτ, exact to rounding.
+    degree : int, optional
+        Of a polynomial C. With neither, the average is found by adaptive quadrature.
+    """
+
+    factor: Function
+    factor_gradient: Function
+    casimir: Function
+    gradient: Function
+    hessian: Function
+    mean_gradient: Callable[[Array, Array], Array] | None = None
+    degree: int | None = None
+    dimension: int = 3
+
+
+def cross(u: Array, v: Array) -> Array:
+    """u × v for (3, ...) arrays."""
+    return np.stack([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]])

@@ -1,0 +1,107 @@
+"""Faults of schemes beyond the paper: stages, their quadrature and truncation, more than one invariant.
+
+They claim what the schemes claim that they imitate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from sepv.errors import StepFailure
+from sepv.fields import matvec
+from sepv.problem import Array, Problem
+from sepv.saboteurs.record import Saboteur
+from sepv.scheme import Scheme, Step, as_lanes
+from sepv.schemes import both_invariants, collocation, energy_preserving
+from sepv.schemes.both_invariants import required
+from sepv.tableaux import exact_nodes, gauss_tableau, moments
+
+# Corrections fall at least fourfold inside the contraction radius; 26 of them make 16 digits.
+_ITERATIONS = 100
+Tables = Callable[[int, int], tuple[Array, Array]]
+
+
+def staged(stages: int, tables: Tables) -> Step:
+    """Collocation with other weights W and integrals P than `sepv.tableaux.moments`, by fixed-point iteration."""
+
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        y0, noise = as_lanes(problem, y, h, dW)
+        delta, tableau = problem.random_step(h, noise), gauss_tableau(stages)
+        # Twenty-four nodes resolve an H that is no polynomial, at the steps at which laws ask.
+        nodes = 24 if problem.degree is None else exact_nodes(stages, problem.degree)
+        W, P = tables(stages, nodes)
+        z = np.zeros((y0.shape[0], stages, y0.shape[1]))
+        for _ in range(_ITERATIONS):
+            u, Y = (y0[:, None] + np.einsum("nj,djm->dnm", M, z) for M in (P, tableau.A))
+            g = np.einsum("in,dnm->dim", W, problem.gradient(u))
+            before, z = z, delta * matvec(problem.structure(Y), g)
+            if not np.all(np.isfinite(z)):
+                break
+            if np.max(np.abs(z - before)) <= 2.0**-53 * np.max(np.abs(y0)):
+                return (y0 + np.einsum("j,djm->dm", tableau.b, z)).reshape(np.shape(y))
+        raise StepFailure(
+            problem=problem.name,
+            y=y0[:, 0],
+            delta=float(delta[0]),
+            residual=float(np.max(np.abs(z - before))),
+            status="no convergence",
+            iterations=_ITERATIONS,
+        )
+
+    return step
+
+
+def _wrong_weight(stages: int, nodes: int) -> tuple[Array, Array]:
+    W, P = moments(stages, nodes)
+    return W * (1 + 1e-6 * np.eye(stages)[:, :1]), P
+
+
+def _one_node_short(stages: int, nodes: int) -> tuple[Array, Array]:
+    return moments(stages, max(1, nodes - 1))
+
+
+def _imitating(original: Scheme, step: Step) -> Callable[[], Scheme]:
+    return lambda: replace(original, step=step, solve=None, batched=False)
+
+
+def _as_both(step: Step) -> Step:
+    """The step, for the problems that `both-invariants` takes."""
+
+    def restricted(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        required(problem)
+        return step(problem, y, h, dW)
+
+    return restricted
+
+
+_TABLE = (
+    (
+        "lagrange-weight",
+        "the first Lagrange weight of two stages is too large by 1e-6",
+        _imitating(collocation(2), staged(2, _wrong_weight)),
+        ("midpoint", "reference", "expansion"),
+    ),
+    (
+        "one-node-short",
+        "the averages of two stages have one node less than the degree of H needs",
+        _imitating(collocation(2), staged(2, _one_node_short)),
+        ("energy", "reference"),
+    ),
+    (
+        "three-stages-k-2",
+        "increments of a scheme of order 3 are truncated with the paper's k = 2",
+        lambda: replace(collocation(3), truncation=2),
+        ("truncation", "mean-square-order"),
+    ),
+    (
+        "casimir-at-midpoint",
+        "∇C is taken at the midpoint and not averaged: (2.1), which keeps quadratic Casimirs only",
+        _imitating(both_invariants, _as_both(energy_preserving.step)),
+        ("any-casimir", "reference"),
+    ),
+)
+
+SABOTEURS = tuple(Saboteur(name, "higher order", broken, make, laws) for name, broken, make, laws in _TABLE)

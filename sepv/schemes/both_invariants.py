@@ -1,0 +1,112 @@
+"""H and any Casimir together in dimension three: y1 = y0 + Δ g((y0 + y1)/2) (∇̄H × ∇̄C).
+
+For B(y)v = g(y)(v × ∇C(y)), with both gradients averaged along the segment, ∇̄F = ∫₀¹∇F(y0 + τ(y1 − y0))dτ:
+H(y1) − H(y0) = ∇̄Hᵀ(y1 − y0) = 0 and C(y1) − C(y0) = ∇̄Cᵀ(y1 − y0) = 0, because the vector product is orthogonal to both
+its factors. C may be any function: this is the last open question of Cohen and Dujardin (2014), §5, in dimension three.
+For quadratic C the average is ∇C at the midpoint, and the scheme is (2.1). Symmetric, of mean-square and weak order 1.
+"""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import numpy as np
+
+from sepv.average import average_gradient, average_hessian
+from sepv.errors import Skipped
+from sepv.implicit import Increment, Solution, require_converged
+from sepv.implicit import solve as solve_implicit
+from sepv.nambu import Nambu, cross
+from sepv.problem import Array, Problem
+from sepv.scheme import Scheme, as_lanes
+
+
+def required(problem: Problem) -> Nambu:
+    """The problem's Casimir and factor.
+
+    Raises
+    ------
+    Skipped
+        For a problem that does not give them.
+    """
+    if problem.nambu is None:
+        raise Skipped(
+            f"{problem.name} is not given as B(y)v = g(y)(v × ∇C(y)) in dimension 3 (Problem.nambu)"
+        )
+    return problem.nambu
+
+
+def increment(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
+    """Δ g(ȳ)(∇̄H × ∇̄C); `step` is (1, M), holding Δ. Counts are those of ∇H, and of g and ∇C for B."""
+    nambu = required(problem)
+    H, C = average_gradient(problem, y0, y1), average_gradient(cast(Any, nambu), y0, y1)
+    value = step[0] * nambu.factor(y0 + 0.5 * (y1 - y0)) * cross(H.value, C.value)
+    return Increment(value, H.evaluations, C.evaluations, H.reliable & C.reliable)
+
+
+def jacobian(problem: Problem, y0: Array, y1: Array, step: Array) -> Array | None:
+    """∂/∂y1 of `increment`: Δ(½(∇̄H × ∇̄C)∇gᵀ + g(∫τH″ × ∇̄C + ∇̄H × ∫τC″))."""
+    if problem.hessian is None:
+        return None
+    nambu, middle = required(problem), y0 + 0.5 * (y1 - y0)
+    H, C = average_gradient(problem, y0, y1).value, average_gradient(cast(Any, nambu), y0, y1).value
+    dH, dC = average_hessian(problem, y0, y1), average_hessian(cast(Any, nambu), y0, y1)
+    assert dH is not None
+    assert dC is not None
+    # (∂H × C)_k column by column, and the same for C.
+    turned = np.stack([cross(dH[:, k], C) + cross(H, dC[:, k]) for k in range(3)], axis=1)
+    outer = cross(H, C)[:, None] * nambu.factor_gradient(middle)[None]
+    return step[0] * (0.5 * outer + nambu.factor(middle) * turned)
+
+
+def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
+    """One step of a batch with residual, counts and status of each lane."""
+    required(problem)
+    state, noise = as_lanes(problem, y, h, dW)
+    return solve_implicit(problem, state, problem.random_step(h, noise)[None], increment, jacobian)
+
+
+def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """One step, for y of shape (3,) or (3, M) and dW of shape (m,) or (m, M).
+
+    Raises
+    ------
+    Skipped
+        For a problem that does not give its Casimir and factor (`Problem.nambu`).
+    StepFailure
+        Where the implicit equation was not solved.
+    """
+    required(problem)
+    state, noise = as_lanes(problem, y, h, dW)
+    delta = problem.random_step(h, noise)[None]
+    solution = solve_implicit(problem, state, delta, increment, jacobian)
+    return require_converged(problem, state, delta, solution).reshape(np.shape(y))
+
+
+scheme = Scheme(
+    name="both-invariants",
+    step=step,
+    claims=(
+        "contract",
+        "reproducibility",
+        "identity",
+        "energy",
+        "casimir",
+        "any-casimir",
+        "midpoint",
+        "reduction",
+        "noise-sum",
+        "expansion",
+        "symmetry",
+        "equivariance",
+        "reference",
+        "rounding",
+        "truncation",
+    ),
+    mean_square_order=1.0,
+    weak_order=1.0,
+    source="(2.1) with ∇C averaged too",
+    solve=solve,
+    batched=True,
+    systems="nambu",
+)

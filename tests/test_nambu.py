@@ -1,0 +1,105 @@
+"""Both invariants in dimension three, and systems given by g and C."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from sepv.reference.implicit import energy_preserving
+from sepv.reference.more_equations import BOTH_INVARIANTS
+from sepv.reference.steps import reference_step
+
+import sepv
+from sepv import polynomial as poly
+from sepv import problems, schemes
+from sepv.case import Case, from_json, to_json
+from sepv.errors import ProblemError, Skipped, UsageError
+from sepv.problem import PolynomialSystem
+from sepv.schemes.both_invariants import increment, jacobian
+from sepv.strategies import steps
+from sepv.strategies_structures import nambu_steps, nambu_systems, quadratic_casimirs
+from sepv.tolerance import state_ulp
+
+
+@given(nambu_steps())
+def test_structure_is_what_the_factor_and_the_casimir_say(case: Case) -> None:
+    problem, y, _, _ = case.build()
+    v, nambu = np.array([0.3, -1.1, 0.7]), problem.nambu
+    assert nambu is not None
+    expected = nambu.factor(y) * np.cross(v, nambu.gradient(y))
+    assert np.allclose(
+        problem.structure(y) @ v, expected, rtol=1e-13, atol=1e-13 * (1 + np.abs(expected).max())
+    )
+    for k in range(3):  # C″ and ∇g against the complex step
+        z = y.astype(complex)
+        z[k] += 1e-30j
+        assert np.allclose(nambu.hessian(y)[:, k], nambu.gradient(z).imag / 1e-30, rtol=1e-12, atol=1e-12)
+        assert np.allclose(nambu.gradient(y)[k], nambu.casimir(z).imag / 1e-30, rtol=1e-12, atol=1e-12)
+        assert np.allclose(nambu.factor_gradient(y)[k], nambu.factor(z).imag / 1e-30, rtol=1e-12, atol=1e-12)
+
+
+@given(nambu_steps())
+def test_newton_has_the_derivative_of_the_scheme(case: Case) -> None:
+    problem, y, h, _ = case.build()
+    y0, y1, step = y[:, None], (y * 1.01 + 0.01)[:, None], np.array([[h]])
+    found = jacobian(problem, y0, y1, step)
+    assert found is not None
+    size = 1e-6
+    for k in range(3):
+        e = np.zeros((3, 1))
+        e[k] = size
+        ahead, behind = (increment(problem, y0, y1 + s * e, step).value for s in (1, -1))
+        column = (ahead - behind) / (2 * size)
+        # Differences of second order: eps/size of the increment, and size² of its third derivative.
+        scale = 1e-3 * (np.abs(found).max() + np.abs(column).max()) + 1e-6 * (1 + np.abs(ahead).max())
+        assert np.max(np.abs(found[:, k] - column)) <= scale
+
+
+@given(steps(nambu_systems(casimirs=quadratic_casimirs())))
+def test_for_a_quadratic_casimir_it_is_the_energy_preserving_scheme(case: Case) -> None:
+    """To 40 digits as an equation, to two ulps as a step."""
+    args = (case.problem, case.y, case.h, case.dW)
+    both, plain = reference_step(BOTH_INVARIANTS, *args, 40).y1, energy_preserving(*args, 40).y1
+    assert max(abs(a - b) for a, b in zip(both, plain, strict=True)) < 1e-38 * (1 + max(map(abs, plain)))
+    problem, y, h, dW = case.build()
+    found = schemes.both_invariants.step(problem, y, h, dW)
+    assert np.max(np.abs(found - schemes.energy_preserving.step(problem, y, h, dW))) <= 2 * state_ulp(
+        y, found
+    )
+
+
+def test_lotka_volterra_keeps_both_where_the_paper_keeps_one() -> None:
+    problem, C = problems.lotka_volterra(), problems.lotka_volterra().nambu.casimir
+    drifts = {}
+    for scheme in (schemes.both_invariants, schemes.energy_preserving):
+        path = sepv.integrate(scheme, problem, h=2.0**-8, T=2.0, seed=1)
+        drifts[scheme.name] = (np.ptp(problem.hamiltonian(path.y)), np.ptp(C(path.y)))
+    assert drifts["both-invariants"][0] < 1e-13
+    assert drifts["both-invariants"][1] < 1e-13
+    assert drifts["energy-preserving"][0] < 1e-13
+    assert drifts["energy-preserving"][1] > 1e-4
+
+
+def test_other_problems_are_skipped_by_name() -> None:
+    with pytest.raises(Skipped, match="pendulum is not given as"):
+        schemes.both_invariants.step(problems.pendulum(), np.array([0.2, 1.0]), 0.1, np.zeros(2))
+
+
+@given(nambu_steps())
+def test_cases_travel_as_json(case: Case) -> None:
+    assert from_json(to_json(case)) == case
+
+
+def test_wrong_descriptions_are_refused() -> None:
+    one, two = poly.constant(3, 1.0), poly.constant(2, 1.0)
+    with pytest.raises(ProblemError, match="3 variables"):
+        problems.nambu_system(one, two, one)
+    system = problems.nambu_system(poly.variable(3, 0), one, poly.variable(3, 1))
+    wrong = PolynomialSystem(3, system.hamiltonian, (), nambu=system.nambu)
+    with pytest.raises(ProblemError, match="nambu_system"):
+        problems.polynomial_problem(wrong)
+
+
+def test_an_unknown_class_of_systems_is_an_error() -> None:
+    with pytest.raises(UsageError, match="single, nambu"):
+        sepv.Scheme("mine", lambda problem, y, h, dW: y, systems="double")
