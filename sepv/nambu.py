@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from sepv.problem import Array, Function
+# As in `sepv.problem`, which is above this module.
+Array = NDArray[np.float64]
+Function = Callable[[Array], Array]
 
 
 @dataclass(frozen=True)

@@ -85,7 +85,7 @@ _TABLE = (
         ("midpoint", "reference", "expansion"),
     ),
     (
-        "one-node-short",
+        "stages-one-node-short",
         "the averages of two stages have one node less than the degree of H needs",
         _imitating(collocation(2), staged(2, _one_node_short)),
         ("energy", "reference"),
