@@ -45,7 +45,7 @@ RUNS = {
     "Lotka-Volterra": Run(
         "lotka-volterra",
         0.5,
-        {s: (128, 256, 512) for s in (1, 2, 3, 4)},
+        dict.fromkeys((1, 2, 3, 4), (128, 256, 512)),
     ),
     "random quartic": Run("quartic", 1.0, USUAL),
 }
