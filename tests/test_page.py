@@ -96,12 +96,30 @@ def reproduction(text: str) -> dict[str, Any]:
     }
 
 
+def bench(target: str) -> dict[str, Any]:
+    case = {"name": target, "h": 0.1, "steps": 4, "paths": 64}
+    groups = [(0.25).hex()] * 32
+    found = {
+        "case": case,
+        "counters": {target[:30]: 7, "lost": None},
+        "error": groups,
+        "energy": groups,
+        "casimir": groups,
+    }
+    return {
+        "format": 1,
+        "environment": {target[:30]: target},
+        "records": [{"target": target, "cases": [found]}],
+    }
+
+
 def hostile_page() -> str:
     sources = Sources()
     for evil in EVIL:
         sources.verify.append(verify_report(evil, evil))
         sources.compare.append(comparison(evil))
         sources.reproduce.append(reproduction(evil))
+        sources.bench.append(bench(evil))
     return render(sources, title=EVIL[0])
 
 
@@ -235,6 +253,13 @@ def test_counterexamples_are_within_a_budget_and_the_rest_is_counted() -> None:
     left = re.search(r"(\d+) more counterexamples in the JSON file", page)
     assert left
     assert int(left[1]) + page.count('<pre class="wrap"') == 100
+
+
+def test_the_projects_own_counters_are_on_the_page() -> None:
+    page = render(load([Path(__file__).resolve().parents[1] / "benchmarks" / "counters.json"]))
+    words = " ".join(Reader(page).words)
+    assert "Work, as exact integers" in words
+    assert "failed solves" in words
 
 
 def test_a_plot_leaves_out_what_cannot_be_drawn_and_keeps_spikes() -> None:

@@ -16,7 +16,7 @@ from sepv.commands.shared import friendly
 @click.option("-q", "--quiet", is_flag=True, help="Print nothing.")
 @friendly
 def report(files: tuple[str, ...], out: str, title: str, quiet: bool, debug: bool) -> None:  # noqa: ARG001
-    """One self-contained HTML page from the JSON FILEs of verify, compare and reproduce.
+    """One self-contained HTML page from the JSON FILEs of verify, compare, bench and reproduce.
 
     The page needs no network and no JavaScript; it prints, and it follows the reader's light or dark theme.
 

@@ -38,6 +38,7 @@ def render(sources: Sources, *, title: str = "Which structural properties hold?"
         laws=[name(law) for law in laws],
         schemes=schemes,
         comparisons=[views.comparison(c) for c in sources.compare],
+        benches=[views.bench(b) for b in sources.bench],
         reproductions=[views.reproduction(r) for r in sources.reproduce],
         versions=sorted({_version(r) for r in (*sources.verify, *sources.reproduce)}),
     )

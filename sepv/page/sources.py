@@ -11,7 +11,7 @@ from typing import Any
 from sepv.errors import UsageError
 
 # A key that tells a file's kind, and whether the files of a kind are reports on a scheme, comparisons, …
-KINDS = {"suite": "verify", "reproduction": "reproduce", "times_to_error": "compare"}
+KINDS = {"suite": "verify", "reproduction": "reproduce", "times_to_error": "compare", "records": "bench"}
 # Larger files are no report of this package.
 LARGEST = 64 * 2**20
 
@@ -23,10 +23,11 @@ class Sources:
     verify: list[dict[str, Any]] = field(default_factory=list)
     compare: list[dict[str, Any]] = field(default_factory=list)
     reproduce: list[dict[str, Any]] = field(default_factory=list)
+    bench: list[dict[str, Any]] = field(default_factory=list)
 
 
 def load(paths: Iterable[str | Path]) -> Sources:
-    """Read JSON files of verify, compare and reproduce.
+    """Read JSON files of verify, compare, bench and reproduce.
 
     Raises
     ------
@@ -39,7 +40,7 @@ def load(paths: Iterable[str | Path]) -> Sources:
         kind = next((k for key, k in KINDS.items() if key in data), None) if isinstance(data, dict) else None
         if kind is None:
             raise UsageError(
-                expected="JSON written by sepv verify, compare or reproduce with --json",
+                expected="JSON written by sepv verify, compare or reproduce with --json, or by sepv bench with --save",
                 received=f"{path}, which is none of these",
                 remedy="sepv verify energy-preserving --json report.json",
             )
@@ -68,6 +69,11 @@ def _check(kind: str, data: dict[str, Any], path: str | Path) -> None:
     """
     from sepv import schemas
 
+    if kind == "bench":
+        from sepv.bench import store
+
+        store.load(str(path))  # its own check
+        return
     schema = {
         "verify": schemas.report_schema,
         "compare": schemas.comparison_schema,

@@ -202,6 +202,39 @@ def _times(times: list[dict[str, Any]], methods: list[str]) -> list[tuple[str, l
     return rows
 
 
+def bench(data: dict[str, Any]) -> dict[str, Any]:
+    """For each target a row a case: exact counters, and the rms of error and defects over all paths."""
+    kinds = list(dict.fromkeys(k for r in data["records"] for case in r["cases"] for k in case["counters"]))
+
+    def rms(groups: list[str]) -> str:
+        values = [float.fromhex(v) for v in groups]
+        return number((sum(values) / max(1, len(values))) ** 0.5)
+
+    return {
+        "kinds": [name(k) for k in kinds],
+        "environment": [(plain(k, 40), plain(v, 120)) for k, v in data["environment"].items()],
+        "records": [
+            {
+                "target": name(r["target"]),
+                "rows": [
+                    {
+                        "case": name(c["case"]["name"]),
+                        "size": f"{number(c['case']['h'])}, {c['case']['steps']}, {c['case']['paths']}",
+                        "counters": [
+                            "–" if c["counters"].get(k) is None else c["counters"][k] for k in kinds
+                        ],
+                        "error": rms(c["error"]),
+                        "energy": rms(c["energy"]),
+                        "casimir": rms(c["casimir"]),
+                    }
+                    for c in r["cases"]
+                ],
+            }
+            for r in data["records"]
+        ],
+    }
+
+
 def reproduction(data: dict[str, Any]) -> dict[str, Any]:
     """The panels with their plots and statements."""
     return {
