@@ -262,6 +262,23 @@ def test_the_projects_own_counters_are_on_the_page() -> None:
     assert "failed solves" in words
 
 
+def test_the_committed_page_is_small_and_has_our_schemes_and_the_paper() -> None:
+    page = (Path(__file__).resolve().parents[1] / "docs" / "report.html").read_text(encoding="utf-8")
+    reader = Reader(page)
+    assert {tag for tag, _ in reader.tags} <= ALLOWED
+    assert len(page.encode()) <= 400_000
+    words = " ".join(reader.words)
+    for expected in (
+        "energy-preserving",
+        "euler-maruyama",
+        "diffrax",
+        "torchsde",
+        "Remark 2.1",
+        "Lotka-Volterra: order",
+    ):
+        assert expected in words
+
+
 def test_a_plot_leaves_out_what_cannot_be_drawn_and_keeps_spikes() -> None:
     n = 5000
     y: list[float | None] = [1.0] * n

@@ -127,7 +127,14 @@ def plot(
         y_label=y_label,
         x_ticks=across.ticks(),
         y_ticks=up.ticks(),
-        curves=[_draw(c, p, n, across, up) for n, (c, p) in enumerate(zip(curves, points, strict=True))],
+        # What stays must not vanish behind what runs away.
+        curves=[
+            _draw(c, p, n, across, up)
+            for n, (c, p) in sorted(
+                enumerate(zip(curves, points, strict=True)),
+                key=lambda k: k[1][0].scheme == "energy-preserving",
+            )
+        ],
         guides=[
             (text, _path([(across(x), up(y)) for x, y in line]), across(line[-1][0]), up(line[-1][1]))
             for text, line in guides

@@ -99,6 +99,8 @@ def _curve(axes: Any, s: Series, shape: Look, number: int) -> None:
         markeredgewidth=0.8,
         markersize=2.5 if s.style == "points" else 4,
         label=s.name,
+        # What stays must not vanish behind what runs away.
+        zorder=3 if s.scheme == "energy-preserving" else 2,
     )
 
 
