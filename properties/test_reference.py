@@ -1,29 +1,68 @@
 """The step is the solution of (2.1), as found in extended precision by code that owes nothing to the core.
 
-For s stages, of the collocation equations of Cohen and Hairer (2011) with the random step.
+For s stages, of the collocation equations of Cohen and Hairer (2011) with the random step. First random systems, whose
+steps are solved anew, then the reference vectors: states of extreme size, steps next to a fold, separatrices,
+everything that a random search does not meet.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import replace
+from functools import cache
+from statistics import median
+from typing import Any
+
+from sepv.reference.arithmetic import context
 from sepv.reference.more_equations import equation_for
 from sepv.reference.steps import reference_step
+from sepv.reference.vector import ReferenceVector, load, schemes_with_vectors
 
 from sepv.candidate import ask
 from sepv.case import Case
 from sepv.corners import corners
-from sepv.law import Effort, Measurement, require
+from sepv.errors import StepFailure
+from sepv.law import Effort, Finding, Law, Measurement, Verdict, require
+from sepv.problem import Array
 from sepv.scheme import Scheme
 from sepv.search import searched
 from sepv.strategies import any_steps
-from sepv.tolerance import state_error
+from sepv.tolerance import EPS, TINY, state_error, state_ulp
+
+# A vector's `rounding` is what one evaluation of the equation in binary64 may be off by. As in
+# sepv.tolerance, a factor of 4 covers implementations that order the same operations differently.
+ORDER_OF_OPERATIONS = 4.0
+
+
+@cache
+def _vectors(name: str) -> dict[Case, ReferenceVector]:
+    known = load(name) if name in schemes_with_vectors() else ()
+    return {Case(v.problem, v.y, v.h, v.dW): v for v in known}
+
+
+def vectors(scheme: Scheme) -> dict[Case, ReferenceVector]:
+    """The reference vectors of the equation that the scheme is compared with, by their case."""
+    method = equation_for(scheme.systems, scheme.stages)
+    return _vectors(method if isinstance(method, str) else method.name)
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Distance from (2.1) solved to 50 digits, against the condition-scaled bound."""
+    """Distance from the solution of (2.1), against the condition-scaled bound."""
+    vector = vectors(scheme).get(case)
+    return _against_mpmath(scheme, case) if vector is None else _against_vector(scheme, case, vector)
+
+
+def _against_mpmath(scheme: Scheme, case: Case, near: Array | None = None) -> Measurement:
+    """Against the equation solved anew; near a given state, where it has several solutions."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
+    start = None if near is None else near.tolist()
     method = equation_for(scheme.systems, scheme.stages)
-    exact = reference_step(method, case.problem, case.y, h, case.dW)
+    # Stages are not to be told from y1: their equation is solved from y all the same.
+    exact = reference_step(
+        method, case.problem, case.y, h, case.dW, start=start if scheme.stages == 1 else None
+    )
     error, bound = state_error(
         exact.y1, exact.condition, problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages
     )
@@ -32,15 +71,82 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     return Measurement(error, bound, f"y1 = {y1.tolist()}, {error:.3g} ulp from {name}")
 
 
-law = searched(
-    name="reference",
-    statement="the step solves (2.1) (s stages: its collocation equations)",
-    source="(2.1)",
-    unit="ulp of y",
-    cases=any_steps,
-    check=check,
-    corners=corners,
-)
+def _against_vector(scheme: Scheme, case: Case, vector: ReferenceVector) -> Measurement:
+    problem, y, h, dW = case.build()
+    name = f"vector {vector.id} ({vector.note})"
+    try:
+        y1 = ask(scheme, problem, y, h, dW)
+    except StepFailure:
+        if not vector.hard:
+            raise
+        return Measurement(0.0, 0.0, f"{name}: not solved, and said so")
+    ctx, unit = context(60), state_ulp(y, y1)
+    errors = [abs(float(ctx.mpf(exact) - float(value))) for exact, value in zip(vector.y1, y1, strict=True)]
+    scale = max(map(abs, (*y, *y1)))
+    # An iteration may take a component of eps² of the largest for one that no longer moves.
+    floor = (scheme.solver_tolerance + EPS * EPS) * scale + TINY
+    bounds = [ORDER_OF_OPERATIONS * r + floor for r in vector.rounding]
+    k = max(range(len(errors)), key=lambda i: errors[i] / bounds[i])
+    ulps = errors[k] / unit
+    detail = f"y1 = {y1.tolist()}, {ulps:.3g} ulp from the answer of {name}: {', '.join(vector.y1)}"
+    measured = Measurement(ulps, bounds[k] / unit, detail)
+    if vector.hard and measured.violates:
+        # So long a step may have other solutions. One of them is no violation of (2.1); anything else is.
+        with suppress(StepFailure):
+            other = _against_mpmath(scheme, case, near=y1)
+            return measured if other.violates else other
+    return measured
+
+
+def _statistics(scheme: Scheme, seen: list[tuple[Case, Measurement]]) -> str:
+    """Errors as shares of their bounds: the largest, the median, where."""
+    known = vectors(scheme)
+    measured = [(m.ratio, case, m) for case, m in seen if m.bound > 0]
+    if not measured:
+        return ""
+    ratio, case, _ = max(measured, key=lambda entry: entry[0])
+    vector = known.get(case)
+    where = f"vector {vector.id}" if vector else "a random system"
+    count = sum(case in known for _, case, _ in measured)
+    refused = len(seen) - len(measured)
+    return (
+        f"error / bound: largest {ratio:.3g} ({where}), median {median(r for r, _, _ in measured):.2g}, "
+        f"over {count} vectors and {len(measured) - count} other steps"
+        + (f"; {refused} hard vectors not solved, and said so" if refused else "")
+    )
+
+
+def _law(seen: list[tuple[Case, Measurement]], extra: Iterable[Case] = ()) -> Law:
+    def measured(scheme: Scheme, case: Case) -> Measurement:
+        seen.append((case, check(scheme, case)))
+        return seen[-1][1]
+
+    return searched(
+        name="reference",
+        statement="the step solves (2.1) (s stages: its collocation equations)",
+        source="(2.1)",
+        unit="ulp of y",
+        cases=any_steps,
+        check=measured,
+        corners=lambda: (*corners(), *extra),
+    )
+
+
+def _run(_: Law, scheme: Scheme, effort: Effort) -> Finding:
+    seen: list[tuple[Case, Measurement]] = []
+    inner = _law(seen, vectors(scheme))
+    finding = inner.run(inner, scheme, effort)
+    if finding.verdict is not Verdict.HOLDS:
+        return finding
+    return replace(finding, message="\n".join(filter(None, (finding.message, _statistics(scheme, seen)))))
+
+
+def _replay(_: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
+    inner = _law([])
+    return inner.replay(inner, scheme, witness)
+
+
+law = replace(_law([]), run=_run, replay=_replay)
 
 
 def test_reference(scheme: Scheme, effort: Effort) -> None:

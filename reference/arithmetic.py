@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from operator import mul
 from typing import Any
 
 import mpmath
@@ -38,6 +39,8 @@ class Arithmetic:
         value + ε slope.
     slope : number -> number
         The ε-part.
+    dot : (numbers, numbers) -> number
+        Σ a_i b_i, where there is a quicker way than summing products.
     tables : (arithmetic, convert), optional
         Where to make the tables of methods with stages, and how each entry is taken from there: what is
         made once and for all should not be made with the rounding errors of this arithmetic.
@@ -52,6 +55,7 @@ class Arithmetic:
     gauss: Callable[[int], Rule]
     nudged: Callable[[Number, Number], Number]
     slope: Function
+    dot: Callable[[Iterable[Number], Iterable[Number]], Number] = lambda a, b: sum(map(mul, a, b))
     tables: tuple[Arithmetic, Function] | None = None
 
 
@@ -136,6 +140,7 @@ def decimal(digits: int) -> Arithmetic:
         gauss=lambda n: gauss_nodes(n, digits),
         nudged=lambda value, slope: ctx.mpc(value, epsilon * slope),
         slope=lambda x: x.imag / epsilon if isinstance(x, ctx.mpc) else ctx.zero,
+        dot=ctx.fdot,
     )
 
 

@@ -61,7 +61,7 @@ def _at(
         root = newton(lambda z: residual(problem, y0, step, z), x, scale, problem.arithmetic, 1e-12, most=8)
     except BROKEN:
         return None
-    if not isinstance(root, Root):
+    if not isinstance(root, Root) or not problem.inside(equation.result(problem, y0, step, root.x)):
         return None
     moved = largest([a - b for a, b in zip(root.x, x, strict=True)])
     return root.x if moved <= _JUMP * max(scale, largest(root.x)) else None

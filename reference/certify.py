@@ -59,6 +59,24 @@ class Certificate:
     contraction: Any
     method: str
 
+    def describe(self) -> str:
+        """The proof for a reader."""
+        lines = []
+        if self.equation.residual is None:
+            lines.append(f"{self.equation.name} is explicit: evaluated in balls, rounding and all,")
+        else:
+            lines += [
+                f"F(x) = 0 is the equation of {self.equation.name}, {self.equation.source}. {self.method}:",
+                f"  on the box X of all x within {self.radius.str(3, radius=False)} of the reference,",
+                f"  ‖I − Y F′(X)‖ ≤ {self.contraction.str(3, radius=False)} with Y ≈ F′(x)⁻¹,",
+                "  and x − Y F(x) + (I − Y F′(X))(X − x) lies in the interior of X.",
+                "So F has exactly one zero in X. There",
+            ]
+        lines += [f"  y{k + 1} is in {v.str(60)}" for k, v in enumerate(self.y1)]
+        lines.append(f"  H(y1) − H(y0) is in {self.energy.str(3)}")
+        lines += [f"  C{k + 1}(y1) − C{k + 1}(y0) is in {v.str(3)}" for k, v in enumerate(self.casimirs)]
+        return "\n".join(lines)
+
     @property
     def width(self) -> float:
         """The largest radius of the balls y1."""
@@ -113,11 +131,12 @@ def certify(
 def _krawczyk(
     problem: ExactProblem, y0: Vector, parts: Step, step: ReferenceStep, radius: float
 ) -> tuple[Vector, Any, Any]:
-    """(K(K(X)), r, ‖I − YF′(X)‖), or NotCertified."""
+    """(K(K(…X)), r, ‖I − YF′(X)‖), or NotCertified."""
     flint = require_flint()
     arb, matrix = flint.arb, flint.arb_mat
     reference = [from_mpf(v) for v in step.x]
-    n, size = len(reference), radius * max((abs(v).upper() for v in (*y0, *reference)), key=float)
+    largest = max(abs(v).upper() for v in (*y0, *reference))
+    n, size = len(reference), radius * (largest if largest > 0 else arb(1))
     equation = with_more_nodes(step.equation)
     error, error_slope = quadrature_error(problem, y0, parts, equation, reference)
 
@@ -148,8 +167,15 @@ def _krawczyk(
             raise NotCertified(
                 f"Krawczyk's test fails in unknown {k + 1}: {large.str(20)} is mapped to {small.str(20)}."
             )
-    # The zero is in K(X), and so in K(K(X)), which is smaller still.
-    return image(inner), size, contraction
+    # The zero is in K(X), and so in K(K(X)), and so on, each smaller by the contraction, down to rounding.
+    widest, least = max(v.rad() for v in inner), size * arb(2) ** -flint.ctx.prec
+    while widest > least:
+        inner = image(inner)
+        width = max(v.rad() for v in inner)
+        if not 2 * width < widest:
+            break
+        widest = width
+    return inner, size, contraction
 
 
 def _jacobian(problem: ExactProblem, residual: Any, x: Vector) -> Any:

@@ -24,6 +24,9 @@ class Step(NamedTuple):
     delta: Number
 
 
+# Where H is not polynomial and nobody asked for more: good for a first guess.
+FEWEST_NODES = 24
+
 Residual = Callable[[ExactProblem, Vector, Step, Vector], Vector]
 
 
@@ -96,7 +99,7 @@ def _midpoint(problem: ExactProblem, y0: Vector, step: Step, y1: Vector) -> Vect
     return _times(step.delta, problem.field(_middle(problem, y0, y1)))
 
 
-def _coordinate_increments(problem: ExactProblem, y0: Vector, y1: Vector) -> Vector:
+def coordinate_increments(problem: ExactProblem, y0: Vector, y1: Vector) -> Vector:
     """∇̄₁H(y0, y1): component i is the mean of ∂_iH on the edge that moves y_i, those before it moved."""
     corners = [[*y1[:i], *y0[i:]] for i in range(len(y0) + 1)]
     return [problem.mean_gradient(corners[i], corners[i + 1])[i] for i in range(len(y0))]
@@ -104,7 +107,7 @@ def _coordinate_increments(problem: ExactProblem, y0: Vector, y1: Vector) -> Vec
 
 def _discrete_gradient(problem: ExactProblem, y0: Vector, step: Step, y1: Vector) -> Vector:
     """§4: (h B(y0) + S B((y0 + y1)/2)) ½(∇̄₁H(y0, y1) + ∇̄₁H(y1, y0))."""
-    mean = _middle(problem, _coordinate_increments(problem, y0, y1), _coordinate_increments(problem, y1, y0))
+    mean = _middle(problem, coordinate_increments(problem, y0, y1), coordinate_increments(problem, y1, y0))
     drift = problem.turned(problem.structure(y0), mean)
     noise = problem.turned(problem.structure(_middle(problem, y0, y1)), mean)
     return _plus(_times(step.h, drift), _times(step.S, noise))
@@ -171,7 +174,9 @@ def collocation(stages: int, nodes: int = 0) -> Equation:
         table, K = stage_table(stages, problem.arithmetic), in_blocks(x, stages)
         if stages == 1:
             return _one_stage(problem, y0, step, x)
-        count = nodes if problem.degree is None else max(1, -(-stages * problem.degree // 2))
+        count = (
+            (nodes or FEWEST_NODES) if problem.degree is None else max(1, -(-stages * problem.degree // 2))
+        )
         slopes = [
             (weights, problem.gradient(combined(y0, integrals, K)))
             for weights, integrals in weighted_rule(stages, count, problem.arithmetic)

@@ -58,6 +58,8 @@ class ExactProblem:
     factor: Callable[[Vector], Number] | None = None
     casimir: Callable[[Vector], Number] | None = None
     mean_casimir_gradient: Callable[[Vector, Vector], Vector] | None = None
+    # Where H and B are defined.
+    inside: Callable[[Vector], bool] = staticmethod(lambda _: True)
 
     def state(self, y: Sequence[float]) -> Vector:
         """A binary64 state, exactly."""
@@ -243,6 +245,7 @@ def _lotka_volterra(self: ExactProblem, parameters: dict[str, Vector]) -> None:
     """§4.4."""
     a, b, d, nu, mu = (parameters[k][0] for k in ("a", "b", "d", "nu", "mu"))
     log, log1p_ratio = self.arithmetic.log, self.arithmetic.log1p_ratio
+    self.inside = lambda y: all(v > 0 for v in y)
     self.dimension, self.noise, self.casimirs, self.linear_casimirs = 3, parameters["noise"], [], []
     self.hamiltonian = lambda y: a * b * y[0] + y[1] - a * y[2] + nu * log(y[1]) - mu * log(y[2])
     # 0·y1 makes the constant a number of the same kind as the others.

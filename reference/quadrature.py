@@ -45,7 +45,8 @@ def _bound(
     arb, acb = flint.arb, flint.acb
     complexes = in_arithmetic(problem.data, complex_balls(flint.ctx.prec))
     table = stage_table(equation.blocks, problem.arithmetic)
-    size = max((abs(v).upper() for v in y0), key=float)
+    size = max(abs(v).upper() for v in y0)
+    size = size if size > 0 else arb(1)
     # Small: it is spread by the coefficients of the basis, and divides a bound that is tiny anyway.
     R = size / 2**40
 

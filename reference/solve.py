@@ -132,20 +132,24 @@ def refine(residual: Residual, root: Root, scale: Number, ctx: Any, digits: int)
     """The root to 10^−digits of the scale, by the chord iteration with the inverse Jacobian that is there.
 
     Corrections c_1, c_2, … shrink by a constant factor, so that c_n²/c_{n−1} is what a next one would be: the
-    iteration ends where that is below the goal. States of extreme size are brought to the size of
-    1 for the floats that the corrections are made in.
+    iteration ends where that is below the goal. Corrections are made in floats; where these could
+    underflow, for many digits or states of extreme size, the residual is brought to the size of 1 first.
     """
     x, inverted = [ctx.mpf(v) for v in root.x], root.inverse
-    shift = 0 if 1e-100 < scale < 1e100 else -int(ctx.mag(scale))
-    goal, previous, moved = float(ctx.ldexp(scale, shift)) * 10.0**-digits, math.inf, math.inf
-    for n in range(1, _CHORD + 1):
+    plain = digits <= 100 and 1e-100 < scale < 1e100
+    goal = scale * ctx.mpf(10) ** -digits
+    if plain:
+        goal = float(goal)
+    previous, moved = math.inf, math.inf
+    for n in range(1, _CHORD + digits // 8):
         value = residual(x)
-        if shift:
-            correction = times(inverted, [float(ctx.ldexp(v, shift)) for v in value])
-            x = [v - ctx.ldexp(ctx.mpf(c), -shift) for v, c in zip(x, correction, strict=True)]
-        else:
+        if plain:
             correction = times(inverted, [float(v) for v in value])
-            x = [v - c for v, c in zip(x, correction, strict=True)]
+        else:
+            shift = -int(ctx.mag(largest(value))) if any(value) else 0
+            scaled = times(inverted, [float(ctx.ldexp(v, shift)) for v in value])
+            correction = [ctx.ldexp(ctx.mpf(c), -shift) for c in scaled]
+        x = [v - c for v, c in zip(x, correction, strict=True)]
         previous, moved = moved, largest(correction)
         if not moved or (n > 1 and moved * moved <= goal * previous):
             return Root(x, inverted, n)

@@ -7,11 +7,12 @@ The equations are in `sepv.reference.equations`, the solver in `sepv.reference.s
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import isfinite
 from typing import Any, NamedTuple
 
 from sepv.reference.arithmetic import Vector
-from sepv.reference.branch import follow
-from sepv.reference.equations import EQUATIONS, Equation, Step, collocation, make_step
+from sepv.reference.branch import Branch, follow
+from sepv.reference.equations import EQUATIONS, FEWEST_NODES, Equation, Step, collocation, make_step
 from sepv.reference.problem import Description, ExactProblem, binary64_problem, exact_problem
 from sepv.reference.solve import BROKEN, Failure, Matrix, Root, largest, newton, refine
 
@@ -21,7 +22,7 @@ from sepv.errors import StepFailure, UsageError
 GUARD = 15
 MOST_DIGITS = 2000
 # Quadratures for stages with H not polynomial, until two of them agree.
-_NODES = (24, 36, 54, 81, 122, 183, 275)
+_NODES = (FEWEST_NODES, 36, 54, 81, 122, 183, 275)
 
 
 class ReferenceStep(NamedTuple):
@@ -82,7 +83,8 @@ def reference_step(
 ) -> ReferenceStep:
     """One step from y to `digits` digits of the largest component.
 
-    Where the equation has several solutions it is the one that Newton's method finds from y, or from `start`.
+    Where the equation has several solutions it is the one that Newton's method finds from y, or from `start`;
+    where Newton's method finds none, the one that following the solutions from y in small steps leads to.
 
     Parameters
     ----------
@@ -104,7 +106,19 @@ def reference_step(
         require_digits(digits)
     equation = find_equation(scheme) if isinstance(scheme, str) else scheme
     exact = exact_problem(data, digits + GUARD)
+    if not all(map(isfinite, (*y, h, *dW))) or len(y) != exact.dimension or len(dW) != len(exact.noise):
+        raise UsageError(
+            expected=f"finite y ({exact.dimension},), h and dW ({len(exact.noise)},)",
+            received=f"y = {list(y)}, h = {h!r}, dW = {list(dW)}",
+            remedy="one number for each component, and one for each noise",
+        )
     y0, step = exact.state(y), make_step(exact, h, dW)
+    if not exact.inside(y0):
+        raise UsageError(
+            expected="a state in the domain of the problem",
+            received=f"y = {list(y)}",
+            remedy="start inside it",
+        )
     if equation.blocks > 1 and exact.degree is None and not equation.nodes:
         equation = _with_nodes(equation, _NODES[0])
     if equation.residual is None:
@@ -117,31 +131,38 @@ def reference_step(
         root = _in_digits(equation, exact, y0, step, scale, digits, start)
     if isinstance(root, Root) and equation.nodes:
         equation, root = _enough_nodes(equation, exact, y0, step, scale, digits, root)
+    if isinstance(root, Root) and not exact.inside(equation.result(exact, y0, step, root.x)):
+        root = Failure(0.0, root.iterations, "only a solution outside the domain was found")
     if isinstance(root, Failure):
+        # Newton's iteration from y failed, or led out of the domain: the branch of solutions from y may be there.
+        branch = None if start else _branch(equation, data, y, h, dW)
+        if branch is not None and branch.whole:
+            return reference_step(equation, data, y, h, dW, digits, branch.x)
+        end = "" if branch is None else _where_it_ends(branch, float(step.delta))
         raise StepFailure(
             problem=f"{data!r:.80} (reference)",
             y=[float(v) for v in y],  # type: ignore[arg-type]  # printed only
             delta=float(step.delta),
             residual=root.residual,
-            status=f"{root.reason} in extended precision{_where_it_ends(equation, data, y, h, dW)}",
+            status=f"{root.reason} in extended precision{end}",
             iterations=root.iterations,
         )
     y1 = equation.result(exact, y0, step, root.x)
     return ReferenceStep(y1, _condition(equation, exact, root.inverse), root.x, equation)
 
 
-def _where_it_ends(
+def _branch(
     equation: Equation, data: Description, y: Sequence[float], h: float, dW: Sequence[float]
-) -> str:
-    """What following the branch of solutions from y says about the step that failed."""
+) -> Branch | None:
     try:
-        branch = follow(equation, data, y, h, dW)
+        return follow(equation, data, y, h, dW)
     except BROKEN:
-        return ""
-    if branch.whole:
-        return " (a solution exists all the same: following it from y in small steps finds it)"
-    delta = float(make_step(binary64_problem(data), h, tuple(dW)).delta)
-    return f" (the solutions that start at y end at Δ = {branch.reached * delta:.10g}, where they fold back)"
+        return None
+
+
+def _where_it_ends(branch: Branch, delta: float) -> str:
+    end = f"{branch.reached * delta:.10g}"
+    return f" (the solutions that start at y end at Δ = {end}, at a fold or at the edge of the domain)"
 
 
 def _bound(equation: Equation, problem: ExactProblem, y0: Vector, step: Step) -> Callable[[Vector], Vector]:

@@ -23,7 +23,7 @@ FORMAT = "sepv-vectors-1"
 FLOW = "exact-flow"
 DIGITS = 50
 # A solver may say that it does not solve these; it may not return something else.
-HARD = frozenset({"large-step", "near-fold", "subnormal", "huge"})
+HARD = frozenset({"large-step", "near-fold", "subnormal", "huge", "overflow"})
 
 _KEYS = {"id", "hash", "problem", "y", "y1", "y1_hex", "condition", "rounding", "flags", "proof", "note"}
 _REMEDY = "make it anew with `python -m sepv.reference.generate`, or install sepv again"

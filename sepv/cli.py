@@ -21,6 +21,8 @@ COMMANDS = {
     "bench": "sepv.commands.bench:bench",
     "run": "sepv.commands.run:run",
     "list": "sepv.commands.listing:list_",
+    "exact": "sepv.commands.exact:exact",
+    "step": "sepv.commands.step:step",
     "teeth": "sepv.commands.teeth:teeth",
     "reproduce": "sepv.commands.reproduce:reproduce",
     "report": "sepv.commands.report:report",

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import mpmath
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from sepv.reference.arithmetic import context, gauss_nodes
+from sepv.reference.equations import coordinate_increments
+from sepv.reference.flow import taylor
 from sepv.reference.implicit import energy_preserving, midpoint
 from sepv.reference.problem import exact_problem
+from sepv.reference.rounding import error_units
+from sepv.reference.steps import reference_step
 
-from sepv import problems, strategies
+from sepv import problems, schemes, strategies
 from sepv.case import Case
 from sepv.errors import StepFailure, UsageError
 from sepv.problem import NamedProblem
+from sepv.tolerance import EPS
 
 
 @settings(max_examples=40)
@@ -51,6 +57,79 @@ def test_gauss_nodes_integrate_powers_exactly(nodes: int) -> None:
     rule, ctx = gauss_nodes(nodes, 50), context(50)
     for degree in range(2 * nodes):
         assert abs(ctx.fsum(w * x**degree for x, w in rule) - ctx.one / (degree + 1)) < 1e-48
+
+
+@settings(max_examples=25)
+@given(strategies.any_steps())
+def test_the_core_agrees_with_every_reference(case: Case) -> None:
+    problem, y, h, dW = case.build()
+    for name, scheme in schemes.ALL.items():
+        step = reference_step(name, case.problem, case.y, case.h, case.dW)
+        units = error_units(case.problem, list(case.y), case.h, list(case.dW), step)
+        y1 = scheme.step(problem, y, h, dW)
+        for exact, value, unit in zip(step.y1, y1, units, strict=True):
+            assert abs(float(exact - float(value))) <= 4 * unit + EPS * EPS * max(1, np.abs(y).max())
+
+
+@pytest.mark.parametrize("stages", range(1, 7))
+def test_collocation_is_gauss_for_quadratic_h_and_the_scheme_for_one_stage(stages: int) -> None:
+    body, y, h, dW = problems.rigid_body().data, (0.8, 0.6, 0.0), 0.25, (0.125,)
+    both = [reference_step(f"{name}-{stages}", body, y, h, dW).y1 for name in ("collocation", "gauss")]
+    assert max(abs(a - b) for a, b in zip(*both, strict=True)) < 1e-50
+    for name in ("pendulum", "lotka-volterra"):
+        problem = problems.by_name(name)
+        arguments = (problem.data, tuple(map(float, problem.initial)), 0.05, (0.025,) * problem.noises)
+        one, many = (reference_step(n, *arguments).y1 for n in ("energy-preserving", f"collocation-{stages}"))
+        flow = taylor(problem.data, arguments[1], 0.05 + 0.025 * float(np.sum(problem.c)), 50)
+        if stages == 1:
+            assert max(abs(a - b) for a, b in zip(one, many, strict=True)) < 1e-50
+        # Order 2s: each further stage brings the step closer to the flow by two orders.
+        off = float(max(abs(a - b) for a, b in zip(flow, many, strict=True)))
+        assert off < 0.2 * 0.2 ** (2 * stages)
+
+
+def test_one_coordinate_at_a_time_is_the_difference_quotient() -> None:
+    """∇̄₁H by its definition, (H(corner i+1) − H(corner i))/(y1_i − y0_i), with digits to spare for the cancellation."""
+    problem = exact_problem(problems.pendulum().data, 200)
+    y0, y1 = problem.state((0.2, 1.0)), problem.state((0.25, 1.0 + 2.0**-40))
+    for i, value in enumerate(coordinate_increments(problem, y0, y1)):
+        before, after = [*y1[:i], *y0[i:]], [*y1[: i + 1], *y0[i + 1 :]]
+        quotient = (problem.hamiltonian(after) - problem.hamiltonian(before)) / (y1[i] - y0[i])
+        assert abs(quotient - value) < 1e-150
+
+
+def test_milstein_and_euler_maruyama_are_their_formulas_by_hand() -> None:
+    """Oscillator: f′f = −y, so that Milstein is (1 − S²/2)y + Δf and Euler-Maruyama (1 − h/2)y + Δf for c = 1."""
+    data, ctx = problems.harmonic_oscillator().data, context(60)
+    p, x, h, S = ctx.mpf(0.2), ctx.mpf(0.1), ctx.mpf(0.125), ctx.mpf(0.25)
+    for name, factor in (("milstein", 1 - S * S / 2), ("euler-maruyama", 1 - h / 2)):
+        y1 = reference_step(name, data, (0.2, 0.1), 0.125, (0.25,)).y1
+        assert abs(y1[0] - (factor * p - (h + S) * x)) < 1e-55
+        assert abs(y1[1] - (factor * x + (h + S) * p)) < 1e-55
+
+
+@pytest.mark.parametrize("size", [5e-324, 1e-310, 1e-200, 1e-100, 1e100, 1e200, 1e300])
+def test_extreme_states_are_solved_as_well(size: float) -> None:
+    data, ctx = problems.harmonic_oscillator().data, context(60)
+    y1 = energy_preserving(data, (size, 0.0), 0.5, (0.25,)).y1
+    delta = ctx.mpf(0.75)
+    expected = (1 - delta**2 / 4) / (1 + delta**2 / 4) * ctx.mpf(size)
+    assert abs(y1[0] - expected) <= abs(expected) * ctx.mpf(10) ** -50
+
+
+@pytest.mark.parametrize("digits", [0, -1, 10**5, 3.0])
+def test_absurd_digits_are_refused(digits) -> None:
+    with pytest.raises(UsageError, match="digits, an integer"):
+        energy_preserving(problems.pendulum().data, (0.2, 1.0), 0.1, (0.0, 0.0), digits)
+
+
+@pytest.mark.parametrize(
+    ("y", "h", "dW"),
+    [((0.2,), 0.1, (0.0, 0.0)), ((0.2, 1.0), 0.1, ()), ((0.2, float("nan")), 0.1, (0.0, 0.0))],
+)
+def test_arguments_that_do_not_fit_are_refused(y, h, dW) -> None:
+    with pytest.raises(UsageError, match="one number for each component"):
+        energy_preserving(problems.pendulum().data, y, h, dW)
 
 
 def test_no_global_precision_is_touched() -> None:

@@ -131,6 +131,12 @@ _TABLE = (
         implicit(_shortcut),
         ("energy", "midpoint", "symmetry", "reference"),
     ),
+    (
+        "off-at-huge-states",
+        "y1 has a relative error of 1e-10 where |y| exceeds 1e40",
+        around(_after(lambda y0, y1: np.where(np.max(np.abs(y0), axis=0) > 1e40, y1 * (1 + 1e-10), y1))),
+        ("reference",),
+    ),
     ("toward-zero", "the last addition is rounded toward zero", around(_toward_zero), ("rounding",)),
 )
 

@@ -1,0 +1,306 @@
+"""Make the reference vectors, or check them: ``python -m sepv.reference.generate [--check [--all]] [SCHEME …]``.
+
+The files under reference/vectors are made by this program and by nothing else. Each answer is computed by mpmath
+and proved by ball arithmetic (the extra `certify`) before it is written; a file is written whole or not at all.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from fractions import Fraction
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from sepv.reference.arithmetic import Vector, context
+from sepv.reference.balls import available, from_mpf, precision, require_flint
+from sepv.reference.branch import follow
+from sepv.reference.certify import certify
+from sepv.reference.equations import Equation, make_step
+from sepv.reference.flow import enclosed, taylor
+from sepv.reference.problem import binary64_problem
+from sepv.reference.rounding import UNIT, error_units
+from sepv.reference.selection import SCHEMES, Candidate, candidates
+from sepv.reference.solve import BROKEN
+from sepv.reference.steps import ReferenceStep, find_equation, reference_step
+from sepv.reference.vector import DIGITS, FLOW, FOLDER, ReferenceVector, load, to_text
+
+from sepv.errors import SepvError
+
+# Beyond the digits printed: three that a proof by balls may leave open.
+_EXTRA = 10
+# A component so much smaller than the largest is computed with as many more digits; below 1e-390 of it, it is 0.
+_FEW, _MANY = DIGITS + _EXTRA, 460
+_ZERO = 390
+
+
+class GenerationError(SepvError):
+    """A case whose answer could not be computed or proved; nothing was written."""
+
+
+def answer(candidate: Candidate, name: str) -> ReferenceVector:
+    """The vector of a candidate: computed, proved where python-flint is, rounded.
+
+    Raises
+    ------
+    GenerationError
+        Naming the case.
+    """
+    try:
+        if candidate.scheme == FLOW:
+            return _flow_answer(candidate, name)
+        return _step_answer(candidate, name)
+    except (SepvError, ArithmeticError, ValueError) as error:
+        raise GenerationError(f"{name}: {candidate.note}\n{error}") from error
+
+
+def _step_answer(candidate: Candidate, name: str) -> ReferenceVector:
+    equation = find_equation(candidate.scheme)
+    arguments = (candidate.problem, candidate.y, candidate.h, candidate.dW)
+    start, flags = _on_the_branch(equation, candidate)
+    step = reference_step(equation, *arguments, _FEW, start=start)
+    digits = _FEW
+    if _uneven(step.y1):
+        digits = _MANY
+        step = reference_step(equation, *arguments, digits, start=[float(v) for v in step.x] or None)
+    y1 = _without_noise(step.y1)
+    proof = "none"
+    if available():
+        proof = _proved(candidate, step, y1, digits)
+    units = error_units(candidate.problem, list(candidate.y), candidate.h, list(candidate.dW), step)
+    return _vector(candidate, name, y1, max(map(sum, step.condition)), units, flags, proof)
+
+
+def _on_the_branch(equation: Equation, candidate: Candidate) -> tuple[Vector | None, tuple[str, ...]]:
+    """Where to begin so that the solution is that of the branch from y, and the flags with what was found."""
+    flags = candidate.flags
+    if equation.residual is None:
+        return None, flags if _fits_binary64(equation, candidate) else (*flags, "overflow")
+    if not {"large-step", "near-fold"} & set(flags):
+        return None, flags
+    branch = follow(equation, candidate.problem, candidate.y, candidate.h, candidate.dW)
+    if not branch.whole:
+        raise GenerationError(f"the branch of solutions ends at the share {branch.reached} of this step")
+    return branch.x, flags
+
+
+def _fits_binary64(equation: Equation, candidate: Candidate) -> bool:
+    """Whether no intermediate result of an explicit formula overflows."""
+    problem = binary64_problem(candidate.problem)
+    try:
+        step = make_step(problem, candidate.h, candidate.dW)
+        return all(map(isfinite, equation.result(problem, list(candidate.y), step, [])))
+    except BROKEN:
+        return False
+
+
+def _uneven(y1: Vector) -> bool:
+    sizes = [abs(v) for v in y1]
+    return min(sizes) < max(sizes) * 1e-5
+
+
+def _without_noise(y1: Vector) -> Vector:
+    """Components that are nothing but the rounding of the others become 0."""
+    ctx = context(_MANY)
+    scale = max(abs(v) for v in y1)
+    return [ctx.zero if abs(v) < scale * ctx.mpf(10) ** -_ZERO else v for v in y1]
+
+
+def _proved(candidate: Candidate, step: ReferenceStep, y1: Vector, digits: int) -> str:
+    """Krawczyk's test, and that its balls leave no doubt about any digit that will be printed."""
+    bits = max(500, int(7 * digits))
+    proof = certify(candidate.problem, candidate.y, candidate.h, candidate.dW, step, bits)
+    with precision(bits):
+        for k, (value, enclosure) in enumerate(zip(y1, proof.y1, strict=True)):
+            _require_digits_of(value, enclosure, k)
+        if step.equation.name in _KEEP_ENERGY and not proof.energy.contains(0):
+            raise GenerationError(f"H(y1) − H(y0) is in {proof.energy.str(10)}, which does not hold 0")
+    return "balls" if step.equation.residual is None else "krawczyk"
+
+
+_KEEP_ENERGY = {"energy-preserving", "discrete-gradient", *(f"collocation-{s}" for s in range(1, 7))}
+
+
+def _require_digits_of(value: Any, enclosure: Any, k: int) -> None:
+    flint = require_flint()
+    if not value:
+        if not enclosure.contains(0):
+            raise GenerationError(f"component {k + 1} is printed as 0 and is {enclosure.str(5)}")
+        return
+    off = abs((enclosure - from_mpf(value)) / from_mpf(value)).upper()
+    if not off < flint.arb(10) ** (-DIGITS - 5):
+        raise GenerationError(f"component {k + 1}: only {off.str(3)} of it is proved")
+    ends = {_rounded(_fraction_of(end)) for end in (enclosure.lower(), enclosure.upper())}
+    if ends != {to_binary64(value)}:
+        raise GenerationError(f"component {k + 1} lies too close to the middle of two binary64 numbers")
+
+
+def _fraction_of(end: Any) -> Fraction:
+    man, exp = end.man_exp()
+    return Fraction(int(man)) * Fraction(2) ** int(exp)
+
+
+def _rounded(value: Fraction) -> float:
+    # The quotient of two integers is correctly rounded in Python, subnormal or not.
+    return value.numerator / value.denominator
+
+
+def to_binary64(value: Any) -> float:
+    """An mpf to the nearest binary64 number, ties to even, subnormal numbers included."""
+    sign, man, exp, _ = value._mpf_
+    return _rounded(Fraction(-int(man) if sign else int(man)) * Fraction(2) ** int(exp))
+
+
+def _flow_answer(candidate: Candidate, name: str) -> ReferenceVector:
+    """The flow by Taylor series; proved by an enclosure, or else by a closed form that agrees to 48 digits."""
+    arguments = (candidate.problem, candidate.y, candidate.h)
+    digits = _FEW
+    y1 = taylor(*arguments, digits)
+    if _uneven(y1):
+        digits = 2 * _FEW
+        y1 = taylor(*arguments, digits)
+    scale = max(abs(v) for v in y1)
+    y1 = [v if abs(v) > scale * context(30).mpf(10) ** (-digits + 5) else 0 * v for v in y1]
+    proof = "none"
+    if available():
+        bits = int(3.33 * (digits + 15 + 4 * abs(candidate.h))) + 200
+        balls = enclosed(*arguments, digits)
+        with precision(bits):
+            for k, (value, enclosure) in enumerate(zip(y1, balls, strict=True)):
+                _require_digits_of(value, enclosure, k)
+        proof = "balls"
+    unit = max(1.0, abs(candidate.h)) * float(scale)
+    return _vector(candidate, name, y1, 1.0, [4 * UNIT * unit] * len(y1), candidate.flags, proof)
+
+
+def _vector(
+    candidate: Candidate,
+    name: str,
+    y1: Vector,
+    condition: float,
+    units: Sequence[float],
+    flags: tuple[str, ...],
+    proof: str,
+) -> ReferenceVector:
+    ctx = context(_MANY)
+    return ReferenceVector(
+        id=name,
+        scheme=candidate.scheme,
+        problem=candidate.problem,
+        y=candidate.y,
+        h=candidate.h,
+        dW=candidate.dW,
+        y1=tuple(ctx.nstr(v, DIGITS, strip_zeros=False) if v else "0.0" for v in y1),
+        y1_hex=tuple(map(to_binary64, y1)),
+        condition=float(f"{condition:.3g}"),
+        rounding=tuple(float(f"{1.005 * u:.3g}") for u in units),
+        flags=flags,
+        proof=proof,
+        note=candidate.note,
+    )
+
+
+def named_candidates(scheme: str) -> list[tuple[str, Candidate]]:
+    """The cases of a scheme with their ids: scheme/family-number."""
+    numbers: dict[str, int] = {}
+    found = []
+    for candidate in candidates(scheme):
+        numbers[candidate.family] = numbers.get(candidate.family, 0) + 1
+        found.append((f"{scheme}/{candidate.family}-{numbers[candidate.family]:02d}", candidate))
+    return found
+
+
+def source_of(scheme: str) -> str:
+    """What the file says of the equation."""
+    return "y' = B(y) grad H(y) at time theta" if scheme == FLOW else find_equation(scheme).source
+
+
+def write(path: Path, text: str) -> None:
+    """The whole file or nothing: the old one stays until the new one is complete."""
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "w", encoding="ascii", newline="\n") as file:
+            file.write(text)
+        os.chmod(name, 0o644)
+        os.replace(name, path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def differences(new: ReferenceVector, old: ReferenceVector) -> list[str]:
+    """The fields in which two vectors differ; estimates may differ by the libraries' last digits."""
+    found = []
+    for key in ("id", "problem", "y", "h", "dW", "y1", "y1_hex", "flags", "note"):
+        if getattr(new, key) != getattr(old, key):
+            found.append(key)
+    if new.proof not in (old.proof, "none"):
+        found.append("proof")
+    estimates = zip((new.condition, *new.rounding), (old.condition, *old.rounding), strict=True)
+    if not all(abs(a - b) <= 0.02 * abs(b) for a, b in estimates):
+        found.append("condition or rounding")
+    return found
+
+
+def check(schemes: Sequence[str], every: int, folder: Path = FOLDER) -> tuple[int, list[str]]:
+    """(how many were made again, what differs), for every so-many-th case of each file, the first among them."""
+    count, wrong = 0, []
+    for scheme in schemes:
+        stored = {v.id: v for v in load(scheme, folder)}
+        named = named_candidates(scheme)
+        missing = sorted({name for name, _ in named} ^ set(stored))
+        wrong += [f"{name}: in the file or in the selection, not in both" for name in missing]
+        for name, candidate in named[::every]:
+            if name in stored:
+                count += 1
+                odd = differences(answer(candidate, name), stored[name])
+                wrong += [f"{name}: {', '.join(odd)} differ"] if odd else []
+    return count, wrong
+
+
+FAST = 13
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """0: written, or nothing differs. 1: something differs, or a case failed."""
+    parser = argparse.ArgumentParser(prog="sepv.reference.generate", description=__doc__)
+    parser.add_argument(
+        "schemes", nargs="*", metavar="SCHEME", help=f"one of {', '.join(SCHEMES)}; default all"
+    )
+    parser.add_argument("--check", action="store_true", help="make vectors again and compare, write nothing")
+    parser.add_argument("--all", action="store_true", help=f"check all of them, not every {FAST}th")
+    options = parser.parse_args(arguments)
+    for scheme in options.schemes:
+        if scheme not in SCHEMES:
+            parser.error(f"unknown scheme {scheme!r}; there are {', '.join(SCHEMES)}")
+    chosen, start = options.schemes or list(SCHEMES), time.perf_counter()
+    try:
+        if options.check:
+            return _checked(chosen, 1 if options.all else FAST, start)
+        require_flint()
+        for scheme in chosen:
+            vectors = [answer(candidate, name) for name, candidate in named_candidates(scheme)]
+            write(FOLDER / f"{scheme}.json", to_text(scheme, source_of(scheme), vectors))
+            print(f"{scheme}: {len(vectors)} vectors, {time.perf_counter() - start:.1f} s", flush=True)
+    except SepvError as error:
+        print(f"sepv.reference.generate: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def _checked(schemes: Sequence[str], every: int, start: float) -> int:
+    count, wrong = check(schemes, every)
+    for line in wrong:
+        print(line)
+    proved = "computed and proved" if available() else "computed, not proved: python-flint is not installed"
+    print(f"{count} vectors {proved} again in {time.perf_counter() - start:.1f} s; {len(wrong)} differ")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

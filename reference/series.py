@@ -1,0 +1,130 @@
+"""Power series whose coefficients are computed as they are asked for, in the numbers of any arithmetic.
+
+The Taylor coefficients of the solution of y′ = f(y) follow from (k + 1) y_{k+1} = [f(y)]_k, where f is the very
+formula of the problem, evaluated once on series; every further coefficient costs one convolution an operation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Any
+
+from sepv.reference.arithmetic import Arithmetic, Number, Vector
+from sepv.reference.problem import Description, in_arithmetic
+
+Dot = Callable[[Iterable[Number], Iterable[Number]], Number]
+
+
+class Series:
+    """Σ_k a_k t^k; `rule(k)` gives a_k when a_0 … a_{k−1} are known; `dot` sums products."""
+
+    __slots__ = ("coefficients", "dot", "rule")
+
+    def __init__(self, dot: Dot, rule: Callable[[int], Number], first: Vector | None = None) -> None:
+        self.dot, self.rule, self.coefficients = dot, rule, first or []
+
+    def __getitem__(self, k: int) -> Number:
+        while len(self.coefficients) <= k:
+            self.coefficients.append(self.rule(len(self.coefficients)))
+        return self.coefficients[k]
+
+    def upto(self, k: int) -> Vector:
+        """[a_0, …, a_k]."""
+        self[k]
+        return self.coefficients[: k + 1]
+
+    def __add__(self, other: Any) -> Series:
+        if isinstance(other, Series):
+            return Series(self.dot, lambda k: self[k] + other[k])
+        return Series(self.dot, lambda k: self[k] if k else self[0] + other)
+
+    def __neg__(self) -> Series:
+        return Series(self.dot, lambda k: -self[k])
+
+    def __sub__(self, other: Any) -> Series:
+        return self + -other
+
+    def __rsub__(self, other: Any) -> Series:
+        return -self + other
+
+    def __mul__(self, other: Any) -> Series:
+        if isinstance(other, Series):
+            return Series(self.dot, lambda k: self.convolved(self.upto(k), other.upto(k)))
+        return Series(self.dot, lambda k: self[k] * other)
+
+    def __truediv__(self, other: Any) -> Series:
+        """q = a/b from b q = a: q_k = (a_k − Σ_{i<k} q_i b_{k−i})/b_0."""
+        if not isinstance(other, Series):
+            return Series(self.dot, lambda k: self[k] / other)
+
+        def rule(k: int) -> Number:
+            rest = self.convolved(quotient.upto(k - 1), other.upto(k)[1:]) if k else 0
+            return (self[k] - rest) / other[0]
+
+        quotient = Series(self.dot, rule)
+        return quotient
+
+    def __rtruediv__(self, other: Any) -> Series:
+        return Series(self.dot, lambda k: 0 * self[0] if k else 0 * self[0] + other) / self
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def convolved(self, a: Vector, b: Vector) -> Number:
+        """Σ_i a_i b_{k−i} over i = 0 … k."""
+        return self.dot(a, reversed(b))
+
+
+def _derivative(a: Series, k: int) -> Vector:
+    """[1 a_1, …, k a_k]."""
+    return [i * v for i, v in enumerate(a.upto(k)) if i]
+
+
+def series_over(base: Arithmetic) -> Arithmetic:
+    """The arithmetic of series with coefficients in `base`; constants stay numbers."""
+
+    def sine_and_cosine(x: Series) -> tuple[Series, Series]:
+        """k s_k = Σ i x_i c_{k−i}, k c_k = −Σ i x_i s_{k−i}."""
+
+        def sine_rule(k: int) -> Number:
+            return x.convolved(_derivative(x, k), cosine.upto(k - 1)) / k if k else base.sin(x[0])
+
+        def cosine_rule(k: int) -> Number:
+            return -x.convolved(_derivative(x, k), sine.upto(k - 1)) / k if k else base.cos(x[0])
+
+        sine, cosine = Series(base.dot, sine_rule), Series(base.dot, cosine_rule)
+        return sine, cosine
+
+    def log(x: Series) -> Series:
+        """x l′ = x′, coefficient by coefficient."""
+        slope = Series(base.dot, lambda k: (k + 1) * x[k + 1]) / x
+        return Series(base.dot, lambda k: slope[k - 1] / k if k else base.log(x[0]))
+
+    return replace(
+        base,
+        sin=lambda x: sine_and_cosine(x)[0],
+        cos=lambda x: sine_and_cosine(x)[1],
+        log=log,
+        tables=None,
+    )
+
+
+def solution_series(data: Description, base: Arithmetic, y0: Vector, order: int) -> list[Vector]:
+    """For each component of the solution of y′ = f(y), y(0) = y0, its Taylor coefficients up to `order`."""
+    problem = in_arithmetic(data, series_over(base))
+    y = [Series(base.dot, _unknown, [v]) for v in y0]
+    f = problem.field(y)
+    for k in range(order):
+        following = [_coefficient(component, k) / (k + 1) for component in f]
+        for series, value in zip(y, following, strict=True):
+            series.coefficients.append(value)
+    return [series.coefficients for series in y]
+
+
+def _coefficient(a: Any, k: int) -> Number:
+    """a_k; a number is a series that ends at once."""
+    return a[k] if isinstance(a, Series) else a if k == 0 else 0 * a
+
+
+def _unknown(k: int) -> Number:
+    raise IndexError(f"the coefficient {k} of the solution is not known yet")

@@ -1,0 +1,181 @@
+"""The exact flow three ways: Taylor series, enclosures, closed forms; and the values that were known before."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from click.testing import CliRunner
+from sepv.reference.arithmetic import context, decimal
+from sepv.reference.balls import from_mpf, precision
+from sepv.reference.elliptic import closed_form
+from sepv.reference.flow import FlowNotReached, enclosed, taylor
+from sepv.reference.problem import in_arithmetic
+from sepv.reference.series import Series, series_over, solution_series
+from sepv.reference.tableau import horner
+
+from sepv import polynomial as poly
+from sepv import problems
+from sepv.cli import main
+from sepv.errors import UsageError
+from sepv.problem import PolynomialSystem
+
+PENDULUM, BODY = problems.pendulum().data, problems.rigid_body().data
+OSCILLATOR, PREDATORS = problems.harmonic_oscillator().data, problems.lotka_volterra().data
+
+CLOSED = [
+    (PENDULUM, (0.2, 1.0), 1.5),
+    (PENDULUM, (2.0, 0.0), -1.0),
+    (PENDULUM, (-2.5, 7.0), 1.0),
+    (PENDULUM, (0.0, 3.141592653589793), 3.0),
+    (PENDULUM, (0.0, 0.0), 2.0),
+    (BODY, (0.8, 0.6, 0.0), 1.5),
+    (BODY, (0.0, 1.0, 1e-8), 3.0),
+    (BODY, (-0.9, -0.2, 0.1), -1.0),
+    (problems.rigid_body((1.0, 0.345, 0.653)).data, (0.1, 0.2, -0.9), 1.0),
+    (problems.rigid_body((0.653, 0.345, 1.0)).data, (0.5, 0.2, -0.4), 1.0),
+    (OSCILLATOR, (0.2, 0.1), 8.0),
+]
+
+
+@pytest.mark.parametrize(("data", "y", "theta"), CLOSED)
+def test_series_and_closed_forms_agree_to_fifty_digits(data, y, theta) -> None:
+    for a, b in zip(taylor(data, y, theta), closed_form(data, y, theta), strict=True):
+        assert abs(a - b) < 1e-50
+
+
+def test_series_lie_in_their_enclosures() -> None:
+    pytest.importorskip("flint", reason="the extra certify is not installed")
+    for data, y, theta in [*CLOSED[:2], *CLOSED[5:6], (PREDATORS, (1.0, 1.9, 0.5), 0.0625)]:
+        balls = enclosed(data, y, theta)
+        with precision(500):
+            for value, ball in zip(taylor(data, y, theta, 70), balls, strict=True):
+                assert abs(from_mpf(value) - ball).upper() < 1e-50
+                assert ball.rad() < 1e-49
+
+
+# Measured before any of this code was there, from the decimal parameters and states of the paper.
+KNOWN = {
+    "rigid-body": (0, "0.85529730110857574252631777810"),
+    "lotka-volterra": (0, "2.7016687479775418691785006"),
+}
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_values_at_eight_that_were_known_before(name: str) -> None:
+    """Numbers are read as the decimals they print as: 0.345 and not the binary64 number next to it."""
+    ctx = context(45)
+    arithmetic = replace(decimal(45), number=lambda x: ctx.mpf(repr(float(x))))
+    problem = problems.by_name(name)
+    state, left = [arithmetic.number(v) for v in problem.initial], ctx.mpf(8)
+    while left:
+        rows = solution_series(problem.data, arithmetic, state, 52)
+        size = max(abs(r[0]) for r in rows) / max(abs(r[-1]) for r in rows)
+        step = min(left, ctx.mpf(float(ctx.exp(-2) * size ** (ctx.one / 52))))
+        state, left = [horner(row, step) for row in rows], left - step
+    component, text = KNOWN[name]
+    assert ctx.nstr(state[component], 40).startswith(text[:-1])
+
+
+def test_flows_compose() -> None:
+    ctx = context(60)
+    middle = taylor(PREDATORS, (1.0, 1.9, 0.5), 0.25, 60)
+    rounded = [float(v) for v in middle]
+    there = taylor(PREDATORS, rounded, -0.25, 40)
+    # The way back from a state rounded to binary64 misses by what the rounding grew to.
+    assert max(abs(a - b) for a, b in zip(there, (1.0, 1.9, 0.5), strict=True)) < 1e-14
+    assert ctx.dps == 60
+
+
+def test_series_of_functions_are_their_taylor_series() -> None:
+    ctx, arithmetic = context(40), series_over(decimal(40))
+    x = Series(ctx.fdot, lambda k: ctx.mpf(k == 1), [ctx.mpf("0.5")])
+    for f, g in (
+        (arithmetic.sin, ctx.sin),
+        (arithmetic.cos, ctx.cos),
+        (arithmetic.log, ctx.ln),
+        (lambda s: 1 / s, lambda t: 1 / t),
+        (lambda s: 3 - s * s / (2 + s), lambda t: 3 - t * t / (2 + t)),
+    ):
+        for a, b in zip(f(x).upto(12), ctx.taylor(g, ctx.mpf("0.5"), 12), strict=True):
+            assert abs(a - b) < 1e-25
+
+
+def blow_up() -> PolynomialSystem:
+    """p′ = −3x², x′ = p with H = p²/2 + x³: from (−1, −1) the solution is gone before θ = 10."""
+    H = poly.polynomial(2, [((2, 0), 0.5), ((0, 3), 1.0)])
+    return PolynomialSystem(2, H, ((0, 1, poly.constant(2, -1.0)),), (1.0,))
+
+
+def test_a_flow_that_blows_up_says_where() -> None:
+    with pytest.raises(FlowNotReached, match="and no further"):
+        taylor(blow_up(), (-1.0, -1.0), 10.0, 15)
+    assert in_arithmetic(blow_up(), decimal(20)).dimension == 2
+
+
+@pytest.mark.parametrize("digits", [0, -3, 10**6, 2.5, True])
+def test_absurd_digits_are_refused(digits) -> None:
+    for f in (taylor, closed_form):
+        with pytest.raises(UsageError, match="digits, an integer between 1 and 2000"):
+            f(OSCILLATOR, (0.2, 0.1), 1.0, digits)
+
+
+def test_what_has_no_closed_form_says_so() -> None:
+    with pytest.raises(UsageError, match="closed form"):
+        closed_form(PREDATORS, (1.0, 1.9, 0.5), 1.0)
+    with pytest.raises(UsageError, match="different moments"):
+        closed_form(problems.rigid_body((1.0, 1.0, 2.0)).data, (0.1, 0.2, 0.3), 1.0)
+    with pytest.raises(UsageError, match="finite θ"):
+        taylor(OSCILLATOR, (0.2, 0.1), float("nan"))
+
+
+def run(*arguments: str) -> tuple[int, str]:
+    result = CliRunner().invoke(main, arguments)
+    return result.exit_code, result.output
+
+
+def test_exact_prints_digits_beside_float64() -> None:
+    code, output = run("exact", "harmonic-oscillator", "--theta", "8", "--digits", "40", "--certify")
+    assert code == 0, output
+    assert "y1 = -0.1280358314240608900619970373916446665972\n" in output
+    assert "in float64, off by" in output
+    assert "y1 in [-0.128" in output
+
+
+def test_step_prints_digits_float64_and_the_proof() -> None:
+    code, output = run(
+        "step", "energy-preserving", "rigid-body", "--h", "0.1", "--dW", "0.05", "--digits", "30", "--certify"
+    )
+    assert code == 0, output
+    assert "y1 = 0.802313691387643825092815834210\n" in output
+    assert "ulp" in output
+    assert "F has exactly one zero in X" in output
+    code, output = run("step", "averaged-vector-field", "pendulum", "--h", "0.1", "--y", "0x1p-3,1")
+    assert code == 0, output
+    assert "no float64 result" in output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["exact", "pendulum", "--theta", "1", "--digits", "0"], "between 1 and 2000"),
+        (["exact", "pendulum", "--theta", "inf"], "finite"),
+        (["exact", "nosuch", "--theta", "1"], "nosuch"),
+        (["step", "nosuch", "pendulum", "--h", "1"], "nosuch"),
+        (["step", "midpoint", "pendulum", "--h", "x"], "numbers separated by commas"),
+        (["step", "midpoint", "pendulum", "--h", "0.1", "--y", "1"], "2 finite numbers"),
+        (["step", "midpoint", "lotka-volterra", "--h", "0.1", "--y=-1,1,1"], "domain"),
+    ],
+)
+def test_bad_arguments_are_refused_with_a_remedy(arguments: list[str], words: str) -> None:
+    code, output = run(*arguments)
+    assert code == 2
+    assert words in output
+    assert "Remedy" in output
+
+
+def test_a_step_without_a_solution_says_where_its_branch_ends() -> None:
+    code, output = run("step", "energy-preserving", "lotka-volterra", "--h", "2")
+    assert code == 3
+    assert "end at Δ = 1.139191" in output
+    assert "residual" in output
