@@ -195,7 +195,7 @@ def _vector(
         y=candidate.y,
         h=candidate.h,
         dW=candidate.dW,
-        y1=tuple(ctx.nstr(v, DIGITS, strip_zeros=False) if v else "0.0" for v in y1),
+        y1=tuple(_decimal(ctx, v) for v in y1),
         y1_hex=tuple(map(to_binary64, y1)),
         condition=float(f"{condition:.3g}"),
         rounding=tuple(float(f"{1.005 * u:.3g}") for u in units),
@@ -203,6 +203,10 @@ def _vector(
         proof=proof,
         note=candidate.note,
     )
+
+
+def _decimal(ctx: Any, v: Any) -> str:
+    return str(ctx.nstr(v, DIGITS, strip_zeros=False, min_fixed=-6, max_fixed=16)) if v else "0.0"
 
 
 def named_candidates(scheme: str) -> list[tuple[str, Candidate]]:
