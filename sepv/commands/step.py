@@ -36,7 +36,7 @@ def step(
 
     \b
     sepv step energy-preserving rigid-body --h 0.1 --dW 0.05
-    sepv step collocation-3 lotka-volterra --h 0.01 --dW=-0.2 --digits 100 --certify
+    sepv step collocation-3 lotka-volterra --h 0.01 --dW=-0.2 --digits 100
     """
     from sepv.commands.reference import description, numbers, row
     from sepv.compare.choose import load_problem
