@@ -16,6 +16,9 @@ from sepv.errors import UsageError
 from sepv.polynomial import parse_float
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
 
+# A witness of sixty-four dimensions is a tenth of it.
+MOST_BYTES = 2**24
+
 
 @dataclass(frozen=True)
 class Case:
@@ -91,14 +94,23 @@ def from_token(token: str) -> Case:
     """
     try:
         packed = base64.urlsafe_b64decode(token + "=" * (-len(token) % 4))
-        data = json.loads(zlib.decompress(packed))
-    except (ValueError, zlib.error) as error:
+        data = json.loads(_unpacked(packed))
+    except (ValueError, RecursionError, zlib.error) as error:
         raise UsageError(
             expected="a token that a report printed after --replay",
             received=f"{token[:40]!r}… ({len(token)} characters)",
             remedy="copy the whole command from the report",
         ) from error
     return from_json(data)
+
+
+def _unpacked(packed: bytes) -> bytes:
+    """The text of a token, which is never longer than MOST_BYTES: a few bytes can unpack to gigabytes."""
+    unpacker = zlib.decompressobj()
+    text = unpacker.decompress(packed, MOST_BYTES)
+    if not unpacker.eof:
+        raise ValueError("cut short, or longer than any witness")
+    return text
 
 
 def _row(values: Any) -> str:

@@ -43,7 +43,7 @@ def sample_states(problem: Problem) -> Iterator[Array]:
     d = problem.dimension
     centre = np.ones(d) if problem.initial is None else np.asarray(problem.initial)
     candidates = [centre] + [centre + 0.25 * (1 + np.abs(centre)) * rng.uniform(-1, 1, d) for _ in range(64)]
-    inside = [y for y in candidates if problem.domain is None or bool(np.all(problem.domain(y)))]
+    inside = [y for y in candidates if problem.domain is None or bool(np.all(_call(problem, "domain", y)))]
     if not inside:
         raise ProblemError(
             expected="a domain that contains the initial state or states near it",
@@ -165,9 +165,19 @@ def _extended_difference(function: Callable[[Any], Any], y: Array, k: int) -> fl
 
 
 def _call(problem: Problem, key: str, y: Array) -> Any:
+    asked = y.copy()
     try:
-        return getattr(problem, key)(y)
-    except Exception as error:
+        value = getattr(problem, key)(asked)
+        if not np.array_equal(asked, y):
+            raise ProblemError(
+                expected=f"{key}(y) to leave y as it is",
+                received=f"y = {asked.tolist()} after a call with {y.tolist()}",
+                remedy="compute with copies: y = y * 2, not y *= 2",
+            )
+        return value
+    except ProblemError:
+        raise
+    except (Exception, SystemExit) as error:
         raise ProblemError(
             expected=f"{key}(y) to take a state of shape {y.shape}",
             received=f"{type(error).__name__}: {error}",

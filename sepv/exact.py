@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sepv.arguments import floats
 from sepv.closed_forms import CLOSED_FORMS
 from sepv.dense import solve_dense
 from sepv.errors import UsageError
@@ -60,8 +61,9 @@ def exact_flow(
     sepv.dense.FlowFailure
         Where the flow does not reach θ.
     """
-    times = np.asarray(theta, dtype=np.float64)
+    times = floats("theta", theta)
     start = problem.initial if y0 is None else y0
+    start = None if start is None else floats("y0", start)
     if start is None or np.shape(start) != (problem.dimension,) or not np.all(np.isfinite(start)):
         raise UsageError(
             expected=f"y0 finite, of shape ({problem.dimension},)",

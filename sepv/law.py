@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any
 
+from sepv.errors import UsageError
 from sepv.scheme import Scheme
 
 
@@ -110,6 +111,14 @@ class Effort:
     seed: int = 0
     shrink_seconds: float = 20.0
     cache: dict[Any, Any] = field(default_factory=dict, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.examples < 1 or self.paths < 1:
+            raise UsageError(
+                expected="at least one example and one path",
+                received=f"examples = {self.examples}, paths = {self.paths}",
+                remedy="leave them out for the usual effort",
+            )
 
     def deeper(self) -> Effort:
         """The nightly effort."""

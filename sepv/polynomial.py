@@ -17,6 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from sepv.errors import UsageError
 
 Exponents = tuple[int, ...]
+# Beyond it x^k is 0 or infinite for nearly every binary64 number x.
+MAX_DEGREE = 1024
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,12 @@ def polynomial(
                 expected=f"{dimension} exponents ≥ 0 for each term",
                 received=repr(exponents),
                 remedy="write one non-negative integer for each variable",
+            )
+        if sum(key) > MAX_DEGREE:
+            raise UsageError(
+                expected=f"a degree of at most {MAX_DEGREE}",
+                received=f"exponents {key}",
+                remedy="powers are tabulated one by one: such a degree is a function, not a table",
             )
         if not np.isfinite(coefficient):
             raise UsageError(

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sepv.errors import ProblemError
+from sepv.arguments import floats
+from sepv.errors import ProblemError, UsageError
 from sepv.nambu import Nambu
 from sepv.polynomial import Polynomial
 
@@ -150,15 +151,15 @@ class Problem:
             raise ProblemError(
                 expected="a dimension d ≥ 1", received=f"{d!r}", remedy="give the number of components of y"
             )
-        c = np.array(self.noise, dtype=np.float64).reshape(-1)
+        c = _numbers("noise", self.noise).reshape(-1)
         if not np.all(np.isfinite(c)) or np.any(c < 0):
             raise ProblemError(
                 expected="noise: the coefficients c_j, finite and ≥ 0, or () for none",
                 received=f"{self.noise!r}",
                 remedy="a sign belongs into the Wiener increment: c∘dW and −c∘dW have the same law",
             )
-        c.setflags(write=False)
-        object.__setattr__(self, "c", c)
+        # Over bytes, so that no scheme can make it writable again.
+        object.__setattr__(self, "c", np.frombuffer(c.tobytes(), dtype=np.float64))
         for key, shape in (("casimirs", (d, d)), ("linear_casimirs", (d,))):
             arrays = tuple(_constant(key, value, shape) for value in getattr(self, key))
             object.__setattr__(self, key, arrays)
@@ -182,8 +183,16 @@ class Problem:
         return delta
 
 
+def _numbers(key: str, value: ArrayLike) -> Array:
+    """A copy of the value as numbers."""
+    try:
+        return floats(key, value).copy()
+    except UsageError as error:
+        raise ProblemError(expected=error.expected, received=error.received, remedy=error.remedy) from error
+
+
 def _constant(key: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
-    array = np.array(value, dtype=np.float64)
+    array = _numbers(key, value)
     if array.shape != shape or not np.all(np.isfinite(array)):
         raise ProblemError(
             expected=f"{key}: finite arrays of shape {shape}",

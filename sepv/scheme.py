@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sepv.arguments import floats, is_number
 from sepv.errors import UsageError
 from sepv.implicit import Solution
 from sepv.problem import Array, Problem
@@ -66,6 +67,10 @@ class Scheme:
 
     def __post_init__(self) -> None:
         claims = {self.claims} if isinstance(self.claims, str) else set(self.claims)
+        if not all(isinstance(claim, str) for claim in claims):
+            raise UsageError(
+                expected="claims, names of laws", received=f"{self.claims!r:.80}", remedy="see `sepv list`"
+            )
         if self.mean_square_order is not None:
             claims |= {"mean-square-order", "right-limit"}
         if self.weak_order is not None:
@@ -93,7 +98,7 @@ def as_lanes(problem: Problem, y: ArrayLike, h: float, dW: ArrayLike) -> tuple[A
     UsageError
         A state, step or increment that does not fit the problem.
     """
-    state, increment = np.asarray(y, dtype=np.float64), np.asarray(dW, dtype=np.float64)
+    state, increment = floats("y", y), floats("dW", dW)
     d, m = problem.dimension, problem.noises
     if state.ndim not in (1, 2) or state.shape[0] != d or not np.all(np.isfinite(state)):
         raise UsageError(
@@ -107,7 +112,7 @@ def as_lanes(problem: Problem, y: ArrayLike, h: float, dW: ArrayLike) -> tuple[A
             received=f"shape {increment.shape}, {'all' if np.all(np.isfinite(increment)) else 'not all'} finite",
             remedy=f"the problem has noise c = {problem.c.tolist()}; give as many increments",
         )
-    if np.ndim(h) != 0 or not np.isfinite(h):
+    if not is_number(h):
         raise UsageError(
             expected="h, one finite number",
             received=f"{h!r:.80}",

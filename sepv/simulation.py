@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sepv import wiener
+from sepv.arguments import floats, is_number
 from sepv.errors import StepFailure, UsageError
 from sepv.implicit import Status
 from sepv.problem import Array, Problem
@@ -105,7 +106,7 @@ def integrate(
     raw = (
         wiener.increments(seed, T=h * count, steps=count, noises=problem.noises, refine=None)[:, :, 0]
         if dW is None
-        else np.asarray(dW, dtype=np.float64)
+        else floats("dW", dW)
     )
     if raw.shape != (count, problem.noises):
         raise UsageError(
@@ -269,7 +270,7 @@ def step_count(h: float, T: float | None, steps: int | None) -> int:
     UsageError
         For h ≤ 0 or not finite, both or neither of T and steps, or a T that h does not divide.
     """
-    if np.ndim(h) != 0 or not np.isfinite(h) or h <= 0:
+    if not is_number(h) or h <= 0:
         raise UsageError(
             expected="h, a finite step size > 0",
             received=f"h = {h!r}",
@@ -288,7 +289,9 @@ def step_count(h: float, T: float | None, steps: int | None) -> int:
             )
         return int(steps)
     assert T is not None
-    count = round(T / h) if np.isfinite(T) else 0
+    if not is_number(T):
+        raise UsageError(expected="T, a finite number", received=repr(T), remedy="choose T = N h")
+    count = round(T / h)
     # h·N = T up to the rounding of decimal step sizes such as 0.01.
     if count < 1 or abs(count * h - T) > 1e-12 * T:
         raise UsageError(
@@ -308,7 +311,7 @@ def initial_state(problem: Problem, y0: ArrayLike | None) -> Array:
             received="none",
             remedy="give y0=, or initial= when making the problem",
         )
-    y = np.array(start, dtype=np.float64)
+    y = floats("y0", start).copy()
     if y.shape != (problem.dimension,) or not np.all(np.isfinite(y)):
         raise UsageError(
             expected=f"y0 finite, of shape ({problem.dimension},)",

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from sepv._version import __version__
-from sepv.errors import SepvError, Skipped, UsageError
+from sepv.errors import SepvError, Skipped, TargetError, UsageError
 from sepv.expected import ExpectedFailure
 from sepv.expected import load as load_expected
 from sepv.law import Effort, Finding, Law, Verdict
@@ -175,7 +175,7 @@ def verify(
         For a scheme that cannot be loaded, an unknown law or claim.
     """
     chosen, effort = load_laws(laws), effort or Effort()
-    candidate = load_scheme(scheme, claims)
+    candidate = _load(scheme, claims, timeout)
     load_laws(candidate.claims)
     failures = load_expected(expected, LAWS) if expected is not None else {}
     findings: list[Finding] = []
@@ -195,6 +195,19 @@ def verify(
         if progress:
             progress(law, finding)
     return Report(candidate, tuple(findings), effort, interrupted)
+
+
+def _load(scheme: str | Scheme | Step, claims: Iterable[str], timeout: float) -> Scheme:
+    """The scheme: a bare function is called once or twice to see whether it takes batches, and may not come back."""
+    try:
+        with _deadline(timeout):
+            return load_scheme(scheme, claims)
+    except _TimedOut:
+        raise TargetError(
+            expected="a scheme that can be loaded, and a step that comes back",
+            received=f"nothing: it did not come back within {timeout:g} s",
+            remedy="a step of a small problem takes milliseconds; look for a loop that does not end",
+        ) from None
 
 
 def replay(scheme: str | Scheme | Step, law: str, witness: dict[str, Any]) -> Finding:

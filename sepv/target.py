@@ -137,7 +137,7 @@ def _module(name: str) -> Any:
             if name == missing or name.startswith(missing + ".")
             else f"install {missing}, which {name} imports",
         ) from error
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise TargetError(
             expected=f"a module {name} that can be imported",
             received=f"{type(error).__name__} while importing it: {error}",

@@ -15,6 +15,7 @@ ROOT = Path(__file__).resolve().parents[1]
 LAYERS = [
     "sepv._version sepv.palette",
     "sepv.errors",
+    "sepv.arguments",
     "sepv.polynomial",
     "sepv.nambu",
     "sepv.problem",

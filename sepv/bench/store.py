@@ -40,7 +40,15 @@ def load(path: str) -> list[dict[str, Any]]:
         for entry in document["records"]:
             for case in entry["cases"]:
                 _check(entry["target"], case)
-    except (OSError, UnicodeDecodeError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (
+        OSError,
+        UnicodeDecodeError,
+        ValueError,
+        KeyError,
+        TypeError,
+        AttributeError,
+        RecursionError,
+    ) as error:
         raise UsageError(
             expected=f"a file that `sepv bench --save` wrote, of format {FORMAT}",
             received=f"{path}: {type(error).__name__}: {error}",

@@ -49,5 +49,8 @@ def friendly(command: Callable[..., Any]) -> Callable[..., Any]:
                 raise
             click.echo(f"sepv: {error}", err=True)
             raise SystemExit(2) from None
+        except KeyboardInterrupt:
+            click.echo("sepv: interrupted", err=True)
+            raise SystemExit(130) from None
 
     return click.option("--debug", is_flag=True, help="Show tracebacks.")(wrapper)

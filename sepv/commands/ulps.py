@@ -63,9 +63,9 @@ def ulps(
         write_atomically(json_file, json.dumps([r.to_json() for r in rows], indent=1, allow_nan=False) + "\n")
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
     for heading in ("scheme", "problem"):
-        table.add_column(heading, no_wrap=True)
-    for heading in ("h", "steps", "failed", "energy: median", "largest", "casimir: median", "largest"):
-        table.add_column(heading, justify="right")
+        table.add_column(heading, overflow="fold")
+    for heading in ("h", "steps", "failed", "energy:\nmedian", "\nlargest", "casimir:\nmedian", "\nlargest"):
+        table.add_column(heading, justify="right", no_wrap=True)
     for r in rows:
         sizes = (r.energy_median, r.energy_largest, r.casimir_median, r.casimir_largest)
         shown = ["" if v is None else f"{v:.3g}" for v in sizes]

@@ -123,7 +123,7 @@ def _from_file(path: Path) -> Problem:
 
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
         raise UsageError(
             expected="a JSON file of a polynomial problem",
             received=f"{path}: {error}",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sepv.errors import ProblemError
 from sepv.problem import Array, NamedProblem, Problem
 from sepv.problems._canonical import canonical, canonical_derivative
 
@@ -18,6 +19,12 @@ def kepler(eccentricity: float = 0.6, noise: ArrayLike = 1.0) -> Problem:
     along the segment, which does all the work, and one across it.
     """
     e = float(eccentricity)
+    if not 0 <= e < 1:
+        raise ProblemError(
+            expected="an eccentricity 0 ≤ e < 1",
+            received=repr(eccentricity),
+            remedy="an ellipse, such as 0.6",
+        )
     c = np.atleast_1d(np.asarray(noise, dtype=np.float64))
     start = np.array([0.0, np.sqrt((1 + e) / (1 - e)), 1 - e, 0.0])
     return Problem(

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sepv.arguments import is_number
+from sepv.errors import ProblemError
 from sepv.nambu import Nambu
 from sepv.problem import Array, NamedProblem, Problem
 
@@ -23,6 +25,12 @@ def lotka_volterra(
     quadratic, so that (2.1) does not keep it. The defaults are those of §4.4: c = 0.5.
     """
     c = np.atleast_1d(np.asarray(noise, dtype=np.float64))
+    if not all(is_number(v) for v in (a, b, d, nu, mu)):
+        raise ProblemError(
+            expected="finite parameters a, b, d, ν, μ",
+            received=f"{(a, b, d, nu, mu)!r}",
+            remedy="those of §4.4 are −2, −1, −0.5, 1, 2",
+        )
     pairs = ((0, 1, d), (0, 2, b * d), (1, 2, -1.0))  # B[i, j] = factor · y[i] · y[j]
 
     def structure(y: Array) -> Array:

@@ -13,6 +13,9 @@ from sepv.polynomial import Polynomial, PolynomialMap
 from sepv.problem import PolynomialSystem, Problem
 from sepv.problems.nambu_system import check_nambu
 
+# d³ polynomials are the derivatives of B.
+MAX_DIMENSION = 64
+
 
 @lru_cache(maxsize=256)
 def polynomial_problem(data: PolynomialSystem) -> Problem:
@@ -24,8 +27,14 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
         Where a matrix or vector is not a Casimir of B: the coefficients of ∇CᵀB are computed.
     """
     d = data.dimension
-    entries = structure_entries(data)
+    if d > MAX_DIMENSION:
+        raise ProblemError(
+            expected=f"at most {MAX_DIMENSION} dimensions: B, its derivatives and H″ are tables of polynomials",
+            received=f"{d}",
+            remedy="large systems have a sparse B: see sepv.large",
+        )
     _check_indices(data)
+    entries = structure_entries(data)
     for name, slope in _casimir_gradients(data):
         _check_casimir(name, slope, entries)
     flat = tuple(entries[i][j] for i in range(d) for j in range(d))

@@ -1,0 +1,38 @@
+"""What a caller hands over as numbers, as numbers: words, complex numbers and ragged lists are refused."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sepv.errors import UsageError
+
+
+def floats(what: str, value: Any) -> NDArray[np.float64]:
+    """The value as an array of binary64 numbers, finite or not.
+
+    Raises
+    ------
+    UsageError
+        For anything that is not an array of real numbers.
+    """
+    try:
+        if np.iscomplexobj(value):
+            raise TypeError("complex numbers")
+        return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise UsageError(
+            expected=f"{what}: real numbers",
+            received=f"{value!r:.80} ({error})",
+            remedy="give a number, a NumPy array of numbers, or lists of them of equal length",
+        ) from error
+
+
+def is_number(value: Any) -> bool:
+    """Whether this is one finite real number."""
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value[()]
+    return isinstance(value, (int, float, np.integer, np.floating)) and math.isfinite(value)
