@@ -57,7 +57,20 @@ def substitute(p: Polynomial, rows: Array) -> Polynomial:
 def transformed(system: PolynomialSystem, P: Array, inverse: Array) -> PolynomialSystem:
     """The system of z = Py: H(P⁻¹z) and P B(P⁻¹z) Pᵀ."""
     d = system.dimension
-    old = {(i, j): substitute(entry, inverse) for i, j, entry in system.structure}
+    H = substitute(system.hamiltonian, inverse)
+    if system.nambu is not None:
+        # P hat(c) Pᵀ = det(P) hat(P⁻ᵀc): the factor takes the determinant, and C goes with H.
+        g, C = (substitute(p, inverse) for p in system.nambu)
+        return nambu_system(H, poly.scale(float(round(np.linalg.det(P))), g), C, system.noise)
+    B, *G = (_congruent(d, part, P, inverse) for part in (system.structure, *system.noise_structures))
+    return PolynomialSystem(d, H, B, system.noise, noise_structures=tuple(G))
+
+
+def _congruent(
+    d: int, structure: tuple[tuple[int, int, Polynomial], ...], P: Array, inverse: Array
+) -> tuple[tuple[int, int, Polynomial], ...]:
+    """P B(P⁻¹z) Pᵀ above the diagonal."""
+    old = {(i, j): substitute(entry, inverse) for i, j, entry in structure}
     entries = []
     for a in range(d):
         for b in range(a + 1, d):
@@ -68,12 +81,7 @@ def transformed(system: PolynomialSystem, P: Array, inverse: Array) -> Polynomia
             entry = poly.add(poly.polynomial(d, {}), *parts)
             if entry.terms:
                 entries.append((a, b, entry))
-    H = substitute(system.hamiltonian, inverse)
-    if system.nambu is not None:
-        # P hat(c) Pᵀ = det(P) hat(P⁻ᵀc): the factor takes the determinant, and C goes with H.
-        g, C = (substitute(p, inverse) for p in system.nambu)
-        return nambu_system(H, poly.scale(float(round(np.linalg.det(P))), g), C, system.noise)
-    return PolynomialSystem(d, H, tuple(entries), system.noise)
+    return tuple(entries)
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:

@@ -24,10 +24,11 @@ from sepv.case import Case
 from sepv.fields import derivative_along, vector_field
 from sepv.law import Effort, Measurement, require
 from sepv.polynomial import Polynomial
-from sepv.problem import Array, PolynomialSystem
+from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.scheme import Scheme
 from sepv.search import searched
 from sepv.strategies import coefficients, contraction_ball, polynomials
+from sepv.structures import combined, combined_slope
 from sepv.tolerance import TINY, step_residual
 
 # Δ as a share of the radius ϱ inside which y1(Δ) is analytic: balances x⁴ against K·eps/x.
@@ -80,11 +81,14 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     radius, r = contraction_ball(problem, y)
     radius = min(radius, 1.0)
     values, rounding = {}, 0.0
-    delta = float(problem.random_step(h, dW))
+    several = scheme.systems == "several"
+    field, delta = frozen(problem, h, dW) if several else (problem, float(problem.random_step(h, dW)))
     for share in (1.0, 0.5):
         for sign in (1.0, -1.0):
             step = share * h
             noise = share * dW if sign > 0 else -share * dW - 2 * step
+            if several:  # no noise turns the drift around
+                step, noise = sign * share * h, sign * share * dW
             y1 = ask(scheme, problem, y, step, noise)
             values[share, sign] = y1
             residual = step_residual(problem, y, y1, step, noise, scheme.solver_tolerance, scheme.stages)
@@ -94,8 +98,8 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     # Without a scale of its own a system at rest is judged by r/ϱ, the largest field it may have.
     found = []
     for name, power, parity, expected in (
-        ("a = f", 1, -1.0, vector_field(problem, y)),
-        ("b = f′f/2", 2, 1.0, 0.5 * derivative_along(problem, y, vector_field(problem, y))),
+        ("a = f", 1, -1.0, vector_field(field, y)),
+        ("b = f′f/2", 2, 1.0, 0.5 * derivative_along(field, y, vector_field(field, y))),
     ):
         parts = [(values[s, 1.0] + parity * values[s, -1.0]) / (2 * (s * delta) ** power) for s in (1.0, 0.5)]
         measured = (4 * parts[1] - parts[0]) / 3
@@ -105,6 +109,27 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         detail = f"{name}: measured {measured.tolist()}, expected {expected.tolist()}"
         found.append(Measurement(error / unit, bound / unit, detail))
     return max([*found, *higher_coefficients(scheme, case, radius / 2, r)], key=lambda m: m.ratio)
+
+
+def frozen(problem: Problem, h: float, dW: Array) -> tuple[Problem, float]:
+    """The system (1.1) that several structures are with the increments held fixed, and its Δ = |h| + Σ|c_j ΔW_j|."""
+    parts = np.array([h, *(problem.c * dW)])
+    length = float(np.abs(parts).sum())
+
+    def slope(y: Array) -> Array:
+        value = combined_slope(problem, y, parts / length)
+        assert value is not None
+        return value
+
+    return Problem(
+        problem.dimension,
+        lambda y: combined(problem, y, parts / length),
+        problem.hamiltonian,
+        problem.gradient,
+        hessian=problem.hessian,
+        structure_derivative=slope,
+        check=False,
+    ), length
 
 
 def higher_coefficients(scheme: Scheme, case: Case, radius: float, r: float) -> list[Measurement]:

@@ -35,14 +35,24 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     The three solve one equation, with residuals r; inside the contraction radius their distance is at
     most 2r/(1 − CONTRACTION) in the largest component. The rounding of Δ is part of r.
     """
-    problem, y, h, dW = case.build()
+    problem, _, h, dW = case.build()
     data = case.problem
     assert isinstance(data, PolynomialSystem)
+    if scheme.systems == "several":
+        turned = replace(data, noise=data.noise[::-1], noise_structures=data.noise_structures[::-1])
+        others = {"reversed": Case(turned, case.y, h, case.dW[::-1])}
+        return _furthest(scheme, case, others)
     total = float(sum(c * w for c, w in zip(problem.c, dW, strict=True)))
     others = {
         "reversed": Case(replace(data, noise=data.noise[::-1]), case.y, h, case.dW[::-1]),
         "as one": Case(replace(data, noise=(1.0,)), case.y, h, (total,)),
     }
+    return _furthest(scheme, case, others)
+
+
+def _furthest(scheme: Scheme, case: Case, others: dict[str, Case]) -> Measurement:
+    """The largest distance of the other cases' steps from the case's own."""
+    problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     residual = float(step_residual(problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages).max())
     unit, worst = state_ulp(y, y1), Measurement(0.0, 0.0)

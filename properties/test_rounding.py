@@ -23,6 +23,8 @@ PATHS = 32
 RUNS = (("rigid-body", 0.01, 2048), ("pendulum", 0.01, 2048), ("rigid-body", 0.125, 256))
 # The same for schemes for Nambu systems.
 NAMBU_RUNS = (RUNS[0], ("lotka-volterra", 2.0**-8, 1024), RUNS[2])
+# And for several structures.
+SEVERAL_RUNS = (("commuting-rotations", 0.01, 2048), ("commuting-oscillators", 0.01, 512))
 FIRST = 32  # the first checkpoint; then doubled
 # Rounding of one step of (2.1) moves the energy by about 0.3 energy ulps (root mean square), independently from
 # step to step: after n steps by 0.3√n. The factor of 10 up to this bound is room for other orders of
@@ -33,7 +35,7 @@ ALLOWED = 3.0
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
     """rms energy defect after n steps, in ulp of H over √n, at its largest; and how it grows."""
     rows, lines, broken, checks = [(0.0, ALLOWED)], [], [], 0
-    for name, h, steps in NAMBU_RUNS if scheme.systems == "nambu" else RUNS:
+    for name, h, steps in {"nambu": NAMBU_RUNS, "several": SEVERAL_RUNS}.get(scheme.systems, RUNS):
         defects = energy_walk(scheme, name, h, steps, effort.seed)
         alive = np.isfinite(defects[-1])
         if alive.sum() < PATHS // 2:

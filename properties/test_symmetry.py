@@ -36,16 +36,19 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     (I + Δ ∂R/∂y0)(y0′ − y0) = −(r1 + r2), whose inverse is that of the way back.
     """
     problem, y, h, dW = case.build()
-    back = -dW
-    back[0] = -dW[0] - 2 * h / problem.c[0]
+    back, h_back = -dW, h
+    if scheme.systems == "several":
+        h_back = -h  # no noise turns the drift around
+    else:
+        back[0] = -dW[0] - 2 * h / problem.c[0]
     y1 = ask(scheme, problem, y, h, dW)
-    returned = ask(scheme, problem, y1, h, back)
+    returned = ask(scheme, problem, y1, h_back, back)
     residual = step_residual(problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages)
     residual = residual + step_residual(
-        problem, y1, returned, h, back, scheme.solver_tolerance, scheme.stages
+        problem, y1, returned, h_back, back, scheme.solver_tolerance, scheme.stages
     )
     method = equation_for(scheme.systems, scheme.stages)
-    condition = reference_step(method, case.problem, y1.tolist(), h, back.tolist(), 20).condition
+    condition = reference_step(method, case.problem, y1.tolist(), h_back, back.tolist(), 20).condition
     bound = np.array(condition) @ residual
     error = np.abs(returned - y)
     k = int(np.argmax(error / bound))

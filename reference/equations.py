@@ -22,6 +22,7 @@ class Step(NamedTuple):
     h: Number
     S: Number
     delta: Number
+    dW: tuple[Number, ...] = ()
 
 
 # Where H is not polynomial and nobody asked for more: good for a first guess.
@@ -60,7 +61,7 @@ def make_step(problem: ExactProblem, h: float, dW: tuple[float, ...]) -> Step:
     """The step of these increments, each taken as the binary64 number that it is."""
     exact = problem.number(h)
     S = sum((c * problem.number(w) for c, w in zip(problem.noise, dW, strict=True)), problem.number(0.0))
-    return Step(exact, S, exact + S)
+    return Step(exact, S, exact + S, tuple(problem.number(w) for w in dW))
 
 
 def _middle(problem: ExactProblem, y0: Vector, y1: Vector) -> Vector:

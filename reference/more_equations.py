@@ -24,13 +24,33 @@ def _both_invariants(problem: ExactProblem, y0: Vector, step: Step, y1: Vector) 
     return [b - a - factor * p for a, b, p in zip(y0, y1, product, strict=True)]
 
 
+def _several_structures(problem: ExactProblem, y0: Vector, step: Step, y1: Vector) -> Vector:
+    """y1 − y0 − [h B(ȳ) + Σ c_j ΔW_j G_j(ȳ)] ∇̄H, ȳ = (y0 + y1)/2; B itself for the G_j of a single structure."""
+    half = problem.number(0.5)
+    middle = [half * (a + b) for a, b in zip(y0, y1, strict=True)]
+    B, mean = problem.structure(middle), problem.mean_gradient(y0, y1)
+    if problem.noise_structures is None:
+        factors, structures = [step.delta], [B]
+    else:
+        factors, structures = [step.h, *step.dW], [B, *problem.noise_structures(middle)]
+    moved = list(y0)
+    for factor, G in zip(factors, structures, strict=True):
+        moved = [a + factor * b for a, b in zip(moved, problem.turned(G, mean), strict=True)]
+    return [b - a for a, b in zip(moved, y1, strict=True)]
+
+
 def equation_for(systems: str, stages: int = 1) -> str | Equation:
     """What a scheme for this class of systems, with so many stages, is compared with."""
     if systems == "nambu":
         return BOTH_INVARIANTS
+    if systems == "several":
+        return SEVERAL_STRUCTURES
     return "energy-preserving" if stages == 1 else f"collocation-{stages}"
 
 
+SEVERAL_STRUCTURES = Equation(
+    "several-structures", "§1", _several_structures, lambda _problem, _y0, _step, y1: y1
+)
 BOTH_INVARIANTS = Equation(
     "both-invariants", "(2.1) with ∇C averaged too", _both_invariants, lambda _problem, _y0, _step, y1: y1
 )

@@ -60,6 +60,8 @@ class ExactProblem:
     mean_casimir_gradient: Callable[[Vector, Vector], Vector] | None = None
     # Where H and B are defined.
     inside: Callable[[Vector], bool] = staticmethod(lambda _: True)
+    # Several structures, or several Hamiltonians as structures: [c_1 G_1, …, c_m G_m](y).
+    noise_structures: Callable[[Vector], list[Skew]] | None = None
 
     def state(self, y: Sequence[float]) -> Vector:
         """A binary64 state, exactly."""
@@ -152,6 +154,41 @@ def _polynomial(self: ExactProblem, data: PolynomialSystem) -> None:
     self.mean_gradient = lambda y0, y1: self.mean_gradient_by(rule, y0, y1)
     if data.nambu is not None:
         _nambu(self, *data.nambu)
+    if data.noise_structures:
+        tables = [[(i, j, _monomials(self, e.terms)) for i, j, e in G] for G in data.noise_structures]
+        self.noise_structures = lambda y: [
+            [(i, j, c * _value(p, y, zero)) for i, j, p in G] for c, G in zip(self.noise, tables, strict=True)
+        ]
+    if data.noise_hamiltonians:
+        slopes = [[_partial(_monomials(self, H.terms), i) for i in range(d)] for H in data.noise_hamiltonians]
+        self.noise_structures = lambda y: [
+            _commuting_structure(self, y, c, [_value(p, y, zero) for p in slope])
+            for c, slope in zip(self.noise, slopes, strict=True)
+        ]
+
+
+def _commuting_structure(self: ExactProblem, y: Vector, c: Number, slope: Vector) -> Skew:
+    """c (v wᵀ − w vᵀ)/|w|², v = B∇H_j, w = ∇H_0 without its parts along the Casimirs' gradients."""
+    v, w = self.turned(self.structure(y), slope), self.gradient(y)
+    normals = [[2 * total(a * b for a, b in zip(row, y, strict=True)) for row in A] for A in self.casimirs]
+    found: list[Vector] = []
+    for normal in [*normals, *self.linear_casimirs]:
+        n = _without(normal, found)
+        if total(a * a for a in n):
+            found.append(n)
+    w = _without(w, found)
+    square = total(a * a for a in w)
+    return [
+        (i, j, c * (v[i] * w[j] - w[i] * v[j]) / square) for i in range(len(y)) for j in range(i + 1, len(y))
+    ]
+
+
+def _without(v: Vector, orthogonal: list[Vector]) -> Vector:
+    """v less its parts along vectors that are orthogonal to each other."""
+    for n in orthogonal:
+        share = total(a * b for a, b in zip(v, n, strict=True)) / total(a * a for a in n)
+        v = [a - share * b for a, b in zip(v, n, strict=True)]
+    return v
 
 
 def _nambu(self: ExactProblem, factor: Polynomial, casimir: Polynomial) -> None:

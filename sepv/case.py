@@ -15,6 +15,7 @@ from sepv.description import problem_from_json, problem_to_json
 from sepv.errors import UsageError
 from sepv.polynomial import parse_float
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
+from sepv.structures import StructuresProblem
 
 # A witness of sixty-four dimensions is a tenth of it.
 MOST_BYTES = 2**24
@@ -36,12 +37,14 @@ class Case:
     def describe(self) -> str:
         """The case for a reader; `to_json` keeps every bit."""
         problem = problems.build(self.problem)
-        delta = float(problem.random_step(self.h, np.array(self.dW, dtype=np.float64)))
+        several = isinstance(problem, StructuresProblem)
+        step = 0.0 if several else float(problem.random_step(self.h, np.array(self.dW, dtype=np.float64)))
         return "\n".join(
             [
                 *_describe_problem(self.problem),
                 f"y = {_row(self.y)}",
-                f"h = {self.h!r}, c = {_row(problem.c)}, dW = {_row(self.dW)}, so Δ = {delta!r}",
+                f"h = {self.h!r}, c = {_row(problem.c)}, dW = {_row(self.dW)}"
+                + ("" if several else f", so Δ = {step!r}"),
             ]
         )
 
@@ -123,6 +126,11 @@ def _describe_problem(data: PolynomialSystem | NamedProblem) -> list[str]:
         return [f"problem {data.name}: {given}"]
     lines = [f"H(y) = {data.hamiltonian}"]
     lines += [f"B{i + 1}{j + 1}(y) = {entry}" for i, j, entry in data.structure if entry.terms]
+    for n, G in enumerate(data.noise_structures, 1):
+        lines += [f"G{n}_{i + 1}{j + 1}(y) = {entry}" for i, j, entry in G if entry.terms]
+    lines += [f"H{n}(y) = {H}" for n, H in enumerate(data.noise_hamiltonians, 1)]
+    if data.nambu is not None:
+        lines += [f"g(y) = {data.nambu[0]}", f"C(y) = {data.nambu[1]}"]
     lines += [f"Casimir yᵀAy with A = {[list(row) for row in A]}" for A in data.casimirs]
     lines += [f"Casimir bᵀy with b = {list(b)}" for b in data.linear_casimirs]
     return lines

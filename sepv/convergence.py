@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sepv import wiener
-from sepv.exact import exact_flow
+from sepv.exact_structures import ends as exact_ends
+from sepv.exact_structures import finer
 from sepv.implicit import Status
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
@@ -32,6 +33,7 @@ class StrongErrors:
     """Errors y_N − y(T) of M paths (L, d, M) for L numbers of steps, their squares |·|² (L, M), and failures.
 
     `failures` counts paths with a step that was not solved or left the domain, for each number of steps.
+    `reference` is the rms error of a reference that is not exact, 0 where it is.
     """
 
     T: float
@@ -41,6 +43,7 @@ class StrongErrors:
     failures: tuple[int, ...]
     scale: float
     floor: float = FLOOR
+    reference: float = 0.0
 
     def rms(self) -> Array:
         """√E|y_N − y(T)|², (L,)."""
@@ -80,13 +83,17 @@ def strong_errors(
     squared = np.empty((len(steps), len(paths)))
     errors = np.empty((len(steps), problem.dimension, len(paths)))
     failures = np.zeros(len(steps), dtype=np.int64)
-    largest = float(np.max(np.abs(start)))
+    largest, reference = float(np.max(np.abs(start))), 0.0
     for first in range(0, len(paths), _CHUNK):
         here = slice(first, min(first + _CHUNK, len(paths)))
         numbers = paths[here]
         fine = wiener.increments(seed, T=T, steps=finest, noises=problem.noises, paths=numbers)
-        theta = problem.random_step(T, fine.sum(axis=0))
-        exact = exact_flow(problem, theta).y
+        known = exact_ends(problem, start, T, fine.sum(axis=0))
+        if known is None:
+            fine, exact, apart = finer(problem, start, T, finest, numbers, seed)
+            reference = max(reference, apart)
+        else:
+            exact = known
         largest = max(largest, float(np.max(np.abs(exact))))
         for row, count in enumerate(steps):
             raw = wiener.coarsen(fine, finest // count)
@@ -95,7 +102,9 @@ def strong_errors(
             errors[row, :, here] = result.y - exact
             with np.errstate(over="ignore"):  # a path that blows up has an infinite error, and is no accident
                 squared[row, here] = np.sum((result.y - exact) ** 2, axis=0)
-    return StrongErrors(T, tuple(steps), squared, errors, tuple(int(f) for f in failures), largest)
+    return StrongErrors(
+        T, tuple(steps), squared, errors, tuple(int(f) for f in failures), largest, FLOOR, reference
+    )
 
 
 def join(parts: Sequence[StrongErrors]) -> StrongErrors:
@@ -108,6 +117,7 @@ def join(parts: Sequence[StrongErrors]) -> StrongErrors:
         tuple(int(n) for n in np.sum([p.failures for p in parts], axis=0)),
         max(p.scale for p in parts),
         parts[0].floor,
+        max(p.reference for p in parts),
     )
 
 

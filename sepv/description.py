@@ -38,6 +38,7 @@ def to_json(data: PolynomialSystem) -> dict[str, Any]:
         "casimirs": [[[a.hex() for a in row] for row in A] for A in data.casimirs],
         "linear_casimirs": [[b.hex() for b in vector] for vector in data.linear_casimirs],
         **nambu,
+        **_more_noise(data),
     }
 
 
@@ -61,6 +62,11 @@ def from_json(data: Any) -> PolynomialSystem:
             ),
             linear_casimirs=tuple(tuple(parse_float(b) for b in v) for v in data.get("linear_casimirs", [])),
             nambu=_nambu(d, data["nambu"]) if data.get("nambu") else None,
+            noise_structures=tuple(
+                tuple((int(i), int(j), poly.from_json(d, entry)) for i, j, entry in G)
+                for G in data.get("noise_structures", [])
+            ),
+            noise_hamiltonians=tuple(poly.from_json(d, p) for p in data.get("noise_hamiltonians", [])),
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         if isinstance(error, ProblemError):
@@ -70,6 +76,18 @@ def from_json(data: Any) -> PolynomialSystem:
             received=f"{type(error).__name__}: {error}",
             remedy="write one with sepv.problems.to_json and change that",
         ) from error
+
+
+def _more_noise(data: PolynomialSystem) -> dict[str, Any]:
+    """The keys of several structures or Hamiltonians, where there are any."""
+    found: dict[str, Any] = {}
+    if data.noise_structures:
+        found["noise_structures"] = [
+            [[i, j, poly.to_json(entry)] for i, j, entry in G] for G in data.noise_structures
+        ]
+    if data.noise_hamiltonians:
+        found["noise_hamiltonians"] = [poly.to_json(p) for p in data.noise_hamiltonians]
+    return found
 
 
 def _nambu(d: int, data: Any) -> tuple[Polynomial, Polynomial]:

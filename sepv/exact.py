@@ -19,6 +19,7 @@ from sepv.dense import solve_dense
 from sepv.errors import UsageError
 from sepv.fields import vector_field
 from sepv.problem import Array, NamedProblem, Problem
+from sepv.structures import StructuresProblem
 
 _EPS = float(np.finfo(np.float64).eps)
 
@@ -61,6 +62,12 @@ def exact_flow(
     sepv.dense.FlowFailure
         Where the flow does not reach θ.
     """
+    if isinstance(problem, StructuresProblem):
+        raise UsageError(
+            expected="a problem of class (1.1): one structure, one random time",
+            received=f"{problem.name}, with several structures",
+            remedy="its closed_form, where the flows commute; no formula is known where they do not",
+        )
     times = floats("theta", theta)
     start = problem.initial if y0 is None else y0
     start = None if start is None else floats("y0", start)

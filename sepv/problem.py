@@ -36,6 +36,10 @@ class PolynomialSystem:
         C(y) = bᵀy is a Casimir.
     nambu : (g, C), optional
         For d = 3, B(y)v = g(y)(v × ∇C(y)); `structure` must say the same. See `sepv.problems.nambu_system`.
+    noise_structures : tuple of structures, optional
+        G_1, …, G_m, each like `structure`: several structures. The Casimirs are then those common to all.
+    noise_hamiltonians : tuple of polynomials, optional
+        H_1, …, H_m with {H, H_j} = 0: several Hamiltonians. At most one of the two.
     """
 
     dimension: int
@@ -45,6 +49,8 @@ class PolynomialSystem:
     casimirs: tuple[tuple[tuple[float, ...], ...], ...] = ()
     linear_casimirs: tuple[tuple[float, ...], ...] = ()
     nambu: tuple[Polynomial, Polynomial] | None = None
+    noise_structures: tuple[tuple[tuple[int, int, Polynomial], ...], ...] = ()
+    noise_hamiltonians: tuple[Polynomial, ...] = ()
 
 
 @dataclass(frozen=True)

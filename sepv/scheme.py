@@ -14,7 +14,7 @@ from sepv.implicit import Solution
 from sepv.problem import Array, Problem
 
 # The classes of systems that a scheme may be for; `sepv.strategies_structures` has cases for each.
-SYSTEMS = ("single", "nambu")
+SYSTEMS = ("single", "nambu", "several")
 Step = Callable[[Problem, Array, float, Array], Array]
 
 
@@ -46,7 +46,8 @@ class Scheme:
         Whether `step` takes batches.
     systems : str
         The class of systems it takes, from which laws draw their cases: "single" for every (1.1), "nambu" for
-        those in dimension three with a Casimir and a factor (`Problem.nambu`).
+        those in dimension three with a Casimir and a factor (`Problem.nambu`), "several" for several structures
+        or Hamiltonians (`sepv.structures`).
     stages : int
         s of the collocation family: laws that compare with (2.1) compare with its s-stage method
         (Cohen and Hairer), those that compare with the midpoint rule with the s-stage Gauss method.

@@ -45,9 +45,15 @@ SETUPS = (Setup("rigid-body", 1.0, (8, 16, 32, 64, 128)), Setup("pendulum", 1.0,
 NAMBU_SETUPS = (SETUPS[0], Setup("lotka-volterra", 0.25, (32, 64, 128, 256, 512)))
 
 
+# Several structures and Hamiltonians whose flows commute; the law "commutation" looks at those that do not.
+SEVERAL_SETUPS = tuple(
+    Setup(name, 1.0, (8, 16, 32, 64, 128)) for name in ("commuting-rotations", "commuting-oscillators")
+)
+
+
 def setups_for(scheme: Scheme) -> Sequence[Setup]:
     """The problems on which schemes for its class of systems are judged."""
-    return NAMBU_SETUPS if scheme.systems == "nambu" else SETUPS
+    return {"nambu": NAMBU_SETUPS, "several": SEVERAL_SETUPS}.get(scheme.systems, SETUPS)
 
 
 def at_the_floor(law: Law, scheme: Scheme, effort: Effort) -> Finding | None:
@@ -195,4 +201,5 @@ def _first(errors: StrongErrors, paths: int) -> StrongErrors:
         errors.failures,
         errors.scale,
         errors.floor,
+        errors.reference,
     )

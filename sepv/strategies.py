@@ -17,6 +17,7 @@ from sepv import problems
 from sepv.case import Case
 from sepv.polynomial import Polynomial, PolynomialMap
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
+from sepv.structures import StructuresProblem
 
 # A contraction factor of 1/4 leaves a unique solution near y0 for every scheme that evaluates B and ∇H
 # between y0 and y1, and makes |(I − ∂R/∂y1)⁻¹| at most 4/3.
@@ -131,19 +132,19 @@ def casimir_systems(draw: st.DrawFn, degree: int = 6, *, largest: int = 6) -> Po
         st.sampled_from(["tensor", "linear", "skew", "two"] if d > 3 else ["tensor", "linear", "skew"])
     )
     A = draw(symmetric_matrices(d))
-    v = _linear_forms(A)
+    v = linear_forms(A)
     quadratic: tuple[tuple[tuple[float, ...], ...], ...] = (A,)
     linear: tuple[tuple[float, ...], ...] = ()
     if kind == "skew":
         B = _skew_family(draw, d, v)
     elif kind == "two":
         second = draw(symmetric_matrices(d))
-        B, quadratic = _contracted(draw, d, [v, _linear_forms(second)]), (A, second)
+        B, quadratic = contracted(draw, d, [v, linear_forms(second)]), (A, second)
     elif kind == "linear":
         b = tuple(draw(st.lists(st.integers(-2, 2).map(float), min_size=d, max_size=d).filter(any)))
-        B, quadratic, linear = _contracted(draw, d, [[poly.constant(d, x) for x in b]]), (), (b,)
+        B, quadratic, linear = contracted(draw, d, [[poly.constant(d, x) for x in b]]), (), (b,)
     else:
-        B = _contracted(draw, d, [v])
+        B = contracted(draw, d, [v])
     return PolynomialSystem(d, draw(hamiltonians(d, degree)), B, draw(noises()), quadratic, linear)
 
 
@@ -243,6 +244,10 @@ def contraction_ball(problem: Problem, y: Array) -> tuple[float, float]:
             _majorant(f, reach)
             for f in (problem.structure, problem.gradient, problem.structure_derivative, problem.hessian)
         )
+        if isinstance(problem, StructuresProblem) and problem.noise_structure_derivatives:
+            B = np.max([B, *(_majorant(G, reach) for G in problem.noise_structures)], axis=0)
+            slopes = [_majorant(D, reach) for D in problem.noise_structure_derivatives]
+            dB = np.max([dB, *slopes], axis=0)
         field = float(np.max(B @ g))
         slope = float(np.max(np.sum(np.einsum("ijk,j->ik", dB, g) + B @ H, axis=1)))
         radius = min(r / field if field else np.inf, CONTRACTION / slope if slope else np.inf)
@@ -255,7 +260,7 @@ def _majorant(function: object, y: Array) -> Array:
     return function.majorant(y)
 
 
-def _linear_forms(A: tuple[tuple[float, ...], ...]) -> list[Polynomial]:
+def linear_forms(A: tuple[tuple[float, ...], ...]) -> list[Polynomial]:
     """The components of Ay."""
     d = len(A)
     return [poly.add(*(poly.scale(a, poly.variable(d, k)) for k, a in enumerate(row))) for row in A]
@@ -265,7 +270,7 @@ def _parity(order: tuple[int, ...]) -> int:
     return (-1) ** sum(a > b for a, b in combinations(order, 2))
 
 
-def _contracted(
+def contracted(
     draw: st.DrawFn, d: int, forms: list[list[Polynomial]]
 ) -> tuple[tuple[int, int, Polynomial], ...]:
     """B_ij = g Σ T_{ij k…} v_k …, T totally antisymmetric of rank 2 + len(forms), g a polynomial for d = 3."""

@@ -41,6 +41,7 @@ LAWS = (
     "mean-square-order",
     "weak-order",
     "right-limit",
+    "commutation",
 )
 
 Progress = Callable[[Law, "Finding | None"], None]

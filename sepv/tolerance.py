@@ -31,6 +31,7 @@ import numpy as np
 from sepv.fields import matvec
 from sepv.polynomial import PolynomialMap
 from sepv.problem import Array, Problem
+from sepv.structures import StructuresProblem
 from sepv.tableaux import amplification, exact_nodes
 
 EPS = float(np.finfo(np.float64).eps)
@@ -67,6 +68,13 @@ def structure_majorant(problem: Problem, *states: Array) -> Array:
     return np.max(rows, axis=0)
 
 
+def _largest(structure: Any, *states: Array) -> Array:
+    """M_G (d, d) of a noise structure over the states: its own majorant, else |G|."""
+    majorant = getattr(structure, "majorant", None)
+    rows = [np.abs(structure(y)) if majorant is None else majorant(y) for y in states]
+    return np.asarray(np.max(rows, axis=0))
+
+
 def operations(problem: Problem, stages: int = 1) -> float:
     """K of the module's docstring."""
     terms, degree, nodes = 6, 2, 2 * (stages + 4)  # of a quadrature that is refined until it is exact
@@ -92,7 +100,10 @@ def step_residual(
     """r (d,): the residual that a step solved to rounding may leave; (d, M) for a batch."""
     scale = np.maximum(np.abs(y0).max(axis=0), np.abs(y1).max(axis=0))
     length = abs(h) + np.tensordot(problem.c, np.abs(dW), axes=1)
-    flow = matvec(structure_majorant(problem, y0, y1), gradient_majorant(problem, y0, y1))
+    B = structure_majorant(problem, y0, y1)
+    if isinstance(problem, StructuresProblem):
+        B = np.max([B, *(_largest(G, y0, y1) for G in problem.noise_structures)], axis=0)
+    flow = matvec(B, gradient_majorant(problem, y0, y1))
     return 0.5 * EPS * operations(problem, stages) * (scale + length * flow) + solver_tolerance * scale + TINY
 
 

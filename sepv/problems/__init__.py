@@ -15,6 +15,9 @@ from sepv.problems.oscillator import harmonic_oscillator as harmonic_oscillator
 from sepv.problems.pendulum import pendulum as pendulum
 from sepv.problems.polynomial_system import polynomial_problem as polynomial_problem
 from sepv.problems.rigid_body import rigid_body as rigid_body
+from sepv.problems.several import commuting_oscillators as commuting_oscillators
+from sepv.problems.several import commuting_rotations as commuting_rotations
+from sepv.problems.several import noncommuting_tops as noncommuting_tops
 from sepv.problems.toda import toda as toda
 
 NAMED: dict[str, Callable[..., Problem]] = {
@@ -27,12 +30,20 @@ NAMED: dict[str, Callable[..., Problem]] = {
 FURTHER: dict[str, Callable[..., Problem]] = {"kepler": kepler, "toda": toda}
 
 
+# With several structures or Hamiltonians.
+SEVERAL: dict[str, Callable[..., Problem]] = {
+    "commuting-rotations": commuting_rotations,
+    "commuting-oscillators": commuting_oscillators,
+    "noncommuting-tops": noncommuting_tops,
+}
+
+
 def by_name(name: str) -> Problem:
     """A problem with its default parameters, the paper's for the paper's; hyphens and underscores are the same."""
-    factory = (NAMED | FURTHER).get(name.replace("_", "-"))
+    factory = (NAMED | FURTHER | SEVERAL).get(name.replace("_", "-"))
     if factory is None:
         raise UsageError(
-            expected=f"a problem, one of {', '.join(NAMED | FURTHER)}",
+            expected=f"a problem, one of {', '.join(NAMED | FURTHER | SEVERAL)}",
             received=repr(name),
             remedy="see `sepv list`",
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
 from functools import lru_cache
 
 import numpy as np
@@ -12,6 +13,7 @@ from sepv.nambu import Nambu
 from sepv.polynomial import Polynomial, PolynomialMap
 from sepv.problem import PolynomialSystem, Problem
 from sepv.problems.nambu_system import check_nambu
+from sepv.structures import StructuresProblem, commuting_hamiltonians
 
 # d³ polynomials are the derivatives of B.
 MAX_DIMENSION = 64
@@ -41,7 +43,7 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
     check_nambu(data)
     gradient = poly.gradient(data.hamiltonian)
     H = PolynomialMap((), (data.hamiltonian,))
-    return Problem(
+    problem = Problem(
         dimension=d,
         structure=PolynomialMap((d, d), flat),
         hamiltonian=H,
@@ -57,6 +59,38 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
         name=f"polynomial system in {d} variables",
         data=data,
         nambu=None if data.nambu is None else _nambu(*data.nambu),
+        check=False,
+    )
+    return _with_more_noise(problem, data) if data.noise_structures or data.noise_hamiltonians else problem
+
+
+def _with_more_noise(drift: Problem, data: PolynomialSystem) -> StructuresProblem:
+    """Several structures, or several Hamiltonians, over the system of the drift."""
+    d, count = data.dimension, len(data.noise_structures or data.noise_hamiltonians)
+    if (data.noise_structures and data.noise_hamiltonians) or len(data.noise) != count:
+        raise ProblemError(
+            expected="noise_structures or noise_hamiltonians, not both, one for each coefficient in noise",
+            received=f"{len(data.noise_structures)} structures, {len(data.noise_hamiltonians)} Hamiltonians, "
+            f"{len(data.noise)} coefficients",
+            remedy="give as many coefficients c_j as there are G_j or H_j",
+        )
+    if data.noise_hamiltonians:
+        gradients = [PolynomialMap((d,), poly.gradient(p)) for p in data.noise_hamiltonians]
+        return commuting_hamiltonians(drift, gradients, noise=data.noise, name=drift.name, data=data)
+    tables = [structure_entries(replace(data, structure=G, nambu=None)) for G in data.noise_structures]
+    for G, table in zip(data.noise_structures, tables, strict=True):
+        _check_indices(replace(data, structure=G))
+        for name, slope in _casimir_gradients(data):
+            _check_casimir(name, slope, table)
+    rows = [tuple(table[i][j] for i in range(d) for j in range(d)) for table in tables]
+    keys = [f.name for f in fields(Problem) if f.init]
+    return StructuresProblem(
+        **{key: getattr(drift, key) for key in keys},
+        noise_structures=tuple(PolynomialMap((d, d), row) for row in rows),
+        noise_structure_derivatives=tuple(
+            PolynomialMap((d, d, d), tuple(poly.differentiate(b, k) for b in row for k in range(d)))
+            for row in rows
+        ),
         check=False,
     )
 

@@ -7,16 +7,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 
+from sepv.average import average_gradient
 from sepv.errors import StepFailure
 from sepv.fields import matvec
+from sepv.nambu import cross
 from sepv.problem import Array, Problem
-from sepv.saboteurs.record import Saboteur
+from sepv.saboteurs.record import Saboteur, implicit_step, mean, middle
 from sepv.scheme import Scheme, Step, as_lanes
-from sepv.schemes import both_invariants, collocation, energy_preserving
+from sepv.schemes import both_invariants, collocation, energy_preserving, several_structures
 from sepv.schemes.both_invariants import required
+from sepv.schemes.several_structures import parts
+from sepv.structures import noise_structures
 from sepv.tableaux import exact_nodes, gauss_tableau, moments
 
 # Corrections fall at least fourfold inside the contraction radius; 26 of them make 16 digits.
@@ -63,8 +68,8 @@ def _one_node_short(stages: int, nodes: int) -> tuple[Array, Array]:
     return moments(stages, max(1, nodes - 1))
 
 
-def _imitating(original: Scheme, step: Step) -> Callable[[], Scheme]:
-    return lambda: replace(original, step=step, solve=None, batched=False)
+def _imitating(original: Scheme, step: Step, *, batched: bool = False) -> Callable[[], Scheme]:
+    return lambda: replace(original, step=step, solve=None, batched=batched)
 
 
 def _as_both(step: Step) -> Step:
@@ -75,6 +80,20 @@ def _as_both(step: Step) -> Step:
         return step(problem, y, h, dW)
 
     return restricted
+
+
+def _structures_at_start(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    """[h B(ȳ) + Σ c_j ΔW_j G_j(y0)] ∇̄H."""
+    drift = step[0] * problem.structure(middle(y0, y1))
+    noise = sum(part * G(y0) for part, G in zip(step[1:], noise_structures(problem), strict=True))
+    return matvec(drift + noise, mean(problem, y0, y1))
+
+
+def _factor_at_start(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    """Δ g(y0) (∇̄H × ∇̄C): both invariants are kept, symmetry is lost."""
+    nambu = required(problem)
+    C = average_gradient(cast(Any, nambu), y0, y1).value
+    return step[0] * nambu.factor(y0) * cross(mean(problem, y0, y1), C)
 
 
 _TABLE = (
@@ -101,6 +120,18 @@ _TABLE = (
         "∇C is taken at the midpoint and not averaged: (2.1), which keeps quadratic Casimirs only",
         _imitating(both_invariants, _as_both(energy_preserving.step)),
         ("any-casimir", "reference"),
+    ),
+    (
+        "factor-at-start",
+        "g is taken at y0: both invariants are kept, but the scheme is not symmetric",
+        _imitating(both_invariants, _as_both(implicit_step(_factor_at_start)), batched=True),
+        ("symmetry", "expansion", "reference", "midpoint"),
+    ),
+    (
+        "structures-at-start",
+        "the G_j are taken at y0: the energy is kept, and the limit is the Itô one",
+        _imitating(several_structures, implicit_step(_structures_at_start, parts), batched=True),
+        ("casimir", "symmetry", "expansion", "reference", "mean-square-order", "right-limit", "commutation"),
     ),
 )
 

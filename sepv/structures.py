@@ -1,0 +1,227 @@
+"""Several structures (paper §1): dy = B(y)∇H dt + Σ_j c_j G_j(y)∇H ∘dW_j with every G_j skew; and several Hamiltonians.
+
+H is kept, and every Casimir common to B and all G_j. With the increments of a step held fixed this is a system (1.1)
+with the structure h B + Σ_j c_j ΔW_j G_j and Δ = 1.
+
+dy = B∇H_0 dt + Σ_j c_j B∇H_j ∘dW_j with {H_0, H_j} = 0 is of this form: B∇H_j = S_j∇H_0 with S_j = (v wᵀ − w vᵀ)/|w|²,
+v = B∇H_j and w = ∇H_0, because vᵀw = {H_0, H_j} = 0. Taking for w the part of ∇H_0 orthogonal to the gradients of the
+Casimirs changes nothing in S_j∇H_0 and makes S_j∇C = 0: the Casimirs of B are then common.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sepv.errors import ProblemError, UsageError
+from sepv.fields import matvec
+from sepv.problem import Array, Function, Problem
+
+# y(T) from y0 (d,), T and W(T) (m, M), where the flows commute.
+ClosedForm = Callable[[Array, float, Array], Array]
+# What {H_0, H_j} may be beside |∇H_0||B∇H_j|: a few hundred roundings.
+BRACKET_TOLERANCE = 1e-12
+_PROBES = 8
+
+
+@dataclass(frozen=True, eq=False)
+class StructuresProblem(Problem):
+    """A system with several structures; `structure`, `hamiltonian` and the rest are those of the drift.
+
+    Parameters
+    ----------
+    noise_structures : callables, (d, ...) -> (d, d, ...)
+        G_1, …, G_m; as many as `noise` has coefficients.
+    noise_structure_derivatives : callables, optional
+        ∂G_ij/∂y_k at [i, j, k] of each; without them Newton's Jacobian is formed from differences.
+    closed_form : callable (y0, T, W) -> (d, M), optional
+        The exact solution, where the flows commute.
+    casimirs, linear_casimirs
+        Those common to B and all G_j.
+
+    Raises
+    ------
+    ProblemError
+        As for `Problem`, for each G_j too.
+    """
+
+    noise_structures: tuple[Function, ...] = ()
+    noise_structure_derivatives: tuple[Function, ...] | None = None
+    closed_form: ClosedForm | None = None
+
+    def __post_init__(self, check: bool) -> None:
+        super().__post_init__(check)
+        if len(self.noise_structures) != self.noises:
+            raise ProblemError(
+                expected=f"{self.noises} noise_structures, one for each coefficient in noise",
+                received=f"{len(self.noise_structures)}",
+                remedy="give noise=(1.0, …) with one entry for each G_j",
+            )
+        if check:
+            for G in self.noise_structures:
+                Problem(
+                    self.dimension, G, self.hamiltonian, self.gradient, casimirs=self.casimirs,
+                    linear_casimirs=self.linear_casimirs, domain=self.domain, initial=self.initial,
+                    name=f"{self.name}, a noise structure",
+                )  # fmt: skip
+
+    def random_step(self, h: float, dW: Array) -> Array:  # noqa: ARG002  (the signature of `Problem`)
+        """There is none.
+
+        Raises
+        ------
+        UsageError
+            Always: a scheme that asks for Δ = h + Σ c_j ΔW_j is for a single structure.
+        """
+        raise UsageError(
+            expected="a scheme for several structures, such as several-structures",
+            received=f"a scheme that reduces the noise of {self.name} to one random step",
+            remedy="use sepv.schemes.several_structures: with several structures there is no such step",
+        )
+
+
+def combined(problem: Problem, y: Array, parts: Array) -> Array:
+    """h B(y) + Σ_j c_j ΔW_j G_j(y), (d, d, M), for parts (1 + m, M) holding h and the c_j ΔW_j."""
+    total = parts[0] * problem.structure(y)
+    for part, G in zip(parts[1:], noise_structures(problem), strict=True):
+        total = total + part * G(y)
+    return total
+
+
+def combined_slope(problem: Problem, y: Array, parts: Array) -> Array | None:
+    """The derivative of `combined`, (d, d, d, M), or None where the problem does not give it."""
+    if problem.structure_derivative is None:
+        return None
+    if isinstance(problem, StructuresProblem):
+        further = problem.noise_structure_derivatives
+    else:
+        further = (problem.structure_derivative,) * problem.noises
+    if further is None:
+        return None
+    total = parts[0] * problem.structure_derivative(y)
+    for part, D in zip(parts[1:], further, strict=True):
+        total = total + part * D(y)
+    return total
+
+
+def noise_structures(problem: Problem) -> Sequence[Function]:
+    """G_1, …, G_m; for a single structure B itself, m times."""
+    if isinstance(problem, StructuresProblem):
+        return problem.noise_structures
+    return (problem.structure,) * problem.noises
+
+
+@dataclass(frozen=True)
+class CommutingStructure:
+    """S(y) = (v wᵀ − w vᵀ)/|w|² with v = B∇H_j and w the part of ∇H_0 orthogonal to the Casimirs' gradients."""
+
+    structure: Function
+    gradient: Function
+    noise_gradient: Function
+    casimirs: tuple[Any, ...] = ()
+    linear_casimirs: tuple[Any, ...] = ()
+
+    def __call__(self, y: Array) -> Array:
+        v, w = matvec(self.structure(y), self.noise_gradient(y)), self.tangent(y)
+        square = np.sum(w * w, axis=0)
+        # At a rest point of H_0 the commuting flows rest too: v = 0, and S with it.
+        factor = np.where(square > 0, 1.0, 0.0) / np.where(square > 0, square, 1.0)
+        return factor * (v[:, None] * w[None] - w[:, None] * v[None])
+
+    def tangent(self, y: Array) -> Array:
+        """w, by Gram-Schmidt against ∇C of each Casimir."""
+        slopes = [
+            2 * matvec(np.asarray(A).reshape(*np.shape(A), *(1,) * (y.ndim - 1)), y) for A in self.casimirs
+        ]
+        slopes += [
+            np.broadcast_to(np.reshape(b, (-1, *(1,) * (y.ndim - 1))), y.shape) for b in self.linear_casimirs
+        ]
+        basis: list[Array] = []
+        for slope in slopes:
+            for _ in range(2):  # twice is enough
+                for unit in basis:
+                    slope = slope - np.sum(unit * slope, axis=0) * unit  # noqa: PLW2901
+            length = np.sqrt(np.sum(slope * slope, axis=0))
+            basis.append(slope / np.where(length > 0, length, 1.0))
+        w = self.gradient(y)
+        for _ in range(2):
+            for unit in basis:
+                w = w - np.sum(unit * w, axis=0) * unit
+        return w
+
+    def majorant(self, y: Array) -> Array:
+        """What rounding errors of S are relative to, (d, d): 2 M_v M_w/|w|², sums of absolute values of terms."""
+        B, g, G = (_majorant(f, y) for f in (self.structure, self.gradient, self.noise_gradient))
+        w = self.tangent(y)
+        square, v = np.sum(w * w, axis=0), matvec(B, G)
+        factor = np.where(square > 0, 2.0, 0.0) / np.where(square > 0, square, 1.0)
+        return np.asarray(factor * (v[:, None] * g[None] + g[:, None] * v[None]))
+
+
+def _majorant(function: Any, y: Array) -> Array:
+    return np.asarray(function.majorant(y) if hasattr(function, "majorant") else np.abs(function(y)))
+
+
+def commuting_hamiltonians(
+    drift: Problem,
+    gradients: Sequence[Function],
+    *,
+    noise: Sequence[float] | None = None,
+    closed_form: ClosedForm | None = None,
+    name: str = "",
+    data: Any = None,
+) -> StructuresProblem:
+    """dy = B∇H_0 dt + Σ_j c_j B∇H_j ∘dW_j from the problem of the drift (its own noise is not used).
+
+    Parameters
+    ----------
+    gradients : callables, (d, ...) -> (d, ...)
+        ∇H_1, …, ∇H_m with {H_0, H_j} = 0.
+    closed_form : callable (y0, T, W), optional
+        As for `StructuresProblem`.
+
+    Raises
+    ------
+    ProblemError
+        Where a bracket {H_0, H_j} = ∇H_0ᵀB∇H_j is not zero, with its value and the state.
+    """
+    for j, gradient in enumerate(gradients, 1):
+        _check_bracket(drift, gradient, j)
+    structures = tuple(
+        CommutingStructure(drift.structure, drift.gradient, g, drift.casimirs, drift.linear_casimirs)
+        for g in gradients
+    )
+    keys = (
+        "dimension", "structure", "hamiltonian", "gradient", "casimirs", "linear_casimirs", "hessian",
+        "structure_derivative", "mean_gradient", "degree", "domain", "initial",
+    )  # fmt: skip
+    return StructuresProblem(
+        **{key: getattr(drift, key) for key in keys},
+        noise=np.ones(len(gradients)) if noise is None else np.asarray(noise),
+        noise_structures=structures,
+        closed_form=closed_form,
+        name=name or f"{drift.name} with {len(gradients)} noise Hamiltonians",
+        data=data,
+        check=False,
+    )
+
+
+def _check_bracket(drift: Problem, gradient: Function, j: int) -> None:
+    rng = np.random.default_rng(0)
+    centre = np.ones(drift.dimension) if drift.initial is None else np.asarray(drift.initial)
+    states = [centre, *(centre * (1 + 0.3 * rng.standard_normal(drift.dimension)) for _ in range(_PROBES))]
+    states += [0.5 * rng.standard_normal(drift.dimension) for _ in range(_PROBES)]
+    for y in states:
+        if drift.domain is not None and not bool(drift.domain(y)):
+            continue
+        w, v = drift.gradient(y), matvec(drift.structure(y), gradient(y))
+        bracket, size = float(w @ v), float(np.linalg.norm(w) * np.linalg.norm(v))
+        if not abs(bracket) <= BRACKET_TOLERANCE * max(size, np.finfo(np.float64).tiny):
+            raise ProblemError(
+                expected=f"{{H_0, H_{j}}} = ∇H_0ᵀ B ∇H_{j} = 0 everywhere: else H_0 is not kept",
+                received=f"{{H_0, H_{j}}} = {bracket!r} at y = {y.tolist()}",
+                remedy=f"take an H_{j} whose flow keeps H_0, such as a function of its first integrals",
+            )
