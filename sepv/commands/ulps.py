@@ -64,10 +64,20 @@ def ulps(
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
     for heading in ("scheme", "problem"):
         table.add_column(heading, overflow="fold")
-    for heading in ("h", "steps", "failed", "energy:\nmedian", "\nlargest", "casimir:\nmedian", "\nlargest"):
+    failures = any(r.failed for r in rows)  # a column of its own only where there are any: 80 columns are few
+    headings = [
+        "h",
+        *(["failed"] if failures else []),
+        "energy:\nmedian",
+        "\nlargest",
+        "casimir:\nmedian",
+        "\nlargest",
+    ]
+    for heading in headings:
         table.add_column(heading, justify="right", no_wrap=True)
     for r in rows:
         sizes = (r.energy_median, r.energy_largest, r.casimir_median, r.casimir_largest)
-        shown = ["" if v is None else f"{v:.3g}" for v in sizes]
-        table.add_row(r.scheme, r.problem, f"{r.h:g}", str(r.steps), str(r.failed or ""), *shown)
+        shown = ["" if v is None else f"{v:.2g}" for v in sizes]
+        failed = [str(r.failed or "")] if failures else []
+        table.add_row(r.scheme, r.problem, f"{r.h:.3g}", *failed, *shown)
     console().print(table)
