@@ -71,6 +71,10 @@ _REMEDIES = {
 }
 
 
+class TruncationWarning(UserWarning):
+    """Increments are truncated so much that the scheme loses its order."""
+
+
 class StepFailure(SepvError, ArithmeticError):
     """A step whose implicit equation was not solved. Nothing unconverged is ever returned unmarked.
 

@@ -90,6 +90,8 @@ class Solution:
         `Status` of each lane.
     change : (d, M), optional
         y1 − y0 before it was rounded into `value`: compensated summation needs it.
+    divisions : (M,), optional
+        Steps and parts of steps that were divided, for schemes that do (`sepv.division.divided`).
     """
 
     value: Array
@@ -99,6 +101,7 @@ class Solution:
     structure_evaluations: NDArray[np.int64]
     status: NDArray[np.int64]
     change: Array | None = None
+    divisions: NDArray[np.int64] | None = None
 
 
 IncrementFunction = Callable[[Problem, Array, Array, Array], Increment]

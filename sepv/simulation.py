@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from sepv import wiener
 from sepv.arguments import floats, is_number
-from sepv.errors import StepFailure, UsageError
+from sepv.errors import StepFailure, TruncationWarning, UsageError
 from sepv.implicit import Status
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
@@ -20,12 +21,13 @@ CHUNK = 1024
 
 @dataclass(frozen=True)
 class Trajectory:
-    """One path: t (N+1,), y (d, N+1), the increments used dW (N, m), evaluations of ∇H in all."""
+    """One path: t (N+1,), y (d, N+1), the increments used dW (N, m), evaluations of ∇H in all, steps divided."""
 
     t: Array
     y: Array
     dW: Array
     gradient_evaluations: int
+    divisions: int = 0
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,8 @@ class Ensemble:
         The states at the chosen times, of a failed path the last one reached.
     engine : "numpy" or "compiled"
     reason : why it was not the compiled engine.
+    divisions : int
+        Steps and parts of steps that were divided, over all paths (`sepv.division.divided`).
     repeated : int
         Chunks that had to be computed again because a worker raised or died.
     """
@@ -69,6 +73,7 @@ class Ensemble:
     engine: str = "numpy"
     reason: str = ""
     repeated: int = 0
+    divisions: int = 0
 
 
 def integrate(
@@ -114,19 +119,20 @@ def integrate(
             received=f"shape {raw.shape}",
             remedy="one row a step",
         )
-    used = wiener.truncate(raw, h, scheme.truncation if truncation == -1 else truncation)
+    used = wiener.truncate(raw, h, chosen_truncation(scheme, truncation))
     y = np.empty((problem.dimension, count + 1))
     y[:, 0] = start
-    evaluations = 0
+    evaluations = divisions = 0
     for n in range(count):
         if scheme.solve is not None:
             solution = scheme.solve(problem, y[:, n], h, used[n])
             evaluations += int(solution.gradient_evaluations[0])
+            divisions += 0 if solution.divisions is None else int(solution.divisions[0])
             if solution.status[0] != Status.CONVERGED:
                 raise StepFailure(
                     problem=problem.name,
                     y=y[:, n],
-                    delta=float(problem.random_step(h, used[n])),
+                    delta=float(h + problem.c @ used[n]),
                     residual=float(solution.residual[0]),
                     status=Status(int(solution.status[0])).text,
                     iterations=int(solution.iterations[0]),
@@ -134,7 +140,24 @@ def integrate(
             y[:, n + 1] = solution.value[:, 0]
         else:
             y[:, n + 1] = scheme.step(problem, y[:, n], h, used[n])
-    return Trajectory(np.arange(count + 1, dtype=np.float64) * h, y, used, evaluations)
+    return Trajectory(np.arange(count + 1, dtype=np.float64) * h, y, used, evaluations, divisions)
+
+
+def chosen_truncation(scheme: Scheme, truncation: int | None) -> int | None:
+    """k of Remark 2.1: the scheme's own for −1; a warning where it costs the scheme its order.
+
+    What Remark 2.1 cuts off has a mean square O(h^{k+1}) a step, and order p has room for h^{2p+1}: k ≥ 2p.
+    """
+    k = scheme.truncation if truncation == -1 else truncation
+    order = scheme.mean_square_order
+    if k is not None and order is not None and k < 2 * order:
+        warnings.warn(
+            f"Truncation k = {k} costs {scheme.name} its mean-square order {order:g}: the error stalls at order "
+            f"{k / 2:g}. Remedy: k ≥ {2 * order:g} (its own is {scheme.truncation}), or None for no truncation.",
+            TruncationWarning,
+            stacklevel=3,
+        )
+    return k
 
 
 def run_chunk(
@@ -175,7 +198,7 @@ class Batch:
         self.status, self.failed = np.zeros(paths, dtype=np.int64), np.full(paths, -1)
         self.invariants = _invariants(problem, self.y)
         self.worst = np.zeros((2, paths))
-        self.work = np.zeros(3, dtype=np.int64)
+        self.work = np.zeros(4, dtype=np.int64)
         self.alive = np.arange(paths)
         self.done = 0
 
@@ -204,9 +227,10 @@ class Batch:
 
     def result(self, W: Array, states: Array | None = None) -> Ensemble:
         """The ends so far."""
-        gradients, structures, iterations = (int(v) for v in self.work)
+        gradients, structures, iterations, divisions = (int(v) for v in self.work)
         ends = Ensemble(
-            self.y, W, self.status, self.failed, self.worst[0], self.worst[1], gradients, structures, iterations
+            self.y, W, self.status, self.failed, self.worst[0], self.worst[1], gradients, structures, iterations,
+            divisions=divisions,
         )  # fmt: skip
         return ends if states is None else replace(ends, states=states)
 
@@ -215,16 +239,19 @@ def advance(
     scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array
 ) -> tuple[Array, np.ndarray, np.ndarray]:
     """One step of a batch: value, status of each lane, (gradients, structures, iterations)."""
-    return _advance(scheme, problem, y, h, dW)[:3]
+    value, code, cost, _ = _advance(scheme, problem, y, h, dW)
+    return value, code, cost[:3]
 
 
 def _advance(
     scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array
 ) -> tuple[Array, np.ndarray, np.ndarray, Array | None]:
-    """The same, and y1 − y0 where the scheme gives it."""
+    """The same with the divisions among the counts, and y1 − y0 where the scheme gives it."""
     if scheme.solve is not None:
         solution = scheme.solve(problem, y, h, dW)
-        cost = (solution.gradient_evaluations, solution.structure_evaluations, solution.iterations)
+        none = np.zeros(1, dtype=np.int64)
+        divisions = none if solution.divisions is None else solution.divisions
+        cost = (solution.gradient_evaluations, solution.structure_evaluations, solution.iterations, divisions)
         return solution.value, solution.status, np.array([int(c.sum()) for c in cost]), solution.change
     value, code = _batch_step(scheme, problem, y, h, dW)
     outside = ~np.all(np.isfinite(value), axis=0)
@@ -232,7 +259,7 @@ def _advance(
     if problem.domain is not None:
         with np.errstate(invalid="ignore"):
             code[~np.asarray(problem.domain(value), dtype=bool) & (code == 0)] = Status.LEFT_DOMAIN
-    return value, code, np.zeros(3, dtype=np.int64), None
+    return value, code, np.zeros(4, dtype=np.int64), None
 
 
 def _batch_step(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> tuple[Array, np.ndarray]:

@@ -28,6 +28,7 @@ LAYERS = [
     "sepv.implicit",
     "sepv.scheme",
     "sepv.explicit_tableaux",
+    "sepv.division",
     "sepv.schemes",
     "sepv.wiener",
     "sepv.closed_forms sepv.dense sepv.exact sepv.exact_structures",

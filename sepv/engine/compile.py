@@ -18,6 +18,7 @@ from sepv.engine.schemes import FORMULAS, Formula
 from sepv.engine.user import CannotTranslate, UserCode
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
 from sepv.scheme import Scheme
+from sepv.structures import StructuresProblem
 from sepv.tableaux import exact_nodes
 
 # Paths side by side: eight registers of eight doubles, long enough to hide latencies, and still in L1.
@@ -99,6 +100,8 @@ def formula_of(scheme: Scheme) -> Formula:
 
 def code_of(problem: Problem) -> ProblemCode:
     """The problem's functions as code."""
+    if isinstance(problem, StructuresProblem):
+        raise CannotCompile(f"{problem.name} has several structures, the compiled engine one")
     if problem.dimension > LARGEST_DIMENSION:
         raise CannotCompile(
             f"{problem.name} has {problem.dimension} components, the compiled engine takes {LARGEST_DIMENSION}"

@@ -16,7 +16,7 @@ from sepv.engine.workers import run_all
 from sepv.errors import ChunkFailure, UsageError
 from sepv.problem import Problem
 from sepv.scheme import Scheme
-from sepv.simulation import CHUNK, Ensemble, initial_state, step_count
+from sepv.simulation import CHUNK, Ensemble, chosen_truncation, initial_state, step_count
 
 ENGINES = ("auto", "numpy", "compiled")
 # Chunks for each worker, so that one that is slower than the others does not keep them waiting.
@@ -83,7 +83,7 @@ def ensemble(
     count = step_count(h, T, steps)
     raw, paths = _increments(dW, count, problem, paths)
     start = initial_state(problem, y0)
-    k = scheme.truncation if truncation == -1 else truncation
+    k = chosen_truncation(scheme, truncation)
     if k is not None:
         wiener.truncate(np.zeros(1), h, k)  # refuses h and k that Remark 2.1 does not cover
     wiener.validate(seed, h * count, count, problem.noises, range(paths))
@@ -206,7 +206,7 @@ class _Total:
         here = slice(task.first, task.first + task.count)
         for key in ("y", "W", "status", "failed_step", "energy_defect", "casimir_defect", "states"):
             getattr(self.ensemble, key)[..., here] = getattr(chunk, key)
-        work = ("gradient_evaluations", "structure_evaluations", "iterations")
+        work = ("gradient_evaluations", "structure_evaluations", "iterations", "divisions")
         counts = {key: getattr(self.ensemble, key) + getattr(chunk, key) for key in work}
         self.ensemble = replace(self.ensemble, **counts)
         self.done[here] = True

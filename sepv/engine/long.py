@@ -17,7 +17,7 @@ from sepv.errors import UsageError
 from sepv.implicit import Status
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
-from sepv.simulation import initial_state, step_count
+from sepv.simulation import chosen_truncation, initial_state, step_count
 
 # Seconds between two looks at the clock, and steps before the first.
 PIECE_SECONDS, FIRST_PIECE = 0.2, 4096
@@ -117,7 +117,7 @@ def long_path(
             expected="every, an integer ≥ 1", received=repr(every), remedy="say how many steps apart"
         )
     start = initial_state(problem, y0)
-    k = scheme.truncation if truncation == -1 else truncation
+    k = chosen_truncation(scheme, truncation)
     if k is not None:
         wiener.truncate(np.zeros(1), h, k)
     wiener.validate(seed, h * count, count, problem.noises, range(path, path + 1))

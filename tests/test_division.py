@@ -1,0 +1,87 @@
+"""Steps that have no solution, divided and counted; truncation that costs the order, said."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+import sepv
+from sepv import problems, schemes
+from sepv.division import divided
+from sepv.errors import StepFailure, TruncationWarning, UsageError
+from sepv.suite import verify
+
+
+@pytest.mark.parametrize(
+    "scheme",
+    [schemes.energy_preserving, schemes.both_invariants, schemes.collocation(2)],
+    ids=lambda s: s.name,
+)
+def test_divided_steps_reach_the_end_and_keep_the_energy(scheme) -> None:
+    """Lotka-Volterra at h = 1/8: more than a tenth of the paths have a step of (2.1) without a solution."""
+    problem = problems.lotka_volterra()
+    options = {"h": 0.125, "T": 1.0, "paths": 64, "seed": 1}
+    plain = sepv.ensemble(scheme, problem, engine="numpy", **options)
+    ends = sepv.ensemble(divided(scheme), problem, **options)
+    assert plain.divisions == 0
+    assert not ends.status.any()
+    assert (ends.divisions > 0) == bool(plain.status.any())
+    assert ends.energy_defect.max() < 1e-12
+    fine = plain.status == 0
+    assert np.array_equal(ends.y[:, fine], plain.y[:, fine])  # nothing else is touched
+
+
+def test_both_invariants_are_kept_by_the_parts() -> None:
+    problem = problems.lotka_volterra()
+    paths = (
+        sepv.integrate(divided(schemes.both_invariants), problem, h=0.5, T=16.0, seed=seed)
+        for seed in range(20)
+    )
+    path = next(path for path in paths if path.divisions > 0)
+    assert np.ptp(problem.hamiltonian(path.y)) < 1e-12
+    assert np.ptp(problem.nambu.casimir(path.y)) < 1e-12
+
+
+def test_depth_has_an_end_and_the_failure_is_said() -> None:
+    problem = problems.lotka_volterra()
+    y = np.asarray(problem.initial)
+    with pytest.raises(StepFailure):
+        schemes.energy_preserving.step(problem, y, 0.5, np.array([3.0]))
+    with pytest.raises(StepFailure):
+        divided(schemes.energy_preserving, 1).step(problem, y, 0.5, np.array([3.0]))
+    assert np.isfinite(divided(schemes.energy_preserving, 8).step(problem, y, 0.5, np.array([3.0]))).all()
+
+
+def test_division_is_never_on_in_verification() -> None:
+    """A divided scheme claims nothing, and no scheme of ours is one."""
+    assert not divided(schemes.energy_preserving).claims
+    for scheme in (schemes.ALL | schemes.MORE).values():
+        if scheme.solve is not None:
+            y = np.asarray(problems.rigid_body().initial)
+            if scheme.systems != "several":
+                solution = scheme.solve(problems.rigid_body(), y, 0.01, np.array([0.1]))
+                assert solution.divisions is None
+    report = verify(divided(schemes.energy_preserving), laws=["truncation"])
+    assert not report.findings[0].claimed
+
+
+def test_bad_arguments_are_refused() -> None:
+    with pytest.raises(UsageError, match="implicit scheme"):
+        divided(schemes.euler_heun)
+    for depth in (0, 21, 1.5, True):
+        with pytest.raises(UsageError, match="depth"):
+            divided(schemes.midpoint, depth)
+
+
+def test_a_truncation_that_costs_the_order_is_a_warning() -> None:
+    problem, options = problems.rigid_body(), {"h": 0.125, "T": 1.0}
+    with pytest.warns(TruncationWarning, match="k = 2 costs collocation-3 its mean-square order 3"):
+        sepv.ensemble(schemes.collocation(3), problem, paths=4, truncation=2, **options)
+    with pytest.warns(TruncationWarning, match="stalls at order 1"):
+        sepv.integrate(schemes.collocation(3), problem, truncation=2, **options)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for k in (-1, 6, None):
+            sepv.ensemble(schemes.collocation(3), problem, paths=4, truncation=k, **options)
