@@ -1,0 +1,200 @@
+"""Strong error against evaluations, s = 1 … 6 and the rivals: ``python -m benchmarks.precision [--picture FILE.png]``.
+
+Every scheme sees the same paths; the error is against the exact flow at the random time. Evaluations are those of ∇H
+for one path over [0, T], Newton's iterations included, its Hessians not; the exact time change itself costs one normal
+number a path and one dense solve for all, and has no step size. Points with a step that was not solved are left out.
+
+The picture needs matplotlib (the extra ``plots``).
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.orders import build
+from sepv import schemes, wiener
+from sepv.exact import exact_flow
+from sepv.explicit_tableaux import TABLEAUX
+from sepv.problem import Array, Problem
+from sepv.scheme import Scheme
+from sepv.simulation import run_chunk
+
+# (end time, numbers of steps): the coarsest first; powers of two, so that all see one Wiener path.
+GRIDS = {
+    "rigid-body": (1.0, (2, 4, 8, 16, 32, 64, 128, 256)),
+    "pendulum": (1.0, (2, 4, 8, 16, 32, 64, 128, 256)),
+    "lotka-volterra": (0.5, (16, 32, 64, 128, 256, 512)),
+    "quartic": (1.0, (2, 4, 8, 16, 32, 64, 128, 256)),
+}
+NAMES = [f"collocation-{s}" for s in range(1, 7)] + [
+    "gauss-1",
+    "gauss-2",
+    "gauss-4",
+    "explicit-4",
+    "explicit-8",
+]
+GOALS = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10)
+# Errors below this are rounding: finer steps of that scheme are not taken.
+FLOOR = 1e-13
+
+
+@dataclass(frozen=True)
+class Point:
+    """One scheme at one number of steps: rms error, evaluations of ∇H and B a path, largest relative energy defect."""
+
+    scheme: str
+    steps: int
+    error: float
+    gradients: float
+    structures: float
+    energy: float
+    failed: int
+
+
+def measure(
+    problem: Problem, name: str, fine: Array, exact: Array, T: float, steps: tuple[int, ...]
+) -> list[Point]:
+    """The points of one scheme, coarsest first, up to the rounding floor."""
+    scheme, start, paths = schemes.by_name(name), np.asarray(problem.initial), fine.shape[2]
+    H0, found = abs(float(problem.hamiltonian(start))), []
+    for count in steps:
+        raw = wiener.coarsen(fine, fine.shape[0] // count)
+        ends = run_chunk(scheme, problem, start, T / count, raw, scheme.truncation)
+        error = float(np.sqrt(np.mean(np.sum((ends.y - exact) ** 2, axis=0))))
+        gradients, structures = work(
+            scheme, ends.gradient_evaluations, ends.structure_evaluations, count * paths
+        )
+        failed = int(np.count_nonzero(ends.status))
+        energy = float(np.max(ends.energy_defect)) / H0
+        found.append(Point(name, count, error, gradients / paths, structures / paths, energy, failed))
+        if not failed and error < FLOOR:
+            break
+    return found
+
+
+def work(scheme: Scheme, gradients: int, structures: int, steps: int) -> tuple[int, int]:
+    """Evaluations of ∇H and B; explicit schemes have one of each a stage."""
+    if scheme.solve is not None:
+        return gradients, structures
+    stages = len(TABLEAUX[int(scheme.name.rpartition("-")[2])].A)
+    return stages * steps, stages * steps
+
+
+def cheapest(points: list[Point], goal: float) -> tuple[str, float] | None:
+    """The scheme that needs the fewest evaluations for this error, between its points on a log-log line."""
+    best = None
+    for name in dict.fromkeys(p.scheme for p in points):
+        own = [p for p in points if p.scheme == name and not p.failed]
+        cost = evaluations_for(own, goal)
+        if cost is not None and (best is None or cost < best[1]):
+            best = (name, cost)
+    return best
+
+
+def evaluations_for(own: list[Point], goal: float) -> float | None:
+    """Evaluations of one scheme for an error, None where no two of its points enclose it."""
+    for coarse, fine in pairwise(own):
+        if fine.error <= goal <= coarse.error:
+            share = np.log(coarse.error / goal) / np.log(coarse.error / fine.error)
+            return float(np.exp((1 - share) * np.log(coarse.gradients) + share * np.log(fine.gradients)))
+    return None
+
+
+def table_of_points(name: str, points: list[Point], out: Console) -> None:
+    """Errors by steps, and what a path costs."""
+    steps = sorted({p.steps for p in points})
+    table = Table(title=f"{name}: rms error (evaluations of ∇H a path)", title_justify="left", box=None)
+    for heading in ("scheme", *(f"N = {n}" for n in steps), "energy"):
+        table.add_column(heading)
+    for scheme in dict.fromkeys(p.scheme for p in points):
+        own = {p.steps: p for p in points if p.scheme == scheme}
+        solved = [p for p in own.values() if not p.failed]
+        cells = [
+            ""
+            if n not in own
+            else f"{own[n].failed} failed"
+            if own[n].failed
+            else f"{own[n].error:.0e} ({own[n].gradients:.0f})"
+            for n in steps
+        ]
+        table.add_row(scheme, *cells, f"{max((p.energy for p in solved), default=float('nan')):.0e}")
+    out.print(table)
+
+
+def table_of_goals(results: dict[str, list[Point]], out: Console) -> None:
+    """The cheapest of all, and the cheapest that keeps the energy, for each error."""
+    table = Table(title="fewest evaluations of ∇H a path for an rms error", title_justify="left", box=None)
+    for heading in ("problem", "of", *(f"{goal:.0e}" for goal in GOALS)):
+        table.add_column(heading)
+    for name, points in results.items():
+        for of, chosen in (
+            ("all", points),
+            ("energy-preserving", [p for p in points if p.scheme.startswith("collocation")]),
+        ):
+            found = [cheapest(chosen, goal) for goal in GOALS]
+            table.add_row(name, of, *("–" if f is None else f"{f[0]} {f[1]:.0f}" for f in found))
+    out.print(table)
+
+
+def picture(results: dict[str, list[Point]], path: Path) -> None:
+    """A panel a problem: error against evaluations, collocation in solid lines."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+
+    shades = plt.get_cmap("viridis")(np.linspace(0.0, 0.9, 6))
+    looks = {f"collocation-{s}": {"color": shades[s - 1], "marker": "o"} for s in range(1, 7)}
+    rivals = ("gauss-1", "gauss-2", "gauss-4", "explicit-4", "explicit-8")
+    for name, colour, marker in zip(
+        rivals, ("0.75", "0.6", "0.45", "tab:orange", "tab:red"), "vvv^s", strict=True
+    ):
+        looks[name] = {"color": colour, "marker": marker, "linestyle": "--"}
+    figure, axes = plt.subplots(2, 2, figsize=(11, 8.5), constrained_layout=True)
+    for axis, (name, points) in zip(axes.flat, results.items(), strict=True):
+        for scheme in dict.fromkeys(p.scheme for p in points):
+            own = [p for p in points if p.scheme == scheme and not p.failed]
+            axis.loglog(
+                [p.gradients for p in own], [p.error for p in own], label=scheme, markersize=4, linewidth=1.2,
+                **looks[scheme],
+            )  # fmt: skip
+        axis.set_title(f"{name}, T = {GRIDS[name][0]:g}", fontsize=10)
+        axis.set_xlabel("evaluations of ∇H a path")
+        axis.set_ylabel("rms error at T")
+        axis.grid(visible=True, which="major", alpha=0.3)
+    handles, labels = axes.flat[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=6, fontsize=9, frameon=False)
+    figure.savefig(path, dpi=130)
+
+
+def main() -> None:
+    """Print the tables, and draw the picture where one is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--paths", type=int, default=2000)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--picture", type=Path)
+    options = parser.parse_args()
+    out, results = Console(width=150), {}
+    for name, (T, steps) in GRIDS.items():
+        problem = build(name)
+        fine = wiener.increments(
+            options.seed, T=T, steps=steps[-1], noises=problem.noises, paths=options.paths
+        )
+        exact = exact_flow(problem, problem.random_step(T, fine.sum(axis=0)))
+        results[name] = [p for s in NAMES for p in measure(problem, s, fine, exact.y, T, steps)]
+        table_of_points(name, results[name], out)
+        out.print(f"exact time change: error {exact.error:.0e}, one normal number a path ({exact.method})\n")
+    table_of_goals(results, out)
+    if options.picture:
+        picture(results, options.picture)
+
+
+if __name__ == "__main__":
+    main()
