@@ -32,7 +32,7 @@ def at_home() -> dict[str, str]:
 
 def test_there_is_something_to_compare(at_home: dict[str, str]) -> None:
     assert list(at_home) == list(LAWS)
-    assert set(at_home.values()) == {"holds", "violated"}
+    assert set(at_home.values()) >= {"holds", "violated"}
 
 
 def test_the_command_line_says_the_same(at_home: dict[str, str], tmp_path: Path) -> None:
