@@ -150,7 +150,8 @@ def chosen_truncation(scheme: Scheme, truncation: int | None) -> int | None:
     """
     k = scheme.truncation if truncation == -1 else truncation
     order = scheme.mean_square_order
-    if k is not None and order is not None and k < 2 * order:
+    # k < 1 is no truncation at all, and refused by `wiener.truncate`.
+    if k is not None and order is not None and 1 <= k < 2 * order:
         warnings.warn(
             f"Truncation k = {k} costs {scheme.name} its mean-square order {order:g}: the error stalls at order "
             f"{k / 2:g}. Remedy: k ≥ {2 * order:g} (its own is {scheme.truncation}), or None for no truncation.",
