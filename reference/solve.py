@@ -136,10 +136,9 @@ def refine(residual: Residual, root: Root, scale: Number, ctx: Any, digits: int)
     underflow, for many digits or states of extreme size, the residual is brought to the size of 1 first.
     """
     x, inverted = [ctx.mpf(v) for v in root.x], root.inverse
-    plain = digits <= 100 and 1e-100 < scale < 1e100
-    goal = scale * ctx.mpf(10) ** -digits
-    if plain:
-        goal = float(goal)
+    size = float(scale)
+    plain = digits <= 100 and 1e-100 < size < 1e100
+    goal = size * 10.0**-digits if plain else scale * ctx.mpf(10) ** -digits
     previous, moved = math.inf, math.inf
     for n in range(1, _CHORD + digits // 8):
         value = residual(x)

@@ -50,7 +50,7 @@ def show(report: Report, target: str, out: Console, *, debug: bool = False) -> N
         if fault and "\n".join(fault[:1]) in said:
             continue
         said.update(fault[:1])
-        if finding.verdict is not Verdict.HOLDS or finding.expected is not None or _is_statistical(finding):
+        if finding.message or finding.verdict is not Verdict.HOLDS or finding.expected is not None:
             _details(finding, target, out, debug)
     line(out, summary(report))
 
@@ -156,10 +156,6 @@ def _details(finding: Finding, target: str, out: Console, debug: bool) -> None:
 def _indented(message: str, out: Console) -> None:
     for line in message.splitlines():
         out.print(Text("  " + line), soft_wrap=not out.is_terminal)
-
-
-def _is_statistical(finding: Finding) -> bool:
-    return finding.witness is not None and "paths" in finding.witness
 
 
 def _number(value: float | None) -> str:
