@@ -140,7 +140,7 @@ def reference_step(
             return reference_step(equation, data, y, h, dW, digits, branch.x)
         end = "" if branch is None else _where_it_ends(branch, float(step.delta))
         raise StepFailure(
-            problem=f"{data!r:.80} (reference)",
+            problem=getattr(data, "name", "given as polynomial data"),
             y=[float(v) for v in y],  # type: ignore[arg-type]  # printed only
             delta=float(step.delta),
             residual=root.residual,
