@@ -1,0 +1,1 @@
+"""Mutation testing of the core: ``python -m benchmarks.mutation`` (extra ``mutation``); see docs/mutation.md."""

@@ -1,0 +1,147 @@
+"""Newton's Jacobians are derivatives: a wrong one costs iterations, which no law about steps sees."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sepv import polynomial as poly
+from sepv import problems
+from sepv.fields import field_jacobian, hessian, structure_slope, vector_field
+from sepv.implicit import _difference_jacobian
+from sepv.problem import PolynomialSystem, Problem
+from sepv.schemes.collocation import _Stages
+from sepv.tableaux import exact_nodes
+
+MODULES = ("energy_preserving", "midpoint", "discrete_gradient", "several_structures")
+Y0 = np.array([[0.8, -0.3], [0.6, 0.9], [0.1, -0.7]])
+Y1 = Y0 + np.array([[0.2, 0.1], [-0.1, 0.3], [0.15, -0.2]])
+
+
+def generic(degree: int = 4) -> Problem:
+    """Every monomial up to a degree in H, every entry of B quadratic: nothing vanishes by chance."""
+    exponents = [
+        (i, j, k)
+        for i in range(degree + 1)
+        for j in range(degree + 1 - i)
+        for k in range(degree + 1 - i - j)
+        if i + j + k
+    ]
+    H = poly.polynomial(3, {e: 1 / (3 + n) for n, e in enumerate(exponents)})
+    entries = tuple(
+        (
+            i,
+            j,
+            poly.polynomial(3, {e: (1 + n + 2 * i - j) / 7 for n, e in enumerate(exponents) if sum(e) <= 2}),
+        )
+        for i, j in ((0, 1), (0, 2), (1, 2))
+    )
+    other = tuple((i, j, poly.scale(-0.5, poly.add(p, poly.variable(3, i)))) for i, j, p in entries)
+    return problems.polynomial_problem(PolynomialSystem(3, H, entries, noise_structures=(other,)))
+
+
+def module_of(name: str):
+    import importlib
+
+    return importlib.import_module(f"sepv.schemes.{name}")
+
+
+def known(name: str) -> np.ndarray:
+    """What the equation takes of the step: Δ, or h and the noise."""
+    rows = {"discrete_gradient": 2, "several_structures": 2}.get(name, 1)
+    return np.array([[0.3, -0.2], [0.25, 0.45]])[:rows]
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_the_jacobian_is_the_derivative_of_the_increment(name: str) -> None:
+    """Against the complex step (Squire and Trapp 1998), which has no rounding of differences."""
+    scheme, problem, step = module_of(name), generic(), known(name)
+    if name != "several_structures":
+        problem = single(problem)
+    K = scheme.jacobian(problem, Y0, Y1, step)
+    for k in range(3):
+        moved = Y1.astype(complex)
+        moved[k] += 1e-30j
+        column = scheme.increment(problem, Y0.astype(complex), moved, step).value.imag / 1e-30
+        # Some 200 terms of size ≤ |K|, each rounded a few times.
+        assert np.max(np.abs(K[:, k] - column)) <= 1e-13 * np.abs(K).max()
+        differences = _difference_jacobian(
+            problem, Y0, Y1, step, scheme.increment, scheme.increment(problem, Y0, Y1, step).value
+        )
+        # Forward differences of width √eps: an error of √eps |∂²R|, which is of the size of K here.
+        assert np.max(np.abs(differences[:, k] - column)) <= 1e-6 * np.abs(K).max()
+
+
+def single(problem: Problem) -> Problem:
+    """The same with one structure."""
+    return problems.polynomial_problem(replace(problem.data, noise_structures=()))
+
+
+@pytest.mark.parametrize(("stages", "degree"), [(1, 4), (2, 4), (3, 3)])
+@pytest.mark.parametrize("averaged", [True, False])
+def test_the_jacobian_of_the_stages_is_the_derivative_of_their_equations(
+    stages: int, degree: int, averaged: bool
+) -> None:
+    """For these the few nodes that average H″ are exact."""
+    problem = single(generic(degree))
+    nodes = exact_nodes(stages, degree) if averaged else stages
+    system = _Stages(problem, stages, Y0, np.array([0.3, -0.2]), nodes, averaged)
+    z, lanes, size = 0.1 * np.cos(np.arange(3 * stages * 2)).reshape(3 * stages, 2), np.arange(2), 2.0**-17
+    K, further = system.evaluate(z, lanes).jacobian()
+    assert further == 0
+    for k in range(3 * stages):
+        ahead, behind = (z.copy(), z.copy())
+        ahead[k] += size
+        behind[k] -= size
+        difference = (system.evaluate(s, lanes).right_side.value for s in (ahead, behind))
+        column = np.subtract(*difference) / (2 * size)
+        # size² of the third derivative and eps/size of the value, both of some ten times |K|.
+        assert np.max(np.abs(K[:, k] - column)) <= 1e-8 * np.abs(K).max()
+
+
+def test_derivatives_of_the_field_are_derivatives() -> None:
+    problem, y = single(generic()), Y0
+    plain = replace(problem, hessian=None, structure_derivative=None, check=False)
+    v = problem.gradient(y)
+    J = field_jacobian(problem, y)
+    assert field_jacobian(plain, y) is None
+    assert field_jacobian(replace(problem, hessian=None, check=False), y) is None
+    for k in range(3):
+        moved = y.astype(complex)
+        moved[k] += 1e-30j
+        assert np.allclose(J[:, k], vector_field(problem, moved).imag / 1e-30, rtol=1e-13, atol=1e-13)
+    # Forward differences of width √eps |y|.
+    for function in (hessian, lambda p, at: structure_slope(p, at, v)):
+        exact = function(problem, y)
+        assert np.max(np.abs(function(plain, y) - exact)) <= 1e-6 * np.abs(exact).max()
+
+
+def test_differences_stay_inside_the_domain() -> None:
+    """y1 ≤ 1, and the first lane on the boundary: backward differences there, as good as forward ones."""
+    base = single(generic())
+
+    def inside(y: np.ndarray) -> np.ndarray:
+        return y[0] <= 1
+
+    def gradient(y: np.ndarray) -> np.ndarray:
+        return np.where(inside(y), base.gradient(y), np.nan)
+
+    problem = replace(
+        base,
+        domain=inside,
+        gradient=gradient,
+        hessian=None,
+        structure_derivative=None,
+        degree=None,
+        check=False,
+    )
+    y = np.array([[1.0, 0.5], [0.6, 0.9], [0.1, -0.7]])
+    assert np.max(np.abs(hessian(problem, y) - base.hessian(y))) <= 1e-6 * np.abs(base.hessian(y)).max()
+    scheme, step = module_of("midpoint"), known("midpoint")
+    found, exact = (
+        _difference_jacobian(p, y, y, step, scheme.increment, scheme.increment(p, y, y, step).value)
+        for p in (problem, base)
+    )
+    assert np.max(np.abs(found - exact)) <= 1e-6 * np.abs(exact).max()
