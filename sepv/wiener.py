@@ -92,8 +92,8 @@ def increments(
     >>> bool(np.allclose(coarse, fine[0::2] + fine[1::2], rtol=0, atol=1e-15))
     True
     """
-    pieces = list(walk(seed, T=T, steps=steps, noises=noises, paths=paths, refine=refine, size=steps))
-    return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
+    (whole,) = walk(seed, T=T, steps=steps, noises=noises, paths=paths, refine=refine, size=steps)
+    return whole
 
 
 class Grid(NamedTuple):

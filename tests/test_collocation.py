@@ -19,7 +19,7 @@ from sepv import problems, schemes, strategies
 from sepv.case import Case
 from sepv.errors import StepFailure, UsageError
 from sepv.implicit import Status
-from sepv.tableaux import exact_nodes, gauss_tableau, moments
+from sepv.tableaux import amplification, exact_nodes, gauss_tableau, moments
 from sepv.tolerance import state_ulp
 
 STAGES = range(1, 7)
@@ -54,6 +54,20 @@ def test_averages_are_exact_up_to_the_degree_that_is_promised_and_not_beyond(s: 
         assert np.max(np.abs(averages(n) - exact)) < (2 * power + 40) * EPS * size
         if n > s:  # with fewer nodes than stages even ℓ_i is not resolved
             assert np.max(np.abs(averages(n - 1) - exact)) > 1e-9
+
+
+def test_a_linear_h_needs_no_more_nodes_than_half_the_stages() -> None:
+    """∇H is constant, and ℓ_i has degree s − 1: ⌈s/2⌉ nodes; a constant H counts as linear."""
+    assert [exact_nodes(s, 1) for s in STAGES] == [1, 1, 2, 2, 3, 3]
+    assert [exact_nodes(s, 0) for s in STAGES] == [1, 1, 2, 2, 3, 3]
+
+
+def test_what_averages_may_amplify_is_the_integral_of_a_lagrange_polynomial() -> None:
+    """b₁⁻¹∫|ℓ₁| for s = 2: ℓ₁ = (c₂ − τ)/(c₂ − c₁), so that it is (c₂² + (1 − c₂)²)/(c₂ − c₁)."""
+    c1, c2 = gauss_tableau(2).c
+    assert amplification(1) == pytest.approx(1.0, rel=1e-15)
+    # 64 nodes about a kink: an error of some 64⁻².
+    assert amplification(2) == pytest.approx((c2**2 + (1 - c2) ** 2) / (c2 - c1), rel=1e-3)
 
 
 def gauss_tableau_nodes(nodes: int) -> np.ndarray:

@@ -33,6 +33,65 @@ def test_divided_steps_reach_the_end_and_keep_the_energy(scheme) -> None:
     assert np.array_equal(ends.y[:, fine], plain.y[:, fine])  # nothing else is touched
 
 
+def by_hand(problem, y, h, dW, depth: int) -> tuple[np.ndarray, int, bool]:
+    """(y1, divisions, solved) of one state, halves of halves written out with the scheme itself."""
+    solution = schemes.energy_preserving.solve(problem, y, h, dW)
+    if not solution.status[0]:
+        return solution.value[:, 0], 0, True
+    if not depth:
+        return solution.value[:, 0], 0, False
+    middle, first, arrived = by_hand(problem, y, h / 2, dW / 2, depth - 1)
+    if not arrived:
+        return middle, 1 + first, False
+    end, second, solved = by_hand(problem, middle, h / 2, dW / 2, depth - 1)
+    return end, 1 + first + second, solved
+
+
+@pytest.mark.parametrize("depth", [1, 2, 3, 5])
+def test_parts_are_the_steps_of_the_scheme_and_their_divisions_are_counted(depth: int) -> None:
+    problem = problems.lotka_volterra(noise=(0.5,))
+    dW = np.array([[0.1, 0.9, -1.4, 2.0, -2.5, 4.0, 6.0]])
+    y = np.asarray(problem.initial)[:, None] * (1 + np.arange(7) / 50)
+    h, solution = 0.125, divided(schemes.energy_preserving, depth).solve(problem, y, 0.125, dW)
+    found = [by_hand(problem, y[:, k], h, dW[:, k], depth) for k in range(7)]
+    assert np.array_equal(solution.value, np.stack([value for value, _, _ in found], axis=1))
+    assert solution.divisions.tolist() == [count for _, count, _ in found]
+    assert solution.divisions.dtype == np.int64
+    assert (solution.status == 0).tolist() == [solved for _, _, solved in found]
+    assert len({count for _, count, _ in found}) >= min(depth, 3)
+    assert np.max(np.abs(solution.change - (solution.value - y))) < 1e-15
+    assert np.array_equal(
+        solution.change[:, 0], schemes.energy_preserving.solve(problem, y, h, dW).change[:, 0]
+    )
+
+
+def test_a_solver_that_states_no_change_has_one_only_where_it_was_divided() -> None:
+    from dataclasses import replace
+
+    def solve(problem, y, h, dW):
+        return replace(schemes.energy_preserving.solve(problem, y, h, dW), change=None)
+
+    problem = problems.lotka_volterra()
+    y = np.repeat(np.asarray(problem.initial)[:, None], 2, axis=1)
+    scheme = divided(replace(schemes.energy_preserving, solve=solve))
+    solution = scheme.solve(problem, y, 0.1, np.array([[0.0, 3.0]]))
+    assert solution.divisions[0] == 0 < solution.divisions[1]
+    assert np.isnan(solution.change[:, 0]).all()
+    assert np.array_equal(solution.change[:, 1], solution.value[:, 1] - y[:, 1])
+
+
+def test_a_divided_scheme_says_what_it_is_and_its_failures_what_they_were_asked() -> None:
+    scheme = divided(schemes.energy_preserving)
+    assert scheme.name == "energy-preserving, divided"
+    assert scheme.source == "Cohen and Dujardin (2014), equation (2.1); failed steps in up to 2^8 parts"
+    assert "2^20 parts" in divided(schemes.energy_preserving, 20).source
+    with pytest.raises(StepFailure) as caught:
+        divided(schemes.energy_preserving, 1).step(
+            problems.lotka_volterra(noise=(0.5,)), np.array([1.0, 1.9, 0.5]), 0.25, np.array([40.0])
+        )
+    assert caught.value.delta == 20.25
+
+
 def test_both_invariants_are_kept_by_the_parts() -> None:
     problem = problems.lotka_volterra()
     paths = (

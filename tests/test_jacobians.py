@@ -9,7 +9,7 @@ import pytest
 
 from sepv import polynomial as poly
 from sepv import problems
-from sepv.fields import field_jacobian, hessian, structure_slope, vector_field
+from sepv.fields import derivative_along, field_jacobian, hessian, structure_slope, vector_field
 from sepv.implicit import _difference_jacobian
 from sepv.problem import PolynomialSystem, Problem
 from sepv.schemes.collocation import _Stages
@@ -57,7 +57,7 @@ def known(name: str) -> np.ndarray:
 @pytest.mark.parametrize("name", MODULES)
 def test_the_jacobian_is_the_derivative_of_the_increment(name: str) -> None:
     """Against the complex step (Squire and Trapp 1998), which has no rounding of differences."""
-    scheme, problem, step = module_of(name), generic(), known(name)
+    scheme, problem, step = module_of(name), generic(6), known(name)
     if name != "several_structures":
         problem = single(problem)
     K = scheme.jacobian(problem, Y0, Y1, step)
@@ -118,12 +118,13 @@ def test_derivatives_of_the_field_are_derivatives() -> None:
         assert np.max(np.abs(function(plain, y) - exact)) <= 1e-6 * np.abs(exact).max()
 
 
-def test_differences_stay_inside_the_domain() -> None:
-    """y1 ≤ 1, and the first lane on the boundary: backward differences there, as good as forward ones."""
+@pytest.mark.parametrize("side", [1, -1])
+def test_differences_stay_inside_the_domain(side: int) -> None:
+    """± y1 ≤ 1, and the first lane on the boundary: differences to the other side there, as good as any."""
     base = single(generic())
 
     def inside(y: np.ndarray) -> np.ndarray:
-        return y[0] <= 1
+        return np.where(side * y[0] <= 1, 1, 0)  # numbers, as a user may write it
 
     def gradient(y: np.ndarray) -> np.ndarray:
         return np.where(inside(y), base.gradient(y), np.nan)
@@ -137,7 +138,7 @@ def test_differences_stay_inside_the_domain() -> None:
         degree=None,
         check=False,
     )
-    y = np.array([[1.0, 0.5], [0.6, 0.9], [0.1, -0.7]])
+    y = np.array([[side, 0.5], [0.6, 0.9], [0.1, -0.7]])
     assert np.max(np.abs(hessian(problem, y) - base.hessian(y))) <= 1e-6 * np.abs(base.hessian(y)).max()
     scheme, step = module_of("midpoint"), known("midpoint")
     found, exact = (
@@ -145,3 +146,54 @@ def test_differences_stay_inside_the_domain() -> None:
         for p in (problem, base)
     )
     assert np.max(np.abs(found - exact)) <= 1e-6 * np.abs(exact).max()
+
+
+# One lane of each size; the largest component is negative, and another is zero.
+SIZES = np.array([1e-5, 1.0, 1e5])
+SPREAD = np.array([[-1.0], [0.5], [0.0]]) * SIZES
+
+
+def homogeneous() -> Problem:
+    """H of degree four and B of degree one: everything scales with y, and so does what differences leave."""
+    H = poly.polynomial(3, {(4, 0, 0): 1.0, (1, 2, 1): 0.5, (0, 3, 1): -2.0, (0, 0, 4): 1.0, (2, 1, 1): 1.5})
+    entries = ((0, 1, poly.variable(3, 2)), (0, 2, poly.variable(3, 0)), (1, 2, poly.variable(3, 1)))
+    return problems.polynomial_problem(PolynomialSystem(3, H, entries))
+
+
+def test_differences_are_as_good_for_states_of_any_size() -> None:
+    problem = homogeneous()
+    plain = replace(problem, hessian=None, structure_derivative=None, check=False)
+    exact = problem.hessian(SPREAD)
+    assert np.all(np.abs(hessian(plain, SPREAD) - exact) <= 1e-6 * np.abs(exact).max(axis=(0, 1)))
+    scheme, step = module_of("midpoint"), np.array([0.1 / SIZES**3])
+    exact = scheme.jacobian(problem, SPREAD, 1.5 * SPREAD, step)
+    found = _difference_jacobian(
+        plain,
+        SPREAD,
+        1.5 * SPREAD,
+        step,
+        scheme.increment,
+        scheme.increment(plain, SPREAD, 1.5 * SPREAD, step).value,
+    )
+    assert np.all(np.abs(found - exact) <= 1e-6 * np.abs(exact).max(axis=(0, 1)))
+    # Of the size of |y|, where y1 is small and where y0 is.
+    for y0, y1 in ((SPREAD, 1e-9 * SPREAD), (1e-9 * SPREAD, SPREAD)):
+        exact = scheme.jacobian(problem, y0, y1, step)
+        found = _difference_jacobian(
+            plain, y0, y1, step, scheme.increment, scheme.increment(plain, y0, y1, step).value
+        )
+        assert np.all(np.abs(found - exact) <= 1e-6 * np.abs(exact).max(axis=(0, 1)))
+
+
+def test_the_derivative_along_a_vector_needs_no_derivatives_of_the_problem() -> None:
+    """Exact for polynomials of degree six, but for rounding: eps/2⁻⁷ and the weights, some 10⁻¹³ of f beside |y|."""
+    problem = homogeneous()
+    plain = replace(problem, hessian=None, structure_derivative=None, check=False)
+    y = np.concatenate([SPREAD[:, 1:], np.array([[0.7], [-0.2], [0.4]])], axis=1)
+    v = np.array([[1.0, -3.0, 0.0], [0.5, 2.0, 0.0], [0.25, -1.0, 0.0]])
+    exact, found = derivative_along(problem, y, v), derivative_along(plain, y, v)
+    size = np.abs(vector_field(problem, y)).max(axis=0) / (1 + np.abs(y).max(axis=0)) * np.abs(v).max(axis=0)
+    assert np.all(np.abs(found - exact) <= 1e-11 * (size + np.abs(exact).max(axis=0)))
+    assert not found[:, 2].any()
+    for k in range(3):
+        assert np.array_equal(found[:, k], derivative_along(plain, y[:, k], v[:, k]))

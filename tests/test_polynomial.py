@@ -82,3 +82,31 @@ def test_algebra_agrees_with_hand_calculation() -> None:
 def test_wrong_terms_are_refused(terms: dict[tuple[int, ...], float], word: str) -> None:
     with pytest.raises(UsageError, match=word):
         poly.polynomial(2, terms)
+
+
+def test_degrees_and_the_order_of_terms() -> None:
+    p = poly.polynomial(2, {(2, 1): 4.0, (0, 1): 1.0, (1, 0): 2.0})
+    assert p.degree == 3
+    assert [e for e, _ in p.terms] == [(1, 0), (0, 1), (2, 1)]
+    assert poly.polynomial(2, {}).degree == poly.constant(2, 3.0).degree == 0
+    # Within a degree the first variable first.
+    unit = [tuple(int(i == j) for i in range(4)) for j in range(4)]
+    assert [e for e, _ in poly.polynomial(4, dict.fromkeys(unit[::-1], 1.0)).terms] == unit
+    assert poly.polynomial(0, {(): 2.0}).terms == (((), 2.0),)
+    assert poly.polynomial(1, {(poly.MAX_DEGREE,): 1.0}).degree == poly.MAX_DEGREE
+    with pytest.raises(UsageError, match="degree"):
+        poly.polynomial(1, {(poly.MAX_DEGREE + 1,): 1.0})
+
+
+def test_constants_and_zero_are_what_they_say_also_far_out() -> None:
+    y = np.array([[1.0, -2.0, np.inf], [0.5, 3.0, 0.0]])
+    assert PolynomialMap((), (poly.constant(2, 3.0),))(y).tolist() == [3.0, 3.0, 3.0]
+    assert PolynomialMap((), (poly.polynomial(2, {}),))(y).tolist() == [0.0, 0.0, 0.0]
+    rows = PolynomialMap((2,), (poly.variable(2, 1), poly.constant(2, 2.0)))
+    assert rows(y).tolist() == [[0.5, 3.0, 0.0], [2.0, 2.0, 2.0]]
+
+
+def test_polynomials_print_as_they_are_written() -> None:
+    p = poly.polynomial(3, {(0, 0, 0): 2.5, (1, 0, 0): -1.0, (0, 1, 1): 3.0, (2, 0, 0): 1.0, (0, 0, 2): -0.5})
+    assert str(p) == "2.5 - y1 + y1^2 + 3.0 y2 y3 - 0.5 y3^2"
+    assert str(poly.polynomial(3, {})) == "0"

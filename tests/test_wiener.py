@@ -96,3 +96,102 @@ def test_no_noise_gives_no_increments() -> None:
 def test_coarsening_by_no_divisor_is_refused() -> None:
     with pytest.raises(UsageError, match="divisible"):
         wiener.coarsen(np.zeros((5, 1)), 2)
+
+
+@pytest.mark.parametrize(
+    ("steps", "refine", "expected"),
+    [
+        (96, None, (3, 5, 4)),  # 3·2⁴ ≤ 64 < 3·2⁵
+        (64, None, (1, 6, 6)),
+        (192, None, (3, 6, 4)),
+        (130, None, (65, 1, 0)),
+        (7, None, (7, 0, 0)),
+        (96, 0, (96, 0, 0)),
+        (96, 5, (3, 5, 4)),
+        (96, 1, (48, 1, 0)),
+    ],
+)
+def test_the_grid_is_the_odd_part_and_its_halvings(
+    steps: int, refine: int | None, expected: tuple[int, int, int]
+) -> None:
+    plan = wiener.grid(steps, refine)
+    assert plan == expected
+    assert plan.base << plan.halvings == steps
+    assert wiener.stream_states(0, range(3), plan).shape == (plan.streams, 4, 3)
+    assert plan.streams == 1 + plan.halvings - plan.top
+    # Level 0 has variance T/base; a bridge over h has variance h/4 in its middle.
+    variances = [3 / plan.base, *(3 / plan.base / 2**level / 4 for level in range(plan.halvings))]
+    assert wiener.spreads(3.0, plan) ** 2 == pytest.approx(variances, rel=1e-15)
+
+
+def test_more_halvings_than_there_are_is_refused() -> None:
+    with pytest.raises(UsageError, match="between 0 and 5"):
+        wiener.grid(96, 6)
+    with pytest.raises(UsageError, match="between 0 and 5"):
+        wiener.grid(96, -1)
+
+
+def test_streams_are_those_of_numpy_after_its_mixing() -> None:
+    """SFC64 of numpy is set to the unmixed words and asked for 18 numbers: it stands where the stream begins."""
+    plan = wiener.grid(1 << 9)
+    assert (plan.top, plan.halvings) == (6, 9)
+    found = wiener.stream_states(7, range(5, 8), plan)
+    a, b = np.random.SeedSequence(7).generate_state(2, np.uint64)
+    bits = np.random.SFC64(0)
+    for stream, level in enumerate((0, 7, 8, 9)):
+        for k, path in enumerate(range(5, 8)):
+            record = bits.state
+            record["state"]["state"] = np.array([a, b, 64 * path + level, 1], dtype=np.uint64)
+            bits.state = record
+            bits.random_raw(18)
+            assert bits.state["state"]["state"].tolist() == found[stream, :, k].tolist()
+
+
+@pytest.mark.parametrize(("steps", "refine"), [(64, None), (768, None), (130, None), (300, 0), (1, None)])
+def test_a_path_drawn_piece_by_piece_is_the_path(steps: int, refine: int | None) -> None:
+    whole = wiener.increments(2, T=2.0, steps=steps, noises=2, paths=3, refine=refine)
+    assert whole.shape == (steps, 2, 3)
+    plan = wiener.grid(steps, refine)
+    least = 1 << (plan.halvings - plan.top)
+    for size in (1, 5, 64, 10_000):
+        pieces = list(wiener.walk(2, T=2.0, steps=steps, noises=2, paths=range(3), refine=refine, size=size))
+        assert np.array_equal(np.concatenate(pieces), whole)
+        wanted = min(steps, max(least, size // least * least))
+        assert [len(piece) for piece in pieces[:-1]] == [wanted] * (len(pieces) - 1)
+        assert 0 < len(pieces[-1]) <= wanted
+
+
+@pytest.mark.parametrize(("steps", "refine"), [(768, None), (300, 0), (130, None)])
+def test_long_paths_are_independent_normals_of_variance_h(steps: int, refine: int | None) -> None:
+    T, paths = 3.0, 400
+    z = wiener.increments(4, T=T, steps=steps, noises=1, paths=paths, refine=refine)[:, 0] / math.sqrt(
+        T / steps
+    )
+    # Means of steps·paths squares and of products of neighbours: six standard errors, false alarms below 1e-8.
+    assert abs(np.mean(z**2) - 1) < 6 * math.sqrt(2 / z.size)
+    for lag in (1, 2, 4, 64):
+        assert abs(np.mean(z[lag:] * z[:-lag])) < 6 / math.sqrt(z[lag:].size)
+    assert abs(np.mean(z.sum(axis=0) ** 2) / steps - 1) < 6 * math.sqrt(2 / paths)
+
+
+def test_a_bridge_halves_with_the_deviation_at_its_first_half() -> None:
+    """Which of the two halves gets + z decides how steps refine, and is fixed for good: level 1 of two steps."""
+    plan, seed = wiener.grid(2), 9
+    states = wiener.stream_states(seed, [0], plan)[0, :, 0]
+    bits = np.random.SFC64(0)
+    record = bits.state
+    record["state"]["state"] = states
+    bits.state = record
+    coarse, z = np.random.Generator(bits).standard_normal(2)
+    found = wiener.increments(seed, T=1.0, steps=2, noises=1)[:, 0, 0]
+    assert found == pytest.approx([coarse / 2 + z / 2, coarse / 2 - z / 2], rel=1e-15)
+    assert wiener.increments(seed, T=1.0, steps=1, noises=1)[0, 0, 0] == coarse
+
+
+def test_defaults_are_one_path_and_the_truncation_of_the_paper() -> None:
+    assert wiener.increments(0, T=1.0, steps=4, noises=1).shape == (4, 1, 1)
+    far = np.array([-100.0, 100.0])
+    assert np.array_equal(wiener.truncate(far, 0.1), wiener.truncate(far, 0.1, 2))
+    assert wiener.truncate(far, 0.1, 3)[1] > wiener.truncate(far, 0.1, 2)[1]
+    assert wiener.truncate([1, 2], 0.1, None).dtype == np.float64
+    assert wiener.increments(0, T=1.0, steps=1, noises=1).shape == (1, 1, 1)
