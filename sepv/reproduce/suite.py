@@ -107,7 +107,7 @@ def reproduce(
 
 
 def _jobs(section: Any, size: Size, wanted: tuple[str, ...]) -> list[Job]:
-    return [job for job in section.jobs(size) if job.key[0] in wanted]
+    return [replace(job, seconds=job.expected()) for job in section.jobs(size) if job.key[0] in wanted]
 
 
 def _panels(section: Any, results: Results, wanted: tuple[str, ...]) -> list[Panel]:
