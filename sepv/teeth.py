@@ -7,13 +7,14 @@ also where a claimed law ends in `error`, which no reader takes for a pass.
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from statistics import median
 from typing import Any
 
 from rich.console import Console
+from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
@@ -161,7 +162,7 @@ def find(name: str) -> Saboteur:
         raise UsageError(
             expected=f"a saboteur, one of {', '.join(ALL)}",
             received=repr(name),
-            remedy="see `sepv teeth --list`",
+            remedy="take one of these names",
         )
     return ALL[name]
 
@@ -210,13 +211,15 @@ def examples_to_kill(bites: Sequence[Bite]) -> dict[tuple[str, int], int]:
 
 def show(bites: Sequence[Bite], out: Console) -> None:
     """The matrix, its legend, what a reader should worry about, and the count."""
-    laws = list(dict.fromkeys(b.law for b in bites))
-    out.print(matrix(bites))
+    laws, table = list(dict.fromkeys(b.law for b in bites)), matrix(bites)
+    wide = Measurement.get(out, out.options.update(max_width=1000), table).maximum > out.width
+    out.print(listing(bites) if wide else table)
     out.print(
         Text("number: median examples (or paths) to the first violation; (number): not with every seed")
     )
     out.print(Text("·: holds, ?: inconclusive, e: error, n/a: not applicable; *: unclaimed"))
-    out.print(Text(", ".join(f"{abbreviation(law)} {law}" for law in laws)))
+    if not wide:
+        out.print(Text(", ".join(f"{abbreviation(law)} {law}" for law in laws)))
     if not _has_holes(bites):
         for law, names in lone_keepers(bites).items():
             out.print(Text(f"only {law} kills: {', '.join(names)}"))
@@ -235,24 +238,40 @@ def _has_holes(bites: Sequence[Bite]) -> bool:
 def matrix(bites: Sequence[Bite]) -> Table:
     """Saboteur × law, with the seeds killed."""
     laws = list(dict.fromkeys(b.law for b in bites))
-    alive = survivors(bites)
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("saboteur", no_wrap=True)
     for law in laws:
         table.add_column(abbreviation(law), justify="right", no_wrap=True)
     table.add_column("killed", justify="right", no_wrap=True)
-    cells: dict[tuple[str, str], list[Bite]] = {}
-    for b in bites:
-        cells.setdefault((b.saboteur, b.law), []).append(b)
-    for name in dict.fromkeys(b.saboteur for b in bites):
-        seeds = len({b.seed for b in bites if b.saboteur == name})
-        killed = seeds - len(alive.get(name, []))
-        table.add_row(
-            name,
-            *(_cell(cells.get((name, law), [])) for law in laws),
-            Text(f"{killed}/{seeds}", style="green" if killed == seeds else "bold red"),
-        )
+    for name, killed, cells in _rows(bites):
+        table.add_row(name, *(cells.get(law, Text("")) for law in laws), killed)
     return table
+
+
+def listing(bites: Sequence[Bite]) -> Table:
+    """The same where the matrix is too wide: for each saboteur what does not hold, in words."""
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("saboteur", no_wrap=True)
+    table.add_column("killed", justify="right", no_wrap=True)
+    table.add_column("laws")
+    for name, killed, cells in _rows(bites):
+        seen = [
+            Text(f"{law} ") + cell for law, cell in cells.items() if cell.plain.strip("*") not in ("·", "n/a")
+        ]
+        table.add_row(name, killed, Text(", ").join(seen))
+    return table
+
+
+def _rows(bites: Sequence[Bite]) -> Iterator[tuple[str, Text, dict[str, Text]]]:
+    """Each saboteur, how often it was killed, and the cell of each law that it was shown to."""
+    alive, found = survivors(bites), dict[str, dict[str, list[Bite]]]()
+    for b in bites:
+        found.setdefault(b.saboteur, {}).setdefault(b.law, []).append(b)
+    for name, laws in found.items():
+        seeds = len({b.seed for seen in laws.values() for b in seen})
+        killed = seeds - len(alive.get(name, []))
+        count = Text(f"{killed}/{seeds}", style="green" if killed == seeds else "bold red")
+        yield name, count, {law: _cell(seen) for law, seen in laws.items()}
 
 
 def summary(bites: Sequence[Bite]) -> Text:

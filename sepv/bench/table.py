@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from rich import box
 from rich.table import Table
 from rich.text import Text
 
@@ -19,7 +18,7 @@ HEADINGS = {
 def record_table(record: dict[str, Any]) -> Table:
     """One row for each case: counters of all paths and steps, rms error and defects."""
     table = Table(
-        box=box.SIMPLE_HEAD,
+        box=None,
         title=Text(f"{record['target']}: evaluations over all paths and steps, rms over paths", style="bold"),
         title_justify="left",
         pad_edge=False,
@@ -27,11 +26,11 @@ def record_table(record: dict[str, Any]) -> Table:
     )
     table.add_column("case")
     for heading in (*HEADINGS.values(), "error", "ΔH", "ΔC"):
-        table.add_column(heading, justify="right")
+        table.add_column(heading, justify="right", no_wrap=True)
     for case in record["cases"]:
         counts = [case["counters"].get(name) for name in HEADINGS]
         table.add_row(
-            case["case"]["name"],
+            case["case"]["name"].replace("harmonic-", "harmonic-\n"),
             *("–" if n is None else str(n) for n in counts),
             *(_rms(case[kind]) for kind in ("error", "energy", "casimir")),
         )
@@ -39,4 +38,6 @@ def record_table(record: dict[str, Any]) -> Table:
 
 
 def _rms(groups: list[str]) -> str:
-    return f"{np.sqrt(np.mean([float.fromhex(v) for v in groups])):.1e}"
+    return f"{np.sqrt(np.mean([float.fromhex(v) for v in groups])):.1e}".replace("e-0", "e-").replace(
+        "e+00", ""
+    )

@@ -15,7 +15,7 @@ EXITS = """Exit codes: 0 nothing is worse; 1 a counter, an error or a time is wo
 crashed, or could not be loaded."""
 
 
-@click.command(epilog=EXITS)
+@click.command(epilog=EXITS, short_help="Guard work, error and time against a file or a checkout.")
 @click.argument("targets", nargs=-1, required=True, metavar="TARGET...")
 @click.option("--save", type=FILE, help="Write the records to this file.")
 @click.option("--against", type=click.Path(), help="Compare with the records of this file.")
@@ -34,6 +34,7 @@ crashed, or could not be loaded."""
     show_default=True,
     help="Most batches of paired times.",
 )
+@click.option("-q", "--quiet", is_flag=True, help="Only what differs, and the counts.")
 @friendly
 def bench(
     targets: tuple[str, ...],
@@ -43,6 +44,7 @@ def bench(
     names: tuple[str, ...],
     portable: bool,
     batches: int,
+    quiet: bool,
     debug: bool,  # noqa: ARG001  (every command takes it)
 ) -> None:
     """Work, error and invariant defects of TARGETs in fixed cases, against a file or another checkout.
@@ -94,7 +96,7 @@ def bench(
             records.append(ours)
     if save:
         write_atomically(save, store.save(records))
-    _show(records, checks)
+    _show([] if quiet else records, checks)
     raise SystemExit(1 if any(c.verdict == "worse" for c in checks) else 0)
 
 
@@ -111,6 +113,7 @@ def _show(records: list[dict[str, Any]], checks: list[Any]) -> None:
     for record in records:
         out.print(table.record_table(record))
     if not checks:
+        out.print("Nothing to compare with: --save and --against, or --against-ref.")
         return
     for c in checks:
         if c.verdict != "same" or "time" in c.what:

@@ -34,7 +34,7 @@ class Numbers(click.ParamType):
             self.fail(f"{value!r} is not a list of numbers with commas between them", param, ctx)
 
 
-@click.command()
+@click.command(short_help="Error, defects, time and work of schemes, side by side.")
 @click.argument("targets", nargs=-1, metavar="SCHEME...")
 @click.option(
     "--problem", "-p", default="rigid-body", show_default=True, help="By name, file.json or module:attribute."

@@ -8,7 +8,7 @@ from click.shell_completion import get_completion_class
 from sepv.commands.shared import friendly
 
 
-@click.command()
+@click.command(short_help="The completion script for bash, zsh or fish.")
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
 @friendly
 def completion(shell: str, debug: bool) -> None:  # noqa: ARG001  (every command takes it)

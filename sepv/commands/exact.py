@@ -7,7 +7,7 @@ import click
 from sepv.commands.shared import friendly
 
 
-@click.command()
+@click.command(short_help="The exact solution at a random time, to any digits.")
 @click.argument("problem")
 @click.option("--theta", required=True, metavar="θ", help="The random time t + Σ c_j W_j(t), of either sign.")
 @click.option(

@@ -10,10 +10,16 @@ import click
 from sepv.commands.shared import friendly
 
 
-@click.command("list")
+@click.command("list", short_help="Schemes, problems and laws.")
 @friendly
 def list_(debug: bool) -> None:  # noqa: ARG001  (every command takes it)
-    """Schemes, problems and laws."""
+    """Schemes, problems and laws: the names that the other commands take.
+
+    \b
+    sepv list
+
+    The hard cases are listed, with their reasons, by sepv hard --explain, the saboteurs by docs/teeth.md.
+    """
     from rich.table import Table
 
     from sepv import problems, schemes

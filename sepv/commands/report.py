@@ -7,7 +7,7 @@ import click
 from sepv.commands.shared import friendly
 
 
-@click.command()
+@click.command(short_help="One HTML page from the JSON files of the others.")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=click.Path())
 @click.option(
     "-o", "--out", type=click.Path(dir_okay=False), default="report.html", show_default=True, help="The page."

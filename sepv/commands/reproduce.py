@@ -13,7 +13,7 @@ from sepv.errors import UsageError
 QUICK = 1 / 32
 
 
-@click.command()
+@click.command(short_help="The paper's figures again, with verdicts.")
 @click.argument("figures", nargs=-1, metavar="[FIGURE]...")
 @click.option("-o", "--out", type=click.Path(file_okay=False), help="Folder for JSON, CSV, SVG and PNG.")
 @click.option(

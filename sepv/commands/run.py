@@ -10,20 +10,27 @@ import click
 from sepv.commands.shared import FILE, friendly
 
 
-@click.command()
+@click.command(short_help="One path over many steps.")
 @click.argument("scheme")
 @click.option("--problem", default="rigid-body", show_default=True, help="One of `sepv list`.")
 @click.option("--h", "h", type=float, default=0.01, show_default=True, help="The step size.")
-@click.option("--steps", type=float, default=1e6, show_default=True, help="How many steps, such as 1e8.")
+@click.option(
+    "--steps",
+    type=float,
+    default=1e6,
+    show_default=False,
+    help="How many steps, such as 1e8.  [default: 1e6]",
+)
 @click.option("--seed", type=int, default=0, show_default=True)
 @click.option("--every", type=float, help="Keep the state after each so many steps [default: a thousandth].")
 @click.option("--compensated", is_flag=True, help="Kahan's summation of the steps.")
 @click.option("--engine", type=click.Choice(["auto", "numpy", "compiled"]), default="auto", show_default=True)
 @click.option("--json", "json_file", type=FILE, help="Write the kept states and defects.")
+@click.option("-q", "--quiet", is_flag=True, help="No progress; print one line, the defects.")
 @friendly
 def run(
     scheme: str, problem: str, h: float, steps: float, seed: int, every: float | None, compensated: bool,
-    engine: str, json_file: str | None,
+    engine: str, json_file: str | None, quiet: bool,
     debug: bool,  # noqa: ARG001  (every command takes it)
 ) -> None:  # fmt: skip
     """One path of SCHEME over many steps: its end, its invariants, its price.
@@ -39,12 +46,12 @@ def run(
 
     count = _whole("steps", steps)
     kept = _whole("every", every) if every is not None else max(1, count // 1000)
-    with _bar(count) as progress:
+    with _bar(count, quiet) as progress:
         path = long_path(
             schemes.by_name(scheme), problems.by_name(problem), h=h, steps=count, seed=seed, every=kept,
             compensated=compensated, engine=engine, progress=progress,
         )  # fmt: skip
-    _show(scheme, problem, path)
+    _show(scheme, problem, path, quiet)
     if json_file:
         with open(json_file, "w", encoding="utf-8") as out:
             json.dump(_record(scheme, problem, h, seed, path), out)
@@ -71,7 +78,7 @@ def _whole(name: str, value: float) -> int:
     return int(value)
 
 
-def _bar(total: int) -> Any:
+def _bar(total: int, quiet: bool) -> Any:
     from contextlib import contextmanager
 
     from sepv.report import console
@@ -79,7 +86,7 @@ def _bar(total: int) -> Any:
     @contextmanager
     def bar() -> Any:
         out = console(stderr=True)
-        if not out.is_terminal:
+        if quiet or not out.is_terminal:
             yield None
             return
         from rich.progress import (
@@ -98,12 +105,17 @@ def _bar(total: int) -> Any:
     return bar()
 
 
-def _show(scheme: str, problem: str, path: Any) -> None:
+def _show(scheme: str, problem: str, path: Any, quiet: bool) -> None:
     from rich.table import Table
 
     from sepv.report import console
 
     unit = 2.0**-52 * max(path.steps, 1) ** 0.5
+    if quiet:
+        console().print(
+            f"{path.steps:,} steps: energy {path.energy_defect:.3g}, Casimirs {path.casimir_defect:.3g} at most"
+        )
+        return
     table = Table(box=None, pad_edge=False, show_header=False)
     rows = [
         (

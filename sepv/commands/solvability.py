@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 STEPS = tuple(2.0**-n for n in range(1, 11))
 
 
-@click.command()
+@click.command(short_help="Which steps have a solution, and which h are safe.")
 @click.argument("problem")
 @click.option("--scheme", default="energy-preserving", show_default=True, help="This or midpoint.")
 @click.option(
@@ -118,15 +118,15 @@ def _show(found: Map, furthest: float, k: int | None, out: Any) -> None:
     )
     out.print(f"From every state there is a solution connected to y0 for {limits}.")
     for branch, sign in ((found.backward, "Δ < 0"), (found.forward, "Δ > 0")):
-        ends = [f"{int((branch.end == e).sum())} {e.text}" for e in End if (branch.end == e).any()]
+        ends = [f"{e.text}: {int((branch.end == e).sum())}" for e in End if (branch.end == e).any()]
         out.print(
             f"  {sign}: branches from {branch.reach.min():.6g} to {branch.reach.max():.6g} long; {', '.join(ends)}"
         )
     total = found.findings.size
     out.print(
         "The map: "
-        + ", ".join(f"{c} {kind.text}" for kind, c in found.counts().items() if c)
-        + f" of {total}."
+        + "; ".join(f"{kind.text}: {c}" for kind, c in found.counts().items() if c)
+        + f"; of {total}."
     )
     law = f"truncated with k = {k}" if k else "untruncated"
     out.print(f"\nP(Δ of a step is off the branch), c = {found.problem.c.tolist()}, {law}:")

@@ -9,7 +9,7 @@ import click
 from sepv.commands.shared import friendly
 
 
-@click.command()
+@click.command(short_help="One step to any number of digits, beside float64.")
 @click.argument("scheme")
 @click.argument("problem")
 @click.option("--y", "state", metavar="Y1,Y2,…", help="The state. [default: the problem's initial state]")

@@ -7,13 +7,14 @@ import click
 from sepv.commands.shared import FILE, friendly
 
 
-@click.command()
+@click.command(short_help="Does the suite bite? Saboteurs and laws.")
 @click.argument("names", nargs=-1, metavar="[SABOTEUR]...")
 @click.option("--law", "laws", multiple=True, metavar="NAME", help="Only this law; may be repeated.")
 @click.option("--seeds", type=click.IntRange(min=1), default=10, show_default=True, help="How many seeds.")
 @click.option("--first", is_flag=True, help="Stop each saboteur at the first law that kills it.")
 @click.option("--workers", type=click.IntRange(min=1), default=2, show_default=True, help="Processes.")
 @click.option("--json", "json_file", type=FILE, help="Write every single finding to this file.")
+@click.option("-q", "--quiet", is_flag=True, help="Only the last line.")
 @friendly
 def teeth(
     names: tuple[str, ...],
@@ -22,6 +23,7 @@ def teeth(
     first: bool,
     workers: int,
     json_file: str | None,
+    quiet: bool,
     debug: bool,  # noqa: ARG001  (every command takes it)
 ) -> None:
     """Does the suite bite? Saboteurs × laws, with the examples to the first violation.
@@ -36,20 +38,23 @@ def teeth(
 
     from sepv import teeth as suite
     from sepv.files import require_folder, write_atomically
-    from sepv.report import console
+    from sepv.report import console, line
 
     require_folder(json_file)
     status = console(stderr=True)
-    with status.status("") as line:
+    with status.status("") as shown:
         bites = suite.run(
             names or None,
             range(seeds),
-            lambda done, total, _: line.update(f"{done} of {total}"),
+            lambda done, total, _: shown.update(f"{done} of {total}"),
             laws=laws or None,
             first=first,
             workers=workers,
         )
     if json_file:
         write_atomically(json_file, json.dumps([b.to_json() for b in bites], indent=1) + "\n")
-    suite.show(bites, console())
+    if quiet:
+        line(console(), suite.summary(bites))
+    else:
+        suite.show(bites, console())
     raise SystemExit(1 if suite.survivors(bites) else 0)

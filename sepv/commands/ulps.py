@@ -9,7 +9,7 @@ import click
 from sepv.commands.shared import FILE, friendly
 
 
-@click.command()
+@click.command(short_help="One-step defects of the invariants, in ulps.")
 @click.argument("targets", nargs=-1, metavar="[SCHEME]...")
 @click.option(
     "--problem", "-p", "names", multiple=True, help="By name or as for compare. [default: the paper's]"

@@ -11,7 +11,7 @@ from sepv.commands.shared import EXIT_CODES, FILE, complete_laws, complete_schem
 from sepv.errors import UsageError
 
 
-@click.command(epilog=EXIT_CODES)
+@click.command(epilog=EXIT_CODES, short_help="Measure every law on a scheme.")
 @click.argument("targets", nargs=-1, metavar="TARGET...", shell_complete=complete_schemes)
 @click.option(
     "--law", "laws", multiple=True, metavar="NAME", help="Only this law; may be repeated.", shell_complete=complete_laws
