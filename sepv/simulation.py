@@ -218,7 +218,9 @@ class Batch:
             # Kahan: what the sum loses is kept and added to the next increment.
             wanted = change + self.lost[:, alive]
             value = before + wanted
-            self.lost[:, alive] = (before - value) + wanted
+            # Knuth's two-sum: a component next to zero is smaller than its increment.
+            taken = value - before
+            self.lost[:, alive] = (before - (value - taken)) + (wanted - taken)
         self.alive = alive = alive[ok]
         self.y[:, alive] = value[:, ok]
         if self.track and alive.size:

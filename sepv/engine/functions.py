@@ -99,7 +99,10 @@ def sincos(x: float) -> tuple[float, float]:
     shifted = x * _TWO_OVER_PI + _TO_INTEGER
     k = shifted - _TO_INTEGER
     quadrant = float_bits(shifted)
-    r = ((x - k * _PART_1) - k * _PART_2) - k * _PART_3
+    reduced = (x - k * _PART_1) - k * _PART_2
+    r = reduced - k * _PART_3
+    # What r has lost: the same for all x of a binade and quadrant, where it would push the energy one way.
+    low = (reduced - r) - k * _PART_3
     r = pick(abs(x) <= _LARGEST_ANGLE, r, np.nan)
     z = r * r
     s = 8.33333333332248946124e-03 + z * (
@@ -107,7 +110,7 @@ def sincos(x: float) -> tuple[float, float]:
         + z
         * (2.75573137070700676789e-06 + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10))
     )
-    sine = r + z * r * (-1.66666666666666324348e-01 + z * s)
+    sine = r + (z * r * (-1.66666666666666324348e-01 + z * s) + low * (1.0 - 0.5 * z))
     c = 4.16666666666666019037e-02 + z * (
         -1.38888888888741095749e-03
         + z * (2.48015872894767294178e-05 + z * (-2.75573143513906633035e-07
@@ -115,7 +118,7 @@ def sincos(x: float) -> tuple[float, float]:
     )  # fmt: skip
     half = 0.5 * z
     w = 1.0 - half
-    cos = w + (((1.0 - w) - half) + z * z * c)
+    cos = w + (((1.0 - w) - half) + (z * z * c - r * low))
     odd = (quadrant & 1) != 0
     a = pick(odd, cos, sine)
     b = pick(odd, sine, cos)
@@ -136,9 +139,14 @@ def sinc(x: float) -> tuple[float, float]:
     sine, cos = sincos(x)
     flat = abs(x) < 1e-3
     safe = pick(flat, 1.0, x)
-    value = sine / safe
     z = x * x
-    value = pick(flat, 1.0 - z * (1.0 / 6.0 - z / 120.0), value)
+    s = 8.33333333332248946124e-03 + z * (
+        -1.98412698298579493134e-04
+        + z
+        * (2.75573137070700676789e-06 + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10))
+    )
+    # A quotient rounds twice, by amounts whose mean changes with the binade of x: the pendulum's energy drifts.
+    value = pick(z < 0.6, 1.0 + z * (-1.66666666666666324348e-01 + z * s), sine / safe)
     slope = pick(flat, -x * (1.0 / 3.0 - z / 30.0), (cos - value) / safe)
     return value, slope
 

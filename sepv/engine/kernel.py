@@ -304,10 +304,12 @@ class _Writer:
         z = self.formula.update(e, [self.at("Z", i) for i in range(self.unknowns)])
         for i in range(d):
             if self.compensated:
-                # Kahan: what a sum loses is kept and added to the next increment.
+                # What a sum loses is kept and added to the next increment: Kahan's summation with Knuth's two-sum,
+                # since a component next to zero is smaller than its increment.
                 lost = self.at("E", i)
                 kept = f"pick(ok, r{i}, {lost})" if masked else f"r{i}"
-                e.lines += [f"q{i} = {z[i]} + {lost}", f"y{i} = x{i} + q{i}", f"r{i} = (x{i} - y{i}) + q{i}"]
+                e.lines += [f"q{i} = {z[i]} + {lost}", f"y{i} = x{i} + q{i}", f"t{i} = y{i} - x{i}"]
+                e.lines.append(f"r{i} = (x{i} - (y{i} - t{i})) + (q{i} - t{i})")
                 e.lines.append(f"{lost} = {kept}")
             else:
                 e.lines.append(f"y{i} = x{i} + {z[i]}")
