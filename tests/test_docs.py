@@ -18,7 +18,7 @@ from sepv.cli import main
 from sepv.suite import load_laws
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = ("ten-minutes", "laws", "choosing", "ci", "extending", "beyond")
+PAGES = ("ten-minutes", "laws", "choosing", "ci", "extending", "beyond", "hard-cases")
 
 
 def text(page: str) -> str:
@@ -29,6 +29,9 @@ def blocks(page: str, language: str | None = None) -> list[tuple[str, str]]:
     """(language, content) of each fenced block, in their order."""
     found = re.findall(r"^```(\w+)\n(.*?)^```$", text(page), flags=re.MULTILINE | re.DOTALL)
     return [(kind, body) for kind, body in found if language in (None, kind)]
+
+
+MINE = next(body for kind, body in blocks("ten-minutes", "python") if body.startswith("# mine.py"))
 
 
 def run(command: list[str], folder: Path, **variables: str) -> subprocess.CompletedProcess[str]:
@@ -42,6 +45,7 @@ def run(command: list[str], folder: Path, **variables: str) -> subprocess.Comple
 def folder(tmp_path: Path) -> Path:
     """A reader's folder with the examples, and commands of the printed names that take less effort."""
     (tmp_path / "examples").symlink_to(ROOT / "examples")
+    (tmp_path / "mine.py").write_text(MINE, encoding="utf-8")  # the reader's scheme of the ten minutes
     tools = tmp_path / "bin"
     tools.mkdir()
     few = "--examples 8 --paths 64"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
+import jsonschema
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -18,6 +19,7 @@ from sepv.errors import ProblemError, StepFailure
 from sepv.implicit import Solution, Status
 from sepv.problem import Problem
 from sepv.problems import hard
+from sepv.schemas import hard_schema
 from sepv.stability import Seen, run
 from sepv.suite import LAWS
 
@@ -151,13 +153,23 @@ def test_a_third_party_step_is_run_state_by_state() -> None:
 
 def test_the_command_shows_the_table_and_writes_json(tmp_path) -> None:
     out = tmp_path / "hard.json"
-    arguments = ["hard", "--case", "rank-0", "--case", "one-dimension", "--steps", "20", "--json", str(out)]
+    arguments = ["hard", "--case", "rank-0", "--case", "mixed-scales", "--steps", "20", "--json", str(out)]
     result = CliRunner().invoke(main, arguments)
     assert result.exit_code == 0, result.output
     for word in ("rank-0", "20 solved", "0 not finite", "2 cases as expected"):
         assert word in result.output
-    report = json.loads(out.read_text())
-    assert [c["case"] for c in report["cases"]] == ["rank-0", "one-dimension"]
+    report, schema = json.loads(out.read_text()), hard_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    jsonschema.validate(report, schema)
+    assert len(report["cases"][1]["worst"]["y"]) > 1
+    for spoil in (
+        {"seed": -1},
+        {"cases": [report["cases"][0] | {"largest_defect_over_bound": None}]},
+        {"more": 1},
+    ):
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate(report | spoil, schema)
+    assert [c["case"] for c in report["cases"]] == ["rank-0", "mixed-scales"]
     assert all(c["statuses"] == {"CONVERGED": 20} for c in report["cases"])
 
 

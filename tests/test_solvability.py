@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 
+import jsonschema
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -13,6 +14,7 @@ import sepv
 from sepv import problems, schemes, wiener
 from sepv.cli import main
 from sepv.errors import UsageError
+from sepv.schemas import solvability_schema
 from sepv.solvability import End, Finding, chance_outside, follow, solvability_map
 
 # H = q²p: the equation of q alone is Δq1² + (Δ − 3)q1 + Δ + 3 = 0 from q0 = 1, with the discriminant
@@ -130,7 +132,12 @@ def test_the_command_prints_numbers_and_writes_json(tmp_path) -> None:
     assert result.exit_code == 0, result.output
     for word in ("solution connected to y0", "turns back at a fold", "2^-3", "worst state"):
         assert word in result.output
-    data = json.loads(out.read_text())
+    data, schema = json.loads(out.read_text()), solvability_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    jsonschema.validate(data, schema)
+    for spoil in ({"safe": [0.0]}, {"map": [[5]]}, {"truncation": 0}, {"more": 1}):
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate(data | spoil, schema)
     assert len(data["forward"]["reach"]) == len(data["theta"]) == 6
     assert len(data["map"][0]) == len(data["delta"]) == 8
     assert sum(data["findings"].values()) == 48

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import jsonschema
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -12,6 +13,7 @@ import sepv
 from sepv import problems, schemes
 from sepv.cli import main
 from sepv.errors import UsageError
+from sepv.schemas import ulps_schema
 from sepv.scheme import Scheme
 from sepv.ulps import one_step
 
@@ -71,7 +73,12 @@ def test_the_command_prints_a_table_and_writes_json(tmp_path) -> None:
     arguments = "ulps energy-preserving euler-heun -p rigid-body -p pendulum --steps 20 --json"
     result = CliRunner().invoke(main, [*arguments.split(), str(out)])
     assert result.exit_code == 0, result.output
-    rows = json.loads(out.read_text())
+    rows, schema = json.loads(out.read_text()), ulps_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    jsonschema.validate(rows, schema)
+    for spoil in ({"h": 0}, {"energy_median": -1.0}, {"failed": None}, {"more": 1}):
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate([rows[0] | spoil], schema)
     assert [(r["scheme"], r["problem"]) for r in rows] == [
         (s, p) for s in ("energy-preserving", "euler-heun") for p in ("rigid-body", "pendulum")
     ]

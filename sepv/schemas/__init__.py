@@ -12,6 +12,11 @@ def comparison_schema() -> dict[str, Any]:
     return _schema("comparison.schema.json")
 
 
+def hard_schema() -> dict[str, Any]:
+    """The JSON Schema of ``sepv hard --json``."""
+    return _schema("hard.schema.json")
+
+
 def report_schema() -> dict[str, Any]:
     """The JSON Schema of ``sepv verify --json``."""
     return _schema("report.schema.json")
@@ -20,6 +25,16 @@ def report_schema() -> dict[str, Any]:
 def reproduction_schema() -> dict[str, Any]:
     """The JSON Schema of ``sepv reproduce --json``."""
     return _schema("reproduction.schema.json")
+
+
+def solvability_schema() -> dict[str, Any]:
+    """The JSON Schema of ``sepv solvability --json``."""
+    return _schema("solvability.schema.json")
+
+
+def ulps_schema() -> dict[str, Any]:
+    """The JSON Schema of ``sepv ulps --json``."""
+    return _schema("ulps.schema.json")
 
 
 def _schema(name: str) -> dict[str, Any]:
