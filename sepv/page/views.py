@@ -55,6 +55,7 @@ class SchemeView:
     rows: list[dict[str, Any]]
     counterexamples: list[Counterexample]
     left_out: int
+    unsettled: list[str]
     summary: str
     command: str
 
@@ -80,6 +81,7 @@ def _scheme(report: dict[str, Any], laws: list[str], budget: int) -> SchemeView:
         rows=[_row(law) for law in report["laws"]],
         counterexamples=shown,
         left_out=left,
+        unsettled=_unsettled(report["laws"]),
         summary=f"{len(report['laws'])} laws: {counts}",
         command=f"sepv verify {target} --seed {suite['seed']} --examples {suite['examples']} --paths {suite['paths']}",
     )
@@ -125,6 +127,32 @@ def _counterexamples(
             break
         shown.append(entry)
     return shown, len(open_) - len(shown)
+
+
+def _unsettled(laws: list[dict[str, Any]]) -> list[str]:
+    """In words, why each inconclusive law is: what was measured, and what may keep its interval wide."""
+    found = []
+    for law in laws:
+        if law["verdict"] == "inconclusive":
+            text = "; ".join(law["message"].splitlines()) or "no reason was given"
+            if any(_runs_away(*m.groups()) for m in _RMS.finditer(text)):
+                text += ". A few paths run away with the fewest steps and make up that error; "
+                text += "the finer steps show the order"
+            found.append(f"{name(law['law'])}: {plain(text, 700)}.")
+    return found
+
+
+# The first three of the errors that the message of a statistical law lists.
+_RMS = re.compile(r"rms error ([\d.e+-]+), ([\d.e+-]+), ([\d.e+-]+)")
+
+
+def _runs_away(*errors: str) -> bool:
+    """The coarsest error is more than four times what the two after it lead to expect."""
+    try:
+        first, second, third = map(float, errors)
+    except ValueError:  # a file by somebody else
+        return False
+    return first * third > 4 * second**2
 
 
 def _target(scheme: str) -> str:
