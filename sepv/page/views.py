@@ -134,7 +134,8 @@ def _unsettled(laws: list[dict[str, Any]]) -> list[str]:
     found = []
     for law in laws:
         if law["verdict"] == "inconclusive":
-            text = "; ".join(law["message"].splitlines()) or "no reason was given"
+            lines = [line for line in law["message"].splitlines() if not line.startswith("intervals miss")]
+            text = "; ".join(lines) or "no reason was given"
             if any(_runs_away(*m.groups()) for m in _RMS.finditer(text)):
                 text += ". A few paths run away with the fewest steps and make up that error; "
                 text += "the finer steps show the order"
