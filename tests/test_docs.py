@@ -18,7 +18,7 @@ from sepv.cli import main
 from sepv.suite import load_laws
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = ("ten-minutes", "laws", "choosing", "ci", "extending", "beyond", "hard-cases")
+PAGES = ("ten-minutes", "laws", "choosing", "ci", "extending", "beyond", "hard-cases", "speed")
 
 
 def text(page: str) -> str:

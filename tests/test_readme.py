@@ -35,6 +35,21 @@ def test_python_blocks_run_as_printed(tmp_path: Path) -> None:
             assert "H(y1) − H(y0)" in done.stdout
 
 
+def test_shell_blocks_run(tmp_path: Path) -> None:
+    """The setup and the test command are what brought us here; the others run with less effort."""
+    (tmp_path / "mine.py").write_text(blocks("python")[0])
+    lines = [line for block in blocks("sh") for line in block.splitlines() if line.startswith("sepv ")]
+    assert lines
+    for line in lines:
+        few = "--examples 5 --paths 64" + ("" if "--law" in line else " --law contract --law energy")
+        done = subprocess.run(
+            [sys.executable, "-W", "error", "-m", *line.split(), *few.split()],
+            cwd=tmp_path, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        assert "holds" in done.stdout
+
+
 def test_every_law_has_its_row_and_its_file() -> None:
     for law in load_laws():
         row = next(line for line in README.splitlines() if line.startswith(f"| {law.name} |"))
