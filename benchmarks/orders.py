@@ -45,9 +45,9 @@ RUNS = {
     "Lotka-Volterra": Run(
         "lotka-volterra",
         0.5,
-        dict.fromkeys((1, 2, 3, 4), (128, 256, 512)),
+        {1: (128, 256, 512), 2: (128, 256, 512), 3: (192, 384, 768), 4: (192, 384, 768)},
     ),
-    "random quartic": Run("quartic", 1.0, USUAL),
+    "random quartic": Run("quartic", 1.0, USUAL | {1: (64, 128, 256, 512), 4: (48, 96, 192)}),
 }
 
 
