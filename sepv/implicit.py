@@ -92,6 +92,8 @@ class Solution:
         y1 − y0 before it was rounded into `value`: compensated summation needs it.
     divisions : (M,), optional
         Steps and parts of steps that were divided, for schemes that do (`sepv.division.divided`).
+    continuations : (M,), optional
+        Shares of steps that were solved on the way to failed ones (`sepv.continuation.continued`).
     """
 
     value: Array
@@ -102,6 +104,7 @@ class Solution:
     status: NDArray[np.int64]
     change: Array | None = None
     divisions: NDArray[np.int64] | None = None
+    continuations: NDArray[np.int64] | None = None
 
 
 IncrementFunction = Callable[[Problem, Array, Array, Array], Increment]
@@ -240,6 +243,8 @@ def merge(whole: Solution, part: Solution, lanes: NDArray[np.intp]) -> None:
     whole.iterations[lanes] += part.iterations
     whole.gradient_evaluations[lanes] += part.gradient_evaluations
     whole.structure_evaluations[lanes] += part.structure_evaluations
+    if whole.continuations is not None and part.continuations is not None:
+        whole.continuations[lanes] += part.continuations
 
 
 def _newton(equations: Equations, start: Array, numbers: NDArray[np.intp], *, differences: bool) -> Solution:

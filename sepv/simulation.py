@@ -21,13 +21,14 @@ CHUNK = 1024
 
 @dataclass(frozen=True)
 class Trajectory:
-    """One path: t (N+1,), y (d, N+1), the increments used dW (N, m), evaluations of ∇H in all, steps divided."""
+    """One path: t (N+1,), y (d, N+1), the increments used dW (N, m); evaluations of ∇H, divisions, continuations."""
 
     t: Array
     y: Array
     dW: Array
     gradient_evaluations: int
     divisions: int = 0
+    continuations: int = 0
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,8 @@ class Ensemble:
     reason : why it was not the compiled engine.
     divisions : int
         Steps and parts of steps that were divided, over all paths (`sepv.division.divided`).
+    continuations : int
+        Shares of steps solved on the way to failed ones (`sepv.continuation.continued`).
     repeated : int
         Chunks that had to be computed again because a worker raised or died.
     """
@@ -74,6 +77,7 @@ class Ensemble:
     reason: str = ""
     repeated: int = 0
     divisions: int = 0
+    continuations: int = 0
 
 
 def integrate(
@@ -122,12 +126,13 @@ def integrate(
     used = wiener.truncate(raw, h, chosen_truncation(scheme, truncation))
     y = np.empty((problem.dimension, count + 1))
     y[:, 0] = start
-    evaluations = divisions = 0
+    evaluations = divisions = continuations = 0
     for n in range(count):
         if scheme.solve is not None:
             solution = scheme.solve(problem, y[:, n], h, used[n])
             evaluations += int(solution.gradient_evaluations[0])
             divisions += 0 if solution.divisions is None else int(solution.divisions[0])
+            continuations += 0 if solution.continuations is None else int(solution.continuations[0])
             if solution.status[0] != Status.CONVERGED:
                 raise StepFailure(
                     problem=problem.name,
@@ -140,7 +145,9 @@ def integrate(
             y[:, n + 1] = solution.value[:, 0]
         else:
             y[:, n + 1] = scheme.step(problem, y[:, n], h, used[n])
-    return Trajectory(np.arange(count + 1, dtype=np.float64) * h, y, used, evaluations, divisions)
+    return Trajectory(
+        np.arange(count + 1, dtype=np.float64) * h, y, used, evaluations, divisions, continuations
+    )
 
 
 def chosen_truncation(scheme: Scheme, truncation: int | None) -> int | None:
@@ -199,7 +206,7 @@ class Batch:
         self.status, self.failed = np.zeros(paths, dtype=np.int64), np.full(paths, -1)
         self.invariants = _invariants(problem, self.y)
         self.worst = np.zeros((2, paths))
-        self.work = np.zeros(4, dtype=np.int64)
+        self.work = np.zeros(5, dtype=np.int64)
         self.alive = np.arange(paths)
         self.done = 0
 
@@ -230,10 +237,10 @@ class Batch:
 
     def result(self, W: Array, states: Array | None = None) -> Ensemble:
         """The ends so far."""
-        gradients, structures, iterations, divisions = (int(v) for v in self.work)
+        gradients, structures, iterations, divisions, continuations = (int(v) for v in self.work)
         ends = Ensemble(
             self.y, W, self.status, self.failed, self.worst[0], self.worst[1], gradients, structures, iterations,
-            divisions=divisions,
+            divisions=divisions, continuations=continuations,
         )  # fmt: skip
         return ends if states is None else replace(ends, states=states)
 
@@ -249,12 +256,15 @@ def advance(
 def _advance(
     scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array
 ) -> tuple[Array, np.ndarray, np.ndarray, Array | None]:
-    """The same with the divisions among the counts, and y1 − y0 where the scheme gives it."""
+    """The same with divisions and continuations among the counts, and y1 − y0 where the scheme gives it."""
     if scheme.solve is not None:
         solution = scheme.solve(problem, y, h, dW)
         none = np.zeros(1, dtype=np.int64)
-        divisions = none if solution.divisions is None else solution.divisions
-        cost = (solution.gradient_evaluations, solution.structure_evaluations, solution.iterations, divisions)
+        cost = (
+            solution.gradient_evaluations, solution.structure_evaluations, solution.iterations,
+            none if solution.divisions is None else solution.divisions,
+            none if solution.continuations is None else solution.continuations,
+        )  # fmt: skip
         return solution.value, solution.status, np.array([int(c.sum()) for c in cost]), solution.change
     value, code = _batch_step(scheme, problem, y, h, dW)
     outside = ~np.all(np.isfinite(value), axis=0)
@@ -262,7 +272,7 @@ def _advance(
     if problem.domain is not None:
         with np.errstate(invalid="ignore"):
             code[~np.asarray(problem.domain(value), dtype=bool) & (code == 0)] = Status.LEFT_DOMAIN
-    return value, code, np.zeros(4, dtype=np.int64), None
+    return value, code, np.zeros(5, dtype=np.int64), None
 
 
 def _batch_step(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> tuple[Array, np.ndarray]:

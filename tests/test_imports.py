@@ -29,6 +29,7 @@ LAYERS = [
     "sepv.scheme",
     "sepv.explicit_tableaux",
     "sepv.division",
+    "sepv.continuation",
     "sepv.schemes",
     "sepv.wiener",
     "sepv.closed_forms sepv.dense sepv.exact sepv.exact_structures",

@@ -206,7 +206,7 @@ class _Total:
         here = slice(task.first, task.first + task.count)
         for key in ("y", "W", "status", "failed_step", "energy_defect", "casimir_defect", "states"):
             getattr(self.ensemble, key)[..., here] = getattr(chunk, key)
-        work = ("gradient_evaluations", "structure_evaluations", "iterations", "divisions")
+        work = ("gradient_evaluations", "structure_evaluations", "iterations", "divisions", "continuations")
         counts = {key: getattr(self.ensemble, key) + getattr(chunk, key) for key in work}
         self.ensemble = replace(self.ensemble, **counts)
         self.done[here] = True

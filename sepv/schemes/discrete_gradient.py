@@ -80,10 +80,10 @@ def _parts(problem: Problem, h: float, noise: Array) -> Array:
     return np.stack([np.full(noise.shape[1], float(h)), problem.random_step(0.0, noise)])
 
 
-def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
-    """One step of a batch with residual, counts and status of each lane."""
+def solve(problem: Problem, y: Array, h: float, dW: Array, start: Array | None = None) -> Solution:
+    """One step of a batch with residual, counts and status of each lane; `start` (d, M) is a guess of y1 − y0."""
     state, noise = as_lanes(problem, y, h, dW)
-    return solve_implicit(problem, state, _parts(problem, h, noise), increment, jacobian)
+    return solve_implicit(problem, state, _parts(problem, h, noise), increment, jacobian, start)
 
 
 def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:

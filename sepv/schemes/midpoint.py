@@ -23,10 +23,10 @@ def jacobian(problem: Problem, y0: Array, y1: Array, step: Array) -> Array | Non
     return None if slope is None else 0.5 * step[0] * slope
 
 
-def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
-    """One step of a batch with residual, counts and status of each lane."""
+def solve(problem: Problem, y: Array, h: float, dW: Array, start: Array | None = None) -> Solution:
+    """One step of a batch with residual, counts and status of each lane; `start` (d, M) is a guess of y1 − y0."""
     state, noise = as_lanes(problem, y, h, dW)
-    return solve_implicit(problem, state, problem.random_step(h, noise)[None], increment, jacobian)
+    return solve_implicit(problem, state, problem.random_step(h, noise)[None], increment, jacobian, start)
 
 
 def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:

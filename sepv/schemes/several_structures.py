@@ -44,10 +44,10 @@ def jacobian(problem: Problem, y0: Array, y1: Array, step: Array) -> Array | Non
     return 0.5 * contract(slope, mean.value) + matmul(combined(problem, middle, step), curvature)
 
 
-def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
-    """One step of a batch with residual, counts and status of each lane."""
+def solve(problem: Problem, y: Array, h: float, dW: Array, start: Array | None = None) -> Solution:
+    """One step of a batch with residual, counts and status of each lane; `start` (d, M) is a guess of y1 − y0."""
     state, noise = as_lanes(problem, y, h, dW)
-    return solve_implicit(problem, state, parts(problem, h, noise), increment, jacobian)
+    return solve_implicit(problem, state, parts(problem, h, noise), increment, jacobian, start)
 
 
 def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
