@@ -30,6 +30,8 @@ FIRST = 32  # the first checkpoint; then doubled
 # root mean square to 12 %; the rest is room for other orders of operations: a hundred roundings of y a step. A
 # residual of 1e-12 with one sign reaches it after a few hundred steps.
 ALLOWED = 10.0
+# Paths that explode: their squares must still be numbers.
+BEYOND = 1e150
 
 
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
@@ -79,7 +81,7 @@ def energy_walk(scheme: Scheme, name: str, h: float, steps: int, seed: int) -> t
     dW = wiener.truncate(raw, h, scheme.truncation)
     y0 = np.array(problem.initial, dtype=np.float64)
     y = np.repeat(y0[:, None], PATHS, axis=1)
-    H0, unit = exact.hamiltonian(exact.state(y0)), energy_ulp(problem, y0, y0)
+    H0, unit = exact.hamiltonian(exact.state(y0)), float(energy_ulp(problem, y0, y0))
     rows, walks, alive, checkpoint = [], [], np.arange(PATHS), FIRST
     for n in range(1, steps + 1):
         value, status, _ = advance(asked, problem, y[:, alive], h, dW[n - 1][:, alive])
@@ -88,7 +90,8 @@ def energy_walk(scheme: Scheme, name: str, h: float, steps: int, seed: int) -> t
         if n == checkpoint:
             row = np.full(PATHS, np.nan)
             for k in alive:
-                row[k] = float(exact.hamiltonian(exact.state(y[:, k])) - H0) / unit
+                defect = float(exact.hamiltonian(exact.state(y[:, k])) - H0) / unit
+                row[k] = max(-BEYOND, min(BEYOND, defect))
             rows.append(row)
             walks.append(rounding_walk(problem.gradient(y[:, alive]), y[:, alive]) / unit)
             checkpoint *= 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from sepv import schemes
@@ -51,3 +52,11 @@ def test_midpoint_keeps_the_energy_where_it_is_quadratic() -> None:
     for n in range(50):
         y = schemes.midpoint.step(problem, y, 0.05, np.array([0.1 * (-1) ** n]))
         assert abs(problem.hamiltonian(y) - H0) < 1e-14
+
+
+def test_an_exploding_scheme_has_a_verdict_on_rounding() -> None:
+    """Euler-Heun with long steps of the rigid body: an energy of 1e300 ends in a verdict, not in a warning."""
+    finding = verify(schemes.euler_heun, laws=["rounding"], effort=Effort(seed=2067189882)).findings[0]
+    assert finding.verdict in (Verdict.VIOLATED, Verdict.ERROR)
+    assert finding.defect is not None
+    assert np.isfinite(finding.defect)
