@@ -74,6 +74,13 @@ def test_the_jacobian_is_the_derivative_of_the_increment(name: str) -> None:
         assert np.max(np.abs(differences[:, k] - column)) <= 1e-6 * np.abs(K).max()
 
 
+@pytest.mark.parametrize("name", MODULES)
+def test_without_a_derivative_of_the_problem_there_is_no_analytic_jacobian(name: str) -> None:
+    for missing in ("hessian", "structure_derivative"):
+        problem = replace(single(generic()), check=False, **{missing: None})
+        assert module_of(name).jacobian(problem, Y0, Y1, known(name)) is None
+
+
 def single(problem: Problem) -> Problem:
     """The same with one structure."""
     return problems.polynomial_problem(replace(problem.data, noise_structures=()))

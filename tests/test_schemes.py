@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,7 +12,7 @@ from sepv.reference.problem import exact_problem
 from sepv import problems, schemes, strategies
 from sepv.case import Case
 from sepv.fields import derivative_along, vector_field
-from sepv.schemes.discrete_gradient import coordinate_increments
+from sepv.schemes.discrete_gradient import coordinate_increments, increment
 from sepv.tolerance import gradient_majorant
 
 
@@ -46,6 +48,39 @@ def test_discrete_gradient_is_the_quotient_where_that_can_be_computed(case: Case
         corner = moved
 
 
+def test_discrete_gradient_counts_every_edge_and_trusts_none_that_is_rough() -> None:
+    """2d edges, along one of which ∇H has a kink: where y1 moves while y2 = 0, and not while y2 = 1."""
+    y0, y1 = np.zeros((2, 2)), np.array([[1.0, 0.0], [1.0, 1.0]])
+    smooth = problems.harmonic_oscillator()
+    found = increment(smooth, y0, y1, np.full((2, 2), 0.1))
+    assert found.gradients.tolist() == [4, 4]
+    assert found.structures.tolist() == [2, 2]
+    assert found.reliable.tolist() == [True, True]
+    rough = replace(
+        smooth, mean_gradient=None, degree=None, hessian=None, structure_derivative=None, check=False,
+        gradient=lambda y: np.stack([np.sign(y[0] - 0.123) * (1 - y[1]), y[1]]),
+    )  # fmt: skip
+    for start, end in ((y0, y1), (y1, y0)):
+        assert increment(rough, start, end, np.full((2, 2), 0.1)).reliable.tolist() == [False, True]
+
+
+def test_the_ito_correction_has_the_squares_of_the_coefficients() -> None:
+    """f′f by differences of f along itself, c = (½, ¼): Σc² = 5/16."""
+    problem, y, h, dW = (
+        problems.rigid_body(noise=(0.5, 0.25)),
+        np.array([0.8, 0.6, 0.1]),
+        0.1,
+        np.array([0.3, -0.2]),
+    )
+    f, size = vector_field(problem, y), 2.0**-17
+    bend = (vector_field(problem, y + size * f) - vector_field(problem, y - size * f)) / (2 * size)
+    S = 0.5 * 0.3 - 0.25 * 0.2
+    euler = y + (f + 5 / 32 * bend) * h + f * S
+    assert np.max(np.abs(schemes.euler_maruyama.step(problem, y, h, dW) - euler)) < 1e-11
+    milstein = euler + 0.5 * bend * (S * S - 5 / 16 * h)
+    assert np.max(np.abs(schemes.milstein.step(problem, y, h, dW) - milstein)) < 1e-11
+
+
 @given(strategies.any_steps())
 def test_milstein_is_the_ito_scheme_with_its_correction(case: Case) -> None:
     """y + (f + ½Σc²f′f)h + fS + ½f′f(S² − Σc²h), the textbook form, equals the form in the file."""
@@ -61,8 +96,6 @@ def test_milstein_is_the_ito_scheme_with_its_correction(case: Case) -> None:
 
 @given(strategies.any_steps())
 def test_derivative_along_the_field_needs_no_hessian(case: Case) -> None:
-    from dataclasses import replace
-
     problem, y, _, _ = case.build()
     plain = replace(problem, hessian=None, structure_derivative=None, check=False)
     f = vector_field(problem, y)

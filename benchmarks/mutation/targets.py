@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-IMPLICIT = ("tests/test_implicit.py", "tests/test_jacobians.py")
+IMPLICIT = ("tests/test_implicit.py", "tests/test_jacobians.py", "tests/test_newton.py")
 CATALOGUE = "tests/test_hard.py::test_the_energy_preserving_scheme_solves_to_its_bound_or_refuses"
 OTHERS = "tests/test_hard.py::test_the_other_implicit_schemes_leave_nothing_unmarked"
 COUNTERS = "tests/test_bench.py::test_the_committed_counters_are_those_of_today"
@@ -10,7 +10,14 @@ SCHEME = ("tests/test_schemes.py", *IMPLICIT, COUNTERS)
 
 TARGETS: dict[str, tuple[str, ...]] = {
     "sepv.polynomial": ("tests/test_polynomial.py", "tests/test_problems.py", "tests/test_nambu.py"),
-    "sepv.average": ("tests/test_schemes.py", *IMPLICIT, CATALOGUE, COUNTERS, "tests/test_collocation.py"),
+    "sepv.average": (
+        "tests/test_average.py",
+        "tests/test_schemes.py",
+        *IMPLICIT,
+        CATALOGUE,
+        COUNTERS,
+        "tests/test_collocation.py",
+    ),
     "sepv.fields": ("tests/test_schemes.py", *IMPLICIT, CATALOGUE, OTHERS, "tests/test_collocation.py"),
     "sepv.implicit": (
         "tests/test_schemes.py",

@@ -1,0 +1,151 @@
+"""The averaged gradient: its rules correctly rounded, exact to their degree, and what each reports of itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mpmath
+import numpy as np
+import pytest
+
+from sepv import polynomial as poly
+from sepv import problems
+from sepv.average import (
+    _adaptive,
+    _quadrature,
+    argument_rounding,
+    average_gradient,
+    average_hessian,
+    gauss_legendre,
+)
+from sepv.problem import PolynomialSystem, Problem
+
+EPS = 2.0**-52
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 5, 12, 33])
+def test_nodes_and_weights_are_correctly_rounded(n: int) -> None:
+    """Against zeros of P_n at 60 digits, and weights 1/((1 − x²)P_n′(x)²) on [0, 1]."""
+    ctx = mpmath.MPContext()
+    ctx.dps = 60
+
+    def legendre(x):
+        before, now = ctx.mpf(1), x
+        for k in range(1, n):
+            before, now = now, ((2 * k + 1) * x * now - k * before) / (k + 1)
+        return now, n * (x * now - before) / (x * x - 1)
+
+    points, weights = gauss_legendre(n)
+    for k in range(n):
+        # Zero k of P_n lies near cos(π(4k + 3)/(4n + 2)), counted from above.
+        x = ctx.cos(ctx.pi * (4 * (n - 1 - k) + 3) / (4 * n + 2))
+        for _ in range(8):
+            p, slope = legendre(x)
+            x -= p / slope
+        slope = legendre(x)[1]
+        assert points[k] == float((1 + x) / 2)
+        assert weights[k] == float(1 / ((1 - x * x) * slope * slope))
+
+
+def monomial_energy(degree: int) -> Problem:
+    """H = Σ of all monomials of one degree and below in two variables, B = J."""
+    terms = {(i, j): 1.0 / (1 + i + 2 * j) for i in range(degree + 1) for j in range(degree + 1 - i) if i + j}
+    H = poly.polynomial(2, terms)
+    return problems.polynomial_problem(PolynomialSystem(2, H, ((0, 1, poly.constant(2, 1.0)),)))
+
+
+Y0 = np.array([[0.3, -0.4, 2.0], [-0.2, 0.9, 1.0]])
+Y1 = np.array([[0.8, -0.1, -1.0], [0.4, 1.1, 3.0]])
+
+
+@pytest.mark.parametrize("degree", range(1, 9))
+def test_polynomials_take_the_fewest_nodes_that_are_exact(degree: int) -> None:
+    problem = monomial_energy(degree)
+    found = average_gradient(problem, Y0, Y1)
+    nodes = max(1, (degree + 1) // 2)
+    assert found.evaluations.tolist() == [nodes] * 3
+    assert found.error.tolist() == [0.0] * 3
+    assert found.reliable.tolist() == [True] * 3
+    assert found.reliable.dtype == bool
+    fine, size = _quadrature(problem, Y0, Y1, nodes + 3)
+    assert np.all(np.abs(found.value - fine) <= 16 * EPS * size)
+    hessian = average_hessian(problem, Y0, Y1)
+    tau, weights = gauss_legendre(nodes + 3)
+    exact = sum(w * t * problem.hessian(Y0 + t * (Y1 - Y0)) for t, w in zip(tau, weights, strict=True))
+    plain = sum(w * problem.hessian(Y0 + t * (Y1 - Y0)) for t, w in zip(tau, weights, strict=True))
+    scale = np.abs(plain).max(axis=(0, 1)) + 1
+    assert np.all(np.abs(hessian - exact) <= 1e-14 * degree**2 * scale)
+    assert np.all(
+        np.abs(average_hessian(problem, Y0, Y1, weighted=False) - plain) <= 1e-14 * degree**2 * scale
+    )
+
+
+def test_the_size_of_a_sum_is_that_of_its_terms_lane_by_lane() -> None:
+    """∇H = (y, 0) from −1 to 1: the sum cancels, its terms Σ w|2τ − 1| do not; the lanes are apart by 10³."""
+    problem = problems.harmonic_oscillator()
+    y1 = np.array([[1.0, 1000.0], [0.0, 0.0]])
+    value, size = _quadrature(problem, -y1, y1, 4)
+    tau, weights = gauss_legendre(4)
+    assert np.all(np.abs(value) <= EPS * size)
+    assert size == pytest.approx(np.array([1.0, 1000.0]) * (weights @ np.abs(2 * tau - 1)), rel=1e-15)
+
+
+def test_a_closed_form_is_one_evaluation_without_error() -> None:
+    problem = problems.pendulum()
+    found = average_gradient(problem, Y0, Y1)
+    assert found.evaluations.tolist() == [1, 1, 1]
+    assert found.error.tolist() == [0.0, 0.0, 0.0]
+    assert found.reliable.tolist() == [True] * 3
+    assert found.reliable.dtype == bool
+
+
+def steep(*widths: float) -> tuple[Problem, np.ndarray, np.ndarray]:
+    """∇H = (1/(y1 + y2), 0) with y2 = w and y1 from 0 to 1, a lane for each w: the nearer the pole, the more nodes."""
+    w = np.array(widths)
+    problem = replace(
+        problems.harmonic_oscillator(),
+        mean_gradient=None, degree=None, hessian=None, structure_derivative=None,
+        gradient=lambda y: np.stack([1 / (y[0] + y[1]), 0 * y[0]]), check=False,
+    )  # fmt: skip
+    return problem, np.stack([0 * w, w]), np.stack([1 + 0 * w, w])
+
+
+def test_the_ladder_climbs_as_far_as_a_lane_needs_and_counts_its_rungs() -> None:
+    """∫₀¹ dy/(y + w) = ln(1 + 1/w), for which Gauss rules converge the slower the smaller w is."""
+    problem, y0, y1 = steep(1e4, 3.0, 0.3, 0.03, 1e-7)
+    found = _adaptive(problem, y0, y1)
+    rungs = {sum((4, 8, 16, 32, 64, 128)[:k]): k for k in range(2, 7)}
+    assert set(found.evaluations.tolist()) <= set(rungs)
+    climbed = [rungs[n] for n in found.evaluations.tolist()]
+    assert climbed == sorted(climbed)
+    assert climbed[0] == 2
+    assert climbed[-1] == 6
+    assert len(set(climbed)) >= 4
+    assert found.reliable.tolist() == [True, True, True, True, False]
+    exact = np.log1p(1 / y0[1])
+    assert np.all(np.abs(found.value[0] - exact)[:4] <= 256 * EPS * exact[:4])
+    assert np.all(found.error[:4] <= 256 * EPS * exact[:4])
+    assert found.error[4] > 1e-6
+    # A lane climbs as it does alone.
+    for k in range(5):
+        alone = _adaptive(problem, y0[:, k : k + 1], y1[:, k : k + 1])
+        assert alone.value[0, 0] == found.value[0, k]
+        assert alone.evaluations[0] == found.evaluations[k]
+        assert alone.error[0] == found.error[k]
+
+
+def test_a_rounding_of_the_argument_is_eps_times_the_slope_along_y() -> None:
+    """|H″ y| eps: for sin q at q = 10⁸ that is 10⁸|cos q|; the larger end counts, NaN does not, lanes stay apart."""
+    problem = problems.pendulum()
+    states = np.array([[0.5, 0.5, 2.0], [1e8, 3.0, -1e8]]), np.array([[1.0, 0.25, 3.0], [2e8, -1.0, np.nan]])
+    found = argument_rounding(problem, *states)
+    assert found.shape == (3,)
+
+    def by_hand(q: float) -> float:
+        """The difference has a relative step of 2⁻²⁶: at 10⁸ that is 1.5 and no derivative, but of the same size."""
+        return EPS * 2.0**26 * abs(np.sin(q * (1 + 2.0**-26)) - np.sin(q))
+
+    slope = EPS * 3.0 * abs(np.cos(3.0))  # above 0.5 of p, and above 1·cos 1 of the other state
+    expected = [max(by_hand(1e8), by_hand(2e8)), slope, by_hand(-1e8)]
+    assert found == pytest.approx(np.array(expected), rel=1e-6)
+    assert argument_rounding(problem, states[0][:, 1:2]) == pytest.approx(np.array([slope]), rel=1e-6)

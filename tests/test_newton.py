@@ -1,0 +1,263 @@
+"""Newton's iteration on equations of one or two unknowns: what it reports, and each of its safeguards on its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from sepv import implicit, problems
+from sepv import polynomial as poly
+from sepv.fields import matvec
+from sepv.implicit import (
+    MAX_HALVINGS,
+    Equations,
+    Evaluation,
+    Increment,
+    Solution,
+    Status,
+    into_domain,
+    iterate,
+    merge,
+)
+from sepv.polynomial import PolynomialMap
+from sepv.problem import PolynomialSystem
+from sepv.schemes.energy_preserving import increment, jacobian
+
+EPS = 2.0**-52
+
+
+class Counted:
+    """R and its slope as Equations; what was evaluated is counted lane by lane."""
+
+    def __init__(self, R: Callable, slope: Callable | None = None, *, lanes: int = 1, **options) -> None:
+        self.R, self.slope, self.calls = R, slope, np.zeros(lanes, dtype=np.int64)
+        n = options.pop("unknowns", 1)
+        self.equations = Equations(options.pop("size", np.ones((n, lanes))), self.evaluate, **options)
+
+    def evaluate(self, z: np.ndarray, lanes: np.ndarray) -> Evaluation:
+        np.add.at(self.calls, lanes, 1)
+        count = np.full(z.shape[1], 3)
+        value = self.R(z, lanes)
+        right = Increment(value, count, 2 * count, np.isfinite(value).all(axis=0))
+
+        def slopes() -> tuple[np.ndarray, int]:
+            assert self.slope is not None
+            return self.slope(z, lanes), 0
+
+        return Evaluation(right, slopes)
+
+    def solve(self, start: np.ndarray) -> Solution:
+        solution = iterate(self.equations, start)
+        # Every evaluation of R is 3 of ∇H and 6 of B; none is forgotten, none counted twice.
+        assert np.all(solution.gradient_evaluations == 3 * self.calls)
+        assert np.all(solution.structure_evaluations == 6 * self.calls)
+        return solution
+
+
+def test_newton_takes_the_steps_that_theory_says_and_reports_them() -> None:
+    """z = ½ cos z from 0: errors 0.45, 5e-2, 5e-4, 4e-8, 3e-16, rounding, as e → 0.185 e² says: six evaluations."""
+    system = Counted(lambda z, _: 0.5 * np.cos(z), lambda z, _: -0.5 * np.sin(z)[None], exact=True)
+    solution = system.solve(np.zeros((1, 1)))
+    z = solution.value[0, 0]
+    assert solution.status.tolist() == [Status.CONVERGED]
+    assert abs(z - 0.45018361129487355) <= EPS
+    assert solution.residual[0] == abs(z - 0.5 * np.cos(z))
+    assert solution.iterations.tolist() == [6]
+    assert (
+        solution.iterations.dtype == solution.gradient_evaluations.dtype == solution.status.dtype == np.int64
+    )
+
+
+def test_a_slow_jacobian_ends_with_one_of_differences() -> None:
+    """R′ = −½ said to be 0: errors halve, 40 iterations leave 10⁻¹², and differences do the rest in a few."""
+    c = np.array([1.0, -1e6, 1e-6])  # each lane near or far by its own size
+    system = Counted(
+        lambda z, lanes: c[lanes] - 0.6 * z,
+        lambda z, _: np.zeros((1, *z.shape)),
+        lanes=3,
+        size=np.abs(c)[None],
+    )
+    solution = system.solve(np.zeros((1, 3)))
+    assert solution.status.tolist() == [Status.CONVERGED] * 3
+    assert np.all(np.abs(solution.value[0] - c / 1.6) <= EPS * np.abs(c))
+    assert np.all(solution.residual <= EPS * np.abs(c))
+    assert np.all((solution.iterations > 41) & (solution.iterations <= 44))
+
+
+def test_damping_finds_what_full_steps_jump_over_and_leaves_the_other_lanes_alone() -> None:
+    """arctan(z − a) = 0: full steps diverge from 0 for |a| > 1.39."""
+    a = np.array([1.0, 8.0, -5.0, 0.5])
+    system = Counted(
+        lambda z, lanes: z - np.arctan(z - a[lanes]),
+        lambda z, lanes: (1 - 1 / (1 + (z - a[lanes]) ** 2))[None],
+        lanes=4,
+        exact=True,
+    )
+    solution = system.solve(np.zeros((1, 4)))
+    assert solution.status.tolist() == [Status.CONVERGED] * 4
+    assert np.all(np.abs(solution.value[0] - a) <= 2 * EPS * np.abs(a))
+    assert np.all(solution.iterations[[0, 3]] <= 8)
+    assert np.all(solution.iterations[[1, 2]] > 8)
+    alone = Counted(
+        lambda z, _: z - np.arctan(z - 8), lambda z, _: (1 - 1 / (1 + (z - 8) ** 2))[None], exact=True
+    ).solve(np.zeros((1, 1)))
+    assert alone.value[0, 0] == solution.value[0, 1]
+    assert alone.iterations[0] == solution.iterations[1]
+
+
+def test_an_equation_without_a_solution_says_so_with_the_evaluations_that_cost() -> None:
+    """z = z + 1 + z²."""
+    system = Counted(lambda z, _: z + 1 + z * z, lambda z, _: (1 + 2 * z)[None], exact=True)
+    solution = system.solve(np.full((1, 1), 0.3))
+    assert solution.status[0] in (Status.NO_CONVERGENCE, Status.SINGULAR)
+    assert solution.residual[0] >= 1
+    assert np.isfinite(solution.value).all()
+
+
+def test_what_cannot_be_evaluated_is_overflow() -> None:
+    system = Counted(lambda z, _: np.where(z > 0.1, np.nan, 1 + 0 * z), lambda z, _: 0 * z[None], lanes=1)
+    solution = system.solve(np.zeros((1, 1)))
+    assert solution.status.tolist() == [Status.OVERFLOW]
+
+
+@pytest.mark.parametrize("bound", [0.75, 0.3])
+def test_steps_are_cut_at_the_boundary_of_the_domain(bound: float) -> None:
+    """z = 2 + ln(1 − z/b): the solution lies inside, the first full step does not."""
+
+    def R(z: np.ndarray, _: np.ndarray) -> np.ndarray:
+        return 2 + np.log1p(-z / bound)
+
+    system = Counted(
+        R, lambda z, _: (-1 / (bound - z))[None], inside=lambda z, _: (z < bound).all(axis=0), exact=True
+    )
+    solution = system.solve(np.zeros((1, 1)))
+    z = solution.value[0, 0]
+    assert solution.status.tolist() == [Status.CONVERGED]
+    assert z < bound
+    assert abs(z - 2 - np.log1p(-z / bound)) <= 40 * EPS
+
+
+def test_into_the_domain_by_the_fewest_halvings_lane_by_lane() -> None:
+    limits = np.array([1.0, 8.0, 0.25, 3.0])
+    equations = Equations(
+        np.ones((1, 4)), lambda z, lanes: pytest.fail("nothing to evaluate"),
+        inside=lambda z, lanes: (np.abs(z) <= limits[lanes]).all(axis=0),
+    )  # fmt: skip
+    z, lanes = np.array([[0.0, 0.0, 0.0, 2.0]]), np.arange(4)
+    moved, inside = into_domain(equations, z, np.array([[4.0, 4.0, 4.0, 4.0]]), lanes)
+    assert moved.tolist() == [[-1.0, -4.0, -0.25, -2.0]]
+    assert inside.tolist() == [True] * 4
+    moved, inside = into_domain(equations, np.array([[1.0, 2.5]]), np.array([[-4.0, -4.0]]), lanes[2:])
+    assert inside.tolist() == [False, True]
+    assert moved.tolist() == [[1 + 4 * 0.5**MAX_HALVINGS, 3.0]]
+    free = Equations(np.ones((1, 4)), lambda z, lanes: pytest.fail("nothing to evaluate"))
+    moved, inside = into_domain(free, z, 4 + 0 * z, lanes)
+    assert moved.tolist() == [[-4.0, -4.0, -4.0, -2.0]]
+    assert inside.tolist() == [True] * 4
+
+
+def test_slopes_are_differences_of_the_size_of_the_lane_on_the_side_that_is_inside() -> None:
+    """R = (a z₁² + z₂, z₁ z₂) with sizes 10⁻⁵, 1 and 10⁵ and z₁ ≤ size, the first unknown on that boundary."""
+    size = np.array([1e-5, 1.0, 1e5])
+
+    def R(z: np.ndarray, lanes: np.ndarray) -> np.ndarray:
+        return np.stack([3 * z[0] ** 2 / size[lanes] + z[1], z[0] * z[1] / size[lanes]])
+
+    system = Counted(
+        R, lanes=3, unknowns=2, size=np.stack([size, 0 * size]),
+        inside=lambda z, lanes: z[0] <= size[lanes],
+    )  # fmt: skip
+    z, lanes = np.stack([size, -0.25 * size]), np.arange(3)
+    found, cost = implicit._slopes(system.equations, z, lanes, R(z, lanes))
+    exact = np.array([[6.0, 1.0], [-0.25, 1.0]])[..., None]
+    assert cost == 2
+    assert np.all(np.abs(found - exact) <= 1e-6)
+    assert system.calls.tolist() == [2, 2, 2]
+
+
+def test_merging_adds_counts_and_replaces_the_rest() -> None:
+    def solution(k: int, lanes: int) -> Solution:
+        whole = np.full(lanes, k)
+        return Solution(
+            np.full((2, lanes), float(k)), 1.0 * whole, whole, 10 * whole, 100 * whole, 1 + 0 * whole
+        )
+
+    whole, lanes = solution(1, 3), np.array([2, 0])
+    merge(whole, solution(5, 2), lanes)
+    assert whole.value.tolist() == [[5.0, 1.0, 5.0]] * 2
+    assert whole.residual.tolist() == [5.0, 1.0, 5.0]
+    assert whole.iterations.tolist() == [6, 1, 6]
+    assert whole.gradient_evaluations.tolist() == [60, 10, 60]
+    assert whole.structure_evaluations.tolist() == [600, 100, 600]
+
+
+def system_of_two() -> PolynomialSystem:
+    """H = y1² y2 − 2y2, B12 = y1 − y2: values cancel at (1, 1), their terms do not."""
+    H = poly.polynomial(2, {(2, 1): 1.0, (0, 1): -2.0})
+    return PolynomialSystem(2, H, ((0, 1, poly.polynomial(2, {(1, 0): 1.0, (0, 1): -1.0})),))
+
+
+def test_majorants_take_absolute_coefficients_where_there_are_any() -> None:
+    y = np.array([1.0, 1.0])
+    p = PolynomialMap((), (poly.polynomial(2, {(1, 0): 1.0, (0, 1): -1.0}),))
+    assert implicit._majorant(p, y) == 2.0
+    assert implicit._majorant(lambda y: -y, y).tolist() == [1.0, 1.0]
+
+
+def test_the_equation_of_a_step_says_what_its_rounding_is_relative_to(monkeypatch) -> None:
+    """Σ|step| · max_i (|B||∇H|)_i with absolute coefficients, at the larger of |y0| and |y1|, lane by lane."""
+    problem = problems.polynomial_problem(system_of_two())
+    seen: list[Equations] = []
+
+    def capture(equations: Equations, start: np.ndarray) -> Solution:
+        seen.append(equations)
+        assert not start.any()
+        return iterate(equations, start)
+
+    monkeypatch.setattr(implicit, "iterate", capture)
+    y0 = np.array([[1.0, -2.0, 0.5], [1.0, 0.25, -1.0]])
+    step = np.array([[0.1, -0.2, 0.05], [0.1, 0.1, -0.05]])
+    implicit.solve(problem, y0, step, increment, jacobian)
+    (equations,) = seen
+    z, lanes = np.array([[0.5, 0.25], [-3.0, 0.5]]), np.array([0, 2])
+    reach = np.array([[1.5, 0.75], [2.0, 1.0]])
+    entry, first, second = reach[0] + reach[1], 2 * reach[0] * reach[1], reach[0] ** 2 + 2
+    expected = np.array([0.2, 0.1]) * entry * np.maximum(first, second)
+    assert equations.magnitude(z, lanes) == pytest.approx(expected, rel=1e-15)
+    small = np.full((2, 2), 0.25)
+    assert np.all(equations.magnitude(-small, lanes) < equations.magnitude(small, lanes) + 1)
+    assert np.array_equal(equations.size, np.abs(y0))
+    assert equations.exact
+    assert equations.inside is None
+    B = np.abs(problem.structure.majorant(reach))
+    assert matvec(B, problem.gradient.majorant(reach)).max(axis=0) * [0.2, 0.1] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("missing", ["degree", "hessian", "structure_derivative"])
+def test_a_jacobian_is_exact_only_with_all_it_is_made_of(missing: str, monkeypatch) -> None:
+    from dataclasses import replace
+
+    seen: list[Equations] = []
+    monkeypatch.setattr(implicit, "iterate", lambda e, start: (seen.append(e), iterate(e, start))[1])
+    problem = problems.polynomial_problem(system_of_two())
+    y0, step = np.array([[1.0, 0.5, 0.2], [0.9, 0.8, 0.1]]), np.full((1, 3), 0.01)
+    full = implicit.solve(problem, y0, step, increment, jacobian)
+    bare = implicit.solve(replace(problem, check=False, **{missing: None}), y0, step, increment, jacobian)
+    assert [e.exact for e in seen] == [True, False]
+    assert np.max(np.abs(full.value - bare.value)) <= 4 * EPS
+    nodes = 2 if missing != "degree" else 12  # the adaptive rule with 4 and 8 nodes agrees at once
+    each = nodes if missing == "degree" else 3 * nodes  # differences: R at y1 and at two others
+    assert bare.gradient_evaluations.tolist() == (each * bare.iterations).tolist()
+    assert full.gradient_evaluations.tolist() == (2 * full.iterations).tolist()
+
+
+def test_a_good_start_saves_iterations_and_changes_nothing_else() -> None:
+    problem = problems.polynomial_problem(system_of_two())
+    y0, step = np.array([[1.0, 0.5], [0.9, 0.8]]), np.full((1, 2), 0.1)
+    cold = implicit.solve(problem, y0, step, increment, jacobian)
+    warm = implicit.solve(problem, y0, step, increment, jacobian, start=cold.change)
+    assert np.all(warm.iterations < cold.iterations)
+    assert np.max(np.abs(warm.value - cold.value)) <= 4 * EPS
+    assert np.array_equal(warm.value, y0 + warm.change)
