@@ -19,7 +19,7 @@ from sepv import problems, schemes, strategies
 from sepv.case import Case
 from sepv.errors import StepFailure, UsageError
 from sepv.implicit import Status
-from sepv.tableaux import amplification, exact_nodes, gauss_tableau, moments
+from sepv.tableaux import amplification, exact_nodes, gauss_tableau, lagrange, moments
 from sepv.tolerance import state_ulp
 
 STAGES = range(1, 7)
@@ -68,6 +68,10 @@ def test_what_averages_may_amplify_is_the_integral_of_a_lagrange_polynomial() ->
     assert amplification(1) == pytest.approx(1.0, rel=1e-15)
     # 64 nodes about a kink: an error of some 64⁻².
     assert amplification(2) == pytest.approx((c2**2 + (1 - c2) ** 2) / (c2 - c1), rel=1e-3)
+    tau = (np.arange(100_000) + 0.5) / 100_000
+    for s in STAGES:
+        means = np.mean(np.abs(lagrange(s, tau)), axis=1) / gauss_tableau(s).b
+        assert amplification(s) == pytest.approx(means.max(), rel=4e-3)
 
 
 def gauss_tableau_nodes(nodes: int) -> np.ndarray:
