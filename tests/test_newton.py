@@ -88,6 +88,40 @@ def test_a_slow_jacobian_ends_with_one_of_differences() -> None:
     assert solution.iterations.tolist() == [42, 42, 42, 43]
 
 
+def test_components_far_below_a_grown_state_still_converge_by_their_own_size() -> None:
+    """z = (1, 10⁻³⁵ · ½ cos(10³⁵ z₂)): beside eps·|z| all that z₂ does is nothing.
+
+    Where y0 says that 1 is vast, 10⁻²⁰, z₂ goes on to its own √eps, five evaluations; where |y0| is 1, or 0 and says
+    nothing, it does not, and neither does it wait for another lane.
+    """
+    before, bend = np.array([1e-20, 1.0, 0.0, 1e-20]), np.array([1.0, 1.0, 1.0, 0.0])
+
+    def R(z: np.ndarray, lanes: np.ndarray) -> np.ndarray:
+        return np.stack([0 * z[0] + 1, 0.5e-35 * np.cos(1e35 * bend[lanes] * z[1])])
+
+    def slope(z: np.ndarray, lanes: np.ndarray) -> np.ndarray:
+        last = -0.5 * bend[lanes] * np.sin(1e35 * bend[lanes] * z[1])
+        return np.array([[0 * last, 0 * last], [0 * last, last]])
+
+    system = Counted(R, slope, lanes=4, unknowns=2, size=np.stack([before, 0 * before]), exact=True)
+    solution = system.solve(np.zeros((2, 4)))
+    assert solution.status.tolist() == [Status.CONVERGED] * 4
+    assert solution.iterations.tolist() == [5, 2, 2, 2]
+    assert solution.value[1, 0] * 1e35 == pytest.approx(0.45018361129487355, rel=1e-15)
+
+
+def test_a_component_of_noise_does_not_stop_those_that_still_shrink() -> None:
+    """Errors of z₁ shrink by 0.3 while z₂ is 10⁻¹⁷ up and down: it ends where z₁ is at rounding, not before."""
+    system = Counted(
+        lambda z, _: np.stack([1 - 0.3 * z[0], 1e-17 * np.sin(1e20 * z[0])]),
+        lambda z, _: np.zeros((2, *z.shape)), unknowns=2, size=np.array([[1.0], [0.0]]),
+    )  # fmt: skip
+    solution = system.solve(np.zeros((2, 1)))
+    assert solution.status.tolist() == [Status.CONVERGED]
+    assert solution.residual[0] <= 4 * EPS
+    assert solution.iterations[0] <= 35
+
+
 class TestRounding:
     """A residual that no longer shrinks is a solution only if it is what rounding leaves.
 
@@ -171,6 +205,27 @@ def test_what_cannot_be_evaluated_is_overflow() -> None:
     system = Counted(lambda z, _: np.where(z > 0.1, np.nan, 1 + 0 * z), lambda z, _: 0 * z[None], lanes=1)
     solution = system.solve(np.zeros((1, 1)))
     assert solution.status.tolist() == [Status.OVERFLOW]
+
+
+def test_each_lane_fails_in_its_own_way() -> None:
+    """R not finite; 1 − R′ = 0; R′ not finite; at rest where 1 − R′ = 0; nothing wrong; out of the domain."""
+    value = np.array([np.nan, 1.0, 1.0, 0.0, 0.5, 0.5])
+    steep = np.array([0.0, 1.0, np.inf, 1.0, 0.0, 0.0])
+    expected = [
+        Status.OVERFLOW, Status.SINGULAR, Status.OVERFLOW, Status.CONVERGED, Status.CONVERGED, Status.LEFT_DOMAIN,
+    ]  # fmt: skip
+    for order in (np.arange(6), np.arange(6)[::-1], np.array([1, 4]), np.array([2]), np.array([2, 1])):
+        system = Counted(
+            lambda z, lanes, n=order: np.stack([value[n[lanes]], 0 * z[1]]),
+            lambda z, lanes, n=order: np.array([[steep[n[lanes]], 0 * z[0]], [0 * z[0], 0 * z[0]]]),
+            lanes=order.size, unknowns=2, exact=True,
+            inside=lambda z, lanes, n=order: (n[lanes] != 5),
+        )  # fmt: skip
+        start = np.zeros((2, order.size))
+        found = implicit._newton(system.equations, start, np.arange(order.size), differences=False)
+        assert found.status.tolist() == [expected[n] for n in order]
+        assert found.status.dtype == np.int64
+        assert found.iterations.tolist() == [2 if n == 4 else 1 for n in order]
 
 
 @pytest.mark.parametrize("bound", [0.75, 0.3])

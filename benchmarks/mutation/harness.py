@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import functools
 import gc
+import itertools
 import os
 import pickle
 import resource
@@ -29,6 +30,8 @@ from benchmarks.mutation.mutants import Mutant, path_of
 # A test that takes so many times its usual processor time, and a little more, does not end.
 PATIENCE, GRACE = 10.0, 2.0
 MEMORY = 4 << 30
+# The tests asked about a mutant take no more than this together, in traced processor seconds.
+BUDGET = 5.0
 
 
 @dataclass(frozen=True)
@@ -149,7 +152,9 @@ class Harness:
             if known.item.nodeid.startswith(files)
             and not known.lines.get(path, set()).isdisjoint(mutant.lines)
         ]
-        return sorted(reached, key=price)
+        reached.sort(key=price)
+        spent = itertools.accumulate(known.seconds for known in reached)
+        return [known for known, seconds in zip(reached, spent, strict=True) if seconds <= BUDGET]
 
     def outcomes(self, mutants: Iterable[tuple[Mutant, tuple[str, ...]]], jobs: int) -> Iterator[Outcome]:
         """The fate of each mutant, in the order in which they end."""
