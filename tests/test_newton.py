@@ -162,6 +162,23 @@ class TestRounding:
         vague = Counted(system.R, system.slope, lanes=3)
         assert np.all(iterate(vague.equations, np.full((1, 3), 0.3)).iterations[:2] > 40)
 
+    def test_beside_the_stiffest_component_of_the_lane_and_not_of_another(self) -> None:
+        """A stiff equation as above with z₂ = 0, and in the next lane a sum that cancels, of which nothing is said."""
+        L = 1e8
+
+        def R(z: np.ndarray, lanes: np.ndarray) -> np.ndarray:
+            first = np.where(lanes == 0, -L * ((1 + z[0]) - 0.5), (1e6 + 0.5 * np.cos(z[0])) - 1e6)
+            return np.stack([first, 0 * z[1]])
+
+        def slope(z: np.ndarray, lanes: np.ndarray) -> np.ndarray:
+            first = np.where(lanes == 0, -L, -0.5 * np.sin(z[0]))
+            return np.array([[first, 0 * first], [0 * first, 0 * first]])
+
+        system = Counted(R, slope, lanes=2, unknowns=2, exact=True)
+        solution = iterate(system.equations, np.full((2, 2), 0.3))
+        assert solution.status.tolist() == [Status.CONVERGED, Status.NO_CONVERGENCE]
+        assert solution.iterations[0] <= 6
+
     def test_a_residual_of_the_smallest_numbers_is_none(self) -> None:
         """z = 5e-324 is all there is between 0 and the solution 0.7·5e-324 of z = c, whatever the Jacobian."""
         tiny = 5e-324
@@ -190,6 +207,103 @@ def test_damping_finds_what_full_steps_jump_over_and_leaves_the_other_lanes_alon
     ).solve(np.zeros((1, 1)))
     assert alone.value[0, 0] == solution.value[0, 1]
     assert alone.iterations[0] == solution.iterations[1]
+
+
+def test_an_approach_starts_from_zero_and_reports_each_lane_as_it_is() -> None:
+    """Linear equations from 0, with R, its Jacobian or both out of order in some lanes.
+
+    z₁ = 2, z₂ = −3 in one damped step; a Jacobian that is singular, and those that cannot be evaluated, in one
+    component or both; R that is not finite in its second component.
+    """
+    value = np.array([[2.0, 1.0, 1.0, 1.0, 1.0, 5.0], [-3.0, 0.0, 1.0, 1.0, np.nan, 5.0]])
+    steep = np.array([0.0, 1.0, np.nan, np.inf, 0.0, 0.0])
+    reached = Status.CONVERGED
+    expected = [reached, Status.SINGULAR, Status.OVERFLOW, Status.OVERFLOW, Status.OVERFLOW, reached]
+
+    def R(z: np.ndarray, lanes: np.ndarray, order: np.ndarray) -> np.ndarray:
+        # (∞ or NaN) · z only where z is not 0: R is finite at the start, its differences are not.
+        bent = np.where(z[0] == 0, 0.0, steep[order[lanes]]) * z[0]
+        return np.stack([value[0, order[lanes]] + bent, value[1, order[lanes]] + 0 * z[1]])
+
+    for order in (np.arange(6), np.arange(6)[::-1], np.array([0, 5]), np.array([3, 1]), np.array([4])):
+        system = Counted(lambda z, lanes, n=order: R(z, lanes, n), lanes=order.size, unknowns=2)
+        found = implicit._approach(system.equations, np.arange(order.size))
+        assert found.status.tolist() == [expected[n] for n in order]
+        assert found.status.dtype == np.int64
+        for k, n in enumerate(order):
+            assert np.array_equal(found.value[:, k], value[:, n] if expected[n] == reached else [0, 0])
+            largest = np.abs(value[:, n]).max()
+            assert found.residual[k] == largest or (np.isnan(largest) and np.isnan(found.residual[k]))
+            assert found.iterations[k] == 1
+            assert found.gradient_evaluations[k] == 3 * system.calls[k]
+            assert found.structure_evaluations[k] == 6 * system.calls[k]
+
+
+def test_damped_iterations_are_counted_to_their_end() -> None:
+    """z = z + 1 + z² has no solution: the smallest share, or the last of 100 iterations, ends it."""
+    system = Counted(lambda z, _: z + 1 + z * z + 0.1 * z, lanes=2)
+    found = implicit._approach(system.equations, np.arange(2))
+    assert found.status.tolist() in ([Status.NO_CONVERGENCE] * 2, [Status.SINGULAR] * 2)
+    assert 2 <= found.iterations[0] == found.iterations[1] <= implicit.MAX_DAMPED
+    assert np.all(found.gradient_evaluations == 3 * system.calls)
+    # The only place where the slope 1 − R′ = −(2z + 0.1) vanishes.
+    assert found.value == pytest.approx(np.full((1, 2), -0.05), abs=1e-2)
+
+
+def test_a_share_passes_where_the_simplified_correction_has_shrunk_as_it_must() -> None:
+    """R = z − F with A = 1 and p given: λ passes where |F(z − λp)| ≤ (1 − λ/4)|p|, arrives where ≤ |p|/4 at λ = 1."""
+    table = {1.0: 0.8, 0.5: 0.9, 0.25: 0.93}  # the bounds are 0.75, 0.875 and 0.9375: the third passes
+    rows = [
+        ({1.0: 0.2}, 1.0, True, Status.CONVERGED, 1),
+        ({1.0: 0.25}, 1.0, True, Status.CONVERGED, 1),
+        ({1.0: 0.3}, 1.0, True, Status.NO_CONVERGENCE, 1),
+        ({1.0: 0.75}, 1.0, True, Status.NO_CONVERGENCE, 1),
+        (table, 0.25, True, Status.NO_CONVERGENCE, 3),
+        ({1.0: np.nan, 0.5: 0.1}, 0.5, True, Status.NO_CONVERGENCE, 2),
+        ({}, implicit.SMALLEST_SHARE / 2, False, Status.NO_CONVERGENCE, 21),
+    ]
+    after = [{2.0**-k: row[0].get(2.0**-k, 2.0) for k in range(40)} for row in rows]
+    n = len(rows)
+    p = np.array([[4.0, -4.0, 4.0, -0.5, 4.0, 4.0, 4.0]])
+
+    def R(z: np.ndarray, lanes: np.ndarray) -> np.ndarray:
+        shares = z[0] / -p[0, lanes]
+        F = [after[lane][float(share)] * p[0, lane] for lane, share in zip(lanes, shares, strict=True)]
+        return z - np.array(F)
+
+    system = Counted(R, lanes=n)
+    none = np.zeros(n, dtype=np.int64)
+    state = Solution(
+        np.zeros((1, n)), np.ones(n), none, none.copy(), none.copy(), np.full(n, int(Status.NO_CONVERGENCE))
+    )
+    share = np.ones(n)
+    moved = implicit._take_share(
+        system.equations, np.arange(n), state, share, np.arange(n), np.ones((1, 1, n)), p
+    )
+    assert share.tolist() == [row[1] for row in rows]
+    assert moved.tolist() == [row[2] for row in rows]
+    assert state.status.tolist() == [row[3] for row in rows]
+    assert system.calls.tolist() == [row[4] for row in rows]
+    assert state.gradient_evaluations.tolist() == [3 * row[4] for row in rows]
+    assert state.structure_evaluations.tolist() == [6 * row[4] for row in rows]
+    assert state.value[0].tolist() == [
+        -s * c if ok else 0.0 for s, c, ok in zip(share, p[0], moved, strict=True)
+    ]
+
+
+def test_what_blocks_a_share_is_said() -> None:
+    """Out of the domain at every share; not finite at every share; inside, finite and never smaller."""
+    system = Counted(
+        lambda z, lanes: np.where(lanes == 1, np.inf, z - 9.0), lanes=3, inside=lambda z, lanes: lanes != 0
+    )
+    none = np.zeros(3, dtype=np.int64)
+    state = Solution(np.zeros((1, 3)), np.ones(3), none, none.copy(), none.copy(), none.copy())
+    moved = implicit._take_share(
+        system.equations, np.arange(3), state, np.ones(3), np.arange(3), np.ones((1, 1, 3)), np.ones((1, 3))
+    )
+    assert not moved.any()
+    assert state.status.tolist() == [Status.LEFT_DOMAIN, Status.OVERFLOW, Status.NO_CONVERGENCE]
+    assert not state.value.any()
 
 
 def test_an_equation_without_a_solution_says_so_with_the_evaluations_that_cost() -> None:
