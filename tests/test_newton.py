@@ -9,6 +9,7 @@ import pytest
 
 from sepv import implicit, problems
 from sepv import polynomial as poly
+from sepv.errors import StepFailure
 from sepv.fields import matvec
 from sepv.implicit import (
     MAX_HALVINGS,
@@ -97,7 +98,9 @@ def test_components_far_below_a_grown_state_still_converge_by_their_own_size() -
     before, bend = np.array([1e-20, 1.0, 0.0, 1e-20]), np.array([1.0, 1.0, 1.0, 0.0])
 
     def R(z: np.ndarray, lanes: np.ndarray) -> np.ndarray:
-        return np.stack([0 * z[0] + 1, 0.5e-35 * np.cos(1e35 * bend[lanes] * z[1])])
+        # The last lane is nearly linear, so that one step takes it to its √eps.
+        nearly = 0.5e-35 - 1e-9 * z[1]
+        return np.stack([0 * z[0] + 1, np.where(bend[lanes], 0.5e-35 * np.cos(1e35 * z[1]), nearly)])
 
     def slope(z: np.ndarray, lanes: np.ndarray) -> np.ndarray:
         last = -0.5 * bend[lanes] * np.sin(1e35 * bend[lanes] * z[1])
@@ -108,6 +111,17 @@ def test_components_far_below_a_grown_state_still_converge_by_their_own_size() -
     assert solution.status.tolist() == [Status.CONVERGED] * 4
     assert solution.iterations.tolist() == [5, 2, 2, 2]
     assert solution.value[1, 0] * 1e35 == pytest.approx(0.45018361129487355, rel=1e-15)
+
+
+def test_a_component_at_rounding_beside_the_others_converges_to_its_own() -> None:
+    """z = (1, 10⁻¹⁷ · ½ cos(10¹⁷ z₂)): a share of eps|z| that is no rounding of it, 0.45 of 10⁻¹⁷."""
+    system = Counted(
+        lambda z, _: np.stack([0 * z[0] + 1, 0.5e-17 * np.cos(1e17 * z[1])]),
+        lambda z, _: np.array([[0 * z[0], 0 * z[0]], [0 * z[0], -0.5 * np.sin(1e17 * z[1])]]),
+        unknowns=2, size=np.array([[1.0], [0.0]]), exact=True,
+    )  # fmt: skip
+    solution = system.solve(np.zeros((2, 1)))
+    assert solution.value[1, 0] * 1e17 == pytest.approx(0.45018361129487355, rel=1e-13)
 
 
 def test_a_component_of_noise_does_not_stop_those_that_still_shrink() -> None:
@@ -175,13 +189,14 @@ class TestRounding:
             return np.array([[first, 0 * first], [0 * first, 0 * first]])
 
         system = Counted(R, slope, lanes=2, unknowns=2, exact=True)
-        solution = iterate(system.equations, np.full((2, 2), 0.3))
+        # The second lane stands at its solution, so that both are asked about at once.
+        solution = iterate(system.equations, np.array([[0.3, 0.45018361], [0.3, 0.0]]))
         assert solution.status.tolist() == [Status.CONVERGED, Status.NO_CONVERGENCE]
         assert solution.iterations[0] <= 6
 
     def test_a_residual_of_the_smallest_numbers_is_none(self) -> None:
-        """z = 5e-324 is all there is between 0 and the solution 0.7·5e-324 of z = c, whatever the Jacobian."""
-        tiny = 5e-324
+        """Four of them, whatever the Jacobian: nothing is known of their digits."""
+        tiny = 4 * 5e-324
         system = Counted(lambda z, _: 0 * z + tiny, lambda z, _: 1 + 0 * z[None], size=np.zeros((1, 1)))
         solution = iterate(system.equations, np.zeros((1, 1)))
         assert solution.status.tolist() == [Status.CONVERGED]
@@ -235,6 +250,8 @@ def test_an_approach_starts_from_zero_and_reports_each_lane_as_it_is() -> None:
             largest = np.abs(value[:, n]).max()
             assert found.residual[k] == largest or (np.isnan(largest) and np.isnan(found.residual[k]))
             assert found.iterations[k] == 1
+            # R, two differences, and where the step led.
+            assert system.calls[k] == (4 if expected[n] == reached else 3)
             assert found.gradient_evaluations[k] == 3 * system.calls[k]
             assert found.structure_evaluations[k] == 6 * system.calls[k]
 
@@ -264,21 +281,27 @@ def test_a_share_passes_where_the_simplified_correction_has_shrunk_as_it_must() 
     ]
     after = [{2.0**-k: row[0].get(2.0**-k, 2.0) for k in range(40)} for row in rows]
     n = len(rows)
-    p = np.array([[4.0, -4.0, 4.0, -0.5, 4.0, 4.0, 4.0]])
+    p = np.array([[4.0, -4.0, 4.0, -0.5, 4.0, 4.0, 4.0], [0.0] * n])
 
     def R(z: np.ndarray, lanes: np.ndarray) -> np.ndarray:
         shares = z[0] / -p[0, lanes]
         F = [after[lane][float(share)] * p[0, lane] for lane, share in zip(lanes, shares, strict=True)]
-        return z - np.array(F)
+        return z - np.array([F, 0 * z[1]])
 
-    system = Counted(R, lanes=n)
+    system = Counted(R, lanes=n, unknowns=2)
     none = np.zeros(n, dtype=np.int64)
     state = Solution(
-        np.zeros((1, n)), np.ones(n), none, none.copy(), none.copy(), np.full(n, int(Status.NO_CONVERGENCE))
+        np.zeros((2, n)), np.ones(n), none, none.copy(), none.copy(), np.full(n, int(Status.NO_CONVERGENCE))
     )
     share = np.ones(n)
     moved = implicit._take_share(
-        system.equations, np.arange(n), state, share, np.arange(n), np.ones((1, 1, n)), p
+        system.equations,
+        np.arange(n),
+        state,
+        share,
+        np.arange(n),
+        np.repeat(np.eye(2)[..., None], n, axis=2),
+        p,
     )
     assert share.tolist() == [row[1] for row in rows]
     assert moved.tolist() == [row[2] for row in rows]
@@ -378,23 +401,39 @@ def test_into_the_domain_by_the_fewest_halvings_lane_by_lane() -> None:
     assert inside.tolist() == [True] * 4
 
 
-def test_slopes_are_differences_of_the_size_of_the_lane_on_the_side_that_is_inside() -> None:
-    """R = (a z₁² + z₂, z₁ z₂) with sizes 10⁻⁵, 1 and 10⁵ and z₁ ≤ size, the first unknown on that boundary."""
+@pytest.mark.parametrize("side", [1, -1])
+def test_slopes_are_differences_of_the_size_of_the_lane_on_the_side_that_is_inside(side: int) -> None:
+    """R = (3z₁² + z₂, z₁ z₂) with sizes 10⁻⁵, 1 and 10⁵, z₁ on the boundary of ± z₁ ≤ size and R NaN beyond."""
     size = np.array([1e-5, 1.0, 1e5])
 
     def R(z: np.ndarray, lanes: np.ndarray) -> np.ndarray:
-        return np.stack([3 * z[0] ** 2 / size[lanes] + z[1], z[0] * z[1] / size[lanes]])
+        value = np.stack([3 * z[0] ** 2 / size[lanes] + z[1], z[0] * z[1] / size[lanes]])
+        return np.where(side * z[0] <= size[lanes], value, np.nan)
 
     system = Counted(
         R, lanes=3, unknowns=2, size=np.stack([size, 0 * size]),
-        inside=lambda z, lanes: z[0] <= size[lanes],
+        inside=lambda z, lanes: side * z[0] <= size[lanes],
     )  # fmt: skip
-    z, lanes = np.stack([size, -0.25 * size]), np.arange(3)
+    z, lanes = np.stack([side * size, -0.25 * size]), np.arange(3)
     found, cost = implicit._slopes(system.equations, z, lanes, R(z, lanes))
-    exact = np.array([[6.0, 1.0], [-0.25, 1.0]])[..., None]
+    exact = np.array([[6.0 * side, 1.0], [-0.25, side]])[..., None]
     assert cost == 2
     assert np.all(np.abs(found - exact) <= 1e-6)
     assert system.calls.tolist() == [2, 2, 2]
+
+
+def test_the_first_lane_that_failed_is_the_failure() -> None:
+    problem = problems.lotka_volterra()
+    status = np.array([Status.CONVERGED, Status.SINGULAR, Status.OVERFLOW])
+    y, steps = np.arange(9.0).reshape(3, 3), np.array([[0.1, 0.2, 0.3], [1.0, 2.0, 3.0]])
+    solution = Solution(-y, np.array([0.0, 7.0, 8.0]), np.array([4, 5, 6]), status, status, status)
+    with pytest.raises(StepFailure, match="singular") as caught:
+        implicit.require_converged(problem, y, steps, solution)
+    failure = caught.value
+    assert failure.y.tolist() == [1.0, 4.0, 7.0]
+    assert (failure.delta, failure.residual, failure.iterations) == (2.2, 7.0, 5)
+    fine = Solution(-y, solution.residual, solution.iterations, status, status, 0 * status)
+    assert implicit.require_converged(problem, y, steps, fine) is fine.value
 
 
 def test_merging_adds_counts_and_replaces_the_rest() -> None:
@@ -471,6 +510,18 @@ def test_a_jacobian_is_exact_only_with_all_it_is_made_of(missing: str, monkeypat
     each = nodes if missing == "degree" else 3 * nodes  # differences: R at y1 and at two others
     assert bare.gradient_evaluations.tolist() == (each * bare.iterations).tolist()
     assert full.gradient_evaluations.tolist() == (2 * full.iterations).tolist()
+
+
+def test_a_domain_may_answer_in_numbers() -> None:
+    from dataclasses import replace
+
+    problem = problems.lotka_volterra()
+    y0, step = np.repeat([[1.0], [1.9], [0.5]], 4, axis=1), np.array([[0.1, 0.2, -0.3, 2.0]])
+    numbers = replace(problem, domain=lambda y: np.where(problem.domain(y), 1, 0), check=False)
+    found, asked = (implicit.solve(p, y0, step, increment, jacobian) for p in (numbers, problem))
+    assert np.array_equal(found.value, asked.value)
+    assert found.status.tolist() == asked.status.tolist()
+    assert len(set(found.status.tolist())) > 1
 
 
 def test_a_good_start_saves_iterations_and_changes_nothing_else() -> None:

@@ -35,6 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=0, help="of the sample (default 0)")
     parser.add_argument("--jobs", type=int, default=1, help="mutants at a time (default 1)")
     parser.add_argument("--only", default="", metavar="TEXT", help="only mutants whose name contains TEXT")
+    parser.add_argument("--tests", action="append", metavar="ID", help="ask these tests instead; repeatable")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every mutant's fate, one a line")
     parser.add_argument(
         "--again", type=Path, metavar="FILE", help="only those that FILE does not say are killed"
@@ -56,16 +57,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if asked.list or not chosen:
         print("\n".join(m.name for m in chosen))
         return 0
-    outcomes = run(chosen, asked.jobs, asked.json)
+    outcomes = run(chosen, asked.jobs, asked.json, tuple(asked.tests or ()))
     return report(outcomes, total)
 
 
-def run(chosen: list[Mutant], jobs: int, to: Path | None) -> list[Outcome]:
+def run(chosen: list[Mutant], jobs: int, to: Path | None, tests: tuple[str, ...] = ()) -> list[Outcome]:
     """Collect the tests once, then run the mutants."""
     if to:
         to.write_text("", encoding="utf-8")
     modules = dict.fromkeys(m.module for m in chosen)
-    files = dict.fromkeys(name for module in modules for name in TARGETS[module])
+    asked = {module: tests or TARGETS[module] for module in modules}
+    files = dict.fromkeys(name for names in asked.values() for name in names)
     outcomes: list[Outcome] = []
     screen = Console(file=os.fdopen(os.dup(2), "w"), highlight=False)
 
@@ -73,7 +75,7 @@ def run(chosen: list[Mutant], jobs: int, to: Path | None) -> list[Outcome]:
         seconds = sum(known.seconds for known in harness.known)
         screen.print(f"{len(chosen)} mutants; {len(harness.known)} tests, {seconds:.1f} s traced")
         start = time.perf_counter()
-        for outcome in harness.outcomes(((m, TARGETS[m.module]) for m in chosen), jobs):
+        for outcome in harness.outcomes(((m, asked[m.module]) for m in chosen), jobs):
             outcomes.append(outcome)
             if to:
                 with to.open("a", encoding="utf-8") as stream:

@@ -6,6 +6,36 @@ IMPLICIT = ("tests/test_implicit.py", "tests/test_jacobians.py", "tests/test_new
 CATALOGUE = "tests/test_hard.py::test_the_energy_preserving_scheme_solves_to_its_bound_or_refuses"
 OTHERS = "tests/test_hard.py::test_the_other_implicit_schemes_leave_nothing_unmarked"
 COUNTERS = "tests/test_bench.py::test_the_committed_counters_are_those_of_today"
+# Without those that take seconds.
+COLLOCATION = tuple(
+    f"tests/test_collocation.py::test_{name}"
+    for name in (
+        "coefficients_are_right_to_two_roundings",
+        "averages_are_exact_up_to_the_degree_that_is_promised_and_not_beyond",
+        "a_linear_h_needs_no_more_nodes_than_half_the_stages",
+        "what_averages_may_amplify_is_the_integral_of_a_lagrange_polynomial",
+        "one_stage_is_the_energy_preserving_scheme_to_an_ulp",
+        "newton_needs_no_derivatives_of_the_problem",
+        "energies_that_are_no_polynomials_are_kept_at_large_steps",
+        "what_no_quadrature_resolves_is_reported_and_not_returned",
+        "steps_of_a_batch_are_the_steps_of_its_states",
+        "members_of_families_have_names",
+        "nothing_is_warned_about_in_a_hard_step",
+    )
+)
+STRUCTURES = tuple(
+    f"tests/test_structures.py::test_{name}"
+    for name in (
+        "commuting_hamiltonians_are_structures",
+        "casimirs_of_b_are_casimirs_of_every_structure",
+        "hamiltonians_that_do_not_commute_are_refused_with_their_bracket",
+        "schemes_for_one_structure_refuse_several",
+        "one_structure_is_the_energy_preserving_scheme_to_the_bit",
+        "ensembles_take_several_structures",
+        "cases_travel_as_json",
+        "wrong_structures_are_refused",
+    )
+)
 SCHEME = ("tests/test_schemes.py", *IMPLICIT, COUNTERS)
 
 TARGETS: dict[str, tuple[str, ...]] = {
@@ -16,32 +46,32 @@ TARGETS: dict[str, tuple[str, ...]] = {
         *IMPLICIT,
         CATALOGUE,
         COUNTERS,
-        "tests/test_collocation.py",
+        *COLLOCATION,
     ),
-    "sepv.fields": ("tests/test_schemes.py", *IMPLICIT, CATALOGUE, OTHERS, "tests/test_collocation.py"),
+    "sepv.fields": ("tests/test_schemes.py", *IMPLICIT, CATALOGUE, OTHERS, *COLLOCATION),
     "sepv.implicit": (
-        "tests/test_schemes.py",
         *IMPLICIT,
         CATALOGUE,
-        OTHERS,
-        COUNTERS,
-        "tests/test_division.py",
+        f"{OTHERS}[midpoint]",
+        f"{COUNTERS}[energy-preserving]",
+        "tests/test_division.py::test_depth_has_an_end_and_the_failure_is_said",
+        "tests/test_division.py::test_a_divided_scheme_says_what_it_is_and_its_failures_what_they_were_asked",
     ),
     "sepv.division": ("tests/test_division.py",),
     "sepv.wiener": ("tests/test_wiener.py", "tests/test_simulation.py"),
-    "sepv.tableaux": ("tests/test_collocation.py",),
+    "sepv.tableaux": COLLOCATION,
     "sepv.nambu": ("tests/test_nambu.py",),
-    "sepv.structures": ("tests/test_structures.py",),
-    "sepv.scheme": (*IMPLICIT, "tests/test_schemes.py", "tests/test_collocation.py"),
+    "sepv.structures": STRUCTURES,
+    "sepv.scheme": (*IMPLICIT, "tests/test_schemes.py", *COLLOCATION),
     "sepv.schemes.energy_preserving": SCHEME,
     "sepv.schemes.midpoint": SCHEME,
     "sepv.schemes.discrete_gradient": SCHEME,
     "sepv.schemes.euler_heun": SCHEME,
     "sepv.schemes.milstein": SCHEME,
     "sepv.schemes.euler_maruyama": SCHEME,
-    "sepv.schemes.collocation": ("tests/test_collocation.py", OTHERS, "tests/test_jacobians.py"),
-    "sepv.schemes.gauss": ("tests/test_rivals.py", "tests/test_collocation.py"),
+    "sepv.schemes.collocation": (*COLLOCATION, "tests/test_jacobians.py"),
+    "sepv.schemes.gauss": ("tests/test_rivals.py", *COLLOCATION),
     "sepv.schemes.explicit": ("tests/test_rivals.py", COUNTERS),
     "sepv.schemes.both_invariants": ("tests/test_nambu.py",),
-    "sepv.schemes.several_structures": ("tests/test_structures.py", "tests/test_jacobians.py"),
+    "sepv.schemes.several_structures": (*STRUCTURES, "tests/test_jacobians.py"),
 }
