@@ -194,6 +194,17 @@ class TestRounding:
         assert solution.status.tolist() == [Status.CONVERGED, Status.NO_CONVERGENCE]
         assert solution.iterations[0] <= 6
 
+    def test_only_where_it_is_asked_and_lane_by_lane(self) -> None:
+        """A residual of 10⁻⁷: rounding for |K||y0| = 10⁸, 256 eps · 16 · 10⁸ = 9·10⁻⁵, and not for ½."""
+        K = np.array([1e8, 0.5, 1e8])
+        system = Counted(lambda z, _: z, lambda z, lanes: (K[lanes] + 0 * z)[None], lanes=3)
+        arguments = np.full(3, 1e-7), np.zeros((1, 3)), np.ones(3)
+        for asked, expected in (([1, 1, 1], [1, 0, 1]), ([0, 1, 1], [0, 0, 1]), ([0, 0, 0], [0, 0, 0])):
+            found = implicit._is_rounding(
+                system.equations, np.arange(3), *arguments, np.array(asked, dtype=bool)
+            )
+            assert found.tolist() == [bool(e) for e in expected]
+
     def test_a_residual_of_the_smallest_numbers_is_none(self) -> None:
         """Four of them, whatever the Jacobian: nothing is known of their digits."""
         tiny = 4 * 5e-324
