@@ -87,7 +87,7 @@ def test_the_size_of_a_sum_is_that_of_its_terms_lane_by_lane() -> None:
     value, size = _quadrature(problem, -y1, y1, 4)
     tau, weights = gauss_legendre(4)
     assert np.all(np.abs(value) <= EPS * size)
-    assert size == pytest.approx(np.array([1.0, 1000.0]) * (weights @ np.abs(2 * tau - 1)), rel=1e-15)
+    assert size == pytest.approx(np.array([1.0, 1000.0]) * (weights @ np.abs(2 * tau - 1)), rel=1e-15, abs=0)
 
 
 def test_a_closed_form_is_one_evaluation_without_error() -> None:
@@ -147,5 +147,9 @@ def test_a_rounding_of_the_argument_is_eps_times_the_slope_along_y() -> None:
 
     slope = EPS * 3.0 * abs(np.cos(3.0))  # above 0.5 of p, and above 1·cos 1 of the other state
     expected = [max(by_hand(1e8), by_hand(2e8)), slope, by_hand(-1e8)]
-    assert found == pytest.approx(np.array(expected), rel=1e-6)
-    assert argument_rounding(problem, states[0][:, 1:2]) == pytest.approx(np.array([slope]), rel=1e-6)
+    assert found == pytest.approx(np.array(expected), rel=1e-6, abs=0)
+    still = np.array([[1e-3], [2e-3]])  # the larger of two slopes far below 1
+    assert argument_rounding(problem, still) == pytest.approx(np.array([2e-3 * EPS]), rel=1e-5, abs=0)
+    steep = replace(problem, gradient=np.exp, check=False)  # ∞ − ∞, and no warning
+    assert argument_rounding(steep, np.array([[1e3], [1.0]])) == 0
+    assert argument_rounding(problem, states[0][:, 1:2]) == pytest.approx(np.array([slope]), rel=1e-6, abs=0)

@@ -121,7 +121,7 @@ def test_the_grid_is_the_odd_part_and_its_halvings(
     assert plan.streams == 1 + plan.halvings - plan.top
     # Level 0 has variance T/base; a bridge over h has variance h/4 in its middle.
     variances = [3 / plan.base, *(3 / plan.base / 2**level / 4 for level in range(plan.halvings))]
-    assert wiener.spreads(3.0, plan) ** 2 == pytest.approx(variances, rel=1e-15)
+    assert wiener.spreads(3.0, plan) ** 2 == pytest.approx(variances, rel=1e-15, abs=0)
 
 
 def test_more_halvings_than_there_are_is_refused() -> None:
