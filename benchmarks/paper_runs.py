@@ -6,8 +6,8 @@ relative to their value at the start (for an energy near zero: to Σ|∂_iH y_i|
 
 from __future__ import annotations
 
+import argparse
 import math
-import sys
 
 import numpy as np
 from rich.console import Console
@@ -48,13 +48,14 @@ def defects(scheme: sepv.Scheme, name: str, h: float, steps: int, seed: int = 0)
 
 def main() -> None:
     """Print the table."""
-    names = sys.argv[1:] or ["energy-preserving", "midpoint", "discrete-gradient"]
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("schemes", nargs="*", default=["energy-preserving", "midpoint", "discrete-gradient"])
     table = Table(title="largest relative defect at any step, in eps·√N", title_justify="left")
     for heading in ("scheme", "problem", "h", "N", "energy", "Casimir"):
         table.add_column(heading)
-    for name in names:
+    for name in parser.parse_args().schemes:
         for problem, h, steps in RUNS:
-            energy, casimir = defects(schemes.ALL[name], problem, h, steps)
+            energy, casimir = defects(schemes.by_name(name), problem, h, steps)
             shown = f"{casimir:.3g}" if math.isfinite(casimir) else "–"
             table.add_row(name, problem, f"{h:g}", str(steps), f"{energy:.3g}", shown)
     Console(width=100).print(table)

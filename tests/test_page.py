@@ -85,6 +85,7 @@ def reproduction(text: str) -> dict[str, Any]:
     }  # fmt: skip
     about = {
         "name": "sepv", "version": text[:30], "seed": 0, "share": 1.0, "engine": "auto", "seconds": 1.0,
+        "processor_seconds": 1.0,
         "workers": 2, "python": text,
         "numpy": text, "scipy": text, "of": text,
     }  # fmt: skip

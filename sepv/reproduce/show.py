@@ -67,7 +67,9 @@ def summary(found: Reproduction) -> Text:
     """One line: the counts, and how long it took."""
     n = counts(found.statements)
     text = Text(f"{sum(n.values())} statements: {n['holds']} hold, {n['fails']} do not, {n['open']} open; ")
-    text.append(f"{len(found.panels)} panels in {found.seconds:.0f} s")
+    text.append(
+        f"{len(found.panels)} panels in {found.seconds:.0f} s, {found.processor_seconds:.0f} s of processor time"
+    )
     if found.size.share != 1:
         text.append(f", with a share of {found.size.share:g} of the samples and steps", style="yellow")
     return text.append(".")
