@@ -30,8 +30,8 @@ FIRST = 32  # the first checkpoint; then doubled
 # root mean square to 12 %; the rest is room for other orders of operations: a hundred roundings of y a step. A
 # residual of 1e-12 with one sign reaches it after a few hundred steps.
 ALLOWED = 10.0
-# Paths that explode: their squares must still be numbers.
-BEYOND = 1e150
+# Paths that explode: squares of defects must still be numbers, and no rounding is an excuse there.
+BEYOND, EXPLODED = 1e150, 1e100
 
 
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
@@ -93,7 +93,8 @@ def energy_walk(scheme: Scheme, name: str, h: float, steps: int, seed: int) -> t
                 defect = float(exact.hamiltonian(exact.state(y[:, k])) - H0) / unit
                 row[k] = max(-BEYOND, min(BEYOND, defect))
             rows.append(row)
-            walks.append(rounding_walk(problem.gradient(y[:, alive]), y[:, alive]) / unit)
+            walk = rounding_walk(problem.gradient(y[:, alive]), y[:, alive]) / unit
+            walks.append(walk if walk < EXPLODED else 0.0)
             checkpoint *= 2
         if not alive.size:
             return np.full((1, PATHS), np.nan), 0.0

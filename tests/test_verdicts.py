@@ -54,9 +54,10 @@ def test_midpoint_keeps_the_energy_where_it_is_quadratic() -> None:
         assert abs(problem.hamiltonian(y) - H0) < 1e-14
 
 
-def test_an_exploding_scheme_has_a_verdict_on_rounding() -> None:
-    """Euler-Heun with long steps of the rigid body: an energy of 1e300 ends in a verdict, not in a warning."""
-    finding = verify(schemes.euler_heun, laws=["rounding"], effort=Effort(seed=2067189882)).findings[0]
+@pytest.mark.parametrize(("scheme", "seed"), [("euler-heun", 2067189882), ("milstein", 743061144)])
+def test_an_exploding_scheme_has_a_verdict_on_rounding(scheme: str, seed: int) -> None:
+    """Explicit schemes with long steps of the rigid body: an energy of 1e300 ends in a verdict, not in a warning."""
+    finding = verify(scheme, laws=["rounding"], effort=Effort(seed=seed)).findings[0]
     assert finding.verdict in (Verdict.VIOLATED, Verdict.ERROR)
     assert finding.defect is not None
     assert np.isfinite(finding.defect)
