@@ -65,7 +65,11 @@ def law_table(report: Report) -> Table:
     title = Text(
         report.scheme.name + (f" · {report.scheme.source}" if report.scheme.source else ""), style="bold"
     )
-    table = Table(box=_BOX, title=title, title_justify="left", pad_edge=False, padding=(0, 1, 0, 0))
+    # As wide as its title where that is what a terminal holds: a table of one law would break it.
+    table = Table(
+        box=_BOX, title=title, title_justify="left", pad_edge=False, padding=(0, 1, 0, 0),
+        min_width=min(title.cell_len, 80),
+    )  # fmt: skip
     # On 80 columns the unit and the source give way, never the name of a law.
     table.add_column("law", no_wrap=True, min_width=max((len(f.law) for f in report.findings), default=0))
     table.add_column("claimed")
