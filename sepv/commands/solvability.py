@@ -124,9 +124,9 @@ def _show(found: Map, furthest: float, k: int | None, out: Any) -> None:
         )
     total = found.findings.size
     out.print(
-        "The map: "
+        f"The map, {total} points: "
         + "; ".join(f"{kind.text}: {c}" for kind, c in found.counts().items() if c)
-        + f"; of {total}."
+        + "."
     )
     law = f"truncated with k = {k}" if k else "untruncated"
     out.print(f"\nP(Δ of a step is off the branch), c = {found.problem.c.tolist()}, {law}:")
