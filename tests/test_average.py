@@ -126,6 +126,11 @@ def test_the_ladder_climbs_as_far_as_a_lane_needs_and_counts_its_rungs() -> None
     assert np.all(np.abs(found.value[0] - exact)[:4] <= 256 * EPS * exact[:4])
     assert np.all(found.error[:4] <= 256 * EPS * exact[:4])
     assert found.error[4] > 1e-6
+    assert found.reliable.dtype == bool
+    # In other units it climbs just as far.
+    for unit in (2.0**30, 2.0**-30):
+        scaled = replace(problem, gradient=lambda y, c=unit: c * problem.gradient(y), check=False)
+        assert _adaptive(scaled, y0, y1).evaluations.tolist() == found.evaluations.tolist()
     # A lane climbs as it does alone.
     for k in range(5):
         alone = _adaptive(problem, y0[:, k : k + 1], y1[:, k : k + 1])

@@ -178,3 +178,18 @@ def test_nothing_is_warned_about_in_a_hard_step() -> None:
         warnings.simplefilter("error")
         y = np.asarray(problems.lotka_volterra().initial)
         schemes.collocation(2).solve(problems.lotka_volterra(), y, 0.01, np.array([3.0]))
+
+
+@pytest.mark.parametrize("s", STAGES)
+def test_a_family_member_says_what_it_is_and_counts_its_work(s: int) -> None:
+    """Rigid body: s nodes and s structures an iteration, and one of each for the start, which is an iteration."""
+    for scheme in (schemes.collocation(s), schemes.gauss(s)):
+        assert (scheme.stages, scheme.truncation, scheme.batched) == (s, 2 * s, True)
+        assert scheme.mean_square_order == scheme.weak_order == s
+        y = np.array([[0.8, 0.8, 1.0], [0.6, 0.1, 0.0], [0.1, 0.6, 0.0]])
+        solution = scheme.solve(problems.rigid_body(), y, 0.01, np.array([[0.1, -0.2, 0.3]]))
+        assert not solution.status.any()
+        counts = solution.iterations - 1
+        assert solution.gradient_evaluations.tolist() == (s * counts + 1).tolist()
+        assert solution.structure_evaluations.tolist() == (s * counts + 1).tolist()
+        assert np.array_equal(solution.value[:, 2], y[:, 2])  # at rest

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -461,6 +462,16 @@ def test_merging_adds_counts_and_replaces_the_rest() -> None:
     assert whole.iterations.tolist() == [6, 1, 6]
     assert whole.gradient_evaluations.tolist() == [60, 10, 60]
     assert whole.structure_evaluations.tolist() == [600, 100, 600]
+    # Continuations where both solutions count them.
+    for before, further, after in (
+        ([1, 2, 3], [10, 20], [21, 2, 13]),
+        ([1, 2, 3], None, [1, 2, 3]),
+        (None, [1, 2], None),
+    ):
+        total = replace(whole, continuations=None if before is None else np.array(before))
+        part = replace(solution(5, 2), continuations=None if further is None else np.array(further))
+        merge(total, part, lanes)
+        assert (None if total.continuations is None else total.continuations.tolist()) == after
 
 
 def system_of_two() -> PolynomialSystem:
@@ -507,8 +518,6 @@ def test_the_equation_of_a_step_says_what_its_rounding_is_relative_to(monkeypatc
 
 @pytest.mark.parametrize("missing", ["degree", "hessian", "structure_derivative"])
 def test_a_jacobian_is_exact_only_with_all_it_is_made_of(missing: str, monkeypatch) -> None:
-    from dataclasses import replace
-
     seen: list[Equations] = []
     monkeypatch.setattr(implicit, "iterate", lambda e, start: (seen.append(e), iterate(e, start))[1])
     problem = problems.polynomial_problem(system_of_two())
@@ -524,8 +533,6 @@ def test_a_jacobian_is_exact_only_with_all_it_is_made_of(missing: str, monkeypat
 
 
 def test_a_domain_may_answer_in_numbers() -> None:
-    from dataclasses import replace
-
     problem = problems.lotka_volterra()
     y0, step = np.repeat([[1.0], [1.9], [0.5]], 4, axis=1), np.array([[0.1, 0.2, -0.3, 2.0]])
     numbers = replace(problem, domain=lambda y: np.where(problem.domain(y), 1, 0), check=False)
