@@ -62,7 +62,7 @@ class Row:
         The measured order with its interval, and the largest energy defect in energy ulps, for each of `SETUPS`.
     verdicts : dict of law name to mark
     notes : tuple of str
-        Reasons of the verdict "error".
+        Reasons of the verdict "error", and paths that failed.
     """
 
     library: str
@@ -111,10 +111,16 @@ def scheme_row(library: str, scheme: Scheme, effort: Effort) -> Row:
 def path_row(library: str, solver: PathSolver, effort: Effort) -> Row:
     """The two laws about whole paths and the energy defects of a solver that hands state on."""
     alpha = FALSE_ALARM / len(SETUPS)
-    orders, falls, energy = [], [], []
+    orders, falls, energy, notes = [], [], [], []
     for setup in SETUPS:
         problem = problems.by_name(setup.problem)
         errors = _path_errors(solver, problem, setup, effort.seed)
+        if any(errors.failures):
+            counts = ", ".join(str(n) for n in errors.failures)
+            notes.append(
+                f"{solver.name}, {setup.problem}: {counts} of {PATHS} paths failed with "
+                f"{', '.join(str(n) for n in setup.steps)} steps and are left out at every number of steps"
+            )
         orders.append(slope(errors, alpha))
         decay = log_decay(errors, alpha)
         falls.append(replace(decay, value=-decay.value))
@@ -138,6 +144,7 @@ def path_row(library: str, solver: PathSolver, effort: Effort) -> Row:
         orders=tuple(_interval(e.value, e.low, e.high) for e in orders),
         energy=tuple(energy),
         verdicts=verdicts,
+        notes=tuple(notes),
     )
 
 
@@ -150,11 +157,12 @@ def _path_errors(solver: PathSolver, problem: Problem, setup: Setup, seed: int) 
         solver.path(problem, start, setup.T / n, wiener.coarsen(fine, finest // n))[-1] for n in setup.steps
     ]
     errors = np.stack([y - exact for y in ends])
+    arrived = np.isfinite(errors).all(axis=(0, 1))
     return StrongErrors(
         T=setup.T,
         steps=setup.steps,
-        squared=np.sum(errors**2, axis=1),
-        errors=errors,
+        squared=np.sum(errors[:, :, arrived] ** 2, axis=1),
+        errors=errors[:, :, arrived],
         failures=tuple(int(np.count_nonzero(~np.isfinite(e).all(axis=0))) for e in errors),
         scale=float(np.max(np.abs(exact))),
     )
@@ -170,7 +178,8 @@ def _energy_of_paths(solver: PathSolver, problem: Problem, T: float) -> str:
     dW = wiener.increments(0, T=T, steps=ENERGY_STEPS, noises=problem.noises, paths=PATHS)
     start = np.array(problem.initial, dtype=np.float64)
     H = problem.hamiltonian(solver.path(problem, start, T / ENERGY_STEPS, dW).swapaxes(0, 1))
-    return _energy(problem, np.abs(H - H[0]))
+    failed = int(np.count_nonzero(~np.isfinite(H).all(axis=0)))
+    return f"{failed} paths failed" if failed else _energy(problem, np.abs(H - H[0]))
 
 
 def _energy(problem: Problem, defects: Array) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -54,11 +55,17 @@ def _repeated_integrals(dW: Array) -> Array:
 
 
 def _kp2is_path(problem: Problem, y0: Array, h: float, dW: Array) -> Array:
+    """States (N + 1, d, M); NaN for a path of which sdeint says that a step could not be solved."""
     paths = []
     for lane in range(dW.shape[2]):
         increments = dW[:, :, lane]
         more = {"J": _repeated_integrals(increments)}
-        paths.append(_integrate(sdeint.stratKP2iS, problem, y0, h, increments, **more))
+        try:
+            # scipy warns before sdeint raises.
+            with warnings.catch_warnings(action="ignore", category=RuntimeWarning):
+                paths.append(_integrate(sdeint.stratKP2iS, problem, y0, h, increments, **more))
+        except RuntimeError:
+            paths.append(np.full((len(increments) + 1, y0.size), np.nan))
     return np.stack(paths, axis=2)
 
 
