@@ -22,7 +22,8 @@ with b_j ≥ 0 and Σ b_j = 1: what follows holds as for one stage, because H(y1
 
 **Many steps** (Brouwer 1937). The sum y0 + z is rounded to nearest, component by component, with errors that are
 spread evenly over ±½ulp(y1_i): a step moves an invariant I by √(Σ_i (∂_iI ulp(y_i))²/12) in the root mean square,
-n steps by √n times that, without a bias. For small |Δ| this is nearly all: the rounding of z itself is |z|/|y| of it.
+n steps by √n times that. For small |Δ| this is nearly all: the rounding of z itself is |z|/|y| of it. Means that are
+not quite zero show after 10⁶ steps and more, and are not predicted.
 """
 
 from __future__ import annotations

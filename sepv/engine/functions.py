@@ -94,6 +94,16 @@ def no(typingctx: Any, condition: Any) -> Any:  # noqa: ARG001 - numba's signatu
 
 
 @_inline
+def sine_tail(z: float) -> float:
+    """s with sin x = x + x·z·(−1/6 + z·s), z = x², for |x| ≤ π/4."""
+    return 8.33333333332248946124e-03 + z * (
+        -1.98412698298579493134e-04
+        + z
+        * (2.75573137070700676789e-06 + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10))
+    )
+
+
+@_inline
 def sincos(x: float) -> tuple[float, float]:
     """(sin x, cos x), within 1 ulp of 1 for |x| ≤ 1e9, NaN beyond."""
     shifted = x * _TWO_OVER_PI + _TO_INTEGER
@@ -101,15 +111,11 @@ def sincos(x: float) -> tuple[float, float]:
     quadrant = float_bits(shifted)
     reduced = (x - k * _PART_1) - k * _PART_2
     r = reduced - k * _PART_3
-    # What r has lost: the same for all x of a binade and quadrant, where it would push the energy one way.
+    # What r has lost: the same for all x of a binade and quadrant, a bias of a tenth of a rounding without it.
     low = (reduced - r) - k * _PART_3
     r = pick(abs(x) <= _LARGEST_ANGLE, r, np.nan)
     z = r * r
-    s = 8.33333333332248946124e-03 + z * (
-        -1.98412698298579493134e-04
-        + z
-        * (2.75573137070700676789e-06 + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10))
-    )
+    s = sine_tail(z)
     sine = r + (z * r * (-1.66666666666666324348e-01 + z * s) + low * (1.0 - 0.5 * z))
     c = 4.16666666666666019037e-02 + z * (
         -1.38888888888741095749e-03
@@ -140,12 +146,8 @@ def sinc(x: float) -> tuple[float, float]:
     flat = abs(x) < 1e-3
     safe = pick(flat, 1.0, x)
     z = x * x
-    s = 8.33333333332248946124e-03 + z * (
-        -1.98412698298579493134e-04
-        + z
-        * (2.75573137070700676789e-06 + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10))
-    )
-    # A quotient rounds twice, by amounts whose mean changes with the binade of x: the pendulum's energy drifts.
+    s = sine_tail(z)
+    # The quotient rounds twice, 0.53·2⁻⁵³ in the root mean square where the series has 0.29·2⁻⁵³.
     value = pick(z < 0.6, 1.0 + z * (-1.66666666666666324348e-01 + z * s), sine / safe)
     slope = pick(flat, -x * (1.0 / 3.0 - z / 30.0), (cos - value) / safe)
     return value, slope
