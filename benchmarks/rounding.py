@@ -122,11 +122,16 @@ def main() -> None:
     parser.add_argument("--steps", type=float, default=1e6)
     parser.add_argument("--paths", type=int, default=32)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument(
+        "--problem", action="append", choices=[name for name, _ in RUNS], help="all without it"
+    )
     options = parser.parse_args()
     steps = int(options.steps)
     out = Console(width=150)
     out.print(f"(2.1), {options.paths} paths of {steps} steps: root mean square over √n")
     for name, h in RUNS:
+        if options.problem and name not in options.problem:
+            continue
         table = Table(box=None)
         for heading in HEADINGS:
             table.add_column(heading, min_width=19 if heading == "problem" else None)
