@@ -8,11 +8,16 @@ from typing import Any
 from sepv.convergence import Estimate, StrongErrors, log_decay
 from sepv.law import Effort, Finding, Law, require
 from sepv.scheme import Scheme
-from sepv.sequential import SETUPS, judge
+from sepv.sequential import judge, setups_for, steps_for
 
-# From the coarsest to the finest of these step sizes h falls by 16. The rms error then falls by 16^p ≥ 4
-# for every mean-square order p ≥ ½, and not at all where the limit is another: 2 is half-way.
-THRESHOLD = 2.0
+
+def threshold(scheme: Scheme) -> float:
+    """√(n^½), where h falls by n from the coarsest to the finest step: half-way.
+
+    The rms error falls by n^p ≥ n^½ for every mean-square order p ≥ ½, and not at all where the limit is another.
+    """
+    spans = [steps_for(s, scheme.truncation, scheme.mean_square_order) for s in setups_for(scheme)]
+    return float(min(steps[-1] / steps[0] for steps in spans) ** 0.25)
 
 
 def fall(errors: StrongErrors, alpha: float) -> Estimate:
@@ -23,8 +28,7 @@ def fall(errors: StrongErrors, alpha: float) -> Estimate:
 
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
     """The factor by which the error falls, on every problem."""
-    assert all(s.steps[-1] == 16 * s.steps[0] for s in SETUPS)
-    return judge(law, scheme, effort, fall, math.log(THRESHOLD), math.exp)
+    return judge(law, scheme, effort, fall, math.log(threshold(scheme)), math.exp)
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:

@@ -21,8 +21,7 @@ from sepv.tilting import tilted_errors
 
 FALSE_ALARM = 1e-4
 FIRST_LOOK = 256
-# From this claimed order on the mean square error lives on increments too rare for plain sampling. The coarsest step
-# is then left out: its large increments are steps of more than 1, far from any asymptotics.
+# From this claimed order on the mean square error lives on increments too rare for plain sampling.
 TILTED = 1.5
 # At these orders finer steps are at the rounding floor.
 FEW = ((6, (16, 24, 32)), (5, (16, 32, 64)))
@@ -56,6 +55,17 @@ def setups_for(scheme: Scheme) -> Sequence[Setup]:
     return {"nambu": NAMBU_SETUPS, "several": SEVERAL_SETUPS}.get(scheme.systems, SETUPS)
 
 
+def steps_for(setup: Setup, truncation: int | None, order: float | None) -> tuple[int, ...]:
+    """The numbers of steps at which a scheme is judged.
+
+    The coarsest is left out where increments are not truncated or weighted towards the large ones: they then are
+    steps of more than 1, far from any asymptotics, and one explicit path that runs away is the whole mean square.
+    """
+    if order is not None and order >= TILTED:
+        return next((steps for least, steps in FEW if order >= least), setup.steps[1:])
+    return setup.steps[1:] if truncation is None else setup.steps
+
+
 def at_the_floor(law: Law, scheme: Scheme, effort: Effort) -> Finding | None:
     """The finding of a law about a slope, where a problem leaves less than two errors above rounding."""
     for setup in setups_for(scheme):
@@ -87,14 +97,13 @@ def sampled(scheme: Scheme, setup: Setup, paths: int, effort: Effort) -> StrongE
     done = have.squared.shape[1] if have else 0
     if done < paths:
         problem, wanted = problems.by_name(setup.problem), range(done, paths)
-        asked = guarded(scheme)
+        asked, levels = guarded(scheme), steps_for(setup, scheme.truncation, order)
         if order is not None and order >= TILTED:
-            levels = next((steps for least, steps in FEW if order >= least), setup.steps[1:])
             more = tilted_errors(
                 asked, problem, T=setup.T, steps=levels, paths=wanted, seed=effort.seed, order=order
             )
         else:
-            more = strong_errors(asked, problem, T=setup.T, steps=setup.steps, paths=wanted, seed=effort.seed)
+            more = strong_errors(asked, problem, T=setup.T, steps=levels, paths=wanted, seed=effort.seed)
         have = join([have, more]) if have else more
         effort.cache[key] = have
     assert have is not None
