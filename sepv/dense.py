@@ -75,7 +75,8 @@ def solve_dense(
     ----------
     f : (d, s) -> (d, s)
     stages : int
-        Gauss nodes a panel; panels are halved until the series has decayed to rounding.
+        Gauss nodes a panel; panels are halved until the series has decayed to rounding, and grow where it has more
+        than decayed. The first is half the time in which the field covers 1 + |y|, at most ½.
     shrink : float
         A factor on accepted panel lengths, so that two solutions do not share their grid.
 
@@ -113,8 +114,7 @@ def solve_dense(
                 f"{len(starts)} panels led to θ = {t!r} of {end!r} and no further: the solution blows up there, or "
                 "moves too fast to be followed. Remedy: a smaller θ or another initial state."
             )
-    order = slice(None) if sign > 0 else slice(None, None, -1)
-    return _oriented(np.array(edges), np.stack(starts, axis=1), np.stack(series, axis=2), y, order, sign)
+    return _oriented(np.array(edges), np.stack(starts, axis=1), np.stack(series, axis=2), y, sign)
 
 
 def _panel(f: Callable[[Array], Array], y: Array, H: float, A: Array, to_series: Array) -> tuple[Array, int]:
@@ -137,18 +137,17 @@ def _panel(f: Callable[[Array], Array], y: Array, H: float, A: Array, to_series:
     # What the last coefficients add to y: the integral of P_k brings a factor 1/(2(2k + 1)).
     weights = 1 / (2 * (2 * np.arange(A.shape[0])[-3:] + 1))
     tail = np.max(np.abs(F @ to_series[-3:].T) * weights) * abs(H)
-    scale = float(np.max(np.abs(y))) + _EPS
+    # The largest component on the panel, also where y starts at the origin and the flow leaves it.
+    scale = max(float(np.max(np.abs(y))), abs(H) * size)
     if tail <= 1e-3 * _EPS * scale:
         return F, 2
     return F, int(tail <= 4 * _EPS * scale)
 
 
-def _oriented(
-    edges: Array, starts: Array, series: Array, end_state: Array, order: slice, sign: float
-) -> DenseSolution:
+def _oriented(edges: Array, starts: Array, series: Array, end_state: Array, sign: float) -> DenseSolution:
     """Panels run towards +∞: a backward solution is turned around, each panel starting at its left end."""
     if sign > 0:
         return DenseSolution(edges, starts, series)
     lefts = np.concatenate([starts[:, 1:], end_state[:, None]], axis=1)
     parity = (-1.0) ** np.arange(series.shape[1])
-    return DenseSolution(edges[order], lefts[:, order], (series * parity[None, :, None])[:, :, order])
+    return DenseSolution(edges[::-1], lefts[:, ::-1], (series * parity[None, :, None])[:, :, ::-1])

@@ -83,13 +83,13 @@ def exact_flow(
             received=f"shape {times.shape}",
             remedy="θ = t + Σ c_j W_j(t), one value for each path",
         )
-    state, flat = np.array(start, dtype=np.float64), times.reshape(-1)
+    flat = times.ravel()
     result = None
     if isinstance(problem.data, NamedProblem) and not dense:
         form = CLOSED_FORMS.get(problem.data.name)
-        result = form(dict(problem.data.parameters), state, flat) if form else None
+        result = form(dict(problem.data.parameters), start, flat) if form else None
     if result is None:
-        y, error, method = *_dense_flow(problem, state, flat), "Gauss collocation in panels"
+        y, error, method = *_dense_flow(problem, start, flat), "Gauss collocation in panels"
     else:
         y, method = result
         speed = float(np.max(np.abs(vector_field(problem, y))))

@@ -119,6 +119,5 @@ def as_lanes(problem: Problem, y: ArrayLike, h: float, dW: ArrayLike) -> tuple[A
             received=f"{h!r:.80}",
             remedy="one step size for all paths of a batch",
         )
-    return state.reshape(d, -1), increment.reshape(m, -1) if m else np.zeros(
-        (0, state.reshape(d, -1).shape[1])
-    )
+    lanes = state.reshape(d, -1)
+    return lanes, increment.reshape(m, lanes.shape[1])

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import permutations
+
 import mpmath
 import numpy as np
 import pytest
 from sepv.reference.problem import exact_problem
 
 import sepv
-from sepv import problems
-from sepv.dense import FlowFailure
+from sepv import exact, problems
+from sepv.closed_forms import SEPARATRIX
+from sepv.dense import FlowFailure, solve_dense
 from sepv.exact import exact_flow
+from sepv.fields import vector_field
+
+EPS = 2.0**-52
+DENSE, JACOBI = "Gauss collocation in panels", "Jacobi elliptic functions"
 
 # φ_8(y0) to 27 digits, from Taylor series at 50 digits by another program.
 PRINTED = {
@@ -74,7 +82,7 @@ def test_special_states() -> None:
     assert not exact_flow(rigid, theta, np.zeros(3)).y.any()
     assert not exact_flow(pendulum, theta, np.zeros(2)).y.any()
     equal = problems.rigid_body(inertia=(1.0, 1.0, 2.0))
-    assert exact_flow(equal, theta).method == "Gauss collocation in panels"
+    assert exact_flow(equal, theta).method == DENSE
     separatrix = exact_flow(pendulum, theta, np.array([2.0, 0.0]))
     assert np.max(np.abs(separatrix.y[1] - 2 * np.arctan(np.sinh(theta)))) < 1e-12
 
@@ -100,3 +108,112 @@ def test_wrong_states_are_refused() -> None:
     for y0 in (np.zeros(3), np.array([0.0, np.nan])):
         with pytest.raises(sepv.UsageError, match="y0"):
             sepv.exact_flow(problems.pendulum(), 1.0, y0)
+
+
+def agree(problem: sepv.Problem, y0: np.ndarray, method: str = JACOBI) -> None:
+    """The closed form, which is used, and the dense solve, which knows nothing of it."""
+    theta = np.linspace(-3, 4, 15)
+    closed, dense = exact_flow(problem, theta, y0), exact_flow(problem, theta, y0, dense=True)
+    assert (closed.method, dense.method) == (method, DENSE)
+    assert np.max(np.abs(closed.y - dense.y)) <= closed.error + dense.error
+    assert closed.error < 1e-12
+
+
+@pytest.mark.parametrize("order", list(permutations((0.345, 0.653, 1.0))))
+def test_the_axes_of_a_rigid_body_may_come_in_any_order(order: tuple[float, ...]) -> None:
+    """Even permutations turn the way of the paper, odd ones the other way; the body may spin about either end."""
+    body = problems.rigid_body(inertia=order)
+    for signs in ((1, 1, 1), (-1, 1, 1), (1, -1, -1), (-1, -1, -1)):
+        for y in ((0.8, 0.6, 0.1), (0.1, 0.3, 0.9), (0.3, 0.9, 0.1)):
+            agree(body, np.array(signs) * y)
+
+
+def test_a_pendulum_turns_over_either_way_and_keeps_count() -> None:
+    for p, q in ((2.2, 0.0), (-2.2, 0.3), (2.05, 7.0), (-5.0, -20.0), (0.5, 12.9), (-1.9, -6.0)):
+        agree(problems.pendulum(), np.array([p, q]))
+    assert np.max(np.abs(exact_flow(problems.pendulum(), 4.0, np.array([-5.0, -20.0])).y[1] + 20)) > 4 * np.pi
+    agree(problems.harmonic_oscillator(), np.array([0.3, -1.1]), "rotation")
+
+
+def test_near_a_separatrix_the_dense_solve_takes_over() -> None:
+    """Where k² = H/2 + ½, for the rigid body K_a/K_c, is within 10⁻⁴ of 1, on both sides."""
+    for near, method in ((0.5, DENSE), (2.0, JACOBI)):
+        for side in (1, -1):
+            k2 = 1 + side * near * SEPARATRIX
+            assert exact_flow(problems.pendulum(), 1.0, np.array([2 * np.sqrt(k2), 0.0])).method == method
+            # About the middle axis b, with K_a = y_a²/A_a + y_b²/A_b and K_c the same with c.
+            I = np.array([0.345, 0.653, 1.0])
+            A_a, A_b, A_c = 1 / I[1] - 1 / I[2], 1 / I[0] - 1 / I[2], 1 / I[0] - 1 / I[1]
+            excess = np.sqrt(near * SEPARATRIX / A_b * (A_a if side > 0 else A_c))
+            y0 = np.array([excess if side > 0 else 0.0, 1.0, 0.0 if side > 0 else excess])
+            assert exact_flow(problems.rigid_body(), 1.0, y0).method == method
+
+
+def test_moments_of_inertia_that_are_nearly_equal_are_so_in_every_unit() -> None:
+    """I ↦ λI slows time down by λ, and says nothing about how well the formula is conditioned."""
+    for ratio, method in ((1 + 1e-5, DENSE), (1.01, JACOBI)):
+        for unit in (1e-3, 1.0, 1e3):
+            for inertia in ((1.0, 2.0, 2.0 * ratio), (2.0, 1.0, ratio)):
+                body = problems.rigid_body(inertia=unit * np.array(inertia))
+                assert exact_flow(body, 0.1 * unit, np.array([0.8, 0.3, 0.4])).method == method
+
+
+def test_the_stated_error_grows_with_the_time_and_does_not_depend_on_signs() -> None:
+    """eps(|y| + |f|(1 + |θ|)) with a factor: the condition of a formula in θ, at the worst of the times."""
+    oscillator, y0 = problems.harmonic_oscillator(), np.array([3.0, 0.0])
+    here, there = (
+        exact_flow(oscillator, 0.0, y0).error,
+        exact_flow(oscillator, np.array([0.0, 100.0]), y0).error,
+    )
+    assert here == pytest.approx(16 * EPS * (3 + 3), rel=1e-12, abs=0)
+    assert there == pytest.approx(16 * EPS * (3 + 3 * 101), rel=1e-12, abs=0)
+    for theta, y in ((100.0, -y0), (-100.0, y0), (-100.0, -y0)):
+        assert exact_flow(oscillator, np.array([0.0, theta]), y).error == pytest.approx(
+            there, rel=1e-12, abs=0
+        )
+    # In a steady rotation nothing moves, and what is stated is the rounding of the state.
+    body, axis = problems.rigid_body(), np.array([0.0, 0.0, -1.0])
+    assert not vector_field(body, axis).any()
+    steady = exact_flow(body, np.array([0.5, 9.0]), axis)
+    assert steady.method == JACOBI
+    assert steady.error == 16 * EPS
+
+
+def test_the_dense_solve_states_four_times_what_two_solves_differ_by(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And eight roundings of the state, which are all there is at θ = 0."""
+    oscillator = problems.harmonic_oscillator()
+    for y0 in (np.array([-3.0, 0.0]), np.array([0.0, 3.0])):
+        still = exact_flow(oscillator, 0.0, y0, dense=True)
+        assert np.array_equal(still.y, y0)
+        assert still.error == 8 * EPS * 3
+    solves = []
+
+    def rough(f, y0, end, stages, shrink):
+        """Solutions that are wrong by what a different number of nodes would explain."""
+        solution = solve_dense(f, y0, end, stages, shrink)
+        wrong = 1e-9 * len(solves) * np.sign(end)
+        solves.append((stages, shrink))
+        return lambda t: solution(t) + wrong * t
+
+    monkeypatch.setattr(exact, "solve_dense", rough)
+    # Forwards and backwards for one, then for the other: off by 0, 10⁻⁹·2, then 2·10⁻⁹·1, 3·10⁻⁹·2.
+    flow = exact_flow(oscillator, np.array([1.0, -2.0]), np.array([1.0, 0.0]), dense=True)
+    assert len(set(solves)) == 2
+    assert flow.error == pytest.approx(4 * 4e-9, rel=1e-5, abs=0)
+
+
+def test_a_missing_initial_state_is_asked_for() -> None:
+    with pytest.raises(sepv.UsageError, match="or initial= when making the problem"):
+        exact_flow(replace(problems.pendulum(), initial=None, check=False), 1.0)
+
+
+def test_a_flow_does_not_leave_the_domain() -> None:
+    """f = (1, 0) on y1 < 1: the flow is y1 + θ, and at θ = 1 it ends."""
+    strip = sepv.Problem(
+        dimension=2, structure=lambda y: np.zeros((2, 2, *y.shape[1:])) + np.array([[0, 1], [-1, 0]])[..., None],
+        hamiltonian=lambda y: y[1], gradient=lambda y: np.stack([0 * y[0], 1 + 0 * y[1]]), noise=(),
+        domain=lambda y: y[0] < 1, check=False,
+    )  # fmt: skip
+    assert exact_flow(strip, np.array([-5.0, 0.9]), np.zeros(2)).y[0] == pytest.approx([-5.0, 0.9], rel=1e-15)
+    with pytest.raises(FlowFailure, match="leaves the domain"):
+        exact_flow(strip, 1.5, np.zeros(2))

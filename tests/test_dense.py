@@ -1,0 +1,164 @@
+"""The dense solve: its tables and series by hand, polynomials, which it follows exactly, and where it ends."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.polynomial import legendre
+
+from sepv import dense
+from sepv.average import gauss_legendre
+from sepv.dense import DenseSolution, FlowFailure, legendre_values, solve_dense
+
+EPS = 2.0**-52
+
+
+def test_legendre_polynomials_are_those_of_the_field() -> None:
+    x = np.linspace(-1, 1, 9)
+    for degree in range(12):
+        values = legendre_values(x, degree)
+        assert len(values) == degree + 1
+        for k, P in enumerate(values):
+            assert np.allclose(P, legendre.legval(x, np.eye(12)[k]), rtol=0, atol=16 * EPS)
+
+
+@pytest.mark.parametrize("s", [2, 3, 8, 20])
+def test_tables_integrate_up_to_every_node_and_give_series(s: int) -> None:
+    """Σ_j A_ij c_j^p = c_i^{p+1}/(p + 1) for p < s, as collocation has it; P_k has the series e_k."""
+    A, w, to_series = dense._tables(s)
+    c, _ = gauss_legendre(s)
+    for p in range(s):
+        assert np.allclose(A @ c**p, c ** (p + 1) / (p + 1), rtol=0, atol=16 * EPS)
+        assert w @ c**p == pytest.approx(1 / (p + 1), rel=16 * EPS, abs=0)
+    P = np.stack(legendre_values(2 * c - 1, s - 1))
+    assert np.allclose(to_series @ P.T, np.eye(s), rtol=0, atol=64 * EPS)
+
+
+def test_a_solution_is_the_integral_of_its_series_in_each_panel() -> None:
+    """y′ = Σ c_k P_k(x) with x from −1 to 1 over a panel, whatever the panels hold."""
+    rng = np.random.default_rng(2)
+    edges, starts = np.array([-1.0, 0.5, 3.0, 3.25]), rng.standard_normal((2, 3))
+    series = rng.standard_normal((2, 5, 3))
+    t = np.concatenate([rng.uniform(-1, 3.25, 40), [-1.0, 3.25]])
+    found = DenseSolution(edges, starts, series)(t)
+    for n, time in enumerate(t):
+        panel = min(int(np.sum(edges <= time)) - 1, 2)
+        width = edges[panel + 1] - edges[panel]
+        x = 2 * (time - edges[panel]) / width - 1
+        for i in range(2):
+            integral = legendre.legint(series[i, :, panel], lbnd=-1)
+            expected = starts[i, panel] + 0.5 * width * legendre.legval(x, integral)
+            assert found[i, n] == pytest.approx(expected, rel=1e-13, abs=1e-13)
+
+
+def powers(y: np.ndarray) -> np.ndarray:
+    """The field of (t, t², t³, t⁴, 1 − t): y_n′ = n y_{n−1}."""
+    one = np.ones_like(y[0])
+    return np.stack([one, 2 * y[0], 3 * y[1], 4 * y[2], -one])
+
+
+@pytest.mark.parametrize("end", [3.0, -3.0, 0.1, -(2.0**-40)])
+@pytest.mark.parametrize("shrink", [1.0, 0.6])
+def test_polynomials_are_followed_exactly_either_way(end: float, shrink: float) -> None:
+    y0 = np.array([0.0, 0.0, 0.0, 0.0, 1.0])
+    solution = solve_dense(powers, y0, end, 7, shrink)
+    edges = solution.edges
+    assert np.all(np.diff(edges) > 0)
+    assert {edges[0], edges[-1]} == {0.0, end}
+    assert solution.starts.shape == (5, edges.size - 1)
+    assert solution.coefficients.shape == (5, 7, edges.size - 1)
+    t = np.concatenate([edges, end * np.linspace(0, 1, 23) ** 2])
+    exact = np.stack([t, t**2, t**3, t**4, 1 - t])
+    # A few roundings of the largest component, a panel.
+    assert np.max(np.abs(solution(t) - exact)) <= 4 * edges.size * EPS * np.max(np.abs(exact))
+    assert np.array_equal(solution(edges[:-1]), solution.starts)
+
+
+def rotation(rate: float) -> Callable[[np.ndarray], np.ndarray]:
+    return lambda y: np.stack([-rate * y[1], rate * y[0]])
+
+
+def test_the_first_panel_is_half_the_time_in_which_the_field_covers_the_state() -> None:
+    """½(1 + |y|)/|f| in the largest components, at most ½; times `shrink`."""
+
+    def first(y0: tuple[float, ...], f: tuple[float, ...], shrink: float = 1.0) -> float:
+        constant = np.array(f)[:, None]
+        return float(solve_dense(lambda y: constant + 0 * y, np.array(y0), 9.0, 4, shrink).edges[1])
+
+    assert first((-3.0, 1.0), (0.0, -8.0)) == pytest.approx(0.25, rel=1e-14)
+    assert first((-3.0, 1.0), (16.0, 1.0)) == pytest.approx(0.125, rel=1e-14)
+    assert first((3.0, 1.0), (1e-3, 0.0)) == first((3.0, 1.0), (0.0, 0.0)) == 0.5
+    assert first((3.0, 1.0), (1e-3, 0.0), 0.8) == 0.4
+
+
+def test_panels_grow_where_the_series_more_than_decays_and_shrink_where_it_does_not() -> None:
+    """Ten times faster is ten times shorter, to a factor of two for the halving; fewer stages need more panels."""
+    y0 = np.array([1.0, 0.0])
+
+    def panels(rate: float, stages: int, shrink: float = 1.0, end: float = 5.0) -> int:
+        return int(solve_dense(rotation(rate), y0, end, stages, shrink).edges.size) - 1
+
+    assert panels(1.0, 20, 2.0**-12, 0.25) < 100  # without growth 2048
+    few, many = panels(1.0, 20), panels(10.0, 20)
+    assert few == 10
+    assert 5 * few <= many <= 20 * few
+    assert panels(1.0, 8) > 2 * few
+    # Each panel is resolved: the last terms are below rounding, and not by much on average.
+    for stages in (8, 20):
+        solution = solve_dense(rotation(10.0), y0, 5.0, stages)
+        last = np.abs(solution.coefficients[:, -1]).max(axis=0) / (2 * stages) * np.diff(solution.edges)
+        assert last.max() < 8 * EPS
+        assert np.median(last) > 1e-9 * EPS
+
+
+@pytest.mark.parametrize(("end", "stages"), [(400.0, 20), (-400.0, 20), (20.0, 8)])
+def test_hundreds_of_panels_cost_no_more_rounding_than_the_field(end: float, stages: int) -> None:
+    """A rotation at (cos θ, sin θ). Its phase errors add up to some eps·θ whatever one does; the radius stays."""
+    solution = solve_dense(rotation(1.0), np.array([1.0, 0.0]), end, stages)
+    t = np.linspace(0, end, 101)
+    y = solution(t)
+    assert np.max(np.abs(y - np.stack([np.cos(t), np.sin(t)]))) < 4e-14
+    assert np.max(np.abs(np.hypot(*y) - 1)) < 4e-14
+
+
+def reached(error: pytest.ExceptionInfo[FlowFailure]) -> float:
+    found = re.search(r"θ = (\S+) of", str(error.value))
+    assert found is not None
+    return float(found.group(1))
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("start", [1.0, 1e-3])
+def test_a_solution_that_blows_up_is_followed_to_there(sign: int, start: float) -> None:
+    """y′ = y²: y = 1/(1/y0 − t). Nothing is warned about on the way."""
+    f, y0 = lambda y: y * y, np.array([sign * start])
+    t = sign * np.array([0.5, 0.99]) / start
+    assert solve_dense(f, y0, t[-1], 20)(t)[0] == pytest.approx(
+        sign * start / np.array([0.5, 0.01]), rel=1e-12
+    )
+    with pytest.raises(FlowFailure, match="blows up there") as error:
+        solve_dense(f, y0, 1.5 * sign / start, 20)
+    assert reached(error) * sign * start == pytest.approx(1.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_field_that_ends_or_that_points_against_itself_is_followed_to_there(sign: int) -> None:
+    wall = lambda y: np.where(sign * y < 2, sign + 0 * y, np.nan)  # noqa: E731
+    jump = lambda y: np.where(y < 2, 1.0, -1.0)  # noqa: E731 - no solution beyond y = 2
+    for f, end in ((wall, 3.0), (jump, 3.0)):
+        with pytest.raises(FlowFailure, match="leaves the domain") as error:
+            solve_dense(f, np.zeros(1), end, 12)
+        assert reached(error) == pytest.approx(2.0, abs=1e-9)
+
+
+def test_flows_that_take_too_many_panels_are_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    f, y0 = rotation(1.0), np.array([1.0, 0.0])
+    needed = solve_dense(f, y0, 9.0, 12).edges.size - 1
+    monkeypatch.setattr(dense, "_MAX_PANELS", needed)
+    assert solve_dense(f, y0, 9.0, 12).edges.size - 1 == needed
+    monkeypatch.setattr(dense, "_MAX_PANELS", needed - 1)
+    with pytest.raises(FlowFailure, match=f"^{needed} panels led to θ = 9.0 of 9.0"):
+        solve_dense(f, y0, 9.0, 12)
