@@ -14,6 +14,7 @@ from sepv import polynomial as poly
 from sepv import problems, schemes
 from sepv.case import Case, from_json, to_json
 from sepv.errors import ProblemError, Skipped, UsageError
+from sepv.nambu import Nambu
 from sepv.problem import PolynomialSystem
 from sepv.schemes.both_invariants import increment, jacobian
 from sepv.strategies import steps
@@ -103,3 +104,21 @@ def test_wrong_descriptions_are_refused() -> None:
 def test_an_unknown_class_of_systems_is_an_error() -> None:
     with pytest.raises(UsageError, match="single, nambu"):
         sepv.Scheme("mine", lambda problem, y, h, dW: y, systems="double")
+
+
+@pytest.mark.parametrize("rough", ["gradient", "casimir"])
+def test_what_no_quadrature_resolves_is_reported_for_either_factor(rough: str) -> None:
+    """H = |y1| + … or C = |y1| + …: one average that never settles is enough."""
+    smooth = lambda y: np.stack([y[0], y[1], 2 * y[2]])  # noqa: E731
+    kink = lambda y: np.stack([np.sign(y[0]), y[1], 2 * y[2]])  # noqa: E731
+    nambu = Nambu(
+        factor=lambda y: np.ones_like(y[0]), factor_gradient=np.zeros_like, casimir=lambda y: y[0],
+        gradient=kink if rough == "casimir" else smooth, hessian=lambda y: np.zeros((3, 3, *y.shape[1:])),
+    )  # fmt: skip
+    problem = sepv.Problem(
+        dimension=3, structure=lambda y: np.zeros((3, 3, *y.shape[1:])), hamiltonian=lambda y: y[0],
+        gradient=kink if rough == "gradient" else lambda y: np.stack([y[1], y[0], y[2]]), nambu=nambu, check=False,
+    )  # fmt: skip
+    y = np.array([[0.1, 1.1], [1.0, 1.0], [0.2, 0.2]])
+    ends = increment(problem, y, y - np.array([[0.3], [0.1], [0.0]]), np.array([[0.5, 0.5]]))
+    assert ends.reliable.tolist() == [False, True]

@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sepv.reference.steps import reference_step
 
-from sepv import problems, schemes, strategies
+from sepv import UsageError, problems, schemes, strategies
 from sepv.case import Case
+from sepv.exact import exact_flow
 from sepv.explicit_tableaux import TABLEAUX
 from sepv.tolerance import state_ulp
 
@@ -51,3 +52,58 @@ def test_steps_of_a_batch_are_the_steps_of_its_states(scheme) -> None:
     together = scheme.step(problem, y, 0.01, dW)
     for k in range(6):
         assert np.array_equal(together[:, k], scheme.step(problem, y[:, k], 0.01, dW[:, k]))
+
+
+@pytest.mark.parametrize("order", TABLEAUX)
+def test_an_explicit_method_has_its_order_in_the_random_step(order: int) -> None:
+    """Against the exact flow at Δ: the error of a step falls like Δ^{p+1}, whatever h and ΔW make up Δ."""
+    scheme, problem = schemes.explicit(order), problems.pendulum()
+    states, errors = 1.2 * np.random.default_rng(0).standard_normal((2, 8)), []
+    for delta in (0.5, 0.25):
+        exact = np.stack([exact_flow(problem, delta, y).y for y in states.T], axis=1)
+        for h, dW in ((delta, (0.0, 0.0)), (0.1, (delta - 0.1, 0.0)), (0.1, (0.3, 2 * (delta - 0.4)))):
+            off = scheme.step(problem, states, h, np.repeat(np.array(dW)[:, None], 8, axis=1)) - exact
+            errors.append(float(np.sqrt(np.mean(off**2))))
+        assert np.ptp(errors[-3:]) < 1e-15
+    # Next to Δ^{p+1} stands Δ^{p+2} with a constant of the same size.
+    assert abs(np.log2(errors[0] / errors[-1]) - (order + 1)) < 0.4
+
+
+@pytest.mark.parametrize("order", TABLEAUX)
+def test_an_explicit_method_says_what_it_is(order: int) -> None:
+    """Order p in Δ is mean-square and weak order p/2 with k = p, and it keeps nothing."""
+    scheme = schemes.explicit(order)
+    assert scheme.name == f"explicit-{order}"
+    assert (scheme.mean_square_order, scheme.weak_order, scheme.truncation) == (order / 2, order / 2, order)
+    assert scheme.batched
+    assert scheme.solve is None
+    assert {"noise-sum", "expansion", "truncation", "weak-order"} <= scheme.claims
+    assert not {"energy", "casimir", "symmetry"} & scheme.claims
+    assert "Runge-Kutta" in scheme.source
+
+
+def test_there_are_two_explicit_methods() -> None:
+    for order in (0, 3, 5, "4"):
+        with pytest.raises(UsageError, match="one of 4, 8"):
+            schemes.explicit(order)
+
+
+@pytest.mark.parametrize("s", range(1, 7))
+def test_a_gauss_method_keeps_quadratic_invariants_and_no_other_energy(s: int) -> None:
+    """Its solver is its step, and neither takes averages: those keep the energy of the pendulum, it does not."""
+    scheme, problem = schemes.gauss(s), problems.pendulum()
+    assert {"casimir", "midpoint", "symmetry"} <= scheme.claims
+    assert "energy" not in scheme.claims
+    assert "Gauss" in scheme.source
+    y, dW = np.array([0.2, 2.0]), np.array([0.5, 0.2])
+    y1 = scheme.step(problem, y, 0.4, dW)
+    assert np.array_equal(scheme.solve(problem, y, 0.4, dW).value[:, 0], y1)
+    drift = abs(problem.hamiltonian(y1) - problem.hamiltonian(y))
+    # One step with Δ = 1: of the order of Δ^{2s+1}, far above rounding for all s here.
+    assert 1e-12 < drift < 0.1
+    averaged = schemes.collocation(s).step(problem, y, 0.4, dW)
+    assert abs(problem.hamiltonian(averaged) - problem.hamiltonian(y)) < 1e-14
+    body, state = problems.rigid_body(), np.array([0.8, 0.6, 0.3])
+    turned = scheme.step(body, state, 0.4, np.array([0.2]))
+    assert abs(turned @ turned - state @ state) < 1e-14
+    assert abs(body.hamiltonian(turned) - body.hamiltonian(state)) < 1e-14

@@ -66,7 +66,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "sepv.tableaux": COLLOCATION,
     "sepv.nambu": ("tests/test_nambu.py",),
     "sepv.structures": STRUCTURES,
-    "sepv.scheme": (*IMPLICIT, "tests/test_schemes.py", *COLLOCATION),
+    "sepv.scheme": ("tests/test_scheme.py", *IMPLICIT, "tests/test_schemes.py", *COLLOCATION),
     "sepv.schemes.energy_preserving": SCHEME,
     "sepv.schemes.midpoint": SCHEME,
     "sepv.schemes.discrete_gradient": SCHEME,
@@ -78,10 +78,19 @@ TARGETS: dict[str, tuple[str, ...]] = {
         "tests/test_jacobians.py",
         "tests/test_rivals.py::test_one_gauss_stage_is_the_midpoint_rule",
     ),
-    "sepv.schemes.gauss": ("tests/test_rivals.py", *COLLOCATION),
-    "sepv.schemes.explicit": ("tests/test_rivals.py", COUNTERS),
+    "sepv.schemes.gauss": ("tests/test_rivals.py", "tests/test_scheme.py", *COLLOCATION),
+    "sepv.schemes.explicit": ("tests/test_rivals.py", "tests/test_scheme.py", COUNTERS),
     "sepv.schemes.both_invariants": ("tests/test_nambu.py",),
     "sepv.schemes.several_structures": (*STRUCTURES, "tests/test_jacobians.py"),
+    "sepv.dense": ("tests/test_dense.py", "tests/test_exact.py"),
+    "sepv.closed_forms": ("tests/test_exact.py",),
+    "sepv.exact": ("tests/test_exact.py",),
+    "sepv.simulation": (
+        "tests/test_simulation.py",
+        "tests/test_division.py",
+        "tests/test_continuation.py::test_ensembles_and_paths_count_what_was_continued",
+    ),
+    "sepv.tolerance": ("tests/test_tolerance.py",),
 }
 # Asked for by name: what is beyond the paper, whose quick tests do not yet kill what they should (docs/mutation.md).
 BEYOND = (
@@ -92,4 +101,9 @@ BEYOND = (
     "sepv.schemes.explicit",
     "sepv.schemes.both_invariants",
     "sepv.schemes.several_structures",
+    "sepv.dense",
+    "sepv.closed_forms",
+    "sepv.exact",
+    "sepv.simulation",
+    "sepv.tolerance",
 )

@@ -1,0 +1,89 @@
+"""The scheme record, and what it makes of states and increments."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sepv import Scheme, UsageError, problems, schemes
+from sepv.scheme import as_lanes
+from sepv.suite import load_laws
+
+
+def stay(problem, y, h, dW):
+    return y
+
+
+def test_claims_are_names_however_they_are_written() -> None:
+    for claims in (
+        "noise_sum",
+        ["noise-sum"],
+        ("noise-sum ", "noise_sum"),
+        {"noise-sum"},
+        iter(["noise-sum"]),
+    ):
+        assert Scheme("mine", stay, claims=claims).claims == frozenset({"noise-sum"})
+    assert Scheme("mine", stay).claims == frozenset()
+    for claims in ([1, 2], ["energy", 3]):
+        with pytest.raises(UsageError, match="names of laws"):
+            Scheme("mine", stay, claims=claims)
+
+
+def test_an_order_is_a_claim_beside_the_others() -> None:
+    """A mean-square order is one of errors against the right limit: both laws are claimed with it."""
+    one = Scheme("mine", stay, claims=["energy"], mean_square_order=1.0)
+    assert one.claims == {"energy", "mean-square-order", "right-limit"}
+    assert Scheme("mine", stay, claims=["energy"], weak_order=1.0).claims == {"energy", "weak-order"}
+    assert Scheme("mine", stay, weak_order=2.0, mean_square_order=0.5).claims == {
+        "mean-square-order", "right-limit", "weak-order",
+    }  # fmt: skip
+
+
+def test_a_scheme_is_a_function() -> None:
+    with pytest.raises(UsageError, match="hand over the function itself"):
+        Scheme("mine", "step")  # type: ignore[arg-type]
+
+
+def test_every_built_in_scheme_says_what_it_is() -> None:
+    """Where it comes from, its orders, k ≥ 2p (Remark 2.1), and only laws that there are."""
+    laws = {law.name for law in load_laws()}
+    families = [family(s) for family in (schemes.collocation, schemes.gauss) for s in range(1, 7)]
+    for scheme in [*schemes.ALL.values(), *schemes.MORE.values(), *families]:
+        assert scheme.claims <= laws
+        assert scheme.source
+        assert scheme.mean_square_order is not None
+        assert scheme.weak_order is not None
+        assert scheme.truncation >= 2 * scheme.mean_square_order
+        assert schemes.by_name(scheme.name) is scheme
+
+
+def test_lanes_have_the_shapes_of_their_problem() -> None:
+    problem = problems.pendulum()  # two noises
+    y, dW = np.array([0.2, 1.0]), np.array([0.3, -0.1])
+    state, noise = as_lanes(problem, y, 0.1, dW)
+    assert state.tolist() == [[0.2], [1.0]]
+    assert noise.tolist() == [[0.3], [-0.1]]
+    state, noise = as_lanes(problem, np.stack([y, -y, y], 1), 0.1, np.stack([dW, dW, -dW], 1))
+    assert (state.shape, noise.shape) == ((2, 3), (2, 3))
+    silent = problems.pendulum(noise=())
+    assert as_lanes(silent, y, 0.1, np.zeros(0))[1].shape == (0, 1)
+    assert as_lanes(silent, np.zeros((2, 5)), 0.1, np.zeros((0, 5)))[1].shape == (0, 5)
+
+
+@pytest.mark.parametrize(
+    ("y", "h", "dW", "word"),
+    [
+        (np.zeros(3), 0.1, np.zeros(2), "y finite"),
+        (np.zeros((2, 2, 1)), 0.1, np.zeros((2, 2, 1)), "y finite"),
+        (np.array([np.nan, 0.0]), 0.1, np.zeros(2), "y finite"),
+        (np.zeros(2), 0.1, np.zeros(1), "dW finite"),
+        (np.zeros(2), 0.1, np.zeros((2, 1)), "dW finite"),
+        (np.zeros((2, 3)), 0.1, np.zeros(2), "dW finite"),
+        (np.zeros(2), 0.1, np.array([0.0, np.inf]), "dW finite"),
+        (np.zeros(2), np.nan, np.zeros(2), "h, one finite number"),
+        (np.zeros(2), np.array([0.1, 0.1]), np.zeros(2), "h, one finite number"),
+    ],
+)
+def test_lanes_that_do_not_fit_are_refused(y, h, dW, word: str) -> None:
+    with pytest.raises(UsageError, match=word):
+        as_lanes(problems.pendulum(), y, h, dW)

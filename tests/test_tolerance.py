@@ -1,0 +1,251 @@
+"""The derived bounds against numbers worked out by hand, and against rounding as it happens."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+
+import sepv
+from sepv import polynomial as poly
+from sepv import problems, tolerance
+from sepv.problem import PolynomialSystem
+from sepv.structures import StructuresProblem
+from sepv.tableaux import amplification
+from sepv.tolerance import EPS, TINY
+
+
+def cancelling() -> sepv.Problem:
+    """H = y1³ − 3y1²y2 + y3 with B12 = y3 − 2y1y2, B13 = −y1, B23 = 0: terms that cancel, and a constant one."""
+    H = poly.polynomial(3, {(3, 0, 0): 1.0, (2, 1, 0): -3.0, (0, 0, 1): 1.0})
+    B = (
+        (0, 1, poly.polynomial(3, {(0, 0, 1): 1.0, (1, 1, 0): -2.0})),
+        (0, 2, poly.polynomial(3, {(1, 0, 0): -1.0})),
+    )
+    return problems.polynomial_problem(PolynomialSystem(3, H, B, noise=(0.5, 2.0)))
+
+
+def plain(problem: sepv.Problem, **known: Any) -> sepv.Problem:
+    """The same as functions, of which no terms are known."""
+    parts = {"structure": problem.structure.__call__, "gradient": problem.gradient.__call__}
+    return replace(problem, check=False, **{**parts, **known})
+
+
+def test_majorants_of_polynomials_are_sums_of_absolute_terms() -> None:
+    """∇H = (3y1² − 6y1y2, −3y1², 1) vanishes in its first component where y1 = 2y2; its terms do not."""
+    problem, y, x = cancelling(), np.array([2.0, 1.0, -3.0]), np.array([-1.0, 0.5, 8.0])
+    assert problem.gradient(y).tolist() == [0.0, -12.0, 1.0]
+    assert tolerance.gradient_majorant(problem, y).tolist() == [24.0, 12.0, 1.0]
+    assert tolerance.gradient_majorant(problem, x).tolist() == [6.0, 3.0, 1.0]
+    B = tolerance.structure_majorant(problem, y)
+    assert B.tolist() == [[0, 7, 2], [7, 0, 0], [2, 0, 0]]
+    # Over several states: entry by entry the largest.
+    both = tolerance.structure_majorant(problem, y, x)
+    assert both.tolist() == [[0, 9, 2], [9, 0, 0], [2, 0, 0]]
+    assert tolerance.gradient_majorant(problem, x, y).tolist() == [24.0, 12.0, 1.0]
+
+
+def test_majorants_of_functions_are_what_a_rounding_of_y_does() -> None:
+    """|∇H| + |H″||y| and |B| + |B′||y|; the values alone where no derivatives are given."""
+    problem, y = cancelling(), np.array([2.0, 1.0, -3.0])
+    known = plain(problem)
+    # H″ = [[6y1 − 6y2, −6y1], [−6y1, 0]] in y1, y2.
+    assert tolerance.gradient_majorant(known, y).tolist() == [0 + 6 * 2 + 12 * 1, 12 + 12 * 2, 1]
+    # B12 = −7 with slopes (−2, −4, 1), B13 = −2 with slope −1.
+    assert tolerance.structure_majorant(known, y).tolist() == [[0, 7 + 4 + 4 + 3, 4], [18, 0, 0], [4, 0, 0]]
+    bare = plain(problem, hessian=None, structure_derivative=None)
+    # ∇H(1, −1, 0) = (9, −3, 1).
+    assert tolerance.gradient_majorant(bare, y, np.array([1.0, -1.0, 0.0])).tolist() == [9.0, 12.0, 1.0]
+    assert tolerance.structure_majorant(bare, y).tolist() == [[0, 7, 2], [7, 0, 0], [2, 0, 0]]
+    # The pendulum: ∇H = (p, sin q) and H″ = diag(1, cos q), at states of either sign.
+    for p, q in ((-2.0, -1.0), (3.0, 2.5)):
+        found = tolerance.gradient_majorant(problems.pendulum(), np.array([p, q]))
+        size = [2 * abs(p), abs(np.sin(q)) + abs(np.cos(q) * q)]
+        assert np.allclose(found, size, rtol=1e-15, atol=0)
+
+
+@pytest.mark.parametrize("make", [cancelling, lambda: plain(cancelling()), problems.lotka_volterra])
+def test_majorants_of_a_batch_are_those_of_its_states(make) -> None:
+    problem = make()
+    y, x = np.abs(np.random.default_rng(0).standard_normal((2, 3, 4))) + 0.1
+    for majorant in (tolerance.gradient_majorant, tolerance.structure_majorant):
+        together = majorant(problem, y, x)
+        for k in range(4):
+            assert np.allclose(together[..., k], majorant(problem, y[:, k], x[:, k]), rtol=4 * EPS, atol=0)
+
+
+def test_operations_are_those_that_the_derivation_counts() -> None:
+    """4(2ν + T + d + 8) for one stage; more stages add their sums and amplify errors of ∇H."""
+    problem = cancelling()  # ν = 3 for H, at most two terms a component, d = 3
+    assert tolerance.operations(problem) == 4 * (2 * 3 + 2 + 3 + 8)
+    # s = 2: ⌈2·3/2⌉ = 3 nodes.
+    assert tolerance.operations(problem, 2) == amplification(2) * (4 * 19 + 4 * (2 + 3))
+    # B of degree 4 counts as H of degree 5 would, and so does a B of five terms.
+    steep = poly.polynomial(
+        3, {(4, 0, 0): 1.0, (3, 0, 0): 1.0, (2, 0, 0): 1.0, (1, 0, 0): 1.0, (0, 0, 0): 1.0}
+    )
+    data = replace(problem.data, structure=((0, 1, steep),))
+    assert tolerance.operations(problems.polynomial_problem(data)) == 4 * (2 * 5 + 5 + 3 + 8)
+    # For functions: ν = 2, T = 6, and 2(s + 4) nodes. One function among them is enough.
+    assert tolerance.operations(problems.pendulum()) == 4 * (4 + 6 + 2 + 8)
+    assert tolerance.operations(problems.pendulum(), 3) == amplification(3) * (80 + 4 * (3 + 14))
+    for part in ("gradient", "structure"):
+        known = replace(problem, check=False, **{part: getattr(plain(problem), part)})
+        assert tolerance.operations(known) == 4 * (4 + 6 + 3 + 8)
+
+
+def test_the_residual_has_the_size_of_the_state_of_the_step_and_of_the_solver() -> None:
+    """K eps/2 (max|y| + |Δ|₁ M_B M_g), in a case where each part has a value of its own."""
+    problem = cancelling()
+    y0, y1 = np.array([2.0, 1.0, -3.0]), np.array([-1.0, 0.5, -8.0])
+    h, dW = -0.25, np.array([-0.5, 0.125])
+    length = 0.25 + 0.5 * 0.5 + 2 * 0.125
+    # M_B and M_g as above: M_B M_g = (9·12 + 2·1, 9·24, 2·24).
+    flow = np.array([110.0, 216.0, 48.0])
+    expected = 0.5 * EPS * 4 * 19 * (8 + length * flow)
+    found = tolerance.step_residual(problem, y0, y1, h, dW)
+    assert np.allclose(found, expected, rtol=1e-15, atol=0)
+    assert np.array_equal(tolerance.step_residual(problem, y1, y0, h, dW), found)
+    lazy = tolerance.step_residual(problem, y0, y1, h, dW, solver_tolerance=1e-6)
+    assert np.allclose(lazy - found, 8e-6, rtol=1e-9, atol=0)
+    twice = tolerance.step_residual(problem, y0, y1, h, dW, stages=2)
+    factor = tolerance.operations(problem, 2) / tolerance.operations(problem)
+    assert np.allclose(twice, factor * found, rtol=1e-15, atol=0)
+    assert np.all(tolerance.step_residual(problem, 0 * y0, 0 * y0, 0.0, 0 * dW) == TINY)
+    starts, ends = np.stack([y0, y1, 0 * y0], axis=1), np.stack([y1, 0 * y0, y0], axis=1)
+    noise = np.stack([dW, 0 * dW, 2 * dW], axis=1)
+    batch = tolerance.step_residual(problem, starts, ends, h, noise)
+    for k in range(3):
+        assert np.array_equal(
+            batch[:, k], tolerance.step_residual(problem, starts[:, k], ends[:, k], h, noise[:, k])
+        )
+
+
+def test_several_structures_have_the_residual_of_the_largest() -> None:
+    drift = cancelling()
+    B = drift.structure
+
+    class Known:
+        """A structure with a majorant of its own."""
+
+        def __call__(self, y: np.ndarray) -> np.ndarray:
+            return 0.5 * B(y)
+
+        def majorant(self, y: np.ndarray) -> np.ndarray:
+            return 4 * np.abs(B(y))
+
+    keys = {
+        "dimension": 3, "structure": B, "hamiltonian": drift.hamiltonian, "gradient": drift.gradient,
+        "check": False, "noise": (1.0,),
+    }  # fmt: skip
+    y, x, dW = np.array([1.0, 1.0, 0.0]), np.array([2.0, 1.0, -3.0]), np.array([0.1])
+    one = replace(drift, noise=(1.0,), check=False)
+
+    def bound(*structures: Any) -> np.ndarray:
+        several = StructuresProblem(
+            **{**keys, "noise": (1.0,) * len(structures)}, noise_structures=structures
+        )
+        return tolerance.step_residual(several, y, x, 0.1, np.resize([0.1, 0.0], len(structures)))
+
+    def flow(residual: np.ndarray) -> np.ndarray:
+        return residual / (0.5 * EPS * tolerance.operations(one)) - 3
+
+    single = flow(tolerance.step_residual(one, y, x, 0.1, dW))
+    assert np.allclose(flow(bound(lambda y: 0.5 * B(y))), single, rtol=1e-12, atol=0)
+    assert np.allclose(flow(bound(lambda y: -3 * B(y))), 3 * single, rtol=1e-12, atol=0)
+    assert np.allclose(flow(bound(Known())), 4 * single, rtol=1e-12, atol=0)
+    assert np.allclose(flow(bound(lambda y: 0 * B(y), Known())), 4 * single, rtol=1e-12, atol=0)
+
+
+def test_bounds_of_invariants_are_attained() -> None:
+    """A change of y by ±r, each sign the worst, changes a linear H and C, and to first order C = yᵀAy, by the bound."""
+    problem = problems.polynomial_problem(
+        PolynomialSystem(2, poly.polynomial(2, {(1, 0): 3.0, (0, 1): -4.0}), ((0, 1, poly.constant(2, 1.0)),))
+    )
+    y, r = np.array([0.5, -2.0]), np.array([1e-3, 1e-5])
+    assert tolerance.energy_bound(problem, y, y, r) == pytest.approx(3e-3 + 4e-5, rel=1e-14, abs=0)
+    assert tolerance.casimir_bound(np.array([2.0, -5.0]), y, y, r) == pytest.approx(
+        2e-3 + 5e-5, rel=1e-14, abs=0
+    )
+    A = np.array([[1.0, -3.0], [-3.0, 0.5]])
+    slope = 2 * A @ y  # (13, −5) with terms (1 + 12, 3 + 2): nothing cancels
+    assert tolerance.casimir_bound(A, y, y, r) == pytest.approx(float(np.abs(slope) @ r), rel=1e-14, abs=0)
+    # Between two states: twice the average of both.
+    assert tolerance.casimir_bound(A, y, 3 * y, r) == pytest.approx(
+        2 * float(np.abs(slope) @ r), rel=1e-14, abs=0
+    )
+    none = np.zeros(2)
+    assert tolerance.energy_bound(problem, y, y, none) == TINY
+    assert tolerance.casimir_bound(A, y, y, none) == tolerance.casimir_bound(A[0], y, y, none) == TINY
+    batch = tolerance.energy_bound(problem, np.stack([y, y], 1), np.stack([y, y], 1), np.stack([r, none], 1))
+    assert batch.tolist() == [tolerance.energy_bound(problem, y, y, r), TINY]
+
+
+def test_units_are_what_one_rounding_of_y_does() -> None:
+    """eps |∇I| |y|, the larger of both states; a multiple of the smallest number where that vanishes."""
+    oscillator, small, large = problems.harmonic_oscillator(), np.array([3.0, -4.0]), np.array([-8.0, 6.0])
+    for y0, y1, size in ((small, small, 25), (small, large, 100), (large, small, 100)):
+        assert tolerance.energy_ulp(oscillator, y0, y1) == pytest.approx(EPS * size, rel=1e-15, abs=0)
+        assert tolerance.casimir_ulp(np.eye(2), y0, y1) == pytest.approx(2 * EPS * size, rel=1e-15, abs=0)
+        linear = tolerance.casimir_ulp(np.array([0.0, 2.0]), y0, y1)
+        assert linear == pytest.approx(2 * EPS * np.sqrt(size), rel=1e-15, abs=0)
+    assert tolerance.energy_ulp(oscillator, 0 * small, 0 * small) == EPS * TINY
+    assert tolerance.casimir_ulp(np.eye(2), 0 * small, 0 * small) == EPS * TINY
+    batch = tolerance.energy_ulp(oscillator, np.stack([small, large], 1), np.stack([large, large / 2], 1))
+    assert np.allclose(batch, EPS * 100, rtol=1e-15, atol=0)
+    assert tolerance.state_ulp(small) == 4 * EPS
+    assert tolerance.state_ulp(small, large) == tolerance.state_ulp(large, small) == 8 * EPS
+    assert tolerance.state_ulp(0 * small) == EPS * TINY
+
+
+def test_the_walk_is_that_of_sums_that_are_rounded() -> None:
+    """y ↦ fl(y + z) with random z, in exact arithmetic: root mean square of 4000 roundings, which is known to 1.1 %.
+
+    Spread evenly over ±½ulp, a rounding has the variance ulp²/12; its square has a relative spread of 0.9. Five such
+    standard errors: a false alarm in two million.
+    """
+    rng = np.random.default_rng(7)
+    y = np.array([1.3, 0.3, -5.0])[:, None] + 1e-3 * rng.standard_normal((3, 4000))
+    z = 1e-3 * rng.standard_normal((3, 4000))
+    slope = np.array([0.5, -3.0, 0.25])[:, None] * np.ones((1, 4000))
+    total = y + z
+    taken = total - y  # Knuth's two-sum: what the rounded sum lacks
+    lost = (y - (total - taken)) + (z - taken)
+    seen = float(np.sqrt(np.mean(np.sum(slope * lost, axis=0) ** 2)))
+    assert tolerance.rounding_walk(slope, total) == pytest.approx(seen, rel=5 * 0.0142 / 2**0.5, abs=0)
+    # ulps of 2⁻⁵², 2⁻⁵⁴ and 2⁻⁵⁰ with these slopes, and the mean of squares over states.
+    exact = EPS * np.sqrt((0.5**2 + (3 / 4) ** 2 + (4 / 4) ** 2) / 12)
+    assert tolerance.rounding_walk(slope, total) == pytest.approx(exact, rel=1e-14, abs=0)
+    two = tolerance.rounding_walk(np.array([[1.0, 7.0]]), np.array([[1.0, -1.0]]))
+    assert two == pytest.approx(EPS * np.sqrt(25 / 12), rel=1e-14, abs=0)
+
+
+def test_nothing_is_predicted_where_the_walk_overflows() -> None:
+    for slope, state in ((1e300, 1e300), (np.inf, 1.0), (np.nan, 1.0)):
+        assert tolerance.rounding_walk(np.array([[slope]]), np.array([[state]])) == 0.0
+    assert tolerance.rounding_walk(np.array([[1e100]]), np.array([[1.0]])) > 0
+
+
+def test_errors_of_a_state_are_judged_in_their_worst_component() -> None:
+    """The condition (I − ∂R/∂y1)⁻¹ turns residuals into errors, the rounding of y1 itself comes on top."""
+    problem, y0, y1 = problems.harmonic_oscillator(), np.array([1.0, 2.0]), np.array([-4.0, 1.0])
+    dW, condition = np.array([0.5]), np.array([[1.0, 2.0], [0.0, 3.0]])
+    r = tolerance.step_residual(problem, y0, y1, 0.25, dW)
+    bounds = condition @ r + EPS * np.array([4.0, 1.0])
+    with mpmath.workdps(30):
+        for k, sign in ((0, 1), (0, -1), (1, 1), (1, -1)):
+            # Component k is off by 100 bounds of its own, the other by 99 of its own.
+            off = sign * np.where(np.arange(2) == k, 100, 99) * bounds
+            exact = [mpmath.mpf(float(v)) + mpmath.mpf(float(e)) for v, e in zip(y1, off, strict=True)]
+            error, bound = tolerance.state_error(exact, condition, problem, y0, y1, 0.25, dW)
+            assert bound == pytest.approx(bounds[k] / (4 * EPS), rel=1e-12, abs=0)
+            assert error == pytest.approx(100 * bound, rel=1e-12, abs=0)
+        exact = [mpmath.mpf(-4), mpmath.mpf(1)]
+        for keys in ({"solver_tolerance": 1e-3}, {"stages": 4}):
+            r = tolerance.step_residual(problem, y0, y1, 0.25, dW, **keys)
+            error, bound = tolerance.state_error(exact, np.eye(2), problem, y0, y1, 0.25, dW, **keys)
+            assert error == 0
+            assert bound == pytest.approx((r + EPS * np.array([4.0, 1.0]))[0] / (4 * EPS), rel=1e-12, abs=0)
