@@ -7,6 +7,8 @@ from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import sepv
 from sepv import problems, schemes, wiener
@@ -153,19 +155,74 @@ def test_explicit_schemes_that_leave_the_domain_are_marked_alike() -> None:
     assert np.count_nonzero(plain.status) > 5
 
 
-def quartic():
+def quartic(values=(0.7, 0.4, 0.3, 0.1, -0.05, 1.0, 0.25, -0.125), noise=(0.5, 0.25)):
     """A random-looking quartic H in the plane with B(y) of degree one: nodes, derivatives and parameters all matter."""
+    a, b, c, e, f, *B = values
     from sepv.polynomial import polynomial
     from sepv.problem import PolynomialSystem
 
     return problems.polynomial_problem(
         PolynomialSystem(
             dimension=2,
-            hamiltonian=polynomial(2, {(2, 0): 0.7, (0, 2): 0.4, (1, 2): 0.3, (4, 0): 0.1, (2, 2): -0.05}),
-            structure=((0, 1, polynomial(2, {(0, 0): 1.0, (1, 0): 0.25, (0, 1): -0.125})),),
-            noise=(0.5, 0.25),
+            hamiltonian=polynomial(2, {(2, 0): a, (0, 2): b, (1, 2): c, (4, 0): e, (2, 2): f}),
+            structure=((0, 1, polynomial(2, {(0, 0): B[0], (1, 0): B[1], (0, 1): B[2]})),),
+            noise=noise,
         )
     )
+
+
+# Distinct, and none that is written into the code: all examples share one kernel.
+@st.composite
+def coefficients(draw: st.DrawFn, count: int, low: float, high: float) -> list[float]:
+    drawn = [draw(st.floats(low, high, allow_subnormal=False)) for _ in range(count)]
+    return [v + 0.001 * (i + 1) / 7 for i, v in enumerate(drawn)]
+
+
+@given(data=st.data())
+def test_engines_agree_and_bits_depend_on_nothing_but_the_path(data: st.DataObject) -> None:
+    seed, c = data.draw(st.integers(0, 2**32 - 1)), data.draw(st.floats(0.0, 0.5))
+    if data.draw(st.booleans()):
+        problem = problems.rigid_body(inertia=data.draw(coefficients(3, 0.4, 2.0)), noise=c)
+        y0 = np.array(data.draw(coefficients(3, -1.0, 1.0)))
+    else:
+        problem = quartic(data.draw(coefficients(8, -0.4, 0.4)), (c, 0.25))
+        y0 = np.array(data.draw(coefficients(2, -0.8, 0.8)))
+    steps, paths = data.draw(st.integers(1, 6)), data.draw(st.integers(9, 90))
+    arguments: dict = {"h": 1 / 32, "steps": steps, "seed": seed, "y0": y0}
+    fast, plain = both(EP, problem, paths=paths, **arguments)
+    assert fast.engine == "compiled"
+    assert np.array_equal(fast.W, plain.W)
+    assert np.array_equal(fast.status, plain.status)
+    # |Δ| ≤ 1 and |f′| ≤ 1: each step adds a dozen roundings of terms of the size of y and multiplies by e at most.
+    size = np.max(np.abs(plain.y)) + np.max(np.abs(y0))
+    assert np.max(np.abs(fast.y - plain.y)) <= 12 * np.e**2 * steps * 2.3e-16 * size
+    threads = sepv.ensemble(EP, problem, paths=paths, workers=3, engine="compiled", **arguments)
+    assert same(fast, threads)
+    few = sepv.ensemble(EP, problem, paths=data.draw(st.integers(1, 8)), engine="compiled", **arguments)
+    assert np.array_equal(few.y, fast.y[:, : few.y.shape[1]])
+    assert np.array_equal(few.energy_defect, fast.energy_defect[: few.y.shape[1]])
+
+
+@pytest.mark.parametrize("name", ["lotka-volterra", pytest.param("rigid-body", marks=pytest.mark.deep)])
+def test_both_invariants_are_kept_by_both_engines(name: str) -> None:
+    problem = problems.by_name(name)
+    fast, plain = both(schemes.both_invariants, problem, h=1 / 128, T=1.0, paths=70, seed=1)
+    assert fast.engine == "compiled"
+    assert np.array_equal(fast.status, plain.status)
+    assert np.max(np.abs(fast.y - plain.y)) < 128 * 8 * 2.3e-16 * np.max(np.abs(plain.y))
+    assert problem.nambu is not None
+    start = np.array(problem.initial)
+    # A random walk of 128 steps of a few ulp.
+    moved = problem.nambu.casimir(fast.y) - problem.nambu.casimir(start)
+    assert np.max(np.abs(moved)) < 16 * np.sqrt(128) * 2.3e-16 * (1 + abs(problem.nambu.casimir(start)))
+    assert fast.energy_defect.max() <= 3 * plain.energy_defect.max()
+
+
+def test_both_invariants_need_a_casimir_as_code() -> None:
+    with pytest.raises(sepv.UsageError, match=r"Problem\.nambu"):
+        sepv.ensemble(
+            schemes.both_invariants, quartic(), h=0.1, T=1.0, paths=9, y0=(0.6, 0.3), engine="compiled"
+        )
 
 
 @pytest.mark.deep
@@ -174,6 +231,54 @@ def test_problems_given_as_data_are_compiled() -> None:
     assert fast.engine == "compiled"
     assert np.max(np.abs(fast.y - plain.y)) < 16 * 8 * 2.3e-16
     assert fast.energy_defect.max() < 16 * 8 * 2.3e-16
+
+
+@pytest.mark.parametrize(
+    ("stages", "name", "arguments"),
+    [
+        # Steps of every kind: most by sweeps, some by a finer rule, some by Newton's iteration, some without solution.
+        (2, "lotka-volterra", {"h": 1 / 8, "T": 1.0}),
+        pytest.param(4, "lotka-volterra", {"h": 1 / 32, "T": 1.0}, marks=pytest.mark.deep),
+        pytest.param(4, "pendulum", {"h": 1 / 8, "T": 1.0}, marks=pytest.mark.deep),
+        # Two rules agree no better than one rounding of the angle lets them.
+        pytest.param(2, "pendulum", {"h": 1 / 8, "T": 1.0, "y0": (0.5, 1e8)}, marks=pytest.mark.deep),
+    ],
+)
+def test_stages_with_a_quadrature_whose_error_is_controlled(stages: int, name: str, arguments: dict) -> None:
+    problem, scheme = problems.by_name(name), schemes.collocation(stages)
+    fast, plain = both(scheme, problem, paths=300, seed=0, **arguments)
+    assert fast.engine == "compiled"
+    solved = (fast.status == 0) & (plain.status == 0)
+    assert np.mean(fast.status == plain.status) >= 0.98
+    assert solved.sum() >= 280
+    few = sepv.ensemble(scheme, problem, paths=3, seed=0, engine="compiled", **arguments)
+    assert np.array_equal(few.y, fast.y[:, :3])
+    # Each step rounds by a few ulp, and a coarse one near a fold multiplies that.
+    size = 2.3e-16 * np.max(np.abs(plain.y))
+    steps = round(arguments["T"] / arguments["h"])
+    assert np.max(np.abs(fast.y - plain.y)[:, solved]) < 16 * steps * size
+    # Largest of 300 random walks of rounding, in multiples of an ulp of H.
+    assert fast.energy_defect[solved].max() <= 3 * plain.energy_defect[solved].max()
+
+
+@pytest.mark.deep
+def test_stages_at_a_stiff_step_are_left_to_newton() -> None:
+    from sepv.polynomial import constant, polynomial
+    from sepv.problem import PolynomialSystem
+
+    stiff = problems.polynomial_problem(
+        PolynomialSystem(
+            dimension=2,
+            hamiltonian=polynomial(2, {(2, 0): 50.0, (0, 2): 50.0}),
+            structure=((0, 1, constant(2, 1.0)),),
+            noise=(0.5,),
+        )
+    )
+    fast, plain = both(schemes.collocation(2), stiff, h=1 / 8, T=1.0, paths=70, y0=(0.6, 0.3))
+    assert np.all(fast.status == 0)
+    # H is 100 times |y|²/2, and a turn by an angle of 100Δ multiplies the rounding of Δ as much.
+    assert np.max(np.abs(fast.y - plain.y)) < 100 * 8 * 2.3e-16
+    assert fast.energy_defect.max() <= 3 * plain.energy_defect.max()
 
 
 def test_a_long_path_is_path_number_p_of_the_ensemble_and_can_be_interrupted() -> None:

@@ -10,6 +10,22 @@ from sepv.engine.text import Expression, Text
 Table = list[list[Expression]]
 
 
+class NambuCode(Protocol):
+    """B(y)v = g(y)(v × ∇C(y)) in dimension three: what `sepv.nambu` has as functions of arrays."""
+
+    def factor(self, e: Text, y: Sequence[str]) -> Expression:
+        """g(y)."""
+
+    def factor_gradient(self, e: Text, y: Sequence[str]) -> list[Expression]:
+        """∇g(y)."""
+
+    def mean_gradient(self, e: Text, y: Sequence[str], z: Sequence[str]) -> list[Expression]:
+        """∫₀¹∇C(y + τz)dτ."""
+
+    def mean_hessian(self, e: Text, y: Sequence[str], z: Sequence[str]) -> Table:
+        """The derivative of the mean gradient by z."""
+
+
 class ProblemCode(Protocol):
     """The functions of a problem, each written into a `Text` for given names of the components.
 
@@ -21,6 +37,10 @@ class ProblemCode(Protocol):
     dimension: int
     gradient_evaluations: int
     degree: int  # of a polynomial H, 0 of any other
+
+    @property
+    def nambu(self) -> NambuCode | None:
+        """Its factor and Casimir, where it is given by them."""
 
     def __hash__(self) -> int:
         """Records of code are compared by identity."""

@@ -11,15 +11,15 @@ import numpy as np
 
 from sepv import schemes
 from sepv.engine.code import ProblemCode
-from sepv.engine.kernel import module_text
+from sepv.engine.kernel import Writer
 from sepv.engine.named import LotkaVolterra, Pendulum, as_polynomial
 from sepv.engine.polynomials import PolynomialCode
 from sepv.engine.schemes import FORMULAS, Formula
+from sepv.engine.stages import StagesWriter
 from sepv.engine.user import CannotTranslate, UserCode
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
 from sepv.scheme import Scheme
 from sepv.structures import StructuresProblem
-from sepv.tableaux import exact_nodes
 
 # Paths side by side: eight registers of eight doubles, long enough to hide latencies, and still in L1.
 LANES = 64
@@ -27,7 +27,7 @@ LANES = 64
 FEW = 8
 # The code of a step is written out for every component: beyond this it grows too long to compile.
 LARGEST_DIMENSION = 16
-LARGEST_SYSTEM = 16
+LARGEST_SYSTEM = 32
 
 
 class CannotCompile(Exception):
@@ -55,12 +55,10 @@ def kernel(scheme: Scheme, problem: Problem, *, lanes: int = LANES, compensated:
     if find_spec("numba") is None:
         raise CannotCompile("numba is not installed (pip install 'sepv[fast]')")
     formula, code = formula_of(scheme), code_of(problem)
-    if formula.stages > 1 and not code.degree:
-        raise CannotCompile(
-            f"{scheme.name} needs a polynomial H, or a quadrature whose error is controlled step by step"
-        )
+    if scheme.name == "both-invariants" and code.nambu is None:
+        raise CannotCompile(f"{problem.name} has no factor and Casimir as code (see Problem.nambu)")
     if isinstance(code, UserCode):
-        if formula.averaged and not code.closed and not code.degree:
+        if formula.averaged and formula.stages == 1 and not code.closed and not code.degree:
             raise CannotCompile(f"{problem.name} has neither a degree nor a scalar mean_gradient")
         if scheme.name == "milstein":
             raise CannotCompile(
@@ -70,7 +68,7 @@ def kernel(scheme: Scheme, problem: Problem, *, lanes: int = LANES, compensated:
         raise CannotCompile(
             f"{scheme.name} has {formula.stages * problem.dimension} unknowns, the engine takes {LARGEST_SYSTEM}"
         )
-    text, parameters = module_text(code, formula, problem.noises, lanes, compensated)
+    text, parameters = _written(code, formula, problem.noises, lanes, compensated)
     from sepv.engine.store import load
 
     return Kernel(
@@ -82,10 +80,18 @@ def kernel(scheme: Scheme, problem: Problem, *, lanes: int = LANES, compensated:
     )
 
 
+@lru_cache(maxsize=256)
+def _written(
+    problem: ProblemCode, formula: Formula, noises: int, lanes: int, compensated: bool
+) -> tuple[str, list[float]]:
+    """A module's source, and the parameters that its kernel reads after the c_j."""
+    kind = StagesWriter if formula.stages > 1 else Writer
+    writer = kind(problem, formula, noises, lanes, compensated)
+    return writer.text(), writer.parameters
+
+
 def _gradients(formula: Formula, code: ProblemCode) -> int:
     """Evaluations of ∇H in an iteration."""
-    if formula.stages > 1:
-        return exact_nodes(formula.stages, code.degree)
     return formula.gradients * (code.gradient_evaluations if formula.averaged else 1)
 
 

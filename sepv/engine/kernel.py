@@ -12,8 +12,6 @@ correction halved until it stays in the domain, a status. What a lane does never
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 from sepv.engine.code import ProblemCode, Table
 from sepv.engine.linear import pivoted_solve, solve
 from sepv.engine.schemes import Formula
@@ -33,16 +31,11 @@ LARGE = 6
 FAST = 8
 
 
-@lru_cache(maxsize=256)
-def module_text(
-    problem: ProblemCode, formula: Formula, noises: int, lanes: int, compensated: bool
-) -> tuple[str, list[float]]:
-    """The module's source, and the parameters that its kernel reads (the c_j first)."""
-    writer = _Writer(problem, formula, noises, lanes, compensated)
-    return writer.text(), writer.parameters
+class Writer:
+    """A kernel being written: `text` is the module's source, `parameters` what it reads after the c_j."""
 
+    imports = ""
 
-class _Writer:
     def __init__(
         self, problem: ProblemCode, formula: Formula, noises: int, lanes: int, compensated: bool
     ) -> None:
@@ -57,7 +50,7 @@ class _Writer:
         # State, unknowns of Newton's iteration, what Kahan's sum lost; Δ, the last correction, the size of the
         # state, the energy at the start, the largest defects of energy and Casimirs.
         rows = {"Y": d, "Z": self.unknowns, "E": d, **dict.fromkeys(("D", "P", "X", "H", "WH", "WC"), 1)}
-        for name, count in rows.items():
+        for name, count in {**rows, **self.more_rows()}.items():
             self.offset[name] = base
             base += count * L
         self.casimirs = len(problem.casimirs(Text(), [f"y{i}" for i in range(d)]))
@@ -71,11 +64,12 @@ class _Writer:
     def text(self) -> str:
         body = self.implicit() if self.formula.implicit else self.explicit()
         careful = self.carefully() if self.formula.implicit else ["return 0"]
-        start, update = self.start(), self.update()
+        start, update, functions = self.start(), self.update(), self.functions()
         loads = [f"p{i} = P[{self.noises + i}]" for i in range(len(self.parameters))]
         c = [f"c{j} = P[{j}]" for j in range(self.noises)]
         head = _HEAD.format(
             preamble=self.problem.preamble,
+            imports=self.imports,
             lanes=self.lanes,
             size=self.size,
             noises=self.noises,
@@ -84,12 +78,20 @@ class _Writer:
             energy=self.offset["WH"] // self.lanes,
             casimir=self.offset["WC"] // self.lanes,
         )
-        lines = [head]
-        lines += ["@_kernel", "def _start(S, P):", *_indent(1, loads), *_indent(1, start), ""]
-        lines += ["", "@_kernel", "def _carefully(S, I, k, P):", *_indent(1, loads), *_indent(1, careful), ""]
+        lines = [head, *functions]
+        lines += ["@_kernel", "def _start(S, P):", *indent(1, loads), *indent(1, start), ""]
+        lines += ["", "@_kernel", "def _carefully(S, I, k, P):", *indent(1, loads), *indent(1, careful), ""]
         lines += ["", "@_kernel", "def _advance(S, I, buffer, count, first, h, bound, P):"]
-        lines += _indent(1, ["wide()", *c, *loads, "for n in range(count):", *_indent(1, [*body, *update])])
+        lines += indent(1, ["wide()", *c, *loads, "for n in range(count):", *indent(1, [*body, *update])])
         return "\n".join(lines) + "\n" + _DRIVER
+
+    def more_rows(self) -> dict[str, int]:
+        """More rows of the scratch buffer."""
+        return {}
+
+    def functions(self) -> list[str]:
+        """Functions that the kernel calls."""
+        return []
 
     def start(self) -> list[str]:
         """The invariants at the start."""
@@ -101,7 +103,7 @@ class _Writer:
             e.lines.append(f"{self.at('K', i)} = {shown(value)}")
         e.lines += [f"{self.at('WH')} = 0.0", f"{self.at('WC')} = 0.0"]
         e.lines += [f"{self.at('E', i)} = 0.0" for i in range(self.d)]
-        return ["for k in range(L):", *_indent(1, e.lines)]
+        return ["for k in range(L):", *indent(1, e.lines)]
 
     def random_step(self) -> list[str]:
         lines = ["delta = h", "noise = 0.0"]
@@ -117,11 +119,11 @@ class _Writer:
 
     def implicit(self) -> list[str]:
         """Newton's iteration for all lanes: unchecked steps first, then each with its test."""
-        lines = ["for k in range(L):", *_indent(1, [*self.random_step(), *self.unchecked()])]
+        lines = ["for k in range(L):", *indent(1, [*self.random_step(), *self.unchecked()])]
         lines += [] if not self.starts() else ["I[WORK] += UNCHECKED * I[LIVING]"]
         lines += ["left = I[LIVING]", "for iteration in range(FAST):"]
         lines += ["    if left == 0:", "        break", "    I[WORK] += left", "    left = 0"]
-        lines += ["    for k in range(L):", *_indent(2, self.iteration())]
+        lines += ["    for k in range(L):", *indent(2, self.iteration())]
         lines += ["trouble = left", "if left > 0:", "    for k in range(L):", "        if I[BUSY + k] != 0:"]
         lines += ["            code = _carefully(S, I, k, P)", "            I[STATUS + k] = code"]
         lines += ["            trouble += 1 if code != 0 else 0"]
@@ -156,6 +158,7 @@ class _Writer:
     ) -> tuple[list[str], list[str]]:
         """F = z − R and the correction (1 − K)⁻¹F."""
         n = len(z)
+        assert self.formula.increment is not None
         R, K = self.formula.increment(e, self.problem, y, z, "delta")
         F = [_minus(e, z[i], R[i]) for i in range(n)]
         A: Table = [[_one_minus(e, i == j, K[i][j]) for j in range(n)] for i in range(n)]
@@ -224,9 +227,9 @@ class _Writer:
         if self.has_domain():
             e = Text(self.parameters)
             inside = self.inside(e, y, moved)
-            lines += ["found = False", "for halving in range(HALVINGS):", *_indent(1, e.lines)]
+            lines += ["found = False", "for halving in range(HALVINGS):", *indent(1, e.lines)]
             lines += [f"    if {inside}:", "        found = True", "        break", "    done = False"]
-            lines += ["    factor *= 0.5", *_indent(1, step), "if not found:", "    return LEFT_DOMAIN"]
+            lines += ["    factor *= 0.5", *indent(1, step), "if not found:", "    return LEFT_DOMAIN"]
         lines += [f"{z[i]} = {moved[i]}" for i in range(n)]
         lines += ["if done:", "    break"]
         head = [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
@@ -234,7 +237,7 @@ class _Writer:
         body = [
             *head,
             "for iteration in range(MOST):",
-            *_indent(1, lines),
+            *indent(1, lines),
             "else:",
             "    return NO_CONVERGENCE",
         ]
@@ -258,6 +261,7 @@ class _Writer:
         e = Text(self.parameters)
         y = [f"y{i}" for i in range(d)]
         e.lines += [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
+        assert self.formula.increment is not None
         z = [shown(v) for v in self.formula.increment(e, self.problem, y, y, "delta")[0]]
         e.lines += [f"{self.at('Z', i)} = {v}" for i, v in enumerate(z)]
         there = [e.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)]
@@ -269,7 +273,7 @@ class _Writer:
             "I[STATUS + k] = pick(failed, code, I[STATUS + k])",
             "trouble += pick(failed, 1, 0)",
         ]
-        return ["trouble = 0", "for k in range(L):", *_indent(1, [*self.random_step(), *e.lines])]
+        return ["trouble = 0", "for k in range(L):", *indent(1, [*self.random_step(), *e.lines])]
 
     def update(self) -> list[str]:
         """The step's end: states, statuses, invariants; without masks where all lanes live and none failed."""
@@ -277,11 +281,11 @@ class _Writer:
         return [
             "if trouble == 0 and I[LIVING] == L:",
             "    for k in range(L):",
-            *_indent(2, quick),
+            *indent(2, quick),
             "else:",
             "    living = 0",
             "    for k in range(L):",
-            *_indent(2, masked),
+            *indent(2, masked),
             "    I[LIVING] = living",
             "    if living == 0:",
             "        return 1",
@@ -345,7 +349,8 @@ def _one_minus(e: Text, diagonal: bool, value: Expression) -> Expression:
     return e.let(f"1.0 - {value}") if diagonal else e.let(f"-{value}")
 
 
-def _indent(depth: int, lines: list[str]) -> list[str]:
+def indent(depth: int, lines: list[str]) -> list[str]:
+    """The lines, `depth` levels in."""
     return ["    " * depth + line for line in lines]
 
 
@@ -356,7 +361,7 @@ from numba import njit
 
 from sepv.engine.functions import fma, no, pick, pivoted, wide
 from sepv.engine.lanes import coarse, fill
-{{preamble}}
+{{imports}}{{preamble}}
 _kernel = njit(error_model="numpy", nogil=True, cache=True)
 L, SIZE, NOISES = {{lanes}}, {{size}}, {{noises}}
 INF = np.inf
@@ -369,7 +374,8 @@ BROKEN, SINGULAR = {int(Status.OVERFLOW)}, {int(Status.SINGULAR)}
 PIECE, IMPLICIT = {{piece}}, {{implicit}}
 # Rows of L in the scratch buffer.
 ENERGY, CASIMIR = {{energy}}, {{casimir}}
-BUSY, ALIVE, STATUS, FAILED, LIVING, WORK, DONE = 0, L, 2 * L, 3 * L, 4 * L, 4 * L + 1, 4 * L + 2
+BUSY, ALIVE, STATUS, FAILED = 0, L, 2 * L, 3 * L
+EVALUATIONS, LIVING, WORK, DONE = 4 * L, 4 * L + 1, 4 * L + 2, 4 * L + 3
 
 
 '''

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from sepv.engine.code import Table
 from sepv.engine.text import Expression, Text, shown
 
@@ -22,7 +24,7 @@ def solve(e: Text, A: Table, b: list[Expression]) -> list[str]:
         second = e.minus(e.product(p, b[1]), r, b[0])
         return [e.let(f"{shown(v)} * {inverse}") for v in (first, second)]
     if d == 3:
-        rows = [_cross(e, A[(i + 1) % 3], A[(i + 2) % 3]) for i in range(3)]
+        rows = [cross(e, A[(i + 1) % 3], A[(i + 2) % 3]) for i in range(3)]
         inverse = e.let(f"1.0 / {shown(e.dot(A[0], rows[0]))}")
         sums = [e.dot([row[i] for row in rows], b) for i in range(3)]
         return [e.let(f"{shown(v)} * {inverse}") for v in sums]
@@ -50,7 +52,8 @@ def _eliminate(e: Text, A: Table, b: list[Expression]) -> list[str]:
     return x
 
 
-def _cross(e: Text, u: list[Expression], v: list[Expression]) -> list[Expression]:
+def cross(e: Text, u: Sequence[Expression], v: Sequence[Expression]) -> list[Expression]:
+    """u × v."""
     return [e.minus(e.product(u[i], v[j]), u[j], v[i]) for i, j in ((1, 2), (2, 0), (0, 1))]
 
 

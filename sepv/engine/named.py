@@ -30,6 +30,7 @@ def as_polynomial(data: NamedProblem) -> PolynomialSystem | None:
             structure=((0, 1, minus[2]), (0, 2, y[1]), (1, 2, minus[0])),
             noise=parameters["noise"],
             casimirs=(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),),
+            nambu=(constant(3, -1.0), polynomial(3, [(e, 0.5) for e, _ in squares])),
         )
     return None
 
@@ -39,6 +40,7 @@ class Pendulum:
 
     preamble = "from sepv.engine.functions import cosine, sincos, sinc\n"
     dimension = 2
+    nambu = None
     gradient_evaluations = 1
     degree = 0
 
@@ -98,6 +100,7 @@ class LotkaVolterra:
         p = {key: value[0] for key, value in data.parameters if key != "noise"}
         self.a, self.ab, self.nu, self.mu = p["a"], p["a"] * p["b"], p["nu"], p["mu"]
         self.pairs = ((0, 1, p["d"]), (0, 2, p["b"] * p["d"]), (1, 2, -1.0))
+        self.nambu = LotkaVolterraCasimir((1.0, p["b"] * p["d"], -p["d"]))
 
     def hamiltonian(self, e: Text, y: Sequence[str]) -> Expression:
         """H(y)."""
@@ -134,11 +137,11 @@ class LotkaVolterra:
 
     def mean_gradient(self, e: Text, y: Sequence[str], z: Sequence[str]) -> list[Expression]:
         """With ∫₀¹dτ/(y + τδ) = log1p(δ/y)/δ."""
-        return self._slopes(e, [self._means(e, y, z, i)[0] for i in (1, 2)])
+        return self._slopes(e, [_means(e, y, z, i)[0] for i in (1, 2)])
 
     def mean_hessian(self, e: Text, y: Sequence[str], z: Sequence[str]) -> Table:
         """With the derivative of that mean by δ."""
-        slopes = [self._means(e, y, z, i)[1] for i in (1, 2)]
+        slopes = [_means(e, y, z, i)[1] for i in (1, 2)]
         return self._diagonal(
             e.product(e.number(self.nu), slopes[0]), e.product(e.number(-self.mu), slopes[1])
         )
@@ -151,9 +154,6 @@ class LotkaVolterra:
         """Its Casimir is not quadratic."""
         return []
 
-    def _means(self, e: Text, y: Sequence[str], z: Sequence[str], i: int) -> list[str]:
-        return e.call("mean_reciprocal", [y[i], z[i]], 2)
-
     def _slopes(self, e: Text, reciprocals: list[str]) -> list[Expression]:
         return [
             e.number(self.ab),
@@ -164,3 +164,31 @@ class LotkaVolterra:
     @staticmethod
     def _diagonal(second: Expression, third: Expression) -> Table:
         return [[None, None, None], [None, second, None], [None, None, third]]
+
+
+class LotkaVolterraCasimir:
+    """g = −y1y2y3 and C = Σ w_i ln y_i."""
+
+    def __init__(self, weights: tuple[float, float, float]) -> None:
+        self.weights = weights
+
+    def factor(self, e: Text, y: Sequence[str]) -> Expression:
+        """g(y)."""
+        return e.product("(-1.0)", *y)
+
+    def factor_gradient(self, e: Text, y: Sequence[str]) -> list[Expression]:
+        """∇g(y)."""
+        return [e.product("(-1.0)", y[i], y[j]) for i, j in ((1, 2), (0, 2), (0, 1))]
+
+    def mean_gradient(self, e: Text, y: Sequence[str], z: Sequence[str]) -> list[Expression]:
+        """With the mean of 1/y."""
+        return [e.product(e.number(w), _means(e, y, z, i)[0]) for i, w in enumerate(self.weights)]
+
+    def mean_hessian(self, e: Text, y: Sequence[str], z: Sequence[str]) -> Table:
+        """With its derivative."""
+        slopes = [e.product(e.number(w), _means(e, y, z, i)[1]) for i, w in enumerate(self.weights)]
+        return [[slopes[i] if i == k else None for k in range(3)] for i in range(3)]
+
+
+def _means(e: Text, y: Sequence[str], z: Sequence[str], i: int) -> list[str]:
+    return e.call("mean_reciprocal", [y[i], z[i]], 2)

@@ -8,6 +8,7 @@ from sepv import polynomial as poly
 from sepv.average import gauss_legendre
 from sepv.engine.code import Table, quadratic_form
 from sepv.engine.text import Expression, Text
+from sepv.polynomial import Polynomial
 from sepv.problem import PolynomialSystem
 from sepv.problems.polynomial_system import structure_entries
 
@@ -25,6 +26,7 @@ class PolynomialCode:
         self.nodes = max(1, -(-data.hamiltonian.degree // 2))
         self.gradient_evaluations = self.nodes
         self.degree = max(data.hamiltonian.degree, 1)
+        self.nambu = None if data.nambu is None else PolynomialNambu(*data.nambu)
 
     def hamiltonian(self, e: Text, y: Sequence[str]) -> Expression:
         """H(y)."""
@@ -36,13 +38,7 @@ class PolynomialCode:
 
     def hessian(self, e: Text, y: Sequence[str]) -> Table:
         """H″(y)."""
-        d = self.dimension
-        upper = {
-            (i, k): e.polynomial(poly.differentiate(self.slope[i], k), y)
-            for i in range(d)
-            for k in range(i, d)
-        }
-        return [[upper[min(i, k), max(i, k)] for k in range(d)] for i in range(d)]
+        return hessian(e, self.slope, y)
 
     def structure(self, e: Text, y: Sequence[str]) -> Table:
         """B(y)."""
@@ -57,28 +53,11 @@ class PolynomialCode:
 
     def mean_gradient(self, e: Text, y: Sequence[str], z: Sequence[str]) -> list[Expression]:
         """∫₀¹∇H(y + τz)dτ."""
-        points, weights = gauss_legendre(self.nodes)
-        sums: list[Expression] = [None] * self.dimension
-        for tau, weight in zip(points, weights, strict=True):
-            for i, g in enumerate(self.gradient(e, self._along(e, y, z, float(tau)))):
-                sums[i] = e.plus(g, e.number(float(weight)), sums[i])
-        return sums
+        return mean_gradient(e, self.slope, self.nodes, y, z)
 
     def mean_hessian(self, e: Text, y: Sequence[str], z: Sequence[str]) -> Table:
         """∫₀¹τH″(y + τz)dτ, the derivative of the mean gradient by z."""
-        d = self.dimension
-        points, weights = gauss_legendre(self.nodes)
-        sums: Table = [[None] * d for _ in range(d)]
-        for tau, weight in zip(points, weights, strict=True):
-            table = self.hessian(e, self._along(e, y, z, float(tau)))
-            factor = e.number(float(weight * tau))
-            for i in range(d):
-                for k in range(d):
-                    sums[i][k] = e.plus(table[i][k], factor, sums[i][k])
-        return sums
-
-    def _along(self, e: Text, y: Sequence[str], z: Sequence[str], tau: float) -> list[str]:
-        return [a if b == "0.0" else str(e.plus(e.number(tau), b, a)) for a, b in zip(y, z, strict=True)]
+        return mean_hessian(e, self.slope, self.nodes, y, z)
 
     def domain(self, e: Text, y: Sequence[str]) -> str | None:  # noqa: ARG002 - everywhere
         """Polynomials are defined everywhere."""
@@ -88,3 +67,67 @@ class PolynomialCode:
         """yᵀAy and bᵀy."""
         quadratic = [quadratic_form(e, A, y) for A in self.data.casimirs]
         return quadratic + [e.dot([e.number(v) for v in b], y) for b in self.data.linear_casimirs]
+
+
+class PolynomialNambu:
+    """Code for polynomials g and C."""
+
+    def __init__(self, factor: Polynomial, casimir: Polynomial) -> None:
+        self.g, self.slope = factor, poly.gradient(casimir)
+        self.nodes = max(1, -(-casimir.degree // 2))
+
+    def factor(self, e: Text, y: Sequence[str]) -> Expression:
+        """g(y)."""
+        return e.polynomial(self.g, y)
+
+    def factor_gradient(self, e: Text, y: Sequence[str]) -> list[Expression]:
+        """∇g(y)."""
+        return [e.polynomial(p, y) for p in poly.gradient(self.g)]
+
+    def mean_gradient(self, e: Text, y: Sequence[str], z: Sequence[str]) -> list[Expression]:
+        """∫₀¹∇C(y + τz)dτ."""
+        return mean_gradient(e, self.slope, self.nodes, y, z)
+
+    def mean_hessian(self, e: Text, y: Sequence[str], z: Sequence[str]) -> Table:
+        """∫₀¹τC″(y + τz)dτ."""
+        return mean_hessian(e, self.slope, self.nodes, y, z)
+
+
+def hessian(e: Text, slope: Sequence[Polynomial], y: Sequence[str]) -> Table:
+    """The symmetric table of the derivatives of a gradient."""
+    d = len(slope)
+    upper = {(i, k): e.polynomial(poly.differentiate(slope[i], k), y) for i in range(d) for k in range(i, d)}
+    return [[upper[min(i, k), max(i, k)] for k in range(d)] for i in range(d)]
+
+
+def mean_gradient(
+    e: Text, slope: Sequence[Polynomial], nodes: int, y: Sequence[str], z: Sequence[str]
+) -> list[Expression]:
+    """The average of a gradient along y + τz, by a Gauss rule that is exact for it."""
+    points, weights = gauss_legendre(nodes)
+    sums: list[Expression] = [None] * len(slope)
+    for tau, weight in zip(points, weights, strict=True):
+        state = _along(e, y, z, float(tau))
+        for i, p in enumerate(slope):
+            sums[i] = e.plus(e.polynomial(p, state), e.number(float(weight)), sums[i])
+    return sums
+
+
+def mean_hessian(
+    e: Text, slope: Sequence[Polynomial], nodes: int, y: Sequence[str], z: Sequence[str]
+) -> Table:
+    """Its derivative by z."""
+    d = len(slope)
+    points, weights = gauss_legendre(nodes)
+    sums: Table = [[None] * d for _ in range(d)]
+    for tau, weight in zip(points, weights, strict=True):
+        table = hessian(e, slope, _along(e, y, z, float(tau)))
+        factor = e.number(float(weight * tau))
+        for i in range(d):
+            for k in range(d):
+                sums[i][k] = e.plus(table[i][k], factor, sums[i][k])
+    return sums
+
+
+def _along(e: Text, y: Sequence[str], z: Sequence[str], tau: float) -> list[str]:
+    return [a if b == "0.0" else str(e.plus(e.number(tau), b, a)) for a, b in zip(y, z, strict=True)]

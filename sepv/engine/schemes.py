@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from sepv.engine.code import ProblemCode, Table, skew
+from sepv.engine.linear import cross
 from sepv.engine.text import Expression, Text
 from sepv.explicit_tableaux import TABLEAUX
-from sepv.tableaux import exact_nodes, gauss_tableau, moments
+from sepv.tableaux import MAX_STAGES, gauss_tableau
 
 
 @dataclass(frozen=True)
@@ -19,14 +20,16 @@ class Formula:
     Attributes
     ----------
     increment : (text, problem, y, z, delta) -> R, K
-        R and, for implicit schemes, K = ∂R/∂z. `delta` is the name of the random step Δ.
+            R and, for implicit schemes, K = ∂R/∂z. `delta` is the name of the random step Δ. None for schemes of
+        several stages, which have `Collocation.sweep`.
     gradients, structures : evaluations of ∇H and of B in an iteration.
     averaged : whether a gradient is an averaged one, which may take several evaluations of ∇H.
     """
 
-    increment: Callable[
-        [Text, ProblemCode, Sequence[str], Sequence[str], str], tuple[list[Expression], Table]
-    ]
+    increment: (
+        Callable[[Text, ProblemCode, Sequence[str], Sequence[str], str], tuple[list[Expression], Table]]
+        | None
+    )
     implicit: bool
     gradients: int
     structures: int
@@ -96,6 +99,27 @@ def midpoint(
     return field(e, scaled(e, delta, B), g), K
 
 
+def both_invariants(
+    e: Text, problem: ProblemCode, y: Sequence[str], z: Sequence[str], delta: str
+) -> tuple[list[Expression], Table]:
+    """R = Δ g(ȳ)(∇̄H × ∇̄C), K = Δ(½(∇̄H × ∇̄C)∇gᵀ + g(∫τH″ × ∇̄C + ∇̄H × ∫τC″))."""
+    assert problem.nambu is not None
+    mid, half = middle(e, y, z), e.let(f"0.5 * {delta}")
+    H, C = problem.mean_gradient(e, y, z), problem.nambu.mean_gradient(e, y, z)
+    dH, dC = problem.mean_hessian(e, y, z), problem.nambu.mean_hessian(e, y, z)
+    factor = e.product(delta, problem.nambu.factor(e, mid))
+    slope = problem.nambu.factor_gradient(e, mid)
+    normal = cross(e, H, C)
+    K: Table = [[None] * 3 for _ in range(3)]
+    for k in range(3):
+        first = cross(e, [row[k] for row in dH], C)
+        second = cross(e, H, [row[k] for row in dC])
+        for i in range(3):
+            turned = e.product(factor, e.total([first[i], second[i]]))
+            K[i][k] = e.plus(e.product(half, slope[k]), normal[i], turned)
+    return [e.product(factor, v) for v in normal], K
+
+
 def rate(e: Text, problem: ProblemCode, y: Sequence[str]) -> list[Expression]:
     """f(y) = B∇H."""
     return field(e, problem.structure(e, y), problem.gradient(e, y))
@@ -153,48 +177,6 @@ def runge_kutta(order: int) -> Any:
     return increment
 
 
-def collocation(stages: int) -> Any:
-    """z_i = Δ B(Y_i) g_i with g_i = b_i⁻¹∫ℓ_i∇H(u), for a polynomial H; K by blocks of stages."""
-    A = gauss_tableau(stages).A
-
-    def increment(
-        e: Text, problem: ProblemCode, y: Sequence[str], z: Sequence[str], delta: str
-    ) -> tuple[list[Expression], Table]:
-        d = len(y)
-        W, P = moments(stages, exact_nodes(stages, problem.degree))
-        # With s nodes, those of the quadrature are the stages: W is the identity and P is A, to rounding.
-        same = len(P) == stages
-        points = [at(e, y, z, P[n] if not same else A[n]) for n in range(len(P))]
-        gradients = [problem.gradient(e, u) for u in points]
-        curvatures = [problem.hessian(e, u) for u in points]
-        R: list[Expression] = []
-        K: Table = [[None] * (stages * d) for _ in range(stages * d)]
-        for i in range(stages):
-            weights = {n: float(W[i, n]) for n in range(len(P))} if not same else {i: 1.0}
-            g: list[Expression] = [None] * d
-            for n, w in weights.items():
-                g = [e.plus(e.number(w), v, s) for v, s in zip(gradients[n], g, strict=True)]
-            Y = at(e, y, z, A[i])
-            B = scaled(e, delta, problem.structure(e, Y))
-            derivative = problem.structure_derivative(e, Y)
-            pushed = [e.product(delta, v) for v in g]
-            turned = [[e.dot(derivative[k][r], pushed) for k in range(d)] for r in range(d)]
-            bent = {n: [[e.dot(B[r], [row[k] for row in curvatures[n]]) for k in range(d)] for r in range(d)]
-                    for n in weights}  # fmt: skip
-            R += field(e, B, g)
-            for j in range(stages):
-                for r in range(d):
-                    for k in range(d):
-                        value = e.product(e.number(float(A[i, j])), turned[r][k])
-                        for n, w in weights.items():
-                            factor = w * float(P[n, j] if not same else A[n, j])
-                            value = e.plus(e.number(factor), bent[n][r][k], value)
-                        K[i * d + r][j * d + k] = value
-        return R, K
-
-    return increment
-
-
 def at(e: Text, y: Sequence[str], z: Sequence[str], integrals: Any) -> list[str]:
     """u = y + Σ_j integrals_j z_j, the stages one after the other in z."""
     d = len(y)
@@ -208,7 +190,24 @@ def at(e: Text, y: Sequence[str], z: Sequence[str], integrals: Any) -> list[str]
 
 @dataclass(frozen=True)
 class Collocation(Formula):
-    """The s-stage method: y1 = y0 + Σ b_i z_i."""
+    """The s-stage method: z_i = Δ B(Y_i) g_i with g_i = b_i⁻¹∫ℓ_i∇H(u), y1 = y0 + Σ b_i z_i."""
+
+    def sweep(
+        self,
+        e: Text,
+        problem: ProblemCode,
+        y: Sequence[str],
+        z: Sequence[str],
+        delta: str,
+        averages: Sequence[Sequence[Expression]] | None,
+    ) -> list[Expression]:
+        """The right-hand sides at z, the stages one after the other; the g_i are the ∇H(Y_i) where not given."""
+        R: list[Expression] = []
+        for i, row in enumerate(gauss_tableau(self.stages).A):
+            Y = at(e, y, z, row)
+            g = problem.gradient(e, Y) if averages is None else averages[i]
+            R += field(e, scaled(e, delta, problem.structure(e, Y)), g)
+        return R
 
     def update(self, e: Text, z: Sequence[str]) -> list[str]:
         """Σ b_i z_i."""
@@ -227,10 +226,11 @@ class Collocation(Formula):
 FORMULAS: dict[str, Formula] = {
     "energy-preserving": Formula(energy_preserving, True, 1, 1, averaged=True),
     "midpoint": Formula(midpoint, True, 1, 1),
+    "both-invariants": Formula(both_invariants, True, 1, 1, averaged=True),
     "euler-heun": Formula(euler_heun, False, 2, 2),
     "milstein": Formula(milstein, False, 1, 1),
     "explicit-4": Formula(runge_kutta(4), False, 4, 4),
     "explicit-8": Formula(runge_kutta(8), False, 12, 12),
     "collocation-1": Formula(energy_preserving, True, 1, 1, averaged=True),
-    **{f"collocation-{s}": Collocation(collocation(s), True, 1, s, stages=s) for s in (2, 3, 4)},
+    **{f"collocation-{s}": Collocation(None, True, 1, s, True, s) for s in range(2, MAX_STAGES + 1)},
 }

@@ -14,7 +14,7 @@ from types import ModuleType
 import numba
 
 # What the generated code is linked with: when one of these changes, so does the name of every module.
-_SOURCES = ("functions.py", "lanes.py")
+_SOURCES = ("functions.py", "lanes.py", "stages.py", "../tableaux.py", "../average.py")
 
 
 def folder() -> Path:

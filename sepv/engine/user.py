@@ -34,6 +34,8 @@ class CannotTranslate(Exception):
 class UserCode:
     """Code that calls the author's functions."""
 
+    nambu = None
+
     def __init__(self, problem: Problem, scalar: ScalarFunctions) -> None:
         _compare(problem, scalar)
         self.problem = problem
