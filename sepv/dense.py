@@ -86,7 +86,7 @@ def solve_dense(
     """
     A, w, to_series = _tables(stages)
     sign = 1.0 if end >= 0 else -1.0
-    t, y, low = 0.0, np.array(y0, dtype=np.float64), np.zeros(len(y0))
+    t, y, low = 0.0, y0, np.zeros(len(y0))
     slope = float(np.max(np.abs(f(y[:, None])))) + _EPS
     width = shrink * min(0.5, 0.5 * (1 + float(np.max(np.abs(y)))) / slope)
     edges, starts, series = [0.0], [], []
@@ -119,7 +119,7 @@ def solve_dense(
 
 def _panel(f: Callable[[Array], Array], y: Array, H: float, A: Array, to_series: Array) -> tuple[Array, int]:
     """Stage slopes by Picard iteration; 0 if it failed or is unresolved, 1 if resolved, 2 with room."""
-    F = np.repeat(f(y[:, None]), A.shape[0], axis=1)
+    F = np.repeat(f(y[:, None]), len(A), axis=1)
     previous = np.inf
     with np.errstate(all="ignore"):
         for _ in range(_PICARD):
@@ -135,7 +135,7 @@ def _panel(f: Callable[[Array], Array], y: Array, H: float, A: Array, to_series:
         else:
             return F, 0
     # What the last coefficients add to y: the integral of P_k brings a factor 1/(2(2k + 1)).
-    weights = 1 / (2 * (2 * np.arange(A.shape[0])[-3:] + 1))
+    weights = 1 / (2 * (2 * np.arange(len(A))[-3:] + 1))
     tail = np.max(np.abs(F @ to_series[-3:].T) * weights) * abs(H)
     # The largest component on the panel, also where y starts at the origin and the flow leaves it.
     scale = max(float(np.max(np.abs(y))), abs(H) * size)

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from sepv.checks import sample_states
 from sepv.errors import ProblemError, UsageError
 from sepv.fields import matvec
 from sepv.problem import Array, Function, Problem
@@ -24,7 +25,6 @@ from sepv.problem import Array, Function, Problem
 ClosedForm = Callable[[Array, float, Array], Array]
 # What {H_0, H_j} may be beside |∇H_0||B∇H_j|: a few hundred roundings.
 BRACKET_TOLERANCE = 1e-12
-_PROBES = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,8 +127,8 @@ class CommutingStructure:
     def __call__(self, y: Array) -> Array:
         v, w = matvec(self.structure(y), self.noise_gradient(y)), self.tangent(y)
         square = np.sum(w * w, axis=0)
-        # At a rest point of H_0 the commuting flows rest too: v = 0, and S with it.
-        factor = np.where(square > 0, 1.0, 0.0) / np.where(square > 0, square, 1.0)
+        # At a rest point of H_0 the commuting flows rest too: w = 0, v = 0, and S with them.
+        factor = 1.0 / np.where(square > 0, square, 1.0)
         return factor * (v[:, None] * w[None] - w[:, None] * v[None])
 
     def tangent(self, y: Array) -> Array:
@@ -186,7 +186,8 @@ def commuting_hamiltonians(
     Raises
     ------
     ProblemError
-        Where a bracket {H_0, H_j} = ∇H_0ᵀB∇H_j is not zero, with its value and the state.
+        Where a bracket {H_0, H_j} = ∇H_0ᵀB∇H_j is not zero at the initial state or near it, with its value and the
+        state.
     """
     for j, gradient in enumerate(gradients, 1):
         _check_bracket(drift, gradient, j)
@@ -210,13 +211,7 @@ def commuting_hamiltonians(
 
 
 def _check_bracket(drift: Problem, gradient: Function, j: int) -> None:
-    rng = np.random.default_rng(0)
-    centre = np.ones(drift.dimension) if drift.initial is None else np.asarray(drift.initial)
-    states = [centre, *(centre * (1 + 0.3 * rng.standard_normal(drift.dimension)) for _ in range(_PROBES))]
-    states += [0.5 * rng.standard_normal(drift.dimension) for _ in range(_PROBES)]
-    for y in states:
-        if drift.domain is not None and not bool(drift.domain(y)):
-            continue
+    for y in sample_states(drift):
         w, v = drift.gradient(y), matvec(drift.structure(y), gradient(y))
         bracket, size = float(w @ v), float(np.linalg.norm(w) * np.linalg.norm(v))
         if not abs(bracket) <= BRACKET_TOLERANCE * max(size, np.finfo(np.float64).tiny):

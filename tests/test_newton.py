@@ -137,6 +137,15 @@ def test_a_component_of_noise_does_not_stop_those_that_still_shrink() -> None:
     assert solution.iterations[0] <= 35
 
 
+def test_lanes_are_those_that_are_asked_for() -> None:
+    """z = c − z/2 for two of four lanes, out of their order."""
+    c = np.array([1.0, 2.0, 3.0, 4.0])
+    system = Counted(lambda z, lanes: c[lanes] - 0.5 * z, lambda z, _: (-0.5 + 0 * z)[None], lanes=4)
+    solution = iterate(system.equations, np.zeros((1, 2)), np.array([3, 1]))
+    assert np.allclose(solution.value, [[8 / 3, 4 / 3]], rtol=4 * EPS, atol=0)
+    assert system.calls.tolist() == [0, 2, 0, 2]
+
+
 class TestRounding:
     """A residual that no longer shrinks is a solution only if it is what rounding leaves.
 
@@ -159,6 +168,18 @@ class TestRounding:
         for magnitude in (None, lambda z, _: np.full(z.shape[1], 1.0)):
             silent = Counted(self.cancelling(1e6), magnitude=magnitude, **options)
             assert iterate(silent.equations, np.zeros((1, 2))).status.tolist() == [Status.NO_CONVERGENCE] * 2
+
+    def test_in_a_lane_whose_neighbour_still_moves(self) -> None:
+        """The sum that cancels is done after a few evaluations, z = 1 − z/2 with R′ = 0 after forty."""
+        system = Counted(
+            lambda z, lanes: np.where(lanes == 0, self.cancelling(1e6)(z, lanes), 1 - 0.5 * z),
+            lambda z, lanes: np.where(lanes == 0, -0.5 * np.sin(z), 0 * z)[None],
+            lanes=2, exact=True, magnitude=lambda z, _: np.full(z.shape[1], 1e6),
+        )  # fmt: skip
+        solution = iterate(system.equations, np.zeros((1, 2)))
+        assert solution.status.tolist() == [Status.CONVERGED] * 2
+        assert solution.iterations[0] <= 9
+        assert solution.iterations[1] > 20
 
     def test_beside_what_a_rounding_of_the_state_does_to_a_stiff_equation(self) -> None:
         """z = −L((1 + z) − ½) loses eps/2 in 1 + z, L times as much in R; L differs from lane to lane."""

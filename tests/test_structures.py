@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import permutations
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -15,7 +19,14 @@ from sepv.exact_structures import finer
 from sepv.problem import PolynomialSystem
 from sepv.problems.several import commuting_actions
 from sepv.strategies_structures import commuting_hamiltonian_steps, several_steps
-from sepv.structures import StructuresProblem, commuting_hamiltonians
+from sepv.structures import (
+    CommutingStructure,
+    StructuresProblem,
+    combined,
+    combined_slope,
+    commuting_hamiltonians,
+    noise_structures,
+)
 
 
 @given(commuting_hamiltonian_steps())
@@ -130,3 +141,218 @@ def test_wrong_structures_are_refused() -> None:
         StructuresProblem(**keys, noise=(1.0, 2.0), noise_structures=(drift.structure,))
     with pytest.raises(ProblemError, match="Casimir"):
         StructuresProblem(**keys, casimirs=drift.casimirs, noise=(1.0,), noise_structures=(other,))
+
+
+def two_noises() -> StructuresProblem:
+    """B, G_1 and G_2 of degrees 1, 2 and 0 in the plane, with c = (0.5, 2)."""
+    one = poly.constant(2, 1.0)
+    entry = poly.polynomial(2, {(1, 0): 1.0, (0, 1): -3.0})
+    system = PolynomialSystem(
+        2, poly.polynomial(2, {(2, 0): 0.5, (0, 2): 0.5}), ((0, 1, entry),), (0.5, 2.0),
+        noise_structures=(((0, 1, poly.multiply(entry, entry)),), ((0, 1, one),)),
+    )  # fmt: skip
+    problem = problems.polynomial_problem(system)
+    assert isinstance(problem, StructuresProblem)
+    return problem
+
+
+def test_a_step_sees_the_sum_of_its_structures() -> None:
+    """h B + Σ c_j ΔW_j G_j at (2, 1), where B12 = −1, G_1 has 1 and G_2 has 1; and its derivative."""
+    y, parts = np.array([[2.0, 0.0], [1.0, 1.0]]), np.array([[0.5, 0.5], [10.0, 0.0], [-300.0, 1.0]])
+    total = combined(two_noises(), y, parts)
+    assert total[0, 1].tolist() == [-0.5 + 10 - 300, -1.5 + 1]
+    assert np.array_equal(total, -total.swapaxes(0, 1))
+    slope = combined_slope(two_noises(), y, parts)
+    assert slope is not None
+    # ∂B12 = (1, −3) and ∂G12 = 2 B12 (1, −3).
+    assert slope[0, 1].tolist() == [[0.5 + 10 * -2, 0.5], [-1.5 + 10 * 6, -1.5]]
+    assert np.array_equal(slope, -slope.swapaxes(0, 1))
+
+
+def test_a_single_structure_is_that_of_the_noise_too() -> None:
+    problem = problems.rigid_body(noise=(1.0, 0.5))
+    y, parts = np.array([[0.3], [-0.7], [0.5]]), np.array([[0.5], [10.0], [-3.0]])
+    assert list(noise_structures(problem)) == [problem.structure] * 2
+    several = two_noises()
+    assert noise_structures(several) is several.noise_structures
+    assert np.allclose(combined(problem, y, parts), 7.5 * problem.structure(y), rtol=1e-15)
+    slope = combined_slope(problem, y, parts)
+    assert np.allclose(slope, 7.5 * problem.structure_derivative(y), rtol=1e-15)
+
+
+def test_without_one_of_the_derivatives_there_is_no_slope() -> None:
+    problem, y, parts = two_noises(), np.ones((2, 1)), np.ones((3, 1))
+    for key in ("structure_derivative", "noise_structure_derivatives"):
+        assert combined_slope(replace(problem, check=False, **{key: None}), y, parts) is None
+    assert (
+        combined_slope(replace(problems.rigid_body(), structure_derivative=None, check=False), y, parts)
+        is None
+    )
+
+
+A, b = np.diag([1.0, -0.5, 2.0, 0.25]), np.array([0.125, 0.5, -0.25, 0.0])
+OTHER = np.array([0.0, 3.0, 1.0, -1.0])
+EPSILON = np.zeros((4, 4, 4, 4))
+for _order in permutations(range(4)):
+    EPSILON[_order] = np.linalg.det(np.eye(4)[list(_order)])
+
+
+def one_of_each(y: np.ndarray) -> np.ndarray:
+    """B_ij = ε_ijkl ∂_kC_1 ∂_lC_2 in dimension four, for C_1 = yᵀAy and C_2 = bᵀy: both are Casimirs."""
+    return np.einsum("ijkl,k...,l->ij...", EPSILON, 2 * np.einsum("ki,i...->k...", A, y), b)
+
+
+def two_linear(y: np.ndarray) -> np.ndarray:
+    """The same for two linear Casimirs, times a factor."""
+    return np.multiply.outer(np.einsum("ijkl,k,l->ij", EPSILON, OTHER, b), 1 + y[0] * y[1])
+
+
+def quartic(y: np.ndarray) -> np.ndarray:
+    return 0.5 * y[0] ** 2 + y[1] ** 2 + 0.25 * y[2] ** 4 + y[3] * y[0]
+
+
+def quartic_gradient(y: np.ndarray) -> np.ndarray:
+    return np.stack([y[0] + y[3], 2 * y[1], y[2] ** 3, y[0]])
+
+
+def squared(y: np.ndarray) -> np.ndarray:
+    return 2 * quartic(y) * quartic_gradient(y)
+
+
+def test_every_casimir_of_either_kind_is_one_of_a_commuting_structure() -> None:
+    """S∇H_0 = B∇H_1, S∇C = 0 for two Casimirs whose gradients are not orthogonal, one of either kind or two linear."""
+    y = np.random.default_rng(3).standard_normal((4, 7))
+    y[:, 6] *= 1e-3
+    for B, casimirs, linear in ((one_of_each, (A,), (b,)), (two_linear, (), (OTHER, b))):
+        S = CommutingStructure(B, quartic_gradient, squared, casimirs, linear)
+        together = S(y)
+        for n in range(7):
+            at, matrix = y[:, n], S(y[:, n])
+            field = B(at) @ squared(at)
+            size = np.abs(matrix).max() + np.abs(B(at)).max()
+            assert np.allclose(together[:, :, n], matrix, rtol=1e-12, atol=1e-13 * size)
+            assert np.array_equal(matrix, -matrix.T)
+            assert field.any()
+            assert (
+                np.abs(matrix @ quartic_gradient(at) - field).max() < 1e-12 * size * np.abs(squared(at)).max()
+            )
+            for slope in [2 * C @ at for C in casimirs] + list(linear):
+                assert np.abs(matrix @ slope).max() < 1e-12 * size * np.abs(slope).max()
+
+
+def test_where_the_drift_rests_the_structure_vanishes() -> None:
+    """∇H_0 = 0 at the origin, where ∇C_1 vanishes too; and in a batch beside states that move."""
+    S = CommutingStructure(one_of_each, quartic_gradient, squared, (A,), (b,))
+    y = np.array([[0.0, 0.3], [0.0, -0.7], [0.0, 0.2], [0.0, 0.1]])
+    both = S(y)
+    assert not both[:, :, 0].any()
+    assert np.allclose(both[:, :, 1], S(y[:, 1]), rtol=1e-13)
+    assert both[:, :, 1].any()
+    bounds = S.majorant(y)
+    assert not bounds[:, :, 0].any()
+    assert np.allclose(bounds[:, :, 1], S.majorant(y[:, 1]), rtol=1e-13)
+
+
+class Map:
+    """A gradient that knows a majorant ten times its size."""
+
+    def __init__(self, function: Callable[[np.ndarray], np.ndarray]) -> None:
+        self.function = function
+
+    def __call__(self, y: np.ndarray) -> np.ndarray:
+        return self.function(y)
+
+    def majorant(self, y: np.ndarray) -> np.ndarray:
+        return 10 * np.abs(self.function(y))
+
+
+@pytest.mark.parametrize("unit", [1.0, 2.0**-6])
+def test_roundings_of_a_commuting_structure_are_relative_to_its_terms(unit: float) -> None:
+    """2(M_v M_gᵀ + M_g M_vᵀ)/|w|² by hand: H_0 = |y|²/2 and H_1 = 25/2 |y|² at (3, −4), v = B∇H_1 = 25(−4, −3)."""
+    turn = lambda y: np.array([[0.0, -1.0], [1.0, 0.0]])  # noqa: E731
+    y = unit * np.array([3.0, -4.0])
+    plain = CommutingStructure(turn, lambda y: y, lambda y: 25 * y)
+    # M_v = 25(4, 3), M_g = (3, 4), |w|² = 25.
+    expected = 2 * np.array([[2 * 12, 9 + 16], [9 + 16, 2 * 12]])
+    assert np.allclose(plain.majorant(y), expected, rtol=1e-14)
+    assert np.all(np.abs(plain(y)) <= plain.majorant(y))
+    for known in (
+        CommutingStructure(turn, Map(lambda y: y), lambda y: 25 * y),
+        CommutingStructure(turn, lambda y: y, Map(lambda y: 25 * y)),
+        CommutingStructure(Map(turn), lambda y: y, lambda y: 25 * y),
+    ):
+        assert np.allclose(known.majorant(y), 10 * expected, rtol=1e-14)
+        assert np.array_equal(known(y), plain(y))
+
+
+def test_a_problem_with_several_hamiltonians_is_put_together_from_its_parts() -> None:
+    drift = problems.rigid_body()
+    H_1, exact = (
+        (lambda y: 2 * drift.hamiltonian(y) * drift.gradient(y)),
+        (lambda y0, T, W: y0[:, None] + 0 * W),
+    )
+    plain = commuting_hamiltonians(drift, [H_1, drift.gradient])
+    assert plain.c.tolist() == [1.0, 1.0]
+    assert plain.name == "rigid-body with 2 noise Hamiltonians"
+    assert plain.closed_form is None
+    assert plain.data is None
+    told = commuting_hamiltonians(
+        drift, [H_1, drift.gradient], noise=(0.5, 0.0), closed_form=exact, name="mine", data=drift.data
+    )
+    assert told.c.tolist() == [0.5, 0.0]
+    assert told.name == "mine"
+    assert told.closed_form is exact
+    assert told.data is drift.data
+    for key in (
+        "hamiltonian",
+        "gradient",
+        "hessian",
+        "structure_derivative",
+        "mean_gradient",
+        "degree",
+        "domain",
+    ):
+        assert getattr(told, key) is getattr(drift, key)
+    assert np.array_equal(told.initial, drift.initial)
+    assert len(told.casimirs) == 1
+    # S = G = B up to a multiple where H_1 is a function of H_0: y = S∇H_0 is 2H_0 f.
+    y = np.array([[0.3, 0.1], [-0.7, 0.2], [0.5, 0.9]])
+    f = np.cross(y.T, drift.gradient(y).T).T
+    assert np.allclose(np.einsum("ijm,jm->im", told.noise_structures[1](y), drift.gradient(y)), f, rtol=1e-12)
+
+
+def oscillator(**known: object) -> sepv.Problem:
+    return replace(problems.harmonic_oscillator(), check=False, **known)
+
+
+def test_brackets_are_judged_beside_their_terms() -> None:
+    """A large H_1 that commutes up to rounding is taken, a tiny one that does not is refused: in any unit."""
+    for unit in (1e-14, 1e14):
+        tilted = oscillator(
+            gradient=lambda y: np.stack([y[0] + 0.1 * y[1], 0.1 * y[0] + 1.3 * y[1]]),
+            hamiltonian=lambda y: 0.5 * y[0] ** 2 + 0.1 * y[0] * y[1] + 0.65 * y[1] ** 2,
+        )
+        commuting_hamiltonians(tilted, [lambda y, tilted=tilted, unit=unit: unit * tilted.gradient(y) / 3])
+        with pytest.raises(ProblemError, match=r"H_2.* = 0 everywhere"):
+            commuting_hamiltonians(
+                tilted,
+                [tilted.gradient, lambda y, unit=unit: unit * np.stack([1 + 0 * y[0], 0 * y[1]])],
+            )
+    with pytest.raises(ProblemError, match="nan"):
+        commuting_hamiltonians(oscillator(), [lambda y: np.full_like(y, np.nan)])
+    commuting_hamiltonians(oscillator(), [np.zeros_like])
+
+
+def test_brackets_are_asked_for_around_the_initial_state_and_inside_the_domain_only() -> None:
+    """H_1 that commutes but for a bump: at the initial state, beside it, where there is a domain."""
+
+    def bump(where: Callable[[np.ndarray], bool]) -> Callable[[np.ndarray], np.ndarray]:
+        return lambda y: y + (np.array([1.0, 0.0]) if where(y) else 0.0)
+
+    far = np.array([30.0, -40.0])
+    for where in (lambda y: np.array_equal(y, far), lambda y: 0 < np.abs(y - far).max() < 11):
+        with pytest.raises(ProblemError, match="flow keeps H_0"):
+            commuting_hamiltonians(oscillator(initial=far), [bump(where)])
+    commuting_hamiltonians(oscillator(domain=lambda y: y[0] > 0), [bump(lambda y: y[0] <= 0)])
+    with pytest.raises(ProblemError, match="contains the initial state"):
+        commuting_hamiltonians(oscillator(domain=lambda y: y[0] > 1e9), [np.zeros_like])

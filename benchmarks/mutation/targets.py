@@ -26,6 +26,7 @@ COLLOCATION = tuple(
         "a_family_member_says_what_it_is_and_counts_its_work",
     )
 )
+# Without those that take seconds.
 STRUCTURES = tuple(
     f"tests/test_structures.py::test_{name}"
     for name in (
@@ -35,8 +36,16 @@ STRUCTURES = tuple(
         "schemes_for_one_structure_refuse_several",
         "one_structure_is_the_energy_preserving_scheme_to_the_bit",
         "ensembles_take_several_structures",
-        "cases_travel_as_json",
         "wrong_structures_are_refused",
+        "a_step_sees_the_sum_of_its_structures",
+        "a_single_structure_is_that_of_the_noise_too",
+        "without_one_of_the_derivatives_there_is_no_slope",
+        "every_casimir_of_either_kind_is_one_of_a_commuting_structure",
+        "where_the_drift_rests_the_structure_vanishes",
+        "roundings_of_a_commuting_structure_are_relative_to_its_terms",
+        "a_problem_with_several_hamiltonians_is_put_together_from_its_parts",
+        "brackets_are_judged_beside_their_terms",
+        "brackets_are_asked_for_around_the_initial_state_and_inside_the_domain_only",
     )
 )
 SCHEME = ("tests/test_schemes.py", *IMPLICIT, COUNTERS)
