@@ -37,6 +37,7 @@ class ProblemCode(Protocol):
     dimension: int
     gradient_evaluations: int
     degree: int  # of a polynomial H, 0 of any other
+    rate: float  # what an iteration gains at least near the solution: the relative error of Newton's matrix
 
     @property
     def nambu(self) -> NambuCode | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import lru_cache
 from importlib.util import find_spec
 from types import ModuleType
 
@@ -112,15 +112,9 @@ def code_of(problem: Problem) -> ProblemCode:
         raise CannotCompile(
             f"{problem.name} has {problem.dimension} components, the compiled engine takes {LARGEST_DIMENSION}"
         )
-    data = problem.data
-    if isinstance(data, NamedProblem):
-        data = as_polynomial(data) or data
-    if isinstance(data, PolynomialSystem):
-        return _polynomial_code(data)
-    if isinstance(data, NamedProblem) and data.name == "pendulum":
-        return _PENDULUM
-    if isinstance(data, NamedProblem) and data.name == "lotka-volterra":
-        return _lotka_volterra(data)
+    code = None if problem.data is None else _code_of_data(problem.data)
+    if code is not None:
+        return code
     if problem.scalar is not None:
         try:
             return _user_code(problem)
@@ -131,20 +125,20 @@ def code_of(problem: Problem) -> ProblemCode:
     )
 
 
-_PENDULUM = Pendulum()
-
-
-@cache
-def _lotka_volterra(data: NamedProblem) -> LotkaVolterra:
-    return LotkaVolterra(data)
+@lru_cache(maxsize=256)
+def _code_of_data(data: NamedProblem | PolynomialSystem) -> ProblemCode | None:
+    """The code of a problem that is data, None where there is none."""
+    if isinstance(data, NamedProblem):
+        if data.name == "pendulum":
+            return Pendulum()
+        if data.name == "lotka-volterra":
+            return LotkaVolterra(data)
+        polynomial = as_polynomial(data)
+        return None if polynomial is None else PolynomialCode(polynomial)
+    return PolynomialCode(data)
 
 
 @lru_cache(maxsize=64)
 def _user_code(problem: Problem) -> UserCode:
     assert problem.scalar is not None
     return UserCode(problem, problem.scalar)
-
-
-@cache
-def _polynomial_code(data: PolynomialSystem) -> PolynomialCode:
-    return PolynomialCode(data)

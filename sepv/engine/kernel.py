@@ -5,9 +5,10 @@ so that it becomes SIMD code; a block leaves the iteration when none of its lane
 block lies in one scratch buffer at fixed offsets.
 
 A lane is done where its correction m, applied, leaves an error below rounding: Newton's corrections shrink
-faster than linearly, so that the next one is at most m²/m_before. A lane that is not done after a few steps, that
-overflows or leaves the domain, is solved again by itself with every test of `sepv.implicit`: stagnation, a
-correction halved until it stays in the domain, a status. What a lane does never depends on the others.
+quadratically, so that the next one is m³/m_before², or m by the relative error of Newton's matrix where that is more.
+A lane that is not done after a few steps, that overflows or leaves the domain, is solved again by itself with every
+test of `sepv.implicit`: stagnation, a correction halved until it stays in the domain, a status. What a lane does
+never depends on the others.
 """
 
 from __future__ import annotations
@@ -179,8 +180,9 @@ class Writer:
             f"scale = {self.at('X')}",
             f"before = {self.at('P')}",
             f"{self.at('P')} = m",
-            "first = (before == INF) & (m > FIRST * scale)",
-            "done = ((m * m <= LEFT * (scale * before)) & no(first)) | (m <= TINY * scale)",
+            "later = (before < INF) | (m <= FIRST * scale)",
+            "next = m * m * m <= LEFT * scale * (before * before)",
+            f"done = (next & later & (m <= {LEFT / self.problem.rate!r} * scale)) | (m <= TINY * scale)",
         ]
         moved = [f"n{i}" for i in range(n)]
         e.lines += [f"{moved[i]} = {z[i]} - {c[i]}" for i in range(n)]

@@ -17,6 +17,7 @@ class PolynomialCode:
     """Code for H, ∇H, H″, B, B′ and the averaged gradient, exact by ⌈ν/2⌉ Gauss nodes."""
 
     preamble = ""
+    rate = 2.0**-40  # exact derivatives, to rounding
 
     def __init__(self, data: PolynomialSystem) -> None:
         self.data = data
