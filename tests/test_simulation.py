@@ -16,7 +16,7 @@ from sepv.continuation import continued
 from sepv.division import divided
 from sepv.errors import TruncationWarning
 from sepv.implicit import Solution, Status
-from sepv.simulation import CHUNK, Batch, chosen_truncation, run_chunk, step_count
+from sepv.simulation import CHUNK, Batch, advance, chosen_truncation, initial_state, run_chunk, step_count
 
 # These are about the NumPy batch; the compiled engine has its own file.
 ensemble = partial(sepv.ensemble, engine="numpy")
@@ -127,6 +127,16 @@ def test_a_path_may_have_one_step_and_starts_where_it_is_told_to() -> None:
     assert once.t.tolist() == [0.0, 0.25]
 
 
+def test_an_initial_state_has_a_number_for_each_component() -> None:
+    for y0 in ((np.nan, 0.0, 1.0), (0.0, 1.0), np.zeros((3, 1))):
+        with pytest.raises(sepv.UsageError, match="y0 finite, of shape"):
+            initial_state(problems.rigid_body(), y0)
+    given = np.array([0.1, 0.2, 0.3])
+    assert initial_state(problems.rigid_body(), given) is not given
+    with pytest.raises(sepv.UsageError, match="an initial state"):
+        initial_state(flat(2), None)
+
+
 def test_whether_t_is_a_multiple_of_h_does_not_depend_on_the_unit_of_time() -> None:
     """A relative rounding error is allowed, of T = N h as it is written in decimals, and no absolute one."""
     for unit in (1e-15, 1.0, 1e15):
@@ -175,6 +185,12 @@ def test_work_is_the_sum_of_the_work_of_the_steps(remedy) -> None:
             found = (path.gradient_evaluations, path.divisions, path.continuations)
             assert found == tuple(counts[key] for key in (keys[0], *keys[3:]))
     assert {key: getattr(solved, key) for key in keys} == total
+    start = np.repeat(np.asarray(problem.initial)[:, None], 3, axis=1)
+    value, status, cost = advance(scheme, problem, start, 1 / 8, dW[0])
+    once = scheme.solve(problem, start, 1 / 8, dW[0])
+    assert np.array_equal(value, once.value)
+    assert np.array_equal(status, once.status)
+    assert cost.tolist() == [getattr(once, key).sum() for key in keys[:3]]
     assert {s.name for s in map(Status, solved.status)} == {"CONVERGED"} or scheme is not divided
     assert (total["divisions"] > 0) == (remedy is divided)
     assert (total["continuations"] > 0) == (remedy is continued)

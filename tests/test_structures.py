@@ -243,14 +243,22 @@ def test_every_casimir_of_either_kind_is_one_of_a_commuting_structure() -> None:
 def test_where_the_drift_rests_the_structure_vanishes() -> None:
     """∇H_0 = 0 at the origin, where ∇C_1 vanishes too; and in a batch beside states that move."""
     S = CommutingStructure(one_of_each, quartic_gradient, squared, (A,), (b,))
-    y = np.array([[0.0, 0.3], [0.0, -0.7], [0.0, 0.2], [0.0, 0.1]])
-    both = S(y)
+    y = np.array([[0.0, 0.3, 3.0], [0.0, -0.7, 1.0], [0.0, 0.2, -2.0], [0.0, 0.1, 0.5]])
+    both, bounds = S(y), S.majorant(y)
     assert not both[:, :, 0].any()
-    assert np.allclose(both[:, :, 1], S(y[:, 1]), rtol=1e-13)
-    assert both[:, :, 1].any()
-    bounds = S.majorant(y)
     assert not bounds[:, :, 0].any()
-    assert np.allclose(bounds[:, :, 1], S.majorant(y[:, 1]), rtol=1e-13)
+    for n in (1, 2):
+        assert both[:, :, n].any()
+        assert np.allclose(both[:, :, n], S(y[:, n]), rtol=1e-13, atol=0)
+        assert np.allclose(bounds[:, :, n], S.majorant(y[:, n]), rtol=1e-13, atol=0)
+    # A steady rotation of the rigid body: ∇H_0 is that of the Casimir, and no term vanishes but their sum.
+    drift = problems.rigid_body()
+    turning = commuting_hamiltonians(drift, [lambda y: 2 * drift.hamiltonian(y) * drift.gradient(y)])
+    (G,) = turning.noise_structures
+    assert isinstance(G, CommutingStructure)
+    axis = np.array([0.0, 0.0, 1.0])
+    assert not G(axis).any()
+    assert not G.majorant(axis).any()
 
 
 class Map:

@@ -20,7 +20,7 @@ from rich.table import Table
 
 from benchmarks.mutation.harness import Harness, Outcome
 from benchmarks.mutation.mutants import Mutant, mutants
-from benchmarks.mutation.targets import BEYOND, TARGETS
+from benchmarks.mutation.targets import TARGETS
 
 REASONS = Path(__file__).with_name("survivors.json")
 ROOT = Path(__file__).resolve().parents[2]
@@ -34,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "modules",
         nargs="*",
         metavar="MODULE",
-        help=f"of {', '.join(TARGETS)}; default all but {', '.join(BEYOND)}",
+        help=f"of {', '.join(TARGETS)}; default all",
     )
     parser.add_argument("--sample", type=int, metavar="N", help="N mutants drawn at random from all of them")
     parser.add_argument("--seed", type=int, default=0, help="of the sample (default 0)")
@@ -50,12 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     unknown = set(asked.modules) - set(TARGETS)
     if unknown:
         parser.error(f"unknown modules {', '.join(sorted(unknown))}; known are {', '.join(TARGETS)}")
-    chosen = [
-        m
-        for name in asked.modules or [t for t in TARGETS if t not in BEYOND]
-        for m in mutants(name)
-        if asked.only in m.name
-    ]
+    chosen = [m for name in asked.modules or TARGETS for m in mutants(name) if asked.only in m.name]
     if asked.again:
         rows = map(json.loads, asked.again.read_text(encoding="utf-8").splitlines())
         killed = {row["mutant"] for row in rows if row["status"] == "killed"}
