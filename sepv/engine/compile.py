@@ -21,8 +21,8 @@ from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
 from sepv.scheme import Scheme
 from sepv.structures import StructuresProblem
 
-# Paths side by side: eight registers of eight doubles, long enough to hide latencies, and still in L1.
-LANES = 64
+# Paths side by side: sixteen registers of eight doubles, which hide latencies and cache lines far apart, still in L1.
+LANES = 128
 # Up to this many paths run one by one: a block of lanes would be mostly empty. The bits are the same.
 FEW = 8
 # The code of a step is written out for every component: beyond this it grows too long to compile.

@@ -25,9 +25,11 @@ LEFT = 2.0**-62
 FIRST = 2.0**-31
 # Where corrections are below a quarter of a rounding nothing is left to correct.
 TINY = 2.0**-54
-# Steps of Newton's iteration before the first test.
-UNCHECKED = 2
+# Steps of Newton's iteration before and with the first test.
+FIRST_STEPS = 3
 LARGE = 6
+# Lanes that go on together: two registers, for less is not made SIMD code of.
+GROUP = 16
 # Steps of all lanes together, before those that are not done are looked at one by one.
 FAST = 8
 
@@ -73,6 +75,7 @@ class Writer:
             imports=self.imports,
             lanes=self.lanes,
             size=self.size,
+            group=min(GROUP, self.lanes),
             noises=self.noises,
             piece=max(16, 1024 // self.lanes),
             implicit=self.formula.implicit,
@@ -119,40 +122,77 @@ class Writer:
         return lines
 
     def implicit(self) -> list[str]:
-        """Newton's iteration for all lanes: unchecked steps first, then each with its test."""
-        lines = ["for k in range(L):", *indent(1, [*self.random_step(), *self.unchecked()])]
-        lines += [] if not self.starts() else ["I[WORK] += UNCHECKED * I[LIVING]"]
-        lines += ["left = I[LIVING]", "for iteration in range(FAST):"]
+        """Newton's iteration: the first steps for all lanes, the next for groups, and what is left lane by lane."""
+        lines = ["left = 0", "for k in range(L):", *indent(1, [*self.random_step(), *self.first_steps()])]
+        lines += ["I[WORK] += FIRST_STEPS * I[LIVING]"] if self.starts() else []
+        lines += ["for iteration in range(FAST):"]
         lines += ["    if left == 0:", "        break", "    I[WORK] += left", "    left = 0"]
-        lines += ["    for k in range(L):", *indent(2, self.iteration())]
+        lines += indent(1, self.groups(1, self.lanes_do(self.iteration())))
         lines += ["trouble = left", "if left > 0:", "    for k in range(L):", "        if I[BUSY + k] != 0:"]
         lines += ["            code = _carefully(S, I, k, P)", "            I[STATUS + k] = code"]
         lines += ["            trouble += 1 if code != 0 else 0"]
         return lines
 
-    def unchecked(self) -> list[str]:
-        """Where the iteration starts: two steps in registers where H and B are defined everywhere.
+    def groups(self, mark: int, lines: list[str]) -> list[str]:
+        """The lines for each group of lanes, one of which at least has this mark."""
+        some = [
+            "some = 0",
+            "for k in range(group, group + GROUP):",
+            f"    some += pick(I[BUSY + k] == {mark}, 1, 0)",
+        ]
+        return ["for group in range(0, L, GROUP):", *indent(1, [*some, "if some > 0:", *indent(1, lines)])]
 
-        A test costs as much as a third of a step, and two steps are needed for every Δ above 1e-6.
+    def lanes_do(self, lines: list[str]) -> list[str]:
+        """The lines for each lane of a group."""
+        return ["for k in range(group, group + GROUP):", *indent(1, lines)]
+
+    def first_steps(self) -> list[str]:
+        """Three steps in registers; only the last is tested.
+
+        A test costs as much as a third of a step, and three steps are needed for every Δ above 1e-5.
         """
         n = self.unknowns
         e = Text(self.parameters)
         y = [f"y{i}" for i in range(self.d)]
         e.lines += [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
-        z, c = ["0.0"] * n, ["INF"]
-        if self.starts():
-            for _ in range(UNCHECKED):
-                _, c = self.newton(e, y, z)
-                z = [e.let(f"{a} - {b}" if a != "0.0" else f"-{b}") for a, b in zip(z, c, strict=True)]
-        e.lines.append(f"scale = {' + '.join(f'abs({v})' for v in y)}")
+        e.lines += ["busy = I[ALIVE + k] != 0", f"scale = {' + '.join(f'abs({v})' for v in y)}"]
+        z = ["0.0"] * n
+        for _ in range(FIRST_STEPS if self.starts() else 0):
+            _, c = self.newton(e, y, z)
+            e.lines += ["before = INF" if z[0] == "0.0" else "before = m", *self.magnitude(c)]
+            z = [e.let(f"-{b}") if a == "0.0" else e.let(f"{a} - {b}") for a, b in zip(z, c, strict=True)]
+            z = self.kept_inside(e, y, z)
+        e.lines += self.test() if self.starts() else ["m = INF", "still = busy"]
         e.lines += [f"{self.at('Z', i)} = {v}" for i, v in enumerate(z)]
         e.lines += [
-            f"{self.at('P')} = {' + '.join(f'abs({v})' for v in c)}",
+            f"{self.at('P')} = m",
             f"{self.at('X')} = scale",
             f"{self.at('D')} = delta",
-            "I[BUSY + k] = I[ALIVE + k]",
+            "left += pick(still, 1, 0)",
+            "I[BUSY + k] = pick(still, 1, 0)",
         ]
         return e.lines
+
+    def kept_inside(self, e: Text, y: list[str], z: list[str]) -> list[str]:
+        """z, no number where its state is outside the domain: nothing is computed with that, and it is never done."""
+        if not self.has_domain():
+            return z
+        e.lines.append(f"inside = {self.inside(e, y, z)}")
+        return [e.let(f"pick({self.inside(e, y, z)}, {v}, NAN)") for v in z]
+
+    @staticmethod
+    def magnitude(c: list[str]) -> list[str]:
+        """m = Σ|c_i|."""
+        return [f"m = {' + '.join(f'abs({v})' for v in c)}"]
+
+    def test(self) -> list[str]:
+        """Whether the correction of size m, applied, leaves an error below rounding."""
+        return [
+            "later = (before < INF) | (m <= FIRST * scale)",
+            "next = m * m * m <= LEFT * scale * (before * before)",
+            f"done = (next & later & (m <= {LEFT / self.problem.rate!r} * scale)) | (m <= TINY * scale)",
+            f"still = busy & no(done{' & inside' if self.has_domain() else ''})",
+        ]
 
     def newton(
         self, e: Text, y: list[str], z: list[str], pivoted: bool = False
@@ -174,29 +214,17 @@ class Writer:
         e.lines += [f"{v} = {self.at('Z', i)}" for i, v in enumerate(z)]
         e.lines.append(f"delta = {self.at('D')}")
         _, c = self.newton(e, y, z)
+        moved = self.kept_inside(e, y, [e.let(f"{a} - {b}") for a, b in zip(z, c, strict=True)])
         e.lines += [
-            f"m = {' + '.join(f'abs({v})' for v in c)}",
+            *self.magnitude(c),
             "busy = I[BUSY + k] != 0",
             f"scale = {self.at('X')}",
             f"before = {self.at('P')}",
             f"{self.at('P')} = m",
-            "later = (before < INF) | (m <= FIRST * scale)",
-            "next = m * m * m <= LEFT * scale * (before * before)",
-            f"done = (next & later & (m <= {LEFT / self.problem.rate!r} * scale)) | (m <= TINY * scale)",
+            *self.test(),
         ]
-        moved = [f"n{i}" for i in range(n)]
-        e.lines += [f"{moved[i]} = {z[i]} - {c[i]}" for i in range(n)]
-        if self.has_domain():
-            # Outside the domain nothing is computed with: what comes of it is no number.
-            e.lines.append(f"inside = {self.inside(e, y, moved)}")
-            e.lines += [f"{v} = pick(inside, {v}, NAN)" for v in moved]
-            e.lines.append("done = done & inside")
         e.lines += [f"{self.at('Z', i)} = pick(busy, {moved[i]}, {z[i]})" for i in range(n)]
-        e.lines += [
-            "still = busy & no(done)",
-            "left += pick(still, 1, 0)",
-            "I[BUSY + k] = pick(still, 1, 0)",
-        ]
+        e.lines += ["left += pick(still, 1, 0)", "I[BUSY + k] = pick(still, 1, 0)"]
         return e.lines
 
     def carefully(self) -> list[str]:
@@ -251,8 +279,8 @@ class Writer:
         return " & ".join(f"({f})" for f in found)
 
     def starts(self) -> bool:
-        """Whether there are unchecked steps; not for large systems, whose code is long enough."""
-        return not self.has_domain() and self.unknowns <= LARGE
+        """Whether there are steps in registers; not for large systems, whose code is long enough."""
+        return self.unknowns <= LARGE
 
     def has_domain(self) -> bool:
         return self.problem.domain(Text(), [f"y{i}" for i in range(self.d)]) is not None
@@ -369,7 +397,7 @@ L, SIZE, NOISES = {{lanes}}, {{size}}, {{noises}}
 INF = np.inf
 MOST, HALVINGS = {MAX_ITERATIONS}, {MAX_HALVINGS}
 STAGNATION, FIRST, LEFT, TINY, ROUNDING = {STAGNATION!r}, {FIRST!r}, {LEFT!r}, {TINY!r}, {ROUNDING!r}
-UNCHECKED, FAST = {UNCHECKED}, {FAST}
+FIRST_STEPS, FAST, GROUP = {FIRST_STEPS}, {FAST}, {{group}}
 NAN = np.nan
 NO_CONVERGENCE, LEFT_DOMAIN = {int(Status.NO_CONVERGENCE)}, {int(Status.LEFT_DOMAIN)}
 BROKEN, SINGULAR = {int(Status.OVERFLOW)}, {int(Status.SINGULAR)}

@@ -30,8 +30,6 @@ from sepv.tableaux import exact_nodes, gauss_tableau, moments
 # costs what forty lanes take, and Newton's iteration for one lane a hundred times as much.
 BLIND, TESTED = 8, 40
 FUSED = 2
-# Lanes that go on together: two registers.
-GROUP = 16
 # Corrections must shrink by this factor.
 SHRINKS = 0.9
 
@@ -89,19 +87,6 @@ class StagesWriter(Writer):
             "if trouble > 0:", "    for k in range(L):", "        if I[BUSY + k] != 0:",
             "            I[STATUS + k] = _carefully(S, I, k, P)",
         ]  # fmt: skip
-
-    def groups(self, mark: int, lines: list[str]) -> list[str]:
-        """The lines for each group of lanes, one of which at least has this mark."""
-        some = [
-            "some = 0",
-            "for k in range(group, group + GROUP):",
-            f"    some += pick(I[BUSY + k] == {mark}, 1, 0)",
-        ]
-        return ["for group in range(0, L, GROUP):", *indent(1, [*some, "if some > 0:", *indent(1, lines)])]
-
-    def lanes_do(self, lines: list[str]) -> list[str]:
-        """The lines for each lane of a group."""
-        return ["for k in range(group, group + GROUP):", *indent(1, lines)]
 
     @property
     def checked(self) -> bool:
@@ -239,7 +224,7 @@ class StagesWriter(Writer):
             f"COUNTS, FIRSTS, W, INTEGRALS = rules({s}, {tuple(ladder)})",
             f"A, WEIGHTS = tableau({s})",
             f"BLIND, FUSED = {(BLIND, FUSED) if self.straight else (4, 1)}",
-            f"TESTED, GROUP = {TESTED}, {min(GROUP, self.lanes)}",
+            f"TESTED = {TESTED}",
             "",
         ]
         for name in ("gradient", "hessian", "structure"):
