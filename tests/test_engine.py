@@ -261,6 +261,32 @@ def test_stages_with_a_quadrature_whose_error_is_controlled(stages: int, name: s
     assert fast.energy_defect[solved].max() <= 3 * plain.energy_defect[solved].max()
 
 
+@pytest.mark.parametrize(
+    ("name", "h"),
+    [
+        ("rigid-body", 1 / 16),
+        *(pytest.param(n, 1 / 16, marks=pytest.mark.deep) for n in ("pendulum", "lotka-volterra")),
+    ],
+)
+def test_projection_by_both_engines(name: str, h: float) -> None:
+    problem, scheme = problems.by_name(name), schemes.projected(8)
+    fast, plain = both(scheme, problem, h=h, T=1.0, paths=300, seed=0)
+    assert fast.engine == "compiled"
+    assert np.mean(fast.status == plain.status) >= 0.98
+    solved = (fast.status == 0) & (plain.status == 0)
+    assert solved.sum() >= 280
+    few = sepv.ensemble(scheme, problem, h=h, T=1.0, paths=3, seed=0, engine="compiled")
+    assert np.array_equal(few.y, fast.y[:, :3])
+    # Twelve stages round a few ulp each in every one of 16 steps.
+    assert np.max(np.abs(fast.y - plain.y)[:, solved]) < 64 * 16 * 2.3e-16 * np.max(np.abs(plain.y))
+    assert fast.energy_defect[solved].max() <= 3 * plain.energy_defect[solved].max()
+    assert fast.casimir_defect[solved].max() <= 3 * plain.casimir_defect[solved].max()
+    # Twelve stages and the gradient at the end once in a step, an average for each iteration of the projection.
+    expected = 300 * 16 * 13 + fast.iterations
+    assert solved.sum() < 300 or name != "rigid-body" or fast.gradient_evaluations == expected
+    assert solved.sum() < 300 or fast.structure_evaluations == 300 * 16 * 12
+
+
 @pytest.mark.deep
 def test_stages_at_a_stiff_step_are_left_to_newton() -> None:
     from sepv.polynomial import constant, polynomial

@@ -24,7 +24,7 @@ class Chunk:
         blocks = -(-task.count // lanes)
         self.lanes = lanes
         self.S = np.zeros((blocks, module.SIZE))
-        self.I = np.zeros((blocks, 4 * lanes + 4), dtype=np.int64)
+        self.I = np.zeros((blocks, 4 * lanes + 5), dtype=np.int64)
         for i, value in enumerate(task.y0):
             self._floats(i)[:] = value
         self._integers(1)[:] = (np.arange(blocks * lanes) < task.count).reshape(blocks, lanes)
@@ -88,8 +88,8 @@ class Chunk:
             failed_step=self._flat(self._integers(3)),
             energy_defect=self._flat(self._floats(module.ENERGY)),
             casimir_defect=self._flat(self._floats(module.CASIMIR)),
-            gradient_evaluations=int(self.I[:, -4].sum()) or iterations * self.kernel.gradients,
-            structure_evaluations=iterations * self.kernel.structures,
+            gradient_evaluations=int(self.I[:, -5].sum()) or iterations * self.kernel.gradients,
+            structure_evaluations=int(self.I[:, -4].sum()) or iterations * self.kernel.structures,
             iterations=iterations if module.IMPLICIT else 0,
             times=np.array(self.task.stops, dtype=np.float64) * self.task.h,
             states=kept if kept.size else np.empty((0, d, M)),

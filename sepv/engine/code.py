@@ -73,6 +73,9 @@ class ProblemCode(Protocol):
     def casimirs(self, e: Text, y: Sequence[str]) -> list[Expression]:
         """The quadratic Casimirs, then the linear ones."""
 
+    def casimir_gradients(self, e: Text, ends: Sequence[str]) -> Table:
+        """Their gradients averaged along a segment, whose ends have the sum `ends`."""
+
 
 def quadratic_form(e: Text, A: Any, y: Sequence[str]) -> Expression:
     """Σ_ij A_ij (y_i y_j), row by row, without zeros."""
@@ -82,6 +85,14 @@ def quadratic_form(e: Text, A: Any, y: Sequence[str]) -> Expression:
     for i, j in terms:
         value = e.plus(e.product(e.number(float(A[i][j])), y[i]), y[j], value)
     return value
+
+
+def casimir_gradients(e: Text, quadratic: Any, linear: Any, ends: Sequence[str]) -> Table:
+    """A(y0 + y1), and b."""
+    rows: Table = []
+    for A in quadratic:
+        rows.append([e.dot([e.number(float(a)) if a else None for a in row], ends) for row in A])
+    return rows + [[e.number(float(v)) if v else None for v in b] for b in linear]
 
 
 def skew(d: int, upper: dict[tuple[int, int], Expression], e: Text) -> Table:

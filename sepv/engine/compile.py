@@ -14,7 +14,8 @@ from sepv.engine.code import ProblemCode
 from sepv.engine.kernel import Writer
 from sepv.engine.named import LotkaVolterra, Pendulum, as_polynomial
 from sepv.engine.polynomials import PolynomialCode
-from sepv.engine.schemes import FORMULAS, Formula
+from sepv.engine.projected import ProjectedWriter
+from sepv.engine.schemes import FORMULAS, Formula, Projected
 from sepv.engine.stages import StagesWriter
 from sepv.engine.user import CannotTranslate, UserCode
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
@@ -85,8 +86,10 @@ def _written(
     problem: ProblemCode, formula: Formula, noises: int, lanes: int, compensated: bool
 ) -> tuple[str, list[float]]:
     """A module's source, and the parameters that its kernel reads after the c_j."""
-    kind = StagesWriter if formula.stages > 1 else Writer
-    writer = kind(problem, formula, noises, lanes, compensated)
+    several = StagesWriter if formula.stages > 1 else Writer
+    writer = (ProjectedWriter if isinstance(formula, Projected) else several)(
+        problem, formula, noises, lanes, compensated
+    )
     return writer.text(), writer.parameters
 
 

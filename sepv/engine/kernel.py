@@ -405,7 +405,7 @@ PIECE, IMPLICIT = {{piece}}, {{implicit}}
 # Rows of L in the scratch buffer.
 ENERGY, CASIMIR = {{energy}}, {{casimir}}
 BUSY, ALIVE, STATUS, FAILED = 0, L, 2 * L, 3 * L
-EVALUATIONS, LIVING, WORK, DONE = 4 * L, 4 * L + 1, 4 * L + 2, 4 * L + 3
+EVALUATIONS, STRUCTURES, LIVING, WORK, DONE = 4 * L, 4 * L + 1, 4 * L + 2, 4 * L + 3, 4 * L + 4
 
 
 '''

@@ -88,6 +88,10 @@ class Pendulum:
         """None."""
         return []
 
+    def casimir_gradients(self, e: Text, ends: Sequence[str]) -> Table:  # noqa: ARG002 - none
+        """None."""
+        return []
+
 
 class LotkaVolterra:
     """H = ab y1 + y2 − a y3 + ν ln y2 − μ ln y3 in the octant; means of 1/y by log1p."""
@@ -154,6 +158,10 @@ class LotkaVolterra:
 
     def casimirs(self, e: Text, y: Sequence[str]) -> list[Expression]:  # noqa: ARG002 - none
         """Its Casimir is not quadratic."""
+        return []
+
+    def casimir_gradients(self, e: Text, ends: Sequence[str]) -> Table:  # noqa: ARG002 - none
+        """None."""
         return []
 
     def _slopes(self, e: Text, reciprocals: list[str]) -> list[Expression]:

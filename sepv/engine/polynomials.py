@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from sepv import polynomial as poly
 from sepv.average import gauss_legendre
-from sepv.engine.code import Table, quadratic_form
+from sepv.engine.code import Table, casimir_gradients, quadratic_form
 from sepv.engine.text import Expression, Text
 from sepv.polynomial import Polynomial
 from sepv.problem import PolynomialSystem
@@ -68,6 +68,10 @@ class PolynomialCode:
         """yᵀAy and bᵀy."""
         quadratic = [quadratic_form(e, A, y) for A in self.data.casimirs]
         return quadratic + [e.dot([e.number(v) for v in b], y) for b in self.data.linear_casimirs]
+
+    def casimir_gradients(self, e: Text, ends: Sequence[str]) -> Table:
+        """A(y0 + y1), and b."""
+        return casimir_gradients(e, self.data.casimirs, self.data.linear_casimirs, ends)
 
 
 class PolynomialNambu:

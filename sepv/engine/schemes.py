@@ -223,6 +223,11 @@ class Collocation(Formula):
         return [at(e, y, z, row) for row in (tableau.b, *tableau.A)]
 
 
+@dataclass(frozen=True)
+class Projected(Formula):
+    """An explicit increment, projected on the invariants; `gradients` and `structures` are those of the increment."""
+
+
 FORMULAS: dict[str, Formula] = {
     "energy-preserving": Formula(energy_preserving, True, 1, 1, averaged=True),
     "midpoint": Formula(midpoint, True, 1, 1),
@@ -231,6 +236,8 @@ FORMULAS: dict[str, Formula] = {
     "milstein": Formula(milstein, False, 1, 1),
     "explicit-4": Formula(runge_kutta(4), False, 4, 4),
     "explicit-8": Formula(runge_kutta(8), False, 12, 12),
+    "projected-4": Projected(runge_kutta(4), True, 4, 4, averaged=True),
+    "projected-8": Projected(runge_kutta(8), True, 12, 12, averaged=True),
     "collocation-1": Formula(energy_preserving, True, 1, 1, averaged=True),
     **{f"collocation-{s}": Collocation(None, True, 1, s, True, s) for s in range(2, MAX_STAGES + 1)},
 }

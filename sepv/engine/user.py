@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from sepv.average import gauss_legendre
-from sepv.engine.code import Table, quadratic_form, skew
+from sepv.engine.code import Table, casimir_gradients, quadratic_form, skew
 from sepv.engine.text import Expression, Text
 from sepv.errors import ProblemError
 from sepv.problem import Problem, ScalarFunctions
@@ -92,6 +92,10 @@ class UserCode:
         """yᵀAy and bᵀy."""
         quadratic = [quadratic_form(e, A, y) for A in self.problem.casimirs]
         return quadratic + [e.dot([e.number(float(v)) for v in b], y) for b in self.problem.linear_casimirs]
+
+    def casimir_gradients(self, e: Text, ends: Sequence[str]) -> Table:
+        """A(y0 + y1), and b."""
+        return casimir_gradients(e, self.problem.casimirs, self.problem.linear_casimirs, ends)
 
     def _gradient(self, e: Text, y: Sequence[str]) -> list[str]:
         call = e.let(f"user_gradient({', '.join(y)})")

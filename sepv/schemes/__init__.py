@@ -16,6 +16,7 @@ from sepv.schemes.explicit import explicit as explicit
 from sepv.schemes.gauss import gauss as gauss
 from sepv.schemes.midpoint import scheme as midpoint
 from sepv.schemes.milstein import scheme as milstein
+from sepv.schemes.projected import projected as projected
 from sepv.schemes.several_structures import scheme as several_structures
 from sepv.tableaux import MAX_STAGES
 
@@ -23,7 +24,10 @@ ALL: dict[str, Scheme] = {
     s.name: s for s in (energy_preserving, midpoint, discrete_gradient, euler_heun, milstein, euler_maruyama)
 }
 # What the paper does not have.
-MORE: dict[str, Scheme] = {s.name: s for s in (both_invariants, several_structures, explicit(4), explicit(8))}
+MORE: dict[str, Scheme] = {
+    s.name: s
+    for s in (both_invariants, several_structures, explicit(4), explicit(8), projected(4), projected(8))
+}
 # Families: NAME-s is their member with s stages, s = 1 … MAX_STAGES.
 FAMILIES: dict[str, Callable[[int], Scheme]] = {"collocation": collocation, "gauss": gauss}
 
@@ -65,5 +69,6 @@ __all__ = [
     "gauss",
     "midpoint",
     "milstein",
+    "projected",
     "several_structures",
 ]

@@ -10,10 +10,23 @@ from __future__ import annotations
 from functools import lru_cache
 
 from sepv.errors import UsageError
-from sepv.explicit_tableaux import TABLEAUX
+from sepv.explicit_tableaux import TABLEAUX, ExplicitTableau
 from sepv.fields import vector_field
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme, as_lanes
+
+
+def end(problem: Problem, tableau: ExplicitTableau, y0: Array, delta: Array, start: Array) -> Array:
+    """start + Δ Σ b_i f(Y_i) for y0 (d, M) and Δ (M,): the step's end from y0, its increment from zero."""
+    slopes: list[Array] = []
+    for row in tableau.A:
+        state = y0
+        for j, a in row.items():
+            state = state + (a * delta) * slopes[j]
+        slopes.append(vector_field(problem, state))
+    for i, b in tableau.b.items():
+        start = start + (b * delta) * slopes[i]
+    return start
 
 
 @lru_cache(maxsize=4)
@@ -36,17 +49,7 @@ def explicit(order: int) -> Scheme:
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         """One step, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M)."""
         y0, noise = as_lanes(problem, y, h, dW)
-        delta = problem.random_step(h, noise)
-        slopes: list[Array] = []
-        for row in tableau.A:
-            state = y0
-            for j, a in row.items():
-                state = state + (a * delta) * slopes[j]
-            slopes.append(vector_field(problem, state))
-        y1 = y0
-        for i, b in tableau.b.items():
-            y1 = y1 + (b * delta) * slopes[i]
-        return y1.reshape(y.shape)
+        return end(problem, tableau, y0, problem.random_step(h, noise), y0).reshape(y.shape)
 
     return Scheme(
         name=f"explicit-{order}",

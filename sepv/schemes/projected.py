@@ -1,0 +1,160 @@
+"""Explicit Runge-Kutta methods projected on the invariants: the strongest rival where steps are not stiff.
+
+From the end y* of the explicit step of order p one goes along the gradients of the invariants there,
+
+    y1 = y* − Σ_k λ_k ∇I_k(y*)   with   I_k(y1) = I_k(y0)
+
+for H and every quadratic or linear Casimir: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006),
+IV.4. The λ are found by the simplified Newton iteration whose matrix is that of the products ∇I_jᵀ∇I_k at y*. The
+differences I_k(y) − I_k(y0) are computed as g_kᵀ(y − y0) with g_k = ∫₀¹∇I_k(y0 + τ(y − y0))dτ, which is the same number
+without cancellation: a large constant in H costs nothing.
+
+**Order.** y1 differs from y* by O(Δ^{p+1}): the orders are those of the explicit method. It is neither symmetric nor
+the midpoint rule for quadratic H, and what it keeps, it keeps by moving the state along gradients, not by B.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from sepv.average import average_gradient
+from sepv.explicit_tableaux import TABLEAUX
+from sepv.implicit import STAGNATION, Solution, Status, require_converged
+from sepv.problem import Array, Problem
+from sepv.scheme import Scheme, as_lanes
+from sepv.schemes.explicit import end, explicit
+
+# Each iteration gains a factor of about |I″||y1 − y*|/|∇I|; a step that needs more than this is far too coarse.
+MOST = 30
+# Gradients closer to those before them than this, relative to their length, are the same to rounding: they add nothing.
+DEPENDENT = 2.0**-40
+# Changes below a quarter of a rounding of the state.
+TINY = 2.0**-54
+
+
+def averaged_gradients(problem: Problem, y0: Array, z: Array) -> tuple[list[Array], np.ndarray, np.ndarray]:
+    """g_k (d, M) of H, then of the quadratic and linear Casimirs; evaluations of ∇H, and where they are reliable."""
+    mean = average_gradient(problem, y0, y0 + z)
+    ends = 2.0 * y0 + z
+    quadratic = [np.asarray(A) @ ends for A in problem.casimirs]
+    linear = [
+        np.repeat(np.asarray(b, dtype=np.float64)[:, None], y0.shape[1], axis=1)
+        for b in problem.linear_casimirs
+    ]
+    return [mean.value, *quadratic, *linear], mean.evaluations, mean.reliable
+
+
+def end_gradients(problem: Problem, y: Array) -> list[Array]:
+    """∇I_k(y) in the same order."""
+    quadratic = [2.0 * (np.asarray(A) @ y) for A in problem.casimirs]
+    linear = [
+        np.repeat(np.asarray(b, dtype=np.float64)[:, None], y.shape[1], axis=1)
+        for b in problem.linear_casimirs
+    ]
+    return [problem.gradient(y), *quadratic, *linear]
+
+
+class Directions:
+    """Gradients N_k (d, M) at y* and Gram and Schmidt's vectors q_k, each made orthogonal twice."""
+
+    def __init__(self, gradients: list[Array]) -> None:
+        self.q: list[Array] = []
+        self.inverse: list[Array] = []
+        self.products: list[list[Array]] = []
+        for N in gradients:
+            q = N
+            for _ in range(2):
+                for b, inverse in zip(self.q, self.inverse, strict=True):
+                    q = q - b * (np.sum(b * q, axis=0) * inverse)
+            left, length = np.sum(q * q, axis=0), np.sum(N * N, axis=0)
+            new = left > DEPENDENT**2 * length
+            self.products.append([np.sum(b * N, axis=0) for b in self.q])
+            self.q.append(q)
+            self.inverse.append(np.where(new, 1.0 / np.where(new, left, 1.0), 0.0))
+
+    def correction(self, r: list[Array], lanes: np.ndarray) -> Array:
+        """u in the span of the N_k with N_kᵀu = r_k, where they are independent."""
+        weights: list[Array] = []
+        for k, moved in enumerate(r):
+            value = moved
+            for w, product in zip(weights, self.products[k], strict=True):
+                value = value - product[lanes] * w
+            weights.append(value * self.inverse[k][lanes])
+        return np.asarray(sum(q[:, lanes] * w for q, w in zip(self.q, weights, strict=True)))
+
+
+def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> Solution:
+    """One step of a batch: y0 (d, M), Δ (M,). The unknown is z = y1 − y0, and its start z* = y* − y0."""
+    tableau = TABLEAUX[order]
+    with np.errstate(all="ignore"):
+        full = end(problem, tableau, y0, delta, np.zeros_like(y0))
+        M = y0.shape[1]
+        z, status = full.copy(), np.full(M, Status.NO_CONVERGENCE, dtype=np.int64)
+        iterations, gradients = np.zeros(M, dtype=np.int64), np.full(M, len(tableau.A) + 1)
+        residual, before = np.zeros(M), np.full(M, np.inf)
+        scale = np.maximum(np.max(np.abs(y0), axis=0), np.max(np.abs(full), axis=0))
+        directions = Directions(end_gradients(problem, y0 + full))
+        lanes = np.arange(M)
+        for _ in range(MOST):
+            if not lanes.size:
+                break
+            found, cost, reliable = averaged_gradients(problem, y0[:, lanes], z[:, lanes])
+            correction = directions.correction([np.sum(g * z[:, lanes], axis=0) for g in found], lanes)
+            change = np.max(np.abs(correction), axis=0)
+            iterations[lanes] += 1
+            gradients[lanes] += cost
+            z[:, lanes] -= correction
+            residual[lanes] = change
+            stays = (change >= 0.5 * before[lanes]) & (change <= STAGNATION**2 * 64 * scale[lanes])
+            done = (change <= TINY * scale[lanes]) | stays
+            broken = ~np.isfinite(change)
+            status[lanes[done]] = Status.CONVERGED
+            status[lanes[~reliable]] = Status.QUADRATURE
+            status[lanes[broken]] = Status.OVERFLOW
+            before[lanes] = change
+            lanes = lanes[~done & ~broken & reliable]
+        y1 = y0 + z
+        if problem.domain is not None:
+            outside = ~np.asarray(problem.domain(y1), dtype=bool)
+            status[outside & (status == Status.CONVERGED)] = Status.LEFT_DOMAIN
+        structures = np.full(M, len(tableau.A))
+    return Solution(y1, residual, iterations, gradients, structures, status, change=z)
+
+
+@lru_cache(maxsize=4)
+def projected(order: int) -> Scheme:
+    """The projected method of order 4 or 8, as a scheme with truncation k = order.
+
+    Raises
+    ------
+    UsageError
+        For another order.
+    """
+    plain = explicit(order)
+
+    def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
+        """One step of a batch with residual (of the projection), counts and status of each lane."""
+        state, noise = as_lanes(problem, y, h, dW)
+        return solve_projection(problem, order, state, problem.random_step(h, noise))
+
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        """One step, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M); StepFailure where unsolved."""
+        state, noise = as_lanes(problem, y, h, dW)
+        delta = problem.random_step(h, noise)
+        solution = solve_projection(problem, order, state, delta)
+        return require_converged(problem, state, delta[None], solution).reshape(np.shape(y))
+
+    return Scheme(
+        name=f"projected-{order}",
+        step=step,
+        # Not equivariance: orthogonal to a gradient means something in a metric, which linear maps do not keep.
+        claims=(*(law for law in plain.claims if law != "equivariance"), "energy", "casimir"),
+        mean_square_order=plain.mean_square_order,
+        weak_order=plain.weak_order,
+        source="explicit Runge-Kutta with the random step, and projection",
+        solve=solve,
+        truncation=order,
+        batched=True,
+    )
