@@ -141,15 +141,20 @@ def spreads(T: float, grid: Grid) -> Array:
     return factors
 
 
-def stream_states(seed: int, paths: ArrayLike, grid: Grid) -> NDArray[np.uint64]:
-    """The initial states of the streams of SFC64, (streams, 4, M).
+def stream_seeds(seed: int, paths: ArrayLike, grid: Grid) -> list[NDArray[np.uint64]]:
+    """The states of the streams of SFC64 before they are mixed, four words of shape (streams, M).
 
     Stream 0 is the coarse part; stream i > 0 draws level top + i and is numbered by that level.
     """
     levels = np.concatenate([[0], np.arange(grid.top + 1, grid.halvings + 1)])
     word = np.asarray(paths, dtype=np.uint64)[None] * np.uint64(_STREAMS) + levels.astype(np.uint64)[:, None]
     a, b = np.random.SeedSequence(int(seed)).generate_state(2, np.uint64)
-    state = [np.full_like(word, a), np.full_like(word, b), word, np.ones_like(word)]
+    return [np.full_like(word, a), np.full_like(word, b), word, np.ones_like(word)]
+
+
+def stream_states(seed: int, paths: ArrayLike, grid: Grid) -> NDArray[np.uint64]:
+    """The initial states of the streams, (streams, 4, M): the seeds after MIXING draws."""
+    state = stream_seeds(seed, paths, grid)
     for _ in range(MIXING):
         out = state[0] + state[1] + state[3]
         state = [

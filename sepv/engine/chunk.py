@@ -36,8 +36,9 @@ class Chunk:
         numbers = task.first + np.arange(blocks * lanes)
         self.rng = np.zeros((blocks, streams, 4, lanes), dtype=np.uint64)
         if streams:
-            states = wiener.stream_states(task.seed, numbers, self.grid)
-            self.rng[:] = np.moveaxis(states.reshape(streams, 4, blocks, lanes), 2, 0)
+            # Mixed by the kernel, which holds no lock meanwhile.
+            for i, word in enumerate(wiener.stream_seeds(task.seed, numbers, self.grid)):
+                self.rng[:, :, i] = word.reshape(streams, blocks, lanes).swapaxes(0, 1)
         self.stack = np.zeros((blocks, streams, m, lanes))
         coarse = self.grid.base << self.grid.top if streams and self.grid.base <= wiener.TOP else 0
         self.top = np.zeros((blocks, coarse, m, lanes))

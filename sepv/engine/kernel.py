@@ -390,7 +390,7 @@ import numpy as np
 from numba import njit
 
 from sepv.engine.functions import fma, no, pick, pivoted, wide
-from sepv.engine.lanes import coarse, fill
+from sepv.engine.lanes import coarse, fill, mix
 {{imports}}{{preamble}}
 _kernel = njit(error_model="numpy", nogil=True, cache=True)
 L, SIZE, NOISES = {{lanes}}, {{size}}, {{noises}}
@@ -427,6 +427,8 @@ def run(S, I, W, rng, stack, top, factors, base, halvings, given, place, n0, n1,
     for b in range(S.shape[0]):
         if n0 == 0:
             _start(S[b], P)
+            for stream in range(rng.shape[1]):
+                mix(rng[b, stream])
             if given.shape[0] == 0 and top.shape[1] > 0:
                 coarse(rng[b], top[b], factors, base, halvings, np.empty((top.shape[1], NOISES, L)), raw)
         alive = True

@@ -13,6 +13,7 @@ from numba import njit
 from numba.np.random._constants import fi_double, ki_double, wi_double, ziggurat_nor_inv_r, ziggurat_nor_r
 
 from sepv.engine.functions import pick
+from sepv.wiener import MIXING
 
 _kernel: Any = njit(error_model="numpy", nogil=True, cache=True)
 _WIDTH = np.array(wi_double, dtype=np.float64)
@@ -33,6 +34,14 @@ def _next(state: Any, k: int) -> Any:
     state[2, k] = ((c << np.uint64(24)) | (c >> np.uint64(40))) + out
     state[3, k] = counter + np.uint64(1)
     return out
+
+
+@_kernel
+def mix(state: Any) -> None:
+    """From the seeds of a stream (4, L) to its initial states: the first draws, which are not used."""
+    for _ in range(MIXING):
+        for k in range(state.shape[1]):
+            _next(state, k)
 
 
 @_kernel
