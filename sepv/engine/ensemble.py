@@ -172,7 +172,8 @@ def choose(
 def _chunks(whole: Task, workers: Any) -> list[Task]:
     size = CHUNK
     if whole.compiled and isinstance(workers, int):
-        share = -(-whole.count // (max(workers, 1) * SHARES * LANES)) * LANES
+        shares = SHARES * workers if workers > 1 else 1
+        share = -(-whole.count // (shares * LANES)) * LANES
         size = min(max(share, LANES), 4 * CHUNK)
     tasks = []
     near = isinstance(workers, int) and (whole.compiled or workers == 1)
