@@ -121,3 +121,20 @@ def test_orders_and_claims() -> None:
     )
     assert not {"symmetry", "midpoint", "any-casimir"} & scheme.claims
     assert replace(scheme, name="x").solve is scheme.solve
+
+
+def test_a_batch_has_the_bits_of_its_states_with_any_casimir() -> None:
+    """A product of a matrix with a batch by a library rounds by the size of the batch."""
+    rng = np.random.default_rng(3)
+    A = np.array([[0.3, 1.0, 0.7], [1.0, 1.1, 2.0], [0.7, 2.0, -0.9]])
+    system = PolynomialSystem(
+        3, polynomial(3, SQUARES), (), (1.0,), (tuple(tuple(row) for row in A.tolist()),)
+    )
+    problem, scheme = problems.polynomial_problem(system), schemes.projected(4)
+    y, end = rng.standard_normal((3, 64)), rng.standard_normal((3, 64))
+    from sepv.schemes.projected import end_gradients
+
+    together = end_gradients(problem, y)[1]
+    assert all(np.array_equal(together[:, k], end_gradients(problem, y[:, [k]])[1][:, 0]) for k in range(64))
+    assert np.max(np.abs(together - 2 * A @ y)) < 1e-14
+    assert np.array_equal(scheme.step(problem, end, 0.1, np.zeros((1, 64))), end)

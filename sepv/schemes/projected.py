@@ -16,6 +16,7 @@ the midpoint rule for quadratic H, and what it keeps, it keeps by moving the sta
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -38,7 +39,7 @@ def averaged_gradients(problem: Problem, y0: Array, z: Array) -> tuple[list[Arra
     """g_k (d, M) of H, then of the quadratic and linear Casimirs; evaluations of ∇H, and where they are reliable."""
     mean = average_gradient(problem, y0, y0 + z)
     ends = 2.0 * y0 + z
-    quadratic = [np.asarray(A) @ ends for A in problem.casimirs]
+    quadratic = [_times(A, ends) for A in problem.casimirs]
     linear = [
         np.repeat(np.asarray(b, dtype=np.float64)[:, None], y0.shape[1], axis=1)
         for b in problem.linear_casimirs
@@ -48,12 +49,20 @@ def averaged_gradients(problem: Problem, y0: Array, z: Array) -> tuple[list[Arra
 
 def end_gradients(problem: Problem, y: Array) -> list[Array]:
     """∇I_k(y) in the same order."""
-    quadratic = [2.0 * (np.asarray(A) @ y) for A in problem.casimirs]
+    quadratic = [2.0 * _times(A, y) for A in problem.casimirs]
     linear = [
         np.repeat(np.asarray(b, dtype=np.float64)[:, None], y.shape[1], axis=1)
         for b in problem.linear_casimirs
     ]
     return [problem.gradient(y), *quadratic, *linear]
+
+
+def _times(A: Any, y: Array) -> Array:
+    """A y, component by component: the bits of a library's product depend on the size of the batch."""
+    rows = np.asarray(A, dtype=np.float64)
+    return np.stack(
+        [sum((rows[i, j] * y[j] for j in range(1, len(y))), rows[i, 0] * y[0]) for i in range(len(y))]
+    )
 
 
 class Directions:
