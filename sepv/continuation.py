@@ -15,9 +15,9 @@ from dataclasses import replace
 import numpy as np
 
 from sepv.errors import UsageError
-from sepv.implicit import Solution, Status, merge, require_converged
+from sepv.implicit import Solution, Status, merge
 from sepv.problem import Array, Problem
-from sepv.scheme import Scheme, as_lanes
+from sepv.scheme import Scheme, as_lanes, step_by
 
 # The first share, at which the iteration from y converges wherever it ever does, and the least growth of a share.
 FIRST, LEAST = 2.0**-8, 2.0**-14
@@ -65,9 +65,7 @@ def continued(scheme: Scheme) -> Scheme:
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         """One step; StepFailure where the curve of solutions ends before it."""
-        state, noise = as_lanes(problem, y, h, dW)
-        parts = np.concatenate([np.full((1, state.shape[1]), float(h)), problem.c[:, None] * noise])
-        return require_converged(problem, state, parts, solve(problem, y, h, dW)).reshape(np.shape(y))
+        return step_by(solve, problem, y, h, dW)
 
     return replace(
         scheme,

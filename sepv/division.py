@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from sepv.errors import UsageError
-from sepv.implicit import Solution, Status, merge, require_converged
+from sepv.implicit import Solution, Status, merge
 from sepv.problem import Array, Problem
-from sepv.scheme import Scheme, as_lanes
+from sepv.scheme import Scheme, as_lanes, step_by
 
 MAX_DEPTH = 20
 
@@ -59,10 +59,7 @@ def divided(scheme: Scheme, depth: int = 8) -> Scheme:
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         """One step; StepFailure where even 2^depth parts do not lead through."""
-        state, noise = as_lanes(problem, y, h, dW)
-        solution = _solve(scheme, problem, state, h, noise, int(depth))
-        parts = np.concatenate([np.full((1, state.shape[1]), float(h)), problem.c[:, None] * noise])
-        return require_converged(problem, state, parts, solution).reshape(np.shape(y))
+        return step_by(solve, problem, y, h, dW)
 
     return replace(
         scheme,

@@ -417,8 +417,8 @@ def _take_share(
     return moved
 
 
-def require_converged(problem: Problem, y: Array, step: Array, solution: Solution) -> Array:
-    """The value of a solution whose lanes all converged.
+def require_converged(problem: Problem, y: Array, h: float, dW: Array, solution: Solution) -> Array:
+    """The value of a solution whose lanes all converged; y (d, M) and dW (m, M) are what was solved for.
 
     Raises
     ------
@@ -431,7 +431,7 @@ def require_converged(problem: Problem, y: Array, step: Array, solution: Solutio
         raise StepFailure(
             problem=problem.name,
             y=y[:, lane],
-            delta=float(np.sum(step[:, lane])),
+            delta=float(h + problem.c @ dW[:, lane]),
             residual=float(solution.residual[lane]),
             status=Status(int(solution.status[lane])).text,
             iterations=int(solution.iterations[lane]),

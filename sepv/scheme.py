@@ -10,12 +10,13 @@ from numpy.typing import ArrayLike
 
 from sepv.arguments import floats, is_number
 from sepv.errors import UsageError
-from sepv.implicit import Solution
+from sepv.implicit import Solution, require_converged
 from sepv.problem import Array, Problem
 
 # The classes of systems that a scheme may be for; `sepv.strategies_structures` has cases for each.
 SYSTEMS = ("single", "nambu", "several")
 Step = Callable[[Problem, Array, float, Array], Array]
+Solve = Callable[[Problem, Array, float, Array], Solution]
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ class Scheme:
     source: str = ""
     mean_square_order: float | None = None
     weak_order: float | None = None
-    solve: Callable[[Problem, Array, float, Array], Solution] | None = None
+    solve: Solve | None = None
     solver_tolerance: float = 0.0
     truncation: int | None = 2
     batched: bool = False
@@ -121,3 +122,16 @@ def as_lanes(problem: Problem, y: ArrayLike, h: float, dW: ArrayLike) -> tuple[A
         )
     lanes = state.reshape(d, -1)
     return lanes, increment.reshape(m, lanes.shape[1])
+
+
+def step_by(solve: Solve, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """The step that belongs to a `solve`: y1 in the shape of y, (d,) or (d, M).
+
+    Raises
+    ------
+    StepFailure
+        Where a lane was not solved.
+    """
+    state, noise = as_lanes(problem, y, h, dW)
+    solution = solve(problem, state, h, noise)
+    return require_converged(problem, state, h, noise, solution).reshape(np.shape(y))

@@ -462,15 +462,15 @@ def test_slopes_are_differences_of_the_size_of_the_lane_on_the_side_that_is_insi
 def test_the_first_lane_that_failed_is_the_failure() -> None:
     problem = problems.lotka_volterra()
     status = np.array([Status.CONVERGED, Status.SINGULAR, Status.OVERFLOW])
-    y, steps = np.arange(9.0).reshape(3, 3), np.array([[0.1, 0.2, 0.3], [1.0, 2.0, 3.0]])
+    y, dW = np.arange(9.0).reshape(3, 3), np.array([[2.0, 4.0, 6.0]])
     solution = Solution(-y, np.array([0.0, 7.0, 8.0]), np.array([4, 5, 6]), status, status, status)
     with pytest.raises(StepFailure, match="singular") as caught:
-        implicit.require_converged(problem, y, steps, solution)
+        implicit.require_converged(problem, y, 0.2, dW, solution)  # with c = 0.5
     failure = caught.value
     assert failure.y.tolist() == [1.0, 4.0, 7.0]
     assert (failure.delta, failure.residual, failure.iterations) == (2.2, 7.0, 5)
     fine = Solution(-y, solution.residual, solution.iterations, status, status, 0 * status)
-    assert implicit.require_converged(problem, y, steps, fine) is fine.value
+    assert implicit.require_converged(problem, y, 0.2, dW, fine) is fine.value
 
 
 def test_merging_adds_counts_and_replaces_the_rest() -> None:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from sepv.average import average_gradient
 from sepv.fields import matvec
-from sepv.implicit import Increment, JacobianFunction, require_converged
+from sepv.implicit import Increment, JacobianFunction, Solution
 from sepv.implicit import solve as solve_implicit
 from sepv.problem import Array, Problem
-from sepv.scheme import Scheme, Step, as_lanes
+from sepv.scheme import Scheme, Step, as_lanes, step_by
 from sepv.schemes import energy_preserving as original
 
 # R(problem, y0, y1, step) of shape (d, M), step being (k, M): the right side of an implicit equation.
@@ -85,13 +86,11 @@ def implicit_step(R: RightSide, parts: Parts = random_step, jacobian: JacobianFu
         once = np.ones(y0.shape[1], dtype=np.int64)
         return Increment(R(problem, y0, y1, step), once, once, once.astype(bool))
 
-    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
         y0, noise = as_lanes(problem, y, h, dW)
-        known = parts(problem, h, noise)
-        solution = solve_implicit(problem, y0, known, increment, jacobian or (lambda *_: None))
-        return require_converged(problem, y0, known, solution).reshape(np.shape(y))
+        return solve_implicit(problem, y0, parts(problem, h, noise), increment, jacobian or (lambda *_: None))
 
-    return step
+    return partial(step_by, solve)
 
 
 def explicit_step(update: Callable[[Problem, Array, Array], Array], parts: Parts = random_step) -> Step:

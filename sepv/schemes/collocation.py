@@ -34,10 +34,9 @@ from sepv.implicit import (
     into_domain,
     iterate,
     merge,
-    require_converged,
 )
 from sepv.problem import Array, Problem
-from sepv.scheme import Scheme, as_lanes
+from sepv.scheme import Scheme, as_lanes, step_by
 from sepv.tableaux import check_stages, exact_nodes, gauss_tableau, moments
 
 _EPS = float(np.finfo(np.float64).eps)
@@ -200,10 +199,7 @@ def collocation(stages: int) -> Scheme:
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         """One step, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M); StepFailure where unsolved."""
-        state, noise = as_lanes(problem, y, h, dW)
-        delta = problem.random_step(h, noise)
-        solution = solve_stages(problem, s, state, delta)
-        return require_converged(problem, state, delta[None], solution).reshape(np.shape(y))
+        return step_by(solve, problem, y, h, dW)
 
     return Scheme(
         name=f"collocation-{s}",

@@ -10,11 +10,9 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-import numpy as np
-
-from sepv.implicit import Solution, require_converged
+from sepv.implicit import Solution
 from sepv.problem import Array, Problem
-from sepv.scheme import Scheme, as_lanes
+from sepv.scheme import Scheme, as_lanes, step_by
 from sepv.schemes.collocation import solve_stages
 from sepv.tableaux import check_stages
 
@@ -37,10 +35,7 @@ def gauss(stages: int) -> Scheme:
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         """One step, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M); StepFailure where unsolved."""
-        state, noise = as_lanes(problem, y, h, dW)
-        delta = problem.random_step(h, noise)
-        solution = solve_stages(problem, s, state, delta, averaged=False)
-        return require_converged(problem, state, delta[None], solution).reshape(np.shape(y))
+        return step_by(solve, problem, y, h, dW)
 
     return Scheme(
         name=f"gauss-{s}",

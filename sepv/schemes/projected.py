@@ -22,9 +22,9 @@ import numpy as np
 
 from sepv.average import average_gradient
 from sepv.explicit_tableaux import TABLEAUX
-from sepv.implicit import STAGNATION, Solution, Status, require_converged
+from sepv.implicit import STAGNATION, Solution, Status
 from sepv.problem import Array, Problem
-from sepv.scheme import Scheme, as_lanes
+from sepv.scheme import Scheme, as_lanes, step_by
 from sepv.schemes.explicit import end, explicit
 
 # Each iteration gains a factor of about |I″||y1 − y*|/|∇I|; a step that needs more than this is far too coarse.
@@ -150,10 +150,7 @@ def projected(order: int) -> Scheme:
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         """One step, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M); StepFailure where unsolved."""
-        state, noise = as_lanes(problem, y, h, dW)
-        delta = problem.random_step(h, noise)
-        solution = solve_projection(problem, order, state, delta)
-        return require_converged(problem, state, delta[None], solution).reshape(np.shape(y))
+        return step_by(solve, problem, y, h, dW)
 
     return Scheme(
         name=f"projected-{order}",

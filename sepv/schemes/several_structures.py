@@ -15,10 +15,10 @@ import numpy as np
 
 from sepv.average import average_gradient, average_hessian
 from sepv.fields import contract, matmul, matvec
-from sepv.implicit import Increment, Solution, require_converged
+from sepv.implicit import Increment, Solution
 from sepv.implicit import solve as solve_implicit
 from sepv.problem import Array, Problem
-from sepv.scheme import Scheme, as_lanes
+from sepv.scheme import Scheme, as_lanes, step_by
 from sepv.structures import combined, combined_slope
 
 
@@ -58,10 +58,7 @@ def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     StepFailure
         Where the implicit equation was not solved.
     """
-    state, noise = as_lanes(problem, y, h, dW)
-    known = parts(problem, h, noise)
-    solution = solve_implicit(problem, state, known, increment, jacobian)
-    return require_converged(problem, state, known, solution).reshape(np.shape(y))
+    return step_by(solve, problem, y, h, dW)
 
 
 scheme = Scheme(
