@@ -90,10 +90,10 @@ def _quadrature(problem: Problem, y0: Array, y1: Array, nodes: int) -> tuple[Arr
     extra = (1,) * (y0.ndim - 1)
     states = y0[:, None] + points.reshape(1, -1, *extra) * (y1 - y0)[:, None]
     terms = problem.gradient(states) * weights.reshape(1, -1, *extra)
-    value = terms[:, 0]
+    value, size = terms[:, 0], np.abs(terms[:, 0])
     for n in range(1, nodes):
-        value = value + terms[:, n]
-    return value, np.max(np.sum(np.abs(terms), axis=1), axis=0)
+        value, size = value + terms[:, n], size + np.abs(terms[:, n])
+    return value, np.max(size, axis=0)
 
 
 def argument_rounding(problem: Problem, *states: Array) -> Array:

@@ -6,7 +6,8 @@ BLAS: the bits of one path then do not depend on how many paths are computed bes
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -24,6 +25,11 @@ def matvec(A: Array, v: Array) -> Array:
     return total
 
 
+def dot(u: Array, v: Array) -> Array:
+    """uᵀv, of shape (...): `np.sum` adds eight and more components of a single path in another order than a batch's."""
+    return matvec(u[None], v)[0]
+
+
 def matmul(A: Array, B: Array) -> Array:
     """A B for A of shape (n, d, ...) and B of shape (d, p, ...)."""
     total = A[:, 0, None] * B[0]
@@ -35,6 +41,15 @@ def matmul(A: Array, B: Array) -> Array:
 def vector_field(problem: Problem, y: Array) -> Array:
     """f(y) = B(y)∇H(y), of shape (d, ...)."""
     return matvec(problem.structure(y), problem.gradient(y))
+
+
+def casimir_gradients(quadratic: Sequence[Any], linear: Sequence[Any], ends: Array) -> list[Array]:
+    """∫₀¹∇C(y0 + τ(y1 − y0))dτ of Casimirs yᵀAy and bᵀy, of shape (d, ...) each, for ends = y0 + y1; ∇C(y) for 2y."""
+    extra = (1,) * (ends.ndim - 1)
+    return [
+        *(matvec(np.reshape(A, (*np.shape(A), *extra)), ends) for A in quadratic),
+        *(np.broadcast_to(np.reshape(b, (-1, *extra)), ends.shape) for b in linear),
+    ]
 
 
 def field_jacobian(problem: Problem, y: Array) -> Array | None:

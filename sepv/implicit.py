@@ -190,7 +190,7 @@ def solve(
     def magnitude(z: Array, lanes: NDArray[np.intp]) -> Array:
         reach = np.maximum(np.abs(y0[:, lanes]), np.abs(y0[:, lanes] + z))
         flow = matvec(_majorant(problem.structure, reach), _majorant(problem.gradient, reach))
-        terms: Array = np.abs(step[:, lanes]).sum(axis=0) * flow.max(axis=0)
+        terms: Array = sum(np.abs(step[:, lanes])) * flow.max(axis=0)
         return terms
 
     exact = None not in (problem.degree, problem.hessian, problem.structure_derivative)

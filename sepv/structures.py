@@ -18,7 +18,7 @@ import numpy as np
 
 from sepv.checks import sample_states
 from sepv.errors import ProblemError, UsageError
-from sepv.fields import matvec
+from sepv.fields import casimir_gradients, dot, matvec
 from sepv.problem import Array, Function, Problem
 
 # y(T) from y0 (d,), T and W(T) (m, M), where the flows commute.
@@ -126,37 +126,31 @@ class CommutingStructure:
 
     def __call__(self, y: Array) -> Array:
         v, w = matvec(self.structure(y), self.noise_gradient(y)), self.tangent(y)
-        square = np.sum(w * w, axis=0)
+        square = dot(w, w)
         # At a rest point of H_0 the commuting flows rest too: w = 0, v = 0, and S with them.
         factor = 1.0 / np.where(square > 0, square, 1.0)
         return factor * (v[:, None] * w[None] - w[:, None] * v[None])
 
     def tangent(self, y: Array) -> Array:
         """w, by Gram-Schmidt against ∇C of each Casimir."""
-        slopes = [
-            2 * matvec(np.asarray(A).reshape(*np.shape(A), *(1,) * (y.ndim - 1)), y) for A in self.casimirs
-        ]
-        slopes += [
-            np.broadcast_to(np.reshape(b, (-1, *(1,) * (y.ndim - 1))), y.shape) for b in self.linear_casimirs
-        ]
         basis: list[Array] = []
-        for slope in slopes:
+        for slope in casimir_gradients(self.casimirs, self.linear_casimirs, 2 * y):
             for _ in range(2):  # twice is enough
                 for unit in basis:
-                    slope = slope - np.sum(unit * slope, axis=0) * unit  # noqa: PLW2901
-            length = np.sqrt(np.sum(slope * slope, axis=0))
+                    slope = slope - dot(unit, slope) * unit  # noqa: PLW2901
+            length = np.sqrt(dot(slope, slope))
             basis.append(slope / np.where(length > 0, length, 1.0))
         w = self.gradient(y)
         for _ in range(2):
             for unit in basis:
-                w = w - np.sum(unit * w, axis=0) * unit
+                w = w - dot(unit, w) * unit
         return w
 
     def majorant(self, y: Array) -> Array:
         """What rounding errors of S are relative to, (d, d): 2 M_v M_w/|w|², sums of absolute values of terms."""
         B, g, G = (_majorant(f, y) for f in (self.structure, self.gradient, self.noise_gradient))
         w = self.tangent(y)
-        square, v = np.sum(w * w, axis=0), matvec(B, G)
+        square, v = dot(w, w), matvec(B, G)
         factor = np.where(square > 0, 2.0, 0.0) / np.where(square > 0, square, 1.0)
         return np.asarray(factor * (v[:, None] * g[None] + g[:, None] * v[None]))
 

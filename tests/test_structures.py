@@ -240,6 +240,20 @@ def test_every_casimir_of_either_kind_is_one_of_a_commuting_structure() -> None:
                 assert np.abs(matrix @ slope).max() < 1e-12 * size * np.abs(slope).max()
 
 
+def test_structures_of_eight_components_have_the_bits_of_their_states() -> None:
+    """From eight on `np.sum` adds the components of a single state in pairs."""
+    rng = np.random.default_rng(0)
+    M, y = rng.standard_normal((8, 8)), rng.standard_normal((8, 50))
+    S = CommutingStructure(
+        lambda y: np.multiply.outer(M - M.T, np.ones(y.shape[1:])),
+        lambda y: y**3,
+        lambda y: y * y,
+        (M + M.T,),
+        (M[0],),
+    )
+    assert np.array_equal(S(y), np.concatenate([S(y[:, [n]]) for n in range(50)], axis=-1))
+
+
 def test_where_the_drift_rests_the_structure_vanishes() -> None:
     """∇H_0 = 0 at the origin, where ∇C_1 vanishes too; and in a batch beside states that move."""
     S = CommutingStructure(one_of_each, quartic_gradient, squared, (A,), (b,))

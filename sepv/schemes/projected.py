@@ -16,13 +16,13 @@ the midpoint rule for quadratic H, and what it keeps, it keeps by moving the sta
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
 from sepv.average import average_gradient
 from sepv.explicit_tableaux import TABLEAUX
-from sepv.implicit import STAGNATION, Solution, Status
+from sepv.fields import casimir_gradients, dot
+from sepv.implicit import ROUNDING, Solution, Status
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme, as_lanes, step_by
 from sepv.schemes.explicit import end, explicit
@@ -33,36 +33,6 @@ MOST = 30
 DEPENDENT = 2.0**-40
 # Changes below a quarter of a rounding of the state.
 TINY = 2.0**-54
-
-
-def averaged_gradients(problem: Problem, y0: Array, z: Array) -> tuple[list[Array], np.ndarray, np.ndarray]:
-    """g_k (d, M) of H, then of the quadratic and linear Casimirs; evaluations of ∇H, and where they are reliable."""
-    mean = average_gradient(problem, y0, y0 + z)
-    ends = 2.0 * y0 + z
-    quadratic = [_times(A, ends) for A in problem.casimirs]
-    linear = [
-        np.repeat(np.asarray(b, dtype=np.float64)[:, None], y0.shape[1], axis=1)
-        for b in problem.linear_casimirs
-    ]
-    return [mean.value, *quadratic, *linear], mean.evaluations, mean.reliable
-
-
-def end_gradients(problem: Problem, y: Array) -> list[Array]:
-    """∇I_k(y) in the same order."""
-    quadratic = [2.0 * _times(A, y) for A in problem.casimirs]
-    linear = [
-        np.repeat(np.asarray(b, dtype=np.float64)[:, None], y.shape[1], axis=1)
-        for b in problem.linear_casimirs
-    ]
-    return [problem.gradient(y), *quadratic, *linear]
-
-
-def _times(A: Any, y: Array) -> Array:
-    """A y, component by component: the bits of a library's product depend on the size of the batch."""
-    rows = np.asarray(A, dtype=np.float64)
-    return np.stack(
-        [sum((rows[i, j] * y[j] for j in range(1, len(y))), rows[i, 0] * y[0]) for i in range(len(y))]
-    )
 
 
 class Directions:
@@ -76,10 +46,10 @@ class Directions:
             q = N
             for _ in range(2):
                 for b, inverse in zip(self.q, self.inverse, strict=True):
-                    q = q - b * (np.sum(b * q, axis=0) * inverse)
-            left, length = np.sum(q * q, axis=0), np.sum(N * N, axis=0)
+                    q = q - b * (dot(b, q) * inverse)
+            left, length = dot(q, q), dot(N, N)
             new = left > DEPENDENT**2 * length
-            self.products.append([np.sum(b * N, axis=0) for b in self.q])
+            self.products.append([dot(b, N) for b in self.q])
             self.q.append(q)
             self.inverse.append(np.where(new, 1.0 / np.where(new, left, 1.0), 0.0))
 
@@ -104,26 +74,31 @@ def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> S
         iterations, gradients = np.zeros(M, dtype=np.int64), np.full(M, len(tableau.A) + 1)
         residual, before = np.zeros(M), np.full(M, np.inf)
         scale = np.maximum(np.max(np.abs(y0), axis=0), np.max(np.abs(full), axis=0))
-        directions = Directions(end_gradients(problem, y0 + full))
+        casimirs, far = (problem.casimirs, problem.linear_casimirs), y0 + full
+        directions = Directions([problem.gradient(far), *casimir_gradients(*casimirs, 2.0 * far)])
         lanes = np.arange(M)
         for _ in range(MOST):
             if not lanes.size:
                 break
-            found, cost, reliable = averaged_gradients(problem, y0[:, lanes], z[:, lanes])
-            correction = directions.correction([np.sum(g * z[:, lanes], axis=0) for g in found], lanes)
+            start, moved = y0[:, lanes], z[:, lanes]
+            mean = average_gradient(problem, start, start + moved)
+            averages = [mean.value, *casimir_gradients(*casimirs, 2.0 * start + moved)]
+            correction = directions.correction([dot(g, moved) for g in averages], lanes)
             change = np.max(np.abs(correction), axis=0)
             iterations[lanes] += 1
-            gradients[lanes] += cost
+            gradients[lanes] += mean.evaluations
             z[:, lanes] -= correction
             residual[lanes] = change
-            stays = (change >= 0.5 * before[lanes]) & (change <= STAGNATION**2 * 64 * scale[lanes])
+            # What no longer shrinks is the rounding of r_k = g_kᵀz beside |∇I_k|, at most K·eps·|z| where K operations
+            # stand behind g_k: no more of them than behind R in `sepv.implicit`.
+            stays = (change >= 0.5 * before[lanes]) & (change <= ROUNDING * scale[lanes])
             done = (change <= TINY * scale[lanes]) | stays
             broken = ~np.isfinite(change)
             status[lanes[done]] = Status.CONVERGED
-            status[lanes[~reliable]] = Status.QUADRATURE
+            status[lanes[~mean.reliable]] = Status.QUADRATURE
             status[lanes[broken]] = Status.OVERFLOW
             before[lanes] = change
-            lanes = lanes[~done & ~broken & reliable]
+            lanes = lanes[~done & ~broken & mean.reliable]
         y1 = y0 + z
         if problem.domain is not None:
             outside = ~np.asarray(problem.domain(y1), dtype=bool)
