@@ -173,11 +173,15 @@ def test_errors_fall_with_order_s(s: int) -> None:
     assert abs(np.log(errors[0] / errors[1]) / np.log(4) - s) < 0.35
 
 
-def test_nothing_is_warned_about_in_a_hard_step() -> None:
+def test_a_hard_step_is_refused_and_nothing_is_warned_about() -> None:
+    """Δ = 1.51, where no solution near y is known: the last iterate is none, and lies in the domain."""
+    problem = problems.lotka_volterra()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        y = np.asarray(problems.lotka_volterra().initial)
-        schemes.collocation(2).solve(problems.lotka_volterra(), y, 0.01, np.array([3.0]))
+        solution = schemes.collocation(2).solve(problem, np.asarray(problem.initial), 0.01, np.array([3.0]))
+    assert solution.status.tolist() == [Status.NO_CONVERGENCE]
+    assert solution.residual[0] > 0.1
+    assert problem.domain(solution.value).all()
 
 
 @pytest.mark.parametrize("s", STAGES)

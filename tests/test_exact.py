@@ -126,6 +126,14 @@ def test_the_axes_of_a_rigid_body_may_come_in_any_order(order: tuple[float, ...]
     for signs in ((1, 1, 1), (-1, 1, 1), (1, -1, -1), (-1, -1, -1)):
         for y in ((0.8, 0.6, 0.1), (0.1, 0.3, 0.9), (0.3, 0.9, 0.1)):
             agree(body, np.array(signs) * y)
+    # The body whose axes P permutes turns at Py as the paper's at y, with time reversed where det P = −1.
+    P = np.array([[float(a == b) for b in (0.345, 0.653, 1.0)] for a in order])
+    y, theta = np.array([0.8, 0.6, 0.1]), np.linspace(-3, 4, 15)
+    ours, paper = (
+        exact_flow(body, theta, P @ y),
+        exact_flow(problems.rigid_body(), np.linalg.det(P) * theta, y),
+    )
+    assert np.max(np.abs(ours.y - P @ paper.y)) <= ours.error + paper.error
 
 
 def test_a_pendulum_turns_over_either_way_and_keeps_count() -> None:

@@ -75,7 +75,12 @@ def test_a_problem_made_by_hand_is_accepted_and_solved() -> None:
 
 
 def test_functions_that_complex_steps_mislead_are_accepted() -> None:
-    oscillator(hamiltonian=lambda y: np.abs(y[0]) ** 4 / 4 + np.abs(y[1]) ** 2 / 2)
+    problem = oscillator(hamiltonian=lambda y: np.abs(y[0]) ** 4 / 4 + np.abs(y[1]) ** 2 / 2)
+    y = np.array([1.0, 0.5])
+    assert np.imag(problem.hamiltonian(y + 1e-30j)) == 0.0  # a slope of zero, which ∇H has not
+    step = sepv.schemes.energy_preserving.step
+    same = step(oscillator(), y, 0.1, np.array([0.2]))
+    assert np.array_equal(step(problem, y, 0.1, np.array([0.2])), same)
 
 
 WRONG = {

@@ -22,7 +22,7 @@ COLLOCATION = tuple(
         "what_no_quadrature_resolves_is_reported_and_not_returned",
         "steps_of_a_batch_are_the_steps_of_its_states",
         "members_of_families_have_names",
-        "nothing_is_warned_about_in_a_hard_step",
+        "a_hard_step_is_refused_and_nothing_is_warned_about",
         "a_family_member_says_what_it_is_and_counts_its_work",
     )
 )
