@@ -1,10 +1,16 @@
-"""Hypothesis profiles for these tests: the same examples in every run by default, never a deadline.
+"""Hypothesis profiles for these tests: the same examples in every run by default, never a deadline. And an alarm.
 
 ``--hypothesis-profile fresh`` draws new ones, ``--hypothesis-profile deep`` many of them.
 """
 
 from __future__ import annotations
 
+import signal
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
 from hypothesis import HealthCheck, settings
 
 # Cases are large by nature: too slow a draw is no finding here.
@@ -14,3 +20,22 @@ settings.register_profile("ci", derandomize=True, **_COMMON)
 settings.register_profile("fresh", derandomize=False, print_blob=True, **_COMMON)
 settings.register_profile("deep", derandomize=False, print_blob=True, max_examples=2000, **_COMMON)
 settings.load_profile("ci")
+
+# What comes in badly must not hang: far above what any such test takes.
+SECONDS = 30
+
+
+@pytest.fixture
+def alarm() -> Iterator[None]:
+    """Whatever hangs is a failure, not a wait."""
+
+    def ring(*_: Any) -> None:
+        raise AssertionError(f"did not come back within {SECONDS} s")
+
+    # Not SIGALRM, which sepv itself uses for its time limits.
+    before = signal.signal(signal.SIGUSR1, ring)
+    timer = threading.Timer(SECONDS, signal.pthread_kill, (threading.main_thread().ident, signal.SIGUSR1))
+    timer.start()
+    yield
+    timer.cancel()
+    signal.signal(signal.SIGUSR1, before)

@@ -3,9 +3,7 @@ of its own, soon, and no process is left."""
 
 from __future__ import annotations
 
-import re
 import shlex
-import shutil
 import signal
 import subprocess
 import sys
@@ -17,10 +15,8 @@ import pytest
 
 from sepv import external, problems, schemes
 from sepv.errors import SchemeFault, Skipped, UsageError
-from sepv.external import Program, check_protocol, load_program
+from sepv.external import check_protocol, load_program
 from sepv.law import Effort, Verdict
-from sepv.polynomial import polynomial
-from sepv.problem import PolynomialSystem
 from sepv.scheme import Scheme
 from sepv.suite import LAWS, verify
 
@@ -410,66 +406,6 @@ def test_a_program_that_skips_everything_violates_nothing_and_holds_nothing(chil
     assert all("not today" in f.message for f in report.findings)
 
 
-# ---- The two examples ----
-
-
-@pytest.fixture(scope="session")
-def midpoint_c(tmp_path_factory):
-    """The command of examples/midpoint.c, built with the system's compiler."""
-    compiler = shutil.which("cc")
-    if compiler is None:
-        pytest.skip("no C compiler `cc` on this system")
-    program = tmp_path_factory.mktemp("c") / "midpoint"
-    subprocess.run([compiler, "-O2", "-o", program, ROOT / "examples" / "midpoint.c", "-lm"], check=True)
-    return str(program)
-
-
-@pytest.fixture(scope="session")
-def euler_heun_plain():
-    """The command of examples/euler_heun_plain.py, which sees no installed package (-I -S)."""
-    return shlex.join([sys.executable, "-I", "-S", str(ROOT / "examples" / "euler_heun_plain.py")])
-
-
-SMALL = Effort(examples=40, paths=1024, shrink_seconds=2.0)
-
-
-def verdicts(command: str, laws: list[str]) -> dict[str, str]:
-    with load_program(command) as scheme:
-        report = verify(scheme, laws=laws, effort=SMALL)
-    return {f.law: f.verdict.value for f in report.findings}
-
-
-def test_the_midpoint_rule_in_c_obeys_what_theory_says_and_no_more(midpoint_c):
-    holds = ["contract", "identity", "casimir", "midpoint", "symmetry", "mean-square-order", "right-limit"]
-    assert verdicts(midpoint_c, [*holds, "energy"]) == {**dict.fromkeys(holds, "holds"), "energy": "violated"}
-
-
-def test_the_plain_python_example_has_the_order_that_it_claims_and_keeps_no_invariant(euler_heun_plain):
-    holds, broken = ["contract", "mean-square-order", "right-limit"], ["energy", "casimir", "symmetry"]
-    expected = {**dict.fromkeys(holds, "holds"), **dict.fromkeys(broken, "violated")}
-    assert verdicts(euler_heun_plain, [*holds, *broken]) == expected
-
-
-@pytest.mark.parametrize("name", ["harmonic-oscillator", "rigid-body", "pendulum"])
-def test_the_examples_agree_with_the_schemes_of_sepv(midpoint_c, euler_heun_plain, name):
-    problem = problems.by_name(name)
-    y = np.asarray(problem.initial)[:, None] * np.linspace(0.5, 1.5, 600)
-    dW = np.random.default_rng(2).standard_normal((problem.noises, 600)) / 8
-    for command, own in ((midpoint_c, schemes.midpoint), (euler_heun_plain, schemes.euler_heun)):
-        with load_program(command) as scheme:
-            np.testing.assert_allclose(
-                scheme.step(problem, y, 0.0625, dW), own.step(problem, y, 0.0625, dW), rtol=1e-14, atol=1e-15
-            )
-
-
-@pytest.mark.parametrize("example", ["midpoint_c", "euler_heun_plain"])
-def test_the_examples_keep_the_protocol(request, example):
-    checks = check_protocol(request.getfixturevalue(example), laws=LAWS)
-    assert [c for c in checks if not c.ok] == []
-    assert len(checks) > 12
-    assert external.describe(checks).count("\n") > 2 * len(checks) - 2
-
-
 # ---- check_protocol ----
 
 
@@ -497,55 +433,6 @@ def test_the_check_names_the_line_and_what_is_wrong(child, code, line, message):
     found = [c for c in checks if not c.ok and line in c.line]
     assert found
     assert any(message in c.message for c in found)
-
-
-# ---- docs/protocol.md ----
-
-
-def conversation() -> list[tuple[str, str | None]]:
-    """(what sepv writes, what the program answers) of the sample in the page."""
-    page = (ROOT / "docs" / "protocol.md").read_text(encoding="utf-8")
-    (sample,) = re.findall(r"```text\n(.*?)```", page, re.DOTALL)
-    turns: list[tuple[str, str | None]] = []
-    for line in sample.splitlines():
-        if line.startswith("> "):
-            turns.append((line[2:], None))
-        else:
-            turns[-1] = (turns[-1][0], line.removeprefix("< "))
-    return turns
-
-
-def test_the_sample_of_the_page_is_what_the_program_in_c_answers(midpoint_c):
-    turns = conversation()
-    done = subprocess.run(
-        [midpoint_c], input="\n".join(line for line, _ in turns), capture_output=True, text=True, check=True
-    )
-    assert done.stdout.splitlines() == [answer for _, answer in turns if answer is not None]
-
-
-def test_the_sample_of_the_page_is_what_sepv_writes(child, tmp_path):
-    turns = conversation()
-    (tmp_path / "answers").write_text("".join(f"{answer}\n" for _, answer in turns if answer is not None))
-    program = Program(
-        child(f"""
-asked = open({str(tmp_path / "asked")!r}, "w")
-for answer in open({str(tmp_path / "answers")!r}):
-    asked.write(sys.stdin.readline()); put(answer)
-asked.write(sys.stdin.readline())
-""")
-    )
-    scheme = program.scheme()
-    y = scheme.step(OSCILLATOR, np.array([[1.0, 1.0], [0.5, 0.5]]), 1.0, np.array([[1.0, -1.0]]))
-    assert y.tolist() == [[-0.5, 1.0], [1.0, 0.5]]
-    square = ((0, 1, polynomial(2, [((0, 0), 1.0), ((2, 0), 1.0)])),)
-    unsolvable = problems.build(PolynomialSystem(2, polynomial(2, [((0, 1), 1.0)]), square, ()))
-    with pytest.raises(external.StepRefused, match="no convergence"):
-        scheme.step(unsolvable, np.zeros(2), 2.0, np.zeros(0))
-    strange, unknown = (turns[n][0].split(",", 1)[1].rstrip("\n")[:-1] for n in (3, 4))
-    assert program.ask(strange) == ("skip", "unknown problem")
-    assert program.ask(unknown) == ("error", "unknown type of message")
-    assert program.stop() == "exit code 0"
-    assert (tmp_path / "asked").read_text().splitlines() == [line for line, _ in turns]
 
 
 def test_a_fork_starts_a_program_of_its_own(child):

@@ -10,13 +10,17 @@ import pytest
 from hypothesis import given
 
 import sepv
-from sepv import problems, schemes, strategies
+from sepv import implicit, problems, schemes, strategies
+from sepv import polynomial as poly
 from sepv.average import average_gradient, gauss_legendre
 from sepv.case import Case
-from sepv.fields import linear_solve
-from sepv.implicit import Status
-from sepv.problem import Problem
+from sepv.fields import linear_solve, matvec
+from sepv.implicit import Equations, Solution, Status, iterate
+from sepv.polynomial import PolynomialMap
+from sepv.problem import PolynomialSystem, Problem
+from sepv.schemes.energy_preserving import increment, jacobian
 
+EPS = 2.0**-52
 IMPLICIT = [s for s in schemes.ALL.values() if s.solve is not None]
 
 
@@ -230,3 +234,81 @@ def test_a_state_at_rest_stays_where_the_jacobian_is_singular() -> None:
     problem = problems.polynomial_problem(data)
     for scheme in IMPLICIT:
         assert scheme.step(problem, np.zeros(2), 1.0, np.array([1.0])).tolist() == [0.0, 0.0]
+
+
+def system_of_two() -> PolynomialSystem:
+    """H = y1² y2 − 2y2, B12 = y1 − y2: values cancel at (1, 1), their terms do not."""
+    H = poly.polynomial(2, {(2, 1): 1.0, (0, 1): -2.0})
+    return PolynomialSystem(2, H, ((0, 1, poly.polynomial(2, {(1, 0): 1.0, (0, 1): -1.0})),))
+
+
+def test_majorants_take_absolute_coefficients_where_there_are_any() -> None:
+    y = np.array([1.0, 1.0])
+    p = PolynomialMap((), (poly.polynomial(2, {(1, 0): 1.0, (0, 1): -1.0}),))
+    assert implicit._majorant(p, y) == 2.0
+    assert implicit._majorant(lambda y: -y, y).tolist() == [1.0, 1.0]
+
+
+def test_the_equation_of_a_step_says_what_its_rounding_is_relative_to(monkeypatch) -> None:
+    """Σ|step| · max_i (|B||∇H|)_i with absolute coefficients, at the larger of |y0| and |y1|, lane by lane."""
+    problem = problems.polynomial_problem(system_of_two())
+    seen: list[Equations] = []
+
+    def capture(equations: Equations, start: np.ndarray) -> Solution:
+        seen.append(equations)
+        assert not start.any()
+        return iterate(equations, start)
+
+    monkeypatch.setattr(implicit, "iterate", capture)
+    y0 = np.array([[1.0, -2.0, 0.5], [1.0, 0.25, -1.0]])
+    step = np.array([[0.1, -0.2, 0.05], [0.1, 0.1, -0.05]])
+    implicit.solve(problem, y0, step, increment, jacobian)
+    (equations,) = seen
+    z, lanes = np.array([[0.5, 0.25], [-3.0, 0.5]]), np.array([0, 2])
+    reach = np.array([[1.5, 0.75], [2.0, 1.0]])
+    entry, first, second = reach[0] + reach[1], 2 * reach[0] * reach[1], reach[0] ** 2 + 2
+    expected = np.array([0.2, 0.1]) * entry * np.maximum(first, second)
+    assert equations.magnitude(z, lanes) == pytest.approx(expected, rel=1e-15, abs=0)
+    small = np.full((2, 2), 0.25)
+    assert np.all(equations.magnitude(-small, lanes) < equations.magnitude(small, lanes) + 1)
+    assert np.array_equal(equations.size, np.abs(y0))
+    assert equations.exact
+    assert equations.inside is None
+    B = np.abs(problem.structure.majorant(reach))
+    assert matvec(B, problem.gradient.majorant(reach)).max(axis=0) * [0.2, 0.1] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("missing", ["degree", "hessian", "structure_derivative"])
+def test_a_jacobian_is_exact_only_with_all_it_is_made_of(missing: str, monkeypatch) -> None:
+    seen: list[Equations] = []
+    monkeypatch.setattr(implicit, "iterate", lambda e, start: (seen.append(e), iterate(e, start))[1])
+    problem = problems.polynomial_problem(system_of_two())
+    y0, step = np.array([[1.0, 0.5, 0.2], [0.9, 0.8, 0.1]]), np.full((1, 3), 0.01)
+    full = implicit.solve(problem, y0, step, increment, jacobian)
+    bare = implicit.solve(replace(problem, check=False, **{missing: None}), y0, step, increment, jacobian)
+    assert [e.exact for e in seen] == [True, False]
+    assert np.max(np.abs(full.value - bare.value)) <= 4 * EPS
+    nodes = 2 if missing != "degree" else 12  # the adaptive rule with 4 and 8 nodes agrees at once
+    each = nodes if missing == "degree" else 3 * nodes  # differences: R at y1 and at two others
+    assert bare.gradient_evaluations.tolist() == (each * bare.iterations).tolist()
+    assert full.gradient_evaluations.tolist() == (2 * full.iterations).tolist()
+
+
+def test_a_domain_may_answer_in_numbers() -> None:
+    problem = problems.lotka_volterra()
+    y0, step = np.repeat([[1.0], [1.9], [0.5]], 4, axis=1), np.array([[0.1, 0.2, -0.3, 2.0]])
+    numbers = replace(problem, domain=lambda y: np.where(problem.domain(y), 1, 0), check=False)
+    found, asked = (implicit.solve(p, y0, step, increment, jacobian) for p in (numbers, problem))
+    assert np.array_equal(found.value, asked.value)
+    assert found.status.tolist() == asked.status.tolist()
+    assert len(set(found.status.tolist())) > 1
+
+
+def test_a_good_start_saves_iterations_and_changes_nothing_else() -> None:
+    problem = problems.polynomial_problem(system_of_two())
+    y0, step = np.array([[1.0, 0.5], [0.9, 0.8]]), np.full((1, 2), 0.1)
+    cold = implicit.solve(problem, y0, step, increment, jacobian)
+    warm = implicit.solve(problem, y0, step, increment, jacobian, start=cold.change)
+    assert np.all(warm.iterations < cold.iterations)
+    assert np.max(np.abs(warm.value - cold.value)) <= 4 * EPS
+    assert np.array_equal(warm.value, y0 + warm.change)
