@@ -127,47 +127,24 @@ def judge(
     """
     setups = setups_for(scheme) if setups is None else setups
     alpha = FALSE_ALARM / (len(setups) * len(looks(effort)))
-    verdicts, lines, measured, worst, used = [], [], [], None, 0
+    verdicts, values, lines, measured = [], [], [], []
     skipped: list[Skipped] = []
     for setup in setups:
-        verdict, value, errors = Verdict.INCONCLUSIVE, None, None
-        for paths in looks(effort):
-            try:
-                errors = sampled(scheme, setup, paths, effort)
-            except Skipped as skip:  # a program need not take every problem
-                skipped.append(skip)
-                lines.append(f"{setup.problem}: skipped, {skip.reason}")
-                break
-            if any(errors.failures):
-                return _failed(law, setup, errors)
-            value = estimate(errors, alpha)
-            if value.low > threshold or value.high < threshold:
-                verdict = Verdict.HOLDS if value.low > threshold else Verdict.VIOLATED
-                break
-        if value is None or errors is None:
+        try:
+            verdict, value, errors = _judge_one(scheme, setup, effort, estimate, alpha, threshold)
+        except Skipped as skip:  # a program need not take every problem
+            skipped.append(skip)
+            lines.append(f"{setup.problem}: skipped, {skip.reason}")
             continue
-        used += errors.squared.shape[1]
+        if value is None:
+            return _failed(law, setup, errors)
         verdicts.append(verdict)
-        ends = sorted((show(value.low), show(value.high)))
-        count = errors.squared.shape[1]
-        lines.append(
-            f"{setup.problem}: {show(value.value):.3g} in [{ends[0]:.3g}, {ends[1]:.3g}] from {count} paths"
-        )
-        measured.append(
-            {
-                "problem": setup.problem,
-                "T": setup.T,
-                "steps": errors.steps,
-                "paths": count,
-                "rms_error": errors.rms().tolist(),
-                "estimate": show(value.value),
-                "interval": ends,
-            }
-        )
-        if worst is None or value.value < worst.value:
-            worst = value
-    if worst is None:
+        values.append(value)
+        measured.append(_measured(setup, errors, value, show))
+        lines.append(_interval_text(measured[-1]))
+    if not values:
         raise skipped[0]
+    worst = min(values, key=lambda value: value.value)
     verdict = next((v for v in (Verdict.VIOLATED, Verdict.INCONCLUSIVE) if v in verdicts), Verdict.HOLDS)
     if verdict is not Verdict.HOLDS:
         lines += [_errors_text(m) for m in measured]
@@ -179,11 +156,51 @@ def judge(
         defect=show(worst.value),
         bound=show(threshold),
         at_least=True,
-        checks=used,
+        checks=sum(m["paths"] for m in measured),
         message="\n".join(lines),
         witness={"seed": effort.seed, "paths": effort.paths, "alpha": alpha, "measured": measured},
         replay=f"--law {law.name} --seed {effort.seed} --paths {effort.paths}",
     )
+
+
+def _judge_one(
+    scheme: Scheme,
+    setup: Setup,
+    effort: Effort,
+    estimate: Callable[[StrongErrors, float], Estimate],
+    alpha: float,
+    threshold: float,
+) -> tuple[Verdict, Estimate | None, StrongErrors]:
+    """More paths of one problem while the interval contains the threshold; no estimate where paths failed."""
+    for paths in looks(effort):
+        errors = sampled(scheme, setup, paths, effort)
+        if any(errors.failures):
+            return Verdict.ERROR, None, errors
+        value = estimate(errors, alpha)
+        if value.low > threshold:
+            return Verdict.HOLDS, value, errors
+        if value.high < threshold:
+            return Verdict.VIOLATED, value, errors
+    return Verdict.INCONCLUSIVE, value, errors
+
+
+def _measured(
+    setup: Setup, errors: StrongErrors, value: Estimate, show: Callable[[float], float]
+) -> dict[str, Any]:
+    return {
+        "problem": setup.problem,
+        "T": setup.T,
+        "steps": errors.steps,
+        "paths": errors.squared.shape[1],
+        "rms_error": errors.rms().tolist(),
+        "estimate": show(value.value),
+        "interval": sorted((show(value.low), show(value.high))),
+    }
+
+
+def _interval_text(m: dict[str, Any]) -> str:
+    low, high = m["interval"]
+    return f"{m['problem']}: {m['estimate']:.3g} in [{low:.3g}, {high:.3g}] from {m['paths']} paths"
 
 
 def _errors_text(m: dict[str, Any]) -> str:

@@ -59,26 +59,6 @@ def lotka_volterra(
         mean_1, mean_2 = (_mean_reciprocal(y0[i], y1[i]) for i in (1, 2))
         return np.stack([np.full_like(y0[0], a * b), 1 + nu * mean_1, -a - mu * mean_2])
 
-    def casimir_gradient(y: Array) -> Array:
-        return np.stack([1 / y[0], b * d / y[1], -d / y[2]])
-
-    def casimir_hessian(y: Array) -> Array:
-        C = np.zeros((3, 3, *y.shape[1:]), dtype=y.dtype)
-        for i, factor in enumerate((1.0, b * d, -d)):
-            C[i, i] = -factor / (y[i] * y[i])
-        return C
-
-    def casimir_mean_gradient(y0: Array, y1: Array) -> Array:
-        return np.stack([f * _mean_reciprocal(y0[i], y1[i]) for i, f in enumerate((1.0, b * d, -d))])
-
-    nambu = Nambu(
-        factor=lambda y: -y[0] * y[1] * y[2],
-        factor_gradient=lambda y: np.stack([-y[1] * y[2], -y[0] * y[2], -y[0] * y[1]]),
-        casimir=lambda y: np.log(y[0]) + b * d * np.log(y[1]) - d * np.log(y[2]),
-        gradient=casimir_gradient,
-        hessian=casimir_hessian,
-        mean_gradient=casimir_mean_gradient,
-    )
     parameters = {"a": (a,), "b": (b,), "d": (d,), "nu": (nu,), "mu": (mu,), "noise": tuple(c.tolist())}
     return Problem(
         dimension=3,
@@ -93,8 +73,30 @@ def lotka_volterra(
         initial=(1.0, 1.9, 0.5),
         name="lotka-volterra",
         data=NamedProblem("lotka-volterra", tuple((k, tuple(map(float, v))) for k, v in parameters.items())),
-        nambu=nambu,
+        nambu=_nambu(b, d),
         check=False,
+    )
+
+
+def _nambu(b: float, d: float) -> Nambu:
+    """B(y)v = −y1y2y3 (v × ∇C) with C = ln y1 + bd ln y2 − d ln y3."""
+    factors = (1.0, b * d, -d)
+
+    def hessian(y: Array) -> Array:
+        C = np.zeros((3, 3, *y.shape[1:]), dtype=y.dtype)
+        for i, factor in enumerate(factors):
+            C[i, i] = -factor / (y[i] * y[i])
+        return C
+
+    return Nambu(
+        factor=lambda y: -y[0] * y[1] * y[2],
+        factor_gradient=lambda y: np.stack([-y[1] * y[2], -y[0] * y[2], -y[0] * y[1]]),
+        casimir=lambda y: np.log(y[0]) + b * d * np.log(y[1]) - d * np.log(y[2]),
+        gradient=lambda y: np.stack([1 / y[0], b * d / y[1], -d / y[2]]),
+        hessian=hessian,
+        mean_gradient=lambda y0, y1: np.stack(
+            [f * _mean_reciprocal(y0[i], y1[i]) for i, f in enumerate(factors)]
+        ),
     )
 
 
