@@ -56,8 +56,10 @@ def test_the_flow_is_a_flow_and_keeps_what_it_must(name: str) -> None:
     assert np.array_equal(flow.y[:, 1], problem.initial) or name in ("rigid-body", "pendulum")
     assert np.max(np.abs(flow.y[:, 1] - problem.initial)) <= flow.error
     onwards = exact_flow(problem, 4.0, flow.y[:, 0])
-    assert np.max(np.abs(onwards.y - flow.y[:, 2])) < 1e-12
-    assert np.ptp(problem.hamiltonian(flow.y)) < 1e-13
+    # An error at θ = −1.5 is carried on to 2.5 by the slope of the flow, by e^{4L} at most with |f′| ≤ L; here by ten.
+    assert np.max(np.abs(onwards.y - flow.y[:, 2])) <= onwards.error + 10 * flow.error
+    slope = np.sum(np.max(np.abs(problem.gradient(flow.y)), axis=1))
+    assert np.ptp(problem.hamiltonian(flow.y)) <= 2 * slope * flow.error
 
 
 @pytest.mark.parametrize("name", problems.NAMED)
@@ -69,7 +71,7 @@ def test_the_stated_error_covers_the_error(name: str) -> None:
     for dense in (False, True):
         flow = exact_flow(problem, np.array([0.7, 1.9]), dense=dense)
         # The reference's own rounding to binary64 is half an ulp.
-        assert np.max(np.abs(flow.y - np.array(truth).T)) <= flow.error + 2.3e-16 * np.max(np.abs(flow.y))
+        assert np.max(np.abs(flow.y - np.array(truth).T)) <= flow.error + EPS * np.max(np.abs(flow.y))
         assert flow.error < 1e-12
 
 
@@ -78,13 +80,14 @@ def test_special_states() -> None:
     theta = np.linspace(-3, 3, 7)
     for axis in range(3):  # steady rotations, also the unstable one
         y0 = np.eye(3)[axis]
-        assert np.max(np.abs(exact_flow(rigid, theta, y0).y - y0[:, None])) < 1e-13
+        steady = exact_flow(rigid, theta, y0)
+        assert np.max(np.abs(steady.y - y0[:, None])) <= steady.error < 1e-12
     assert not exact_flow(rigid, theta, np.zeros(3)).y.any()
     assert not exact_flow(pendulum, theta, np.zeros(2)).y.any()
     equal = problems.rigid_body(inertia=(1.0, 1.0, 2.0))
     assert exact_flow(equal, theta).method == DENSE
     separatrix = exact_flow(pendulum, theta, np.array([2.0, 0.0]))
-    assert np.max(np.abs(separatrix.y[1] - 2 * np.arctan(np.sinh(theta)))) < 1e-12
+    assert np.max(np.abs(separatrix.y[1] - 2 * np.arctan(np.sinh(theta)))) <= separatrix.error < 1e-12
 
 
 def test_a_flow_that_blows_up_says_where() -> None:
@@ -93,7 +96,8 @@ def test_a_flow_that_blows_up_says_where() -> None:
         {"dimension": 2, "hamiltonian": [[[2, 1], 1.0]], "structure": [[0, 1, [[[0, 0], 1.0]]]]}
     )
     problem = problems.polynomial_problem(data)
-    assert exact_flow(problem, 0.9, np.array([1.0, 0.0])).y[0] == pytest.approx(10.0, rel=1e-12)
+    near = exact_flow(problem, 0.9, np.array([1.0, 0.0]))
+    assert abs(near.y[0] - 10.0) <= near.error < 1e-11
     with pytest.raises(FlowFailure, match="no further"):
         exact_flow(problem, 1.1, np.array([1.0, 0.0]))
 
@@ -173,11 +177,11 @@ def test_the_stated_error_grows_with_the_time_and_does_not_depend_on_signs() -> 
         exact_flow(oscillator, 0.0, y0).error,
         exact_flow(oscillator, np.array([0.0, 100.0]), y0).error,
     )
-    assert here == pytest.approx(16 * EPS * (3 + 3), rel=1e-12, abs=0)
-    assert there == pytest.approx(16 * EPS * (3 + 3 * 101), rel=1e-12, abs=0)
+    assert here == pytest.approx(16 * EPS * (3 + 3), rel=4 * EPS, abs=0)
+    assert there == pytest.approx(16 * EPS * (3 + 3 * 101), rel=4 * EPS, abs=0)
     for theta, y in ((100.0, -y0), (-100.0, y0), (-100.0, -y0)):
         assert exact_flow(oscillator, np.array([0.0, theta]), y).error == pytest.approx(
-            there, rel=1e-12, abs=0
+            there, rel=4 * EPS, abs=0
         )
     # In a steady rotation nothing moves, and what is stated is the rounding of the state.
     body, axis = problems.rigid_body(), np.array([0.0, 0.0, -1.0])
@@ -207,6 +211,7 @@ def test_the_dense_solve_states_four_times_what_two_solves_differ_by(monkeypatch
     # Forwards and backwards for one, then for the other: off by 0, 10⁻⁹·2, then 2·10⁻⁹·1, 3·10⁻⁹·2.
     flow = exact_flow(oscillator, np.array([1.0, -2.0]), np.array([1.0, 0.0]), dense=True)
     assert len(set(solves)) == 2
+    # To what the states themselves are off by, 10⁻¹⁴ of 4·10⁻⁹.
     assert flow.error == pytest.approx(4 * 4e-9, rel=1e-5, abs=0)
 
 
@@ -222,6 +227,8 @@ def test_a_flow_does_not_leave_the_domain() -> None:
         hamiltonian=lambda y: y[1], gradient=lambda y: np.stack([0 * y[0], 1 + 0 * y[1]]), noise=(),
         domain=lambda y: y[0] < 1, check=False,
     )  # fmt: skip
-    assert exact_flow(strip, np.array([-5.0, 0.9]), np.zeros(2)).y[0] == pytest.approx([-5.0, 0.9], rel=1e-15)
+    assert exact_flow(strip, np.array([-5.0, 0.9]), np.zeros(2)).y[0] == pytest.approx(
+        [-5.0, 0.9], rel=4 * EPS, abs=0
+    )
     with pytest.raises(FlowFailure, match="leaves the domain"):
         exact_flow(strip, 1.5, np.zeros(2))

@@ -20,6 +20,7 @@ from sepv.simulation import CHUNK, Batch, advance, chosen_truncation, initial_st
 
 # These are about the NumPy batch; the compiled engine has its own file.
 ensemble = partial(sepv.ensemble, engine="numpy")
+EPS = 2.0**-52
 
 
 def test_a_path_of_an_ensemble_is_the_single_path() -> None:
@@ -48,9 +49,9 @@ def test_invariants_are_kept_and_shown() -> None:
     kept = ensemble(schemes.energy_preserving, problem, h=1 / 64, T=1.0, paths=50)
     lost = ensemble(schemes.euler_heun, problem, h=1 / 64, T=1.0, paths=50)
     # 64 steps, each with a few roundings of an energy of size 1.2.
-    assert kept.energy_defect.max() < 64 * 8 * 2.3e-16
-    assert kept.casimir_defect.max() < 64 * 8 * 2.3e-16
-    assert lost.energy_defect.min() > 1e-6
+    assert kept.energy_defect.max() < 64 * 8 * EPS
+    assert kept.casimir_defect.max() < 64 * 8 * EPS
+    assert lost.energy_defect.min() > 1e-6  # no path but loses some h³ of H in a step
 
 
 def test_failed_paths_are_marked_and_the_others_go_on() -> None:
@@ -60,7 +61,8 @@ def test_failed_paths_are_marked_and_the_others_go_on() -> None:
     assert 10 < failed.sum() < 70  # 41 % of the paths meet a step without solution at this step size
     assert np.all((result.failed_step >= 0) == failed)
     assert np.all(np.isfinite(result.y))
-    assert result.energy_defect[~failed].max() < 1e-12
+    # Eight steps of states up to 100: roundings of ν ln y and of y itself, |∇H||y| ≤ 300 with a dozen eps each.
+    assert result.energy_defect[~failed].max() < 8 * 12 * EPS * 300
     # Path 0 of a seed is path 0 of its ensemble: take a seed whose path 0 fails.
     seed = next(
         s for s in range(20)
@@ -204,7 +206,9 @@ def test_a_chunk_is_the_ensemble_of_its_increments() -> None:
     for key in ("y", "status", "failed_step", "energy_defect", "casimir_defect"):
         assert np.array_equal(getattr(chunk, key), getattr(ends, key))
     assert chunk.W.shape == (1, 4)
-    assert np.allclose(chunk.W, dW.sum(axis=0), rtol=1e-14)
+    assert (
+        np.max(np.abs(chunk.W - dW.sum(axis=0))) <= 8 * EPS * np.abs(dW).sum(axis=0).max()
+    )  # two orders of a sum
     blind = run_chunk(schemes.midpoint, problem, np.asarray(problem.initial), 1 / 8, dW, 2, track=False)
     assert np.array_equal(blind.y, chunk.y)
     assert not blind.energy_defect.any()
