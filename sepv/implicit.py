@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -459,31 +459,31 @@ def into_domain(
 
 
 def _slopes(equations: Equations, z: Array, numbers: NDArray[np.intp], base: Array) -> tuple[Array, int]:
-    """∂R/∂z by forward differences, backward ones where those leave the domain, and their n evaluations."""
-    n = z.shape[0]
-    width = STAGNATION * np.maximum((equations.size[:, numbers] + np.abs(z)).max(axis=0), _TINY)
-    columns = []
-    for k in range(n):
-        shifted = z.copy()
-        shifted[k] += width
-        if equations.inside is not None:
-            shifted[k] = np.where(equations.inside(shifted, numbers), shifted[k], z[k] - width)
-        ahead = equations.evaluate(shifted, numbers).right_side.value
-        columns.append((ahead - base) / (shifted[k] - z[k]))
-    return np.stack(columns, axis=1), n
+    """∂R/∂z by differences, and their n evaluations."""
+    reach, domain = (equations.size[:, numbers] + np.abs(z)).max(axis=0), equations.inside
+    inside = None if domain is None else lambda at: domain(at, numbers)
+    R = lambda at: equations.evaluate(at, numbers).right_side.value  # noqa: E731
+    return _differences(R, inside, z, base, reach), z.shape[0]
 
 
 def _difference_jacobian(
     problem: Problem, y0: Array, y1: Array, step: Array, increment: IncrementFunction, base: Array
 ) -> Array:
-    """∂R/∂y1 by forward differences. Its error of about √eps costs Newton one iteration, not accuracy."""
-    width = STAGNATION * np.maximum(np.maximum(np.abs(y0), np.abs(y1)).max(axis=0), _TINY)
+    """∂R/∂y1 by differences. Their error of about √eps costs Newton one iteration, not accuracy."""
+    reach = np.maximum(np.abs(y0), np.abs(y1)).max(axis=0)
+    return _differences(lambda at: increment(problem, y0, at, step).value, problem.domain, y1, base, reach)
+
+
+def _differences(
+    R: Callable[[Array], Array], inside: Callable[[Array], Any] | None, z: Array, base: Array, reach: Array
+) -> Array:
+    """∂R/∂z by forward differences, backward ones where those leave the domain; `reach` (M,) is the size of z."""
+    width = STAGNATION * np.maximum(reach, _TINY)
     columns = []
-    for k in range(y0.shape[0]):
-        shifted = y1.copy()
+    for k in range(z.shape[0]):
+        shifted = z.copy()
         shifted[k] += width
-        if problem.domain is not None:
-            outside = ~np.asarray(problem.domain(shifted), dtype=bool)
-            shifted[k, outside] = y1[k, outside] - width[outside]
-        columns.append((increment(problem, y0, shifted, step).value - base) / (shifted[k] - y1[k]))
+        if inside is not None:
+            shifted[k] = np.where(inside(shifted), shifted[k], z[k] - width)
+        columns.append((R(shifted) - base) / (shifted[k] - z[k]))
     return np.stack(columns, axis=1)
