@@ -241,7 +241,7 @@ def validate(seed: int, T: float, steps: int, noises: int, paths: range) -> None
         (np.ndim(T) == 0 and np.isfinite(T) and T > 0, "T, a finite time > 0", T),
         (isinstance(steps, (int, np.integer)) and steps >= 1, "steps, an integer ≥ 1", steps),
         (isinstance(noises, (int, np.integer)) and noises >= 0, "noises, an integer ≥ 0", noises),
-        (len(paths) >= 1 and min(paths) >= 0, "paths, at least one and numbered from 0", paths),
+        (len(paths) >= 1 and min(paths[0], paths[-1]) >= 0, "paths, at least one and numbered from 0", paths),
     )
     for ok, expected, received in checks:
         if not ok:

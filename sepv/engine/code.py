@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 from sepv.engine.text import Expression, Text
+from sepv.polynomial import Polynomial
 
 Table = list[list[Expression]]
 
@@ -38,6 +39,10 @@ class ProblemCode(Protocol):
     gradient_evaluations: int
     degree: int  # of a polynomial H, 0 of any other
     rate: float  # what an iteration gains at least near the solution: the relative error of Newton's matrix
+
+    @property
+    def field(self) -> Sequence[Polynomial] | None:
+        """B∇H multiplied out, where that is a few monomials: good enough for a start."""
 
     @property
     def nambu(self) -> NambuCode | None:

@@ -174,7 +174,7 @@ def _chunks(whole: Task, workers: Any) -> list[Task]:
     if whole.compiled and isinstance(workers, int):
         shares = SHARES * workers if workers > 1 else 1
         share = -(-whole.count // (shares * LANES)) * LANES
-        size = min(max(share, LANES), 4 * CHUNK)
+        size = min(max(share, LANES), (4 if workers > 1 else 8) * CHUNK)
     tasks = []
     near = isinstance(workers, int) and (whole.compiled or workers == 1)
     problem = whole.problem if near else portable(whole.problem)  # type: ignore[arg-type]

@@ -13,9 +13,11 @@ never depends on the others.
 
 from __future__ import annotations
 
+import re
+
 from sepv.engine.code import ProblemCode, Table
 from sepv.engine.linear import pivoted_solve, solve
-from sepv.engine.schemes import Formula
+from sepv.engine.schemes import Formula, middle, rate
 from sepv.engine.text import Expression, Text, shown
 from sepv.implicit import MAX_HALVINGS, MAX_ITERATIONS, ROUNDING, STAGNATION, Status
 
@@ -25,11 +27,17 @@ LEFT = 2.0**-62
 FIRST = 2.0**-31
 # Where corrections are below a quarter of a rounding nothing is left to correct.
 TINY = 2.0**-54
-# Steps of Newton's iteration before and with the first test.
+# Steps of Newton's iteration in registers for up to LARGE unknowns, of which the last is the first that is tested; two
+# after sweeps. A path that is compensated takes one more: it is then almost never the test that chooses the roundings.
 FIRST_STEPS = 3
 LARGE = 6
+# Sweeps z ← Δ f(ȳ) in the place of the first of them. Where H is at most quadratic they solve the equation itself and
+# leave O(Δ⁵) for what one step costs, which leaves O(Δ³), as two of them do elsewhere.
+SWEEPS, ROUGH_SWEEPS = 4, 2
 # Lanes that go on together: two registers, for less is not made SIMD code of.
 GROUP = 16
+# Statements that are not worth a second lane beside the first: the processor looks as far ahead by itself.
+SHORT = 100
 # Steps of all lanes together, before those that are not done are looked at one by one.
 FAST = 8
 
@@ -48,6 +56,9 @@ class Writer:
         self.parameters: list[float] = []
         d, L = self.d, lanes
         self.unknowns = formula.stages * d
+        small = self.unknowns <= LARGE
+        self.sweeps = (SWEEPS if 0 < problem.degree <= 2 else ROUGH_SWEEPS) if small else 0
+        self.steps = FIRST_STEPS - 1 + compensated if small else 0
         self.offset = {}
         base = 0
         # State, unknowns of Newton's iteration, what Kahan's sum lost; Δ, the last correction, the size of the
@@ -123,8 +134,8 @@ class Writer:
 
     def implicit(self) -> list[str]:
         """Newton's iteration: the first steps for all lanes, the next for groups, and what is left lane by lane."""
-        lines = ["left = 0", "for k in range(L):", *indent(1, [*self.random_step(), *self.first_steps()])]
-        lines += ["I[WORK] += FIRST_STEPS * I[LIVING]"] if self.starts() else []
+        lines = ["left = 0", *self.side_by_side([*self.random_step(), *self.first_steps()])]
+        lines += [f"I[WORK] += {self.sweeps + self.steps} * I[LIVING]"]
         lines += ["for iteration in range(FAST):"]
         lines += ["    if left == 0:", "        break", "    I[WORK] += left", "    left = 0"]
         lines += indent(1, self.groups(1, self.lanes_do(self.iteration())))
@@ -146,10 +157,27 @@ class Writer:
         """The lines for each lane of a group."""
         return ["for k in range(group, group + GROUP):", *indent(1, lines)]
 
-    def first_steps(self) -> list[str]:
-        """Three steps in registers; only the last is tested.
+    def side_by_side(self, lines: list[str]) -> list[str]:
+        """The lines for each lane, those of a lane of the second half after each of one of the first.
 
-        A test costs as much as a third of a step, and three steps are needed for every Δ above 1e-5.
+        A step is one chain of operations that wait for each other: two chains take little longer than one.
+        """
+        if self.lanes < 2 * GROUP or len(lines) < SHORT:
+            return ["for k in range(L):", *indent(1, lines)]
+        own = {"k", *(line.split(" = ")[0] for line in lines)}
+        other = [
+            re.sub(r"\b[A-Za-z_]\w*", lambda name: f"{name[0]}_" if name[0] in own else name[0], line)
+            for line in lines
+        ]
+        half = self.lanes // 2
+        both = [line for pair in zip(lines, other, strict=True) for line in pair]
+        return [f"for k in range({half}):", f"    k_ = k + {half}", *indent(1, both)]
+
+    def first_steps(self) -> list[str]:
+        """Sweeps and steps in registers; only the last is tested, since a test costs as much as a third of a step.
+
+        Where sweeps gain at least a factor of two each there is one solution near zero (Banach), the one that Newton's
+        iteration finds from there. A lane where they do not begins anew, at zero: its P is infinite.
         """
         n = self.unknowns
         e = Text(self.parameters)
@@ -157,12 +185,23 @@ class Writer:
         e.lines += [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
         e.lines += ["busy = I[ALIVE + k] != 0", f"scale = {' + '.join(f'abs({v})' for v in y)}"]
         z = ["0.0"] * n
-        for _ in range(FIRST_STEPS if self.starts() else 0):
-            _, c = self.newton(e, y, z)
-            e.lines += ["before = INF" if z[0] == "0.0" else "before = m", *self.magnitude(c)]
+        for _ in range(self.sweeps):
+            mid = middle(e, y, z)
+            f = self.problem.field
+            found = rate(e, self.problem, mid) if f is None else [e.polynomial(p, mid) for p in f]
+            z = [shown(e.product("delta", v)) for v in found]
+        z = self.kept_inside(e, y, z) if self.sweeps else z
+        size = " + ".join(f"abs({v})" for v in z)
+        inverse = None
+        for step in range(self.steps):
+            c, inverse = self.newton(e, y, z, inverse)
+            e.lines += [*(["before = m"] if step else []), *self.magnitude(c)]
+            e.lines += [f"contracts = {2**self.sweeps}.0 * m <= {size}"] if self.sweeps and not step else []
             z = [e.let(f"-{b}") if a == "0.0" else e.let(f"{a} - {b}") for a, b in zip(z, c, strict=True)]
             z = self.kept_inside(e, y, z)
-        e.lines += self.test() if self.starts() else ["m = INF", "still = busy"]
+        e.lines += self.test(compared=True) if self.steps else ["m = INF", "still = busy"]
+        if self.sweeps:
+            e.lines += ["still = still | busy & no(contracts)", "m = pick(contracts, m, INF)"]
         e.lines += [f"{self.at('Z', i)} = {v}" for i, v in enumerate(z)]
         e.lines += [
             f"{self.at('P')} = m",
@@ -185,25 +224,36 @@ class Writer:
         """m = Σ|c_i|."""
         return [f"m = {' + '.join(f'abs({v})' for v in c)}"]
 
-    def test(self) -> list[str]:
-        """Whether the correction of size m, applied, leaves an error below rounding."""
+    def test(self, compared: bool) -> list[str]:
+        """Whether the correction of size m, applied, leaves an error below rounding.
+
+        `compared` where there was surely a correction before it: were that one infinite, m would be no number.
+        """
+        first = [] if compared else ["later = (before < INF) | (m <= FIRST * scale)"]
         return [
-            "later = (before < INF) | (m <= FIRST * scale)",
+            *first,
             "next = m * m * m <= LEFT * scale * (before * before)",
-            f"done = (next & later & (m <= {LEFT / self.problem.rate!r} * scale)) | (m <= TINY * scale)",
+            f"near = m <= {LEFT / self.problem.rate!r} * scale",
+            f"done = (next & near{'' if compared else ' & later'}) | (m <= TINY * scale)",
             f"still = busy & no(done{' & inside' if self.has_domain() else ''})",
         ]
 
     def newton(
-        self, e: Text, y: list[str], z: list[str], pivoted: bool = False
-    ) -> tuple[list[str], list[str]]:
-        """F = z − R and the correction (1 − K)⁻¹F."""
+        self, e: Text, y: list[str], z: list[str], near: str | None = None
+    ) -> tuple[list[str], str | None]:
+        """The correction (1 − K)⁻¹F: see `sepv.engine.linear.solve`."""
+        F, A = self.system(e, y, z)
+        return solve(e, A, list(F), near)
+
+    def system(self, e: Text, y: list[str], z: list[str]) -> tuple[list[str], Table]:
+        """F = z − R and 1 − K."""
         n = len(z)
         assert self.formula.increment is not None
-        R, K = self.formula.increment(e, self.problem, y, z, "delta")
+        assert self.formula.jacobian is not None
+        R = self.formula.increment(e, self.problem, y, z, "delta")
+        K = self.formula.jacobian(e, self.problem, y, z, "delta")
         F = [_minus(e, z[i], R[i]) for i in range(n)]
-        A: Table = [[_one_minus(e, i == j, K[i][j]) for j in range(n)] for i in range(n)]
-        return F, pivoted_solve(e, A, F) if pivoted and n > 3 else solve(e, A, list(F))
+        return F, [[_one_minus(e, i == j, K[i][j]) for j in range(n)] for i in range(n)]
 
     def iteration(self) -> list[str]:
         """A step of all lanes and its test; a lane in any trouble stays busy, and is left to `_carefully`."""
@@ -211,19 +261,18 @@ class Writer:
         e = Text(self.parameters)
         y, z = [f"y{i}" for i in range(d)], [f"z{i}" for i in range(n)]
         e.lines += [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
-        e.lines += [f"{v} = {self.at('Z', i)}" for i, v in enumerate(z)]
-        e.lines.append(f"delta = {self.at('D')}")
-        _, c = self.newton(e, y, z)
+        e.lines += [f"before = {self.at('P')}", f"delta = {self.at('D')}"]
+        e.lines += [f"{v} = pick(before < INF, {self.at('Z', i)}, 0.0)" for i, v in enumerate(z)]
+        c, _ = self.newton(e, y, z)
         moved = self.kept_inside(e, y, [e.let(f"{a} - {b}") for a, b in zip(z, c, strict=True)])
         e.lines += [
             *self.magnitude(c),
             "busy = I[BUSY + k] != 0",
             f"scale = {self.at('X')}",
-            f"before = {self.at('P')}",
             f"{self.at('P')} = m",
-            *self.test(),
+            *self.test(compared=False),
         ]
-        e.lines += [f"{self.at('Z', i)} = pick(busy, {moved[i]}, {z[i]})" for i in range(n)]
+        e.lines += [f"{self.at('Z', i)} = pick(busy, {moved[i]}, {self.at('Z', i)})" for i in range(n)]
         e.lines += ["left += pick(still, 1, 0)", "I[BUSY + k] = pick(still, 1, 0)"]
         return e.lines
 
@@ -232,7 +281,8 @@ class Writer:
         n, d = self.unknowns, self.d
         y, z = [f"y{i}" for i in range(d)], [f"z{i}" for i in range(n)]
         e = Text(self.parameters)
-        F, c = self.newton(e, y, z, pivoted=True)
+        F, A = self.system(e, y, z)
+        c = pivoted_solve(e, A, F) if n > 3 else solve(e, A, list(F))[0]
         e.lines += [
             "I[WORK] += 1",
             f"residual = max({', '.join(f'abs({f})' for f in F)}, 0.0)",
@@ -278,10 +328,6 @@ class Writer:
         found = [self.problem.domain(e, state) for state in self.formula.states(e, y, z)]
         return " & ".join(f"({f})" for f in found)
 
-    def starts(self) -> bool:
-        """Whether there are steps in registers; not for large systems, whose code is long enough."""
-        return self.unknowns <= LARGE
-
     def has_domain(self) -> bool:
         return self.problem.domain(Text(), [f"y{i}" for i in range(self.d)]) is not None
 
@@ -292,7 +338,7 @@ class Writer:
         y = [f"y{i}" for i in range(d)]
         e.lines += [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
         assert self.formula.increment is not None
-        z = [shown(v) for v in self.formula.increment(e, self.problem, y, y, "delta")[0]]
+        z = [shown(v) for v in self.formula.increment(e, self.problem, y, y, "delta")]
         e.lines += [f"{self.at('Z', i)} = {v}" for i, v in enumerate(z)]
         there = [e.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)]
         e.lines.append(f"finite = ({' + '.join(f'abs({v})' for v in there)}) < INF")
@@ -303,7 +349,7 @@ class Writer:
             "I[STATUS + k] = pick(failed, code, I[STATUS + k])",
             "trouble += pick(failed, 1, 0)",
         ]
-        return ["trouble = 0", "for k in range(L):", *indent(1, [*self.random_step(), *e.lines])]
+        return ["trouble = 0", *self.side_by_side([*self.random_step(), *e.lines])]
 
     def update(self) -> list[str]:
         """The step's end: states, statuses, invariants; without masks where all lanes live and none failed."""
@@ -389,7 +435,7 @@ _HEAD = f'''"""Generated by sepv; see sepv/engine/kernel.py."""
 import numpy as np
 from numba import njit
 
-from sepv.engine.functions import fma, no, pick, pivoted, wide
+from sepv.engine.functions import fma, no, pick, pivoted, prefetch, wide
 from sepv.engine.lanes import coarse, fill, mix
 {{imports}}{{preamble}}
 _kernel = njit(error_model="numpy", nogil=True, cache=True)
@@ -397,7 +443,7 @@ L, SIZE, NOISES = {{lanes}}, {{size}}, {{noises}}
 INF = np.inf
 MOST, HALVINGS = {MAX_ITERATIONS}, {MAX_HALVINGS}
 STAGNATION, FIRST, LEFT, TINY, ROUNDING = {STAGNATION!r}, {FIRST!r}, {LEFT!r}, {TINY!r}, {ROUNDING!r}
-FIRST_STEPS, FAST, GROUP = {FIRST_STEPS}, {FAST}, {{group}}
+FAST, GROUP = {FAST}, {{group}}
 NAN = np.nan
 NO_CONVERGENCE, LEFT_DOMAIN = {int(Status.NO_CONVERGENCE)}, {int(Status.LEFT_DOMAIN)}
 BROKEN, SINGULAR = {int(Status.OVERFLOW)}, {int(Status.SINGULAR)}
@@ -441,6 +487,9 @@ def run(S, I, W, rng, stack, top, factors, base, halvings, given, place, n0, n1,
                 width = min(L, given.shape[2] - lane)
                 for i in range(count):
                     for j in range(NOISES):
+                        if n + PIECE + i < n1:
+                            for k in range(0, width, 8):
+                                prefetch(given, n + PIECE + i, j, lane + k)
                         row = given[n + i, j, lane : lane + width]
                         if width == L:
                             for k in range(L):

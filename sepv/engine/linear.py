@@ -8,27 +8,36 @@ from sepv.engine.code import Table
 from sepv.engine.text import Expression, Text, shown
 
 
-def solve(e: Text, A: Table, b: list[Expression]) -> list[str]:
-    """x with A x = b: Cramer's rule to d = 3, else elimination without pivoting.
+def solve(e: Text, A: Table, b: list[Expression], near: str | None = None) -> tuple[list[str], str | None]:
+    """x with A x = b, and 1/det A where it is used: Cramer's rule to d = 3, else elimination without pivoting.
+
+    `near` is 1/det of a matrix next to A: a step of Newton's iteration for a reciprocal, which squares the relative
+    distance, takes the place of the division, the longest of all operations.
 
     A is 1 − K with K small where steps make sense, and Newton's iteration computes the next residual afresh:
     a bad pivot costs iterations and shows as a lane that does not converge, not as a wrong result.
     """
     d = len(b)
     if d == 1:
-        return [e.let(f"{shown(b[0])} / {shown(A[0][0])}")]
+        return [e.let(f"{shown(b[0])} / {shown(A[0][0])}")], None
     if d == 2:
         (p, q), (r, s) = A
-        inverse = e.let(f"1.0 / {shown(e.minus(e.product(p, s), q, r))}")
+        inverse = _reciprocal(e, shown(e.minus(e.product(p, s), q, r)), near)
         first = e.minus(e.product(s, b[0]), q, b[1])
         second = e.minus(e.product(p, b[1]), r, b[0])
-        return [e.let(f"{shown(v)} * {inverse}") for v in (first, second)]
+        return [e.let(f"{shown(v)} * {inverse}") for v in (first, second)], inverse
     if d == 3:
         rows = [cross(e, A[(i + 1) % 3], A[(i + 2) % 3]) for i in range(3)]
-        inverse = e.let(f"1.0 / {shown(e.dot(A[0], rows[0]))}")
+        inverse = _reciprocal(e, shown(e.dot(A[0], rows[0])), near)
         sums = [e.dot([row[i] for row in rows], b) for i in range(3)]
-        return [e.let(f"{shown(v)} * {inverse}") for v in sums]
-    return _eliminate(e, [list(row) for row in A], list(b))
+        return [e.let(f"{shown(v)} * {inverse}") for v in sums], inverse
+    return _eliminate(e, [list(row) for row in A], list(b)), None
+
+
+def _reciprocal(e: Text, value: str, near: str | None) -> str:
+    if near is None:
+        return e.let(f"1.0 / {value}")
+    return e.let(f"fma({near}, {e.let(f'fma(-{value}, {near}, 1.0)')}, {near})")
 
 
 def _eliminate(e: Text, A: Table, b: list[Expression]) -> list[str]:

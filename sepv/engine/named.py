@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from sepv.engine.code import Table, skew
 from sepv.engine.text import Expression, Text
-from sepv.polynomial import constant, polynomial, variable
+from sepv.polynomial import add, constant, multiply, polynomial, scale, variable
 from sepv.problem import NamedProblem, PolynomialSystem
 
 
@@ -41,6 +41,7 @@ class Pendulum:
     preamble = "from sepv.engine.functions import cosine, sincos, sinc\n"
     dimension = 2
     nambu = None
+    field = None
     gradient_evaluations = 1
     degree = 0
     rate = 2.0**-26  # the derivative of sinc cancels near 0
@@ -106,6 +107,18 @@ class LotkaVolterra:
         p = {key: value[0] for key, value in data.parameters if key != "noise"}
         self.a, self.ab, self.nu, self.mu = p["a"], p["a"] * p["b"], p["nu"], p["mu"]
         self.pairs = ((0, 1, p["d"]), (0, 2, p["b"] * p["d"]), (1, 2, -1.0))
+        y = [variable(3, i) for i in range(3)]
+        # y_j ∂H/∂y_j, since B_ij = factor y_i y_j.
+        turned = [
+            scale(self.ab, y[0]),
+            add(y[1], constant(3, self.nu)),
+            add(scale(-self.a, y[2]), constant(3, -self.mu)),
+        ]
+        sums = [[constant(3, 0.0)] for _ in y]
+        for i, j, factor in self.pairs:
+            sums[i].append(scale(factor, turned[j]))
+            sums[j].append(scale(-factor, turned[i]))
+        self.field = [multiply(v, add(*terms)) for v, terms in zip(y, sums, strict=True)]
         self.nambu = LotkaVolterraCasimir((1.0, p["b"] * p["d"], -p["d"]))
 
     def hamiltonian(self, e: Text, y: Sequence[str]) -> Expression:

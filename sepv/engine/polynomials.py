@@ -8,6 +8,7 @@ from sepv import polynomial as poly
 from sepv.average import gauss_legendre
 from sepv.engine.code import Table, casimir_gradients, quadratic_form
 from sepv.engine.text import Expression, Text
+from sepv.errors import UsageError
 from sepv.polynomial import Polynomial
 from sepv.problem import PolynomialSystem
 from sepv.problems.polynomial_system import structure_entries
@@ -28,6 +29,7 @@ class PolynomialCode:
         self.gradient_evaluations = self.nodes
         self.degree = max(data.hamiltonian.degree, 1)
         self.nambu = None if data.nambu is None else PolynomialNambu(*data.nambu)
+        self.field = multiplied_out(self.entries, self.slope) if self.degree <= 2 else None
 
     def hamiltonian(self, e: Text, y: Sequence[str]) -> Expression:
         """H(y)."""
@@ -72,6 +74,18 @@ class PolynomialCode:
     def casimir_gradients(self, e: Text, ends: Sequence[str]) -> Table:
         """A(y0 + y1), and b."""
         return casimir_gradients(e, self.data.casimirs, self.data.linear_casimirs, ends)
+
+
+def multiplied_out(
+    structure: Sequence[Sequence[Polynomial]], gradient: Sequence[Polynomial]
+) -> list[Polynomial] | None:
+    """B∇H as polynomials; None where a coefficient overflows."""
+    try:
+        return [
+            poly.add(*(poly.multiply(b, g) for b, g in zip(row, gradient, strict=True))) for row in structure
+        ]
+    except UsageError:
+        return None
 
 
 class PolynomialNambu:

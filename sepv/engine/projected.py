@@ -42,7 +42,7 @@ class ProjectedWriter(Writer):
         y = [f"y{i}" for i in range(self.d)]
         e.lines += [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
         assert self.formula.increment is not None
-        v = [shown(r) for r in self.formula.increment(e, self.problem, y, y, "delta")[0]]
+        v = [shown(r) for r in self.formula.increment(e, self.problem, y, y, "delta")]
         e.lines += [f"{self.at('V', i)} = {r}" for i, r in enumerate(v)]
         e.lines += [f"{self.at('Z', i)} = {r}" for i, r in enumerate(v)]
         e.lines += [

@@ -1,4 +1,7 @@
-"""The formulas of the schemes as code: R and ∂R/∂z of y1 = y0 + R(y0, z), z = y1 − y0, or R itself."""
+"""The formulas of the schemes as code: R and K = ∂R/∂z of y1 = y0 + R(y0, z), z = y1 − y0, or R itself.
+
+R and K share what they have in common, since an expression written twice has one name: see `sepv.engine.text`.
+"""
 
 from __future__ import annotations
 
@@ -19,22 +22,20 @@ class Formula:
 
     Attributes
     ----------
-    increment : (text, problem, y, z, delta) -> R, K
-            R and, for implicit schemes, K = ∂R/∂z. `delta` is the name of the random step Δ. None for schemes of
-        several stages, which have `Collocation.sweep`.
+    increment : (text, problem, y, z, delta) -> R
+        `delta` is the name of the random step Δ.
+    jacobian : (text, problem, y, z, delta) -> K = ∂R/∂z, where Newton's iteration solves for z
     gradients, structures : evaluations of ∇H and of B in an iteration.
     averaged : whether a gradient is an averaged one, which may take several evaluations of ∇H.
     """
 
-    increment: (
-        Callable[[Text, ProblemCode, Sequence[str], Sequence[str], str], tuple[list[Expression], Table]]
-        | None
-    )
+    increment: Callable[[Text, ProblemCode, Sequence[str], Sequence[str], str], list[Expression]] | None
     implicit: bool
     gradients: int
     structures: int
     averaged: bool = False
     stages: int = 1
+    jacobian: Callable[[Text, ProblemCode, Sequence[str], Sequence[str], str], Table] | None = None
 
     def update(self, e: Text, z: Sequence[str]) -> list[str]:
         """y1 − y0."""
@@ -77,47 +78,66 @@ def middle(e: Text, y: Sequence[str], z: Sequence[str]) -> list[str]:
 
 def energy_preserving(
     e: Text, problem: ProblemCode, y: Sequence[str], z: Sequence[str], delta: str
-) -> tuple[list[Expression], Table]:
-    """(2.1): R = Δ B(ȳ) ∇̄H, K = Δ(½ B′(ȳ)[·]∇̄H + B(ȳ) ∫τH″dτ)."""
-    mid = middle(e, y, z)
-    B, g = scaled(e, delta, problem.structure(e, mid)), problem.mean_gradient(e, y, z)
-    half = e.let(f"0.5 * {delta}")
-    halves = [e.product(half, v) for v in g]
-    K = slope(e, B, problem.structure_derivative(e, mid), halves, problem.mean_hessian(e, y, z))
-    return field(e, B, g), K
+) -> list[Expression]:
+    """(2.1): R = Δ B(ȳ) ∇̄H."""
+    B = problem.structure(e, middle(e, y, z))
+    return field(e, scaled(e, delta, B), problem.mean_gradient(e, y, z))
+
+
+def energy_preserving_jacobian(
+    e: Text, problem: ProblemCode, y: Sequence[str], z: Sequence[str], delta: str
+) -> Table:
+    """K = Δ(½ B′(ȳ)[·]∇̄H + B(ȳ) ∫τH″dτ)."""
+    mid, half = middle(e, y, z), e.let(f"0.5 * {delta}")
+    B = scaled(e, delta, problem.structure(e, mid))
+    halves = [e.product(half, v) for v in problem.mean_gradient(e, y, z)]
+    return slope(e, B, problem.structure_derivative(e, mid), halves, problem.mean_hessian(e, y, z))
 
 
 def midpoint(
     e: Text, problem: ProblemCode, y: Sequence[str], z: Sequence[str], delta: str
-) -> tuple[list[Expression], Table]:
-    """(3.4): R = Δ f(ȳ), K = ½ Δ f′(ȳ)."""
+) -> list[Expression]:
+    """(3.4): R = Δ f(ȳ)."""
     mid = middle(e, y, z)
-    B, g = problem.structure(e, mid), problem.gradient(e, mid)
-    half = e.let(f"0.5 * {delta}")
-    halves = [e.product(half, v) for v in g]
-    K = slope(e, scaled(e, half, B), problem.structure_derivative(e, mid), halves, problem.hessian(e, mid))
-    return field(e, scaled(e, delta, B), g), K
+    return field(e, scaled(e, delta, problem.structure(e, mid)), problem.gradient(e, mid))
+
+
+def midpoint_jacobian(e: Text, problem: ProblemCode, y: Sequence[str], z: Sequence[str], delta: str) -> Table:
+    """K = ½ Δ f′(ȳ)."""
+    mid, half = middle(e, y, z), e.let(f"0.5 * {delta}")
+    B = scaled(e, half, problem.structure(e, mid))
+    halves = [e.product(half, v) for v in problem.gradient(e, mid)]
+    return slope(e, B, problem.structure_derivative(e, mid), halves, problem.hessian(e, mid))
 
 
 def both_invariants(
     e: Text, problem: ProblemCode, y: Sequence[str], z: Sequence[str], delta: str
-) -> tuple[list[Expression], Table]:
-    """R = Δ g(ȳ)(∇̄H × ∇̄C), K = Δ(½(∇̄H × ∇̄C)∇gᵀ + g(∫τH″ × ∇̄C + ∇̄H × ∫τC″))."""
+) -> list[Expression]:
+    """R = Δ g(ȳ)(∇̄H × ∇̄C)."""
+    assert problem.nambu is not None
+    factor = e.product(delta, problem.nambu.factor(e, middle(e, y, z)))
+    normal = cross(e, problem.mean_gradient(e, y, z), problem.nambu.mean_gradient(e, y, z))
+    return [e.product(factor, v) for v in normal]
+
+
+def both_invariants_jacobian(
+    e: Text, problem: ProblemCode, y: Sequence[str], z: Sequence[str], delta: str
+) -> Table:
+    """K = Δ(½(∇̄H × ∇̄C)∇gᵀ + g(∫τH″ × ∇̄C + ∇̄H × ∫τC″))."""
     assert problem.nambu is not None
     mid, half = middle(e, y, z), e.let(f"0.5 * {delta}")
     H, C = problem.mean_gradient(e, y, z), problem.nambu.mean_gradient(e, y, z)
     dH, dC = problem.mean_hessian(e, y, z), problem.nambu.mean_hessian(e, y, z)
     factor = e.product(delta, problem.nambu.factor(e, mid))
-    slope = problem.nambu.factor_gradient(e, mid)
-    normal = cross(e, H, C)
+    turn, normal = problem.nambu.factor_gradient(e, mid), cross(e, H, C)
     K: Table = [[None] * 3 for _ in range(3)]
     for k in range(3):
         first = cross(e, [row[k] for row in dH], C)
         second = cross(e, H, [row[k] for row in dC])
         for i in range(3):
             turned = e.product(factor, e.total([first[i], second[i]]))
-            K[i][k] = e.plus(e.product(half, slope[k]), normal[i], turned)
-    return [e.product(factor, v) for v in normal], K
+            K[i][k] = e.plus(e.product(half, turn[k]), normal[i], turned)
+    return K
 
 
 def rate(e: Text, problem: ProblemCode, y: Sequence[str]) -> list[Expression]:
@@ -137,21 +157,21 @@ def along_itself(
 
 def euler_heun(
     e: Text, problem: ProblemCode, y: Sequence[str], z: Sequence[str], delta: str
-) -> tuple[list[Expression], Table]:  # fmt: skip
+) -> list[Expression]:
     """h f(y0) + ½(f(ŷ) + f(y0)) S, ŷ = y0 + f(y0)(h + S)."""
     f = rate(e, problem, y)
     predicted = [str(e.plus(delta, v, a)) for v, a in zip(f, y, strict=True)]
     mean = [e.product("(0.5)", e.total([a, b])) for a, b in zip(rate(e, problem, predicted), f, strict=True)]
-    return [e.plus(m, "noise", e.product("h", v)) for m, v in zip(mean, f, strict=True)], []
+    return [e.plus(m, "noise", e.product("h", v)) for m, v in zip(mean, f, strict=True)]
 
 
 def milstein(
     e: Text, problem: ProblemCode, y: Sequence[str], z: Sequence[str], delta: str
-) -> tuple[list[Expression], Table]:
+) -> list[Expression]:
     """f (h + S) + ½ f′f S²."""
     f, second = along_itself(e, problem, y)
     square = e.let("0.5 * noise * noise")
-    return [e.plus(square, b, e.product(delta, a)) for a, b in zip(f, second, strict=True)], []
+    return [e.plus(square, b, e.product(delta, a)) for a, b in zip(f, second, strict=True)]
 
 
 def runge_kutta(order: int) -> Any:
@@ -160,7 +180,7 @@ def runge_kutta(order: int) -> Any:
 
     def increment(
         e: Text, problem: ProblemCode, y: Sequence[str], z: Sequence[str], delta: str
-    ) -> tuple[list[Expression], Table]:
+    ) -> list[Expression]:
         slopes: list[list[Expression]] = []
         for row in tableau.A:
             state: list[str] = list(y)
@@ -172,7 +192,7 @@ def runge_kutta(order: int) -> Any:
         for i, b in tableau.b.items():
             weight = e.product(e.number(b), delta)
             total = [e.plus(weight, v, s) for v, s in zip(slopes[i], total, strict=True)]
-        return total, []
+        return total
 
     return increment
 
@@ -228,16 +248,17 @@ class Projected(Formula):
     """An explicit increment, projected on the invariants; `gradients` and `structures` are those of the increment."""
 
 
+EP = Formula(energy_preserving, True, 1, 1, averaged=True, jacobian=energy_preserving_jacobian)
 FORMULAS: dict[str, Formula] = {
-    "energy-preserving": Formula(energy_preserving, True, 1, 1, averaged=True),
-    "midpoint": Formula(midpoint, True, 1, 1),
-    "both-invariants": Formula(both_invariants, True, 1, 1, averaged=True),
+    "energy-preserving": EP,
+    "midpoint": Formula(midpoint, True, 1, 1, jacobian=midpoint_jacobian),
+    "both-invariants": Formula(both_invariants, True, 1, 1, averaged=True, jacobian=both_invariants_jacobian),
     "euler-heun": Formula(euler_heun, False, 2, 2),
     "milstein": Formula(milstein, False, 1, 1),
     "explicit-4": Formula(runge_kutta(4), False, 4, 4),
     "explicit-8": Formula(runge_kutta(8), False, 12, 12),
     "projected-4": Projected(runge_kutta(4), True, 4, 4, averaged=True),
     "projected-8": Projected(runge_kutta(8), True, 12, 12, averaged=True),
-    "collocation-1": Formula(energy_preserving, True, 1, 1, averaged=True),
+    "collocation-1": EP,
     **{f"collocation-{s}": Collocation(None, True, 1, s, True, s) for s in range(2, MAX_STAGES + 1)},
 }

@@ -51,10 +51,6 @@ class StagesWriter(Writer):
         """Whether the first rule is all there is."""
         return bool(self.problem.degree)
 
-    def starts(self) -> bool:
-        """There are blind sweeps, also where there is a domain: at their end all points are looked at."""
-        return True
-
     @property
     def straight(self) -> bool:
         """Whether the nodes of the quadrature are the stages, so that a sweep is written out."""

@@ -35,6 +35,7 @@ class UserCode:
     """Code that calls the author's functions."""
 
     nambu = None
+    field = None
     rate = 2.0**-16  # derivatives are differences, with some cancellation
 
     def __init__(self, problem: Problem, scalar: ScalarFunctions) -> None:
