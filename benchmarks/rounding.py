@@ -132,7 +132,7 @@ def main() -> None:
         "--first-steps",
         type=int,
         metavar="N",
-        help="of Newton's iteration, before its test; the engine takes 3",
+        help="of Newton's iteration, before its test; the engine takes 2, and one or two more where it compensates",
     )
     options = parser.parse_args()
     if options.first_steps:

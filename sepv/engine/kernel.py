@@ -27,13 +27,14 @@ LEFT = 2.0**-62
 FIRST = 2.0**-31
 # Where corrections are below a quarter of a rounding nothing is left to correct.
 TINY = 2.0**-54
-# Steps of Newton's iteration in registers for up to LARGE unknowns, of which the last is the first that is tested; two
-# after sweeps. A path that is compensated takes one more: it is then almost never the test that chooses the roundings.
-FIRST_STEPS = 3
-LARGE = 6
-# Sweeps z ← Δ f(ȳ) in the place of the first of them. Where H is at most quadratic they solve the equation itself and
-# leave O(Δ⁵) for what one step costs, which leaves O(Δ³), as two of them do elsewhere.
+# Sweeps z ← Δ f(ȳ) before Newton's iteration. Where H is at most quadratic they solve the equation itself and leave
+# O(Δ⁵) for what a step of the iteration costs, which leaves O(Δ³), as two of them do elsewhere.
 SWEEPS, ROUGH_SWEEPS = 4, 2
+# Steps of Newton's iteration in registers for up to LARGE unknowns, of which the last is the first that is tested.
+# A path that is compensated takes one or two more. A correction below half a rounding of z is lost when it is applied,
+# so that what is left before it stays, and has a sign: a mean of 1e-4 roundings a step, a tenth of that for each more.
+FIRST_STEPS = 2
+LARGE = 6
 # Lanes that go on together: two registers, for less is not made SIMD code of.
 GROUP = 16
 # Statements that are not worth a second lane beside the first: the processor looks as far ahead by itself.
@@ -57,8 +58,9 @@ class Writer:
         d, L = self.d, lanes
         self.unknowns = formula.stages * d
         small = self.unknowns <= LARGE
-        self.sweeps = (SWEEPS if 0 < problem.degree <= 2 else ROUGH_SWEEPS) if small else 0
-        self.steps = FIRST_STEPS - 1 + compensated if small else 0
+        exact = 0 < problem.degree <= 2
+        self.sweeps = (SWEEPS if exact else ROUGH_SWEEPS) if small else 0
+        self.steps = FIRST_STEPS + (compensated and (1 if exact else 2)) if small else 0
         self.offset = {}
         base = 0
         # State, unknowns of Newton's iteration, what Kahan's sum lost; Δ, the last correction, the size of the
@@ -232,7 +234,7 @@ class Writer:
         first = [] if compared else ["later = (before < INF) | (m <= FIRST * scale)"]
         return [
             *first,
-            "next = m * m * m <= LEFT * scale * (before * before)",
+            "next = (m * m * m <= LEFT * scale * (before * before)) | (before <= FIRST * scale)",
             f"near = m <= {LEFT / self.problem.rate!r} * scale",
             f"done = (next & near{'' if compared else ' & later'}) | (m <= TINY * scale)",
             f"still = busy & no(done{' & inside' if self.has_domain() else ''})",
