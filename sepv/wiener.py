@@ -24,7 +24,7 @@ TOP = 64
 # numpy's own seeding of SFC64 mixes with 12 rounds; 18 is what its author takes for three words.
 MIXING = 18
 # Streams of a path are told apart by the low six bits of a word: more levels than 2**58 steps have.
-_STREAMS = 64
+STREAMS = 64
 
 
 def truncation_bound(h: float, k: int) -> float:
@@ -141,20 +141,21 @@ def spreads(T: float, grid: Grid) -> Array:
     return factors
 
 
-def stream_seeds(seed: int, paths: ArrayLike, grid: Grid) -> list[NDArray[np.uint64]]:
-    """The states of the streams of SFC64 before they are mixed, four words of shape (streams, M).
+def stream_words(seed: int, grid: Grid) -> NDArray[np.uint64]:
+    """What the streams of SFC64 begin with, (streams, 3): two words of the seed, and the number of the level.
 
-    Stream 0 is the coarse part; stream i > 0 draws level top + i and is numbered by that level.
+    Stream 0 is the coarse part; stream i > 0 draws level top + i. Those of path p have 64 p more in their third word.
     """
     levels = np.concatenate([[0], np.arange(grid.top + 1, grid.halvings + 1)])
-    word = np.asarray(paths, dtype=np.uint64)[None] * np.uint64(_STREAMS) + levels.astype(np.uint64)[:, None]
-    a, b = np.random.SeedSequence(int(seed)).generate_state(2, np.uint64)
-    return [np.full_like(word, a), np.full_like(word, b), word, np.ones_like(word)]
+    words = np.random.SeedSequence(int(seed)).generate_state(2, np.uint64)
+    return np.array([[*words, level] for level in levels.astype(np.uint64)])
 
 
 def stream_states(seed: int, paths: ArrayLike, grid: Grid) -> NDArray[np.uint64]:
-    """The initial states of the streams, (streams, 4, M): the seeds after MIXING draws."""
-    state = stream_seeds(seed, paths, grid)
+    """The initial states of the streams, (streams, 4, M): the words and 1, after MIXING draws."""
+    a, b, level = stream_words(seed, grid).T[..., None]
+    word = level + np.asarray(paths, dtype=np.uint64)[None] * np.uint64(STREAMS)
+    state = [np.full_like(word, a), np.full_like(word, b), word, np.ones_like(word)]
     for _ in range(MIXING):
         out = state[0] + state[1] + state[3]
         state = [

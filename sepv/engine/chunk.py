@@ -12,6 +12,9 @@ from sepv.engine.task import Task
 from sepv.problem import Array, Problem
 from sepv.simulation import Ensemble
 
+# Of paths whose increments are given, or that have none.
+_NO_STREAMS = np.empty((0, 3), dtype=np.uint64)
+
 
 class Chunk:
     """The state of a chunk between two calls of its kernel; `advance` goes on where it was left."""
@@ -23,36 +26,31 @@ class Chunk:
         module, m = self.kernel.module, problem.noises
         blocks = -(-task.count // lanes)
         self.lanes = lanes
-        self.S = np.zeros((blocks, module.SIZE))
-        self.I = np.zeros((blocks, 4 * lanes + 5), dtype=np.int64)
-        for i, value in enumerate(task.y0):
-            self._floats(i)[:] = value
-        self._integers(1)[:] = (np.arange(blocks * lanes) < task.count).reshape(blocks, lanes)
-        self._integers(3)[:] = -1
-        self.I[:, -3] = self._integers(1).sum(axis=1)
-        self.W = np.zeros((blocks, m, lanes))
+        self.S = np.empty((blocks, module.SIZE))
+        self.I = np.empty((blocks, 4 * lanes + 5), dtype=np.int64)
+        self.W = np.empty((blocks, m, lanes))
         self.grid = wiener.grid(task.steps, task.refine)
-        streams = self.grid.streams if task.dW is None and m else 0
-        numbers = task.first + np.arange(blocks * lanes)
-        self.rng = np.zeros((blocks, streams, 4, lanes), dtype=np.uint64)
-        if streams:
-            # Mixed by the kernel, which holds no lock meanwhile.
-            for i, word in enumerate(wiener.stream_seeds(task.seed, numbers, self.grid)):
-                self.rng[:, :, i] = word.reshape(streams, blocks, lanes).swapaxes(0, 1)
-        self.stack = np.zeros((blocks, streams, m, lanes))
+        words = wiener.stream_words(task.seed, self.grid) if task.dW is None and m else _NO_STREAMS
+        streams = len(words)
+        self.rng = np.empty((blocks, streams, 4, lanes), dtype=np.uint64)
+        self.stack = np.empty((blocks, streams, m, lanes))
         coarse = self.grid.base << self.grid.top if streams and self.grid.base <= wiener.TOP else 0
-        self.top = np.zeros((blocks, coarse, m, lanes))
+        self.top = np.empty((blocks, coarse, m, lanes))
         self.spreads = wiener.spreads(task.h * task.steps, self.grid)
         k = task.truncation
         self.bound = math.inf if k is None else wiener.truncation_bound(task.h, k) * math.sqrt(task.h)
-        self.given = np.zeros((0, m, 0)) if task.dW is None else np.ascontiguousarray(task.dW)
+        self.given = np.empty((0, m, 0)) if task.dW is None else np.ascontiguousarray(task.dW)
+        # All arrays are filled by the kernel, which holds no lock meanwhile.
+        module.begin(
+            self.S, self.I, self.W, self.rng, self.top, np.array(task.y0), words, self.spreads, self.grid.base,
+            self.grid.top, task.first, task.count, self.kernel.parameters,
+        )  # fmt: skip
 
     def advance(self, steps: int) -> None:
         """The next `steps` steps."""
         self.kernel.module.run(
-            self.S, self.I, self.W, self.rng, self.stack, self.top, self.spreads, self.grid.base, self.grid.top,
-            self.given, self.task.place, self.done, self.done + steps, self.task.h, self.bound,
-            self.kernel.parameters,
+            self.S, self.I, self.W, self.rng, self.stack, self.top, self.spreads, self.grid.top, self.given,
+            self.task.place, self.done, self.done + steps, self.task.h, self.bound, self.kernel.parameters,
         )  # fmt: skip
 
     @property
@@ -64,34 +62,32 @@ class Chunk:
         """Whether no path goes on."""
         return not bool(self._integers(1).any())
 
-    def _floats(self, row: int) -> Array:
-        return self.S[:, row * self.lanes : (row + 1) * self.lanes]
-
     def _integers(self, row: int) -> np.ndarray:
         return self.I[:, row * self.lanes : (row + 1) * self.lanes]
 
-    def _flat(self, rows: np.ndarray) -> np.ndarray:
-        return rows.reshape(-1)[: self.task.count].copy()
-
     def states(self) -> Array:
         """(d, M)."""
-        return np.stack([self._flat(self._floats(i)) for i in range(self.problem.dimension)])
+        d, L = self.problem.dimension, self.lanes
+        rows = self.S[:, : d * L].reshape(-1, d, L)
+        return rows.swapaxes(0, 1).reshape(d, -1)[:, : self.task.count].copy()
 
     def result(self, kept: Array) -> Ensemble:
         """The ends so far."""
         d, m, M = self.problem.dimension, self.problem.noises, self.task.count
-        iterations = int(self.I[:, -2].sum())
-        module = self.kernel.module
+        y, W, energy, casimir = np.empty((d, M)), np.empty((m, M)), np.empty(M), np.empty(M)
+        status, failed, work = np.empty(M, np.int64), np.empty(M, np.int64), np.empty(3, np.int64)
+        self.kernel.module.ends(self.S, self.I, self.W, y, W, status, failed, energy, casimir, work)
+        gradients, structures, iterations = (int(count) for count in work)
         return Ensemble(
-            y=self.states(),
-            W=np.moveaxis(self.W, 1, 0).reshape(m, -1)[:, :M].copy(),
-            status=self._flat(self._integers(2)),
-            failed_step=self._flat(self._integers(3)),
-            energy_defect=self._flat(self._floats(module.ENERGY)),
-            casimir_defect=self._flat(self._floats(module.CASIMIR)),
-            gradient_evaluations=int(self.I[:, -5].sum()) or iterations * self.kernel.gradients,
-            structure_evaluations=int(self.I[:, -4].sum()) or iterations * self.kernel.structures,
-            iterations=iterations if module.IMPLICIT else 0,
+            y=y,
+            W=W,
+            status=status,
+            failed_step=failed,
+            energy_defect=energy,
+            casimir_defect=casimir,
+            gradient_evaluations=gradients or iterations * self.kernel.gradients,
+            structure_evaluations=structures or iterations * self.kernel.structures,
+            iterations=iterations if self.kernel.module.IMPLICIT else 0,
             times=np.array(self.task.stops, dtype=np.float64) * self.task.h,
             states=kept if kept.size else np.empty((0, d, M)),
             engine="compiled",

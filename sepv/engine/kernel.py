@@ -20,6 +20,7 @@ from sepv.engine.linear import pivoted_solve, solve
 from sepv.engine.schemes import Formula, middle, rate
 from sepv.engine.text import Expression, Text, shown
 from sepv.implicit import MAX_HALVINGS, MAX_ITERATIONS, ROUNDING, STAGNATION, Status
+from sepv.wiener import STREAMS
 
 # The error that a lane may be left with, relative to its state: 2⁻¹⁰ of a rounding.
 LEFT = 2.0**-62
@@ -452,6 +453,7 @@ BROKEN, SINGULAR = {int(Status.OVERFLOW)}, {int(Status.SINGULAR)}
 PIECE, IMPLICIT = {{piece}}, {{implicit}}
 # Rows of L in the scratch buffer.
 ENERGY, CASIMIR = {{energy}}, {{casimir}}
+STREAMS = {STREAMS}
 BUSY, ALIVE, STATUS, FAILED = 0, L, 2 * L, 3 * L
 EVALUATIONS, STRUCTURES, LIVING, WORK, DONE = 4 * L, 4 * L + 1, 4 * L + 2, 4 * L + 3, 4 * L + 4
 
@@ -461,11 +463,64 @@ _DRIVER = '''    return 0
 
 
 @njit(
-    "void(float64[:,::1], int64[:,::1], float64[:,:,::1], uint64[:,:,:,::1], float64[:,:,:,::1], float64[:,:,:,::1],"
-    " float64[::1], int64, int64, float64[:,:,::1], int64, int64, int64, float64, float64, float64[::1])",
+    "void(float64[:,::1], int64[:,::1], float64[:,:,::1], uint64[:,:,:,::1], float64[:,:,:,::1], float64[::1],"
+    " uint64[:,::1], float64[::1], int64, int64, int64, int64, float64[::1])",
     error_model="numpy", nogil=True, cache=True,
 )
-def run(S, I, W, rng, stack, top, factors, base, halvings, given, place, n0, n1, h, bound, P):
+def begin(S, I, W, rng, top, y0, words, factors, base, halvings, first, count, P):
+    """Paths first … first + count − 1 of a chunk of blocks from y0; their streams from `words`."""
+    raw = np.empty(L, np.uint64)
+    for b in range(S.shape[0]):
+        living = min(L, count - b * L)
+        for k in range(L):
+            I[b, BUSY + k], I[b, STATUS + k], I[b, FAILED + k] = 0, 0, -1
+            I[b, ALIVE + k] = 1 if k < living else 0
+        I[b, EVALUATIONS:] = 0
+        I[b, LIVING] = living
+        for i in range(y0.shape[0]):
+            S[b, i * L : (i + 1) * L] = y0[i]
+        W[b] = 0.0
+        _start(S[b], P)
+        for stream in range(rng.shape[1]):
+            state = rng[b, stream]
+            for k in range(L):
+                path = np.uint64(first + b * L + k)
+                state[0, k], state[1, k] = words[stream, 0], words[stream, 1]
+                state[2, k] = words[stream, 2] + path * np.uint64(STREAMS)
+                state[3, k] = np.uint64(1)
+            mix(state)
+        if top.shape[1] > 0:
+            coarse(rng[b], top[b], factors, base, halvings, np.empty((top.shape[1], NOISES, L)), raw)
+
+
+@njit(
+    "void(float64[:,::1], int64[:,::1], float64[:,:,::1], float64[:,::1], float64[:,::1], int64[::1], int64[::1],"
+    " float64[::1], float64[::1], int64[::1])",
+    error_model="numpy", nogil=True, cache=True,
+)
+def ends(S, I, W, y, total, status, failed, energy, casimir, work):
+    """What came of the paths: states (d, M), sums of the increments (m, M), statuses and so on."""
+    for path in range(y.shape[1]):
+        b, k = path // L, path % L
+        for i in range(y.shape[0]):
+            y[i, path] = S[b, i * L + k]
+        for j in range(NOISES):
+            total[j, path] = W[b, j, k]
+        status[path], failed[path] = I[b, STATUS + k], I[b, FAILED + k]
+        energy[path], casimir[path] = S[b, ENERGY * L + k], S[b, CASIMIR * L + k]
+    work[:] = 0
+    for b in range(S.shape[0]):
+        work[0] += I[b, EVALUATIONS]
+        work[1] += I[b, STRUCTURES]
+        work[2] += I[b, WORK]
+
+
+@njit(
+    "void(float64[:,::1], int64[:,::1], float64[:,:,::1], uint64[:,:,:,::1], float64[:,:,:,::1], float64[:,:,:,::1],"
+    " float64[::1], int64, float64[:,:,::1], int64, int64, int64, float64, float64, float64[::1])",
+    error_model="numpy", nogil=True, cache=True,
+)
+def run(S, I, W, rng, stack, top, factors, halvings, given, place, n0, n1, h, bound, P):
     """Steps n0 … n1 − 1 of a chunk of blocks; S, I, W, rng, stack and top are its state.
 
     Increments are drawn, or those of lanes `place` and on of `given` (N, m, M) where it is not empty.
@@ -473,12 +528,6 @@ def run(S, I, W, rng, stack, top, factors, base, halvings, given, place, n0, n1,
     buffer = np.empty((PIECE, NOISES, L))
     raw = np.empty(L, np.uint64)
     for b in range(S.shape[0]):
-        if n0 == 0:
-            _start(S[b], P)
-            for stream in range(rng.shape[1]):
-                mix(rng[b, stream])
-            if given.shape[0] == 0 and top.shape[1] > 0:
-                coarse(rng[b], top[b], factors, base, halvings, np.empty((top.shape[1], NOISES, L)), raw)
         alive = True
         for n in range(n0, n1, PIECE):
             count = min(PIECE, n1 - n)
