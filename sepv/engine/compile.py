@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from importlib.util import find_spec
 from types import ModuleType
 
@@ -53,7 +53,7 @@ def kernel(scheme: Scheme, problem: Problem, *, lanes: int = LANES, compensated:
     ------
     CannotCompile
     """
-    if find_spec("numba") is None:
+    if not _installed():
         raise CannotCompile("numba is not installed (pip install 'sepv[fast]')")
     formula, code = formula_of(scheme), code_of(problem)
     if scheme.name == "both-invariants" and code.nambu is None:
@@ -79,6 +79,11 @@ def kernel(scheme: Scheme, problem: Problem, *, lanes: int = LANES, compensated:
         _gradients(formula, code),
         formula.structures,
     )
+
+
+@cache
+def _installed() -> bool:
+    return find_spec("numba") is not None
 
 
 @lru_cache(maxsize=256)

@@ -113,7 +113,9 @@ def _increments(
     if dW is not None:
         raw = np.ascontiguousarray(dW, dtype=np.float64)
         paths = raw.shape[2] if raw.ndim == 3 and paths is None else paths
-        if raw.shape != (steps, problem.noises, paths) or not np.all(np.isfinite(raw)):
+        # The extrema are finite where all are, and take no temporary.
+        finite = raw.size == 0 or (np.isfinite(raw.min()) and np.isfinite(raw.max()))
+        if raw.shape != (steps, problem.noises, paths) or not finite:
             raise UsageError(
                 expected=f"dW finite, of shape ({steps}, {problem.noises}, M): steps, noises, paths",
                 received=f"shape {raw.shape}",
@@ -203,13 +205,21 @@ class _Total:
         self.progress = progress
 
     def take(self, task: Task, chunk: Ensemble) -> None:
-        """A chunk's ends go to their places."""
-        here = slice(task.first, task.first + task.count)
-        for key in ("y", "W", "status", "failed_step", "energy_defect", "casimir_defect", "states"):
-            getattr(self.ensemble, key)[..., here] = getattr(chunk, key)
-        work = ("gradient_evaluations", "structure_evaluations", "iterations", "divisions", "continuations")
-        counts = {key: getattr(self.ensemble, key) + getattr(chunk, key) for key in work}
-        self.ensemble = replace(self.ensemble, **counts)
+        """A chunk's ends go to their places; where it is the whole, they are the ends."""
+        whole, here = self.ensemble, slice(task.first, task.first + task.count)
+        if task.count == self.done.size:
+            self.ensemble = replace(chunk, times=whole.times, engine=whole.engine, reason=whole.reason)
+        else:
+            for key in ("y", "W", "status", "failed_step", "energy_defect", "casimir_defect", "states"):
+                getattr(whole, key)[..., here] = getattr(chunk, key)
+            work = (
+                "gradient_evaluations",
+                "structure_evaluations",
+                "iterations",
+                "divisions",
+                "continuations",
+            )
+            self.ensemble = replace(whole, **{key: getattr(whole, key) + getattr(chunk, key) for key in work})
         self.done[here] = True
         if self.progress is not None:
             self.progress(int(self.done.sum()), self.done.size)

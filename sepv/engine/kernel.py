@@ -38,8 +38,6 @@ FIRST_STEPS = 2
 LARGE = 6
 # Lanes that go on together: two registers, for less is not made SIMD code of.
 GROUP = 16
-# Statements that are not worth a second lane beside the first: the processor looks as far ahead by itself.
-SHORT = 100
 # Steps of all lanes together, before those that are not done are looked at one by one.
 FAST = 8
 
@@ -165,7 +163,7 @@ class Writer:
 
         A step is one chain of operations that wait for each other: two chains take little longer than one.
         """
-        if self.lanes < 2 * GROUP or len(lines) < SHORT:
+        if self.lanes < 2 * GROUP:
             return ["for k in range(L):", *indent(1, lines)]
         own = {"k", *(line.split(" = ")[0] for line in lines)}
         other = [
@@ -189,10 +187,7 @@ class Writer:
         e.lines += ["busy = I[ALIVE + k] != 0", f"scale = {' + '.join(f'abs({v})' for v in y)}"]
         z = ["0.0"] * n
         for _ in range(self.sweeps):
-            mid = middle(e, y, z)
-            f = self.problem.field
-            found = rate(e, self.problem, mid) if f is None else [e.polynomial(p, mid) for p in f]
-            z = [shown(e.product("delta", v)) for v in found]
+            z = [shown(v) for v in rate(e, self.problem, middle(e, y, z), "delta")]
         z = self.kept_inside(e, y, z) if self.sweeps else z
         size = " + ".join(f"abs({v})" for v in z)
         inverse = None
@@ -352,7 +347,7 @@ class Writer:
             "I[STATUS + k] = pick(failed, code, I[STATUS + k])",
             "trouble += pick(failed, 1, 0)",
         ]
-        return ["trouble = 0", *self.side_by_side([*self.random_step(), *e.lines])]
+        return ["trouble = 0", "for k in range(L):", *indent(1, [*self.random_step(), *e.lines])]
 
     def update(self) -> list[str]:
         """The step's end: states, statuses, invariants; without masks where all lanes live and none failed."""

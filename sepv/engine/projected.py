@@ -5,28 +5,57 @@ The increment is computed once for each lane; the iterations that follow are tho
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from sepv.engine.kernel import Writer, indent
 from sepv.engine.text import Expression, Text, shown
 from sepv.schemes.projected import DEPENDENT, MOST
+
+# Iterations in registers, before and with the first test: a step of a good length needs two.
+BLIND = 2
+
+
+@dataclass(frozen=True)
+class Directions:
+    """Gram and Schmidt's q_k of the gradients N_k at y*, 1/|q_k|², and the products q_jᵀN_k, j < k.
+
+    See `sepv.schemes.projected.Directions`.
+    """
+
+    q: list[list[Expression]]
+    inverses: list[Expression]
+    products: list[list[Expression]]
+
+    def named(self) -> dict[tuple[str, int], str]:
+        """What is kept for the iterations after the first, by row of the scratch buffer."""
+        d, K = len(self.q[0]), len(self.q)
+        found = {("Q", k * d + i): v for k, q in enumerate(self.q) for i, v in enumerate(q)}
+        found |= {("N", k): v for k, v in enumerate(self.inverses)}
+        found |= {("R", k * K + j): v for k, row in enumerate(self.products) for j, v in enumerate(row)}
+        return {row: v for row, v in found.items() if v is not None}
 
 
 class ProjectedWriter(Writer):
     """The kernel of a projected method."""
 
     def more_rows(self) -> dict[str, int]:
-        """The explicit increment."""
-        return {"V": self.d}
+        """The directions."""
+        K = 1 + len(self.problem.casimirs(Text(), [f"y{i}" for i in range(self.d)]))
+        return {"Q": K * self.d, "N": K, "R": K * K}
 
     def implicit(self) -> list[str]:
-        """The increment, iterations for the groups that go on, and what is wrong with the lanes that are left.
+        """The increment and two iterations, more for the groups that go on, and what is wrong with the lanes left.
 
         BUSY is 1 in a lane that goes on, 0 in one that is done, and 2 in one that ends outside the domain.
         """
         averages = self.problem.gradient_evaluations
-        lines = ["for k in range(L):", *indent(1, [*self.random_step(), *self.first()])]
-        lines += [f"I[EVALUATIONS] += {self.formula.gradients + 1} * I[LIVING]"]
-        lines += [f"I[STRUCTURES] += {self.formula.structures} * I[LIVING]"]
-        lines += ["left = I[LIVING]", f"for sweep in range({MOST}):", "    if left == 0:", "        break"]
+        lines = ["left = 0", "for k in range(L):", *indent(1, [*self.random_step(), *self.first()])]
+        lines += [f"I[EVALUATIONS] += {self.formula.gradients + 1 + BLIND * averages} * I[LIVING]"]
+        lines += [
+            f"I[STRUCTURES] += {self.formula.structures} * I[LIVING]",
+            f"I[WORK] += {BLIND} * I[LIVING]",
+        ]
+        lines += [f"for sweep in range({MOST - BLIND}):", "    if left == 0:", "        break"]
         lines += ["    I[WORK] += left", f"    I[EVALUATIONS] += {averages} * left", "    left = 0"]
         lines += indent(1, self.groups(1, self.lanes_do(self.iteration())))
         return [
@@ -37,77 +66,102 @@ class ProjectedWriter(Writer):
         ]  # fmt: skip
 
     def first(self) -> list[str]:
-        """z = z*, the explicit increment."""
+        """The explicit increment z*, the directions at its end, and the first iterations."""
         e = Text(self.parameters)
         y = [f"y{i}" for i in range(self.d)]
         e.lines += [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
         assert self.formula.increment is not None
-        v = [shown(r) for r in self.formula.increment(e, self.problem, y, y, "delta")]
-        e.lines += [f"{self.at('V', i)} = {r}" for i, r in enumerate(v)]
-        e.lines += [f"{self.at('Z', i)} = {r}" for i, r in enumerate(v)]
+        z = [shown(r) for r in self.formula.increment(e, self.problem, y, y, "delta")]
+        found = self.directions(e, [e.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)])
         e.lines += [
-            f"{self.at('P')} = INF",
-            f"{self.at('X')} = {' + '.join(f'abs({a})' for a in y)}",
-            f"{self.at('D')} = delta",
-            "I[BUSY + k] = I[ALIVE + k]",
+            "busy = I[ALIVE + k] != 0",
+            f"scale = {' + '.join(f'abs({v})' for v in y)}",
+            "before = INF",
         ]
-        return e.lines
+        for step in range(BLIND):
+            e.lines += ["before = m"] if step else []
+            z = self.moved(e, y, z, found)
+        e.lines += [f"{self.at('Z', i)} = {v}" for i, v in enumerate(z)]
+        e.lines += [f"{self.at('P')} = m", f"{self.at('X')} = scale"]
+        e.lines += [f"{self.at(*row)} = {v}" for row, v in found.named().items()]
+        end = self.test_end(e, y, z, "0")
+        return [*e.lines, *end]
 
     def iteration(self) -> list[str]:
-        """An iteration: z less what the invariants have moved, and a test."""
+        """An iteration of a group."""
         e, d = Text(self.parameters), self.d
         y, z = [f"y{i}" for i in range(d)], [f"z{i}" for i in range(d)]
-        v = [f"v{i}" for i in range(d)]
         e.lines += [f"y{i} = {self.at('Y', i)}" for i in range(d)]
         e.lines += [f"z{i} = {self.at('Z', i)}" for i in range(d)]
-        e.lines += [f"v{i} = {self.at('V', i)}" for i in range(d)]
-        ends = [e.let(f"2.0 * {a} + {b}") for a, b in zip(y, z, strict=True)]
-        gradients = [self.problem.mean_gradient(e, y, z), *self.problem.casimir_gradients(e, ends)]
-        r = [e.dot(g, z) for g in gradients]
-        c = self.correction(e, [e.let(f"{a} + {b}") for a, b in zip(y, v, strict=True)], r)
-        moved = [e.let(f"{a} - {shown(b)}") for a, b in zip(z, c, strict=True)]
         e.lines += [
-            f"m = {' + '.join(f'abs({shown(a)})' for a in c)}",
             "busy = I[BUSY + k] == 1",
             f"scale = {self.at('X')}",
             f"before = {self.at('P')}",
-            f"{self.at('P')} = m",
+        ]
+        moved = self.moved(e, y, z, self.kept())
+        e.lines += [f"{self.at('P')} = m"]
+        e.lines += [
+            f"{self.at('Z', i)} = pick(busy, {a}, {b})" for i, (a, b) in enumerate(zip(moved, z, strict=True))
+        ]
+        end = self.test_end(e, y, moved, "I[BUSY + k]")
+        return [*e.lines, *end]
+
+    def moved(self, e: Text, y: list[str], z: list[str], found: Directions) -> list[str]:
+        """z less what the invariants have moved, m the size of that."""
+        ends = [e.let(f"2.0 * {a} + {b}") for a, b in zip(y, z, strict=True)]
+        gradients = [self.problem.mean_gradient(e, y, z), *self.problem.casimir_gradients(e, ends)]
+        weights: list[Expression] = []
+        for g, products, inverse in zip(gradients, found.products, found.inverses, strict=True):
+            value = e.dot(g, z)
+            for product, weight in zip(products, weights, strict=True):
+                value = e.minus(value, product, weight)
+            weights.append(e.product(value, inverse))
+        c = [shown(e.dot(weights, [q[i] for q in found.q])) for i in range(self.d)]
+        e.lines += self.magnitude(c)
+        return [e.let(f"{a} - {b}") for a, b in zip(z, c, strict=True)]
+
+    def test_end(self, e: Text, y: list[str], z: list[str], otherwise: str) -> list[str]:
+        """Whether the lane is done, and in the domain; BUSY is `otherwise` where it was not busy."""
+        inside = self.problem.domain(e, [e.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)])
+        outcome = f"pick({inside}, 0, 2)" if inside else "0"
+        return [
             "later = (m * m <= LEFT * (scale * before)) & (before < INF)",
             "stays = (m >= 0.5 * before) & (m <= ROUNDING * scale)",
-            f"done = later | stays | (m <= {d} * TINY * scale)",
-            *(
-                f"{self.at('Z', i)} = pick(busy, {a}, {b})"
-                for i, (a, b) in enumerate(zip(moved, z, strict=True))
-            ),
+            f"done = later | stays | (m <= {self.d} * TINY * scale)",
             "left += pick(busy & no(done), 1, 0)",
+            f"I[BUSY + k] = pick(busy, pick(done, {outcome}, 1), {otherwise})",
         ]
-        inside = self.problem.domain(e, [e.let(f"{a} + {b}") for a, b in zip(y, moved, strict=True)])
-        outcome = f"pick({inside}, 0, 2)" if inside else "0"
-        e.lines.append(f"I[BUSY + k] = pick(busy, pick(done, {outcome}, 1), I[BUSY + k])")
-        return e.lines
 
-    def correction(self, e: Text, end: list[str], r: list[Expression]) -> list[Expression]:
-        """u in the span of the gradients N_k at y* with N_kᵀu = r_k: see `sepv.schemes.projected.Directions`."""
+    def directions(self, e: Text, end: list[str]) -> Directions:
+        """Of the gradients at y*."""
         doubled = [e.let(f"2.0 * {v}") for v in end]
         gradients = [self.problem.gradient(e, end), *self.problem.casimir_gradients(e, doubled)]
-        vectors: list[list[Expression]] = []
-        inverses: list[str] = []
-        weights: list[Expression] = []
-        for N, moved in zip(gradients, r, strict=True):
-            value = moved
+        found = Directions([], [], [])
+        for N in gradients:
             q = list(N)
             for _ in range(2):
-                for b, inverse in zip(vectors, inverses, strict=True):
+                for b, inverse in zip(found.q, found.inverses, strict=True):
                     along = e.product(e.dot(b, q), inverse)
                     q = [e.minus(x, along, w) for x, w in zip(q, b, strict=True)]
-            for b, w in zip(vectors, weights, strict=True):
-                value = e.minus(value, e.dot(b, N), w)
+            found.products.append([e.dot(b, N) for b in found.q])
             left, length = shown(e.dot(q, q)), shown(e.dot(N, N))
             new = e.let(f"{left} > {DEPENDENT**2!r} * {length}")
-            inverses.append(e.let(f"pick({new}, 1.0 / pick({new}, {left}, 1.0), 0.0)"))
-            vectors.append(q)
-            weights.append(e.product(value, inverses[-1]))
-        return [e.dot(weights, [q[i] for q in vectors]) for i in range(self.d)]
+            found.inverses.append(e.let(f"pick({new}, 1.0 / pick({new}, {left}, 1.0), 0.0)"))
+            found.q.append(q)
+        return found
+
+    def kept(self) -> Directions:
+        """The directions in the scratch buffer; what is zero is not kept."""
+        found = self.directions(Text(), [f"y{i}" for i in range(self.d)])
+        K = len(found.q)
+        return Directions(
+            [[v and self.at("Q", k * self.d + i) for i, v in enumerate(q)] for k, q in enumerate(found.q)],
+            [v and self.at("N", k) for k, v in enumerate(found.inverses)],
+            [
+                [v and self.at("R", k * K + j) for j, v in enumerate(row)]
+                for k, row in enumerate(found.products)
+            ],
+        )
 
     def carefully(self) -> list[str]:
         """What is wrong with a lane."""

@@ -140,9 +140,11 @@ def both_invariants_jacobian(
     return K
 
 
-def rate(e: Text, problem: ProblemCode, y: Sequence[str]) -> list[Expression]:
-    """f(y) = B∇H."""
-    return field(e, problem.structure(e, y), problem.gradient(e, y))
+def rate(e: Text, problem: ProblemCode, y: Sequence[str], delta: str = "(1.0)") -> list[Expression]:
+    """Δ f(y), f = B∇H multiplied out where that is a few monomials: explicit steps do not need B and ∇H apart."""
+    if problem.field is not None:
+        return [e.polynomial(p, y, delta) for p in problem.field]
+    return [e.product(delta, v) for v in field(e, problem.structure(e, y), problem.gradient(e, y))]
 
 
 def along_itself(
@@ -181,17 +183,15 @@ def runge_kutta(order: int) -> Any:
     def increment(
         e: Text, problem: ProblemCode, y: Sequence[str], z: Sequence[str], delta: str
     ) -> list[Expression]:
-        slopes: list[list[Expression]] = []
+        moves: list[list[Expression]] = []
         for row in tableau.A:
             state: list[str] = list(y)
             for j, a in row.items():
-                weight = e.product(e.number(a), delta)
-                state = [str(e.plus(weight, v, s)) for v, s in zip(slopes[j], state, strict=True)]
-            slopes.append(rate(e, problem, state))
+                state = [str(e.plus(e.number(a), v, s)) for v, s in zip(moves[j], state, strict=True)]
+            moves.append(rate(e, problem, state, delta))
         total: list[Expression] = [None] * len(y)
         for i, b in tableau.b.items():
-            weight = e.product(e.number(b), delta)
-            total = [e.plus(weight, v, s) for v, s in zip(slopes[i], total, strict=True)]
+            total = [e.plus(e.number(b), v, s) for v, s in zip(moves[i], total, strict=True)]
         return total
 
     return increment

@@ -95,11 +95,11 @@ class Text:
         """c − a·b."""
         return self.plus(self.product("(-1.0)", a), b, c)
 
-    def polynomial(self, p: Polynomial, y: Sequence[str]) -> Expression:
-        """Monomials by repeated multiplication, summed in the canonical order of the terms."""
+    def polynomial(self, p: Polynomial, y: Sequence[str], factor: str = "(1.0)") -> Expression:
+        """Monomials by repeated multiplication, summed in the canonical order of the terms; `factor` goes to them."""
         value: Expression = None
         for exponents, c in p.terms:
-            value = self.plus(self.number(c), self._monomial(exponents, y), value)
+            value = self.plus(self.product(factor, self.number(c)), self._monomial(exponents, y), value)
         return value
 
     def _monomial(self, exponents: Sequence[int], y: Sequence[str]) -> Expression:
