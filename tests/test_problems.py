@@ -58,6 +58,13 @@ def test_cases_travel_to_the_bit(case: cases.Case) -> None:
     assert cases.from_token(cases.to_token(case)) == case
 
 
+def test_energies_of_a_long_chain_have_the_same_bits_alone_and_in_a_batch() -> None:
+    """From eight terms on `np.sum` adds those of a single state in pairs."""
+    chain, y = sepv.problems.toda(particles=12), np.random.default_rng(0).standard_normal((24, 40))
+    alone = [chain.hamiltonian(y[:, [k]])[0] for k in range(40)]
+    assert np.array_equal(chain.hamiltonian(y), alone)
+
+
 def oscillator(**changes: Any) -> sepv.Problem:
     parts: dict[str, Any] = {
         "dimension": 2,

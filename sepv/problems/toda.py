@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sepv.errors import ProblemError
+from sepv.fields import dot
 from sepv.problem import Array, NamedProblem, Problem
 from sepv.problems._canonical import canonical, canonical_derivative
 
@@ -48,7 +49,7 @@ def toda(particles: float = 3, noise: ArrayLike = 1.0) -> Problem:
     return Problem(
         dimension=2 * n,
         structure=lambda y: canonical(n, y),
-        hamiltonian=lambda y: 0.5 * np.sum(y[:n] * y[:n], axis=0) + np.sum(np.exp(links(y)), axis=0),
+        hamiltonian=lambda y: 0.5 * dot(y[:n], y[:n]) + sum(np.exp(links(y))),
         gradient=lambda y: np.concatenate([y[:n], forces(np.exp(links(y)))]),
         noise=c,
         hessian=hessian,
