@@ -23,7 +23,7 @@ from sepv.reference.problem import exact_problem
 
 import sepv
 from sepv import problems, schemes
-from sepv.engine import kernel
+from sepv.engine import newton
 from sepv.problem import Array
 from sepv.tolerance import EPS, casimir_ulp, energy_ulp, rounding_walk
 
@@ -136,8 +136,8 @@ def main() -> None:
     )
     options = parser.parse_args()
     if options.first_steps:
-        assert kernel.FIRST_STEPS
-        kernel.FIRST_STEPS = options.first_steps
+        assert newton.FIRST_STEPS
+        newton.FIRST_STEPS = options.first_steps
     steps = int(options.steps)
     out = Console(width=150)
     out.print(f"(2.1), {options.paths} paths of {steps} steps: root mean square over √n")

@@ -11,13 +11,15 @@ import numpy as np
 
 from sepv import schemes
 from sepv.engine.code import ProblemCode
-from sepv.engine.kernel import Writer
+from sepv.engine.explicit import ExplicitWriter
 from sepv.engine.named import LotkaVolterra, Pendulum, as_polynomial
+from sepv.engine.newton import NewtonWriter
 from sepv.engine.polynomials import PolynomialCode
 from sepv.engine.projected import ProjectedWriter
-from sepv.engine.schemes import FORMULAS, Formula, Projected
+from sepv.engine.schemes import FORMULAS, Collocation, Formula, Projected
 from sepv.engine.stages import StagesWriter
 from sepv.engine.user import CannotTranslate, UserCode
+from sepv.engine.writer import Writer
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
 from sepv.scheme import Scheme
 from sepv.structures import StructuresProblem
@@ -91,10 +93,15 @@ def _written(
     problem: ProblemCode, formula: Formula, noises: int, lanes: int, compensated: bool
 ) -> tuple[str, list[float]]:
     """A module's source, and the parameters that its kernel reads after the c_j."""
-    several = StagesWriter if formula.stages > 1 else Writer
-    writer = (ProjectedWriter if isinstance(formula, Projected) else several)(
-        problem, formula, noises, lanes, compensated
+    implicit: type[Writer] = StagesWriter if isinstance(formula, Collocation) else NewtonWriter
+    kind = (
+        ProjectedWriter
+        if isinstance(formula, Projected)
+        else implicit
+        if formula.implicit
+        else ExplicitWriter
     )
+    writer = kind(problem, formula, noises, lanes, compensated)
     return writer.text(), writer.parameters
 
 

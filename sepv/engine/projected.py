@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sepv.engine.kernel import Writer, indent
 from sepv.engine.text import Expression, Text, shown
+from sepv.engine.writer import Writer, indent
 from sepv.schemes.projected import DEPENDENT, MOST
 
 # Iterations in registers, before and with the first test: a step of a good length needs two.
@@ -43,7 +43,7 @@ class ProjectedWriter(Writer):
         K = 1 + len(self.problem.casimirs(Text(), [f"y{i}" for i in range(self.d)]))
         return {"Q": K * self.d, "N": K, "R": K * K}
 
-    def implicit(self) -> list[str]:
+    def step(self) -> list[str]:
         """The increment and two iterations, more for the groups that go on, and what is wrong with the lanes left.
 
         BUSY is 1 in a lane that goes on, 0 in one that is done, and 2 in one that ends outside the domain.
@@ -58,18 +58,12 @@ class ProjectedWriter(Writer):
         lines += [f"for sweep in range({MOST - BLIND}):", "    if left == 0:", "        break"]
         lines += ["    I[WORK] += left", f"    I[EVALUATIONS] += {averages} * left", "    left = 0"]
         lines += indent(1, self.groups(1, self.lanes_do(self.iteration())))
-        return [
-            *lines,
-            "trouble = 0", "for k in range(L):", "    trouble += pick(I[BUSY + k] != 0, 1, 0)",
-            "if trouble > 0:", "    for k in range(L):", "        if I[BUSY + k] != 0:",
-            "            I[STATUS + k] = _carefully(S, I, k, P)",
-        ]  # fmt: skip
+        return [*lines, *self.left_over()]
 
     def first(self) -> list[str]:
         """The explicit increment z*, the directions at its end, and the first iterations."""
         e = Text(self.parameters)
-        y = [f"y{i}" for i in range(self.d)]
-        e.lines += [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
+        y = self.loaded(e, "Y", "y")
         assert self.formula.increment is not None
         z = [shown(r) for r in self.formula.increment(e, self.problem, y, y, "delta")]
         found = self.directions(e, [e.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)])
@@ -89,10 +83,8 @@ class ProjectedWriter(Writer):
 
     def iteration(self) -> list[str]:
         """An iteration of a group."""
-        e, d = Text(self.parameters), self.d
-        y, z = [f"y{i}" for i in range(d)], [f"z{i}" for i in range(d)]
-        e.lines += [f"y{i} = {self.at('Y', i)}" for i in range(d)]
-        e.lines += [f"z{i} = {self.at('Z', i)}" for i in range(d)]
+        e = Text(self.parameters)
+        y, z = self.loaded(e, "Y", "y"), self.loaded(e, "Z", "z")
         e.lines += [
             "busy = I[BUSY + k] == 1",
             f"scale = {self.at('X')}",

@@ -18,9 +18,10 @@ import numpy as np
 
 from sepv.average import gauss_legendre
 from sepv.engine.code import Table
-from sepv.engine.kernel import Writer, indent
 from sepv.engine.schemes import Collocation, at
+from sepv.engine.stages_newton import NEWTON
 from sepv.engine.text import Expression, Text, shown
+from sepv.engine.writer import Writer, indent
 from sepv.implicit import Status
 from sepv.problem import Array
 from sepv.schemes.collocation import FIRST_NODES, MAX_NODES
@@ -60,7 +61,7 @@ class StagesWriter(Writer):
         """Where the nodes are not the stages: the sums of the g_i."""
         return {} if self.straight else {"G": self.unknowns}
 
-    def implicit(self) -> list[str]:
+    def step(self) -> list[str]:
         """Sweeps for all lanes, rule by rule, then Newton's iteration for those in any trouble.
 
         BUSY is 1 in a lane that sweeps, 3 in one that is to be checked, 0 in one that is done, and 2 in one that is
@@ -77,12 +78,7 @@ class StagesWriter(Writer):
             finer = "2 * rule" if self.exact else "2 * rule + 1"
             lines += indent(1, self.groups(3, [*self.sums(finer), *self.lanes_do(self.check())]))
             lines += ["    I[EVALUATIONS] += I[LIVING] * COUNTS[2 * rule + 1]"]
-        return [
-            *lines,
-            "trouble = 0", "for k in range(L):", "    trouble += pick(I[BUSY + k] != 0, 1, 0)",
-            "if trouble > 0:", "    for k in range(L):", "        if I[BUSY + k] != 0:",
-            "            I[STATUS + k] = _carefully(S, I, k, P)",
-        ]  # fmt: skip
+        return [*lines, *self.left_over()]
 
     @property
     def checked(self) -> bool:
@@ -94,7 +90,7 @@ class StagesWriter(Writer):
         if self.straight:
             return []
         e, s, d = Text(self.parameters), self.formula.stages, self.d
-        y, z = self.loaded(e)
+        y, z = self.lane(e)
         u = list(y)
         for j in range(s):
             u = [e.let(f"fma(b{j}, {z[j * d + i]}, {v})") for i, v in enumerate(u)]
@@ -114,19 +110,16 @@ class StagesWriter(Writer):
         g = None if self.straight else [[self.at("G", i * d + r) for r in range(d)] for i in range(s)]
         return [shown(v) for v in self.formula.sweep(e, self.problem, y, z, "delta", g)]
 
-    def loaded(self, e: Text) -> tuple[list[str], list[str]]:
+    def lane(self, e: Text) -> tuple[list[str], list[str]]:
         """y, z and Δ of lane k."""
-        y, z = [f"y{i}" for i in range(self.d)], [f"z{i}" for i in range(self.unknowns)]
-        e.lines += [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
-        e.lines += [f"{v} = {self.at('Z', i)}" for i, v in enumerate(z)]
+        y, z = self.loaded(e, "Y", "y"), self.loaded(e, "Z", "z")
         e.lines.append(f"delta = {self.at('D')}")
         return y, z
 
     def first(self) -> list[str]:
         """The first sweep from z = 0, where one evaluation serves all stages."""
         e = Text(self.parameters)
-        y = [f"y{i}" for i in range(self.d)]
-        e.lines += [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
+        y = self.loaded(e, "Y", "y")
         g = self.problem.gradient(e, y)
         R = [shown(e.product("delta", e.dot(row, g))) for row in self.problem.structure(e, y)]
         e.lines += [f"{self.at('Z', i)} = {R[i % self.d]}" for i in range(self.unknowns)]
@@ -141,7 +134,7 @@ class StagesWriter(Writer):
     def blind(self) -> list[str]:
         """A sweep without a test, by the nodes of the stages alone, which are good enough for a start."""
         e = Text(self.parameters)
-        y, R = self.loaded(e)
+        y, R = self.lane(e)
         for _ in range(FUSED if self.straight else 1):
             R = [shown(v) for v in self.formula.sweep(e, self.problem, y, R, "delta", None)]
         return [*e.lines, *(f"{self.at('Z', i)} = {v}" for i, v in enumerate(R))]
@@ -149,7 +142,7 @@ class StagesWriter(Writer):
     def iteration(self) -> list[str]:
         """The end of a sweep of all lanes, and its test."""
         e = Text(self.parameters)
-        y, z = self.loaded(e)
+        y, z = self.lane(e)
         R = self.sweep(e, y, z)
         e.lines += [
             f"m = {' + '.join(f'abs({a} - {b})' for a, b in zip(R, z, strict=True))}",
@@ -170,7 +163,7 @@ class StagesWriter(Writer):
     def check(self) -> list[str]:
         """The last sweep by a finer rule, and whether all points are in the domain."""
         e = Text(self.parameters)
-        y, z = self.loaded(e)
+        y, z = self.lane(e)
         R = self.sweep(e, y, z)
         size = " + ".join(f"abs({v})" for v in z)
         e.lines += [
@@ -235,7 +228,7 @@ class StagesWriter(Writer):
         e = Text(self.parameters)
         inside = self.problem.domain(e, x) or "True"
         lines += self.function("_inside(x, P)", e, [], f"return {inside}")
-        return [*lines, _NEWTON]
+        return [*lines, NEWTON]
 
     def function(self, head: str, e: Text, stores: Sequence[str], end: str) -> list[str]:
         """A function of the state x."""
@@ -276,142 +269,3 @@ def tableau(stages: int) -> tuple[Array, Array]:
     """A and b of the Gauss method."""
     found = gauss_tableau(stages)
     return found.A, gauss_legendre(stages)[1]
-
-
-_NEWTON = '''
-@_kernel
-def _state(y, z, weights, u):
-    for i in range(D):
-        u[i] = y[i]
-        for j in range(STAGES):
-            u[i] += weights[j] * z[j * D + i]
-
-
-@_kernel
-def _averages(I, P, y, z, rule, g):
-    """g by a rule; the largest component of a gradient."""
-    u, t = np.empty(D), np.empty(D)
-    g[:] = 0.0
-    largest = 0.0
-    for n in range(FIRSTS[rule], FIRSTS[rule] + COUNTS[rule]):
-        _state(y, z, INTEGRALS[n], u)
-        _gradient(u, t, P)
-        for r in range(D):
-            largest = max(largest, abs(t[r]))
-            for i in range(STAGES):
-                g[i, r] += W[i, n] * t[r]
-    I[EVALUATIONS] += COUNTS[rule]
-    return largest
-
-
-@_kernel
-def _all_inside(y, z, rule, P):
-    u = np.empty(D)
-    _state(y, z, WEIGHTS, u)
-    good = _inside(u, P)
-    for i in range(STAGES):
-        _state(y, z, A[i], u)
-        good = good and _inside(u, P)
-    for n in range(FIRSTS[rule], FIRSTS[rule] + COUNTS[rule]):
-        _state(y, z, INTEGRALS[n], u)
-        good = good and _inside(u, P)
-    return good
-
-
-@_kernel
-def _agrees(I, P, y, z, rule):
-    """Whether a finer rule gives the same averages, to the rounding of its own sums and of its points."""
-    used, finer = np.empty((STAGES, D)), np.empty((STAGES, D))
-    _averages(I, P, y, z, 2 * rule, used)
-    size = _averages(I, P, y, z, 2 * rule + 1, finer)
-    widest = 0.0
-    for i in range(STAGES):
-        total = 0.0
-        for n in range(FIRSTS[2 * rule + 1], FIRSTS[2 * rule + 1] + COUNTS[2 * rule + 1]):
-            total += abs(W[i, n])
-        widest = max(widest, total)
-    u, a, b = np.empty(D), np.empty(D), np.empty(D)
-    turn = 0.0
-    for end in range(2):
-        for i in range(D):
-            u[i] = y[i]
-            for j in range(STAGES if end == 1 else 0):
-                u[i] += WEIGHTS[j] * z[j * D + i]
-        _gradient(u, a, P)
-        for i in range(D):
-            u[i] *= 1.0 + 2.0**-26
-        _gradient(u, b, P)
-        for i in range(D):
-            turn = max(turn, abs(b[i] - a[i]) * 2.0**26)
-    difference = np.max(np.abs(finer - used))
-    return difference <= 2.0**-52 * (COUNTS[2 * rule + 1] * size * widest + 4.0 * turn)
-
-
-@_kernel
-def _newton(I, P, y, z, delta, ladder):
-    n = STAGES * D
-    rule = 2 * ladder
-    g, F, K, moved = np.empty((STAGES, D)), np.empty(n), np.empty((n, n)), np.empty(n)
-    u, B, T, C = np.empty(D), np.empty((D, D)), np.empty((D, D)), np.empty((D, D))
-    bent = np.empty((STAGES, STAGES, D, D))
-    before, limit = INF, FIRST
-    for iteration in range(MOST):
-        I[WORK] += 1
-        _averages(I, P, y, z, rule, g)
-        bent[:] = 0.0
-        for q in range(FIRSTS[rule], FIRSTS[rule] + COUNTS[rule]):
-            _state(y, z, INTEGRALS[q], u)
-            _hessian(u, C, P)
-            for i in range(STAGES):
-                for j in range(STAGES):
-                    bent[i, j] += (W[i, q] * INTEGRALS[q, j]) * C
-        residual, total, scale = 0.0, 0.0, 0.0
-        for i in range(STAGES):
-            _state(y, z, A[i], u)
-            _structure(u, B, P)
-            _turned(u, g[i], T, P)
-            for r in range(D):
-                field = 0.0
-                for l in range(D):
-                    field += B[r, l] * g[i, l]
-                F[i * D + r] = z[i * D + r] - delta * field
-                residual = max(residual, abs(F[i * D + r]))
-                total += abs(F[i * D + r])
-                scale = max(scale, abs(y[r]) + abs(z[i * D + r]))
-                for j in range(STAGES):
-                    for c in range(D):
-                        value = A[i, j] * T[r, c]
-                        for l in range(D):
-                            value += B[r, l] * bent[i, j, l, c]
-                        K[i * D + r, j * D + c] = (1.0 if i == j and r == c else 0.0) - delta * value
-        if not (total < INF):
-            return BROKEN
-        if residual == 0.0:  # a state at rest is a solution, also where the Jacobian is singular
-            return 0
-        c = pivoted(K, F)
-        m, total = 0.0, 0.0
-        for i in range(n):
-            m = max(m, abs(c[i]))
-            total += abs(c[i])
-        if not (total < INF):
-            return SINGULAR
-        done = m <= limit * scale and m * m <= LEFT * scale * before or m <= TINY * scale
-        small = m <= STAGNATION * scale and residual <= ROUNDING * scale
-        done = done or small and m >= 0.5 * before
-        before, limit, factor, found = m, STAGNATION, 1.0, False
-        for halving in range(HALVINGS):
-            for i in range(n):
-                moved[i] = z[i] - factor * c[i]
-            if _all_inside(y, moved, rule, P):
-                found = True
-                break
-            done = False
-            factor *= 0.5
-        if not found:
-            return LEFT_DOMAIN
-        z[:] = moved
-        if done:
-            return 0
-    return NO_CONVERGENCE
-
-'''

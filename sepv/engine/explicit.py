@@ -1,0 +1,28 @@
+"""Explicit steps: the increment itself, and whether it leads anywhere."""
+
+from __future__ import annotations
+
+from sepv.engine.text import Text, shown
+from sepv.engine.writer import Writer, indent
+
+
+class ExplicitWriter(Writer):
+    """The kernel of an explicit scheme."""
+
+    def step(self) -> list[str]:
+        """The increment itself, and whether it leads anywhere."""
+        e = Text(self.parameters)
+        y = self.loaded(e, "Y", "y")
+        assert self.formula.increment is not None
+        z = [shown(v) for v in self.formula.increment(e, self.problem, y, y, "delta")]
+        e.lines += [f"{self.at('Z', i)} = {v}" for i, v in enumerate(z)]
+        there = [e.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)]
+        e.lines.append(f"finite = ({' + '.join(f'abs({v})' for v in there)}) < INF")
+        inside = self.problem.domain(e, there)
+        e.lines += [
+            f"code = pick(finite, {f'pick({inside}, 0, LEFT_DOMAIN)' if inside else 0}, BROKEN)",
+            "failed = (I[ALIVE + k] != 0) & (code != 0)",
+            "I[STATUS + k] = pick(failed, code, I[STATUS + k])",
+            "trouble += pick(failed, 1, 0)",
+        ]
+        return ["trouble = 0", "for k in range(L):", *indent(1, [*self.random_step(), *e.lines])]

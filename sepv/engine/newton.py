@@ -1,0 +1,227 @@
+"""Newton's iteration for a block of lanes in lockstep.
+
+A lane is done where its correction m, applied, leaves an error below rounding: Newton's corrections shrink
+quadratically, so that the next one is m³/m_before², or m by the relative error of Newton's matrix where that is more.
+A lane that is not done after a few steps, that overflows or leaves the domain, is solved again by itself with every
+test of `sepv.implicit`: stagnation, a correction halved until it stays in the domain, a status.
+"""
+
+from __future__ import annotations
+
+import re
+
+from sepv.engine.code import ProblemCode, Table
+from sepv.engine.linear import pivoted_solve, solve
+from sepv.engine.module import GROUP, LEFT
+from sepv.engine.schemes import Formula, middle, rate
+from sepv.engine.text import Expression, Text, shown
+from sepv.engine.writer import Writer, indent
+
+# Sweeps z ← Δ f(ȳ) before Newton's iteration. Where H is at most quadratic they solve the equation itself and leave
+# O(Δ⁵) for what a step of the iteration costs, which leaves O(Δ³), as two of them do elsewhere.
+SWEEPS, ROUGH_SWEEPS = 4, 2
+# Steps of Newton's iteration in registers for up to LARGE unknowns, of which the last is the first that is tested.
+# A path that is compensated takes one or two more. A correction below half a rounding of z is lost when it is applied,
+# so that what is left before it stays, and has a sign: a mean of 1e-4 roundings a step, a tenth of that for each more.
+FIRST_STEPS = 2
+LARGE = 6
+
+
+class NewtonWriter(Writer):
+    """The kernel of a scheme with z = R(z)."""
+
+    def __init__(
+        self, problem: ProblemCode, formula: Formula, noises: int, lanes: int, compensated: bool
+    ) -> None:
+        super().__init__(problem, formula, noises, lanes, compensated)
+        small = self.unknowns <= LARGE
+        exact = 0 < problem.degree <= 2
+        self.sweeps = (SWEEPS if exact else ROUGH_SWEEPS) if small else 0
+        self.steps = FIRST_STEPS + (compensated and (1 if exact else 2)) if small else 0
+
+    def step(self) -> list[str]:
+        """Newton's iteration: the first steps for all lanes, the next for groups, and what is left lane by lane."""
+        lines = ["left = 0", *self.side_by_side([*self.random_step(), *self.first_steps()])]
+        lines += [f"I[WORK] += {self.sweeps + self.steps} * I[LIVING]"]
+        lines += ["for iteration in range(FAST):"]
+        lines += ["    if left == 0:", "        break", "    I[WORK] += left", "    left = 0"]
+        lines += indent(1, self.groups(1, self.lanes_do(self.iteration())))
+        lines += ["trouble = left", "if left > 0:", "    for k in range(L):", "        if I[BUSY + k] != 0:"]
+        lines += ["            code = _carefully(S, I, k, P)", "            I[STATUS + k] = code"]
+        lines += ["            trouble += 1 if code != 0 else 0"]
+        return lines
+
+    def side_by_side(self, lines: list[str]) -> list[str]:
+        """The lines for each lane, those of a lane of the second half after each of one of the first.
+
+        A step is one chain of operations that wait for each other: two chains take little longer than one.
+        """
+        if self.lanes < 2 * GROUP:
+            return ["for k in range(L):", *indent(1, lines)]
+        own = {"k", *(line.split(" = ")[0] for line in lines)}
+        other = [
+            re.sub(r"\b[A-Za-z_]\w*", lambda name: f"{name[0]}_" if name[0] in own else name[0], line)
+            for line in lines
+        ]
+        half = self.lanes // 2
+        both = [line for pair in zip(lines, other, strict=True) for line in pair]
+        return [f"for k in range({half}):", f"    k_ = k + {half}", *indent(1, both)]
+
+    def first_steps(self) -> list[str]:
+        """Sweeps and steps in registers; only the last is tested, since a test costs as much as a third of a step.
+
+        Where sweeps gain at least a factor of two each there is one solution near zero (Banach), the one that Newton's
+        iteration finds from there. A lane where they do not begins anew, at zero: its P is infinite.
+        """
+        n = self.unknowns
+        e = Text(self.parameters)
+        y = self.loaded(e, "Y", "y")
+        e.lines += ["busy = I[ALIVE + k] != 0", f"scale = {' + '.join(f'abs({v})' for v in y)}"]
+        z = ["0.0"] * n
+        for _ in range(self.sweeps):
+            z = [shown(v) for v in rate(e, self.problem, middle(e, y, z), "delta")]
+        z = self.kept_inside(e, y, z) if self.sweeps else z
+        size = " + ".join(f"abs({v})" for v in z)
+        inverse = None
+        for step in range(self.steps):
+            c, inverse = self.newton(e, y, z, inverse)
+            e.lines += [*(["before = m"] if step else []), *self.magnitude(c)]
+            e.lines += [f"contracts = {2**self.sweeps}.0 * m <= {size}"] if self.sweeps and not step else []
+            z = [e.let(f"-{b}") if a == "0.0" else e.let(f"{a} - {b}") for a, b in zip(z, c, strict=True)]
+            z = self.kept_inside(e, y, z)
+        e.lines += self.test(compared=True) if self.steps else ["m = INF", "still = busy"]
+        if self.sweeps:
+            e.lines += ["still = still | busy & no(contracts)", "m = pick(contracts, m, INF)"]
+        e.lines += [f"{self.at('Z', i)} = {v}" for i, v in enumerate(z)]
+        e.lines += [
+            f"{self.at('P')} = m",
+            f"{self.at('X')} = scale",
+            f"{self.at('D')} = delta",
+            "left += pick(still, 1, 0)",
+            "I[BUSY + k] = pick(still, 1, 0)",
+        ]
+        return e.lines
+
+    def kept_inside(self, e: Text, y: list[str], z: list[str]) -> list[str]:
+        """z, no number where its state is outside the domain: nothing is computed with that, and it is never done."""
+        if not self.has_domain():
+            return z
+        e.lines.append(f"inside = {self.inside(e, y, z)}")
+        return [e.let(f"pick({self.inside(e, y, z)}, {v}, NAN)") for v in z]
+
+    def test(self, compared: bool) -> list[str]:
+        """Whether the correction of size m, applied, leaves an error below rounding.
+
+        `compared` where there was surely a correction before it: were that one infinite, m would be no number.
+        """
+        first = [] if compared else ["later = (before < INF) | (m <= FIRST * scale)"]
+        return [
+            *first,
+            "next = (m * m * m <= LEFT * scale * (before * before)) | (before <= FIRST * scale)",
+            f"near = m <= {LEFT / self.problem.rate!r} * scale",
+            f"done = (next & near{'' if compared else ' & later'}) | (m <= TINY * scale)",
+            f"still = busy & no(done{' & inside' if self.has_domain() else ''})",
+        ]
+
+    def newton(
+        self, e: Text, y: list[str], z: list[str], near: str | None = None
+    ) -> tuple[list[str], str | None]:
+        """The correction (1 − K)⁻¹F: see `sepv.engine.linear.solve`."""
+        F, A = self.system(e, y, z)
+        return solve(e, A, list(F), near)
+
+    def system(self, e: Text, y: list[str], z: list[str]) -> tuple[list[str], Table]:
+        """F = z − R and 1 − K."""
+        n = len(z)
+        assert self.formula.increment is not None
+        assert self.formula.jacobian is not None
+        R = self.formula.increment(e, self.problem, y, z, "delta")
+        K = self.formula.jacobian(e, self.problem, y, z, "delta")
+        F = [_minus(e, z[i], R[i]) for i in range(n)]
+        return F, [[_one_minus(e, i == j, K[i][j]) for j in range(n)] for i in range(n)]
+
+    def iteration(self) -> list[str]:
+        """A step of all lanes and its test; a lane in any trouble stays busy, and is left to `_carefully`."""
+        n, d = self.unknowns, self.d
+        e = Text(self.parameters)
+        y, z = [f"y{i}" for i in range(d)], [f"z{i}" for i in range(n)]
+        e.lines += [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
+        e.lines += [f"before = {self.at('P')}", f"delta = {self.at('D')}"]
+        e.lines += [f"{v} = pick(before < INF, {self.at('Z', i)}, 0.0)" for i, v in enumerate(z)]
+        c, _ = self.newton(e, y, z)
+        moved = self.kept_inside(e, y, [e.let(f"{a} - {b}") for a, b in zip(z, c, strict=True)])
+        e.lines += [
+            *self.magnitude(c),
+            "busy = I[BUSY + k] != 0",
+            f"scale = {self.at('X')}",
+            f"{self.at('P')} = m",
+            *self.test(compared=False),
+        ]
+        e.lines += [f"{self.at('Z', i)} = pick(busy, {moved[i]}, {self.at('Z', i)})" for i in range(n)]
+        e.lines += ["left += pick(still, 1, 0)", "I[BUSY + k] = pick(still, 1, 0)"]
+        return e.lines
+
+    def carefully(self) -> list[str]:
+        """One lane by itself, from z = 0, with every test of `sepv.implicit`."""
+        n, d = self.unknowns, self.d
+        y, z = [f"y{i}" for i in range(d)], [f"z{i}" for i in range(n)]
+        e = Text(self.parameters)
+        F, A = self.system(e, y, z)
+        c = pivoted_solve(e, A, F) if n > 3 else solve(e, A, list(F))[0]
+        e.lines += [
+            "I[WORK] += 1",
+            f"residual = max({', '.join(f'abs({f})' for f in F)}, 0.0)",
+            f"m = max({', '.join(f'abs({v})' for v in c)}, 0.0)",
+            f"scale = max({', '.join(f'abs(y{i % d}) + abs({z[i]})' for i in range(n))}, 0.0)",
+            f"if not ({' + '.join(f'abs({f})' for f in F)} < INF):",
+            "    return BROKEN",
+            "if residual == 0.0:",  # a state at rest is a solution, also where the Jacobian is singular
+            "    break",
+            f"if not ({' + '.join(f'abs({v})' for v in c)} < INF):",
+            "    return SINGULAR",
+            "done = m <= limit * scale and m * m <= LEFT * scale * before or m <= TINY * scale",
+            "small = m <= STAGNATION * scale and residual <= ROUNDING * scale",
+            "done = done or small and m >= 0.5 * before",
+            "before = m",
+            "limit = STAGNATION",
+            "factor = 1.0",
+        ]
+        moved = [f"n{i}" for i in range(n)]
+        step = [f"{moved[i]} = {z[i]} - factor * {c[i]}" for i in range(n)]
+        lines = [*e.lines, *step]
+        if self.has_domain():
+            e = Text(self.parameters)
+            inside = self.inside(e, y, moved)
+            lines += ["found = False", "for halving in range(HALVINGS):", *indent(1, e.lines)]
+            lines += [f"    if {inside}:", "        found = True", "        break", "    done = False"]
+            lines += ["    factor *= 0.5", *indent(1, step), "if not found:", "    return LEFT_DOMAIN"]
+        lines += [f"{z[i]} = {moved[i]}" for i in range(n)]
+        lines += ["if done:", "    break"]
+        head = [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
+        head += [*(f"{v} = 0.0" for v in z), f"delta = {self.at('D')}", "before = INF", "limit = FIRST"]
+        body = [
+            *head,
+            "for iteration in range(MOST):",
+            *indent(1, lines),
+            "else:",
+            "    return NO_CONVERGENCE",
+        ]
+        return [*body, *(f"{self.at('Z', i)} = {v}" for i, v in enumerate(z)), "return 0"]
+
+    def inside(self, e: Text, y: list[str], z: list[str]) -> str:
+        """Whether all states that belong to z are in the domain."""
+        found = [self.problem.domain(e, state) for state in self.formula.states(e, y, z)]
+        return " & ".join(f"({f})" for f in found)
+
+
+def _minus(e: Text, z: str, value: Expression) -> str:
+    if value is None:
+        return z
+    return e.let(f"-{value}") if z == "0.0" else e.let(f"{z} - {value}")
+
+
+def _one_minus(e: Text, diagonal: bool, value: Expression) -> Expression:
+    """An entry of 1 − K."""
+    if value is None:
+        return "(1.0)" if diagonal else None
+    return e.let(f"1.0 - {value}") if diagonal else e.let(f"-{value}")
