@@ -25,32 +25,32 @@ _UNIT = 1.0 / 9007199254740992.0
 
 
 @_kernel
-def _next(state: Any, k: int) -> Any:
-    """The next 64 bits of lane k."""
-    a, b, c, counter = state[0, k], state[1, k], state[2, k], state[3, k]
+def _next(rng: Any, s: int, k: int) -> Any:
+    """The next 64 bits of stream s of lane k."""
+    a, b, c, counter = rng[s, 0, k], rng[s, 1, k], rng[s, 2, k], rng[s, 3, k]
     out = a + b + counter
-    state[0, k] = b ^ (b >> np.uint64(11))
-    state[1, k] = c + (c << np.uint64(3))
-    state[2, k] = ((c << np.uint64(24)) | (c >> np.uint64(40))) + out
-    state[3, k] = counter + np.uint64(1)
+    rng[s, 0, k] = b ^ (b >> np.uint64(11))
+    rng[s, 1, k] = c + (c << np.uint64(3))
+    rng[s, 2, k] = ((c << np.uint64(24)) | (c >> np.uint64(40))) + out
+    rng[s, 3, k] = counter + np.uint64(1)
     return out
 
 
 @_kernel
-def mix(state: Any) -> None:
-    """From the seeds of a stream (4, L) to its initial states: the first draws, which are not used."""
+def mix(rng: Any, s: int) -> None:
+    """From the seeds of a stream to its initial states: the first draws, which are not used."""
     for _ in range(MIXING):
-        for k in range(state.shape[1]):
-            _next(state, k)
+        for k in range(rng.shape[2]):
+            _next(rng, s, k)
 
 
 @_kernel
-def _uniform(state: Any, k: int) -> float:
-    return np.int64(_next(state, k) >> np.uint64(11)) * _UNIT
+def _uniform(rng: Any, s: int, k: int) -> float:
+    return np.int64(_next(rng, s, k) >> np.uint64(11)) * _UNIT
 
 
 @_kernel
-def _ziggurat(state: Any, k: int, r: Any) -> float:
+def _ziggurat(rng: Any, s: int, k: int, r: Any) -> float:
     """The ziggurat from the draw r on."""
     while True:
         layer = np.int64(r & np.uint64(0xFF))
@@ -62,39 +62,39 @@ def _ziggurat(state: Any, k: int, r: Any) -> float:
             return x
         if layer == 0:
             while True:
-                xx = -_INVERSE_R * np.log1p(-_uniform(state, k))
-                yy = -np.log1p(-_uniform(state, k))
+                xx = -_INVERSE_R * np.log1p(-_uniform(rng, s, k))
+                yy = -np.log1p(-_uniform(rng, s, k))
                 if yy + yy > xx * xx:
                     return -(_R + xx) if (rabs >> 8) & 1 else _R + xx
-        elif (_HEIGHT[layer - 1] - _HEIGHT[layer]) * _uniform(state, k) + _HEIGHT[layer] < np.exp(
+        elif (_HEIGHT[layer - 1] - _HEIGHT[layer]) * _uniform(rng, s, k) + _HEIGHT[layer] < np.exp(
             -0.5 * x * x
         ):
             return x
-        r = _next(state, k)
+        r = _next(rng, s, k)
 
 
 @_kernel
-def normals(state: Any, out: Any, raw: Any) -> None:
-    """A standard normal for each lane: state (4, L) of uint64, out (L,), raw (L,) of uint64 for scratch."""
-    lanes = out.shape[0]
-    if lanes == 1:
-        out[0] = _ziggurat(state, 0, _next(state, 0))
-        return
+def normals(rng: Any, s: int, out: Any, i: int, j: int, raw: Any) -> None:
+    """A standard normal from stream s of rng (streams, 4, L) for each lane, into out[i, j]; raw (L,) for scratch.
+
+    Arrays are passed whole: a slice counts its references, which takes longer than a normal.
+    """
+    lanes = out.shape[2]
     for k in range(lanes):
-        raw[k] = _next(state, k)
+        raw[k] = _next(rng, s, k)
     missed = 0
     for k in range(lanes):
         r = raw[k]
         layer = r & np.uint64(0xFF)
         rabs = np.int64(r >> np.uint64(9)) & _MANTISSA
         x = rabs * _WIDTH[layer]
-        out[k] = pick((r & np.uint64(0x100)) != 0, -x, x)
+        out[i, j, k] = pick((r & np.uint64(0x100)) != 0, -x, x)
         missed += pick(rabs >= _LIMIT[layer], 1, 0)
     if missed:
         for k in range(lanes):
             r = raw[k]
             if (np.int64(r >> np.uint64(9)) & _MANTISSA) >= _LIMIT[r & np.uint64(0xFF)]:
-                out[k] = _ziggurat(state, k, r)
+                out[i, j, k] = _ziggurat(rng, s, k, r)
 
 
 @_kernel
@@ -104,14 +104,14 @@ def coarse(rng: Any, top: Any, factors: Any, base: int, halvings: int, scratch: 
     length = base
     for i in range(base):
         for j in range(noises):
-            normals(rng[0], top[i, j], raw)
+            normals(rng, 0, top, i, j, raw)
             for k in range(lanes):
                 top[i, j, k] *= factors[0]
     for level in range(1, halvings + 1):
         # The normals of a level come in the order of time, its increments are spread from the end.
         for i in range(length):
             for j in range(noises):
-                normals(rng[0], scratch[i, j], raw)
+                normals(rng, 0, scratch, i, j, raw)
         for i in range(length - 1, -1, -1):
             for j in range(noises):
                 for k in range(lanes):
@@ -123,7 +123,7 @@ def coarse(rng: Any, top: Any, factors: Any, base: int, halvings: int, scratch: 
 
 
 @_kernel
-def fill(
+def fill(  # noqa: PLR0912 - in one piece, since calls that pass several arrays count references
     out: Any, first: int, count: int, rng: Any, stack: Any, top: Any, factors: Any, above: int, raw: Any
 ) -> None:
     """Increments of the steps first … first + count − 1 of a block into out (count, m, L).
@@ -148,12 +148,18 @@ def fill(
                 for k in range(lanes):
                     out[i, j, k] = top[n, j, k]
             else:
-                normals(rng[0], out[i, j], raw)
+                if lanes == 1:  # a call that passes three arrays counts its references as well
+                    out[i, j, 0] = _ziggurat(rng, 0, 0, _next(rng, 0, 0))
+                else:
+                    normals(rng, 0, out, i, j, raw)
                 for k in range(lanes):
                     out[i, j, k] *= factors[0]
         for deeper in range(level + 1, fine + 1):
             for j in range(noises):
-                normals(rng[deeper], stack[deeper, j], raw)
+                if lanes == 1:
+                    stack[deeper, j, 0] = _ziggurat(rng, deeper, 0, _next(rng, deeper, 0))
+                else:
+                    normals(rng, deeper, stack, deeper, j, raw)
                 for k in range(lanes):
                     whole = out[i, j, k]
                     left = 0.5 * whole + factors[above + deeper] * stack[deeper, j, k]

@@ -71,7 +71,7 @@ def begin(S, I, W, rng, top, y0, words, factors, base, halvings, first, count, P
                 state[0, k], state[1, k] = words[stream, 0], words[stream, 1]
                 state[2, k] = words[stream, 2] + path * np.uint64(STREAMS)
                 state[3, k] = np.uint64(1)
-            mix(state)
+            mix(rng[b], stream)
         if top.shape[1] > 0:
             coarse(rng[b], top[b], factors, base, halvings, np.empty((top.shape[1], NOISES, L)), raw)
 
