@@ -404,12 +404,13 @@ def test_scalar_functions_that_cannot_be_used_are_named() -> None:
         assert why in result.reason
 
 
-def test_a_step_on_which_sweeps_do_not_contract_is_begun_anew() -> None:
-    """Steps of the pendulum with |Δ| up to 30: sweeps end anywhere, and Newton's iteration from there in another root."""
+@pytest.mark.parametrize("scheme", [EP, schemes.midpoint])
+def test_a_step_on_which_sweeps_do_not_contract_is_begun_anew(scheme: sepv.Scheme) -> None:
+    """Steps of the pendulum with |Δ| up to 40: sweeps end anywhere, and Newton's iteration from there elsewhere."""
     problem = problems.pendulum()
     for scale in (3.0, 10.0):
         dW = scale * np.random.default_rng(5).standard_normal((1, 2, 2000))
-        fast, plain = both(EP, problem, h=0.01, steps=1, dW=dW, truncation=None)
+        fast, plain = both(scheme, problem, h=0.01, steps=1, dW=dW, truncation=None)
         assert not fast.status.any()
         assert not plain.status.any()
         # Roots are of order one apart; the same root differs by roundings of y and of Δ g, |Δ| ≤ 40, g ≤ 4.

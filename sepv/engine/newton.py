@@ -70,8 +70,7 @@ class NewtonWriter(Writer):
     def first_steps(self) -> list[str]:
         """Sweeps and steps in registers; only the last is tested, since a test costs as much as a third of a step.
 
-        Where sweeps gain at least a factor of two each there is one solution near zero (Banach), the one that Newton's
-        iteration finds from there. A lane where they do not begins anew, at zero: its P is infinite.
+        A lane where sweeps do not contract begins anew, at zero: its P is infinite.
         """
         n = self.unknowns
         e = Text(self.parameters)
@@ -81,12 +80,11 @@ class NewtonWriter(Writer):
         for _ in range(self.sweeps):
             z = [shown(v) for v in rate(e, self.problem, middle(e, y, z), "delta")]
         z = self.kept_inside(e, y, z) if self.sweeps else z
-        size = " + ".join(f"abs({v})" for v in z)
+        e.lines += self.contraction(e, y, z) if self.sweeps else []
         inverse = None
         for step in range(self.steps):
             c, inverse = self.newton(e, y, z, inverse)
             e.lines += [*(["before = m"] if step else []), *self.magnitude(c)]
-            e.lines += [f"contracts = {2**self.sweeps}.0 * m <= {size}"] if self.sweeps and not step else []
             z = [e.let(f"-{b}") if a == "0.0" else e.let(f"{a} - {b}") for a, b in zip(z, c, strict=True)]
             z = self.kept_inside(e, y, z)
         e.lines += self.test(compared=True) if self.steps else ["m = INF", "still = busy"]
@@ -101,6 +99,15 @@ class NewtonWriter(Writer):
             "I[BUSY + k] = pick(still, 1, 0)",
         ]
         return e.lines
+
+    def contraction(self, e: Text, y: list[str], z: list[str]) -> list[str]:
+        """Whether sweeps gain a factor of two: ‖K‖ ≤ ½, in the norm of Frobenius, which is never less than the others.
+
+        There is one solution near zero then (Banach), the one that Newton's iteration finds from there.
+        """
+        assert self.formula.jacobian is not None
+        K = [v for row in self.formula.jacobian(e, self.problem, y, z, "delta") for v in row]
+        return [f"contracts = {shown(e.dot(K, K))} <= 0.25"]
 
     def kept_inside(self, e: Text, y: list[str], z: list[str]) -> list[str]:
         """z, no number where its state is outside the domain: nothing is computed with that, and it is never done."""
