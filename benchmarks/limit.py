@@ -17,6 +17,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -114,9 +115,13 @@ def drawn(problem: sepv.Problem, h: float, workers: int = 1, paths: int = PATHS)
 
 
 def paired(
-    jobs: list[tuple[str, Callable[[], Any], float]], base: int, rounds: int, clock: Any
+    jobs: list[tuple[str, Callable[[], Any], float]], base: int | list[int], rounds: int, clock: Any
 ) -> list[list[str]]:
-    """Rows (name, ns per path-step, ratio to jobs[base]) of medians with quartiles, all jobs alternating."""
+    """Rows (name, ns per path-step, ratio to jobs[base]) of medians with quartiles, all jobs alternating.
+
+    A list has the base of each job.
+    """
+    bases = [base] * len(jobs) if isinstance(base, int) else base
     times = np.empty((rounds, len(jobs)))
     for _, job, _ in jobs:
         job()
@@ -128,7 +133,7 @@ def paired(
     rows = []
     for j, (name, _, _) in enumerate(jobs):
         low, middle, high = np.quantile(times[:, j], [0.25, 0.5, 0.75])
-        a, b, c = np.quantile(times[:, j] / times[:, base], [0.25, 0.5, 0.75])
+        a, b, c = np.quantile(times[:, j] / times[:, bases[j]], [0.25, 0.5, 0.75])
         rows.append([name, f"{middle:.2f}  [{low:.2f}, {high:.2f}]", f"{b:.2f}  [{a:.2f}, {c:.2f}]"])
     return rows
 
@@ -178,13 +183,21 @@ def one_path(limit: Limit | None, dW: np.ndarray, rounds: int) -> None:
          {len(jobs) - 2: f"{job().energy_defect.max():.1e}"})  # fmt: skip
 
 
-def threads(rounds: int) -> None:
-    """Two threads against one, by wall time; enough paths that what it takes to wake a second core is little."""
-    problem = problems.rigid_body()
-    jobs = [
-        (f"{w} thread{'s' * (w > 1)}", drawn(problem, H, w, 40 * PATHS), 40.0 * PATHS * STEPS) for w in (2, 1)
-    ]
-    show(f"{40 * PATHS} paths, wall time", paired(jobs, 0, rounds, time.perf_counter))
+def threads(limits: list[Limit], rounds: int) -> None:
+    """Two threads against one, by wall time; enough paths that what it takes to wake a second core is little.
+
+    The C kernel beside it, twenty times over two sets of paths: two cores of a machine are seldom twice as fast as one.
+    """
+    problem, size = problems.rigid_body(), 40.0 * PATHS * STEPS
+    jobs = [(f"{w} thread{'s' * (w > 1)}", drawn(problem, H, w, 40 * PATHS), size) for w in (2, 1)]
+    with ThreadPoolExecutor(2) as pool:
+        if limits:
+            work = [limit.many() for limit in limits]
+            twenty = lambda job: [job() for _ in range(20)]  # noqa: E731
+            jobs.append(("C, 2 threads", lambda: list(pool.map(twenty, work)), size))
+            jobs.append(("C, 1 thread", lambda: [twenty(job) for job in work], size))
+        rows = paired(jobs, [0, 0, 2, 2][: len(jobs)], rounds, time.perf_counter)
+    show(f"{40 * PATHS} paths, wall time", rows)
 
 
 def scaling(rounds: int) -> None:
@@ -273,7 +286,7 @@ def main() -> None:
     if "one" not in options.skip:
         one_path(limit, single, options.rounds)
     if "threads" not in options.skip:
-        threads(options.rounds)
+        threads([] if limit is None else [limit, Limit(library, dW, single)], options.rounds)
     if "scaling" not in options.skip:
         scaling(3)
     if "starts" not in options.skip:
