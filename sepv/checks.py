@@ -33,6 +33,7 @@ def check_problem(problem: Problem) -> None:
         _check_shapes(problem, y)
         _check_skew(problem, y)
         _check_gradient(problem, y)
+        _check_mean_gradient(problem, y)
         _check_casimirs(problem, y)
         _check_derivatives(problem, y)
 
@@ -91,6 +92,35 @@ def _check_gradient(problem: Problem, y: Array) -> None:
                 received=f"gradient[{k + 1}] = {float(value)!r}, ∂H/∂y{k + 1} = {derivative!r} at y = {y.tolist()}",
                 remedy=f"correct component {k + 1} of gradient, or hamiltonian",
             )
+
+
+def _check_mean_gradient(problem: Problem, y: Array) -> None:
+    if problem.mean_gradient is None:
+        return
+    end = y * (1 + 2.0**-4) + 2.0**-6
+    if problem.domain is None or bool(np.all(_call(problem, "domain", end))):
+        check_mean_gradient("mean_gradient", problem, y, end, problem.mean_gradient(y, end))
+
+
+def check_mean_gradient(name: str, problem: Problem, y: Array, end: Array, mean: Any) -> None:
+    """(y1 − y0)ᵀ∇̄H = H(y1) − H(y0): the one property that the energy rests on.
+
+    Raises
+    ------
+    ProblemError
+        Where the difference is larger than GRADIENT_TOLERANCE of the terms: another rule, such as the midpoint's,
+        is off by the cube of the distance, of order 1e-5 here.
+    """
+    terms = (end - y) * np.asarray(mean, dtype=np.float64)
+    difference = float(problem.hamiltonian(end) - problem.hamiltonian(y))
+    # The rounding of two energies, and ten roundings of each term.
+    rounding = 2.0**-50 * (abs(float(problem.hamiltonian(end))) + abs(float(problem.hamiltonian(y))))
+    if not abs(terms.sum() - difference) <= GRADIENT_TOLERANCE * np.abs(terms).sum() + rounding:
+        raise ProblemError(
+            expected=f"{name} to be ∫₀¹∇H(y + τ(x − y))dτ, so that (x − y)ᵀ{name} = H(x) − H(y) = {difference!r}",
+            received=f"{float(terms.sum())!r} for y = {y.tolist()}, x = {end.tolist()}",
+            remedy="correct it, or leave it out: the mean is then computed by quadrature",
+        )
 
 
 def _check_casimirs(problem: Problem, y: Array) -> None:

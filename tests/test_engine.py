@@ -392,6 +392,58 @@ def test_problems_with_scalar_functions_are_compiled() -> None:
     assert fast.energy_defect.max() < 8 * 2.3e-16
 
 
+def _midpoint_energy(p, q):
+    return 0.5 * p * p + 0.25 * q * q * q * q
+
+
+def _midpoint_slope(p, q):
+    return p, q * q * q
+
+
+def _midpoint_rule(p, q, r, s):
+    return 0.5 * (p + r), (0.5 * (q + s)) ** 3
+
+
+def test_a_scalar_mean_gradient_of_another_rule_is_refused() -> None:
+    """There is no function of arrays to compare it with: it is held against H itself."""
+    plain = problems.harmonic_oscillator()
+    problem = sepv.Problem(
+        dimension=2,
+        structure=plain.structure,
+        hamiltonian=lambda y: y[0] ** 2 / 2 + y[1] ** 4 / 4,
+        gradient=lambda y: np.stack([y[0], y[1] ** 3]),
+        initial=(0.2, 0.7),
+        scalar=sepv.ScalarFunctions(
+            _midpoint_energy, _midpoint_slope, _canonical, mean_gradient=_midpoint_rule
+        ),
+    )
+    with pytest.raises(sepv.ProblemError, match=r"scalar\.mean_gradient = H\(x\) − H\(y\)"):
+        sepv.ensemble(EP, problem, h=1 / 16, T=0.5, paths=3)
+
+
+def test_more_paths_than_memory_holds_and_what_is_not_finite_are_refused_at_once() -> None:
+    problem = problems.rigid_body()
+    with pytest.raises(sepv.UsageError, match="paths whose ends fit into memory"):
+        sepv.ensemble(EP, problem, h=0.1, T=1.0, paths=10**15)
+    dW = np.zeros((10, 1, 3))
+    dW[4, 0, 2] = np.nan
+    with pytest.raises(sepv.UsageError, match=r"dW\[4, 0, 2\] = nan"):
+        sepv.ensemble(EP, problem, h=0.1, T=1.0, dW=dW)
+
+
+def test_compiled_code_that_was_cut_off_is_compiled_again(tmp_path, monkeypatch) -> None:
+    from sepv.engine import store
+
+    monkeypatch.setenv("SEPV_CACHE_DIR", str(tmp_path))
+    text = (
+        "from numba import njit\n\n\n@njit('float64(float64)', cache=True)\ndef twice(x):\n    return 2 * x\n"
+    )
+    store.load.__wrapped__(text)
+    (compiled,) = tmp_path.glob("engine/__pycache__/*.nbc")
+    compiled.write_bytes(compiled.read_bytes()[:50])
+    assert store.load.__wrapped__(text).twice(1.5) == 3.0
+
+
 def test_scalar_functions_that_cannot_be_used_are_named() -> None:
     with pytest.raises(sepv.ProblemError, match=r"scalar\.gradient"):
         sepv.ensemble(EP, spring(_wrong_slope), h=0.5, T=1.0, paths=2)

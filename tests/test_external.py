@@ -355,10 +355,11 @@ def test_a_signal_to_sepv_ends_the_program_too(child, number, code):
         "    print('ready', flush=True)\n"
         "    scheme.step(problems.harmonic_oscillator(), np.ones(2), 0.5, np.ones(1))"
     )
-    # A shell that starts jobs in the background has them ignore SIGINT: here they shall not.
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    # A shell that starts jobs in the background has them ignore SIGINT, and nohup SIGHUP: here they shall not.
+    default = signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL
+    before = signal.signal(number, default)
     process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
-    signal.signal(signal.SIGINT, before)
+    signal.signal(number, before)
     with process:
         assert process.stdout.readline() == "ready\n"
         time.sleep(0.2)

@@ -170,3 +170,14 @@ def test_structure_below_the_diagonal_is_refused() -> None:
     )
     with pytest.raises(ProblemError, match="above the diagonal"):
         problems.polynomial_problem(data)
+
+
+def test_a_mean_gradient_of_another_rule_is_refused() -> None:
+    """The midpoint's gradient is off by the cube of the distance: energy would be lost without a word."""
+    with pytest.raises(ProblemError, match=r"\(x − y\)ᵀmean_gradient = H\(x\) − H\(y\)"):
+        oscillator(
+            hamiltonian=lambda y: y[0] ** 4 / 4 + y[1] ** 2 / 2,
+            gradient=lambda y: np.stack([y[0] ** 3, y[1]]),
+            degree=4,
+            mean_gradient=lambda y, x: np.stack([((x[0] + y[0]) / 2) ** 3, (x[1] + y[1]) / 2]),
+        )

@@ -42,8 +42,10 @@ def run(
     """
     from sepv import problems, schemes
     from sepv.engine.long import long_path
-    from sepv.errors import StepFailure
+    from sepv.errors import UsageError
+    from sepv.files import require_folder
 
+    require_folder(json_file)
     count = _whole("steps", steps)
     kept = _whole("every", every) if every is not None else max(1, count // 1000)
     with _bar(count, quiet) as progress:
@@ -58,13 +60,10 @@ def run(
     if path.interrupted:
         raise SystemExit(130)
     if path.status:
-        raise StepFailure(
-            problem=problem,
-            y=path.y,
-            delta=float("nan"),
-            residual=float("nan"),
-            status=path.status.text,
-            iterations=0,
+        raise UsageError(
+            expected=f"a path of {count} steps",
+            received=f"step {path.failed_step}, which was not solved: {path.status.text}, at y = {path.y.tolist()}",
+            remedy="a smaller --h, or another --seed",
         )
 
 

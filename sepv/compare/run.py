@@ -60,7 +60,7 @@ def compare(
     UsageError
         For arguments that make no comparison.
     """
-    _validate(methods, problem, steps, paths, repeats)
+    _validate(methods, problem, steps, paths, repeats, targets)
     for count in steps:
         step_count(T / count, None, count)
     start = np.array(problem.initial, dtype=np.float64)
@@ -174,7 +174,12 @@ def _largest(values: Array) -> float:
 
 
 def _validate(
-    methods: Sequence[Method], problem: Problem, steps: Sequence[int], paths: int, repeats: int
+    methods: Sequence[Method],
+    problem: Problem,
+    steps: Sequence[int],
+    paths: int,
+    repeats: int,
+    targets: Sequence[float],
 ) -> None:
     if problem.initial is None:
         raise UsageError(
@@ -193,6 +198,7 @@ def _validate(
         (names and len(set(names)) == len(names), "methods with different names", names),
         (isinstance(paths, int) and paths >= GROUPS, f"paths, an integer ≥ {GROUPS}", paths),
         (isinstance(repeats, int) and repeats >= 1, "repeats, an integer ≥ 1", repeats),
+        (all(0 < t < np.inf for t in targets), "errors to pay for, finite and > 0", list(targets)),
     ):
         if not ok:
             raise UsageError(expected=expected, received=repr(received), remedy=f"give {expected}")

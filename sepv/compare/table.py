@@ -91,7 +91,9 @@ def notes(comparison: Comparison) -> list[str]:
     lines = []
     ways = {t.how for t in comparison.times_to_error()}
     if "beyond" in ways:
-        lines.append("~ beyond the finest step, by the slope of the last two errors")
+        lines.append(
+            "~ beyond the finest step, by the slope of the last two errors; |ΔH| is that of the finest step"
+        )
     if "coarsest" in ways:
         lines.append("≤ already reached at the coarsest step")
     most = max(p.paths for p in comparison.points)

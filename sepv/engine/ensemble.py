@@ -93,8 +93,8 @@ def ensemble(
         scheme=scheme, problem=problem, y0=start, h=float(h), steps=count, first=0, count=paths, seed=int(seed),
         refine=refine, truncation=k, stops=_stops(times, h, count), compensated=compensated, compiled=compiled, dW=raw,
     )  # fmt: skip
+    total = _total(whole, problem, reason, progress)
     tasks = _chunks(whole, workers)
-    total = _Total(whole, problem, reason, progress)
     try:
         repeated = run_all(
             run, tasks, workers, threads=compiled, receive=lambda i, e: total.take(tasks[i], e)
@@ -118,12 +118,17 @@ def _increments(
         if raw.shape != (steps, problem.noises, paths) or not finite:
             raise UsageError(
                 expected=f"dW finite, of shape ({steps}, {problem.noises}, M): steps, noises, paths",
-                received=f"shape {raw.shape}",
+                received=f"shape {raw.shape}" + ("" if finite else f", {_first_not_finite(raw)}"),
                 remedy="one increment for each step, noise and path",
             )
     if not isinstance(paths, (int, np.integer)) or isinstance(paths, bool) or paths < 1:
         raise UsageError(expected="paths, an integer ≥ 1", received=repr(paths), remedy="ask for a path")
     return raw, int(paths)
+
+
+def _first_not_finite(raw: np.ndarray) -> str:
+    index = tuple(int(i) for i in np.argwhere(~np.isfinite(raw))[0])
+    return f"dW[{', '.join(map(str, index))}] = {float(raw[index])!r}"
 
 
 def _stops(times: ArrayLike | None, h: float, steps: int) -> tuple[int, ...]:
@@ -187,6 +192,17 @@ def _chunks(whole: Task, workers: Any) -> list[Task]:
             dW, place = np.ascontiguousarray(dW[:, :, first : first + count]), 0
         tasks.append(replace(whole, problem=problem, first=first, count=count, dW=dW, place=place))
     return tasks
+
+
+def _total(task: Task, problem: Problem, reason: str, progress: Any) -> _Total:
+    try:
+        return _Total(task, problem, reason, progress)
+    except MemoryError as error:
+        raise UsageError(
+            expected="paths whose ends fit into memory",
+            received=f"{task.count} paths with {len(task.stops)} kept states: {error}",
+            remedy="fewer paths at a time, or fewer times; `seed` and the number of a path name its increments",
+        ) from error
 
 
 class _Total:

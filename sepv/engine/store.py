@@ -60,5 +60,11 @@ def load(text: str) -> ModuleType:
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
-    spec.loader.exec_module(module)
+    try:
+        spec.loader.exec_module(module)
+    except Exception:
+        # Compiled code that was cut off when it was written, or is not of this machine: compiled once more.
+        for file in (path.parent / "__pycache__").glob(f"{name}*"):
+            file.unlink(missing_ok=True)
+        spec.loader.exec_module(module)
     return module
