@@ -421,6 +421,19 @@ def test_a_scalar_mean_gradient_of_another_rule_is_refused() -> None:
         sepv.ensemble(EP, problem, h=1 / 16, T=0.5, paths=3)
 
 
+def test_a_map_may_return_chunks_in_any_order() -> None:
+    problem, arguments = problems.rigid_body(), {"h": 1 / 8, "T": 1.0, "paths": 3000, "seed": 4}
+
+    def backwards(function, tasks):
+        return [function(task) for task in reversed(tasks)]
+
+    for engine in ("numpy", "compiled"):
+        one = sepv.ensemble(schemes.milstein, problem, engine=engine, **arguments)
+        other = sepv.ensemble(schemes.milstein, problem, engine=engine, workers=backwards, **arguments)
+        assert same(one, other)
+        assert other.repeated == 0
+
+
 def test_more_paths_than_memory_holds_and_what_is_not_finite_are_refused_at_once() -> None:
     problem = problems.rigid_body()
     with pytest.raises(sepv.UsageError, match="paths whose ends fit into memory"):

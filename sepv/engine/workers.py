@@ -17,16 +17,17 @@ R = TypeVar("R")
 
 
 class _Guarded:
-    """The function, with what it raises returned beside its result: a map then goes on."""
+    """The function of a numbered task, with its number and what it raises returned: a map goes on, in any order."""
 
     def __init__(self, function: Callable[[Any], Any]) -> None:
         self.function = function
 
-    def __call__(self, task: Any) -> tuple[bool, Any]:
+    def __call__(self, numbered: tuple[int, Any]) -> tuple[int, bool, Any]:
+        number, task = numbered
         try:
-            return True, self.function(task)
+            return number, True, self.function(task)
         except Exception as error:  # whatever it is, it is tried again where it can be seen
-            return False, f"{type(error).__name__}: {error}"
+            return number, False, f"{type(error).__name__}: {error}"
 
 
 def run_all(
@@ -44,7 +45,8 @@ def run_all(
     workers : int ≥ 1, Executor, or map-like callable
         With an int that many threads (where `threads`: the function releases the GIL) or processes.
         An executor, or its `map`, gets the chunks one by one, so that none that is finished is lost when a
-        worker dies; any other map-like callable gets (function, tasks).
+        worker dies; any other map-like callable gets a function and numbered tasks, and may return what came of them
+        in any order.
 
     Returns
     -------
@@ -109,9 +111,10 @@ def _submit(
 
 def _map(mapper: Any, function: Callable[[T], R], tasks: Sequence[T], take: Callable[[int, R], None]) -> None:
     try:
-        for number, (ok, result) in enumerate(mapper(_Guarded(function), tasks)):
-            if ok:
-                take(number, result)
+        for found in mapper(_Guarded(function), list(enumerate(tasks))):
+            # What is not ours, put there by a map of its own mind, is as good as missing.
+            if isinstance(found, tuple) and len(found) == 3 and found[1]:
+                take(found[0], found[2])
     except Exception:
         pass
 
