@@ -93,14 +93,11 @@ def _written(
     problem: ProblemCode, formula: Formula, noises: int, lanes: int, compensated: bool
 ) -> tuple[str, list[float]]:
     """A module's source, and the parameters that its kernel reads after the c_j."""
-    implicit: type[Writer] = StagesWriter if isinstance(formula, Collocation) else NewtonWriter
-    kind = (
-        ProjectedWriter
-        if isinstance(formula, Projected)
-        else implicit
-        if formula.implicit
-        else ExplicitWriter
-    )
+    kind: type[Writer] = NewtonWriter if formula.implicit else ExplicitWriter
+    if isinstance(formula, Collocation):
+        kind = StagesWriter
+    elif isinstance(formula, Projected):
+        kind = ProjectedWriter
     writer = kind(problem, formula, noises, lanes, compensated)
     return writer.text(), writer.parameters
 

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba import njit, types
-from numba.core import cgutils
 from numba.extending import intrinsic
 
 _inline: Any = njit(error_model="numpy", forceinline=True, cache=True)
@@ -82,25 +81,6 @@ def wide(typingctx: Any) -> Any:  # noqa: ARG001 - numba's signature
         return context.get_dummy_value()
 
     return types.void(), code
-
-
-@intrinsic
-def prefetch(typingctx: Any, array: Any, i: Any, j: Any, k: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """Asks for the cache line of array[i, j, k], which is read soon; nothing waits for it."""
-
-    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        kind = signature.args[0]
-        at = cgutils.get_item_pointer(
-            context, builder, kind, context.make_array(kind)(context, builder, arguments[0]), arguments[1:]
-        )
-        pointer, number = ir.IntType(8).as_pointer(), ir.IntType(32)
-        function = builder.module.declare_intrinsic(
-            "llvm.prefetch", [pointer], ir.FunctionType(ir.VoidType(), [pointer, number, number, number])
-        )
-        builder.call(function, [builder.bitcast(at, pointer), number(0), number(3), number(1)])
-        return context.get_dummy_value()
-
-    return types.void(array, types.int64, types.int64, types.int64), code
 
 
 @intrinsic

@@ -12,7 +12,8 @@ def solve(e: Text, A: Table, b: list[Expression], near: str | None = None) -> tu
     """x with A x = b, and 1/det A where it is used: Cramer's rule to d = 3, else elimination without pivoting.
 
     `near` is 1/det of a matrix next to A: a step of Newton's iteration for a reciprocal, which squares the relative
-    distance, takes the place of the division, the longest of all operations.
+    distance, takes the place of the division, the longest of all operations. Where A moved with a correction m, that
+    is O(m²) of the next one, as Newton's iteration itself leaves.
 
     A is 1 − K with K small where steps make sense, and Newton's iteration computes the next residual afresh:
     a bad pivot costs iterations and shows as a lane that does not converge, not as a wrong result.

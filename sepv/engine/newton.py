@@ -119,6 +119,8 @@ class NewtonWriter(Writer):
     def test(self, compared: bool) -> list[str]:
         """Whether the correction of size m, applied, leaves an error below rounding.
 
+        One that follows a correction below FIRST is squared once more whatever its own roundings: with a constant C of
+        the iteration, relative to the state, C³·2⁻¹²⁴ is left, below LEFT for every C up to 2²⁰.
         `compared` where there was surely a correction before it: were that one infinite, m would be no number.
         """
         first = [] if compared else ["later = (before < INF) | (m <= FIRST * scale)"]

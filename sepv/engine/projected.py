@@ -78,7 +78,7 @@ class ProjectedWriter(Writer):
         e.lines += [f"{self.at('Z', i)} = {v}" for i, v in enumerate(z)]
         e.lines += [f"{self.at('P')} = m", f"{self.at('X')} = scale"]
         e.lines += [f"{self.at(*row)} = {v}" for row, v in found.named().items()]
-        end = self.test_end(e, y, z, "0")
+        end = self.ending(e, y, z, "0")
         return [*e.lines, *end]
 
     def iteration(self) -> list[str]:
@@ -95,7 +95,7 @@ class ProjectedWriter(Writer):
         e.lines += [
             f"{self.at('Z', i)} = pick(busy, {a}, {b})" for i, (a, b) in enumerate(zip(moved, z, strict=True))
         ]
-        end = self.test_end(e, y, moved, "I[BUSY + k]")
+        end = self.ending(e, y, moved, "I[BUSY + k]")
         return [*e.lines, *end]
 
     def moved(self, e: Text, y: list[str], z: list[str], found: Directions) -> list[str]:
@@ -112,7 +112,7 @@ class ProjectedWriter(Writer):
         e.lines += self.magnitude(c)
         return [e.let(f"{a} - {b}") for a, b in zip(z, c, strict=True)]
 
-    def test_end(self, e: Text, y: list[str], z: list[str], otherwise: str) -> list[str]:
+    def ending(self, e: Text, y: list[str], z: list[str], otherwise: str) -> list[str]:
         """Whether the lane is done, and in the domain; BUSY is `otherwise` where it was not busy."""
         inside = self.problem.domain(e, [e.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)])
         outcome = f"pick({inside}, 0, 2)" if inside else "0"

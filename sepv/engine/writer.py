@@ -7,13 +7,15 @@ block lies in one scratch buffer at fixed offsets. What a lane does never depend
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+
 from sepv.engine.code import ProblemCode
 from sepv.engine.module import DRIVER, GROUP, HEAD
 from sepv.engine.schemes import Formula
 from sepv.engine.text import Expression, Text, shown
 
 
-class Writer:
+class Writer(ABC):
     """A kernel being written: `text` is the module's source, `parameters` what it reads after the c_j."""
 
     imports = ""
@@ -73,9 +75,9 @@ class Writer:
         lines += indent(1, ["wide()", *c, *loads, "for n in range(count):", *indent(1, [*body, *update])])
         return "\n".join(lines) + "\n" + DRIVER
 
+    @abstractmethod
     def step(self) -> list[str]:
         """A step of all lanes: z, and what has become of each lane."""
-        raise NotImplementedError
 
     def carefully(self) -> list[str]:
         """One lane by itself, and its status."""
