@@ -22,18 +22,26 @@ if TYPE_CHECKING:
     from sepv.errors import ProblemError as ProblemError
     from sepv.errors import SchemeFault as SchemeFault
     from sepv.errors import SepvError as SepvError
+    from sepv.errors import Skipped as Skipped
     from sepv.errors import StepFailure as StepFailure
     from sepv.errors import TargetError as TargetError
     from sepv.errors import UsageError as UsageError
     from sepv.exact import exact_flow as exact_flow
+    from sepv.law import Effort as Effort
+    from sepv.law import Verdict as Verdict
+    from sepv.problem import PolynomialSystem as PolynomialSystem
     from sepv.problem import Problem as Problem
     from sepv.problem import ScalarFunctions as ScalarFunctions
     from sepv.scheme import Scheme as Scheme
+    from sepv.simulation import Ensemble as Ensemble
+    from sepv.simulation import Trajectory as Trajectory
     from sepv.simulation import integrate as integrate
+    from sepv.suite import Report as Report
     from sepv.suite import verify as verify
 
 _HOME = {
     "Problem": "sepv.problem",
+    "PolynomialSystem": "sepv.problem",
     "ScalarFunctions": "sepv.problem",
     "Scheme": "sepv.scheme",
     "integrate": "sepv.simulation",
@@ -41,6 +49,11 @@ _HOME = {
     "long_path": "sepv.engine.long",
     "exact_flow": "sepv.exact",
     "verify": "sepv.suite",
+    "Report": "sepv.suite",
+    "Effort": "sepv.law",
+    "Verdict": "sepv.law",
+    "Ensemble": "sepv.simulation",
+    "Trajectory": "sepv.simulation",
     **dict.fromkeys(
         (
             "SepvError",
@@ -50,6 +63,7 @@ _HOME = {
             "SchemeFault",
             "StepFailure",
             "ChunkFailure",
+            "Skipped",
         ),
         "sepv.errors",
     ),

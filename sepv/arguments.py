@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
@@ -36,3 +38,22 @@ def is_number(value: Any) -> bool:
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]
     return isinstance(value, (int, float, np.integer, np.floating)) and math.isfinite(value)
+
+
+def require_flag(what: str, value: Any) -> None:
+    """Refuse anything but True and False: a word such as "no" would count as true.
+
+    Raises
+    ------
+    UsageError
+    """
+    if not isinstance(value, (bool, np.bool_)):
+        raise UsageError(
+            expected=f"{what}, True or False", received=repr(value), remedy=f"{what}=True or {what}=False"
+        )
+
+
+def did_you_mean(word: Any, known: Iterable[str]) -> str:
+    """The word as it came, and the known one it is closest to, if any is close."""
+    near = get_close_matches(str(word).replace("_", "-").lower(), list(known), n=1)
+    return f"{word!r} (did you mean {near[0]!r}?)" if near else repr(word)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import traceback
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from sepv.errors import SchemeFault, SepvError
+from sepv.errors import SchemeFault, SepvError, StepFailure
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
 
@@ -95,11 +97,25 @@ def guarded(scheme: Scheme) -> Scheme:
     return replace(scheme, step=step, solve=None)
 
 
-def takes_batches(scheme: Scheme) -> bool:
+def ask_once(scheme: Scheme, problem: Problem, y: Array, h: float) -> None:
+    """Refuse a step that answers with no state before a run over many of them; what it cannot solve may pass.
+
+    Raises
+    ------
+    SchemeFault, SchemeCrash
+    """
+    if scheme.solve is None:
+        with suppress(StepFailure):
+            guarded(scheme).step(problem, y, h, np.zeros(problem.noises))
+
+
+def takes_batches(scheme: Scheme, asked: Iterable[Problem] = ()) -> bool:
     """Whether a bare function turns out to take batches: the same bits as state by state, on two problems."""
     from sepv import problems
 
-    for problem in (problems.rigid_body(), problems.pendulum()):
+    for problem in tuple(asked) or (problems.rigid_body(), problems.pendulum()):
+        if problem.initial is None:
+            return False
         rng = np.random.default_rng(3)
         y = np.asarray(problem.initial)[:, None] * (1 + 0.1 * rng.standard_normal((problem.dimension, 5)))
         dW = 0.1 * rng.standard_normal((problem.noises, 5))

@@ -20,6 +20,7 @@ from sepv.errors import UsageError
 from sepv.fields import vector_field
 from sepv.problem import Array, NamedProblem, Problem
 from sepv.structures import StructuresProblem
+from sepv.target import load_problem
 
 _EPS = float(np.finfo(np.float64).eps)
 
@@ -34,12 +35,14 @@ class ExactFlow:
 
 
 def exact_flow(
-    problem: Problem, theta: ArrayLike, y0: ArrayLike | None = None, *, dense: bool = False
+    problem: str | Problem, theta: ArrayLike, y0: ArrayLike | None = None, *, dense: bool = False
 ) -> ExactFlow:
     """The exact solution at M random times at once.
 
     Parameters
     ----------
+    problem : str or Problem
+        As for `sepv.integrate`.
     theta : (M,) or scalar, of either sign
         θ = t + Σ_j c_j W_j(t).
     y0 : (d,), optional
@@ -62,6 +65,7 @@ def exact_flow(
     sepv.dense.FlowFailure
         Where the flow does not reach θ.
     """
+    problem = load_problem(problem)
     if isinstance(problem, StructuresProblem):
         raise UsageError(
             expected="a problem of class (1.1): one structure, one random time",

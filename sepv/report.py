@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 from collections.abc import Sequence
+from html import escape
 from typing import TextIO
 
 from rich import box
@@ -53,6 +55,28 @@ def show(report: Report, target: str, out: Console, *, debug: bool = False) -> N
         if finding.message or finding.verdict is not Verdict.HOLDS or finding.expected is not None:
             _details(finding, target, out, debug)
     line(out, summary(report))
+
+
+def as_text(report: Report) -> str:
+    """What `show` prints, as text without colour: for `print(report)`."""
+    out = io.StringIO()
+    name = report.scheme.name
+    show(report, name, Console(file=out, highlight=False, width=100, color_system=None))
+    return "\n".join(line.rstrip() for line in out.getvalue().rstrip().splitlines())
+
+
+def as_html(report: Report) -> str:
+    """The table and the last line as HTML, for a notebook; everything that a scheme says is escaped."""
+    table = law_table(report)
+    heads = "".join(f"<th>{escape(str(c.header))}</th>" for c in table.columns)
+    cells = [[escape(getattr(cell, "plain", str(cell))) for cell in c.cells] for c in table.columns]
+    rows = ["".join(f"<td>{cell}</td>" for cell in row) for row in zip(*cells, strict=True)]
+    body = "".join(f"<tr>{row}</tr>" for row in rows)
+    title = escape(getattr(table.title, "plain", str(table.title)))
+    return (
+        f"<table><caption>{title}</caption><thead><tr>{heads}</tr></thead><tbody>{body}</tbody></table>"
+        f"<p>{escape(summary(report).plain)}</p>"
+    )
 
 
 def line(out: Console, text: Text) -> None:

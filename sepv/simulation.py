@@ -10,10 +10,12 @@ from numpy.typing import ArrayLike
 
 from sepv import wiener
 from sepv.arguments import floats, is_number
+from sepv.candidate import ask
 from sepv.errors import StepFailure, TruncationWarning, UsageError
 from sepv.implicit import Status
 from sepv.problem import Array, Problem
-from sepv.scheme import Scheme
+from sepv.scheme import Scheme, Step
+from sepv.target import load_problem, load_scheme
 
 # Paths computed together: enough to hide NumPy's cost a call, few enough that increments stay small.
 CHUNK = 1024
@@ -81,8 +83,8 @@ class Ensemble:
 
 
 def integrate(
-    scheme: Scheme,
-    problem: Problem,
+    scheme: str | Scheme | Step,
+    problem: str | Problem,
     *,
     h: float,
     T: float | None = None,
@@ -96,20 +98,42 @@ def integrate(
 
     Parameters
     ----------
+    scheme : str, Scheme or function
+        As for `sepv.verify`: a built-in name, ``module:attribute``, a `Scheme`, or ``step(problem, y, h, dW)``.
+    problem : str or Problem
+        A built-in name, ``module:attribute``, a ``.json`` file of polynomial data, or a `Problem`.
     h : float > 0
     T, steps : one of them; T must be a multiple of h.
+    y0 : (d,), optional
+    seed : int
+        Of the increments: path 0 of `ensemble` with the same seed.
     dW : (N, m), optional
         Untruncated increments to use; else those of `wiener.increments(seed, …)`, path 0.
     truncation : int or None
         k of Remark 2.1; by default the scheme's own. None for untruncated.
 
+    Returns
+    -------
+    Trajectory
+        t (N+1,), y (d, N+1), the increments used dW (N, m), and the work.
+
     Raises
     ------
     StepFailure
         At the first step whose implicit equation was not solved.
-    UsageError
-        For arguments that make no path.
+    SchemeFault
+        For an answer of the scheme that is no state: wrong shape or type, not finite.
+    UsageError, TargetError
+        For arguments that make no path, for what is no scheme or no problem.
+
+    Examples
+    --------
+    >>> path = sepv.integrate("energy-preserving", "rigid-body", h=0.01, T=1.0)
+    >>> path.y.shape
+    (3, 101)
     """
+    problem = load_problem(problem)
+    scheme = load_scheme(scheme, problems=(problem,))
     count = step_count(h, T, steps)
     start = initial_state(problem, y0)
     raw = (
@@ -144,7 +168,7 @@ def integrate(
                 )
             y[:, n + 1] = solution.value[:, 0]
         else:
-            y[:, n + 1] = scheme.step(problem, y[:, n], h, used[n])
+            y[:, n + 1] = ask(scheme, problem, y[:, n], h, used[n])
     return Trajectory(
         np.arange(count + 1, dtype=np.float64) * h, y, used, evaluations, divisions, continuations
     )

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from sepv._version import __version__
+from sepv.arguments import did_you_mean
 from sepv.errors import SepvError, Skipped, TargetError, UsageError
 from sepv.expected import ExpectedFailure
 from sepv.expected import load as load_expected
@@ -51,7 +52,7 @@ class _TimedOut(BaseException):
     """Raised in a scheme that does not come back; not an Exception, so that no handler of its own keeps it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Report:
     """What the laws found of one scheme."""
 
@@ -96,8 +97,39 @@ class Report:
         )
 
     def finding(self, law: str) -> Finding:
-        """The finding of one law."""
-        return next(f for f in self.findings if f.law == law)
+        """The finding of one law.
+
+        Raises
+        ------
+        UsageError
+            For a law that is not in the report.
+        """
+        known = {f.law: f for f in self.findings}
+        found = known.get(str(law).replace("_", "-"))
+        if found is None:
+            raise UsageError(
+                expected=f"a law of this report, one of {', '.join(known)}",
+                received=did_you_mean(law, known),
+                remedy="ask for one of these, or measure more laws",
+            )
+        return found
+
+    def __str__(self) -> str:
+        """The table of the laws, the counterexamples and the last line, as `sepv verify` prints them."""
+        from sepv.report import as_text
+
+        return as_text(self)
+
+    def __repr__(self) -> str:
+        """One line: the scheme and the counts."""
+        counts = ", ".join(f"{n} {Verdict(k).text}" for k, n in self.counts.items() if n)
+        return f"<Report of {self.scheme.name}: {counts}>"
+
+    def _repr_html_(self) -> str:
+        """The table in a notebook."""
+        from sepv.report import as_html
+
+        return as_html(self)
 
     def to_json(self) -> dict[str, Any]:
         """The report as JSON: suite, scheme, counts, laws."""
@@ -132,14 +164,21 @@ def load_laws(names: Iterable[str] | None = None) -> list[Law]:
     UsageError
         For an unknown name.
     """
-    wanted = LAWS if names is None else tuple(n.replace("_", "-") for n in names)
+    wanted = LAWS if names is None else tuple(str(n).strip().replace("_", "-") for n in _listed(names))
     for name in wanted:
         if name not in LAWS:
             raise UsageError(
-                expected=f"a law, one of {', '.join(LAWS)}", received=repr(name), remedy="see `sepv list`"
+                expected=f"a law, one of {', '.join(LAWS)}",
+                received=did_you_mean(name, LAWS),
+                remedy="see `sepv list`",
             )
     ordered = [name for name in LAWS if name in wanted]
     return [import_module(f"sepv.properties.test_{name.replace('-', '_')}").law for name in ordered]
+
+
+def _listed(names: str | Iterable[str]) -> Iterable[str]:
+    """The names of a list, or of one string with commas between them."""
+    return names.split(",") if isinstance(names, str) else names
 
 
 def verify(
@@ -202,7 +241,7 @@ def _load(scheme: str | Scheme | Step, claims: Iterable[str], timeout: float) ->
     """The scheme: a bare function is called once or twice to see whether it takes batches, and may not come back."""
     try:
         with _deadline(timeout):
-            return load_scheme(scheme, claims)
+            return load_scheme(scheme, _listed(claims))
     except _TimedOut:
         raise TargetError(
             expected="a scheme that can be loaded, and a step that comes back",

@@ -1,4 +1,4 @@
-"""A scheme from what a user names: a built-in, or module:attribute."""
+"""A scheme or a problem from what a user names or hands over: a built-in, module:attribute, the thing itself."""
 
 from __future__ import annotations
 
@@ -8,13 +8,17 @@ import os
 import sys
 from collections.abc import Iterable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from sepv.errors import TargetError, UsageError
+from sepv.problem import NamedProblem, PolynomialSystem, Problem
 from sepv.scheme import Scheme, Step
 
 
-def load_scheme(target: str | Scheme | Step, claims: Iterable[str] = ()) -> Scheme:
+def load_scheme(
+    target: str | Scheme | Step, claims: Iterable[str] = (), problems: Iterable[Problem] = ()
+) -> Scheme:
     """The scheme that `target` names or is.
 
     Parameters
@@ -24,6 +28,8 @@ def load_scheme(target: str | Scheme | Step, claims: Iterable[str] = ()) -> Sche
         ``step(problem, y, h, dW)``, of which nothing is claimed.
     claims : iterable of law names
         Claimed in addition.
+    problems : iterable of Problem
+        On which a function is asked whether it takes batches; by default two of the paper's.
 
     Raises
     ------
@@ -31,12 +37,12 @@ def load_scheme(target: str | Scheme | Step, claims: Iterable[str] = ()) -> Sche
         Where it cannot be loaded or is not a scheme, with what it is instead.
     """
     name = getattr(target, "__name__", "scheme")
-    scheme = _named(target) if isinstance(target, str) else as_scheme(target, name)
+    scheme = _named(target, problems) if isinstance(target, str) else as_scheme(target, name, problems)
     extra = frozenset(claims)
     return replace(scheme, claims=frozenset(scheme.claims) | extra) if extra else scheme
 
 
-def as_scheme(value: Any, name: str) -> Scheme:
+def as_scheme(value: Any, name: str, problems: Iterable[Problem] = ()) -> Scheme:
     """A `Scheme` as it is; a function as a scheme that claims nothing.
 
     Raises
@@ -49,7 +55,7 @@ def as_scheme(value: Any, name: str) -> Scheme:
         return value
     if not callable(value):
         raise TargetError(
-            expected="a sepv.Scheme or a function step(problem, y, h, dW) -> y_next",
+            expected="a sepv.Scheme, a scheme's name, or a function step(problem, y, h, dW) -> y_next",
             received=f"{name}, which is {type(value).__name__}: {value!r:.80}",
             remedy="name the function itself: module:function",
         )
@@ -63,7 +69,7 @@ def as_scheme(value: Any, name: str) -> Scheme:
     from sepv.candidate import takes_batches
 
     scheme = Scheme(name=name, step=value, source="a function of which nothing is claimed")
-    return replace(scheme, batched=takes_batches(scheme))
+    return replace(scheme, batched=takes_batches(scheme, problems))
 
 
 def _check_signature(step: Any, name: str) -> None:
@@ -81,7 +87,7 @@ def _check_signature(step: Any, name: str) -> None:
         ) from error
 
 
-def _named(target: str) -> Scheme:
+def _named(target: str, problems: Iterable[Problem]) -> Scheme:
     if ":" not in target:
         from sepv.schemes import by_name
 
@@ -93,7 +99,70 @@ def _named(target: str) -> Scheme:
                 received=error.received,
                 remedy="see `sepv list`; your own scheme goes as mypackage.mymodule:scheme",
             ) from None
-    return as_scheme(load_object(target), target)
+    return as_scheme(load_object(target), target, problems)
+
+
+def load_problem(target: Any) -> Problem:
+    """The problem that `target` names or is.
+
+    Parameters
+    ----------
+    target : str, Problem, function, PolynomialSystem or NamedProblem
+        A built-in name (``rigid-body``), a file of polynomial data (``.json``), ``module:attribute``; or a
+        `Problem`, a function without arguments that returns one, or its data.
+
+    Raises
+    ------
+    UsageError
+        For anything else, with what it is instead.
+    """
+    from sepv import problems
+
+    name = "the problem"
+    if isinstance(target, str):
+        if target.endswith(".json"):
+            return _from_file(Path(target))
+        if ":" not in target:
+            return problems.by_name(target)
+        name, target = target, load_object(target)
+    found = target
+    if isinstance(found, (PolynomialSystem, NamedProblem)):
+        return problems.build(found)
+    if not isinstance(found, (Problem, Scheme)) and callable(found) and _takes_nothing(found):
+        found = found()
+    if not isinstance(found, Problem):
+        raise UsageError(
+            expected="a sepv.Problem, a problem's name, a .json file of polynomial data, module:attribute, or a "
+            "function without arguments that returns a Problem",
+            received=f"{name}, which is {type(found).__name__}: {found!r:.80}",
+            remedy="a scheme goes first and a problem second; see `sepv list` for names",
+        )
+    return found
+
+
+def _takes_nothing(function: Any) -> bool:
+    """Whether it can be called without arguments."""
+    try:
+        inspect.signature(function).bind()
+    except (TypeError, ValueError):
+        return False
+    return True
+
+
+def _from_file(path: Path) -> Problem:
+    import json
+
+    from sepv import problems
+
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        raise UsageError(
+            expected="a JSON file of a polynomial problem",
+            received=f"{path}: {error}",
+            remedy="write one with sepv.problems.to_json",
+        ) from error
+    return problems.build(problems.from_json(data))
 
 
 def load_object(target: str) -> Any:

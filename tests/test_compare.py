@@ -20,13 +20,14 @@ import sepv
 from sepv import problems, schemes, wiener
 from sepv.cli import main
 from sepv.compare import Comparison, Method, compare, exact_time_change, from_scheme, picture, table
-from sepv.compare.choose import PEERS, load_problem
+from sepv.compare.choose import PEERS
 from sepv.compare.method import Ends, Followed, finite_ends, invariant_defects
 from sepv.compare.record import Point, Seconds, time_to_error
 from sepv.compare.run import one_core
 from sepv.convergence import Estimate, strong_errors
 from sepv.problem import Array, Problem
 from sepv.schemas import comparison_schema
+from sepv.target import load_problem
 from sepv.work import Work, counted
 
 STEPS = (4, 8, 16)

@@ -70,10 +70,11 @@ def compare(targets: tuple[str, ...], problem: str, picture: str | None, **optio
     from sepv.compare import compare as run
     from sepv.compare import picture as drawing
     from sepv.compare import table
-    from sepv.compare.choose import PEERS, installed_peers, load_method, load_problem
+    from sepv.compare.choose import PEERS, installed_peers, load_method
     from sepv.compare.run import one_core
     from sepv.files import require_folder, write_atomically
     from sepv.report import console
+    from sepv.target import load_problem
 
     drawing.require_picture(picture)
     for path in (options["json_file"], options["csv_file"], picture):

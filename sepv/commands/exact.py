@@ -34,13 +34,13 @@ def exact(
     sepv exact pendulum --theta=-3 --y 0,3.1 --certify
     """
     from sepv.commands.reference import decimal, description, numbers, row
-    from sepv.compare.choose import load_problem
     from sepv.exact import exact_flow
     from sepv.reference.balls import require_flint
     from sepv.reference.elliptic import closed_form, has_closed_form
     from sepv.reference.flow import enclosed, taylor
     from sepv.reference.steps import require_digits
     from sepv.report import console
+    from sepv.target import load_problem
 
     require_digits(digits)
     if certify:

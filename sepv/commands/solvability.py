@@ -76,12 +76,11 @@ def solvability(
 
     import numpy as np
 
-    from sepv.compare.choose import load_problem
     from sepv.compare.picture import require_picture
     from sepv.files import require_folder, write_atomically
     from sepv.report import console
     from sepv.solvability import solvability_map
-    from sepv.target import load_scheme
+    from sepv.target import load_problem, load_scheme
 
     require_picture(picture)
     for path in (json_file, picture):

@@ -39,10 +39,10 @@ def step(
     sepv step collocation-3 lotka-volterra --h 0.01 --dW=-0.2 --digits 100
     """
     from sepv.commands.reference import description, numbers, row
-    from sepv.compare.choose import load_problem
     from sepv.reference.balls import require_flint
     from sepv.reference.steps import find_equation, reference_step, require_digits
     from sepv.report import console
+    from sepv.target import load_problem
 
     require_digits(digits)
     if certify:

@@ -44,10 +44,9 @@ def ulps(
 
     from sepv import problems, schemes
     from sepv import ulps as unit
-    from sepv.compare.choose import load_problem
     from sepv.files import require_folder, write_atomically
     from sepv.report import console
-    from sepv.target import load_scheme
+    from sepv.target import load_problem, load_scheme
 
     require_folder(json_file)
     wanted = [load_scheme(t) for t in (targets or tuple(schemes.ALL))]

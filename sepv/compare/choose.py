@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from importlib import import_module
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from sepv import problems
 from sepv.candidate import ask
 from sepv.compare.method import Method, exact_time_change, from_scheme
-from sepv.errors import SchemeFault, TargetError, UsageError
+from sepv.errors import SchemeFault, TargetError
 from sepv.problem import Problem
 from sepv.target import load_object, load_scheme
 
@@ -91,42 +88,3 @@ def installed_peers() -> list[str]:
             continue
         found.append(name)
     return found
-
-
-def load_problem(target: str) -> Problem:
-    """One of the paper's problems, a file of polynomial data (.json), or module:attribute.
-
-    The attribute is a `Problem`, or a function without arguments that returns one.
-
-    Raises
-    ------
-    UsageError
-    """
-    if target.endswith(".json"):
-        return _from_file(Path(target))
-    if ":" not in target:
-        return problems.by_name(target)
-    found: Any = load_object(target)
-    if not isinstance(found, Problem) and callable(found):
-        found = found()
-    if not isinstance(found, Problem):
-        raise UsageError(
-            expected="a sepv.Problem, or a function without arguments that returns one",
-            received=f"{target}, which is {type(found).__name__}",
-            remedy="correct the name after the colon",
-        )
-    return found
-
-
-def _from_file(path: Path) -> Problem:
-    import json
-
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
-        raise UsageError(
-            expected="a JSON file of a polynomial problem",
-            received=f"{path}: {error}",
-            remedy="write one with sepv.problems.to_json",
-        ) from error
-    return problems.build(problems.from_json(data))

@@ -10,13 +10,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sepv import wiener
+from sepv.arguments import require_flag
+from sepv.candidate import ask_once
 from sepv.engine.compile import FEW, LANES, CannotCompile, kernel
 from sepv.engine.task import Task, portable, run
 from sepv.engine.workers import run_all
 from sepv.errors import ChunkFailure, UsageError
 from sepv.problem import Problem
-from sepv.scheme import Scheme
+from sepv.scheme import Scheme, Step
 from sepv.simulation import CHUNK, Ensemble, chosen_truncation, initial_state, step_count
+from sepv.target import load_problem, load_scheme
 
 ENGINES = ("auto", "numpy", "compiled")
 # Chunks for each worker, so that one that is slower than the others does not keep them waiting.
@@ -24,8 +27,8 @@ SHARES = 4
 
 
 def ensemble(
-    scheme: Scheme,
-    problem: Problem,
+    scheme: str | Scheme | Step,
+    problem: str | Problem,
     *,
     h: float,
     T: float | None = None,
@@ -49,9 +52,17 @@ def ensemble(
 
     Parameters
     ----------
+    scheme : str, Scheme or function
+        As for `sepv.verify`: a built-in name, ``module:attribute``, a `Scheme`, or ``step(problem, y, h, dW)``.
+    problem : str or Problem
+        A built-in name, ``module:attribute``, a ``.json`` file of polynomial data, or a `Problem`.
     h : float > 0
     T, steps : one of them; T must be a multiple of h.
     paths : int, optional with dW.
+    seed : int
+        Of the increments.
+    y0 : (d,), optional
+        By default the problem's initial state.
     truncation : int or None
         k of Remark 2.1; by default the scheme's own. None for untruncated.
     refine : int, optional
@@ -71,15 +82,31 @@ def ensemble(
         pool or of a cluster, sends chunks elsewhere; what a broken worker did not finish is computed here.
     progress : callable (paths done, paths), optional
 
+    Returns
+    -------
+    Ensemble
+        y (d, M) at T, W (m, M), the status of each path, the largest defects of H and the Casimirs, the work.
+
     Raises
     ------
+    SchemeFault, TargetError
+        For an answer of the scheme that is no state, for what is no scheme or no problem.
     UsageError
         For arguments that make no ensemble, and for engine="compiled" where there is none for the scheme or
         the problem. A failing path raises nothing: see `Ensemble.status`. Beyond the fold of the solutions the
         NumPy engine may still solve a step that the compiled one refuses: it approaches once more, damped.
     ChunkFailure
         Where a chunk raises here as well; it carries the ends of all paths that are finished.
+
+    Examples
+    --------
+    >>> ends = sepv.ensemble("midpoint", "pendulum", h=2.0**-6, T=1.0, paths=100)
+    >>> ends.y.shape, float(ends.energy_defect.max()) < 0.1
+    ((2, 100), True)
     """
+    problem = load_problem(problem)
+    scheme = load_scheme(scheme, problems=(problem,))
+    require_flag("compensated", compensated)
     count = step_count(h, T, steps)
     raw, paths = _increments(dW, count, problem, paths)
     start = initial_state(problem, y0)
@@ -88,6 +115,7 @@ def ensemble(
         wiener.truncate(np.zeros(1), h, k)  # refuses h and k that Remark 2.1 does not cover
     wiener.validate(seed, h * count, count, problem.noises, range(paths))
     wiener.grid(count, refine)
+    ask_once(scheme, problem, start, float(h))
     compiled, reason = choose(engine, scheme, problem, compensated, LANES if paths > FEW else 1)
     whole = Task(
         scheme=scheme, problem=problem, y0=start, h=float(h), steps=count, first=0, count=paths, seed=int(seed),

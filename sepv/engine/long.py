@@ -11,13 +11,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sepv import wiener
+from sepv.arguments import require_flag
+from sepv.candidate import ask_once
 from sepv.engine.ensemble import choose
 from sepv.engine.task import NumpyChunk, Task
 from sepv.errors import UsageError
 from sepv.implicit import Status
 from sepv.problem import Array, Problem
-from sepv.scheme import Scheme
+from sepv.scheme import Scheme, Step
 from sepv.simulation import chosen_truncation, initial_state, step_count
+from sepv.target import load_problem, load_scheme
 
 # Seconds between two looks at the clock, and steps before the first.
 PIECE_SECONDS, FIRST_PIECE = 0.2, 4096
@@ -70,8 +73,8 @@ class LongPath:
 
 
 def long_path(
-    scheme: Scheme,
-    problem: Problem,
+    scheme: str | Scheme | Step,
+    problem: str | Problem,
     *,
     h: float,
     steps: int | None = None,
@@ -91,6 +94,10 @@ def long_path(
 
     Parameters
     ----------
+    scheme, problem, h, steps, T, seed, y0, truncation, refine, engine
+        As for `ensemble`.
+    path : int
+        Its number there.
     every : int, optional
         Keep the state after each so many steps.
     compensated : bool
@@ -111,6 +118,9 @@ def long_path(
     UsageError
         As `ensemble`.
     """
+    problem = load_problem(problem)
+    scheme = load_scheme(scheme, problems=(problem,))
+    require_flag("compensated", compensated)
     count = step_count(h, T, steps)
     if every is not None and (not isinstance(every, (int, np.integer)) or every < 1):
         raise UsageError(
@@ -121,6 +131,7 @@ def long_path(
     if k is not None:
         wiener.truncate(np.zeros(1), h, k)
     wiener.validate(seed, h * count, count, problem.noises, range(path, path + 1))
+    ask_once(scheme, problem, start, float(h))
     compiled, reason = choose(engine, scheme, problem, compensated, lanes=1)
     task = Task(
         scheme=scheme, problem=problem, y0=start, h=float(h), steps=count, first=path, count=1, seed=int(seed),

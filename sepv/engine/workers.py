@@ -122,16 +122,18 @@ def _map(mapper: Any, function: Callable[[T], R], tasks: Sequence[T], take: Call
 def _executor(workers: Any) -> Executor | None:
     """The executor that `workers` is, or whose `map` it is."""
     for candidate in (workers, getattr(workers, "__self__", None)):
-        if isinstance(candidate, Executor) or (
-            candidate is not None and hasattr(candidate, "submit") and hasattr(candidate, "shutdown")
-        ):
+        if isinstance(candidate, Executor):
             return candidate
+        # A cluster's client submits too, but what it gives are no futures of Python's, which are waited for here.
+        if hasattr(candidate, "submit") or hasattr(candidate, "scatter"):
+            raise _bad(workers)
     return None
 
 
 def _bad(workers: Any) -> UsageError:
     return UsageError(
         expected="workers: an integer ≥ 1, an executor, or a callable like map",
-        received=repr(workers),
-        remedy="workers=2 for two cores, or pool.map of a process pool or of a cluster",
+        received=f"{type(workers).__name__}: {workers!r:.80}",
+        remedy="workers=2 for two cores, or an executor such as ProcessPoolExecutor; a cluster's client gives one, "
+        "often as client.get_executor()",
     )

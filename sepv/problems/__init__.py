@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from sepv.arguments import did_you_mean
 from sepv.description import from_json as from_json
 from sepv.description import to_json as to_json
 from sepv.errors import UsageError
@@ -43,8 +44,8 @@ def by_name(name: str) -> Problem:
     factory = (NAMED | FURTHER | SEVERAL).get(name.replace("_", "-"))
     if factory is None:
         raise UsageError(
-            expected=f"a problem, one of {', '.join(NAMED | FURTHER | SEVERAL)}",
-            received=repr(name),
+            expected=f"a problem, one of {', '.join(NAMED | FURTHER | SEVERAL)}, a .json file, or module:attribute",
+            received=did_you_mean(name, NAMED | FURTHER | SEVERAL),
             remedy="see `sepv list`",
         )
     return factory()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from sepv.arguments import did_you_mean
 from sepv.errors import UsageError
 from sepv.scheme import Scheme
 from sepv.schemes.both_invariants import scheme as both_invariants
@@ -49,7 +50,7 @@ def by_name(name: str) -> Scheme:
     families = ", ".join(f"{f}-1 … {f}-{MAX_STAGES}" for f in FAMILIES)
     raise UsageError(
         expected=f"a built-in scheme: {', '.join([*ALL, *MORE])}, {families}",
-        received=repr(name),
+        received=did_you_mean(name, [*ALL, *MORE]),
         remedy="see `sepv list`",
     )
 
