@@ -12,18 +12,41 @@ import numpy as np
 
 from sepv.errors import SchemeFault, SepvError, StepFailure
 from sepv.problem import Array, Problem
-from sepv.scheme import Scheme
+from sepv.scheme import REFUSALS, Scheme
+
+
+class Refusal(StepFailure):
+    """The scheme refused a step by an ArithmeticError or LinAlgError of its own: not solved, and it says so.
+
+    Right where the equation may have no solution that the scheme could find, an error of the law where there is one.
+    """
+
+    def __init__(self, error: BaseException, problem: Problem, y: Array, h: float, dW: Array) -> None:
+        self.problem, self.y, self.status = problem.name, y, "refused"
+        self.delta = float(h) if y.ndim > 1 else float(problem.random_step(h, dW))
+        self.residual, self.iterations = float("nan"), 0
+        self.traceback = "".join(traceback.format_exception(error))
+        of = f"y of shape {y.shape}" if y.ndim > 1 else f"y = {y.tolist()}, Δ = {self.delta!r}"
+        SepvError.__init__(
+            self,
+            f"The scheme refused the step by {type(error).__name__}: {error}{_where(error)}\n"
+            f"problem {problem.name}, {of}.\n"
+            "Remedy: solve the step where a solution exists; beyond, a refusal is right.",
+        )
+
+
+def _where(error: BaseException) -> str:
+    frames = traceback.extract_tb(error.__traceback__)[1:]  # without the frame that called the scheme
+    return f" ({frames[-1].filename}, line {frames[-1].lineno}, in {frames[-1].name})" if frames else ""
 
 
 class SchemeCrash(SepvError):
     """The scheme raised an exception of its own; `traceback` is its text, from the scheme on."""
 
     def __init__(self, error: BaseException, shape: tuple[int, ...]) -> None:
-        frames = traceback.extract_tb(error.__traceback__)[1:]  # without the frame that called the scheme
-        where = f" ({frames[-1].filename}, line {frames[-1].lineno}, in {frames[-1].name})" if frames else ""
         self.traceback = "".join(traceback.format_exception(error))
         super().__init__(
-            f"The scheme raised {type(error).__name__}: {error}{where}\n"
+            f"The scheme raised {type(error).__name__}: {error}{_where(error)}\n"
             f"Expected y_next of shape {shape} from step(problem, y, h, dW).\n"
             "Remedy: --debug with the replay command shows the traceback."
         )
@@ -36,8 +59,10 @@ def ask(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> Arra
     ------
     SchemeFault
         Wrong type, shape or dtype, or a value that is not finite.
+    StepFailure
+        A step that the scheme did not solve and says so: its own, or `Refusal` for an ArithmeticError.
     SchemeCrash
-        Any exception of the scheme but `StepFailure`, which passes.
+        Any other exception of the scheme.
     """
     return check_answer(raw_answer(scheme, problem, y.copy(), h, dW.copy()), y)
 
@@ -47,6 +72,10 @@ def raw_answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) 
     try:
         with np.errstate(all="ignore"):
             return scheme.step(problem, y, h, dW)
+    except StepFailure:
+        raise
+    except REFUSALS as error:
+        raise Refusal(error, problem, y, h, dW) from error
     except SepvError:
         raise
     except (Exception, SystemExit) as error:

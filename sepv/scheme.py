@@ -15,6 +15,8 @@ from sepv.problem import Array, Problem
 
 # The classes of systems that a scheme may be for; `sepv.strategies_structures` has cases for each.
 SYSTEMS = ("single", "nambu", "several")
+# How a scheme says that it did not solve a step, when it does not know `sepv.StepFailure` (an ArithmeticError too).
+REFUSALS = (ArithmeticError, np.linalg.LinAlgError)
 Step = Callable[[Problem, Array, float, Array], Array]
 Solve = Callable[[Problem, Array, float, Array], Solution]
 

@@ -14,7 +14,7 @@ from sepv.candidate import ask
 from sepv.errors import StepFailure, TruncationWarning, UsageError
 from sepv.implicit import Status
 from sepv.problem import Array, Problem
-from sepv.scheme import Scheme, Step
+from sepv.scheme import REFUSALS, Scheme, Step
 from sepv.target import load_problem, load_scheme
 
 # Paths computed together: enough to hide NumPy's cost a call, few enough that increments stay small.
@@ -306,13 +306,13 @@ def _batch_step(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array)
         if scheme.batched:
             try:
                 return scheme.step(problem, y, h, dW), code
-            except StepFailure:
+            except REFUSALS:
                 pass
         value = np.full_like(y, np.nan)
         for lane in range(y.shape[1]):
             try:
                 value[:, lane] = scheme.step(problem, y[:, lane].copy(), h, dW[:, lane].copy())
-            except StepFailure:
+            except REFUSALS:
                 code[lane] = Status.NO_CONVERGENCE
     return value, code
 

@@ -15,10 +15,9 @@ import numpy as np
 
 import sepv
 from sepv import problems, wiener
-from sepv.errors import StepFailure
 from sepv.exact import exact_flow
 from sepv.problem import Problem
-from sepv.scheme import Scheme
+from sepv.scheme import REFUSALS, Scheme
 from sepv.work import Work, counted
 
 # Means over this many groups of paths are kept, for jackknife intervals of ratios over the same paths.
@@ -109,13 +108,13 @@ def _advance(
             try:
                 value = scheme.step(problem, y, h, dW)
                 return value, ~np.all(np.isfinite(value), axis=0), 0
-            except StepFailure:
+            except REFUSALS:
                 pass  # one lane at least; which, the lanes say one by one
         value = np.full_like(y, np.nan)
         for lane in range(y.shape[1]):
             try:
                 value[:, lane] = scheme.step(problem, y[:, lane].copy(), h, dW[:, lane].copy())
-            except StepFailure:
+            except REFUSALS:
                 continue
     return value, ~np.all(np.isfinite(value), axis=0), 0
 

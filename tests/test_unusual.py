@@ -1,0 +1,99 @@
+"""The innocent: correct schemes that look unusual, each claiming what theory gives it, are accused of nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import pytest
+
+from sepv import StepFailure, problems, schemes, verify
+from sepv.candidate import Refusal, ask
+from sepv.law import Effort, Verdict
+from sepv.saboteurs import unusual
+from sepv.scheme import Scheme
+from sepv.simulation import run_chunk
+
+# Laws over paths have budgets of their own and are run by `benchmarks.false_alarms`.
+PATHS = {"mean-square-order", "weak-order", "right-limit", "rounding"}
+# A hundred vectors and more each: the others in the deep run.
+WITH_VECTORS = ("twenty-nodes", "lists-and-fsum")
+
+
+@pytest.mark.parametrize("name", unusual.ALL)
+def test_every_claimed_law_about_steps_holds(name: str) -> None:
+    accused(name, (unusual.ALL[name].claims | {"contract"}) - PATHS - {"reference"}, 4)
+
+
+@pytest.mark.parametrize("name", WITH_VECTORS)
+def test_other_quadratures_and_other_solvers_meet_the_reference_vectors(name: str) -> None:
+    accused(name, {"reference"}, 4)
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("name", unusual.ALL)
+def test_every_claimed_law_holds(name: str) -> None:
+    accused(name, unusual.ALL[name].claims | {"contract"}, 100)
+
+
+def accused(name: str, laws: Iterable[str], examples: int) -> None:
+    report = verify(unusual.ALL[name], laws=laws, effort=Effort(examples=examples, seed=1))
+    assert [(f.law, f.verdict, f.message) for f in report.findings if f.verdict is not Verdict.HOLDS] == []
+
+
+def test_the_flow_is_the_exact_flow() -> None:
+    problem = problems.rigid_body()
+    y0 = np.asarray(problem.initial)[:, None]
+    theta = np.array([0.7, -0.3, 1e-9, 0.0])
+    exact = np.stack([unusual.flow(problem, y0, theta[k : k + 1])[:, 0] for k in range(4)], axis=1)
+    from sepv import exact_flow
+
+    assert np.max(np.abs(exact - exact_flow(problem, theta).y)) < 1e-15
+
+
+def test_chebyshev_points_are_exact_to_their_degree() -> None:
+    points, weights = unusual._chebyshev(32)
+    for degree in range(33):
+        assert abs(np.sum(weights * points**degree) - 1 / (degree + 1)) < 1e-15
+
+
+@pytest.mark.parametrize(
+    "error", [ArithmeticError, ZeroDivisionError, FloatingPointError, np.linalg.LinAlgError]
+)
+def test_an_arithmetic_error_is_a_refusal_and_says_so(error: type[Exception]) -> None:
+    def step(problem, y, h, dW):  # type: ignore[no-untyped-def]
+        raise error("no solution found")
+
+    problem = problems.rigid_body()
+    scheme = Scheme("refuses", step)
+    with pytest.raises(StepFailure, match=r"refused the step by .*no solution found") as caught:
+        ask(scheme, problem, np.asarray(problem.initial), 0.1, np.array([0.1]))
+    assert isinstance(caught.value, Refusal)
+    assert caught.value.delta == pytest.approx(0.2)
+    ends = run_chunk(scheme, problem, np.asarray(problem.initial), 0.1, np.zeros((2, 1, 3)), None)
+    assert np.all(ends.status != 0)
+
+
+def test_a_refusal_where_a_solution_exists_is_an_error_of_the_law() -> None:
+    def step(problem, y, h, dW):  # type: ignore[no-untyped-def]
+        raise ArithmeticError("never")
+
+    (finding,) = verify(
+        Scheme("never", step, ("energy",)), laws=["energy"], effort=Effort(examples=3)
+    ).findings
+    assert finding.verdict is Verdict.ERROR
+    assert finding.message.startswith("not solved:")
+    assert "refused the step" in finding.message
+
+
+def test_a_refusal_of_a_hard_vector_is_counted_and_no_crash() -> None:
+    def step(problem, y, h, dW):  # type: ignore[no-untyped-def]
+        if abs(problem.random_step(h, dW)) > 2:
+            raise ZeroDivisionError("too long for this solver")
+        return schemes.energy_preserving.step(problem, y, h, dW)
+
+    (finding,) = verify(
+        Scheme("short", step, ("reference",)), laws=["reference"], effort=Effort(examples=3)
+    ).findings
+    assert finding.verdict is Verdict.HOLDS, finding.message
+    assert "hard vectors not solved, and said so" in finding.message
