@@ -168,7 +168,13 @@ def _polynomial(self: ExactProblem, data: PolynomialSystem) -> None:
 
 
 def _commuting_structure(self: ExactProblem, y: Vector, c: Number, slope: Vector) -> Skew:
-    """c (v wᵀ − w vᵀ)/|w|², v = B∇H_j, w = ∇H_0 without its parts along the Casimirs' gradients."""
+    """c (v wᵀ − w vᵀ)/|w|², v = B∇H_j, w = ∇H_0 without its parts along the Casimirs' gradients; 0 where both vanish.
+
+    Raises
+    ------
+    ArithmeticError
+        At a critical point of H_0 where B∇H_j does not vanish: there is no such matrix.
+    """
     v, w = self.turned(self.structure(y), slope), self.gradient(y)
     normals = [[2 * total(a * b for a, b in zip(row, y, strict=True)) for row in A] for A in self.casimirs]
     found: list[Vector] = []
@@ -178,6 +184,10 @@ def _commuting_structure(self: ExactProblem, y: Vector, c: Number, slope: Vector
             found.append(n)
     w = _without(w, found)
     square = total(a * a for a in w)
+    if not square:
+        if any(v):
+            raise ArithmeticError("a structure is undefined: ∇H_0 = 0 where B∇H_j is not")
+        return []
     return [
         (i, j, c * (v[i] * w[j] - w[i] * v[j]) / square) for i in range(len(y)) for j in range(i + 1, len(y))
     ]

@@ -67,6 +67,8 @@ _REMEDIES = {
     "left": "a smaller h: y is next to the boundary of the domain, and this step leads across it",
     "overflow": "a smaller h, or other units for y: B or ∇H is beyond the largest binary64 number on the way",
     "singular": "another h: at this Δ two solutions meet or none is isolated; two steps of half the size avoid it",
+    "a structure is undefined": "a smaller h next to a critical point of H_0; on one the drift vanishes and S_j with "
+    "S_j∇H_0 = B∇H_j does not exist: solve dy = Σ c_j B∇H_j ∘dW_j there, whose energy is another",
     "the adaptive quadrature": "give the problem mean_gradient in closed form, or the degree of a polynomial H",
 }
 

@@ -48,6 +48,7 @@ class Status(IntEnum):
     OVERFLOW = 3
     SINGULAR = 4
     QUADRATURE = 5
+    UNDEFINED = 6
 
     @property
     def text(self) -> str:
@@ -62,6 +63,7 @@ _TEXTS = {
     Status.OVERFLOW: "overflow or NaN in B or ∇H",
     Status.SINGULAR: "singular Jacobian",
     Status.QUADRATURE: "the adaptive quadrature of ∇H did not reach rounding",
+    Status.UNDEFINED: "a structure is undefined: ∇H_0 vanishes or nearly so, and B∇H_j does not",
 }
 
 

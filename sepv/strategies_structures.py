@@ -235,6 +235,32 @@ def commuting_hamiltonian_steps(draw: st.DrawFn) -> Case:
     )
 
 
+@st.composite
+def critical_hamiltonian_steps(draw: st.DrawFn) -> Case:
+    """Steps with several Hamiltonians from a critical point of H_0 at which some B∇H_j is not zero: to be refused.
+
+    Either a plane that rests beside one that a noise turns, or a circle of critical points, H_0 = ½I² − I_0 I.
+    """
+    a, b = draw(st.sampled_from([(1.0, 0.0), (0.5, 0.5), (1.0, -2.0), (-0.25, 0.5)]))
+    y: tuple[float, ...]
+    if draw(st.booleans()):
+        n, kept, y = 2, 1, (0.0, 0.0, a, b)
+        H = poly.polynomial(
+            2, [((1, 0), 1.0), ((2, 0), draw(coefficients())), ((1, 1), draw(coefficients()))]
+        )
+    else:
+        # I_0 is a sum of squares of few bits: ∇H_0 = (I − I_0) y is exactly zero.
+        n, kept, y = 1, 0, (a, b)
+        H = poly.polynomial(1, [((2,), 0.5), ((1,), -0.5 * (a * a + b * b))])
+    m = draw(st.integers(1, 2))
+    others = [poly.polynomial(n, [(_unit(n, kept), 1.0)])]
+    others += [draw(action_polynomials(n, 2)) for _ in range(m - 1)]
+    system = commuting_actions(H, others, (1.0, 0.5)[:m])
+    h = draw(st.sampled_from([2.0**-3, 2.0**-6, 2.0**-10]))
+    dW = [draw(st.sampled_from([1.0, -1.0, 0.5])) * h**0.5 for _ in range(m)]
+    return Case(system, y, h, tuple(dW))
+
+
 def _steepest(problem: Problem, y: Array) -> float:
     """The largest slope of the fields h B∇H and c_j G_j∇H at y, by differences, and their largest size."""
     assert isinstance(problem, StructuresProblem)
@@ -313,7 +339,8 @@ def _unit(d: int, k: int) -> tuple[int, ...]:
 
 
 SEVERAL: dict[str, Cases] = {
-    **dict.fromkeys(("contract", "reproducibility", "energy", "reference", "symmetry"), several_steps),
+    **dict.fromkeys(("contract", "reproducibility", "energy", "symmetry"), several_steps),
+    "reference": lambda: st.one_of(several_steps(), critical_hamiltonian_steps()),
     "casimir": lambda: steps(common_casimir_systems().filter(lambda s: s.casimirs)),
     "identity": _still,
     "reduction": _scaled_copies,

@@ -6,6 +6,18 @@ with the structure h B + Σ_j c_j ΔW_j G_j and Δ = 1.
 dy = B∇H_0 dt + Σ_j c_j B∇H_j ∘dW_j with {H_0, H_j} = 0 is of this form: B∇H_j = S_j∇H_0 with S_j = (v wᵀ − w vᵀ)/|w|²,
 v = B∇H_j and w = ∇H_0, because vᵀw = {H_0, H_j} = 0. Taking for w the part of ∇H_0 orthogonal to the gradients of the
 Casimirs changes nothing in S_j∇H_0 and makes S_j∇C = 0: the Casimirs of B are then common.
+
+**Critical points of H_0.** Where w = 0 and v ≠ 0 there is no such S_j. The flows of the H_j keep the set {w = 0}, so
+that the exact solution moves inside it, and a scheme that multiplies S_j by an average of ∇H_0 cannot follow. A step
+sees S_j(ȳ)m with an average m = w(ȳ) + e, and for vᵀw = 0
+
+    S_j m − v = (v (wᵀe) − w (vᵀe))/|w|²,      |S_j m − v| ≤ |v| |e|/|w|.
+
+For smooth H_0, |e| ≤ |H_0‴| |y1 − y0|²/24, or a rounding of ∇H_0 where H_0 is quadratic: S_j m stands for B∇H_j as
+long as |w| is larger than that. Near a curved set of critical points it is not, however small the step. In polar
+coordinates, H_0 = ½(I − 1)² and H_1 = I: along the chord, m is (I_0 − 1 − |y1 − y0|²/12)ȳ and w is (I_0 − 1 −
+|y1 − y0|²/8)ȳ, so that with I_0 = 1 the step turns by two thirds of its angle for every h. So a solved step is asked
+how far S_j m is from v (`CommutingStructure.missed`), and refused from a quarter of |v| on.
 """
 
 from __future__ import annotations
@@ -25,6 +37,14 @@ from sepv.problem import Array, Function, Problem
 ClosedForm = Callable[[Array, float, Array], Array]
 # What {H_0, H_j} may be beside |∇H_0||B∇H_j|: a few hundred roundings.
 BRACKET_TOLERANCE = 1e-12
+# S_j∇̄H_0 may miss B∇H_j by this share. Next to a curved set of nondegenerate critical points it misses by a third for
+# every h: m and w are then the means of a parabola over a chord and its middle, 1/12 and 1/8. Elsewhere the share is of
+# the order of |y1 − y0|², and a step with a quarter is worth nothing anyway.
+MISSED = 0.25
+_EPS = float(np.finfo(np.float64).eps)
+# w is no more than its own rounding, and v is more than that: some sums of a dozen terms, and a wide margin, since
+# next to an isolated critical point both vanish alike.
+ROUNDING_OF_W, ROUNDING_OF_V = 16 * _EPS, 1024 * _EPS
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +107,30 @@ def combined(problem: Problem, y: Array, parts: Array) -> Array:
     """h B(y) + Σ_j c_j ΔW_j G_j(y), (d, d, M), for parts (1 + m, M) holding h and the c_j ΔW_j."""
     total = parts[0] * problem.structure(y)
     for part, G in zip(parts[1:], noise_structures(problem), strict=True):
-        total = total + part * G(y)
+        # A noise that does not act needs no structure: it may be undefined there.
+        total = total + np.where(part != 0, part * G(y), 0.0)
     return total
+
+
+def undefined(problem: Problem, y0: Array, y1: Array, mean: Array, parts: Array) -> np.ndarray:
+    """Where a structure that stands for B∇H_j does not do so in the step from y0 to y1, (M,).
+
+    Parameters
+    ----------
+    mean : (d, M)
+        The averaged gradient of H_0 of the step.
+    parts : (1 + m, M)
+        h and the c_j ΔW_j.
+    """
+    found = np.zeros(y0.shape[1], dtype=bool)
+    size = np.maximum(np.abs(y0), np.abs(y1)).max(axis=0)
+    for part, G in zip(parts[1:], noise_structures(problem), strict=True):
+        if isinstance(G, CommutingStructure):
+            missed, field, rounding = G.missed(y0 + 0.5 * (y1 - y0), mean)
+            # What is below a rounding of y moves nothing.
+            allowed = np.abs(part) * (MISSED * field + rounding) + _EPS * size
+            found |= (part != 0) & ~(np.abs(part) * missed <= allowed)
+    return found
 
 
 def combined_slope(problem: Problem, y: Array, parts: Array) -> Array | None:
@@ -116,7 +158,10 @@ def noise_structures(problem: Problem) -> Sequence[Function]:
 
 @dataclass(frozen=True)
 class CommutingStructure:
-    """S(y) = (v wᵀ − w vᵀ)/|w|² with v = B∇H_j and w the part of ∇H_0 orthogonal to the Casimirs' gradients."""
+    """S(y) = (v wᵀ − w vᵀ)/|w|² with v = B∇H_j and w the part of ∇H_0 orthogonal to the Casimirs' gradients.
+
+    NaN where w cannot be told from zero and v can; zero where both are, at a rest point of all flows.
+    """
 
     structure: Function
     gradient: Function
@@ -125,14 +170,39 @@ class CommutingStructure:
     linear_casimirs: tuple[Any, ...] = ()
 
     def __call__(self, y: Array) -> Array:
-        v, w = matvec(self.structure(y), self.noise_gradient(y)), self.tangent(y)
-        square = dot(w, w)
-        # At a rest point of H_0 the commuting flows rest too: w = 0, v = 0, and S with them.
-        factor = 1.0 / np.where(square > 0, square, 1.0)
-        return factor * (v[:, None] * w[None] - w[:, None] * v[None])
+        v, slope = self.field(y), self.gradient(y)
+        w = self._tangent(y, slope)
+        # In units of the largest component: the square of w itself may underflow.
+        size = np.abs(w).max(axis=0)
+        unit = w / np.where(size > 0, size, 1.0)
+        square = dot(unit, unit)
+        factor = 1.0 / np.where(size > 0, size * square, 1.0)
+        S = factor * (v[:, None] * unit[None] - unit[:, None] * v[None])
+        lost = size <= ROUNDING_OF_W * np.abs(slope).max(axis=0)
+        if np.any(lost):
+            moves = np.abs(v).max(axis=0) > ROUNDING_OF_V * self._terms(y).max(axis=0)
+            S = np.where(lost, np.where(moves, np.nan, 0.0), S)
+        return np.asarray(S)
+
+    def field(self, y: Array) -> Array:
+        """v = B∇H_j, (d, ...)."""
+        return matvec(self.structure(y), self.noise_gradient(y))
+
+    def missed(self, y: Array, mean: Array) -> tuple[Array, Array, Array]:
+        """|S(y) mean − v(y)|, |v(y)| and the rounding of v, each (M,), as largest components."""
+        v = self.field(y)
+        apart = np.abs(matvec(self(y), mean) - v).max(axis=0)
+        return apart, np.abs(v).max(axis=0), ROUNDING_OF_V * self._terms(y).max(axis=0)
+
+    def _terms(self, y: Array) -> Array:
+        """The sums of the absolute values of the terms of v, (d, ...)."""
+        return matvec(_majorant(self.structure, y), _majorant(self.noise_gradient, y))
 
     def tangent(self, y: Array) -> Array:
         """w, by Gram-Schmidt against ∇C of each Casimir."""
+        return self._tangent(y, self.gradient(y))
+
+    def _tangent(self, y: Array, w: Array) -> Array:
         basis: list[Array] = []
         for slope in casimir_gradients(self.casimirs, self.linear_casimirs, 2 * y):
             for _ in range(2):  # twice is enough
@@ -140,7 +210,6 @@ class CommutingStructure:
                     slope = slope - dot(unit, slope) * unit  # noqa: PLW2901
             length = np.sqrt(dot(slope, slope))
             basis.append(slope / np.where(length > 0, length, 1.0))
-        w = self.gradient(y)
         for _ in range(2):
             for unit in basis:
                 w = w - dot(unit, w) * unit

@@ -8,17 +8,24 @@ from itertools import permutations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
+from sepv.reference.more_equations import equation_for
+from sepv.reference.steps import reference_step
 
 import sepv
 from sepv import polynomial as poly
 from sepv import problems, schemes
 from sepv.case import Case, from_json, to_json
-from sepv.errors import ProblemError, UsageError
+from sepv.errors import ProblemError, StepFailure, UsageError
 from sepv.exact_structures import finer
+from sepv.implicit import Status
 from sepv.problem import PolynomialSystem
-from sepv.problems.several import commuting_actions
-from sepv.strategies_structures import commuting_hamiltonian_steps, several_steps
+from sepv.problems.several import closed_form, commuting_actions
+from sepv.strategies_structures import (
+    commuting_hamiltonian_steps,
+    critical_hamiltonian_steps,
+    several_steps,
+)
 from sepv.structures import (
     CommutingStructure,
     StructuresProblem,
@@ -286,6 +293,93 @@ def test_where_the_drift_rests_the_structure_vanishes() -> None:
     axis = np.array([0.0, 0.0, 1.0])
     assert not G(axis).any()
     assert not G.majorant(axis).any()
+
+
+def critical_plane() -> StructuresProblem:
+    """H_0 = I_1, H_1 = I_2: the first plane may rest at its critical points while the second turns."""
+    first, second = poly.variable(2, 0), poly.variable(2, 1)
+    problem = problems.build(commuting_actions(first, [second]))
+    assert isinstance(problem, StructuresProblem)
+    return replace(problem, closed_form=closed_form(first, (1.0,), [poly.gradient(second)]), check=False)
+
+
+def critical_circle() -> StructuresProblem:
+    """H_0 = ½(I − 1)² up to a constant, H_1 = I: a circle of radius √2 of critical points, on which the noise turns."""
+    H, I = poly.polynomial(1, {(2,): 0.5, (1,): -1.0}), poly.variable(1, 0)
+    problem = problems.build(commuting_actions(H, [I]))
+    assert isinstance(problem, StructuresProblem)
+    return replace(problem, closed_form=closed_form(H, (1.0,), [poly.gradient(I)]), check=False)
+
+
+@settings(max_examples=25)
+@given(critical_hamiltonian_steps())
+def test_steps_from_critical_points_of_the_energy_are_refused_where_a_noise_acts(case: Case) -> None:
+    problem, y, h, dW = case.build()
+    with pytest.raises(StepFailure, match="a structure is undefined") as refused:
+        schemes.several_structures.step(problem, y, h, dW)
+    assert "critical point of H_0" in str(refused.value)
+    with pytest.raises(StepFailure, match="a structure is undefined"):
+        reference_step(equation_for("several"), case.problem, case.y, h, case.dW)
+    # Without noise the drift rests, and so does the step.
+    assert np.array_equal(schemes.several_structures.step(problem, y, h, 0 * dW), y)
+
+
+def test_an_ensemble_says_of_each_lane_whether_its_structure_is_defined() -> None:
+    """Of the states (0, 0, 1, 0) and its neighbours, only the first has no structure: |w| is small, but known."""
+    problem, dW = critical_plane(), np.full((1, 4), 0.1)
+    y = np.array([[0.0, 1e-9, 1e-170, 0.5], [0.0] * 4, [1.0] * 4, [0.0] * 4])
+    solution = schemes.several_structures.solve(problem, y, 0.01, dW)
+    assert solution.status.tolist() == [Status.UNDEFINED, 0, 0, 0]
+    # H_1 is quadratic: the midpoint rule turns the second plane by 2 atan(ΔW/2).
+    angle = 2 * np.arctan(0.05)
+    turned = np.array([[np.cos(angle)], [np.sin(angle)]])
+    assert np.abs(solution.value[2:, 1:] - turned).max() <= 4 * EPS
+    ends = sepv.ensemble(
+        schemes.several_structures, problem, h=1 / 8, T=1.0, paths=3, y0=(0.0, 0.0, 1.0, 0.0)
+    )
+    assert ends.status.tolist() == [Status.UNDEFINED] * 3
+    assert ends.failed_step.tolist() == [0] * 3
+
+
+@pytest.mark.parametrize("distance", [0.0, 1e-9, 1e-4])
+def test_next_to_a_curved_set_of_critical_points_no_wrong_step_passes(distance: float) -> None:
+    """S_1∇̄H_0 turns by two thirds of the angle there, whatever h: no path of 64 gets through with status 0."""
+    problem, y0 = critical_circle(), (np.sqrt(2.0) + distance, 0.0)
+    for steps in (8, 128):
+        ends = sepv.ensemble(schemes.several_structures, problem, h=1 / steps, T=1.0, paths=64, y0=y0)
+        assert (ends.status != 0).all()
+        assert Status.UNDEFINED in ends.status
+
+
+def test_away_from_critical_points_steps_next_to_them_converge() -> None:
+    """Half of the radius outside the circle: a quarter of the error for a quarter of the step, up to a factor of two."""
+    problem, y0 = critical_circle(), np.array([1.5 * np.sqrt(2.0), 0.0])
+    error = []
+    for steps in (64, 256):
+        dW = sepv.wiener.increments(2, T=1.0, steps=steps, noises=1, paths=64)
+        ends = sepv.ensemble(schemes.several_structures, problem, h=1 / steps, T=1.0, dW=dW, y0=y0)
+        assert not ends.status.any()
+        assert problem.closed_form is not None
+        apart = ends.y - problem.closed_form(y0, 1.0, dW.sum(axis=0))
+        error.append(float(np.sqrt(np.mean(np.sum(apart**2, axis=0)))))
+    assert error[0] < 0.1
+    assert 2 < error[0] / error[1] < 8
+
+
+def test_a_third_partys_scheme_meets_no_number_where_there_is_no_structure() -> None:
+    (S,) = critical_plane().noise_structures
+    y = np.array([[0.0, 0.0, 1.0], [0.0] * 3, [1.0, 0.0, 1.0], [0.0] * 3])
+    matrices = S(y)
+    assert np.isnan(matrices[:, :, 0]).all()
+    assert not matrices[:, :, 1].any()  # all flows rest
+    assert np.isfinite(matrices[:, :, 2]).all()
+    # A rigid body with equal moments of inertia: ∇H_0 is that of |y|²/2 on the equator, up to roundings.
+    top = problems.rigid_body(inertia=(1.0, 1.0, 0.5))
+    about = commuting_hamiltonians(top, [lambda y: np.stack([0 * y[0], 0 * y[0], 1 + 0 * y[0]])])
+    turn = np.array([[np.cos(0.7), np.cos(0.7)], [np.sin(0.7), np.sin(0.7)], [0.0, 0.1]])
+    found = about.noise_structures[0](turn)
+    assert np.isnan(found[:, :, 0]).all()
+    assert np.isfinite(found[:, :, 1]).all()
 
 
 class Map:

@@ -21,7 +21,7 @@ from sepv.scheme import Scheme, Step, as_lanes
 from sepv.schemes import both_invariants, collocation, energy_preserving, several_structures
 from sepv.schemes.both_invariants import required
 from sepv.schemes.several_structures import parts
-from sepv.structures import noise_structures
+from sepv.structures import combined, noise_structures
 from sepv.tableaux import exact_nodes, gauss_tableau, moments
 
 # Corrections fall at least fourfold inside the contraction radius; 26 of them make 16 digits.
@@ -89,6 +89,11 @@ def _structures_at_start(problem: Problem, y0: Array, y1: Array, step: Array) ->
     return matvec(drift + noise, mean(problem, y0, y1))
 
 
+def _rest_where_undefined(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    """S_j = 0 where ∇H_0 = 0, though B∇H_j is not: y1 = y0 solves that."""
+    return matvec(np.nan_to_num(combined(problem, middle(y0, y1), step)), mean(problem, y0, y1))
+
+
 def _factor_at_start(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
     """Δ g(y0) (∇̄H × ∇̄C): both invariants are kept, symmetry is lost."""
     nambu = required(problem)
@@ -132,6 +137,12 @@ _TABLE = (
         "the G_j are taken at y0: the energy is kept, and the limit is the Itô one",
         _imitating(several_structures, implicit_step(_structures_at_start, parts), batched=True),
         ("casimir", "symmetry", "expansion", "reference", "mean-square-order", "right-limit", "commutation"),
+    ),
+    (
+        "rests-where-undefined",
+        "with several Hamiltonians it rests where ∇H_0 = 0, though a noise moves the solution",
+        _imitating(several_structures, implicit_step(_rest_where_undefined, parts), batched=True),
+        ("reference",),
     ),
 )
 

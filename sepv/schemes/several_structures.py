@@ -6,7 +6,8 @@ y1 = y0 + [h B(ȳ) + Σ_j c_j ΔŴ_j G_j(ȳ)] ∫₀¹ ∇H(y0 + τ(y1 − y0)) 
 B and all G_j, as in Proposition 3.2. **Mean-square order** 1 for one noise, and for several whose fields G_j∇H commute;
 ½ otherwise: the scheme sees no iterated integrals ∫W_i∘dW_j, which are of the order of h where fields do not commute.
 Where G_j = B it is (2.1). Several Hamiltonians with {H_0, H_j} = 0 are posed in this form by
-`sepv.structures.commuting_hamiltonians`.
+`sepv.structures.commuting_hamiltonians`; a step at or next to a critical point of H_0, where S_j∇̄H_0 does not stand for
+B∇H_j, has the status UNDEFINED.
 """
 
 from __future__ import annotations
@@ -15,11 +16,17 @@ import numpy as np
 
 from sepv.average import average_gradient, average_hessian
 from sepv.fields import contract, matmul, matvec
-from sepv.implicit import Increment, Solution
+from sepv.implicit import Increment, Solution, Status
 from sepv.implicit import solve as solve_implicit
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme, as_lanes, step_by
-from sepv.structures import combined, combined_slope
+from sepv.structures import (
+    CommutingStructure,
+    combined,
+    combined_slope,
+    noise_structures,
+    undefined,
+)
 
 
 def parts(problem: Problem, h: float, noise: Array) -> Array:
@@ -47,7 +54,25 @@ def jacobian(problem: Problem, y0: Array, y1: Array, step: Array) -> Array | Non
 def solve(problem: Problem, y: Array, h: float, dW: Array, start: Array | None = None) -> Solution:
     """One step of a batch with residual, counts and status of each lane; `start` (d, M) is a guess of y1 − y0."""
     state, noise = as_lanes(problem, y, h, dW)
-    return solve_implicit(problem, state, parts(problem, h, noise), increment, jacobian, start)
+    shares = parts(problem, h, noise)
+    solution = solve_implicit(problem, state, shares, increment, jacobian, start)
+    if any(isinstance(G, CommutingStructure) for G in noise_structures(problem)):
+        _mark_undefined(problem, state, shares, solution)
+    return solution
+
+
+def _mark_undefined(problem: Problem, y0: Array, step: Array, solution: Solution) -> None:
+    """The status UNDEFINED where a structure is none at y0, or does not stand for B∇H_j in the step that was found."""
+    with np.errstate(all="ignore"):
+        nowhere = ~np.isfinite(combined(problem, y0, step)).all(axis=(0, 1)) & np.isfinite(
+            problem.structure(y0)
+        ).all(axis=(0, 1))
+        mean = average_gradient(problem, y0, solution.value)
+        away = undefined(problem, y0, solution.value, mean.value, step)
+    solved = solution.status == Status.CONVERGED
+    solution.gradient_evaluations[:] += mean.evaluations
+    solution.structure_evaluations[:] += 1
+    solution.status[(solved & away) | (~solved & nowhere)] = Status.UNDEFINED
 
 
 def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
