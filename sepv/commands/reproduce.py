@@ -19,6 +19,7 @@ QUICK = 1 / 32
 @click.option(
     "--json", "json_file", type=click.Path(dir_okay=False), help="Write the whole record to this file."
 )
+@click.option("--errata", is_flag=True, help="Only what does not hold as printed, with its evidence.")
 @click.option("--no-figures", is_flag=True, help="With --out: numbers only, matplotlib is not needed.")
 @click.option(
     "--quick", is_flag=True, help=f"A share of {QUICK:g} of the samples and steps; verdicts may stay open."
@@ -42,6 +43,7 @@ def reproduce(figures: tuple[str, ...], out: str | None, json_file: str | None, 
     sepv reproduce 4.3                  one figure
     sepv reproduce 4.4 -o figures       with its numbers and pictures
     sepv reproduce --json paper.json    for sepv report
+    sepv reproduce --errata             what does not hold as printed
 
     Exit code 0, or 2 for wrong usage.
     """  # fmt: skip
@@ -51,6 +53,9 @@ def reproduce(figures: tuple[str, ...], out: str | None, json_file: str | None, 
     from sepv.reproduce import reproduce as run
     from sepv.reproduce.show import dump, show, summary, watching
 
+    if options["errata"]:
+        _errata()
+        return
     require_folder(json_file)
     folder = _folder(out, draws=not options["no_figures"])
     size = Size(share=QUICK if options["quick"] else 1.0, seed=options["seed"], engine=options["engine"])
@@ -64,6 +69,21 @@ def reproduce(figures: tuple[str, ...], out: str | None, json_file: str | None, 
     if not options["quiet"]:
         show(found, screen)
     line(screen, summary(found))
+
+
+def _errata() -> None:
+    """One paragraph an entry."""
+    from rich.text import Text
+
+    from sepv.report import console
+    from sepv.reproduce.errata import errata
+
+    out = console()
+    for e in errata():
+        out.print(Text.assemble((e.place, "bold"), f"  {e.printed}"), soft_wrap=not out.is_terminal)
+        for name, text in (("instead", e.right), ("evidence", e.evidence), ("command", e.command)):
+            out.print(Text.assemble((f"  {name}: ", "dim"), text), soft_wrap=not out.is_terminal)
+        out.print()
 
 
 def _folder(out: str | None, *, draws: bool) -> Path | None:

@@ -12,7 +12,7 @@ from typing import Any
 
 from sepv._version import __version__
 from sepv.errors import UsageError
-from sepv.reproduce import lotka_volterra, oscillator, pendulum, printed, rigid_body
+from sepv.reproduce import errata, lotka_volterra, oscillator, pendulum, printed, rigid_body
 from sepv.reproduce.job import Job, Results, Size
 from sepv.reproduce.record import Panel, Statement, counts, finite
 
@@ -101,7 +101,7 @@ def reproduce(
     panels = [p for s, _ in sections for p in _panels(s, results, wanted)]
     return Reproduction(
         panels=tuple(panels),
-        text=tuple(printed.statements()) if TEXT in wanted else (),
+        text=(*printed.statements(), *errata.statements()) if TEXT in wanted else (),
         size=size,
         seconds=time.perf_counter() - started,
         processor_seconds=sum(results[("seconds",)].values()),

@@ -15,8 +15,10 @@ from sepv.schemes.euler_heun import scheme as euler_heun
 from sepv.schemes.euler_maruyama import scheme as euler_maruyama
 from sepv.schemes.explicit import explicit as explicit
 from sepv.schemes.gauss import gauss as gauss
+from sepv.schemes.gonzalez import scheme as gonzalez
 from sepv.schemes.midpoint import scheme as midpoint
 from sepv.schemes.milstein import scheme as milstein
+from sepv.schemes.modified_weak_two import scheme as modified_weak_two
 from sepv.schemes.projected import projected as projected
 from sepv.schemes.several_structures import scheme as several_structures
 from sepv.tableaux import MAX_STAGES
@@ -27,7 +29,16 @@ ALL: dict[str, Scheme] = {
 # What the paper does not have.
 MORE: dict[str, Scheme] = {
     s.name: s
-    for s in (both_invariants, several_structures, explicit(4), explicit(8), projected(4), projected(8))
+    for s in (
+        both_invariants,
+        several_structures,
+        gonzalez,
+        modified_weak_two,
+        explicit(4),
+        explicit(8),
+        projected(4),
+        projected(8),
+    )
 }
 # Families: NAME-s is their member with s stages, s = 1 … MAX_STAGES.
 FAMILIES: dict[str, Callable[[int], Scheme]] = {"collocation": collocation, "gauss": gauss}
@@ -68,8 +79,10 @@ __all__ = [
     "euler_maruyama",
     "explicit",
     "gauss",
+    "gonzalez",
     "midpoint",
     "milstein",
+    "modified_weak_two",
     "projected",
     "several_structures",
 ]

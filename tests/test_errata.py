@@ -1,0 +1,32 @@
+"""What does not hold as printed: every entry is computed, and the page shows what is computed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from click.testing import CliRunner
+
+from sepv.cli import main
+from sepv.reproduce.errata import errata, statements, to_markdown
+
+
+def test_every_statement_of_the_file_fails_as_printed() -> None:
+    found = statements()
+    assert [s.verdict for s in found] == ["fails"] * len(found)
+    assert all(s.correction and s.measured and s.criterion for s in found)
+
+
+def test_the_page_shows_what_is_computed() -> None:
+    page = Path(__file__).parents[1] / "docs" / "errata.md"
+    assert page.read_text(encoding="utf-8") == to_markdown(), (
+        "write docs/errata.md anew from errata.to_markdown()"
+    )
+
+
+def test_the_command_prints_place_correction_evidence_and_command() -> None:
+    result = CliRunner().invoke(main, ["reproduce", "--errata"])
+    assert result.exit_code == 0
+    for entry in errata():
+        assert entry.place in result.output
+        assert entry.command in result.output
+    assert result.output.count("evidence:") == len(errata())

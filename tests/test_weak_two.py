@@ -1,0 +1,86 @@
+"""The midpoint discrete gradient, and (2.1) with a modified structure matrix: what their derivations say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import sepv
+from sepv import polynomial as poly
+from sepv import problems, schemes
+from sepv.problem import Array, PolynomialSystem, Problem
+
+H_STEPS = 2.0 ** -np.arange(8, 13)
+
+
+def local_weak_errors(scheme: sepv.Scheme, problem: Problem, y0: Array) -> Array:
+    """max |E g(y1) − E g(y(h))| over g = y_i and y_i², by Gauss-Hermite quadrature with 40 nodes, for each step."""
+    x, w = np.polynomial.hermite_e.hermegauss(40)
+    kept = np.abs(x) < 8  # beyond, |Δ| is no small step, and the weights are below 1e-14
+    x, w = x[kept], w[kept] / w.sum()
+    found = []
+    for h in H_STEPS:
+        dW = np.sqrt(h) * x[None]
+        y1 = scheme.step(problem, np.repeat(y0[:, None], x.size, axis=1), float(h), dW)
+        exact = sepv.exact_flow(problem, problem.random_step(float(h), dW), y0=y0).y
+        found.append(max(np.max(np.abs((y1 - exact) @ w)), np.max(np.abs((y1**2 - exact**2) @ w))))
+    return np.array(found)
+
+
+@pytest.mark.parametrize(
+    "problem",
+    [problems.rigid_body(), problems.pendulum(noise=(1.0,)), problems.lotka_volterra()],
+    ids=lambda p: p.name,
+)
+@pytest.mark.parametrize(
+    ("scheme", "slope"),
+    [(schemes.energy_preserving, 2.0), (schemes.gonzalez, 2.0), (schemes.modified_weak_two, 3.0)],
+    ids=lambda value: getattr(value, "name", ""),
+)
+def test_local_weak_order_is_one_more_than_the_weak_order(
+    scheme: sepv.Scheme, slope: float, problem: Problem
+) -> None:
+    errors = local_weak_errors(scheme, problem, 1.1 * np.array(problem.initial) + 0.05)
+    slopes = -np.diff(np.log2(errors))
+    # The next term of the expansion is a factor √h·const or h·const of the first: 0.2 at h = 2⁻⁸ to 2⁻¹².
+    assert np.all(np.abs(slopes[1:] - slope) < 0.2), slopes
+
+
+def test_the_modified_scheme_keeps_energy_and_casimir_for_a_structure_of_degree_three() -> None:
+    """B = (y1² + y2y3) hat(Ay), whose second derivative along f is not constant."""
+    x = [poly.variable(3, k) for k in range(3)]
+    g = poly.add(poly.multiply(x[0], x[0]), poly.multiply(x[1], x[2]))
+    A = np.array([[1.0, 0.5, 0.0], [0.5, 2.0, 0.0], [0.0, 0.0, -1.0]])
+    v = [poly.add(*(poly.scale(float(A[i, k]), x[k]) for k in range(3))) for i in range(3)]
+    B = tuple(
+        (i, j, poly.multiply(g, poly.scale(s, v[k])))
+        for i, j, k, s in ((0, 1, 2, -1.0), (0, 2, 1, 1.0), (1, 2, 0, -1.0))
+    )
+    H = poly.polynomial(3, {(2, 0, 0): 0.5, (0, 4, 0): 0.25, (1, 0, 3): 0.5, (0, 1, 1): 1.0})
+    problem = problems.build(PolynomialSystem(3, H, B, (1.0, 0.5), (tuple(map(tuple, A.tolist())),)))
+    y0 = np.array([0.6, -0.4, 0.5])
+    y1 = schemes.modified_weak_two.step(problem, y0, 0.0625, np.array([0.25, -0.125]))
+    assert np.max(np.abs(y1 - y0)) > 1e-3
+    assert abs(problem.hamiltonian(y1) - problem.hamiltonian(y0)) < 4e-16
+    assert abs(y1 @ A @ y1 - y0 @ A @ y0) < 1e-15
+
+
+def test_gonzalez_keeps_energy_and_quadratic_casimirs_and_no_others() -> None:
+    rigid, volterra = problems.rigid_body(), problems.lotka_volterra()
+    y = np.array(rigid.initial)
+    y1 = schemes.gonzalez.step(rigid, y, 0.125, np.array([0.25]))
+    assert abs(y1 @ y1 - y @ y) < 1e-15
+    y = np.array(volterra.initial)
+    y1 = schemes.gonzalez.step(volterra, y, 0.03125, np.array([0.0625]))
+    assert abs(volterra.hamiltonian(y1) - volterra.hamiltonian(y)) < 4e-15
+    assert volterra.nambu is not None
+    assert abs(volterra.nambu.casimir(y1) - volterra.nambu.casimir(y)) > 1e-8
+
+
+def test_gonzalez_steps_from_rest_and_by_nothing() -> None:
+    pendulum = problems.pendulum()
+    assert np.array_equal(
+        schemes.gonzalez.step(pendulum, np.zeros(2), 0.25, np.array([0.5, 0.5])), np.zeros(2)
+    )
+    y = np.array([0.2, 1.0])
+    assert np.array_equal(schemes.gonzalez.step(pendulum, y, 0.25, np.array([-0.25, 0.0])), y)
