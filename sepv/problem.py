@@ -20,6 +20,7 @@ from sepv.polynomial import Polynomial
 
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
+Flow = Callable[[Array, Array], Array]
 
 
 @dataclass(frozen=True)
@@ -118,6 +119,8 @@ class Problem:
         A typical initial state.
     nambu : Nambu, optional
         For d = 3: the Casimir C and the factor g with B(y)v = g(y)(v × ∇C(y)).
+    flows : sequence of callables (y, t) -> (d, ...), optional
+        Exact flows of B∇H_k at times t (...), for parts H_k with H = ΣH_k: splitting methods need them.
     scalar : ScalarFunctions, optional
         The same functions of numbers, for the compiled engine.
     check : bool
@@ -146,6 +149,7 @@ class Problem:
     initial: ArrayLike | None = None
     scalar: ScalarFunctions | None = None
     nambu: Nambu | None = None
+    flows: tuple[Flow, ...] = ()
     name: str = "problem"
     data: PolynomialSystem | NamedProblem | None = None
     check: InitVar[bool] = True

@@ -352,7 +352,7 @@ def test_next_to_a_curved_set_of_critical_points_no_wrong_step_passes(distance: 
 
 
 def test_away_from_critical_points_steps_next_to_them_converge() -> None:
-    """Half of the radius outside the circle: a quarter of the error for a quarter of the step, up to a factor of two."""
+    """Half of the radius outside the circle: a quarter of the error for a quarter of the step, within two."""
     problem, y0 = critical_circle(), np.array([1.5 * np.sqrt(2.0), 0.0])
     error = []
     for steps in (64, 256):

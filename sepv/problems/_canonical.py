@@ -18,6 +18,11 @@ def structure_derivative(y: Array) -> Array:
     return np.zeros((2, 2, 2, *y.shape[1:]), dtype=y.dtype)
 
 
+def kinetic_flow(y: Array, t: Array) -> Array:
+    """The flow of H_1 = p²/2 at t: q moves by pt."""
+    return np.stack([y[0], y[1] + t * y[0]])
+
+
 def canonical(n: int, y: Array) -> Array:
     """B = ((0, −I), (I, 0)) for y = (p, q) with n of each, (2n, 2n, ...)."""
     B = np.zeros((2 * n, 2 * n, *y.shape[1:]), dtype=y.dtype)

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from sepv.arguments import is_number
 from sepv.errors import ProblemError
 from sepv.nambu import Nambu
-from sepv.problem import Array, NamedProblem, Problem
+from sepv.problem import Array, Flow, Function, NamedProblem, Problem
 
 
 def lotka_volterra(
@@ -59,6 +59,8 @@ def lotka_volterra(
         mean_1, mean_2 = (_mean_reciprocal(y0[i], y1[i]) for i in (1, 2))
         return np.stack([np.full_like(y0[0], a * b), 1 + nu * mean_1, -a - mu * mean_2])
 
+    # y_k ∂_kH, in which H = ab y1 + (y2 + ν ln y2) + (−a y3 − μ ln y3).
+    slopes = (lambda x: a * b * x, lambda x: x + nu, lambda x: -a * x - mu)
     parameters = {"a": (a,), "b": (b,), "d": (d,), "nu": (nu,), "mu": (mu,), "noise": tuple(c.tolist())}
     return Problem(
         dimension=3,
@@ -71,11 +73,23 @@ def lotka_volterra(
         mean_gradient=mean_gradient,
         domain=_positive,
         initial=(1.0, 1.9, 0.5),
+        flows=tuple(_exponential(k, pairs, slopes[k]) for k in range(3)),
         name="lotka-volterra",
         data=NamedProblem("lotka-volterra", tuple((k, tuple(map(float, v))) for k, v in parameters.items())),
         nambu=_nambu(b, d),
         check=False,
     )
+
+
+def _exponential(k: int, pairs: tuple[tuple[int, int, float], ...], slope: Function) -> Flow:
+    """The flow of the part H_k(y_k): y_k stays, and y_i′ = B_ik ∂_kH = ±factor y_i (y_k ∂_kH) is linear in y_i."""
+    rates = [sum(f * (i == n and j == k) - f * (j == n and i == k) for i, j, f in pairs) for n in range(3)]
+
+    def flow(y: Array, t: Array) -> Array:
+        speed = t * slope(y[k])
+        return np.stack([y[n] * np.exp(rates[n] * speed) if rates[n] else y[n] for n in range(3)])
+
+    return flow
 
 
 def _nambu(b: float, d: float) -> Nambu:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sepv.problem import Array, NamedProblem, Problem
-from sepv.problems._canonical import structure, structure_derivative
+from sepv.problems._canonical import kinetic_flow, structure, structure_derivative
 
 
 def harmonic_oscillator(noise: ArrayLike = 1.0) -> Problem:
@@ -26,6 +26,7 @@ def harmonic_oscillator(noise: ArrayLike = 1.0) -> Problem:
         mean_gradient=lambda y0, y1: y0 + 0.5 * (y1 - y0),
         degree=2,
         initial=(0.2, 0.1),
+        flows=(kinetic_flow, lambda y, t: np.stack([y[0] - t * y[1], y[1]])),
         name="harmonic-oscillator",
         data=NamedProblem("harmonic-oscillator", (("noise", tuple(c.tolist())),)),
         check=False,

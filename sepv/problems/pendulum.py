@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sepv.problem import Array, NamedProblem, Problem
-from sepv.problems._canonical import structure, structure_derivative
+from sepv.problems._canonical import kinetic_flow, structure, structure_derivative
 
 
 def pendulum(noise: ArrayLike = (1.0, 0.5)) -> Problem:
@@ -25,6 +25,7 @@ def pendulum(noise: ArrayLike = (1.0, 0.5)) -> Problem:
         structure_derivative=structure_derivative,
         mean_gradient=_mean_gradient,
         initial=(0.2, 1.0),
+        flows=(kinetic_flow, lambda y, t: np.stack([y[0] - t * np.sin(y[1]), y[1]])),
         name="pendulum",
         data=NamedProblem("pendulum", (("noise", tuple(c.tolist())),)),
         check=False,

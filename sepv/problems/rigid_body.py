@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from sepv.errors import ProblemError
 from sepv.nambu import Nambu
-from sepv.problem import Array, NamedProblem, Problem
+from sepv.problem import Array, Flow, NamedProblem, Problem
 
 _HAT = ((0, 1, 2, -1.0), (0, 2, 1, 1.0), (1, 2, 0, -1.0))  # B[i, j] = sign · y[k]
 
@@ -49,11 +49,24 @@ def rigid_body(inertia: ArrayLike = (0.345, 0.653, 1.0), noise: ArrayLike = 1.0)
         mean_gradient=lambda y0, y1: (y0 + 0.5 * (y1 - y0)) / column(y0),
         degree=2,
         initial=(0.8, 0.6, 0.0),
+        flows=tuple(_rotation(k, float(moments[k])) for k in range(3)),
         name="rigid-body",
         data=NamedProblem("rigid-body", (("inertia", tuple(moments.tolist())), ("noise", tuple(c.tolist())))),
         nambu=_NAMBU,
         check=False,
     )
+
+
+def _rotation(k: int, moment: float) -> Flow:
+    """The flow of H_k = y_k²/(2I_k): a rotation about axis k by the angle t y_k/I_k."""
+    i, j = (k + 1) % 3, (k + 2) % 3
+
+    def flow(y: Array, t: Array) -> Array:
+        cos, sin = np.cos(t * y[k] / moment), np.sin(t * y[k] / moment)
+        turned: dict[int, Array] = {k: y[k], i: cos * y[i] + sin * y[j], j: cos * y[j] - sin * y[i]}
+        return np.stack([turned[n] for n in range(3)])
+
+    return flow
 
 
 # hat(y)v = y × v = −(v × ∇C) with C = ½|y|².

@@ -21,6 +21,7 @@ from sepv.schemes.milstein import scheme as milstein
 from sepv.schemes.modified_weak_two import scheme as modified_weak_two
 from sepv.schemes.projected import projected as projected
 from sepv.schemes.several_structures import scheme as several_structures
+from sepv.schemes.splitting import scheme as splitting
 from sepv.tableaux import MAX_STAGES
 
 ALL: dict[str, Scheme] = {
@@ -34,6 +35,7 @@ MORE: dict[str, Scheme] = {
         several_structures,
         gonzalez,
         modified_weak_two,
+        splitting,
         explicit(4),
         explicit(8),
         projected(4),
@@ -85,4 +87,5 @@ __all__ = [
     "modified_weak_two",
     "projected",
     "several_structures",
+    "splitting",
 ]
