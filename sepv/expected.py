@@ -1,19 +1,22 @@
-"""Expected failures: a TOML file of laws that a scheme is known to break, each with a reason and a witness.
+"""What a scheme is held to from now on: a TOML file of claims and of known violations, strict both ways.
 
-Each entry is checked by its witness and not by search, so that it costs one measurement and is never flaky. It
-is strict both ways: a violation that is not listed fails the run, and so does an entry that no longer fails.
+    claims = ["contract", "casimir"]   # laws that must hold; leave it out where the scheme states its own
 
-    [[expected]]
-    law = "casimir"
+    [[expected]]                       # a law that it is known to break
+    law = "energy"
     reason = "B is taken at y_n in the drift"
-    witness = "eNp1j88K…"        # as printed after --replay; for statistical laws a table { seed, paths }
+    witness = "eNp1j88K…"              # as printed after --replay; for statistical laws a table { seed, paths }
+
+A known violation is checked by its witness and not by search, so that it costs one measurement and is never flaky.
+A violation that is not listed fails the run, and so does an entry that no longer fails. A file with ``claims`` is a
+pin: of the whole suite as it was measured (`pin`). There even a violation of a law that nobody claims must be listed.
 """
 
 from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +25,8 @@ from sepv.errors import UsageError
 from sepv.law import Finding, Verdict
 
 _ENTRY = {"law", "reason", "witness"}
-_EXAMPLE = (
-    '[[expected]] with law = "…", reason = "…", witness = "…"; `--write-expected FILE` makes a first one'
-)
+_KEYS = {"expected", "claims", "scheme"}
+_EXAMPLE = '[[expected]] with law = "…", reason = "…", witness = "…"; `--pin FILE` makes a first one'
 
 
 @dataclass(frozen=True)
@@ -36,13 +38,27 @@ class ExpectedFailure:
     witness: dict[str, Any]
 
 
-def load(path: str | Path, laws: Iterable[str]) -> dict[str, ExpectedFailure]:
-    """The entries of a file, by law.
+@dataclass(frozen=True)
+class Expectations:
+    """A file: the laws that it claims, None where it says nothing of claims, and its entries by law."""
+
+    claims: frozenset[str] | None = None
+    failures: dict[str, ExpectedFailure] = field(default_factory=dict)
+
+    @property
+    def is_pin(self) -> bool:
+        """Whether every violation must be listed, claimed or not."""
+        return self.claims is not None
+
+
+def load(path: str | Path, laws: Iterable[str]) -> Expectations:
+    """What a file says.
 
     Raises
     ------
     UsageError
-        For a file that is missing or not TOML, an unknown or repeated law, a missing reason or witness.
+        For a file that is missing or not TOML, an unknown or repeated law, a missing reason or witness, a law
+        that is both claimed and expected to fail.
     """
     try:
         data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
@@ -53,11 +69,13 @@ def load(path: str | Path, laws: Iterable[str]) -> dict[str, ExpectedFailure]:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise UsageError(expected=f"TOML in {path}", received=str(error), remedy=_EXAMPLE) from error
     entries = data.get("expected", [])
-    if set(data) - {"expected", "scheme"} or not isinstance(entries, list):
+    if set(data) - _KEYS or not isinstance(entries, list):
         raise UsageError(
-            expected=f"tables [[expected]] in {path}", received=f"keys {sorted(data)}", remedy=_EXAMPLE
+            expected=f"claims and tables [[expected]] in {path}",
+            received=f"keys {sorted(data)}",
+            remedy=_EXAMPLE,
         )
-    known, found = set(laws), {}
+    known, found = tuple(laws), dict[str, ExpectedFailure]()
     for number, entry in enumerate(entries, start=1):
         failure = _entry(entry, f"{path}, entry {number}", known)
         if failure.law in found:
@@ -65,17 +83,37 @@ def load(path: str | Path, laws: Iterable[str]) -> dict[str, ExpectedFailure]:
                 expected="each law once", received=f"{failure.law!r} twice in {path}", remedy="keep one entry"
             )
         found[failure.law] = failure
-    return found
+    claims = _claims(data.get("claims"), str(path), known)
+    both = sorted((claims or frozenset()) & set(found))
+    if both:
+        raise UsageError(
+            expected=f"each law of {path} either claimed or expected to fail",
+            received=f"both: {', '.join(both)}",
+            remedy="a law that the scheme breaks is no claim: take it out of claims",
+        )
+    return Expectations(claims, found)
 
 
-def _entry(entry: Any, where: str, known: set[str]) -> ExpectedFailure:
+def _claims(value: Any, path: str, known: tuple[str, ...]) -> frozenset[str] | None:
+    if value is None:
+        return None
+    if not isinstance(value, list) or not all(name in known for name in value):
+        raise UsageError(
+            expected=f"claims in {path}, a list of laws out of {', '.join(known)}",
+            received=f"{value!r}",
+            remedy="correct the names, or write the file anew with --pin",
+        )
+    return frozenset(value)
+
+
+def _entry(entry: Any, where: str, known: tuple[str, ...]) -> ExpectedFailure:
     if not isinstance(entry, dict) or set(entry) != _ENTRY:
         keys = sorted(entry) if isinstance(entry, dict) else type(entry).__name__
         raise UsageError(expected=f"law, reason and witness in {where}", received=f"{keys}", remedy=_EXAMPLE)
     law, reason, witness = entry["law"], entry["reason"], entry["witness"]
     if law not in known:
         raise UsageError(
-            expected=f"a law in {where}, one of {', '.join(sorted(known))}",
+            expected=f"a law in {where}, one of {', '.join(known)}",
             received=repr(law),
             remedy="correct the name",
         )
@@ -95,20 +133,45 @@ def _entry(entry: Any, where: str, known: set[str]) -> ExpectedFailure:
 
 
 def to_toml(scheme: str, findings: Iterable[Finding]) -> str:
-    """A first file, from the violations of a report; the reasons are to be filled in by a person."""
-    lines = [f"# Expected failures of {_line(scheme)}. Replace each reason by yours."]
+    """A first file of expected failures: the claimed laws that are violated; a person fills in the reasons.
+
+    What nobody claims is no failure, and is not listed: a scheme that gains a law must not turn a build red.
+    """
+    listed = [f for f in findings if f.claimed or f.expected is not None]
+    entries = _entries(f for f in listed if f.verdict is Verdict.VIOLATED)
+    title = f"# Expected failures of {_line(scheme)}. Replace each reason by yours."
+    return "\n".join([title, *(entries or ["# No claimed law is violated."])]) + "\n"
+
+
+def pin(scheme: str, findings: Iterable[Finding]) -> str:
+    """The whole of what was measured: what holds as claims, what is violated with its witness.
+
+    A law without a decision is in neither: it is not guarded until it is decided and pinned again.
+    """
+    found = list(findings)
+    held = [f.law for f in found if f.verdict is Verdict.HOLDS]
+    lines = [
+        f"# What sepv found of {_line(scheme)}: these laws must hold from now on, and the violations below stay as",
+        "# they are. Both ways: a law that breaks turns the run red, and so does one that no longer fails.",
+        f"claims = [{', '.join(_quoted(law) for law in held)}]",
+    ]
+    return "\n".join([*lines, *_entries(f for f in found if f.verdict is Verdict.VIOLATED)]) + "\n"
+
+
+def _entries(findings: Iterable[Finding]) -> list[str]:
+    lines = []
     for f in findings:
-        if f.verdict is not Verdict.VIOLATED or f.witness is None:
-            continue
-        size = "" if f.defect is None else f"{f.defect:.3g} {f.unit} against {f.bound:.3g}"
+        size = (
+            "" if f.defect is None or f.bound is None else f": {f.defect:.3g} {f.unit} against {f.bound:.3g}"
+        )
         lines += [
             "",
             "[[expected]]",
             f"law = {_quoted(f.law)}",
-            f"reason = {_quoted('violated when this file was written: ' + size)}",
-            f"witness = {_witness(f.witness)}",
+            f"reason = {_quoted(f.expected or 'violated when this file was written' + size)}",
+            f"witness = {_witness(f.witness or {})}",
         ]
-    return "\n".join(lines) + "\n"
+    return lines
 
 
 def _witness(witness: dict[str, Any]) -> str:

@@ -91,7 +91,8 @@ def _junit_kind(report: Report, f: Finding) -> str:
 
 def badge_json(report: Report) -> str:
     """What a badge service that takes endpoints shows: how many of the claimed laws hold."""
-    claimed = [f for f in report.findings if f.claimed and f.verdict is not Verdict.NOT_APPLICABLE]
+    vacuous = (Verdict.NOT_APPLICABLE, Verdict.NOT_MEASURED)
+    claimed = [f for f in report.findings if f.claimed and (f.verdict not in vacuous or f in report.failing)]
     held = sum(f.verdict is Verdict.HOLDS for f in claimed)
     color = "brightgreen" if report.exit_code == 0 else "red"
     message = f"{held}/{len(claimed)} claimed laws hold" if claimed else "no claims"

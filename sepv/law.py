@@ -21,6 +21,8 @@ class Verdict(Enum):
     INCONCLUSIVE = "inconclusive"
     NOT_APPLICABLE = "not_applicable"
     ERROR = "error"
+    # Interrupted before it was decided: no word about the scheme.
+    NOT_MEASURED = "not_measured"
 
     @property
     def text(self) -> str:
@@ -71,6 +73,8 @@ class Finding:
         Of an exception that the scheme raised.
     expected : str or None
         The reason of an expected failure, which was checked by its witness.
+    skipped : int
+        Cases that the scheme does not take (`sepv.errors.Skipped`).
     """
 
     law: str
@@ -88,6 +92,7 @@ class Finding:
     at_least: bool = False
     traceback: str = ""
     expected: str | None = None
+    skipped: int = 0
 
 
 @dataclass(frozen=True)
@@ -174,11 +179,15 @@ def require(law: Law, scheme: Scheme, effort: Effort | None = None) -> Finding:
 
     An unclaimed law is measured too and returned; it fails no test.
     """
+    __tracebackhide__ = True  # of pytest: the finding says what happened, frames of sepv do not
     finding = replace(law.run(law, scheme, effort or Effort()), claimed=law.claimed_by(scheme))
     collected = _collected.get()
     if collected is not None:
         collected.append(finding)
-    if finding.claimed and finding.verdict not in (Verdict.HOLDS, Verdict.NOT_APPLICABLE):
+    if finding.claimed and not (
+        finding.verdict is Verdict.HOLDS
+        or (finding.verdict is Verdict.NOT_APPLICABLE and not finding.skipped)
+    ):
         raise LawViolated(finding)
     return finding
 

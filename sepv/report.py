@@ -23,6 +23,7 @@ _STYLES = {
     Verdict.INCONCLUSIVE: "yellow",
     Verdict.NOT_APPLICABLE: "dim",
     Verdict.ERROR: "bold magenta",
+    Verdict.NOT_MEASURED: "dim",
 }
 _LETTERS = {
     Verdict.HOLDS: "holds",
@@ -30,7 +31,10 @@ _LETTERS = {
     Verdict.INCONCLUSIVE: "?",
     Verdict.NOT_APPLICABLE: "n/a",
     Verdict.ERROR: "error",
+    Verdict.NOT_MEASURED: "",
 }
+# Claimed by whoever hands over a step; a scheme that claims nothing else guards nothing else.
+ALWAYS = ("contract",)
 # Two blank columns on each side are the difference between a table that fits 80 columns and one that does not.
 _BOX = box.SIMPLE_HEAD
 
@@ -52,9 +56,11 @@ def show(report: Report, target: str, out: Console, *, debug: bool = False) -> N
         if fault and "\n".join(fault[:1]) in said:
             continue
         said.update(fault[:1])
+        if finding.verdict is Verdict.NOT_MEASURED:
+            continue  # the table and the last line say it
         if finding.message or finding.verdict is not Verdict.HOLDS or finding.expected is not None:
             _details(finding, target, out, debug)
-    line(out, summary(report))
+    line(out, summary(report, target))
 
 
 def as_text(report: Report) -> str:
@@ -106,34 +112,87 @@ def law_table(report: Report) -> Table:
         text = "n/a" if f.verdict is Verdict.NOT_APPLICABLE else f.verdict.text
         verdict = Text(text, style=_STYLES[f.verdict])
         limit = "" if f.bound is None else f"{'≥' if f.at_least else '≤'} {_number(f.bound)}"
-        claimed = "fails" if f.expected is not None else "yes" if f.claimed else ""
+        own = "yes" if f.law in report.scheme.claims else "always"
+        claimed = "fails" if f.expected is not None else own if f.claimed else ""
         table.add_row(f.law, claimed, verdict, _number(f.defect), limit, f.unit, f.source)
     return table
 
 
-def summary(report: Report) -> Text:
-    """One line: the counts, and what the claims came to."""
+def summary(report: Report, target: str = "") -> Text:
+    """One line: the counts, what the claims came to, and what would guard a scheme that claims nothing.
+
+    Parameters
+    ----------
+    target : str
+        As the scheme was named on the command line, for the command that guards it.
+    """
     counts = ", ".join(f"{n} {Verdict(k).text}" for k, n in report.counts.items() if n)
-    checks = sum(f.checks for f in report.findings)
-    claims = [f for f in report.findings if f.claimed and f.expected is None]
-    silent = (Verdict.HOLDS, Verdict.NOT_APPLICABLE)
-    broken = [f.law for f in claims if f.verdict not in silent]
-    passing = [f.law for f in report.findings if f.expected is not None and f in report.failing]
-    if passing:
-        text = Text(f"{_count(len(report.findings), 'law')}: {counts}. ")
-        text.append(f"Expected failures that pass: {', '.join(passing)}.", style="bold red")
-        return text
-    text = Text(f"{_count(len(report.findings), 'law')}: {counts}; {_count(checks, 'check')}. ")
-    if broken:
-        text.append(f"Claimed and not found to hold: {', '.join(broken)}.", style="bold red")
-    elif claims:
+    checks, skipped = (sum(getattr(f, what) for f in report.findings) for what in ("checks", "skipped"))
+    left_out = f", {skipped} skipped" if skipped else ""
+    text = Text(f"{_count(len(report.findings), 'law')}: {counts}; {_count(checks, 'check')}{left_out}. ")
+    if report.interrupted:
+        return text.append("Interrupted: what was not measured is not judged.", style="bold")
+    wrong = _complaints(report)
+    if wrong:
+        return text.append(" ".join(wrong), style="bold red")
+    errors = [f.law for f in report.findings if f.verdict is Verdict.ERROR]
+    if errors:
+        text.append(f"Ended in an error: {', '.join(errors)}. ", style="bold magenta")
+    claims = [
+        f for f in report.findings if f.claimed and f.expected is None and f.verdict is not Verdict.ERROR
+    ]
+    if not report.pinned and not frozenset(report.scheme.claims) - set(ALWAYS):
+        return text.append(_unguarded(report, target))
+    vacuous = [f.law for f in claims if f.verdict is Verdict.NOT_APPLICABLE]
+    held = len(claims) - len(vacuous)
+    if held:
         text.append(
-            f"{'The' if len(claims) == 1 else 'All'} {_count(len(claims), 'claimed law')} ", style="green"
+            f"{'The' if held == 1 else 'All'} {_count(held, 'claimed law')} {'holds' if held == 1 else 'hold'}.",
+            style="green",
         )
-        text.append("holds." if len(claims) == 1 else "hold.", style="green")
-    else:
+    elif not vacuous and not errors:
         text.append("None of them is claimed.")
+    if vacuous:
+        text.append(f" Claimed, but not about this scheme: {', '.join(vacuous)}.", style="yellow")
     return text
+
+
+def _complaints(report: Report) -> list[str]:
+    """What turns a run red, a sentence for each kind."""
+    found, failing = report.findings, report.failing
+    kinds = (
+        (
+            "Claimed and not found to hold",
+            [
+                f
+                for f in found
+                if f.claimed
+                and f.expected is None
+                and f.verdict in (Verdict.VIOLATED, Verdict.INCONCLUSIVE, Verdict.ERROR)
+            ],
+        ),
+        (
+            "Claimed and not measured",
+            [f for f in failing if f.expected is None and f.verdict is Verdict.NOT_APPLICABLE],
+        ),
+        ("Expected failures that pass", [f for f in failing if f.expected is not None]),
+        ("Violated and not in the pin", [f for f in failing if f.expected is None and not f.claimed]),
+    )
+    return [f"{words}: {', '.join(f.law for f in which)}." for words, which in kinds if which]
+
+
+def _unguarded(report: Report, target: str) -> str:
+    """Nothing was claimed: a green run says nothing about tomorrow's, and here is what would."""
+    own = [f.law for f in report.findings if f.verdict is Verdict.HOLDS and f.law not in ALWAYS]
+    named = f"sepv verify {target or 'TARGET'}"
+    guard = (
+        f"To guard what held today: {named} --claim {','.join(own)}; and what is violated with it"
+        if own
+        else ("To guard what is violated")
+    )
+    return (
+        f"Nothing is claimed, so nothing is guarded but the contract of a step. {guard}: {named} --pin FILE"
+    )
 
 
 def _count(number: int, what: str) -> str:

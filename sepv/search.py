@@ -17,6 +17,7 @@ from sepv import case as cases
 from sepv.case import Case
 from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure
 from sepv.law import Effort, Finding, Law, Measurement, Verdict
+from sepv.same_draws import without_local_constants
 from sepv.scheme import Scheme
 from sepv.strategies_structures import CASES
 
@@ -133,7 +134,7 @@ def _search(
     )
     test = hypothesis_seed(effort.seed)(chosen(given(case=strategy)(body)))
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), without_local_constants():
             warnings.simplefilter("ignore")  # the scheme's own warnings are not findings
             test()
     except KeyboardInterrupt:
@@ -204,10 +205,11 @@ def _conclude(law: Law, log: _Log) -> Finding:
             Verdict.ERROR, checks=log.checks, message=message, traceback=trace, **_witness(law, case), **size
         )
     skipped = "\n".join(f"{count} cases skipped: {reason}" for reason, count in log.skipped.items())
+    left_out = sum(log.skipped.values())
     if not log.checks:
         verdict = Verdict.NOT_APPLICABLE if skipped else Verdict.ERROR
-        return law.finding(verdict, message=skipped or "no case was measured")
-    return law.finding(Verdict.HOLDS, checks=log.checks, message=skipped, **size)
+        return law.finding(verdict, message=skipped or "no case was measured", skipped=left_out)
+    return law.finding(Verdict.HOLDS, checks=log.checks, message=skipped, skipped=left_out, **size)
 
 
 def _witness(law: Law, case: Case) -> dict[str, Any]:

@@ -13,10 +13,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from sepv import side_by_side
 from sepv._version import __version__
 from sepv.arguments import did_you_mean
 from sepv.errors import SepvError, Skipped, TargetError, UsageError
-from sepv.expected import ExpectedFailure
+from sepv.expected import Expectations, ExpectedFailure
 from sepv.expected import load as load_expected
 from sepv.law import Effort, Finding, Law, Verdict
 from sepv.scheme import Scheme, Step
@@ -45,6 +46,9 @@ LAWS = (
     "commutation",
 )
 
+# Laws that share the paths they draw (`Effort.cache`): one process measures them, in this order.
+SAMPLED = ("mean-square-order", "weak-order", "right-limit", "commutation")
+
 Progress = Callable[[Law, "Finding | None"], None]
 
 
@@ -60,17 +64,26 @@ class Report:
     findings: tuple[Finding, ...]
     effort: Effort
     interrupted: bool = False
+    # Whether the run was held to a pin (`sepv.expected`): every violation must be claimed or listed there.
+    pinned: bool = False
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many laws ended in each verdict; the sum is the number of laws asked for."""
-        return {v.value: sum(f.verdict is v for f in self.findings) for v in Verdict}
+        """How many laws ended in each verdict; the sum is the number of laws asked for.
+
+        "not_measured" is there where the run was interrupted, and only there.
+        """
+        found = {v.value: sum(f.verdict is v for f in self.findings) for v in Verdict}
+        if not found[Verdict.NOT_MEASURED.value]:
+            del found[Verdict.NOT_MEASURED.value]
+        return found
 
     @property
     def exit_code(self) -> int:
         """0: every claimed law holds. 1: one does not, or an expected failure passes. 3: an error. 130: interrupted.
 
-        A claimed law that is inconclusive was not shown to hold: 1. Nothing measured at all: 1.
+        A claimed law that is inconclusive, or whose cases the scheme skipped, was not shown to hold: 1. Nothing
+        measured at all: 1.
         """
         if self.interrupted:
             return 130
@@ -83,18 +96,8 @@ class Report:
 
     @property
     def failing(self) -> tuple[Finding, ...]:
-        """Claimed laws that were not shown to hold, and expected failures that no longer fail."""
-        open_ = (Verdict.VIOLATED, Verdict.INCONCLUSIVE)
-        return tuple(
-            f
-            for f in self.findings
-            if (f.expected is None and f.claimed and f.verdict in open_)
-            or (
-                f.expected is not None
-                and f.verdict is not Verdict.VIOLATED
-                and f.verdict is not Verdict.ERROR
-            )
-        )
+        """Claimed laws that were not shown to hold, expected failures that no longer fail; violations outside a pin."""
+        return tuple(f for f in self.findings if _fails(f, self.pinned))
 
     def finding(self, law: str) -> Finding:
         """The finding of one law.
@@ -190,6 +193,7 @@ def verify(
     timeout: float = 600.0,
     progress: Progress | None = None,
     expected: str | Path | None = None,
+    jobs: int = 1,
 ) -> Report:
     """Measure every law on a scheme, claimed or not.
 
@@ -207,7 +211,11 @@ def verify(
     progress : callable (law, finding or None), optional
         Called before each law with None, and after it with its finding.
     expected : path, optional
-        A file of expected failures (`sepv.expected`): their laws are checked by the pinned witness alone.
+        A file of claims and of expected failures (`sepv.expected`): the claims are added, and the laws expected to
+        fail are checked by the pinned witness alone.
+    jobs : int
+        Laws measured side by side in so many processes, with the same verdicts. The scheme must be one that another
+        process can import.
 
     Raises
     ------
@@ -215,26 +223,68 @@ def verify(
         For a scheme that cannot be loaded, an unknown law or claim.
     """
     chosen, effort = load_laws(laws), effort or Effort()
-    candidate = _load(scheme, claims, timeout)
+    if not isinstance(jobs, int) or isinstance(jobs, bool) or jobs < 1:
+        raise UsageError(expected="jobs, an integer ≥ 1", received=repr(jobs), remedy="jobs=2 for two cores")
+    listed = load_expected(expected, LAWS) if expected is not None else Expectations()
+    candidate = _load(scheme, {*claims, *(listed.claims or ())}, timeout)
     load_laws(candidate.claims)
-    failures = load_expected(expected, LAWS) if expected is not None else {}
-    findings: list[Finding] = []
-    interrupted = False
-    for law in chosen:
-        if interrupted:
-            findings.append(_claimed(law, candidate, law.finding(Verdict.ERROR, message="interrupted")))
-            continue
-        if progress:
-            progress(law, None)
-        try:
-            finding = _claimed(law, candidate, _run(law, candidate, effort, timeout, failures.get(law.name)))
-        except KeyboardInterrupt:
-            interrupted = True
-            finding = _claimed(law, candidate, law.finding(Verdict.ERROR, message="interrupted"))
-        findings.append(finding)
+    found: dict[str, Finding] = {}
+
+    def receive(law: Law, finding: Finding | None) -> None:
+        if finding is not None:
+            finding = found[law.name] = replace(finding, claimed=law.claimed_by(candidate))
         if progress:
             progress(law, finding)
-    return Report(candidate, tuple(findings), effort, interrupted)
+
+    interrupted = False
+    try:
+        if jobs > 1 and len(chosen) > 1:
+            named = scheme if isinstance(scheme, str) else candidate
+            task = side_by_side.Task(named, frozenset(candidate.claims), effort, timeout, listed.failures)
+            _side_by_side(task, chosen, jobs, receive)
+        else:
+            for law in chosen:
+                receive(law, None)
+                receive(law, _run(law, candidate, effort, timeout, listed.failures.get(law.name)))
+    except KeyboardInterrupt:
+        interrupted = True
+    for law in chosen:
+        if law.name not in found:
+            unmeasured = law.finding(Verdict.NOT_MEASURED, message="interrupted before it was decided")
+            found[law.name] = replace(unmeasured, claimed=law.claimed_by(candidate))
+    return Report(candidate, tuple(found[law.name] for law in chosen), effort, interrupted, listed.is_pin)
+
+
+def _side_by_side(
+    task: side_by_side.Task, chosen: list[Law], jobs: int, receive: Callable[[Law, Finding | None], None]
+) -> None:
+    """The sampled laws first, which take longest and share their paths; each other law by itself."""
+    by_name = {law.name: law for law in chosen}
+    shared = [name for name in by_name if name in SAMPLED]
+    groups = ([shared] if shared else []) + [[name] for name in by_name if name not in SAMPLED]
+
+    def take(name: str, found: Finding | side_by_side.Died | None) -> None:
+        law = by_name[name]
+        if isinstance(found, side_by_side.Died):
+            found = law.finding(
+                Verdict.ERROR,
+                message=f"the process that measured it ended with status {found}: the scheme crashed it",
+            )
+        receive(law, found)
+
+    side_by_side.run(task, groups, jobs, take)
+
+
+def _fails(f: Finding, pinned: bool) -> bool:
+    if f.verdict in (Verdict.ERROR, Verdict.NOT_MEASURED):
+        return False  # exit codes of their own
+    if f.expected is not None:
+        return f.verdict is not Verdict.VIOLATED
+    if not f.claimed:
+        return pinned and f.verdict is Verdict.VIOLATED
+    # What the law says nothing about is no failure; what the scheme left out, or held when it was pinned, is.
+    unasked = f.verdict is Verdict.NOT_APPLICABLE and not f.skipped and not pinned
+    return f.verdict is not Verdict.HOLDS and not unasked
 
 
 def _load(scheme: str | Scheme | Step, claims: Iterable[str], timeout: float) -> Scheme:
@@ -254,7 +304,20 @@ def replay(scheme: str | Scheme | Step, law: str, witness: dict[str, Any]) -> Fi
     """Measure one law on one witness, as a report holds it."""
     candidate = load_scheme(scheme)
     (chosen,) = load_laws([law])
-    return _claimed(chosen, candidate, chosen.replay(chosen, candidate, witness))
+    return replace(chosen.replay(chosen, candidate, witness), claimed=chosen.claimed_by(candidate))
+
+
+def measure(
+    law: Law, scheme: Scheme, effort: Effort, timeout: float = 600.0, failure: ExpectedFailure | None = None
+) -> Finding:
+    """One law on one scheme: by its search, or by the witness of an expected failure.
+
+    Raises
+    ------
+    UsageError
+        For a witness that is not one of the law's.
+    """
+    return _run(law, scheme, effort, timeout, failure)
 
 
 def _run(
@@ -269,7 +332,7 @@ def _run(
             Verdict.ERROR, message=f"the scheme did not come back: stopped after {timeout:g} s (--timeout)"
         )
     except Skipped as skipped:
-        finding = law.finding(Verdict.NOT_APPLICABLE, message=str(skipped))
+        finding = law.finding(Verdict.NOT_APPLICABLE, message=str(skipped), skipped=1)
     except KeyError as error:
         if failure is None:
             raise
@@ -290,12 +353,8 @@ def _wrong_witness(law: Law, received: str) -> UsageError:
     return UsageError(
         expected=f"a witness of the law {law.name} in the file of expected failures",
         received=received,
-        remedy="copy what the report prints after --replay, or write the file anew with --write-expected",
+        remedy="copy what the report prints after --replay, or write the file anew with --pin or --write-expected",
     )
-
-
-def _claimed(law: Law, scheme: Scheme, finding: Finding) -> Finding:
-    return replace(finding, claimed=law.claimed_by(scheme))
 
 
 @contextmanager
@@ -334,6 +393,7 @@ def _finding_json(finding: Finding) -> dict[str, Any]:
         "witness": finding.witness,
         "replay": finding.replay,
         "checks": finding.checks,
+        "skipped": finding.skipped,
         "message": finding.message,
         "expected": finding.expected,
         "seconds": round(finding.seconds, 3),

@@ -107,8 +107,9 @@ def test_ctrl_c_keeps_what_was_decided(tmp_path: Path) -> None:
     assert process.returncode == 130, out + err
     assert "Traceback" not in out + err
     report = json.loads((tmp_path / "r.json").read_text())
-    assert [x["verdict"] for x in report["laws"]] == ["holds", "error", "error"]
-    assert "interrupted" in out
+    assert [x["verdict"] for x in report["laws"]] == ["holds", "not_measured", "not_measured"]
+    assert "Interrupted: what was not measured is not judged." in out
+    assert "not found to hold" not in out
     assert sum(report["counts"].values()) == len(report["laws"])
     assert (tmp_path / "r.xml").exists()
     assert (tmp_path / "b.json").exists()

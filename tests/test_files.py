@@ -116,7 +116,10 @@ LAWS = ["--law", "energy", "--law", "casimir", "--law", "right-limit", "--exampl
 
 def test_expected_failures_are_strict_both_ways(tmp_path: Path) -> None:
     file = str(tmp_path / "expected.toml")
+    # What nobody claims is not listed: a scheme that gains a law must stay green.
     assert run(["verify", "midpoint", *LAWS, "--write-expected", file])[0] == 0
+    assert "[[expected]]" not in Path(file).read_text()
+    assert run(["verify", "midpoint", *LAWS, "--claim", "energy", "--write-expected", file])[0] == 1
     # Violated as expected, though claimed.
     code, output = run(["verify", "midpoint", *LAWS, "--claim", "energy", "--expected", file])
     assert code == 0, output

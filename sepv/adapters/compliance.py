@@ -47,6 +47,7 @@ _MARKS = {
     Verdict.INCONCLUSIVE: "?",
     Verdict.NOT_APPLICABLE: "n/a",
     Verdict.ERROR: "error",
+    Verdict.NOT_MEASURED: "",
 }
 
 

@@ -20,8 +20,9 @@ from sepv.errors import UsageError
 @click.option("--json", "json", type=FILE, help="Write the report to this file.")
 @click.option("--junit", "junit", type=FILE, help="Write JUnit XML to this file.")
 @click.option("--badge", "badge", type=FILE, help="Write JSON for a badge to this file.")
-@click.option("--expected", type=click.Path(), help="Expected failures, a TOML file; strict both ways.")
-@click.option("--write-expected", type=FILE, help="Write today's violations as such a file.")
+@click.option("--expected", type=click.Path(), help="A file of --pin or --write-expected; strict both ways.")
+@click.option("--pin", type=FILE, help="Write what holds and what is violated today, for --expected.")
+@click.option("--write-expected", type=FILE, help="Write today's violations of claimed laws, for --expected.")
 @click.option("--replay", "token", metavar="TOKEN", help="Measure one witness; needs one --law.")
 @click.option(
     "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths."
@@ -40,6 +41,9 @@ from sepv.errors import UsageError
 )
 @click.option(
     "--call-timeout", type=click.FloatRange(min=0.01), default=10.0, show_default=True, help="With --exec."
+)
+@click.option(
+    "-j", "--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Processes for the laws."
 )
 @click.option("-q", "--quiet", is_flag=True, help="Only the last line.")
 @friendly
@@ -77,7 +81,7 @@ def _files(**options: Any) -> dict[str, str | None]:
     """The files to write, after a look whether they can be."""
     from sepv.files import require_folder
 
-    files = {kind: options[kind] for kind in ("json", "junit", "badge", "write_expected")}
+    files = {kind: options[kind] for kind in ("json", "junit", "badge", "write_expected", "pin")}
     for path in files.values():
         require_folder(path)
     return files
@@ -90,6 +94,7 @@ def _arguments(laws: tuple[str, ...], claims: tuple[str, ...], **options: Any) -
         "effort": _effort(**options),
         "timeout": options["timeout"],
         "expected": options["expected"],
+        "jobs": options["jobs"],
     }
 
 
@@ -136,14 +141,15 @@ def _verify(
 
     out, reports = page.console(), []
     for target in targets:
+        named = shown or shlex.quote(target)
         with watching(quiet) as progress:
             report = run(target, progress=progress, **options)
         reports.append(report)
-        _write(report, files)
         if quiet:
-            page.line(out, page.summary(report))
+            page.line(out, page.summary(report, named))
         else:
-            page.show(report, shown or shlex.quote(target), out, debug=debug)
+            page.show(report, named, out, debug=debug)
+        _write(report, files, named)
         if report.interrupted:
             break
     if len(reports) > 1 and not quiet:
@@ -151,8 +157,9 @@ def _verify(
     return max(reports, key=lambda r: r.exit_code).exit_code
 
 
-def _write(report: Any, files: dict[str, str | None]) -> None:
-    from sepv.expected import to_toml
+def _write(report: Any, files: dict[str, str | None], named: str) -> None:
+    """The files; of an interrupted run none that later runs would be held to."""
+    from sepv.expected import pin, to_toml
     from sepv.files import badge_json, junit_xml, report_json, write_atomically
 
     texts = {
@@ -160,10 +167,16 @@ def _write(report: Any, files: dict[str, str | None]) -> None:
         "junit": junit_xml,
         "badge": badge_json,
         "write_expected": lambda r: to_toml(r.scheme.name, r.findings),
+        "pin": lambda r: pin(r.scheme.name, r.findings),
     }
     for kind, path in files.items():
-        if path:
+        if path and report.interrupted and kind in ("write_expected", "pin"):
+            click.echo(f"sepv: {path} is not written: the run was interrupted", err=True)
+        elif path:
             write_atomically(path, texts[kind](report))
+            if kind == "pin":
+                guard = f"sepv verify {named} --expected {shlex.quote(path)}"
+                click.echo(f"Pinned in {path}. From now on: {guard}", err=True)
 
 
 def _replay(targets: tuple[Any, ...], laws: tuple[str, ...], token: str, debug: bool) -> None:

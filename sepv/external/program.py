@@ -51,6 +51,11 @@ class Program:
         self.sent = ""  # the last line, for `check_protocol`
         self.lock = threading.Lock()
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """In another process it is a program of its own, started there when it is asked."""
+        left = None if self.run_timeout is None else max(0.0, self.until - time.monotonic())
+        return _again, (self.command, self.call_timeout, self.start_timeout, left, self.line_limit)
+
     def hello(self) -> Hello:
         """What the program says of itself; starts it."""
         with self.lock:
@@ -180,6 +185,18 @@ class Program:
             rows += states(answer, len(part), problem.dimension)
         found = np.array(rows, dtype=np.float64).reshape(len(rows), problem.dimension)
         return np.ascontiguousarray(found.T).reshape(np.shape(y))
+
+
+def _again(
+    command: str, call_timeout: float, start_timeout: float, run_timeout: float | None, line_limit: int
+) -> Program:
+    return Program(
+        command,
+        call_timeout=call_timeout,
+        start_timeout=start_timeout,
+        run_timeout=run_timeout,
+        line_limit=line_limit,
+    )
 
 
 @contextmanager

@@ -18,6 +18,7 @@ WORDS = {
     "inconclusive": ("?", "inconclusive"),
     "not_applicable": ("·", "not applicable"),
     "error": ("!", "error"),
+    "not_measured": ("", "not measured"),
     "fails": ("✗", "does not hold"),
     "open": ("?", "open"),
 }

@@ -1,0 +1,145 @@
+"""What a green run guards: pins are strict both ways, a claim that was not measured is red, a bare function is told."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from sepv.cli import main
+from sepv.errors import Skipped, UsageError
+from sepv.law import Effort, Verdict
+from sepv.report import summary
+from sepv.scheme import Scheme
+from sepv.schemes.energy_preserving import step as exact
+from sepv.schemes.midpoint import step as midpoint
+from sepv.suite import verify
+
+LAWS = ["--law", "contract", "--law", "energy", "--law", "casimir"]
+MODULE = "from sepv.schemes.{} import step\n"
+
+
+@pytest.fixture
+def pinned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder where the midpoint rule, a bare function that claims nothing, was pinned."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (tmp_path / "my_rule.py").write_text(MODULE.format("midpoint"))
+    done = call("my_rule:step", "--pin", "pin.toml")
+    assert done.exit_code == 0, done.output
+    assert "sepv verify my_rule:step --expected pin.toml" in done.output
+    return tmp_path
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Little effort; above all no seconds for simplifying counterexamples."""
+    monkeypatch.setattr("sepv.commands.verify._effort", lambda **_: Effort(8, 64, 0, 0.1))
+
+
+def call(target: str, *options: str):
+    return CliRunner().invoke(main, ["verify", target, *LAWS, *options])
+
+
+def test_a_pin_holds_what_was_found(pinned: Path) -> None:
+    data = tomllib.loads((pinned / "pin.toml").read_text())
+    assert data["claims"] == ["contract", "casimir"]
+    assert [e["law"] for e in data["expected"]] == ["energy"]
+    again = call("my_rule:step", "--expected", "pin.toml", "-q")
+    assert again.exit_code == 0, again.output
+    assert "All 2 claimed laws hold." in again.output
+
+
+def test_a_pin_is_strict_both_ways(pinned: Path) -> None:
+    gained = call("energy-preserving", "--expected", "pin.toml", "-q")
+    assert gained.exit_code == 1
+    assert "Expected failures that pass: energy." in gained.output
+    lost = call("discrete-gradient", "--expected", "pin.toml", "-q")
+    assert lost.exit_code == 1
+    assert "Claimed and not found to hold: casimir." in lost.output
+    other = CliRunner().invoke(
+        main, ["verify", "my_rule:step", "--law", "any-casimir", "--expected", "pin.toml", "-q"]
+    )
+    assert other.exit_code == 1
+    assert "Violated and not in the pin: any-casimir." in other.output
+
+
+def test_a_law_is_either_claimed_or_expected_to_fail(pinned: Path) -> None:
+    file = pinned / "pin.toml"
+    file.write_text(file.read_text().replace('"casimir"]', '"energy"]'))
+    wrong = call("my_rule:step", "--expected", "pin.toml")
+    assert wrong.exit_code == 2
+    assert "both: energy" in wrong.output
+
+
+def choosy(problem, y, h, dW):
+    raise Skipped("not today")
+
+
+def test_a_claim_whose_cases_are_all_skipped_is_a_failure() -> None:
+    scheme = Scheme("choosy", choosy, claims=["mean-square-order"])
+    report = verify(scheme, laws=["mean-square-order", "weak-order"], effort=Effort(5, 64, 0, 0.1))
+    claimed, other = report.findings
+    assert claimed.verdict is other.verdict is Verdict.NOT_APPLICABLE
+    assert claimed.skipped
+    assert report.failing == (claimed,)
+    assert report.exit_code == 1
+    text = summary(report).plain
+    assert text.endswith("Claimed and not measured: mean-square-order.")
+    assert " skipped. " in text
+
+
+def test_a_claim_about_something_else_is_named_and_no_failure() -> None:
+    scheme = Scheme("one", midpoint, claims=["casimir", "reproducibility"])
+    report = verify(scheme, laws=["casimir", "reproducibility"], effort=Effort(5, 64, 0, 0.1))
+    assert report.exit_code == 0
+    assert summary(report).plain.endswith(
+        "The 1 claimed law holds. Claimed, but not about this scheme: reproducibility."
+    )
+
+
+def test_laws_side_by_side_find_the_same_to_the_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    # A module full of constants, which Hypothesis would draw where it is loaded.
+    (tmp_path / "our_rule.py").write_text(
+        MODULE.format("midpoint") + "SEEN = [0.123, 4.5, 6.75e3, 17.0, 3]\n"
+    )
+    files = []
+    for jobs in ("1", "2"):
+        # Laws that hold: how far a counterexample is simplified is a matter of seconds.
+        laws = ["--law", "contract", "--law", "casimir", "--law", "midpoint", "--law", "weak-order"]
+        done = CliRunner().invoke(
+            main, ["verify", "our_rule:step", *laws, "-j", jobs, "--json", f"{jobs}.json"]
+        )
+        assert done.exit_code == 0, done.output
+        found = json.loads((tmp_path / f"{jobs}.json").read_text())["laws"]
+        files.append([{**law, "seconds": 0} for law in found])
+    assert files[0] == files[1]
+    assert {law["law"]: law["verdict"] for law in files[0]} == {
+        "contract": "holds", "casimir": "holds", "midpoint": "holds", "weak-order": "holds",
+    }  # fmt: skip
+
+
+def test_a_scheme_that_cannot_travel_is_refused_in_words() -> None:
+    def local(problem, y, h, dW):
+        return exact(problem, y, h, dW)
+
+    with pytest.raises(UsageError, match="another process can import"):
+        verify(local, laws=["energy", "casimir"], jobs=2)
+    with pytest.raises(UsageError, match="jobs"):
+        verify("midpoint", jobs=0)
+
+
+def test_a_worker_that_dies_is_an_error_of_its_law(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (tmp_path / "falls.py").write_text(
+        "import os, sepv\nscheme = sepv.Scheme('falls', lambda problem, y, h, dW: os._exit(9))\n"
+    )
+    report = verify("falls:scheme", laws=["contract", "energy"], effort=Effort(8, 64, 0, 0.1), jobs=2)
+    assert [f.verdict for f in report.findings] == [Verdict.ERROR] * 2
+    assert "status 9" in report.findings[0].message
+    assert report.exit_code == 3
