@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from sepv.engine.ensemble import ensemble as ensemble
     from sepv.engine.long import long_path as long_path
     from sepv.errors import ChunkFailure as ChunkFailure
+    from sepv.errors import ClusterFailure as ClusterFailure
+    from sepv.errors import Interrupted as Interrupted
     from sepv.errors import ProblemError as ProblemError
     from sepv.errors import SchemeFault as SchemeFault
     from sepv.errors import SepvError as SepvError
@@ -64,6 +66,8 @@ _HOME = {
             "StepFailure",
             "ChunkFailure",
             "Skipped",
+            "ClusterFailure",
+            "Interrupted",
         ),
         "sepv.errors",
     ),

@@ -40,23 +40,53 @@ class Skipped(SepvError):
         super().__init__(f"skipped: {reason}")
 
 
+class ClusterFailure(SepvError, RuntimeError):
+    """A cluster that is gone, or that cannot do this work."""
+
+    def __init__(self, what: str, remedy: str) -> None:
+        self.what, self.remedy = what, remedy
+        super().__init__(f"{what}\nRemedy: {remedy}.")
+
+
 class ChunkFailure(SepvError, RuntimeError):
-    """A chunk of an ensemble raised, on its worker and again here.
+    """An ensemble that did not become whole: a chunk raised, on its worker and again here, or the cluster is gone.
 
     Attributes
     ----------
-    paths : (P,) array
+    paths : (P,) array, or a range
         The numbers of the paths that are finished.
     ensemble : Ensemble
-        Their ends.
+        Their ends; with `reduce=` what they were reduced to.
     """
 
-    def __init__(self, cause: Exception, finished: tuple[np.ndarray, Any]) -> None:
+    def __init__(self, cause: Exception, finished: tuple[Any, Any]) -> None:
+        self.paths, self.ensemble = finished
+        what = f"A chunk of paths raised {type(cause).__name__}: {cause}"
+        remedy = "correct the cause above; the same seed gives the same paths again"
+        if isinstance(cause, ClusterFailure):
+            what, remedy = cause.what, cause.remedy
+        super().__init__(
+            f"{what}\n"
+            f"{len(self.paths)} paths are finished and kept in this error's `ensemble`, their numbers in `paths`.\n"
+            f"Remedy: {remedy}."
+        )
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C during an ensemble, with what was finished.
+
+    Attributes
+    ----------
+    paths : (P,) array, or a range
+        The numbers of the paths that are finished.
+    ensemble : Ensemble
+        Their ends; with `reduce=` what they were reduced to.
+    """
+
+    def __init__(self, finished: tuple[Any, Any]) -> None:
         self.paths, self.ensemble = finished
         super().__init__(
-            f"A chunk of paths raised {type(cause).__name__}: {cause}\n"
-            f"{len(self.paths)} paths are finished and kept in this error's `ensemble`, their numbers in `paths`.\n"
-            "Remedy: correct the cause above; the same seed gives the same paths again."
+            f"interrupted: {len(self.paths)} paths are finished and kept in `ensemble`, their numbers in `paths`"
         )
 
 

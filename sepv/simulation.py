@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +16,8 @@ from sepv.candidate import ask
 from sepv.errors import StepFailure, TruncationWarning, UsageError
 from sepv.implicit import Status
 from sepv.problem import Array, Problem
+from sepv.results.labelled import to_xarray
+from sepv.results.reductions import Summary
 from sepv.scheme import REFUSALS, Scheme, Step
 from sepv.target import load_problem, load_scheme
 
@@ -62,6 +66,10 @@ class Ensemble:
         Shares of steps solved on the way to failed ones (`sepv.continuation.continued`).
     repeated : int
         Chunks that had to be computed again because a worker raised or died.
+    reduced : dict of `sepv.results.reductions.Summary`
+        With `reduce=`, by name; the arrays above then have no paths.
+    about : dict
+        Problem, scheme, step size, seed, version: what `to_xarray` writes into its attributes.
     """
 
     y: Array
@@ -80,6 +88,15 @@ class Ensemble:
     repeated: int = 0
     divisions: int = 0
     continuations: int = 0
+    reduced: Mapping[str, Summary] = field(default_factory=dict)
+    about: Mapping[str, Any] = field(default_factory=dict, repr=False)
+
+    def to_xarray(self) -> Any:
+        """An `xarray.Dataset` with dimensions path, time, component and noise (extra `store`).
+
+        What is on disk (`store=`) stays there, and is read where it is looked at.
+        """
+        return to_xarray(self)
 
 
 def integrate(

@@ -80,7 +80,7 @@ def test_failed_paths_have_the_status_of_the_plain_engine() -> None:
 
 
 def test_workers_are_any_map_and_the_bits_stay() -> None:
-    problem, arguments = problems.rigid_body(), {"h": 1 / 64, "T": 1.0, "paths": 2100, "engine": "compiled"}
+    problem, arguments = problems.rigid_body(), {"h": 1 / 64, "T": 1.0, "paths": 2100, "chunk": 1024}
     here = sepv.ensemble(EP, problem, **arguments)
     assert same(here, sepv.ensemble(EP, problem, workers=map, **arguments))
     with ThreadPoolExecutor(2) as pool:
@@ -92,7 +92,7 @@ def test_workers_are_any_map_and_the_bits_stay() -> None:
 
 
 def test_what_a_broken_worker_did_not_finish_is_computed_here() -> None:
-    problem, arguments = problems.rigid_body(), {"h": 1 / 64, "T": 1.0, "paths": 2100, "engine": "compiled"}
+    problem, arguments = problems.rigid_body(), {"h": 1 / 64, "T": 1.0, "paths": 2100, "chunk": 1024}
     here = sepv.ensemble(EP, problem, **arguments)
 
     def second_fails(function, tasks):

@@ -35,6 +35,7 @@ LAYERS = [
     "sepv.target",
     "sepv.wiener",
     "sepv.closed_forms sepv.dense sepv.exact sepv.exact_structures",
+    "sepv.results",
     "sepv.simulation",
     "sepv.large",
     "sepv.engine",

@@ -9,9 +9,12 @@ import numpy as np
 from sepv import wiener
 from sepv.engine.compile import FEW, LANES, Kernel, kernel
 from sepv.engine.task import Task
+from sepv.engine.workers import Halted, halted
 from sepv.problem import Array, Problem
 from sepv.simulation import Ensemble
 
+# Path-steps between two looks at whether the chunk is still wanted, and at Ctrl-C: some hundredths of a second.
+PIECE = 2**21
 # Of paths whose increments are given, or that have none.
 _NO_STREAMS = np.empty((0, 3), dtype=np.uint64)
 
@@ -98,8 +101,12 @@ def run_compiled(task: Task, problem: Problem) -> Ensemble:
     """The chunk's ends, and its states at the stops."""
     chunk = Chunk(task, problem)
     kept = np.empty((len(task.stops), problem.dimension, task.count))
-    for place, stop in enumerate(task.stops):
-        chunk.advance(stop - chunk.done)
-        kept[place] = chunk.states()
-    chunk.advance(task.steps - chunk.done)
+    piece = max(1, PIECE // task.count)
+    for place, stop in enumerate((*task.stops, task.steps)):
+        while chunk.done < stop:
+            if halted():
+                raise Halted
+            chunk.advance(min(piece, stop - chunk.done))
+        if place < len(kept):
+            kept[place] = chunk.states()
     return chunk.result(kept)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import hashlib
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,13 +12,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sepv import wiener
+from sepv._version import __version__
 from sepv.arguments import require_flag
 from sepv.candidate import ask_once
 from sepv.engine.compile import FEW, LANES, CannotCompile, kernel
 from sepv.engine.task import Task, portable, run
-from sepv.engine.workers import run_all
-from sepv.errors import ChunkFailure, UsageError
+from sepv.engine.total import InMemory, OnDisk, Reduced, Reducing, Total
+from sepv.engine.workers import check, is_far, run_all
+from sepv.errors import ChunkFailure, Interrupted, UsageError
 from sepv.problem import Problem
+from sepv.results.reductions import Functionals, validate
 from sepv.scheme import Scheme, Step
 from sepv.simulation import CHUNK, Ensemble, chosen_truncation, initial_state, step_count
 from sepv.target import load_problem, load_scheme
@@ -24,6 +29,10 @@ from sepv.target import load_problem, load_scheme
 ENGINES = ("auto", "numpy", "compiled")
 # Chunks for each worker, so that one that is slower than the others does not keep them waiting.
 SHARES = 4
+# Work of a chunk that travels or is kept: some tenths of a second, beside which a scheduler's millisecond is little.
+PATH_STEPS = 2**24
+# Paths in such a chunk: the engine's arrays for them take some 20 MB.
+LARGEST = 16 * CHUNK
 
 
 def ensemble(
@@ -43,9 +52,13 @@ def ensemble(
     compensated: bool = False,
     engine: str = "auto",
     workers: Any = 1,
+    chunk: int | None = None,
+    store: Any = None,
+    reduce: Functionals | None = None,
+    until: Mapping[str, float] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Ensemble:
-    """The ends of `paths` paths; memory grows with the number of paths alone.
+    """The ends of `paths` paths; memory grows with the number of paths alone, and with `store` or `reduce` not at all.
 
     Path number p is the same for any number of paths, for every h = T/(n·2^l) with the same odd n, for both engines,
     and, with one engine to the bit, for any workers.
@@ -77,9 +90,21 @@ def ensemble(
     engine : "auto", "numpy" or "compiled"
         "auto" takes the compiled engine (extra `fast`) where it takes the scheme and the problem;
         `Ensemble.engine` says which it was and `Ensemble.reason` why it was not the compiled one.
-    workers : int, executor or map-like callable
-        With an int that many threads (compiled engine) or processes (NumPy). An executor's `map`, of a process
-        pool or of a cluster, sends chunks elsewhere; what a broken worker did not finish is computed here.
+    workers : int, executor, map-like callable, Dask client or its address
+        With an int that many threads (compiled engine) or processes (NumPy). An executor, a map, or a
+        `distributed.Client` sends chunks elsewhere (docs/clusters.md); what a broken worker did not finish is computed
+        by another one, or here.
+    chunk : int, optional
+        Paths that one worker computes at a time. No path depends on it; the last digits of `reduced` do.
+    store : path, optional
+        A Zarr group on disk (extra `store`) for the ends, which are then zarr arrays, read where they are indexed.
+        Chunks that it holds already are not computed again; those that were torn by a crash are.
+    reduce : dict of callables, optional
+        Functionals: each is given the `Ensemble` of a chunk and returns one number for each of its paths. Their
+        moments and quantiles are in `Ensemble.reduced`; without `store` no path is kept.
+    until : dict of float, optional
+        Standard errors of functionals at which to stop before all paths are done: at the first chunk, in the order of
+        chunks, after which each is reached by its mean.
     progress : callable (paths done, paths), optional
 
     Returns
@@ -96,7 +121,10 @@ def ensemble(
         the problem. A failing path raises nothing: see `Ensemble.status`. Beyond the fold of the solutions the
         NumPy engine may still solve a step that the compiled one refuses: it approaches once more, damped.
     ChunkFailure
-        Where a chunk raises here as well; it carries the ends of all paths that are finished.
+        Where a chunk raises here as well, and where a cluster is gone; it carries the ends of all paths that are
+        finished.
+    Interrupted
+        A KeyboardInterrupt (Ctrl-C) that carries them as well.
 
     Examples
     --------
@@ -121,17 +149,37 @@ def ensemble(
         scheme=scheme, problem=problem, y0=start, h=float(h), steps=count, first=0, count=paths, seed=int(seed),
         refine=refine, truncation=k, stops=_stops(times, h, count), compensated=compensated, compiled=compiled, dW=raw,
     )  # fmt: skip
-    total = _total(whole, problem, reason, progress)
-    tasks = _chunks(whole, workers)
+    check(workers)
+    if reduce is not None or until is not None:
+        validate(reduce, until)
+    size = _chunk_size(whole, workers, chunk, fixed=store is not None or reduce is not None)
+    empty = _empty(whole, problem, reason, _about(whole, problem, raw))
+    total: Total
+    function: Callable[[Task], Any] = (
+        run if reduce is None else Reducing(dict(reduce), keep=store is not None)
+    )
+    if store is not None:
+        total = OnDisk(whole, empty, progress, store, size, reduce, until)
+    elif reduce is not None:
+        total = Reduced(whole, empty, progress, reduce, until)
+    else:
+        total = _total(whole, empty, progress)
+    far = is_far(workers) or (not compiled and workers > 1)
+    numbers = total.missing(range(-(-paths // size)))
+    tasks = _Chunks(whole, size, numbers, far)
     try:
         repeated = run_all(
-            run, tasks, workers, threads=compiled, receive=lambda i, e: total.take(tasks[i], e)
-        )
-    except (UsageError, KeyboardInterrupt):
+            function, tasks, workers, threads=compiled, alike=("numpy", "numba") if compiled else ("numpy",),
+            receive=lambda i, result: total.take(numbers[i], tasks[i], result),
+            bounded=store is not None or reduce is not None,
+        )  # fmt: skip
+    except KeyboardInterrupt as error:
+        raise Interrupted(total.finished()) from error
+    except UsageError:
         raise
     except Exception as error:
         raise ChunkFailure(error, total.finished()) from error
-    return replace(total.ensemble, repeated=repeated)
+    return replace(total.result(), repeated=repeated)
 
 
 def _increments(
@@ -204,73 +252,98 @@ def choose(
     return True, ""
 
 
-def _chunks(whole: Task, workers: Any) -> list[Task]:
-    size = CHUNK
-    if whole.compiled and isinstance(workers, int):
+class _Chunks(Sequence[Task]):
+    """The tasks that an ensemble is cut into, made when they are asked for: there may be a hundred thousand."""
+
+    def __init__(self, whole: Task, size: int, numbers: Sequence[int], far: bool) -> None:
+        self.whole, self.size, self.numbers, self.far = whole, size, numbers, far
+        self.problem = portable(whole.problem) if far else whole.problem  # type: ignore[arg-type]
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def __getitem__(self, index: Any) -> Any:
+        whole, first = self.whole, self.numbers[index] * self.size
+        count = min(self.size, whole.count - first)
+        dW, place = whole.dW, first
+        if dW is not None and self.far:
+            dW, place = np.ascontiguousarray(dW[:, :, first : first + count]), 0
+        return replace(whole, problem=self.problem, first=first, count=count, dW=dW, place=place)
+
+
+def _chunk_size(whole: Task, workers: Any, chunk: int | None, fixed: bool) -> int:
+    """Paths in a chunk.
+
+    Where chunks are kept on disk or reduced, the size is the same for any workers: reduced results then are, too.
+    """
+    if chunk is not None:
+        if not isinstance(chunk, (int, np.integer)) or isinstance(chunk, bool) or chunk < 1:
+            raise UsageError(
+                expected="chunk, an integer ≥ 1",
+                received=repr(chunk),
+                remedy="paths of one worker at a time",
+            )
+        return int(chunk)
+    if not whole.compiled:
+        return CHUNK
+    if isinstance(workers, int) and not fixed:
         shares = SHARES * workers if workers > 1 else 1
         share = -(-whole.count // (shares * LANES)) * LANES
-        size = min(max(share, LANES), (4 if workers > 1 else 8) * CHUNK)
-    tasks = []
-    near = isinstance(workers, int) and (whole.compiled or workers == 1)
-    problem = whole.problem if near else portable(whole.problem)  # type: ignore[arg-type]
-    for first in range(0, whole.count, size):
-        count = min(size, whole.count - first)
-        dW, place = whole.dW, first
-        if dW is not None and not near:
-            dW, place = np.ascontiguousarray(dW[:, :, first : first + count]), 0
-        tasks.append(replace(whole, problem=problem, first=first, count=count, dW=dW, place=place))
-    return tasks
+        return min(max(share, LANES), (4 if workers > 1 else 8) * CHUNK)
+    return min(max(PATH_STEPS // whole.steps // LANES * LANES, LANES), LARGEST)
 
 
-def _total(task: Task, problem: Problem, reason: str, progress: Any) -> _Total:
+def _empty(whole: Task, problem: Problem, reason: str, about: dict[str, Any]) -> Ensemble:
+    """The ensemble without paths."""
+    d, m, K = problem.dimension, problem.noises, len(whole.stops)
+    none, integers = np.empty(0), np.empty(0, dtype=np.int64)
+    return Ensemble(
+        y=np.empty((d, 0)), W=np.empty((m, 0)), status=integers, failed_step=integers, energy_defect=none,
+        casimir_defect=none, gradient_evaluations=0, structure_evaluations=0, iterations=0,
+        times=np.array(whole.stops, dtype=np.float64) * whole.h, states=np.empty((K, d, 0)),
+        engine="compiled" if whole.compiled else "numpy", reason=reason, about=about,
+    )  # fmt: skip
+
+
+def _about(whole: Task, problem: Problem, dW: Any) -> dict[str, Any]:
+    """What the paths are paths of, as JSON: equal where the paths are equal.
+
+    Functions cannot be compared, so that the problem and the scheme are known by their values at y0 and by one step.
+    """
+    with np.errstate(all="ignore"):
+        values = [problem.hamiltonian(whole.y0), problem.gradient(whole.y0), problem.structure(whole.y0)]
+        try:
+            increment = np.full(problem.noises, 0.25 * math.sqrt(whole.h))
+            values.append(whole.scheme.step(problem, whole.y0.copy(), whole.h, increment))
+        except Exception as error:  # a step may be refused; that too is what the scheme does
+            values.append(np.frombuffer(type(error).__name__.encode(), dtype=np.uint8))
+    bits = b"".join(np.ascontiguousarray(value).tobytes() for value in values)
+    return {
+        "sepv_version": __version__,
+        "problem": problem.name,
+        "scheme": whole.scheme.name,
+        "fingerprint": hashlib.sha256(bits).hexdigest()[:16],
+        "h": whole.h,
+        "steps": whole.steps,
+        "T": whole.h * whole.steps,
+        "seed": "given increments" if dW is not None else whole.seed,
+        "increments": "drawn" if dW is None else hashlib.sha256(dW.tobytes()).hexdigest()[:16],
+        "refine": "as far as it goes" if whole.refine is None else whole.refine,
+        "truncation": "none" if whole.truncation is None else whole.truncation,
+        "compensated": whole.compensated,
+        "engine": "compiled" if whole.compiled else "numpy",
+        "y0": [float(v) for v in whole.y0],
+        "noise": [float(c) for c in problem.c],
+        "stops": list(whole.stops),
+    }
+
+
+def _total(task: Task, empty: Ensemble, progress: Any) -> InMemory:
     try:
-        return _Total(task, problem, reason, progress)
+        return InMemory(task, empty, progress)
     except MemoryError as error:
         raise UsageError(
             expected="paths whose ends fit into memory",
             received=f"{task.count} paths with {len(task.stops)} kept states: {error}",
-            remedy="fewer paths at a time, or fewer times; `seed` and the number of a path name its increments",
+            remedy="store= keeps them on disk, reduce= their moments and quantiles; or fewer paths at a time",
         ) from error
-
-
-class _Total:
-    """The ensemble being filled, chunk by chunk, in place."""
-
-    def __init__(self, task: Task, problem: Problem, reason: str, progress: Any) -> None:
-        d, m, M = problem.dimension, problem.noises, task.count
-        self.ensemble = Ensemble(
-            y=np.empty((d, M)), W=np.empty((m, M)), status=np.empty(M, dtype=np.int64),
-            failed_step=np.empty(M, dtype=np.int64), energy_defect=np.empty(M), casimir_defect=np.empty(M),
-            gradient_evaluations=0, structure_evaluations=0, iterations=0,
-            times=np.array(task.stops, dtype=np.float64) * task.h, states=np.empty((len(task.stops), d, M)),
-            engine="compiled" if task.compiled else "numpy", reason=reason,
-        )  # fmt: skip
-        self.done = np.zeros(M, dtype=bool)
-        self.progress = progress
-
-    def take(self, task: Task, chunk: Ensemble) -> None:
-        """A chunk's ends go to their places; where it is the whole, they are the ends."""
-        whole, here = self.ensemble, slice(task.first, task.first + task.count)
-        if task.count == self.done.size:
-            self.ensemble = replace(chunk, times=whole.times, engine=whole.engine, reason=whole.reason)
-        else:
-            for key in ("y", "W", "status", "failed_step", "energy_defect", "casimir_defect", "states"):
-                getattr(whole, key)[..., here] = getattr(chunk, key)
-            work = (
-                "gradient_evaluations",
-                "structure_evaluations",
-                "iterations",
-                "divisions",
-                "continuations",
-            )
-            self.ensemble = replace(whole, **{key: getattr(whole, key) + getattr(chunk, key) for key in work})
-        self.done[here] = True
-        if self.progress is not None:
-            self.progress(int(self.done.sum()), self.done.size)
-
-    def finished(self) -> tuple[np.ndarray, Ensemble]:
-        """The numbers of the finished paths and their ends."""
-        keys = ("y", "W", "status", "failed_step", "energy_defect", "casimir_defect", "states")
-        return np.flatnonzero(self.done), replace(
-            self.ensemble, **{key: getattr(self.ensemble, key)[..., self.done] for key in keys}
-        )

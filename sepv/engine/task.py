@@ -9,6 +9,7 @@ from itertools import islice
 import numpy as np
 
 from sepv import wiener
+from sepv.engine.workers import Halted, halted
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
 from sepv.problems import build
 from sepv.scheme import Scheme
@@ -91,6 +92,8 @@ class NumpyChunk:
     def advance(self, steps: int) -> None:
         """The next `steps` steps."""
         for raw in islice(self.increments, steps):
+            if halted():
+                raise Halted
             self.batch.step(self.task.h, wiener.truncate(raw, self.task.h, self.task.truncation))
             self.W += raw
 

@@ -1,0 +1,1 @@
+"""Results of many paths: reduced chunk by chunk, kept on disk, or labelled. Plain arrays in, plain records out."""

@@ -1,0 +1,145 @@
+"""Ends of paths on disk, a Zarr chunk for each chunk of paths (Zarr format 3, which xarray and others read).
+
+A chunk is there when its line of `work` is: that is written last, with a checksum of all that belongs to the chunk.
+Whatever was torn by a crash, deleted or changed does not fit its checksum, and is computed again.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sepv.errors import UsageError
+
+# Bumped where older stores are no longer read.
+FORMAT = 1
+# What was counted over a chunk, in `work` after the checksum.
+COUNTED = ("gradient_evaluations", "structure_evaluations", "iterations", "divisions", "continuations")
+# Values that no path has stand where nothing was written.
+_FILL = {"f": float("nan"), "i": -9}
+
+
+class ZarrStore:
+    """A store of `paths` paths in chunks of `chunk`.
+
+    Attributes
+    ----------
+    arrays : by name
+        zarr arrays with the paths along the last axis.
+    """
+
+    def __init__(
+        self, where: Any, about: Mapping[str, Any], shapes: Mapping[str, Any], paths: int, chunk: int
+    ) -> None:
+        """Open a store, or begin it.
+
+        Parameters
+        ----------
+        where : path, or what `zarr.open_group` takes
+        about : JSON
+            What the paths are paths of; a store that exists must say the same.
+        shapes : name -> (names of the axes before the paths, their lengths, dtype)
+
+        Raises
+        ------
+        UsageError
+            Without zarr, and for a place that holds something else.
+        """
+        try:
+            import zarr
+        except ImportError as error:
+            raise UsageError(
+                expected="zarr ≥ 3, for store=", received=f"{error}", remedy="install the extra: sepv[store]"
+            ) from error
+        self.paths, self.chunk = paths, chunk
+        self.chunks = -(-paths // chunk)
+        self.group = _group(zarr, where, {**about, "format": FORMAT, "paths": paths, "chunk": chunk})
+        self.arrays: dict[str, Any] = {}
+        for name, (axes, lengths, dtype) in shapes.items():
+            if 0 not in lengths:
+                self.arrays[name] = self._array(
+                    name, (*lengths, paths), (*lengths, chunk), (*axes, "path"), dtype
+                )
+        counted = 1 + len(COUNTED)
+        self.work = self._array("work", (self.chunks, counted), (1, counted), ("chunk", "counted"), np.int64)
+
+    def _array(self, name: str, shape: Any, chunks: Any, axes: Any, dtype: Any) -> Any:
+        if name in self.group:
+            return self.group[name]
+        kind = np.dtype(dtype).kind
+        return self.group.create_array(
+            name, shape=shape, chunks=chunks, dtype=dtype, fill_value=_FILL[kind], dimension_names=axes,
+            # The digits of states are as good as random: only integers become smaller.
+            compressors=None if kind == "f" else "auto",
+        )  # fmt: skip
+
+    def save(self, number: int, chunk: Any) -> None:
+        """Write a chunk, an `Ensemble` of its paths: its line of `work` last."""
+        contents = {name: getattr(chunk, name) for name in self.arrays}
+        for name, array in self.arrays.items():
+            array[..., self._place(number)] = contents[name]
+        counts = [getattr(chunk, key) for key in COUNTED]
+        self.work[number] = np.array([_checksum(number, contents, counts), *counts], dtype=np.int64)
+
+    def load(self, number: int) -> dict[str, Any] | None:
+        """A chunk's arrays and counts; None where it is not there as it was written."""
+        try:
+            line = [int(v) for v in self.work[number]]
+            if line[0] < 0:
+                return None
+            contents = {name: array[..., self._place(number)] for name, array in self.arrays.items()}
+        except Exception:  # a torn file shows itself in many ways, in the decoders and before
+            return None
+        counts = line[1:]
+        if _checksum(number, contents, counts) != line[0]:
+            return None
+        return contents | dict(zip(COUNTED, counts, strict=True))
+
+    def _place(self, number: int) -> slice:
+        return slice(number * self.chunk, min((number + 1) * self.chunk, self.paths))
+
+
+def _checksum(number: int, contents: Mapping[str, Any], counts: list[int]) -> int:
+    """CRC-32 of the chunk's number, its counts and every bit of its arrays."""
+    code = zlib.crc32(repr((number, counts)).encode())
+    for name in sorted(contents):
+        code = zlib.crc32(np.ascontiguousarray(contents[name]).data, zlib.crc32(name.encode(), code))
+    return code
+
+
+def _group(zarr: Any, where: Any, about: dict[str, Any]) -> Any:
+    place = Path(where) if isinstance(where, (str, Path)) and "://" not in str(where) else None
+    if place is not None and (not place.exists() or (place.is_dir() and not any(place.iterdir()))):
+        return zarr.create_group(str(place), zarr_format=3, attributes={"sepv": about})
+    target = where if place is None else str(place)
+    try:
+        group = zarr.open_group(target, mode="r+")
+    except Exception as error:
+        if place is None:
+            return zarr.create_group(target, zarr_format=3, attributes={"sepv": about})
+        raise _other(place, f"it is no Zarr group ({type(error).__name__})") from error
+    found = group.attrs.asdict().get("sepv")
+    if not isinstance(found, dict):
+        raise _other(target, "it was not written by sepv")
+    differ = [key for key in sorted({*found, *about}) if found.get(key) != about.get(key)]
+    differ.sort(key="fingerprint".__eq__)  # which says least, and is named last
+    if differ:
+        key = differ[0]
+        raise _other(
+            target,
+            f"it holds other paths: {key} is {found.get(key)!r:.120} there and {about.get(key)!r:.120} here"
+            + (f" (and {', '.join(differ[1:])})" if differ[1:] else ""),
+        )
+    return group
+
+
+def _other(place: Any, received: str) -> UsageError:
+    return UsageError(
+        expected=f"a new place for the store, or one with these very paths: {place}",
+        received=received,
+        remedy="another name; nothing that is there is ever written over",
+    )

@@ -1,0 +1,278 @@
+"""Dask: the same bits on any workers, whatever dies, and a clear word where nothing can be done.
+
+Real processes on the loopback interface; everything that waits has a limit.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import sepv
+from sepv import problems, schemes, wiener
+from sepv.engine import on_dask
+from sepv.engine.workers import AHEAD, run_all
+from sepv.errors import Interrupted
+from sepv.results.labelled import AXES
+
+distributed = pytest.importorskip("distributed")
+
+EP = schemes.energy_preserving
+PENDULUM = problems.pendulum()
+SMALL: dict[str, Any] = {"h": 1 / 16, "T": 0.5, "paths": 600, "chunk": 100, "engine": "numpy"}
+# The first increment of path 450, which is in chunk 4: a scheme knows it by that.
+MARK = float(wiener.increments(0, T=0.5, steps=8, noises=2, paths=range(450, 451))[0, 0, 0])
+ELSEWHERE = multiprocessing.parent_process() is not None
+
+
+def same(one: Any, other: Any) -> bool:
+    return all(np.array_equal(getattr(one, key), getattr(other, key)) for key in AXES)
+
+
+def slow_step(problem, y, h, dW):
+    time.sleep(0.01)
+    return EP.step(problem, y, h, dW)
+
+
+def step_that_raises_elsewhere(problem, y, h, dW):
+    if ELSEWHERE and MARK in dW[0]:
+        raise RuntimeError("not on this worker")
+    return EP.step(problem, y, h, dW)
+
+
+def step_that_raises(problem, y, h, dW):
+    if MARK in dW[0]:
+        raise RuntimeError("never on this path")
+    return EP.step(problem, y, h, dW)
+
+
+def step_that_kills(problem, y, h, dW):
+    if ELSEWHERE and MARK in dW[0]:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return EP.step(problem, y, h, dW)
+
+
+def scheme(step: Any) -> sepv.Scheme:
+    return sepv.Scheme(step.__name__, step, batched=True)
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Any]:
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0", silence_logs=50
+    ) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def client(cluster: Any) -> Iterator[Any]:
+    with distributed.Client(cluster, set_as_default=False, timeout=20) as found:
+        yield found
+
+
+def test_the_bits_are_those_of_one_process(client: Any, cluster: Any) -> None:
+    arguments: dict[str, Any] = {"h": 1 / 64, "T": 1.0, "paths": 3000, "times": [0.5, 1.0], "seed": 7}
+    here = sepv.ensemble(EP, PENDULUM, **arguments)
+    assert here.engine == "compiled"
+    for workers in (2, client, cluster.scheduler_address, cluster, client.get_executor()):
+        there = sepv.ensemble(EP, PENDULUM, workers=workers, chunk=500, **arguments)
+        assert same(here, there)
+        assert there.repeated == 0
+        assert there.gradient_evaluations == here.gradient_evaluations
+
+
+def test_a_worker_killed_in_mid_run_changes_no_bit(client: Any) -> None:
+    slow, arguments = scheme(slow_step), SMALL | {"paths": 1200}
+    here = sepv.ensemble(slow, PENDULUM, **arguments)
+    victim = next(iter(client.run(os.getpid).values()))
+
+    def kill(done: int, _all: int) -> None:
+        if done == 300:
+            os.kill(victim, signal.SIGKILL)
+
+    there = sepv.ensemble(slow, PENDULUM, workers=client, progress=kill, **arguments)
+    assert victim not in client.run(os.getpid).values()
+    assert same(here, there)
+
+
+def test_a_chunk_that_raises_on_every_worker_is_computed_here(client: Any) -> None:
+    there = sepv.ensemble(scheme(step_that_raises_elsewhere), PENDULUM, workers=client, **SMALL)
+    assert there.repeated == 1
+    assert same(there, sepv.ensemble(EP, PENDULUM, **SMALL))
+
+
+def test_a_chunk_that_raises_here_too_is_said_and_the_others_are_kept(client: Any) -> None:
+    with pytest.raises(sepv.ChunkFailure, match="RuntimeError: never on this path") as failure:
+        sepv.ensemble(scheme(step_that_raises), PENDULUM, workers=client, **SMALL)
+    kept, whole = failure.value, sepv.ensemble(EP, PENDULUM, **SMALL)
+    assert 0 < len(kept.paths) <= 500
+    assert 450 not in kept.paths
+    assert np.array_equal(kept.ensemble.y, whole.y[:, kept.paths])
+
+
+def test_a_chunk_that_kills_its_workers_does_not_come_here(
+    client: Any, cluster: Any, monkeypatch: Any
+) -> None:
+    monkeypatch.setattr(cluster.scheduler, "allowed_failures", 0)
+    with pytest.raises(sepv.ChunkFailure, match=r"on 1 workers, and each of them died") as failure:
+        sepv.ensemble(scheme(step_that_kills), PENDULUM, workers=client, **SMALL)
+    assert isinstance(failure.value.__cause__, sepv.ClusterFailure)
+    client.wait_for_workers(2, timeout=30)
+
+
+def hide_numba() -> None:
+    sys.modules["numba"] = None  # type: ignore[assignment]
+
+
+def test_a_worker_without_numba_is_named(client: Any, cluster: Any) -> None:
+    before = set(client.nthreads())
+    cluster.scale(3)
+    client.wait_for_workers(3, timeout=30)
+    (new,) = set(client.nthreads()) - before
+    client.run(hide_numba, workers=[new])
+    try:
+        with pytest.raises(
+            sepv.ChunkFailure, match=r"not like this process: numba none and not [\d.]+ on "
+        ) as failure:
+            sepv.ensemble(EP, PENDULUM, h=1 / 64, T=1.0, paths=6400, chunk=128, workers=client)
+        assert "sepv[fast]" in str(failure.value)
+        # The plain engine needs none, and the worker takes part.
+        assert same(
+            sepv.ensemble(EP, PENDULUM, workers=client, **SMALL), sepv.ensemble(EP, PENDULUM, **SMALL)
+        )
+    finally:
+        client.retire_workers([new])
+        cluster.scale(2)
+
+
+def test_ctrl_c_keeps_what_was_done(client: Any) -> None:
+    def interrupt(done: int, _all: int) -> None:
+        if done >= 300:
+            raise KeyboardInterrupt
+
+    whole = sepv.ensemble(EP, PENDULUM, **SMALL)
+    for workers in (1, 2, client):
+        with pytest.raises(Interrupted, match="300 paths are finished") as kept:
+            sepv.ensemble(EP, PENDULUM, workers=workers, progress=interrupt, **SMALL)
+        assert np.array_equal(kept.value.ensemble.y, whole.y[:, kept.value.paths])
+
+
+INTERRUPTED = """
+import os, signal, sys, sepv
+def interrupt(done, paths):
+    os.kill(os.getpid(), signal.SIGINT)
+try:
+    sepv.ensemble(sepv.schemes.energy_preserving, sepv.problems.pendulum(), h=2.0**-9, steps=2**22, paths=10**6,
+                  chunk=128, workers=2, engine=sys.argv[1], progress=interrupt, dW=None, times=None)
+except sepv.Interrupted as kept:
+    print(len(kept.paths))
+"""
+
+
+@pytest.mark.parametrize("engine", ["compiled", "numpy"])
+def test_a_real_ctrl_c_ends_threads_and_processes(engine: str) -> None:
+    """Hours of work: what ends before the limit was ended."""
+    few = (
+        INTERRUPTED.replace("2**22", "2**14") if engine == "compiled" else INTERRUPTED.replace("2**22", "64")
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", few, engine], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) % 128 == 0
+    assert done.stderr == ""
+
+
+def test_results_never_pile_up_behind_a_slow_chunk() -> None:
+    """Four tasks a worker beyond the first that is unfinished, and no more until it is."""
+    others, begun = threading.Semaphore(0), []
+
+    def task(number: int) -> int:
+        begun.append(number)
+        if number == 0:
+            for _ in range(2 * AHEAD - 1):
+                assert others.acquire(timeout=20)
+            time.sleep(0.2)  # any more would begin now
+            assert max(begun) == 2 * AHEAD - 1
+        else:
+            others.release()
+        return number
+
+    got: list[int] = []
+    with ThreadPoolExecutor(2) as pool:
+        assert run_all(task, range(40), pool, threads=True, receive=lambda n, r: got.append(r)) == 0
+    assert sorted(got) == list(range(40))
+    assert got.index(0) == 2 * AHEAD - 1
+
+
+def test_what_is_no_workers_is_refused(cluster: Any) -> None:
+    for workers in (0, True, 2.5, "four", None, object()):
+        with pytest.raises(sepv.UsageError, match="workers: an integer ≥ 1, an executor"):
+            sepv.ensemble(EP, PENDULUM, workers=workers, **SMALL)
+
+
+def test_nobody_at_an_address_is_said(monkeypatch: Any) -> None:
+    monkeypatch.setattr(on_dask, "CONNECT", 1.0)
+    with pytest.raises(sepv.UsageError, match=r"the address of a Dask scheduler"):
+        sepv.ensemble(EP, PENDULUM, workers="tcp://127.0.0.1:9", **SMALL)
+
+
+def test_a_cluster_without_workers_is_not_waited_for_without_end(monkeypatch: Any) -> None:
+    monkeypatch.setattr(on_dask, "NO_WORKER", 0.5)
+    monkeypatch.setattr(on_dask, "LOOK", 0.1)
+    with (
+        distributed.LocalCluster(
+            n_workers=0, host="127.0.0.1", dashboard_address="127.0.0.1:0", silence_logs=50
+        ) as empty,
+        pytest.raises(sepv.ChunkFailure, match=r"has had no worker for 0\.5 s"),
+    ):
+        sepv.ensemble(EP, PENDULUM, workers=empty, **SMALL)
+
+
+def test_a_scheduler_that_is_gone_leaves_what_was_finished(tmp_path: Path) -> None:
+    """Scheduler and worker are processes of their own; the scheduler is killed after three chunks."""
+    file = tmp_path / "scheduler.json"
+    quiet = os.environ | {"DASK_LOGGING__DISTRIBUTED": "critical"}
+    common = ["--scheduler-file", str(file), "--no-dashboard", "--dashboard-address", "127.0.0.1:0"]
+    dask = [sys.executable, "-m", "dask"]
+    path = quiet | {"PYTHONPATH": str(Path(__file__).parent)}
+    scheduler = subprocess.Popen(
+        [*dask, "scheduler", "--host", "127.0.0.1", "--port", "0", *common], env=path
+    )
+    worker = subprocess.Popen(
+        [*dask, "worker", "--host", "127.0.0.1", "--nthreads", "1", "--no-nanny", *common], env=path
+    )
+    try:
+        limit = time.monotonic() + 30
+        while not file.exists() and time.monotonic() < limit:
+            time.sleep(0.1)
+        with (
+            distributed.Client(scheduler_file=str(file), set_as_default=False, timeout=20) as client,
+            pytest.raises(
+                sepv.ChunkFailure, match=r"The scheduler at tcp://127\.0\.0\.1:\d+ is gone"
+            ) as failure,
+        ):
+            sepv.ensemble(
+                scheme(slow_step), PENDULUM, workers=client,
+                progress=lambda done, _: scheduler.kill() if done == 300 else None, **SMALL,
+            )  # fmt: skip
+        kept, whole = failure.value, sepv.ensemble(EP, PENDULUM, **SMALL)
+        assert 300 <= len(kept.paths) < 600
+        assert np.array_equal(kept.ensemble.y, whole.y[:, kept.paths])
+    finally:
+        scheduler.kill()
+        worker.kill()
+        scheduler.wait(10)
+        worker.wait(10)

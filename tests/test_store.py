@@ -1,0 +1,210 @@
+"""Ends on disk: the bits of memory, resumed after a crash, and never written over."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import sepv
+from sepv import problems, schemes
+from sepv.results.labelled import AXES
+
+pytest.importorskip("zarr")
+
+EP, PENDULUM = schemes.energy_preserving, problems.pendulum()
+SMALL: dict[str, Any] = {"h": 1 / 16, "T": 0.5, "paths": 1000, "chunk": 256, "seed": 5, "times": [0.25, 0.5]}
+
+
+def position(ends: Any) -> Any:
+    return ends.y[0]
+
+
+def same(one: Any, other: Any) -> bool:
+    return all(np.array_equal(getattr(one, key)[...], getattr(other, key)[...]) for key in AXES)
+
+
+class Counted:
+    """A map that counts its tasks."""
+
+    def __init__(self) -> None:
+        self.tasks = 0
+
+    def __call__(self, function: Any, tasks: Any) -> Any:
+        self.tasks += len(tasks)
+        return map(function, tasks)
+
+
+def computed(place: Path, **more: Any) -> tuple[int, Any]:
+    """How many chunks were computed, and the ensemble."""
+    counted = Counted()
+    found = sepv.ensemble(EP, PENDULUM, store=place, workers=counted, **SMALL | more)
+    return counted.tasks, found
+
+
+def test_what_is_on_disk_has_the_bits_of_memory(tmp_path: Path) -> None:
+    whole = sepv.ensemble(EP, PENDULUM, **SMALL)
+    for workers in (1, 2):
+        there = sepv.ensemble(EP, PENDULUM, store=tmp_path / f"{workers}.zarr", workers=workers, **SMALL)
+        assert same(whole, there)
+        assert there.iterations == whole.iterations
+        assert type(there.y).__module__.startswith("zarr")
+
+
+def test_a_chunk_that_is_there_is_not_computed_again(tmp_path: Path) -> None:
+    place = tmp_path / "paths.zarr"
+    assert computed(place)[0] == 4
+    count, again = computed(place)
+    assert count == 0
+    assert same(again, sepv.ensemble(EP, PENDULUM, **SMALL))
+
+
+@pytest.mark.parametrize(
+    ("file", "harm"),
+    [
+        ("y/c/0/2", lambda p: p.write_bytes(p.read_bytes()[:100])),
+        ("states/c/0/0/2", lambda p: p.write_bytes(bytes(len(p.read_bytes())))),
+        ("W/c/0/2", lambda p: p.write_bytes(bytes([p.read_bytes()[0] ^ 1]) + p.read_bytes()[1:])),
+        ("energy_defect/c/2", lambda p: p.unlink()),
+        ("status/c/2", lambda p: p.write_bytes(b"")),
+        ("work/c/2/0", lambda p: p.write_bytes(p.read_bytes()[:5])),
+        ("work/c/2/0", lambda p: p.unlink()),
+    ],
+)
+def test_a_torn_chunk_is_computed_again(tmp_path: Path, file: str, harm: Any) -> None:
+    place = tmp_path / "paths.zarr"
+    whole = computed(place)[1]
+    kept = [getattr(whole, key)[...] for key in AXES]
+    assert (place / file).is_file(), sorted(str(p.relative_to(place)) for p in place.rglob("*"))
+    harm(place / file)
+    count, again = computed(place)
+    assert count == 1
+    assert all(np.array_equal(getattr(again, key)[...], old) for key, old in zip(AXES, kept, strict=True))
+
+
+CRASH = """
+import os, signal, sys
+import sepv
+def die(done, paths):
+    if done >= 512: os.kill(os.getpid(), signal.SIGKILL)
+sepv.ensemble(sepv.schemes.energy_preserving, sepv.problems.pendulum(), h=1/16, T=0.5, paths=1000, chunk=256,
+              seed=5, times=[0.25, 0.5], store=sys.argv[1], progress=die)
+"""
+
+
+def test_a_run_that_was_killed_is_resumed(tmp_path: Path) -> None:
+    place = tmp_path / "paths.zarr"
+    killed = subprocess.run([sys.executable, "-c", CRASH, str(place)], timeout=120, check=False)
+    assert killed.returncode == -9
+    count, again = computed(place)
+    assert count == 2
+    assert same(again, sepv.ensemble(EP, PENDULUM, **SMALL))
+
+
+def test_reductions_of_a_resumed_store_have_the_same_bits(tmp_path: Path) -> None:
+    place, functionals = tmp_path / "paths.zarr", {"q": position}
+    whole = sepv.ensemble(EP, PENDULUM, reduce=functionals, **SMALL).reduced["q"]
+    computed(place)
+    (place / "y/c/0/1").unlink()
+    count, again = computed(place, reduce=functionals)
+    assert count == 1
+    assert (again.reduced["q"].mean, again.reduced["q"].sums) == (whole.mean, whole.sums)
+    assert same(again, sepv.ensemble(EP, PENDULUM, **SMALL))
+
+
+def test_a_store_can_stop_at_an_error_and_go_on_later(tmp_path: Path) -> None:
+    place, more = tmp_path / "paths.zarr", {"paths": 10_000, "reduce": {"q": position}}
+    reached = computed(place, until={"q": 0.02}, **more)[1].reduced["q"]
+    assert 1024 <= reached.count < 9_000
+    assert computed(place, until={"q": 0.02}, **more)[0] == 0
+    assert computed(place, **more)[1].reduced["q"].count == 10_000
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({"seed": 6}, "seed is 5 there and 6 here"),
+        ({"h": 1 / 32}, "h is 0.0625 there and 0.03125 here (and steps, fingerprint)"),
+        ({"chunk": 128}, "chunk is 256 there and 128 here"),
+        ({"paths": 1001}, "paths is 1000 there"),
+        ({"y0": [0.5, 0.5]}, "y0 is"),
+    ],
+)
+def test_other_paths_are_not_written_over_these(tmp_path: Path, more: dict[str, Any], words: str) -> None:
+    place = tmp_path / "paths.zarr"
+    sepv.ensemble(EP, PENDULUM, store=place, **SMALL | {"times": None})
+    with pytest.raises(sepv.UsageError, match=re.escape(words)):
+        sepv.ensemble(EP, PENDULUM, store=place, **SMALL | {"times": None} | more)
+
+
+def test_another_scheme_or_problem_of_the_same_name_is_seen(tmp_path: Path) -> None:
+    def step(problem: Any, y: Any, h: float, dW: Any) -> Any:
+        return schemes.midpoint.step(problem, y, h, dW)
+
+    place = tmp_path / "paths.zarr"
+    sepv.ensemble(EP, PENDULUM, store=place, engine="numpy", **SMALL)
+    other = sepv.Scheme(EP.name, step, batched=True, truncation=EP.truncation)
+    with pytest.raises(sepv.UsageError, match="fingerprint is"):
+        sepv.ensemble(other, PENDULUM, store=place, engine="numpy", **SMALL)
+
+
+def test_what_sepv_did_not_write_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine/thesis.txt").write_text("years of work")
+    with pytest.raises(sepv.UsageError, match="it is no Zarr group"):
+        sepv.ensemble(EP, PENDULUM, store=tmp_path / "mine", **SMALL)
+    assert (tmp_path / "mine/thesis.txt").read_text() == "years of work"
+    import zarr
+
+    zarr.create_group(str(tmp_path / "other.zarr"))
+    with pytest.raises(sepv.UsageError, match="not written by sepv"):
+        sepv.ensemble(EP, PENDULUM, store=str(tmp_path / "other.zarr"), **SMALL)
+
+
+def test_arrays_without_entries_need_no_place(tmp_path: Path) -> None:
+    """No kept states, and no noise."""
+    still, place = problems.rigid_body(noise=()), tmp_path / "a.zarr"
+    arguments: dict[str, Any] = {**SMALL, "times": None, "paths": 300}
+    there = sepv.ensemble(EP, still, store=place, **arguments)
+    again = sepv.ensemble(EP, still, store=place, reduce={"q": position}, **arguments)
+    assert again.reduced["q"].count == 300
+    assert there.W.shape == (0, 300)
+    assert not (place / "states").exists()
+    assert not (place / "W").exists()
+    assert again.to_xarray().sizes["path"] == 300
+
+
+def test_labelled_arrays_from_memory_and_from_disk_agree(tmp_path: Path) -> None:
+    xarray = pytest.importorskip("xarray")
+    place = tmp_path / "paths.zarr"
+    one = sepv.ensemble(EP, PENDULUM, **SMALL).to_xarray()
+    other = sepv.ensemble(EP, PENDULUM, store=place, **SMALL).to_xarray()
+    xarray.testing.assert_equal(one, other.compute())
+    assert dict(one.sizes) == {"component": 2, "path": 1000, "noise": 2, "time": 2}
+    assert one.states.dims == ("time", "component", "path")
+    assert one.time.values.tolist() == [0.25, 0.5]
+    for found in (one, other):
+        attrs = found.attrs
+        assert (attrs["problem"], attrs["scheme"], attrs["h"], attrs["seed"]) == (
+            "pendulum",
+            EP.name,
+            1 / 16,
+            5,
+        )
+        assert attrs["sepv_version"] == sepv.__version__
+    # What was written is plain Zarr, for any reader.
+    plain = xarray.open_zarr(place, consolidated=False)
+    assert np.array_equal(plain.y.values, one.y.values)
+    shutil.rmtree(place)
+
+
+def test_reduced_paths_cannot_be_labelled() -> None:
+    pytest.importorskip("xarray")
+    with pytest.raises(sepv.UsageError, match="its paths are gone"):
+        sepv.ensemble(EP, PENDULUM, reduce={"q": position}, **SMALL).to_xarray()
