@@ -27,6 +27,8 @@ RETRIES = 1
 # Seconds to wait for a scheduler to answer, and for a first worker: clusters that grow by themselves begin with none.
 CONNECT = 10.0
 NO_WORKER = 120.0
+# Seconds for one result to arrive; after that it is seen whether there is still a cluster, and asked for again.
+FETCH = 60.0
 # Seconds between two looks at the cluster while nothing arrives.
 LOOK = 1.0
 
@@ -115,6 +117,7 @@ class DaskCrew(Futures):
         super().__init__(None, OnWorker(function, versions(alike)))
         self.client = client
         self.address = client.scheduler.address if client.scheduler is not None else "its address"
+        self.scheduler = client.scheduler_info()["id"]
         self.name = f"sepv-{uuid.uuid4().hex[:8]}"
         self.threads, self.looked, self.alone = 0, -LOOK, time.monotonic()
 
@@ -130,25 +133,34 @@ class DaskCrew(Futures):
             future = self.client.submit(self.function, task, key=f"{self.name}-{number}", retries=RETRIES)
         except Exception as error:
             raise self._gone(error) from error
+        self._wait(number, future)
+
+    def _wait(self, number: int, future: Any) -> list[Outcome]:
         self.running[number] = future
         future.add_done_callback(lambda _: self.done.put(number))
+        return []
 
     def finished(self) -> list[Outcome]:
         """Waits for one while there is a cluster."""
-        while True:
+        found: list[Outcome] = []
+        while not found:
             try:
                 numbers = [self.done.get(timeout=LOOK)]
-                break
             except Empty:
                 self._look()
-        while not self.done.empty():
-            numbers.append(self.done.get())
-        return [outcome for number in numbers for outcome in self._outcomes(number)]
+                continue
+            while not self.done.empty():
+                numbers.append(self.done.get())
+            found = [outcome for number in numbers for outcome in self._outcomes(number)]
+        return found
 
     def _outcomes(self, number: int) -> list[Outcome]:
         from distributed import KilledWorker
 
         future = self.running.pop(number)
+        if future.status in ("lost", "pending"):
+            # Its worker died with the result, which is computed once more.
+            return self._wait(number, future)
         if future.status == "error":
             error = future.exception(timeout=CONNECT)
             if isinstance(error, TaskRaised):
@@ -166,7 +178,10 @@ class DaskCrew(Futures):
         if future.status != "finished":
             raise self._gone(future.status)
         try:
-            result = future.result(timeout=None)
+            result = future.result(timeout=FETCH)
+        except TimeoutError:
+            self._look()
+            return self._wait(number, future)
         except Exception as error:
             raise self._gone(error) from error
         if isinstance(result, Unfit):
@@ -188,9 +203,10 @@ class DaskCrew(Futures):
         self.looked = time.monotonic()
         if self.client.status != "running":
             raise self._gone(f"the client is {self.client.status}")
-        for future in self.running.values():
-            if future.status in ("lost", "cancelled"):
-                raise self._gone(f"chunks are {future.status}")
+        if self.client.scheduler_info()["id"] != self.scheduler:
+            raise self._gone("another one answers")
+        if any(future.status == "cancelled" for future in self.running.values()):
+            raise self._gone("chunks are cancelled")
         try:
             self.threads = sum(self.client.nthreads().values())
         except Exception as error:
