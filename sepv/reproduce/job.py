@@ -22,7 +22,7 @@ class Job:
 
     def expected(self) -> float:
         """Seconds, with the engine that will serve: for the job's place in the queue and the time left."""
-        compiled = self.arguments.get("engine") == "auto" and self.arguments["scheme"] in COMPILED
+        compiled = self.arguments.get("engine") == "auto" and self.arguments.get("scheme") in COMPILED
         return 0.1 + 0.02 * self.seconds if compiled and find_spec("numba") else self.seconds
 
 

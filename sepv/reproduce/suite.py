@@ -12,11 +12,20 @@ from typing import Any
 
 from sepv._version import __version__
 from sepv.errors import UsageError
-from sepv.reproduce import errata, lotka_volterra, oscillator, pendulum, printed, rigid_body
+from sepv.reproduce import (
+    deterministic,
+    errata,
+    lotka_volterra,
+    oscillator,
+    pendulum,
+    printed,
+    remarks,
+    rigid_body,
+)
 from sepv.reproduce.job import Job, Results, Size
 from sepv.reproduce.record import Panel, Statement, counts, finite
 
-SECTIONS = (oscillator, rigid_body, pendulum, lotka_volterra)
+SECTIONS = (oscillator, rigid_body, pendulum, lotka_volterra, deterministic, remarks)
 FIGURES = ("4.1", "4.2", "4.3", "4.4", "4.5", "4.6")
 # Formulas and arguments of the text, which need no run.
 TEXT = "text"
