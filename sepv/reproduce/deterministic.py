@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from sepv import problems, schemes
 from sepv.exact import exact_flow
+from sepv.problem import Problem
 from sepv.reproduce.job import Job, Results, Size
 from sepv.reproduce.order import ERROR_AXIS, H_AXIS, SENTENCE
 from sepv.reproduce.record import Panel, Statement, decide, series
 
-SYSTEMS = {"rigid-body": problems.rigid_body, "pendulum": problems.pendulum}
+SYSTEMS: dict[str, Callable[..., Problem]] = {
+    "rigid-body": problems.rigid_body,
+    "pendulum": problems.pendulum,
+}
 SHOWN = ("energy-preserving", "midpoint", "discrete-gradient")
 T, STEPS = 1.0, (16, 32, 64, 128, 256)
 
