@@ -15,7 +15,15 @@ from sepv import problems, schemes, wiener
 from sepv.cli import main
 from sepv.errors import UsageError
 from sepv.schemas import solvability_schema
-from sepv.solvability import End, Finding, chance_outside, follow, solvability_map
+from sepv.solvability import (
+    End,
+    Exits,
+    Finding,
+    chance_outside,
+    follow,
+    follow_paths,
+    solvability_map,
+)
 
 # H = q²p: the equation of q alone is Δq1² + (Δ − 3)q1 + Δ + 3 = 0 from q0 = 1, with the discriminant
 # 9 − 18Δ − 3Δ²: a fold at Δ = 2√3 − 3. Backwards p1 has a pole where q1 = 0, at Δ = −3.
@@ -89,6 +97,53 @@ def test_the_map_agrees_with_the_fold_of_lotka_volterra() -> None:
     assert p[0] > p[1] > p[2] > 0 == p[3]
 
 
+def test_the_shortest_branches_do_not_hang_on_the_number_of_states() -> None:
+    """Of 12 states none is nearer to a fold than 0.273; between them there are some at 0.267462."""
+    few = solvability_map(problems.lotka_volterra(), states=12, grid=2)
+    assert few.forward.reach.min() > 0.27
+    assert few.safe == pytest.approx((-0.425082, 0.267462), rel=1e-4)
+    assert few.chances(2.0**-6, 2).max() == 0 < few.worst(2.0**-6, 2)
+    # Where every branch goes on, there is nothing to refine.
+    assert not solvability_map(problems.rigid_body(), states=4, grid=2).refined.theta.size
+
+
+def test_paths_leave_the_orbit_and_come_to_steps_without_a_solution() -> None:
+    """Lotka-Volterra, h = 2⁻⁷, at which no step from the orbit fails: (2.1) loses the Casimir and all paths."""
+    pytest.importorskip("numba")
+    problem, h = problems.lotka_volterra(), 2.0**-7
+    arguments = {"until": 384.0, "paths": 16, "seconds": math.inf}
+    said: list[str] = []
+    (lost,) = follow_paths(problem, schemes.energy_preserving, [h], progress=said.append, **arguments)
+    (kept,) = follow_paths(problem, schemes.both_invariants, [h], **arguments)
+    assert solvability_map(problem, states=24, grid=2, time=3.0).worst(h, 2) == 0
+    assert lost.failed == 16
+    # The first of 48 failed at 110, half of them by 160.
+    assert 60 < lost.first < lost.median < 384
+    assert lost.share == 1
+    assert "to t = 2" in said[0]
+    assert (kept.failed, kept.until, kept.first, kept.median) == (0, 384.0, None, None)
+    assert not kept.cut_short
+
+
+def test_paths_are_followed_no_longer_than_the_seconds_allow() -> None:
+    (cut,) = follow_paths(
+        problems.rigid_body(), schemes.energy_preserving, [0.125], until=1e6, paths=4, seconds=0.0
+    )
+    assert cut.cut_short
+    assert cut.until == 256 * 0.125
+    assert cut.asked == 1e6
+    # Nobody failed: 0.95 = 1 − (1 − p)⁴.
+    assert cut.share == pytest.approx(1 - 0.05**0.25)
+
+
+def test_exits_are_counted() -> None:
+    some = Exits("any", 0.5, 8.0, 5, np.array([1.0, 2.5, 4.0]), {"LEFT_DOMAIN": 3}, 8.0)
+    assert (some.failed, some.first, some.median) == (3, 1.0, 4.0)
+    # P(at most 3 of 5 fail) = 5 % at p = 0.9236.
+    p = some.share
+    assert math.fsum(math.comb(5, j) * p**j * (1 - p) ** (5 - j) for j in range(4)) == pytest.approx(0.05)
+
+
 @pytest.mark.parametrize(("noise", "k"), [((0.5,), 2), ((0.5,), None), ((0.4, 0.3), 1), ((0.4, 0.3), None)])
 def test_chances_are_those_of_simulated_steps(noise: tuple[float, ...], k: int | None) -> None:
     h, low, high = 2.0**-3, np.array([-0.2, -0.05]), np.array([0.3, 0.45])
@@ -127,29 +182,53 @@ def test_the_command_prints_numbers_and_writes_json(tmp_path) -> None:
         "4",
         "--time",
         "2",
+        "--until",
+        "1",
+        "--paths",
+        "4",
     ]
     result = CliRunner().invoke(main, [*arguments, "--json", str(out)])
     assert result.exit_code == 0, result.output
-    for word in ("solution connected to y0", "turns back at a fold", "2^-3", "worst state"):
+    for word in (
+        "solution connected to y0", "turns back at a fold", "2^-3", "worst state", "rough from", "first exit", "safe"
+    ):  # fmt: skip
         assert word in result.output
     data, schema = json.loads(out.read_text()), solvability_schema()
     jsonschema.Draft202012Validator.check_schema(schema)
     jsonschema.validate(data, schema)
-    for spoil in ({"safe": [0.0]}, {"map": [[5]]}, {"truncation": 0}, {"more": 1}):
+    for spoil in ({"safe": [0.0]}, {"map": [[5]]}, {"truncation": 0}, {"more": 1}, {"paths": [{}]}):
         with pytest.raises(jsonschema.ValidationError):
             jsonschema.validate(data | spoil, schema)
     assert len(data["forward"]["reach"]) == len(data["theta"]) == 6
     assert len(data["map"][0]) == len(data["delta"]) == 8
     assert sum(data["findings"].values()) == 48
+    assert [(e["scheme"], e["until"], e["paths"]) for e in data["paths"]] == [
+        ("energy-preserving", 1.0, 4)
+    ] * 6
+    assert data["refined"]["theta"]
+    assert data["safe"][1] <= min(data["forward"]["reach"])
 
 
 def test_the_command_draws(tmp_path) -> None:
     pytest.importorskip("matplotlib")
     out = tmp_path / "map.svg"
-    arguments = ["solvability", "rigid-body", "--range", "0.5", "--states", "4", "--grid", "2", "--picture"]
+    arguments = [
+        "solvability",
+        "rigid-body",
+        "--range",
+        "0.5",
+        "--states",
+        "4",
+        "--grid",
+        "2",
+        "--until",
+        "1",
+        "--picture",
+    ]
     result = CliRunner().invoke(main, [*arguments, str(out)])
     assert result.exit_code == 0, result.output
     assert "connected solution, found" in out.read_text()
+    assert "none failed until there" in out.read_text()
 
 
 @pytest.mark.parametrize(

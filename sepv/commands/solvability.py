@@ -1,8 +1,11 @@
-"""``sepv solvability``: which steps have a solution."""
+"""``sepv solvability``: which steps have a solution, and how long paths find one."""
 
 from __future__ import annotations
 
 import json
+import time as clock
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,14 +17,20 @@ from sepv.commands.shared import FILE, friendly
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from sepv.solvability import Map
+    from sepv.solvability import Exits, Map
 
 STEPS = tuple(2.0**-n for n in range(1, 11))
+# Means over all states and over every second one differ by this share at most where they are fine enough.
+ROUGH = 0.2
+# Step sizes with which paths are followed.
+FOLLOWED = tuple(2.0**-n for n in range(4, 10))
 
 
-@click.command(short_help="Which steps have a solution, and which h are safe.")
+@click.command(short_help="Which steps have a solution, and how long a step size is safe.")
 @click.argument("problem")
-@click.option("--scheme", default="energy-preserving", show_default=True, help="This or midpoint.")
+@click.option(
+    "--scheme", default="energy-preserving", show_default=True, help="This, midpoint or both-invariants."
+)
 @click.option(
     "--range", "furthest", type=click.FloatRange(min=0, min_open=True), default=1.0, show_default=True,
     help="The largest |Δ|.",
@@ -40,10 +49,30 @@ STEPS = tuple(2.0**-n for n in range(1, 11))
 @click.option(
     "--truncation",
     type=click.IntRange(min=0),
-    default=2,
-    show_default=True,
-    help="k of Remark 2.1; 0 for none.",
+    help="k of Remark 2.1; 0 for none. [default: each scheme's own]",
 )
+@click.option(
+    "--follow",
+    multiple=True,
+    metavar="SCHEME",
+    help="Whose paths are followed; any scheme, more than once. [default: that of the map]",
+)
+@click.option(
+    "--until",
+    type=click.FloatRange(min=0),
+    default=512.0,
+    show_default=True,
+    help="Time to which paths are followed; 0 for none.",
+)
+@click.option("--paths", type=click.IntRange(min=1), default=48, show_default=True, help="For each h.")
+@click.option(
+    "--seconds",
+    type=click.FloatRange(min=0),
+    default=60.0,
+    show_default=True,
+    help="For following, in all; paths are followed less far where it is not enough.",
+)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the paths.")
 @click.option("--json", "json_file", type=FILE, help="Write all numbers to this file.")
 @click.option("--picture", type=FILE, help="Draw it: .svg, .png or .pdf (extra plots).")
 @friendly
@@ -57,20 +86,26 @@ def solvability(
     grid: int,
     initial: tuple[float, ...] | None,
     noise: tuple[float, ...] | None,
-    truncation: int,
+    truncation: int | None,
+    follow: tuple[str, ...],
+    until: float,
+    paths: int,
+    seconds: float,
+    seed: int,
     json_file: str | None,
     picture: str | None,
     debug: bool,  # noqa: ARG001  (every command takes it)
 ) -> None:
-    """How far the solutions of a step of PROBLEM reach in Δ = h + Σ c_j ΔW_j, and which h are safe.
+    """How far the solutions of a step of PROBLEM reach in Δ = h + Σ c_j ΔW_j, and how long a step size is safe.
 
-    States are taken along the exact orbit: with the noise of (1.1) no others are ever passed. From each, the
-    branch of solutions that starts in y0 at Δ = 0 is followed to its fold or to the end of the range; then
-    Newton is asked at every Δ of a grid.
+    First states are taken along the exact orbit. From each, the branch of solutions that starts in y0 at Δ = 0 is
+    followed to its fold or to the end of the range; then Newton is asked at every Δ of a grid. The exact solution
+    of (1.1) passes no other states. Numerical paths do: so they are followed too, until a step has no solution.
+    A step size is safe until the time at which the first of the paths failed, and for that scheme.
 
     \b
-    sepv solvability lotka-volterra --picture lv.png
-    sepv solvability rigid-body --range 20
+    sepv solvability lotka-volterra --follow energy-preserving --follow both-invariants
+    sepv solvability rigid-body --range 20 --until 100
     """
     from dataclasses import replace
 
@@ -79,28 +114,65 @@ def solvability(
     from sepv.compare.picture import require_picture
     from sepv.files import require_folder, write_atomically
     from sepv.report import console
-    from sepv.solvability import solvability_map
+    from sepv.solvability import Exits, follow_paths, solvability_map
     from sepv.target import load_problem, load_scheme
 
     require_picture(picture)
     for path in (json_file, picture):
         require_folder(path)
-    chosen, k = load_problem(problem), truncation or None
+    chosen = load_problem(problem)
     if noise is not None:
         chosen = replace(chosen, noise=noise, check=False)
-    out = console()
-    with console(stderr=True).status("") as line:
+    y0, mapped = None if initial is None else np.array(initial), load_scheme(scheme)
+    k = mapped.truncation if truncation is None else truncation or None
+    followed = [load_scheme(name) for name in follow] or [mapped]
+    out, exits = console(), list[Exits]()
+    with _watching() as progress:
         found = solvability_map(
-            chosen, scheme=load_scheme(scheme), furthest=furthest, states=states, time=time, grid=grid,
-            y0=None if initial is None else np.array(initial), progress=line.update,
-        )  # fmt: skip
+            chosen,
+            scheme=mapped,
+            furthest=furthest,
+            states=states,
+            time=time,
+            grid=grid,
+            y0=y0,
+            progress=progress,
+        )
+        for one in followed if until else ():
+            exits += follow_paths(
+                chosen, one, FOLLOWED, until=until, paths=paths, k=one.truncation if truncation is None else k,
+                y0=y0, seed=seed, seconds=seconds / len(followed), progress=progress,
+            )  # fmt: skip
     if json_file:
-        write_atomically(json_file, json.dumps(found.to_json(STEPS, k), allow_nan=False) + "\n")
+        data = found.to_json(STEPS, k) | {"paths": [e.to_json() for e in exits]}
+        write_atomically(json_file, json.dumps(data, allow_nan=False) + "\n")
     if picture:
         from sepv.solvability.picture import draw
 
-        write_atomically(picture, draw(found, STEPS, k, Path(picture).suffix.lower()))
+        write_atomically(picture, draw(found, STEPS, k, Path(picture).suffix.lower(), exits))
     _show(found, furthest, k, out)
+    _show_exits(exits, out)
+
+
+@contextmanager
+def _watching() -> Iterator[Callable[[str], None]]:
+    """What is being done, on stderr: a live line on a terminal, a line every two seconds elsewhere."""
+    from sepv.report import console
+
+    out = console(stderr=True)
+    if out.is_terminal:
+        with out.status("") as line:
+            yield line.update
+        return
+    last = clock.monotonic()
+
+    def say(text: str) -> None:
+        nonlocal last
+        if clock.monotonic() - last >= 2:
+            out.print(text)
+            last = clock.monotonic()
+
+    yield say
 
 
 def _show(found: Map, furthest: float, k: int | None, out: Any) -> None:
@@ -112,10 +184,14 @@ def _show(found: Map, furthest: float, k: int | None, out: Any) -> None:
         if min(-low, high) < furthest
         else f"|Δ| ≤ {furthest:g}, all that was asked"
     )
+    further = found.refined.theta.size
     out.print(
-        f"{found.problem.name}, {found.scheme.name}: {found.theta.size} states of the orbit, |Δ| ≤ {furthest:g}."
+        f"{found.problem.name}, {found.scheme.name}: {found.theta.size} states of the exact orbit, |Δ| ≤ {furthest:g}."
     )
-    out.print(f"From every state there is a solution connected to y0 for {limits}.")
+    out.print(
+        f"From each of them{f', and of {further} more around the shortest branches,' if further else ''} there is a "
+        f"solution connected to y0 for {limits}. States between were not looked at."
+    )
     for branch, sign in ((found.backward, "Δ < 0"), (found.forward, "Δ > 0")):
         ends = [f"{e.text}: {int((branch.end == e).sum())}" for e in End if (branch.end == e).any()]
         out.print(
@@ -130,19 +206,57 @@ def _show(found: Map, furthest: float, k: int | None, out: Any) -> None:
     law = f"truncated with k = {k}" if k else "untruncated"
     out.print(f"\nP(Δ of a step is off the branch), c = {found.problem.c.tolist()}, {law}:")
     out.print(_table(found, k))
+    rough = [h for h in STEPS if _rough(found, h, k)]
+    if rough:
+        out.print(
+            f"The means are rough from h = 2^{round(_log2(rough[0]))} on: every second state alone gives one that is "
+            f"off by more than {ROUGH:.0%}, or all are 0 beside a state that is not. More --states make them finer."
+        )
+
+
+def _rough(found: Map, h: float, k: int | None) -> bool:
+    """Whether a mean says more of the states than of the orbit."""
+    p = found.chances(h, k)
+    mean, half = float(p.mean()), float(p[::2].mean())
+    return abs(mean - half) > ROUGH * mean or (mean == 0 and found.worst(h, k) > 0)
 
 
 def _table(found: Map, k: int | None) -> Table:
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False)
-    for heading in ("h", "mean over the orbit", "worst state", "some step to T = 1"):
+    for heading in ("h", "mean over the states", "worst state", "some step to T = 1, on the orbit"):
         table.add_column(heading, justify="right")
     for h in STEPS:
-        p = found.chances(h, k)
-        path = 1 - (1 - float(p.mean())) ** round(1 / h)
-        table.add_row(f"2^{round(_log2(h))}", *(f"{v:.2g}" for v in (p.mean(), p.max(), path)))
+        p = float(found.chances(h, k).mean())
+        path = 1 - (1 - p) ** round(1 / h)
+        table.add_row(f"2^{round(_log2(h))}", *(f"{v:.2g}" for v in (p, found.worst(h, k), path)))
     return table
+
+
+def _show_exits(exits: Sequence[Exits], out: Any) -> None:
+    """How long paths found a solution of each step."""
+    from rich.table import Table
+
+    if not exits:
+        return
+    table = Table(box=None, pad_edge=False)
+    for heading in ("scheme", "h", "followed to", "failed", "first exit", "half failed", "share, 95 %"):
+        table.add_column(heading, justify="left" if heading == "scheme" else "right")
+    for e in exits:
+        table.add_row(
+            e.scheme, f"2^{round(_log2(e.h))}", f"{e.until:.6g}" + "*" * e.cut_short,
+            f"{e.failed} of {e.paths}", *("–" if t is None else f"{t:.4g}" for t in (e.first, e.median)),
+            f"≤ {e.share:.2g}",
+        )  # fmt: skip
+    out.print("\nPaths of the schemes themselves, until a step has no solution:")
+    out.print(table)
+    out.print(
+        "A step size is safe, with that scheme and from this state, until the first exit; where there is none, "
+        "nothing is known beyond the end of the paths. share bounds the probability that a path fails until then."
+    )
+    if any(e.cut_short for e in exits):
+        out.print("* not as far as asked: --seconds were up.")
 
 
 def _log2(h: float) -> float:

@@ -9,3 +9,5 @@ from sepv.solvability.chance import chance_outside as chance_outside
 from sepv.solvability.map import Finding as Finding
 from sepv.solvability.map import Map as Map
 from sepv.solvability.map import solvability_map as solvability_map
+from sepv.solvability.paths import Exits as Exits
+from sepv.solvability.paths import follow_paths as follow_paths

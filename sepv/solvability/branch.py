@@ -19,7 +19,9 @@ from sepv.errors import UsageError
 from sepv.implicit import IncrementFunction, JacobianFunction
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
-from sepv.schemes import energy_preserving, midpoint
+from sepv.schemes import both_invariants, energy_preserving, midpoint
+from sepv.schemes.both_invariants import increment as both_increment
+from sepv.schemes.both_invariants import jacobian as both_jacobian
 from sepv.schemes.energy_preserving import increment as energy_preserving_increment
 from sepv.schemes.energy_preserving import jacobian as energy_preserving_jacobian
 from sepv.schemes.midpoint import increment as midpoint_increment
@@ -43,6 +45,7 @@ WIDTH = 6e-6
 EQUATIONS: dict[str, tuple[IncrementFunction, JacobianFunction]] = {
     energy_preserving.name: (energy_preserving_increment, energy_preserving_jacobian),
     midpoint.name: (midpoint_increment, midpoint_jacobian),
+    both_invariants.name: (both_increment, both_jacobian),
 }
 
 

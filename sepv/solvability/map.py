@@ -20,6 +20,8 @@ from sepv.solvability.chance import chance_outside
 # A solution is the connected one where it agrees with it to this share of |y0| and the distance moved: both are known
 # to rounding times a condition that grows towards the fold.
 SAME = 1e-4
+# The shortest branches are looked for between the states: rounds, minima in each, new states on either side of one.
+ROUNDS, LOWEST, POINTS = 3, 2, 4
 
 
 class Finding(IntEnum):
@@ -47,20 +49,31 @@ _TEXTS = {
 
 
 @dataclass(frozen=True)
+class Shortest:
+    """How far branches reach, (R,) each way, from states at the times theta (R,) of the exact flow."""
+
+    theta: Array
+    forward: Array
+    backward: Array
+
+
+@dataclass(frozen=True)
 class Map:
     """Solvability along an orbit.
 
     Attributes
     ----------
     theta, states : (M,), (d, M)
-        Times of the exact flow from the initial state, and the states there: the random times of (1.1)
-        pass through no others.
+        Times of the exact flow from the initial state, and the states there. The random times of (1.1) pass through
+        no others; numerical paths do (`sepv.solvability.paths`).
     delta : (K,)
         The grid of Δ, both signs.
     findings : (K, M)
         `Finding` at each.
     forward, backward : Branch
         For Δ > 0 and Δ < 0.
+    refined : Shortest
+        The same from further states, around those with the shortest branches.
     """
 
     problem: Problem
@@ -71,15 +84,26 @@ class Map:
     findings: np.ndarray
     forward: Branch
     backward: Branch
+    refined: Shortest
 
     @property
     def safe(self) -> tuple[float, float]:
-        """The largest interval (−a, b) of Δ with a connected solution from every state of the orbit."""
-        return -float(self.backward.reach.min()), float(self.forward.reach.min())
+        """(−a, b): the shortest branches found, over the states of the map and those of `refined`.
+
+        Not a bound: between the states nothing is known, but that reaches are continuous where folds are.
+        """
+        ends = [(self.backward.reach, self.forward.reach), (self.refined.backward, self.refined.forward)]
+        low, high = (float(min(r[side].min(initial=np.inf) for r in ends)) for side in (0, 1))
+        return -low, high
 
     def chances(self, h: float, k: int | None) -> Array:
-        """P(Δ of one step is outside the branch) for each state, (M,)."""
+        """P(Δ of one step is outside the branch) for each state of the map, (M,)."""
         return chance_outside(h, self.problem.c, -self.backward.reach, self.forward.reach, k)
+
+    def worst(self, h: float, k: int | None) -> float:
+        """The largest such probability, over the states of `refined` too."""
+        further = chance_outside(h, self.problem.c, -self.refined.backward, self.refined.forward, k)
+        return float(max(self.chances(h, k).max(), further.max(initial=0.0)))
 
     def counts(self) -> dict[Finding, int]:
         """How many points of the map there are of each kind."""
@@ -100,10 +124,14 @@ class Map:
             "legend": {str(int(kind)): kind.text for kind in Finding},
             "forward": _branch_json(self.forward),
             "backward": _branch_json(self.backward),
+            "refined": {
+                "theta": self.refined.theta.tolist(),
+                "forward": self.refined.forward.tolist(),
+                "backward": self.refined.backward.tolist(),
+            },
             "truncation": k,
             "chances": [
-                {"h": h, "mean": float(p.mean()), "worst": float(p.max())}
-                for h, p in ((h, self.chances(h, k)) for h in steps)
+                {"h": h, "mean": float(self.chances(h, k).mean()), "worst": self.worst(h, k)} for h in steps
             ],
         }
 
@@ -141,14 +169,53 @@ def solvability_map(
     progress("branches")
     forward, backward = follow(problem, y, furthest, scheme), follow(problem, y, -furthest, scheme)
     steps = furthest * np.arange(1, grid + 1) / grid
-    rows = []
+    rows: list[tuple[tuple[float, int], np.ndarray]] = []
     for sign, branch in ((-1.0, backward), (1.0, forward)):
         for number, delta in enumerate(sign * steps):
-            progress(f"Newton, Δ = {delta:.3g}")
+            progress(f"Newton at Δ = {delta:.3g}, {len(rows) + 1} of {2 * grid}")
             rows.append(((sign, number), _row(problem, scheme, y, delta, branch)))
     ordered = sorted(rows, key=lambda item: item[0][0] * (item[0][1] + 1))
     delta = np.concatenate([-steps[::-1], steps])
-    return Map(problem, scheme, theta, y, delta, np.stack([row for _, row in ordered]), forward, backward)
+    progress("the shortest branches")
+    refined = _refine(problem, scheme, y0, furthest, theta, forward.reach, backward.reach)
+    findings = np.stack([row for _, row in ordered])
+    return Map(problem, scheme, theta, y, delta, findings, forward, backward, refined)
+
+
+def _refine(
+    problem: Problem,
+    scheme: Scheme,
+    y0: Array | None,
+    furthest: float,
+    theta: Array,
+    forward: Array,
+    backward: Array,
+) -> Shortest:
+    """States around the lowest local minima of both reaches, closer with each round: by 5 each time."""
+    known, count = np.stack([theta, forward, backward]), theta.size
+    for _ in range(ROUNDS):
+        known = known[:, np.argsort(known[0])]
+        new = [t for row in (1, 2) for t in _between(known[0], known[row], furthest)]
+        if not new:
+            break
+        times = np.unique(new)
+        y = exact_flow(problem, times, y0).y
+        ahead, behind = follow(problem, y, furthest, scheme), follow(problem, y, -furthest, scheme)
+        known = np.concatenate([known, np.stack([times, ahead.reach, behind.reach])], axis=1)
+    further = known[:, ~np.isin(known[0], theta)] if known.shape[1] > count else known[:, :0]
+    return Shortest(*further)
+
+
+def _between(theta: Array, reach: Array, furthest: float) -> list[float]:
+    """POINTS times on either side of each of the LOWEST lowest local minima that end before the range does."""
+    padded = np.concatenate([[np.inf], reach, [np.inf]])
+    minima = np.flatnonzero((reach <= padded[:-2]) & (reach <= padded[2:]) & (reach < furthest))
+    found: list[float] = []
+    for i in minima[np.argsort(reach[minima], kind="stable")][:LOWEST]:
+        for j in (i - 1, i + 1):
+            if 0 <= j < theta.size:
+                found += np.linspace(theta[i], theta[j], POINTS + 2)[1:-1].tolist()
+    return found
 
 
 def _row(problem: Problem, scheme: Scheme, y: Array, delta: float, branch: Branch) -> np.ndarray:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from sepv.engine import ensemble
+from sepv.engine.ensemble import ensemble
 from sepv.errors import TruncationWarning
 from sepv.implicit import Status
 from sepv.problem import Array, Problem
@@ -71,8 +71,13 @@ class Exits:
         return float(self.times[half - 1]) if self.failed >= half else None
 
     @property
+    def cut_short(self) -> bool:
+        """Whether paths are left that were not followed as far as was asked."""
+        return self.until < self.asked and self.failed < self.paths
+
+    @property
     def share(self) -> float:
-        """An upper bound of the probability that a path fails until then, with 95 % confidence (Clopper and Pearson)."""
+        """The upper 95 % bound of the probability that a path fails until then (Clopper and Pearson)."""
         from scipy.special import betaincinv
 
         if self.failed == self.paths:
@@ -87,7 +92,7 @@ class Exits:
             "until": self.until,
             "asked": self.asked,
             "paths": self.paths,
-            "exits": self.times.tolist(),
+            "times": self.times.tolist(),
             "statuses": self.statuses,
             "share_at_most": self.share,
         }

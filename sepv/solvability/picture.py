@@ -1,4 +1,7 @@
-"""The map as a picture: what exists at each state and Δ, and the chance that a step leaves it. Extra ``plots``."""
+"""The map as a picture: what exists at each state and Δ, the chance that a step leaves it, and when paths did.
+
+Needs the extra ``plots``.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from sepv.solvability.map import Finding, Map
+from sepv.solvability.paths import Exits
 
 # Okabe and Ito, ordered from light to dark, so that they differ without colour too.
 COLOURS = {
@@ -21,16 +25,19 @@ COLOURS = {
 _STYLE = {"font.size": 9, "svg.fonttype": "none", "svg.hashsalt": "sepv"}
 
 
-def draw(map_: Map, steps: Sequence[float], k: int | None, suffix: str) -> bytes:
+def draw(map_: Map, steps: Sequence[float], k: int | None, suffix: str, exits: Sequence[Exits] = ()) -> bytes:
     """The picture as a file's content; `suffix` is one of .svg, .png and .pdf."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
     with rc_context(_STYLE):
-        figure = Figure(figsize=(10, 4.4), layout="constrained")
-        left, right = figure.subplots(1, 2, width_ratios=(1.7, 1))
+        panels = 3 if exits else 2
+        figure = Figure(figsize=(10 if panels == 2 else 14, 4.4), layout="constrained")
+        left, right, *last = figure.subplots(1, panels, width_ratios=(1.7, 1, 1)[:panels])
         _map(left, map_)
         _chances(right, map_, steps, k)
+        if last:
+            _exits(last[0], exits)
         figure.suptitle(
             f"{map_.problem.name}, {map_.scheme.name}: solutions y1(Δ) connected to y0", fontsize=10
         )
@@ -69,11 +76,10 @@ def _map(axes: Any, map_: Map) -> None:
 
 
 def _chances(axes: Any, map_: Map, steps: Sequence[float], k: int | None) -> None:
-    chances = [map_.chances(h, k) for h in steps]
-    mean, worst = [float(p.mean()) for p in chances], [float(p.max()) for p in chances]
+    mean, worst = [float(map_.chances(h, k).mean()) for h in steps], [map_.worst(h, k) for h in steps]
     axes.set_xscale("log", base=2)
     axes.set_xlabel("h")
-    axes.set_ylabel("P(Δ of a step is off the branch)")
+    axes.set_ylabel("P(Δ off the branch), exact orbit")
     c = ", ".join(f"{v:g}" for v in map_.problem.c)
     axes.set_title(f"c = {c or 'none'}; " + (f"truncated, k = {k}" if k else "untruncated"), fontsize=9)
     if max(worst) <= 0:
@@ -89,7 +95,7 @@ def _chances(axes: Any, map_: Map, steps: Sequence[float], k: int | None) -> Non
         return
     axes.set_yscale("log")
     for values, marker, colour, label in (
-        (mean, "o-", "#0072B2", "mean over the orbit"),
+        (mean, "o-", "#0072B2", "mean over the states"),
         (worst, "s--", "#D55E00", "worst state"),
     ):
         shown = [(h, p) for h, p in zip(steps, values, strict=True) if p > 0]
@@ -101,3 +107,27 @@ def _chances(axes: Any, map_: Map, steps: Sequence[float], k: int | None) -> Non
         axes.text(0.04, 0.05, words, transform=axes.transAxes)
     axes.grid(alpha=0.3)
     axes.legend(frameon=False, fontsize=8, loc="lower right")
+
+
+def _exits(axes: Any, exits: Sequence[Exits]) -> None:
+    """When paths met a step without a solution; a triangle where none did as far as they were followed."""
+    axes.set_xscale("log", base=2)
+    axes.set_yscale("log")
+    axes.set_xlabel("h")
+    axes.set_ylabel("t")
+    axes.set_title("exits of paths: first, and half of them", fontsize=9)
+    for number, name in enumerate(dict.fromkeys(e.scheme for e in exits)):
+        colour = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")[number % 6]
+        own = [e for e in exits if e.scheme == name]
+        for what, line in (("first", "o-"), ("median", "s--")):
+            # An exit in the very first step has no place on a logarithmic axis but the first step's end.
+            shown = [(e.h, max(t, e.h)) for e in own for t in [getattr(e, what)] if t is not None]
+            if shown:
+                axes.plot(*zip(*shown, strict=True), line, color=colour, ms=4)
+        none = [(e.h * 2 ** (0.08 * number), e.until) for e in own if not e.failed]
+        if none:
+            axes.plot(*zip(*none, strict=True), "^", color=colour, mfc="none")
+        axes.plot([], [], "o-", color=colour, label=name)
+    axes.plot([], [], "^", color="#555555", mfc="none", label="none failed until there")
+    axes.grid(alpha=0.3)
+    axes.legend(frameon=False, fontsize=8, loc="lower left")
