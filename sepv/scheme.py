@@ -36,8 +36,8 @@ class Scheme:
     source : str
         Where the formula comes from.
     mean_square_order, weak_order : float, optional
-        Claimed orders: with the first, the laws "mean-square-order" and "right-limit" are claimed, with the
-        second "weak-order".
+        Claimed orders: with the first, the laws "local-mean", "local-mean-square", "mean-square-order" and
+        "right-limit" are claimed, with the second "local-weak" and "weak-order".
     solve : callable (problem, y, h, dW) -> Solution, optional
         For implicit schemes: the same step for a batch, with residual, counts and status of each lane.
     solver_tolerance : float
@@ -76,9 +76,9 @@ class Scheme:
                 expected="claims, names of laws", received=f"{self.claims!r:.80}", remedy="see `sepv list`"
             )
         if self.mean_square_order is not None:
-            claims |= {"mean-square-order", "right-limit"}
+            claims |= {"mean-square-order", "right-limit", "local-mean", "local-mean-square"}
         if self.weak_order is not None:
-            claims |= {"weak-order"}
+            claims |= {"weak-order", "local-weak"}
         if self.systems not in SYSTEMS:
             raise UsageError(
                 expected=f"systems, one of {', '.join(SYSTEMS)}",

@@ -30,13 +30,13 @@ def test_claims_are_names_however_they_are_written() -> None:
 
 
 def test_an_order_is_a_claim_beside_the_others() -> None:
-    """A mean-square order is one of errors against the right limit: both laws are claimed with it."""
+    """With an order go its local conditions, (3.8) and (3.9), and the right limit."""
+    strong = {"local-mean", "local-mean-square", "mean-square-order", "right-limit"}
     one = Scheme("mine", stay, claims=["energy"], mean_square_order=1.0)
-    assert one.claims == {"energy", "mean-square-order", "right-limit"}
-    assert Scheme("mine", stay, claims=["energy"], weak_order=1.0).claims == {"energy", "weak-order"}
-    assert Scheme("mine", stay, weak_order=2.0, mean_square_order=0.5).claims == {
-        "mean-square-order", "right-limit", "weak-order",
-    }  # fmt: skip
+    assert one.claims == {"energy", *strong}
+    weak = {"local-weak", "weak-order"}
+    assert Scheme("mine", stay, claims=["energy"], weak_order=1.0).claims == {"energy", *weak}
+    assert Scheme("mine", stay, weak_order=2.0, mean_square_order=0.5).claims == strong | weak
 
 
 def test_a_scheme_is_a_function() -> None:

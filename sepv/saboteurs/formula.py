@@ -25,7 +25,8 @@ from sepv.scheme import Scheme, Step
 from sepv.schemes import energy_preserving as original
 from sepv.schemes.discrete_gradient import coordinate_increments
 
-_WRONG_LIMIT = ("expansion", "mean-square-order", "right-limit", "weak-order")
+_LOCAL = ("local-mean", "local-mean-square", "local-weak")
+_WRONG_LIMIT = ("expansion", *_LOCAL, "mean-square-order", "right-limit", "weak-order")
 
 
 def _b_at_y0(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
@@ -277,25 +278,28 @@ _TABLE = (
         "ito-limit",
         "Euler's method, which converges to the Itô solution, claims order ½",
         _ito_limit,
-        ("right-limit", "mean-square-order", "weak-order"),
+        ("local-mean", "right-limit", "mean-square-order", "weak-order"),
     ),
     (
         "half-claimed-as-one",
         "the Euler-Maruyama scheme, of order ½, claims order 1",
         _half_as_one,
-        ("mean-square-order",),
+        (
+            "local-mean-square",
+            "mean-square-order",
+        ),
     ),
     (
         "one-claimed-as-two",
         "(2.1), of order 1, claims order 2",
         _one_as_two,
-        ("truncation", "mean-square-order"),
+        ("truncation", "local-mean", "local-mean-square", "mean-square-order"),
     ),
     (
         "weak-one-claimed-as-two",
         "(2.1), of weak order 1, claims weak order 2",
         _weak_one_as_two,
-        ("weak-order",),
+        ("local-weak", "weak-order"),
     ),
 )
 

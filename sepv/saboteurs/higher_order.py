@@ -118,7 +118,7 @@ _TABLE = (
         "three-stages-k-2",
         "increments of a scheme of order 3 are truncated with the paper's k = 2",
         lambda: replace(collocation(3), truncation=2),
-        ("truncation", "mean-square-order"),
+        ("truncation", "local-mean-square", "mean-square-order"),
     ),
     (
         "casimir-at-midpoint",
@@ -136,7 +136,18 @@ _TABLE = (
         "structures-at-start",
         "the G_j are taken at y0: the energy is kept, and the limit is the Itô one",
         _imitating(several_structures, implicit_step(_structures_at_start, parts), batched=True),
-        ("casimir", "symmetry", "expansion", "reference", "mean-square-order", "right-limit", "commutation"),
+        (
+            "casimir",
+            "symmetry",
+            "expansion",
+            "reference",
+            "local-mean",
+            "local-mean-square",
+            "local-weak",
+            "mean-square-order",
+            "right-limit",
+            "commutation",
+        ),
     ),
     (
         "rests-where-undefined",

@@ -15,8 +15,9 @@ from sepv.saboteurs.record import Saboteur, around, drift_and_noise, implicit, m
 from sepv.scheme import Scheme, Step
 from sepv.schemes import energy_preserving as original
 
+_LOCAL = ("local-mean", "local-mean-square", "local-weak")
 _STEP = ("midpoint", "reference", "reduction", "expansion")
-_LIMIT = ("mean-square-order", "right-limit")
+_LIMIT = ("local-mean-square", "mean-square-order", "right-limit")
 _SEVERAL = ("midpoint", "reference", "reduction", "noise-sum", *_LIMIT)
 
 
@@ -80,13 +81,13 @@ _TABLE = (
         "drift-dropped",
         "Δ has no h",
         _stepping(lambda c, _h, w: np.sum(c * w, axis=0)),
-        ("identity", "symmetry", *_STEP, *_LIMIT, "weak-order"),
+        ("identity", "symmetry", *_STEP, *_LIMIT, "local-mean", "local-weak", "weak-order"),
     ),
     (
         "noise-dropped",
         "Δ has no noise",
         _stepping(lambda _c, h, w: np.full(w.shape[1], h)),
-        ("identity", "symmetry", *_STEP, *_LIMIT, "weak-order"),
+        ("identity", "symmetry", *_STEP, *_LIMIT, "local-mean", "local-weak", "weak-order"),
     ),
     (
         "noise-sign",
@@ -98,39 +99,57 @@ _TABLE = (
         "c-squared",
         "c is squared",
         _stepping(lambda c, h, w: h + np.sum(c**2 * w, axis=0)),
-        ("identity", "midpoint", "reference", "reduction", "noise-sum", "mean-square-order", "weak-order"),
+        (
+            "identity",
+            "midpoint",
+            "reference",
+            "reduction",
+            "noise-sum",
+            *_LOCAL,
+            "mean-square-order",
+            "weak-order",
+        ),
     ),
     (
         "c-forgotten",
         "every c is 1",
         _stepping(lambda _c, h, w: h + np.sum(w, axis=0)),
-        ("identity", "midpoint", "reference", "reduction", "noise-sum", "mean-square-order", "weak-order"),
+        (
+            "identity",
+            "midpoint",
+            "reference",
+            "reduction",
+            "noise-sum",
+            *_LOCAL,
+            "mean-square-order",
+            "weak-order",
+        ),
     ),
     (
         "sqrt-h",
         "the increments are taken for standard normals and multiplied by √h",
         _stepping(lambda c, h, w: h + math.sqrt(h) * np.sum(c * w, axis=0)),
-        ("identity", "symmetry", *_STEP, *_LIMIT, "weak-order"),
+        ("identity", "symmetry", *_STEP, *_LIMIT, "local-mean", "local-weak", "weak-order"),
     ),
     (
         "absolute-increments",
         "|ΔW| stands for ΔW",
         _stepping(lambda c, h, w: h + np.sum(c * np.abs(w), axis=0)),
-        ("identity", "symmetry", "noise-sum", *_STEP, *_LIMIT, "weak-order"),
+        ("identity", "symmetry", "noise-sum", *_STEP, *_LIMIT, "local-mean", "local-weak", "weak-order"),
     ),
     (
         "absolute-step",
         "|Δ| stands for Δ",
         _stepping(lambda c, h, w: np.abs(h + np.sum(c * w, axis=0))),
-        ("symmetry", *_STEP, *_LIMIT, "weak-order"),
+        ("symmetry", *_STEP, *_LIMIT, "local-mean", "local-weak", "weak-order"),
     ),
     (
         "positive-step-only",
         "∇H is averaged for Δ > 0 and taken at the midpoint for Δ < 0",
         implicit(_positive_only),
-        ("energy", "symmetry", "reference"),
+        ("energy", "symmetry", "reference", "local-mean", "local-weak"),
     ),
-    ("first-noise-only", "only the first noise is seen", _stepping(_first_only), _SEVERAL),
+    ("first-noise-only", "only the first noise is seen", _stepping(_first_only), (*_SEVERAL, *_LOCAL)),
     (
         "one-noise-in-law",
         "several noises are replaced by one of the same variance",
@@ -148,19 +167,47 @@ _TABLE = (
         "clipped-with-k-one",
         "increments are clipped inside the step, with k = 1 where the scheme says 2",
         around(_clipped(_k_one)),
-        ("midpoint", "reference", "noise-sum"),
+        ("midpoint", "reference", "noise-sum", "local-mean-square"),
     ),
     (
         "k-too-small",
         "the scheme asks for increments truncated with k = 1, which costs order 1",
         lambda: replace(original, truncation=1),
-        ("truncation",),
+        ("truncation", "local-mean-square"),
+    ),
+    (
+        "noise-too-large",
+        "every increment is too large by a factor of 1.0001",
+        _stepping(lambda c, h, w: h + 1.0001 * np.sum(c * w, axis=0)),
+        ("midpoint", "reference", "reduction", "noise-sum", *_LOCAL),
+    ),
+    (
+        "drift-too-large",
+        "the drift is too large by a factor of 1.001",
+        _stepping(lambda c, h, w: 1.001 * h + np.sum(c * w, axis=0)),
+        ("identity", "symmetry", *_STEP, *_LOCAL),
+    ),
+    (
+        "fifth-noise-dropped",
+        "four noises are seen, and no more",
+        _stepping(lambda c, h, w: h + np.sum((c * w)[:4], axis=0)),
+        _LOCAL,
     ),
     (
         "explicit-noise",
         "the drift is implicit, the noise explicit: the “symplectic midpoint” that converges to Itô",
         implicit(_explicit_noise, drift_and_noise),
-        ("energy", "casimir", "symmetry", "rounding", *_STEP, *_LIMIT, "weak-order"),
+        (
+            "energy",
+            "casimir",
+            "symmetry",
+            "rounding",
+            *_STEP,
+            *_LIMIT,
+            "local-mean",
+            "local-weak",
+            "weak-order",
+        ),
     ),
     (
         "explicit-drift-structure",
@@ -172,7 +219,18 @@ _TABLE = (
         "ito-correction",
         "the correction ½Σc²f′f, which the Stratonovich form does not need, is added to the drift",
         implicit(_ito_correction, drift_and_noise),
-        ("identity", "energy", "casimir", "symmetry", "rounding", *_STEP, *_LIMIT, "weak-order"),
+        (
+            "identity",
+            "energy",
+            "casimir",
+            "symmetry",
+            "rounding",
+            *_STEP,
+            *_LIMIT,
+            "local-mean",
+            "local-weak",
+            "weak-order",
+        ),
     ),
 )
 

@@ -1,0 +1,37 @@
+"""The weak error of one step is O(h^(q+1)) for a claimed weak order q, by quadrature over ΔW.
+
+Test functions are polynomials of degree 1, …, 2q + 1 in y − y0: G. N. Milstein, Numerical Integration of Stochastic
+Differential Equations (1995), §9."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sepv.law import Effort, Finding, Law, require
+from sepv.local_orders import judge, mean_slope
+from sepv.scheme import Scheme
+
+
+def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
+    """The slope against the claimed order, or against order 1 where none is claimed."""
+    order = 1.0 if scheme.weak_order is None else scheme.weak_order
+    return judge(law, scheme, effort, lambda found: found.weak, lambda found: mean_slope(order, found))
+
+
+def replay(law: Law, scheme: Scheme, _witness: dict[str, Any]) -> Finding:
+    """Nothing is drawn: it is the same again."""
+    return run(law, scheme, Effort())
+
+
+law = Law(
+    name="local-weak",
+    statement="|E g(y1) − E g(φ)| after one step is O(h^(q+1)) for the claimed weak order q (else: 1)",
+    source="§5",
+    unit="slope",
+    run=run,
+    replay=replay,
+)
+
+
+def test_local_weak(scheme: Scheme, effort: Effort) -> None:
+    require(law, scheme, effort)

@@ -1,0 +1,243 @@
+"""Errors of one step by quadrature over ΔW, and orders read off at small steps: no sampling, no seed.
+
+Milstein's theorem (§3) takes a mean-square order p from two conditions on one step,
+
+    |E[y1 − φ]| ≤ C h^(p+1)  (3.8)    and    (E|y1 − φ|²)^½ ≤ C h^(p+½)  (3.9),
+
+and a weak order q from |E g(y1 − y0) − E g(φ − y0)| ≤ C h^(q+1) for monomials g of degree 1, …, 2q + 1. Here φ is the
+exact solution after the step from the same state: of (1.1) the flow at the time h + Σ c_jΔW_j, with several structures
+the problem's closed form. The scheme sees increments truncated as it declares, the exact solution sees them whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import combinations_with_replacement
+from math import factorial
+
+import numpy as np
+
+from sepv import polynomial as poly
+from sepv import problems
+from sepv.candidate import guarded
+from sepv.checks import sample_states
+from sepv.dense import FlowFailure
+from sepv.errors import Skipped
+from sepv.exact import exact_flow
+from sepv.gaussian import Rule, rule
+from sepv.implicit import Status
+from sepv.law import Effort
+from sepv.problem import Array, Problem
+from sepv.scheme import Scheme
+from sepv.simulation import advance
+from sepv.structures import StructuresProblem
+
+_EPS = float(np.finfo(np.float64).eps)
+LEVELS = 10
+# All monomials up to this degree; beyond it powers of a few linear forms, which are small where these are.
+FULL_DEGREE = 3
+
+
+def five_noises() -> Problem:
+    """Quartic H, the Casimir |y|² and a factor that is not constant, in dimension three, with five different c_j."""
+    H: dict[tuple[int, ...], float] = {
+        (2, 0, 0): 0.5,
+        (0, 2, 0): 1.0,
+        (0, 0, 2): 0.25,
+        (2, 2, 0): 0.25,
+        (0, 1, 3): 0.125,
+    }
+    g: dict[tuple[int, ...], float] = {(0, 0, 0): 1.0, (1, 0, 0): 0.25}
+    C: dict[tuple[int, ...], float] = {(2, 0, 0): 0.5, (0, 2, 0): 0.5, (0, 0, 2): 0.5}
+    system = problems.nambu_system(
+        poly.polynomial(3, H), poly.polynomial(3, g), poly.polynomial(3, C), (0.5, 0.25, 0.375, 0.75, 0.3125)
+    )
+    problem = problems.polynomial_problem(system)
+    return replace(problem, initial=(0.75, -0.5, 0.5), name="quartic-top", check=False)
+
+
+CASES: dict[str, tuple[Callable[[], Problem], ...]] = {
+    "single": (problems.rigid_body, problems.pendulum, five_noises),
+    "nambu": (problems.rigid_body, problems.lotka_volterra, five_noises),
+    "several": (problems.commuting_rotations, problems.commuting_oscillators),
+}
+
+
+@lru_cache(maxsize=1)
+def cases() -> dict[str, tuple[Problem, ...]]:
+    """The problems on which schemes for each class of systems are judged, made once."""
+    return {systems: tuple(make() for make in makers) for systems, makers in CASES.items()}
+
+
+@dataclass(frozen=True)
+class LocalErrors:
+    """Errors of one step from several states of a problem, at L step sizes that fall.
+
+    Attributes
+    ----------
+    h : (L,)
+    mean, rms, weak : (L,)
+        The largest over states of |E[y1 − φ]|, of (E|y1 − φ|²)^½ and over test functions too of |E g(y1) − E g(φ)|.
+    exact_order : int
+        The quadrature leaves an error of this power of h in `mean` and `weak`: no larger slope can be seen.
+    scale : float
+        The largest component of a state.
+    flow : float
+        The error of the exact solution.
+    steps : int
+        Steps of the scheme.
+    failed : tuple of h at which a step was not solved, not finite or out of the domain; they are not among `h`.
+    """
+
+    problem: str
+    h: Array
+    mean: Array
+    rms: Array
+    weak: Array
+    exact_order: int
+    scale: float
+    flow: float
+    steps: int
+    failed: tuple[float, ...]
+
+
+def step_sizes(order: float) -> Array:
+    """LEVELS step sizes, coarse to fine, at which a scheme of this order has its local errors above rounding.
+
+    The local rms error is about h^(p+½): the finest is where that is 2⁻⁴⁰, or 2⁻⁴⁷ for high orders, whose constants are
+    small and whose range would be short. Large |ΔW| are far from any asymptotics at the coarse end of low orders.
+    """
+    coarse = 6.0 if order <= 1 else 4.0 if order <= 2 else 2.0
+    fine = (40.0 if order <= 2 else 47.0) / (order + 0.5)
+    return np.asarray(2.0 ** -np.round(np.linspace(coarse, max(fine, coarse + 4.5), LEVELS), 1))
+
+
+def _sizes(strong: float, weak: float) -> list[float]:
+    """The step sizes of the mean-square order; a weak order well above it has its own, larger ones, besides."""
+    found: list[float] = []
+    for h in sorted(
+        {*step_sizes(strong).tolist(), *(step_sizes(weak).tolist() if weak > strong + 0.5 else ())}
+    )[::-1]:
+        if not found or h < 0.75 * found[-1]:  # slopes over sizes next to each other say little
+            found.append(h)
+    return found
+
+
+def local_errors(scheme: Scheme, problem: Problem, effort: Effort) -> LocalErrors:
+    """The errors of one step, computed once for all laws of a run.
+
+    Raises
+    ------
+    Skipped
+        By a scheme that does not take the problem; for several structures without a closed form.
+    sepv.candidate.SchemeCrash, SchemeFault
+        What the scheme does.
+    """
+    key = (
+        "local errors",
+        id(scheme.step),
+        scheme.truncation,
+        scheme.mean_square_order,
+        scheme.weak_order,
+        id(problem),
+    )
+    if key not in effort.cache:
+        effort.cache[key] = (
+            problem,
+            _measure(scheme, problem),
+        )  # the problem is kept, so that its id is its own
+    found: LocalErrors = effort.cache[key][1]
+    return found
+
+
+def _measure(scheme: Scheme, problem: Problem) -> LocalErrors:
+    strong = 1.0 if scheme.mean_square_order is None else scheme.mean_square_order
+    weak = 1.0 if scheme.weak_order is None else scheme.weak_order
+    asked, m = guarded(scheme), problem.noises
+    states = np.array(list(sample_states(problem))[: 3 if m <= 1 else 2]).T
+    degree = int(2 * max(strong, weak) + 2)
+    rules = [(h, rule(m, h, scheme.truncation, degree)) for h in _sizes(strong, weak)]
+    exact, flow = _exact(problem, states, rules)
+    seen = (rules[0][1].degree + 1) // 2
+    rules = rules[len(rules) - len(exact) :]
+    rows, failed, steps = [], [], 0
+    for (h, nodes), ends in zip(rules, exact, strict=True):
+        y, ok = _step(asked, problem, states, h, nodes)
+        steps += nodes.zeta.shape[1] * states.shape[1]
+        if ok:
+            rows.append((h, *_norms(y - states[..., None], ends - states[..., None], nodes.weights, weak)))
+        else:
+            failed.append(h)
+            rows = []  # only what is finer than every failure
+    kept, mean, rms, weakly = np.array(rows).reshape(-1, 4).T
+    return LocalErrors(
+        problem.name, kept, mean, rms, weakly, seen, float(np.max(np.abs(states))), flow, steps,
+        tuple(failed),
+    )  # fmt: skip
+
+
+def _step(scheme: Scheme, problem: Problem, states: Array, h: float, nodes: Rule) -> tuple[Array, bool]:
+    """y1 (d, S, n) from S states at the n nodes, and whether every step was made."""
+    d, S = states.shape
+    asked = nodes.zeta.shape[1]
+    y, status, _ = advance(
+        scheme, problem, np.repeat(states, asked, axis=1), h, np.tile(np.sqrt(h) * nodes.zeta, S)
+    )
+    return y.reshape(d, S, asked)[:, :, nodes.index], bool(np.all(status == Status.CONVERGED))
+
+
+def _exact(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) -> tuple[list[Array], float]:
+    """The exact solutions (d, S, n) at each step size, and their error; from the coarsest that all states reach."""
+    if isinstance(problem, StructuresProblem):
+        form = problem.closed_form
+        if form is None:
+            raise Skipped(f"{problem.name} has several structures and no closed form to compare a step with")
+        scale = float(np.max(np.abs(states)))
+        return [
+            np.stack([form(y, h, np.sqrt(h) * r.xi) for y in states.T], axis=1) for h, r in rules
+        ], 8 * _EPS * scale
+    times = [problem.random_step(h, np.sqrt(h) * r.xi) for h, r in rules]
+    while times:
+        try:
+            # The dense solve, not a closed form: it is exact at θ = 0, where closed forms are some roundings off.
+            flows = [exact_flow(problem, np.concatenate(times), y, dense=True) for y in states.T]
+        except FlowFailure:
+            times = times[1:]
+            continue
+        ends = np.stack([f.y for f in flows], axis=1)
+        cuts = np.cumsum([t.size for t in times])[:-1]
+        return np.split(ends, cuts, axis=2), max(f.error for f in flows)
+    return [], 0.0
+
+
+def _norms(moved: Array, exact: Array, weights: Array, weak: float) -> tuple[float, float, float]:
+    """|E e|, (E|e|²)^½ and the largest |E g(y1 − y0) − E g(φ − y0)|, the largest over states; (d, S, n) both."""
+    error = moved - exact
+    mean = np.sqrt(np.max(np.sum((error @ weights) ** 2, axis=0)))
+    rms = np.sqrt(np.max(np.sum(error**2, axis=0) @ weights))
+    differences = [np.abs((g(moved) - g(exact)) @ weights) for g in polynomials(moved.shape[0], weak)]
+    return float(mean), float(rms), float(np.max(differences))
+
+
+def polynomials(dimension: int, weak: float) -> list[Callable[[Array], Array]]:
+    """Monomials of degree k = 1, 2, 3 in y − y0, and powers of linear forms up to k = 2q + 1, all over k!.
+
+    With the factor 1/k! they are Taylor coefficients: high powers do not hide what low ones show.
+    """
+
+    def monomial(indices: tuple[int, ...]) -> Callable[[Array], Array]:
+        return lambda x: np.prod(x[list(indices)], axis=0) / factorial(len(indices))
+
+    def power(k: int, direction: Array) -> Callable[[Array], Array]:
+        return lambda x: np.tensordot(direction, x, 1) ** k / factorial(k)
+
+    found = [
+        monomial(indices)
+        for k in range(1, FULL_DEGREE + 1)
+        for indices in combinations_with_replacement(range(dimension), k)
+    ]
+    forms = np.cos(np.outer(np.arange(1, dimension + 2), np.arange(1, dimension + 1)))  # none is special
+    forms /= np.linalg.norm(forms, axis=1, keepdims=True)
+    return found + [power(k, form) for k in range(FULL_DEGREE + 1, int(2 * weak + 1) + 1) for form in forms]

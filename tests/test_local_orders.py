@@ -1,0 +1,228 @@
+"""Orders from errors of one step: right schemes hold with their own claims, wrong ones show by their slopes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sepv import problems, schemes
+from sepv.errors import Skipped
+from sepv.exact import exact_flow
+from sepv.fields import vector_field
+from sepv.law import Effort, Verdict
+from sepv.local_errors import LEVELS, cases, local_errors, step_sizes
+from sepv.local_orders import judge_slope
+from sepv.problem import Array, Problem
+from sepv.scheme import Scheme, Step, as_lanes
+from sepv.schemes import energy_preserving
+from sepv.suite import Report, verify
+
+LOCAL = ("local-mean", "local-mean-square", "local-weak")
+H = 2.0 ** -np.arange(6.0, 27.0, 2.0)
+BUILT_IN = (
+    *schemes.ALL.values(), *schemes.MORE.values(), *(schemes.collocation(s) for s in (2, 3, 4)), schemes.gauss(2),
+)  # fmt: skip
+
+
+def measured(scheme: Scheme) -> Report:
+    return verify(scheme, laws=LOCAL)
+
+
+def verdicts(scheme: Scheme) -> list[str]:
+    return [f.verdict.value for f in measured(scheme).findings]
+
+
+def around(step: Step, **changes: object) -> Scheme:
+    return replace(energy_preserving, step=step, solve=None, **changes)  # type: ignore[arg-type]
+
+
+def factors(drift: float, noise: float) -> Scheme:
+    """(2.1) with the drift and the noise multiplied."""
+    return around(lambda p, y, h, dW: energy_preserving.step(p, y, drift * h, noise * dW))
+
+
+def flow(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """The exact flow as a scheme; the states of a batch come in runs of the same."""
+    y0, noise = as_lanes(problem, y, h, dW)
+    theta, found = problem.random_step(h, noise), np.empty_like(y0)
+    for state in np.unique(y0, axis=1).T:
+        lanes = np.all(y0 == state[:, None], axis=0)
+        found[:, lanes] = exact_flow(problem, theta[lanes], state).y
+    return found.reshape(np.shape(y))
+
+
+def hermite(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """φ_Δ(y0) + ½ f(y0)(S³ − 3c²hS): a local rms error of order 3/2 whose mean is zero, as is its mean with S."""
+    y0, noise = as_lanes(problem, y, h, dW)
+    S, c2 = problem.random_step(0.0, noise), float(np.sum(problem.c**2))
+    bump = 0.5 * vector_field(problem, y0) * (S**3 - 3 * c2 * h * S)
+    return (flow(problem, y0, h, noise) + bump).reshape(np.shape(y))
+
+
+@pytest.mark.parametrize("scheme", BUILT_IN, ids=lambda s: s.name)
+def test_every_scheme_has_the_local_orders_that_it_claims(scheme: Scheme) -> None:
+    report = measured(scheme)
+    assert [f.verdict for f in report.findings] == [Verdict.HOLDS] * 3
+    assert all(f.claimed for f in report.findings)
+
+
+@pytest.mark.parametrize("name", ["energy-preserving", "milstein", "several-structures"])
+def test_slopes_of_order_one_are_those_of_theory_to_two_digits(name: str) -> None:
+    found = [f.defect for f in measured(schemes.by_name(name)).findings]
+    assert found == pytest.approx([2.0, 1.5, 2.0], abs=0.02)
+
+
+def test_two_half_steps_and_the_exact_flow_are_right() -> None:
+    def halves(p: Problem, y: Array, h: float, dW: Array) -> Array:
+        return energy_preserving.step(p, energy_preserving.step(p, y, h / 2, dW / 2), h / 2, dW / 2)
+
+    assert verdicts(around(halves)) == ["holds"] * 3
+    exact = Scheme("flow", flow, mean_square_order=3.0, weak_order=3.0, truncation=None, batched=True)
+    report = measured(exact)
+    assert [f.verdict.value for f in report.findings] == ["holds"] * 3
+    assert all("rounding" in f.message and f.defect is None for f in report.findings)
+
+
+@pytest.mark.parametrize("truncation", [None, 4])
+def test_a_scheme_of_weak_order_two_and_mean_square_order_one_is_seen_as_both(truncation: int | None) -> None:
+    """E[S³ − 3c²hS] = 0 and E[S(S³ − 3c²hS)] = 0, so that the moments of the step are right to O(h³)."""
+    scheme = Scheme(
+        "hermite", hermite, mean_square_order=1.0, weak_order=2.0, truncation=truncation, batched=True
+    )
+    report = measured(scheme)
+    assert [f.verdict.value for f in report.findings] == ["holds"] * 3
+    assert report.finding("local-mean-square").defect == pytest.approx(1.5, abs=0.02)
+    assert report.finding("local-weak").defect == pytest.approx(3.0, abs=0.1)
+    assert verdicts(replace(scheme, mean_square_order=1.5))[1] == "violated"
+    assert verdicts(replace(scheme, weak_order=3.0))[2] == "violated"
+
+
+@pytest.mark.parametrize("excess", [1e-2, 1e-3, 1e-4])
+def test_a_noise_too_large_shows_in_all_three(excess: float) -> None:
+    report = measured(factors(1.0, 1 + excess))
+    assert [f.verdict.value for f in report.findings] == ["violated"] * 3
+    assert report.finding("local-mean-square").defect == pytest.approx(0.5, abs=0.02)
+
+
+@pytest.mark.parametrize("excess", [1e-2, 1e-3, 1e-4])
+def test_a_wrong_drift_shows_in_the_means(excess: float) -> None:
+    assert [v for n, v in enumerate(verdicts(factors(1 + excess, 1.0))) if n != 1] == ["violated"] * 2
+
+
+@pytest.mark.parametrize(
+    ("base", "changes"),
+    [
+        ("energy-preserving", {"mean_square_order": 1.5}),
+        ("energy-preserving", {"mean_square_order": 2.0}),
+        ("energy-preserving", {"truncation": 1}),
+        ("euler-maruyama", {"mean_square_order": 1.0}),
+        ("collocation-2", {"mean_square_order": 4.0}),
+        ("collocation-2", {"truncation": 2}),
+    ],
+)
+def test_a_claim_above_the_true_order_is_violated(base: str, changes: dict[str, float]) -> None:
+    assert verdicts(replace(schemes.by_name(base), **changes))[1] == "violated"  # type: ignore[arg-type]
+
+
+def test_order_five_does_not_pass_for_six() -> None:
+    """So few errors of these orders are above rounding that their slopes still rise there: no accusation, no pass."""
+    claims = replace(schemes.collocation(5), mean_square_order=6.0, weak_order=None, truncation=12)
+    assert verdicts(claims)[:2] == ["inconclusive"] * 2
+
+
+def test_steps_that_fail_where_they_are_large_accuse_nobody() -> None:
+    from sepv.errors import StepFailure
+
+    def fails(least: float) -> Scheme:
+        def step(p: Problem, y: Array, h: float, dW: Array) -> Array:
+            delta = float(p.random_step(h, dW))
+            if abs(delta) > least:
+                raise StepFailure(problem=p.name, y=y, delta=delta, residual=1.0, status="none", iterations=1)
+            return energy_preserving.step(p, y, h, dW)
+
+        return around(step, batched=False)
+
+    assert verdicts(fails(0.1)) == ["holds"] * 3
+    report = measured(fails(1e-4))
+    assert [f.verdict.value for f in report.findings] == ["error"] * 3
+    assert "were not solved" in report.findings[0].message
+
+
+def test_problems_that_a_scheme_skips_are_named_and_the_others_judged() -> None:
+    def step(p: Problem, y: Array, h: float, dW: Array) -> Array:
+        if p.dimension == 2:
+            raise Skipped("three dimensions only")
+        return energy_preserving.step(p, y, h, dW)
+
+    report = measured(around(step))
+    assert [f.verdict.value for f in report.findings] == ["holds"] * 3
+    assert "pendulum: skipped, three dimensions only" in report.findings[0].message
+
+
+def test_a_run_asks_the_scheme_for_few_steps_and_once_for_all_three_laws() -> None:
+    """40 000 steps of 200 µs are 8 s."""
+    asked = []
+
+    def step(p: Problem, y: Array, h: float, dW: Array) -> Array:
+        asked.append(y.size // p.dimension)
+        return energy_preserving.step(p, y, h, dW)
+
+    verify(around(step), laws=LOCAL)
+    assert 5_000 < sum(asked) <= 12_000
+
+
+def test_a_stated_tolerance_of_the_solver_moves_the_floor() -> None:
+    """Errors of 1e-8 that the scheme owns up to are no order; those that it does not are."""
+
+    def step(p: Problem, y: Array, h: float, dW: Array) -> Array:
+        return energy_preserving.step(p, y, h, dW) + 1e-8 * np.sin(1e6 * y)
+
+    assert verdicts(around(step, solver_tolerance=2e-8)) == ["holds"] * 3
+    assert verdicts(around(step)) == ["violated"] * 3
+
+
+def test_step_sizes_fall_and_leave_high_orders_above_rounding() -> None:
+    for order in (0.5, 1.0, 2.0, 3.0, 6.0):
+        h = step_sizes(order)
+        assert h.size == LEVELS
+        assert np.all(np.diff(h) < 0)
+        assert np.all((h < 1) & (h ** (order + 0.5) > 1e-15))
+
+
+def test_states_are_several_and_problems_have_one_two_and_five_noises() -> None:
+    assert [p.noises for p in cases()["single"]] == [1, 2, 5]
+    assert len({float(c) for c in cases()["single"][2].c}) == 5
+    assert local_errors(energy_preserving, problems.pendulum(), Effort()).steps > 0
+
+
+@pytest.mark.parametrize(
+    ("errors", "verdict"),
+    [
+        (H**2, "holds"),
+        (H**1.5, "violated"),
+        (H**2 + 1e-4 * H, "violated"),
+        # An error that changes its sign between two step sizes, either way.
+        (np.abs(H**2 - 1e-3 * H), "violated"),
+        (np.abs(H**2 - 30 * H**3), "holds"),
+        # What is wrong by less than rounding cannot be seen.
+        (np.maximum(1e-7 * H, H**2), "holds"),
+        (np.full_like(H, 1e-14), "holds"),
+        (1e-9 * H**2 + 1e-16, "holds"),
+        # Right at coarse steps and wrong at small ones.
+        (np.where(H < 1e-5, 1e-6, 1e-17), "violated"),
+        (np.where(H < 1e-5, np.nan, H**2), "violated"),
+    ],
+)
+def test_slopes_are_judged_where_steps_are_small_and_errors_are_not_rounding(
+    errors: Array, verdict: str
+) -> None:
+    assert judge_slope(H, errors, 1.75, 1.4e-14, 2.2e-11).verdict.value == verdict
+
+
+def test_slopes_that_still_rise_or_are_too_few_decide_nothing() -> None:
+    short = H[:4]
+    rising = np.exp(np.cumsum([0.0, -0.5, -1.5, -2.5]) * np.log(4.0))
+    assert judge_slope(short, rising, 2.75, 1e-14, 2e-11).verdict is Verdict.INCONCLUSIVE
+    assert judge_slope(short[:2], short[:2], 1.75, 1e-14, 2e-11).verdict is Verdict.INCONCLUSIVE
