@@ -51,6 +51,8 @@ LAWS = (
 
 # Laws that share the paths they draw (`Effort.cache`): one process measures them, in this order.
 SAMPLED = ("mean-square-order", "weak-order", "right-limit", "commutation")
+# Those that share errors of one step.
+LOCAL = ("local-mean", "local-mean-square", "local-weak")
 
 Progress = Callable[[Law, "Finding | None"], None]
 
@@ -263,8 +265,9 @@ def _side_by_side(
 ) -> None:
     """The sampled laws first, which take longest and share their paths; each other law by itself."""
     by_name = {law.name: law for law in chosen}
-    shared = [name for name in by_name if name in SAMPLED]
-    groups = ([shared] if shared else []) + [[name] for name in by_name if name not in SAMPLED]
+    shared = [[name for name in by_name if name in family] for family in (SAMPLED, LOCAL)]
+    groups = [group for group in shared if group]
+    groups += [[name] for name in by_name if name not in (*SAMPLED, *LOCAL)]
 
     def take(name: str, found: Finding | side_by_side.Died | None) -> None:
         law = by_name[name]
