@@ -30,6 +30,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         bound = energy_bound(
             problem, y, y1, step_residual(problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages)
         )
+        bound = bound + exact.uncertainty(y, y1)
         found = Measurement(
             abs(float(after - before)) / unit,
             bound / unit,

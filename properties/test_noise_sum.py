@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from sepv.candidate import ask
-from sepv.case import Case
+from sepv.case import Case, with_noise
 from sepv.law import Effort, Measurement, require
 from sepv.problem import PolynomialSystem
 from sepv.scheme import Scheme
@@ -36,16 +36,16 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     most 2r/(1 − CONTRACTION) in the largest component. The rounding of Δ is part of r.
     """
     problem, _, h, dW = case.build()
-    data = case.problem
-    assert isinstance(data, PolynomialSystem)
+    data, c = case.problem, tuple(float(v) for v in problem.c)
     if scheme.systems == "several":
+        assert isinstance(data, PolynomialSystem)
         turned = replace(data, noise=data.noise[::-1], noise_structures=data.noise_structures[::-1])
         others = {"reversed": Case(turned, case.y, h, case.dW[::-1])}
         return _furthest(scheme, case, others)
     total = float(sum(c * w for c, w in zip(problem.c, dW, strict=True)))
     others = {
-        "reversed": Case(replace(data, noise=data.noise[::-1]), case.y, h, case.dW[::-1]),
-        "as one": Case(replace(data, noise=(1.0,)), case.y, h, (total,)),
+        "reversed": with_noise(case, c[::-1], case.dW[::-1]),
+        "as one": with_noise(case, (1.0,), (total,)),
     }
     return _furthest(scheme, case, others)
 

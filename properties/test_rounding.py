@@ -12,8 +12,10 @@ from sepv.reference.problem import exact_problem
 
 from sepv import problems, wiener
 from sepv.candidate import guarded
+from sepv.given import NO_START, describe, problems_of, reach
 from sepv.implicit import Status
 from sepv.law import Effort, Finding, Law, Verdict, require
+from sepv.problem import Problem
 from sepv.scheme import Scheme
 from sepv.simulation import advance
 from sepv.tolerance import energy_ulp, rounding_walk
@@ -37,8 +39,12 @@ BEYOND, EXPLODED = 1e150, 1e100
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
     """rms energy defect after n steps, in ulp of H over √n, at its largest; and how it grows."""
     rows, lines, broken, checks = [(0.0, 1.0)], [], [], 0
-    for name, h, steps in {"nambu": NAMBU_RUNS, "several": SEVERAL_RUNS}.get(scheme.systems, RUNS):
-        defects, predicted = energy_walk(scheme, name, h, steps, effort.seed)
+    runs = runs_for(scheme)
+    if not runs:
+        return law.finding(Verdict.NOT_APPLICABLE, message=NO_START)
+    for problem, h, steps in runs:
+        name = problem.name
+        defects, predicted = energy_walk(scheme, problem, h, steps, effort.seed)
         alive = np.isfinite(defects[-1])
         if alive.sum() < PATHS // 2:
             broken.append(f"{name}, h = {h:g}: {PATHS - alive.sum()} of {PATHS} paths failed")
@@ -69,14 +75,23 @@ def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
     )
 
 
-def energy_walk(scheme: Scheme, name: str, h: float, steps: int, seed: int) -> tuple[np.ndarray, float]:
+def runs_for(scheme: Scheme) -> list[tuple[Problem, float, int]]:
+    """(problem, h, steps): the problems that the scheme is for, with steps that their slopes allow, or its class's."""
+    own = problems_of(scheme)
+    if own is None:
+        known = {"nambu": NAMBU_RUNS, "several": SEVERAL_RUNS}.get(scheme.systems, RUNS)
+        return [(problems.by_name(name), h, steps) for name, h, steps in known]
+    return [(p, 0.01 * reach(p), 2048) for p in own] + [(p, 0.125 * reach(p), 256) for p in own]
+
+
+def energy_walk(
+    scheme: Scheme, problem: Problem, h: float, steps: int, seed: int
+) -> tuple[np.ndarray, float]:
     """Signed energy defects in ulp of H (checkpoints, paths), H in extended precision; NaN for failed paths.
 
     And what rounding alone moves H by in a step, in the same unit.
     """
-    problem, asked = problems.by_name(name), guarded(scheme)
-    assert problem.data is not None
-    exact = exact_problem(problem.data, 30)
+    asked, exact = guarded(scheme), exact_problem(describe(problem), 30)
     raw = wiener.increments(seed, T=h * steps, steps=steps, noises=problem.noises, paths=PATHS)
     dW = wiener.truncate(raw, h, scheme.truncation)
     y0 = np.array(problem.initial, dtype=np.float64)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import strategies as st
 from sepv.reference.more_equations import equation_for
-from sepv.reference.steps import reference_step
+from sepv.reference.steps import step_condition
 
 from sepv.candidate import ask
 from sepv.case import Case
@@ -14,7 +14,7 @@ from sepv.law import Effort, Measurement, require
 from sepv.problem import PolynomialSystem
 from sepv.scheme import Scheme
 from sepv.search import searched
-from sepv.strategies import casimir_systems, paper_steps, poisson_systems, steps
+from sepv.strategies import CONTRACTION, casimir_systems, paper_steps, poisson_systems, steps
 from sepv.tolerance import state_ulp, step_residual
 
 
@@ -48,7 +48,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         problem, y1, returned, h_back, back, scheme.solver_tolerance, scheme.stages
     )
     method = equation_for(scheme.systems, scheme.stages)
-    condition = reference_step(method, case.problem, y1.tolist(), h_back, back.tolist(), 20).condition
+    condition = step_condition(method, case.problem, y1.tolist(), h_back, back.tolist(), CONTRACTION)
     bound = np.array(condition) @ residual
     error = np.abs(returned - y)
     k = int(np.argmax(error / bound))

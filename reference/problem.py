@@ -24,7 +24,7 @@ from sepv.reference.arithmetic import (
 
 from sepv.errors import UsageError
 from sepv.polynomial import Exponents, Polynomial
-from sepv.problem import NamedProblem, PolynomialSystem
+from sepv.problem import GivenProblem, NamedProblem, PolynomialSystem
 
 Matrix = list[Vector]
 Description = PolynomialSystem | NamedProblem
@@ -93,6 +93,10 @@ class ExactProblem:
         ]
         return [total(weight * g[i] for weight, g in slopes) for i in range(self.dimension)]
 
+    def uncertainty(self, *_states: Any) -> float:
+        """What H(y1) − H(y0) may be off by, beside a bound of rounding in binary64: nothing."""
+        return 0.0
+
     def casimir_values(self, y: Vector) -> Vector:
         """All quadratic Casimirs yᵀAy, then all linear ones bᵀy."""
         quadratic = [
@@ -103,7 +107,7 @@ class ExactProblem:
 
 
 @lru_cache(maxsize=512)
-def exact_problem(data: Description, digits: int = 50) -> ExactProblem:
+def exact_problem(data: Description | GivenProblem, digits: int = 50) -> Any:
     """The evaluator of a description in mpmath, made once for each precision; `ctx` is its context.
 
     Raises
@@ -111,6 +115,10 @@ def exact_problem(data: Description, digits: int = 50) -> ExactProblem:
     UsageError
         For a name that the references do not know.
     """
+    if isinstance(data, GivenProblem):
+        from sepv.reference.given import GivenFunctions
+
+        return GivenFunctions(data, digits)
     problem = in_arithmetic(data, decimal(digits))
     problem.ctx = context(digits)
     return problem

@@ -17,6 +17,7 @@ from sepv.reference.problem import Description, ExactProblem, binary64_problem, 
 from sepv.reference.solve import BROKEN, Failure, Matrix, Root, largest, newton, refine
 
 from sepv.errors import StepFailure, UsageError
+from sepv.problem import GivenProblem
 
 # Guard digits: three for the conversion and the sums, the rest for the condition of the equation.
 GUARD = 15
@@ -70,6 +71,19 @@ def require_digits(digits: int) -> None:
             received=repr(digits),
             remedy="50 are the digits of the vectors; each further digit only costs time",
         )
+
+
+def step_condition(
+    scheme: str | Equation, data: Any, y: Sequence[float], h: float, dW: Sequence[float], contraction: float
+) -> list[list[float]]:
+    """|(I − ∂R/∂y1)⁻¹| at the step's solution, which turns residuals into errors of y1.
+
+    A problem made of functions has no such solution here. Its steps are drawn where R is a contraction with the factor
+    κ = `contraction` in the largest component, so that no error of y1 is larger than Σ_i r_i/(1 − κ).
+    """
+    if isinstance(data, GivenProblem):
+        return [[1 / (1 - contraction)] * len(y)] * len(y)
+    return reference_step(scheme, data, y, h, dW, 20).condition
 
 
 def reference_step(

@@ -5,7 +5,8 @@ from __future__ import annotations
 import base64
 import json
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,9 @@ from sepv import problems
 from sepv.description import problem_from_json, problem_to_json
 from sepv.errors import UsageError
 from sepv.polynomial import parse_float
-from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
+from sepv.problem import Array, Description, GivenProblem, NamedProblem, PolynomialSystem, Problem
 from sepv.structures import StructuresProblem
+from sepv.target import load_problem
 
 # A witness of sixty-four dimensions is a tenth of it.
 MOST_BYTES = 2**24
@@ -25,7 +27,7 @@ MOST_BYTES = 2**24
 class Case:
     """A problem, a state y (d,), a step h and the Wiener increments dW (m,)."""
 
-    problem: PolynomialSystem | NamedProblem
+    problem: Description
     y: tuple[float, ...]
     h: float
     dW: tuple[float, ...] = ()
@@ -49,6 +51,24 @@ class Case:
         )
 
 
+def with_noise(case: Case, c: tuple[float, ...], dW: tuple[float, ...]) -> Case:
+    """The same step of the same H and B with other noises."""
+    data = case.problem
+    if isinstance(data, PolynomialSystem):
+        changed: Description = replace(data, noise=c)
+    elif isinstance(data, NamedProblem):
+        parameters = tuple((k, c if k == "noise" else v) for k, v in data.parameters)
+        changed = NamedProblem(data.name, parameters)
+    else:
+        changed = _other_noise(data, c)
+    return replace(case, problem=changed, dW=dW)
+
+
+@lru_cache(maxsize=256)
+def _other_noise(given: GivenProblem, c: tuple[float, ...]) -> GivenProblem:
+    return GivenProblem(replace(given.problem, noise=c, check=False), given.target)
+
+
 def to_json(case: Case) -> dict[str, Any]:
     """A JSON object, floats in hex."""
     return {
@@ -67,8 +87,9 @@ def from_json(data: Any) -> Case:
     UsageError
     """
     try:
+        given = "given" in data["problem"]
         return Case(
-            problem=problem_from_json(data["problem"]),
+            problem=(_given_problem if given else problem_from_json)(data["problem"]),
             y=tuple(parse_float(v) for v in data["y"]),
             h=parse_float(data["h"]),
             dW=tuple(parse_float(v) for v in data["dW"]),
@@ -79,6 +100,25 @@ def from_json(data: Any) -> Case:
             received=f"{type(error).__name__}: {error}",
             remedy="copy it whole from a report",
         ) from error
+
+
+def _given_problem(data: dict[str, Any]) -> GivenProblem:
+    """A problem made of functions, from where it was named.
+
+    Raises
+    ------
+    UsageError
+        For one that had no name a command can load.
+    """
+    target = str(data["given"])
+    if ":" not in target and target not in problems.FURTHER:
+        raise UsageError(
+            expected="a witness whose problem can be loaded: a name, data, or module:attribute",
+            received=f"the problem {target!r}, which was handed over as an object",
+            remedy="name it as module:attribute with -p, or measure again in Python: verify(…, problems=[…])",
+        )
+    noise = tuple(parse_float(c) for c in data["noise"])
+    return GivenProblem(replace(load_problem(target), noise=noise, check=False), target)
 
 
 def to_token(case: Case) -> str:
@@ -120,7 +160,9 @@ def _row(values: Any) -> str:
     return "(" + ", ".join(repr(float(v)) for v in values) + ")"
 
 
-def _describe_problem(data: PolynomialSystem | NamedProblem) -> list[str]:
+def _describe_problem(data: Description) -> list[str]:
+    if isinstance(data, GivenProblem):
+        return [f"problem {data.target or data.problem.name}"]
     if isinstance(data, NamedProblem):
         given = ", ".join(f"{k} = {_row(v) if len(v) > 1 else repr(v[0])}" for k, v in data.parameters)
         return [f"problem {data.name}: {given}"]

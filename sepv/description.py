@@ -7,11 +7,14 @@ from typing import Any
 from sepv import polynomial as poly
 from sepv.errors import ProblemError
 from sepv.polynomial import Polynomial, parse_float
-from sepv.problem import NamedProblem, PolynomialSystem
+from sepv.problem import Description, GivenProblem, NamedProblem, PolynomialSystem
 
 
-def problem_to_json(data: PolynomialSystem | NamedProblem) -> dict[str, Any]:
-    """{"name", "parameters"} or polynomial data, floats in hex."""
+def problem_to_json(data: Description) -> dict[str, Any]:
+    """{"name", "parameters"} or polynomial data, floats in hex; {"given"} for functions, with the noise they have."""
+    if isinstance(data, GivenProblem):
+        noise = [float(c).hex() for c in data.problem.c]
+        return {"given": data.target or data.problem.name, "noise": noise}
     if isinstance(data, PolynomialSystem):
         return to_json(data)
     return {"name": data.name, "parameters": {k: [v.hex() for v in values] for k, values in data.parameters}}

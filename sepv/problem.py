@@ -217,3 +217,14 @@ def _constant(key: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
         )
     array.setflags(write=False)
     return array
+
+
+@dataclass(frozen=True)
+class GivenProblem:
+    """A user's problem made of functions, where a case holds data otherwise; `target` names it, where it has a name."""
+
+    problem: Problem
+    target: str = ""
+
+
+Description = PolynomialSystem | NamedProblem | GivenProblem

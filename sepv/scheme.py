@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +15,7 @@ from sepv.implicit import Solution, require_converged
 from sepv.problem import Array, Problem
 
 # The classes of systems that a scheme may be for; `sepv.strategies_structures` has cases for each.
-SYSTEMS = ("single", "nambu", "several")
+SYSTEMS = ("single", "nambu", "several", "canonical-separable", "lie-poisson", "rigid-bodies")
 # How a scheme says that it did not solve a step, when it does not know `sepv.StepFailure` (an ArithmeticError too).
 REFUSALS = (ArithmeticError, np.linalg.LinAlgError)
 Step = Callable[[Problem, Array, float, Array], Array]
@@ -50,7 +51,11 @@ class Scheme:
     systems : str
         The class of systems it takes, from which laws draw their cases: "single" for every (1.1), "nambu" for
         those in dimension three with a Casimir and a factor (`Problem.nambu`), "several" for several structures
-        or Hamiltonians (`sepv.structures`).
+        or Hamiltonians (`sepv.structures`). Narrower than "single", and random as well: "canonical-separable"
+        for H = T(p) + V(q) with y = (p, q), "lie-poisson" for B linear in y, "rigid-bodies" for random inertia.
+    problems : sequence of problems or strategies
+        What it is for, where that is narrower still: names, ``module:attribute``, `Problem` records, families,
+        Hypothesis strategies of `PolynomialSystem` or `Problem`. Laws draw their cases from them and nothing else.
     stages : int
         s of the collocation family: laws that compare with (2.1) compare with its s-stage method
         (Cohen and Hairer), those that compare with the midpoint rule with the s-stage Gauss method.
@@ -68,6 +73,7 @@ class Scheme:
     batched: bool = False
     stages: int = 1
     systems: str = "single"
+    problems: Iterable[Any] = ()
 
     def __post_init__(self) -> None:
         claims = {self.claims} if isinstance(self.claims, str) else set(self.claims)
@@ -85,6 +91,8 @@ class Scheme:
                 received=repr(self.systems),
                 remedy="leave it out for a scheme for (1.1)",
             )
+        listed = isinstance(self.problems, Iterable) and not isinstance(self.problems, str)
+        object.__setattr__(self, "problems", tuple(self.problems) if listed else (self.problems,))
         object.__setattr__(self, "claims", frozenset(c.strip().replace("_", "-") for c in claims))
         if not callable(self.step):
             raise UsageError(

@@ -16,6 +16,7 @@ from hypothesis.errors import Unsatisfiable
 from sepv import case as cases
 from sepv.case import Case
 from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure
+from sepv.given import cases_for
 from sepv.law import Effort, Finding, Law, Measurement, Verdict
 from sepv.same_draws import without_local_constants
 from sepv.scheme import Scheme
@@ -77,13 +78,18 @@ def searched(
         reason = not_applicable(scheme)
         if reason:
             return law.finding(Verdict.NOT_APPLICABLE, message=reason)
+        own = cases_for(law.name, scheme)
+        if isinstance(own, str):
+            return law.finding(Verdict.NOT_APPLICABLE, message=own)
+        if own is not None:
+            return _search(law, scheme, effort, own, tuple, check, faults_violate)
         if scheme.systems == "single":
             return _search(law, scheme, effort, cases(), corners, check, faults_violate)
-        own = CASES[scheme.systems].get(law.name)
-        if own is None:
+        special = CASES[scheme.systems].get(law.name)
+        if special is None:
             reason = f"the law is not about the systems that the scheme takes ({scheme.systems})"
             return law.finding(Verdict.NOT_APPLICABLE, message=reason)
-        return _search(law, scheme, effort, own(), tuple, check, faults_violate)
+        return _search(law, scheme, effort, special(), tuple, check, faults_violate)
 
     def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
         log = _Log()

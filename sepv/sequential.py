@@ -8,14 +8,16 @@ look judging by an interval of that level.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from sepv import problems
 from sepv.candidate import guarded
 from sepv.convergence import Estimate, StrongErrors, above_floor, join, strong_errors
 from sepv.errors import Skipped
+from sepv.given import NO_START, problems_of, reach
 from sepv.law import Effort, Finding, Law, Verdict
+from sepv.problem import NamedProblem, Problem
 from sepv.scheme import Scheme
 from sepv.tilting import tilted_errors
 
@@ -34,6 +36,11 @@ class Setup:
     problem: str
     T: float
     steps: tuple[int, ...]
+    given: Problem | None = None
+
+    def build(self) -> Problem:
+        """The problem itself."""
+        return problems.by_name(self.problem) if self.given is None else self.given
 
 
 # A non-constant B with one noise, and a non-quadratic H with two: no large step of theirs is unsolvable.
@@ -52,7 +59,19 @@ SEVERAL_SETUPS = tuple(
 
 def setups_for(scheme: Scheme) -> Sequence[Setup]:
     """The problems on which schemes for its class of systems are judged."""
+    own = problems_of(scheme)
+    if own is not None:
+        return tuple(_setup(problem) for problem in own)
     return {"nambu": NAMBU_SETUPS, "several": SEVERAL_SETUPS}.get(scheme.systems, SETUPS)
+
+
+def _setup(problem: Problem) -> Setup:
+    """A user's problem: as the paper's where it is one of those, else over a time that its slopes allow."""
+    data = problem.data
+    for known in (*SETUPS, *NAMBU_SETUPS, *SEVERAL_SETUPS):
+        if isinstance(data, NamedProblem) and known.problem == data.name:
+            return replace(known, given=problem)
+    return Setup(problem.name, reach(problem), SETUPS[0].steps, problem)
 
 
 def steps_for(setup: Setup, truncation: int | None, order: float | None) -> tuple[int, ...]:
@@ -96,7 +115,7 @@ def sampled(scheme: Scheme, setup: Setup, paths: int, effort: Effort) -> StrongE
     have: StrongErrors | None = effort.cache.get(key)
     done = have.squared.shape[1] if have else 0
     if done < paths:
-        problem, wanted = problems.by_name(setup.problem), range(done, paths)
+        problem, wanted = setup.build(), range(done, paths)
         asked, levels = guarded(scheme), steps_for(setup, scheme.truncation, order)
         if order is not None and order >= TILTED:
             more = tilted_errors(
@@ -126,6 +145,8 @@ def judge(
     show : how an estimate is shown to a reader (an order as it is, a logarithm as its exponential).
     """
     setups = setups_for(scheme) if setups is None else setups
+    if not setups:
+        return law.finding(Verdict.NOT_APPLICABLE, message=NO_START)
     alpha = FALSE_ALARM / (len(setups) * len(looks(effort)))
     verdicts, values, lines, measured = [], [], [], []
     skipped: list[Skipped] = []

@@ -33,6 +33,7 @@ class Task:
     effort: Any
     timeout: float
     failures: dict[str, Any]
+    problems: Any = None
 
 
 class Died(Exception):

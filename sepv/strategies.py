@@ -16,7 +16,7 @@ from sepv import polynomial as poly
 from sepv import problems
 from sepv.case import Case
 from sepv.polynomial import Polynomial, PolynomialMap
-from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
+from sepv.problem import Array, Description, NamedProblem, PolynomialSystem, Problem
 from sepv.structures import StructuresProblem
 
 # A contraction factor of 1/4 leaves a unique solution near y0 for every scheme that evaluates B and ∇H
@@ -185,7 +185,7 @@ def steps(draw: st.DrawFn, systems: st.SearchStrategy[PolynomialSystem] | None =
     data = draw(poisson_systems() if systems is None else systems)
     y = tuple(draw(st.lists(components(), min_size=data.dimension, max_size=data.dimension)))
     radius = contraction_radius(problems.build(data), np.array(y))
-    return draw(_steps_within(data, y, min(radius, 4.0)))
+    return draw(steps_within(data, y, min(radius, 4.0)))
 
 
 @st.composite
@@ -197,7 +197,7 @@ def paper_steps(draw: st.DrawFn) -> Case:
     # Lotka-Volterra has states near its own where |Δ| = 0.26 has no solution: an eighth of that, at most.
     # The others were solved at |Δ| = 1/2 from 10⁵ states each, and led back by −Δ.
     largest = 5 if data.name == "lotka-volterra" else 1
-    return draw(_steps_within(data, y, 2.0 ** -draw(st.sampled_from([largest, largest + 1, largest + 2, 7]))))
+    return draw(steps_within(data, y, 2.0 ** -draw(st.sampled_from([largest, largest + 1, largest + 2, 7]))))
 
 
 def any_steps() -> st.SearchStrategy[Case]:
@@ -206,9 +206,7 @@ def any_steps() -> st.SearchStrategy[Case]:
 
 
 @st.composite
-def _steps_within(
-    draw: st.DrawFn, data: PolynomialSystem | NamedProblem, y: tuple[float, ...], radius: float
-) -> Case:
+def steps_within(draw: st.DrawFn, data: Description, y: tuple[float, ...], radius: float) -> Case:
     """|h| + Σ|c_j ΔW_j| ≤ radius, each part a share of it."""
     c = problems.build(data).c
     # Every fourth step or so is short: what is right for long steps may be cut short for those.

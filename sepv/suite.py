@@ -19,6 +19,7 @@ from sepv.arguments import did_you_mean
 from sepv.errors import SepvError, Skipped, TargetError, UsageError
 from sepv.expected import Expectations, ExpectedFailure
 from sepv.expected import load as load_expected
+from sepv.given import items
 from sepv.law import Effort, Finding, Law, Verdict
 from sepv.scheme import Scheme, Step
 from sepv.target import load_scheme
@@ -199,6 +200,7 @@ def verify(
     progress: Progress | None = None,
     expected: str | Path | None = None,
     jobs: int = 1,
+    problems: Any = None,
 ) -> Report:
     """Measure every law on a scheme, claimed or not.
 
@@ -221,6 +223,10 @@ def verify(
     jobs : int
         Laws measured side by side in so many processes, with the same verdicts. The scheme must be one that another
         process can import.
+    problems : problem or strategy, or a list of them, optional
+        What the scheme is for, where that is not every system of its class: built-in names, families
+        (`sepv.families`), ``module:attribute``, ``.json`` files, `Problem` records, Hypothesis strategies of
+        `PolynomialSystem` or `Problem`. Laws draw their cases from these alone.
 
     Raises
     ------
@@ -231,7 +237,7 @@ def verify(
     if not isinstance(jobs, int) or isinstance(jobs, bool) or jobs < 1:
         raise UsageError(expected="jobs, an integer ≥ 1", received=repr(jobs), remedy="jobs=2 for two cores")
     listed = load_expected(expected, LAWS) if expected is not None else Expectations()
-    candidate = _load(scheme, {*claims, *(listed.claims or ())}, timeout)
+    candidate = _load(scheme, {*_listed(claims), *(listed.claims or ())}, timeout, problems)
     load_laws(candidate.claims)
     found: dict[str, Finding] = {}
 
@@ -245,7 +251,8 @@ def verify(
     try:
         if jobs > 1 and len(chosen) > 1:
             named = scheme if isinstance(scheme, str) else candidate
-            task = side_by_side.Task(named, frozenset(candidate.claims), effort, timeout, listed.failures)
+            claimed = frozenset(candidate.claims)
+            task = side_by_side.Task(named, claimed, effort, timeout, listed.failures, problems)
             _side_by_side(task, chosen, jobs, receive)
         else:
             for law in chosen:
@@ -293,17 +300,26 @@ def _fails(f: Finding, pinned: bool) -> bool:
     return f.verdict is not Verdict.HOLDS and not unasked
 
 
-def _load(scheme: str | Scheme | Step, claims: Iterable[str], timeout: float) -> Scheme:
+def _load(scheme: str | Scheme | Step, claims: Iterable[str], timeout: float, problems: Any = None) -> Scheme:
     """The scheme: a bare function is called once or twice to see whether it takes batches, and may not come back."""
     try:
         with _deadline(timeout):
-            return load_scheme(scheme, _listed(claims))
+            return load_candidate(scheme, _listed(claims), problems)
     except _TimedOut:
         raise TargetError(
             expected="a scheme that can be loaded, and a step that comes back",
             received=f"nothing: it did not come back within {timeout:g} s",
             remedy="a step of a small problem takes milliseconds; look for a loop that does not end",
         ) from None
+
+
+def load_candidate(scheme: str | Scheme | Step, claims: Iterable[str], problems: Any = None) -> Scheme:
+    """The scheme under verification, with what it is for."""
+    if problems is None:
+        return load_scheme(scheme, claims)
+    own = items(problems)
+    fixed = [p for item in own for p in item.problems]
+    return replace(load_scheme(scheme, claims, fixed), problems=own)
 
 
 def replay(scheme: str | Scheme | Step, law: str, witness: dict[str, Any]) -> Finding:

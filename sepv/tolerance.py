@@ -35,7 +35,7 @@ import numpy as np
 
 from sepv.fields import matvec
 from sepv.polynomial import PolynomialMap
-from sepv.problem import Array, Problem
+from sepv.problem import Array, Function, Problem
 from sepv.structures import StructuresProblem
 from sepv.tableaux import amplification, exact_nodes
 
@@ -54,8 +54,7 @@ def gradient_majorant(problem: Problem, *states: Array) -> Array:
             rows.append(problem.gradient.majorant(y))
         else:
             rows.append(np.abs(problem.gradient(y)))
-            if problem.hessian is not None:
-                rows[-1] = rows[-1] + matvec(np.abs(problem.hessian(y)), np.abs(y))
+            rows[-1] = rows[-1] + matvec(np.abs(slopes(problem.gradient, problem.hessian, y)), np.abs(y))
     return np.max(rows, axis=0)
 
 
@@ -67,10 +66,22 @@ def structure_majorant(problem: Problem, *states: Array) -> Array:
             rows.append(problem.structure.majorant(y))
         else:
             rows.append(np.abs(problem.structure(y)))
-            if problem.structure_derivative is not None:
-                slopes = np.abs(problem.structure_derivative(y))
-                rows[-1] = rows[-1] + np.einsum("ijk...,k...->ij...", slopes, np.abs(y))
+            slope = np.abs(slopes(problem.structure, problem.structure_derivative, y))
+            rows[-1] = rows[-1] + np.einsum("ijk...,k...->ij...", slope, np.abs(y))
     return np.max(rows, axis=0)
+
+
+def slopes(function: Function, derivative: Function | None, y: Array) -> Array:
+    """∂function/∂y (…, d, ...) at y (d, ...): as given, else by central differences, good to six digits: for sizes."""
+    if derivative is not None:
+        return derivative(y)
+    columns = []
+    with np.errstate(all="ignore"):
+        for k in range(y.shape[0]):
+            step = np.zeros_like(y)
+            step[k] = 2.0**-17 * (1 + np.abs(y[k]))
+            columns.append((function(y + step) - function(y - step)) / (2 * step[k]))
+    return np.stack(columns, axis=function(y).ndim - (y.ndim - 1))
 
 
 def _largest(structure: Any, *states: Array) -> Array:

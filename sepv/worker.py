@@ -35,11 +35,10 @@ def main() -> None:
 
 def answer(say: Any) -> None:
     """Load the scheme once, then measure group after group."""
-    from sepv.suite import load_laws, measure
-    from sepv.target import load_scheme
+    from sepv.suite import load_candidate, load_laws, measure
 
     task = _task(sys.stdin.buffer)
-    scheme = load_scheme(task.scheme, task.claims)
+    scheme = load_candidate(task.scheme, task.claims, task.problems)
     _end_children_first(scheme)
     while True:
         for law in load_laws(pickle.load(sys.stdin.buffer)):

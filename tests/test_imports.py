@@ -46,6 +46,8 @@ LAYERS = [
     "sepv.strategies",
     "sepv.strategies_structures",
     "sepv.corners",
+    "sepv.families",
+    "sepv.given",
     "sepv.law",
     "sepv.same_draws",
     "sepv.search sepv.sequential sepv.local_errors sepv.local_orders",

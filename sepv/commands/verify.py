@@ -16,6 +16,10 @@ from sepv.errors import UsageError
 @click.option(
     "--law", "laws", multiple=True, metavar="NAME", help="Only this law; may be repeated.", shell_complete=complete_laws
 )  # fmt: skip
+@click.option(
+    "--problem", "-p", "problems", multiple=True, metavar="PROBLEM",
+    help="What it is for: name, family, file.json or module:attribute; may be repeated.",
+)  # fmt: skip
 @click.option("--claim", "claims", multiple=True, metavar="LAW,…", help="Hold the scheme to these laws too.")
 @click.option("--json", "json", type=FILE, help="Write the report to this file.")
 @click.option("--junit", "junit", type=FILE, help="Write JUnit XML to this file.")
@@ -57,6 +61,7 @@ def verify(targets: tuple[str, ...], laws: tuple[str, ...], claims: tuple[str, .
     sepv verify energy-preserving
     sepv verify energy-preserving midpoint euler-heun
     sepv verify mymodule:step --claim energy,casimir --json report.json
+    sepv verify mymodule:step -p canonical-separable -p mymodule:problem
     """
     if bool(targets) == bool(options["program"]):
         raise UsageError(
@@ -95,6 +100,7 @@ def _arguments(laws: tuple[str, ...], claims: tuple[str, ...], **options: Any) -
         "timeout": options["timeout"],
         "expected": options["expected"],
         "jobs": options["jobs"],
+        "problems": options["problems"] or None,
     }
 
 

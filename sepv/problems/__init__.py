@@ -8,7 +8,7 @@ from sepv.arguments import did_you_mean
 from sepv.description import from_json as from_json
 from sepv.description import to_json as to_json
 from sepv.errors import UsageError
-from sepv.problem import NamedProblem, PolynomialSystem, Problem
+from sepv.problem import Description, GivenProblem, PolynomialSystem, Problem
 from sepv.problems.kepler import kepler as kepler
 from sepv.problems.lotka_volterra import lotka_volterra as lotka_volterra
 from sepv.problems.nambu_system import nambu_system as nambu_system
@@ -51,8 +51,10 @@ def by_name(name: str) -> Problem:
     return factory()
 
 
-def build(data: PolynomialSystem | NamedProblem) -> Problem:
+def build(data: Description) -> Problem:
     """The problem that a description means."""
+    if isinstance(data, GivenProblem):
+        return data.problem
     if isinstance(data, PolynomialSystem):
         return polynomial_problem(data)
     factory = (NAMED | FURTHER).get(data.name)

@@ -1,0 +1,69 @@
+"""A problem made of Python functions: H as exactly as its own code allows, Casimirs exactly.
+
+There is no second source to evaluate such an H from, so that it is asked itself, in the platform's longest float where
+its code passes that on, else in binary64. How far its value may be off is stated and goes into the bounds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from sepv.reference.arithmetic import Vector, context
+
+from sepv.problem import GivenProblem
+
+# A well-written H of d variables is off by what a few roundings of y and of its value do; 16 is a heuristic: it covers
+# a sum of some ten terms, each the product of a few factors, whatever order they are taken in.
+ROUNDINGS = 16.0
+
+
+class GivenFunctions:
+    """The evaluations that laws ask of an `ExactProblem`, for a `GivenProblem`."""
+
+    def __init__(self, given: GivenProblem, digits: int) -> None:
+        self.problem = given.problem
+        self.ctx = context(digits)
+
+    def state(self, y: Sequence[float]) -> Vector:
+        """A binary64 state, exactly."""
+        return [self.ctx.mpf(float(v)) for v in y]
+
+    def hamiltonian(self, y: Vector) -> Any:
+        """H at a binary64 state."""
+        values = [float(v) for v in y]
+        with np.errstate(all="ignore"):
+            try:
+                long = self.problem.hamiltonian(np.array(values, dtype=np.longdouble))
+            except (TypeError, ValueError, ArithmeticError):
+                long = None
+            if isinstance(long, np.longdouble) and np.isfinite(long):
+                head = float(long)
+                return self.ctx.mpf(head) + self.ctx.mpf(float(long - np.longdouble(head)))
+            return self.ctx.mpf(float(self.problem.hamiltonian(np.array(values))))
+
+    def uncertainty(self, *states: Any) -> float:
+        """What H(y1) − H(y0) may be off by: ROUNDINGS half-ulps of |∇H|·|y| + |H| at each state.
+
+        In longest floats it is less by their further bits; but a function that computes a part of H in binary64 and the
+        rest in more cannot be told from one that does not, so that the bound is that of binary64 in either case.
+        """
+        total = 0.0
+        for y in states:
+            slopes = np.abs(self.problem.gradient(y)) @ np.abs(y) + abs(float(self.problem.hamiltonian(y)))
+            total += ROUNDINGS * 2.0**-53 * float(slopes)
+        return total
+
+    def casimir_values(self, y: Vector) -> Vector:
+        """All quadratic Casimirs yᵀAy, then all linear ones bᵀy."""
+        fsum, number = self.ctx.fsum, self.ctx.mpf
+        quadratic = [
+            fsum(number(float(A[i, j])) * y[i] * y[j] for i, j in zip(*np.nonzero(A), strict=True))
+            for A in self.problem.casimirs
+        ]
+        linear = [
+            fsum(number(float(b)) * v for b, v in zip(row, y, strict=True))
+            for row in self.problem.linear_casimirs
+        ]
+        return quadratic + linear
