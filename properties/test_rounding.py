@@ -12,7 +12,7 @@ from sepv.reference.problem import exact_problem
 
 from sepv import problems, wiener
 from sepv.candidate import guarded
-from sepv.given import NO_START, describe, problems_of, reach
+from sepv.given import describe, problems_of, reach
 from sepv.implicit import Status
 from sepv.law import Effort, Finding, Law, Verdict, require
 from sepv.problem import Problem
@@ -39,10 +39,7 @@ BEYOND, EXPLODED = 1e150, 1e100
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
     """rms energy defect after n steps, in ulp of H over √n, at its largest; and how it grows."""
     rows, lines, broken, checks = [(0.0, 1.0)], [], [], 0
-    runs = runs_for(scheme)
-    if not runs:
-        return law.finding(Verdict.NOT_APPLICABLE, message=NO_START)
-    for problem, h, steps in runs:
+    for problem, h, steps in runs_for(scheme):
         name = problem.name
         defects, predicted = energy_walk(scheme, problem, h, steps, effort.seed)
         alive = np.isfinite(defects[-1])

@@ -19,7 +19,7 @@ from sepv import problems as named
 from sepv.arguments import did_you_mean
 from sepv.case import Case, with_noise
 from sepv.checks import sample_states
-from sepv.errors import UsageError
+from sepv.errors import Skipped, UsageError
 from sepv.families import FAMILIES
 from sepv.problem import Array, Description, GivenProblem, NamedProblem, PolynomialSystem, Problem
 from sepv.strategies import CONTRACTION, components, contraction_radius, steps_within
@@ -302,6 +302,9 @@ OUTSIDE = {
 }
 
 
+NO_START = "the problems have no initial state: name one that has, or give initial= when making it"
+
+
 def cases_for(law: str, scheme: Any) -> st.SearchStrategy[Case] | str | None:
     """Where a law draws the cases of a scheme that is for something special: a strategy, or why there is none.
 
@@ -339,12 +342,20 @@ def sources(scheme: Any) -> tuple[Item, ...]:
 
 
 def problems_of(scheme: Any) -> tuple[Problem, ...] | None:
-    """Its problems with an initial state, for laws about many steps; None where it is for a whole class."""
+    """Its problems with an initial state, for laws about many steps; None where it is for a whole class.
+
+    Raises
+    ------
+    Skipped
+        Where none of them has one.
+    """
     own = sources(scheme)
-    return tuple(problem for item in own for problem in item.problems) if own else None
-
-
-NO_START = "the problems have no initial state: name one that has, or give initial= when making it"
+    if not own:
+        return None
+    found = tuple(problem for item in own for problem in item.problems)
+    if not found:
+        raise Skipped(NO_START)
+    return found
 
 
 def reach(problem: Problem) -> float:

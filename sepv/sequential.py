@@ -15,7 +15,7 @@ from sepv import problems
 from sepv.candidate import guarded
 from sepv.convergence import Estimate, StrongErrors, above_floor, join, strong_errors
 from sepv.errors import Skipped
-from sepv.given import NO_START, problems_of, reach
+from sepv.given import problems_of, reach
 from sepv.law import Effort, Finding, Law, Verdict
 from sepv.problem import NamedProblem, Problem
 from sepv.scheme import Scheme
@@ -145,8 +145,6 @@ def judge(
     show : how an estimate is shown to a reader (an order as it is, a logarithm as its exponential).
     """
     setups = setups_for(scheme) if setups is None else setups
-    if not setups:
-        return law.finding(Verdict.NOT_APPLICABLE, message=NO_START)
     alpha = FALSE_ALARM / (len(setups) * len(looks(effort)))
     verdicts, values, lines, measured = [], [], [], []
     skipped: list[Skipped] = []

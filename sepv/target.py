@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from sepv.errors import TargetError, UsageError
+from sepv.polynomial import parse_float
 from sepv.problem import NamedProblem, PolynomialSystem, Problem
 from sepv.scheme import Scheme, Step
 
@@ -162,7 +163,9 @@ def _from_file(path: Path) -> Problem:
             received=f"{path}: {error}",
             remedy="write one with sepv.problems.to_json",
         ) from error
-    return problems.build(problems.from_json(data))
+    problem, start = problems.build(problems.from_json(data)), data.get("initial")
+    given = {} if start is None else {"initial": [parse_float(v) for v in start]}
+    return replace(problem, name=path.stem, check=False, **given)
 
 
 def load_object(target: str) -> Any:

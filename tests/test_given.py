@@ -1,0 +1,238 @@
+"""A scheme is judged on what it is for: problems by name, file, module:attribute, record, family or strategy."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import sepv
+from sepv import case, families, problems
+from sepv import polynomial as poly
+from sepv.fields import vector_field
+from sepv.given import cases_for, items, measured_radius
+from sepv.law import Effort, Verdict
+from sepv.polynomial import Polynomial
+from sepv.strategies import contraction_radius
+from sepv.suite import replay
+
+FEW = Effort(examples=8, paths=256, shrink_seconds=1.0)
+SEARCHED = "contract,identity,energy,casimir,noise-sum,symmetry,reduction,reference,midpoint"
+
+
+def verlet(problem: Any, y: Any, h: float, dW: Any) -> Any:
+    """Störmer-Verlet with the random step, for H = T(p) + V(q) and y = (p, q) alone."""
+    n = problem.dimension // 2
+    expected = np.zeros((2 * n, 2 * n))
+    expected[:n, n:] = -np.eye(n)
+    if problem.dimension % 2 or not np.array_equal(np.triu(problem.structure(y)), expected):
+        raise sepv.Skipped("only H = T(p) + V(q) with y = (p, q)")
+    delta = problem.random_step(h, dW)
+    p = y[:n] - 0.5 * delta * problem.gradient(y)[n:]
+    q = y[n:] + delta * problem.gradient(np.concatenate([p, y[n:]]))[:n]
+    return np.concatenate([p - 0.5 * delta * problem.gradient(np.concatenate([p, q]))[n:], q])
+
+
+def heun(problem: Any, y: Any, h: float, dW: Any) -> Any:
+    delta = problem.random_step(h, dW)
+    f = vector_field(problem, y)
+    return y + 0.5 * delta * (f + vector_field(problem, y + delta * f))
+
+
+def sphere_only(problem: Any, y: Any, h: float, dW: Any) -> Any:
+    """(2.1) for a rigid body alone: quadratic H without mixed terms, B = hat(y)."""
+    w = np.array([problem.gradient(np.eye(3)[k])[k] for k in range(3)])
+    if problem.dimension != 3 or not np.allclose(problem.gradient(y), w * y):
+        raise sepv.Skipped("only rigid bodies")
+    return sepv.schemes.midpoint.step(problem, y, h, dW)
+
+
+def own_pendulum() -> sepv.Problem:
+    """Functions alone: nothing is known of it but B, H and ∇H."""
+    return sepv.Problem(
+        2,
+        lambda y: np.stack([np.stack([0 * y[0], 0 * y[0] - 1]), np.stack([0 * y[0] + 1, 0 * y[0]])]),
+        lambda y: 0.5 * y[0] ** 2 - np.cos(y[1]),
+        lambda y: np.stack([y[0], np.sin(y[1])]),
+        noise=(1.0, 0.5),
+        initial=(0.2, 1.0),
+        name="own-pendulum",
+    )
+
+
+def positive() -> sepv.Problem:
+    """H = y1 + y2 − ln y1 − ln y2 with B12 = y1 y2, for y > 0 alone."""
+    return sepv.Problem(
+        2,
+        lambda y: np.stack([np.stack([0 * y[0], y[0] * y[1]]), np.stack([-y[0] * y[1], 0 * y[0]])]),
+        lambda y: y[0] + y[1] - np.log(y[0]) - np.log(y[1]),
+        lambda y: np.stack([1 - 1 / y[0], 1 - 1 / y[1]]),
+        domain=lambda y: (y[0] > 0) & (y[1] > 0),
+        initial=(0.75, 1.5),
+        name="positive",
+    )
+
+
+@st.composite
+def planar(draw: st.DrawFn) -> sepv.PolynomialSystem:
+    """d = 2 and B = J."""
+    H: Polynomial = poly.polynomial(2, {(2, 0): 0.5, (0, 2): 0.5, (0, 4): draw(st.sampled_from([0.25, 0.5]))})
+    return sepv.PolynomialSystem(2, H, ((0, 1, poly.constant(2, -1.0)),))
+
+
+def verdicts(scheme: Any, asked: Any, laws: str = SEARCHED, effort: Effort = FEW) -> dict[str, str]:
+    report = sepv.verify(scheme, laws=laws, problems=asked, effort=effort)
+    return {f.law: f.verdict.value for f in report.findings}
+
+
+def test_a_scheme_for_separable_systems_is_judged_on_those() -> None:
+    everywhere = sepv.verify(verlet, laws="symmetry", effort=FEW).findings[0]
+    found = verdicts(verlet, "canonical-separable", "contract,symmetry,energy,noise-sum")
+    assert found == {"contract": "holds", "symmetry": "holds", "energy": "violated", "noise-sum": "holds"}
+    named = sepv.Scheme("verlet", verlet, systems="canonical-separable")
+    assert sepv.verify(named, laws="symmetry", effort=FEW).findings[0].verdict is Verdict.HOLDS
+    # On systems that are not separable the scheme is another method, and is accused of what it never said.
+    assert everywhere.verdict is Verdict.VIOLATED
+
+
+def test_a_scheme_for_the_rigid_body_alone_holds_what_it_holds_there() -> None:
+    found = verdicts(sphere_only, ["rigid-bodies", "rigid-body"])
+    assert set(found.values()) == {"holds"}
+
+
+@pytest.mark.parametrize("problem", [own_pendulum, positive])
+def test_a_problem_of_functions_alone_is_judged(problem: Any) -> None:
+    found = verdicts("energy-preserving", problem)
+    for law in ("contract", "identity", "energy", "noise-sum", "symmetry"):
+        assert found[law] == "holds", (law, found)
+    for law in ("casimir", "reference", "midpoint", "reduction"):
+        assert found[law] == "not_applicable", (law, found)
+    assert verdicts("midpoint", problem, "energy") == {"energy": "violated"}
+
+
+def test_many_steps_are_judged_on_the_problems_own_initial_state() -> None:
+    from dataclasses import replace
+
+    fast = replace(
+        own_pendulum(), mean_gradient=problems.pendulum().mean_gradient, hessian=problems.pendulum().hessian
+    )
+    found = verdicts("energy-preserving", fast, "rounding,right-limit")
+    assert set(found.values()) == {"holds"}
+    assert verdicts("midpoint", fast, "rounding") == {"rounding": "violated"}
+
+
+def test_a_strategy_of_systems_and_one_of_problems_are_taken() -> None:
+    for asked in (planar(), planar, "tests.test_given:planar", st.just(own_pendulum())):
+        assert verdicts("energy-preserving", asked, "energy,symmetry") == {
+            "energy": "holds",
+            "symmetry": "holds",
+        }
+    laws = sepv.verify(
+        "energy-preserving", laws="rounding,right-limit", problems=planar(), effort=FEW
+    ).findings
+    assert {f.verdict for f in laws} == {Verdict.NOT_APPLICABLE}
+    assert all("no initial state" in f.message for f in laws)
+
+
+def test_laws_that_lead_out_of_the_problems_say_so() -> None:
+    report = sepv.verify("energy-preserving", laws="equivariance,expansion", problems="pendulum", effort=FEW)
+    assert {f.verdict for f in report.findings} == {Verdict.NOT_APPLICABLE}
+    assert "leads out of the problems" in report.finding("equivariance").message
+
+
+def test_a_violation_on_a_users_problem_is_replayed_from_its_token(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(Path(__file__).resolve().parents[1])
+    finding = sepv.verify(
+        "midpoint", laws="energy", problems="tests.test_given:own_pendulum", effort=FEW
+    ).findings[0]
+    assert finding.verdict is Verdict.VIOLATED
+    assert "problem tests.test_given:own_pendulum" in finding.message
+    token = finding.replay.split()[-1]
+    again = replay("midpoint", "energy", case.to_json(case.from_token(token)))
+    assert (again.verdict, again.defect) == (finding.verdict, finding.defect)
+    handed = sepv.verify("midpoint", laws="energy", problems=own_pendulum(), effort=FEW).findings[0]
+    with pytest.raises(sepv.UsageError, match="handed over as an object"):
+        case.from_token(handed.replay.split()[-1])
+
+
+def test_a_file_and_a_name_on_the_command_line(tmp_path: Path) -> None:
+    H = poly.polynomial(2, {(2, 0): 0.5, (0, 4): 0.25})
+    system = problems.to_json(sepv.PolynomialSystem(2, H, ((0, 1, poly.constant(2, -1.0)),)))
+    (tmp_path / "quartic.json").write_text(json.dumps(system | {"initial": [0.5, 1.0]}))
+    done = subprocess.run(
+        [sys.executable, "-m", "sepv", "verify", "midpoint", "-p", "quartic.json", "-p", "pendulum", "--law", "energy",
+         "--law", "rounding", "--examples", "20"],
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "energy" in done.stdout
+    assert "quartic, h = " in done.stdout
+    assert "pendulum, h = " in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ("canonical-seperable", "did you mean 'canonical-separable'"),
+        ("tests.test_given:FEW", "which is Effort"),
+        ([], "problems, one at least"),
+        (3, "which is int"),
+    ],
+)
+def test_what_is_no_problem_is_refused_in_words(asked: Any, words: str) -> None:
+    with pytest.raises(sepv.UsageError, match=words.replace("(", r"\(")):
+        verdicts("midpoint", asked, "energy")
+
+
+def test_a_strategy_of_something_else_is_an_error_that_says_so() -> None:
+    finding = sepv.verify("midpoint", laws="energy", problems=st.integers(), effort=FEW).findings[0]
+    assert finding.verdict is Verdict.ERROR
+    assert "one that gave int" in finding.message
+
+
+def test_a_record_that_no_longer_is_its_data_is_not_taken_for_it() -> None:
+    from dataclasses import replace
+
+    body = problems.rigid_body()
+    changed = replace(
+        body,
+        hamiltonian=lambda y: 2 * body.hamiltonian(y),
+        gradient=lambda y: 2 * body.gradient(y),
+        mean_gradient=None,
+        hessian=None,
+    )
+    assert verdicts("energy-preserving", changed, "energy") == {"energy": "holds"}
+    assert verdicts("energy-preserving", changed, "reference") == {"reference": "not_applicable"}
+
+
+@settings(derandomize=True, database=None, max_examples=8, deadline=None)
+@given(system=families.lie_poisson())
+def test_the_measured_radius_is_of_the_size_of_the_derived_one(system: sepv.PolynomialSystem) -> None:
+    problem = problems.build(system)
+    y = np.linspace(0.5, 1.0, problem.dimension)
+    derived, measured = contraction_radius(problem, y), measured_radius(problem, y)
+    # Majorants are bounds and maxima are not: the measured one is larger, but for its half and its fewer balls.
+    assert 0.25 * derived <= measured
+
+
+@settings(derandomize=True, database=None, max_examples=8, deadline=None)
+@given(drawn=st.data())
+def test_every_law_draws_steps_of_every_family(drawn: st.DataObject) -> None:
+    for name in families.FAMILIES:
+        scheme = sepv.Scheme("any", heun, systems=name)
+        for law in ("energy", "identity", "noise-sum", "reduction"):
+            strategy = cases_for(law, scheme)
+            assert isinstance(strategy, st.SearchStrategy), (name, law, strategy)
+            assert drawn.draw(strategy).build()[0].dimension >= 2
+
+
+def test_items_are_read_once() -> None:
+    own = items("pendulum")
+    assert items(own) == own
