@@ -164,8 +164,8 @@ def _from_file(path: Path) -> Problem:
             remedy="write one with sepv.problems.to_json",
         ) from error
     problem, start = problems.build(problems.from_json(data)), data.get("initial")
-    given = {} if start is None else {"initial": [parse_float(v) for v in start]}
-    return replace(problem, name=path.stem, check=False, **given)
+    initial = problem.initial if start is None else [parse_float(v) for v in start]
+    return replace(problem, name=path.stem, initial=initial, check=False)
 
 
 def load_object(target: str) -> Any:
