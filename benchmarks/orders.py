@@ -20,7 +20,8 @@ from rich.table import Table
 import sepv
 from sepv import polynomial as poly
 from sepv import problems, schemes
-from sepv.convergence import Estimate, StrongErrors, slope, strong_errors, weak_slope
+from sepv.convergence import Estimate, StrongErrors, slope, strong_errors
+from sepv.means import weak_slope
 from sepv.problem import PolynomialSystem, Problem
 from sepv.tilting import tilted_errors
 

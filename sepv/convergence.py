@@ -7,7 +7,7 @@ the finest grid, truncated at each step size as Remark 2.1 says; the exact solut
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -24,6 +24,9 @@ from sepv.simulation import run_chunk
 GROUPS = 32
 # Errors below this many eps·scale are rounding, not order: such step sizes are left out.
 FLOOR = 1e4
+# High enough to see the bulk of the errors of few steps, whose median is small beside their mean square, low enough
+# for an interval of it from some hundred paths.
+QUANTILE = 0.8
 # Wide enough to hide what NumPy takes for a call: 1024 paths at once cost half of four times 256.
 _CHUNK = 1024
 
@@ -33,7 +36,9 @@ class StrongErrors:
     """Errors y_N − y(T) of M paths (L, d, M) for L numbers of steps, their squares |·|² (L, M), and failures.
 
     `failures` counts paths with a step that was not solved or left the domain, for each number of steps.
-    `reference` is the rms error of a reference that is not exact, 0 where it is.
+    `reference` is the rms error of a reference that is not exact, 0 where it is. `ends` (L, d, M) and `W` (L, m, M)
+    are y(T) and W(T), `weights` (L, M) the likelihood ratios that `squared` and `errors` already carry: what
+    `sepv.means` needs, empty where nobody asked for it. `tolerance` is what the scheme says of its own solver.
     """
 
     T: float
@@ -44,6 +49,15 @@ class StrongErrors:
     scale: float
     floor: float = FLOOR
     reference: float = 0.0
+    ends: Array = field(default_factory=lambda: np.empty(0))
+    W: Array = field(default_factory=lambda: np.empty(0))
+    weights: Array = field(default_factory=lambda: np.empty(0))
+    tolerance: float = 0.0
+
+    @property
+    def h(self) -> Array:
+        """The step sizes, (L,)."""
+        return self.T / np.array(self.steps, dtype=np.float64)
 
     def rms(self) -> Array:
         """√E|y_N − y(T)|², (L,)."""
@@ -82,6 +96,8 @@ def strong_errors(
     finest = steps[-1]
     squared = np.empty((len(steps), len(paths)))
     errors = np.empty((len(steps), problem.dimension, len(paths)))
+    ends = np.empty((problem.dimension, len(paths)))
+    W = np.empty((problem.noises, len(paths)))
     failures = np.zeros(len(steps), dtype=np.int64)
     largest, reference = float(np.max(np.abs(start))), 0.0
     for first in range(0, len(paths), _CHUNK):
@@ -95,6 +111,7 @@ def strong_errors(
         else:
             exact = known
         largest = max(largest, float(np.max(np.abs(exact))))
+        ends[:, here], W[:, here] = exact, fine.sum(axis=0)
         for row, count in enumerate(steps):
             raw = wiener.coarsen(fine, finest // count)
             result = run_chunk(scheme, problem, start, T / count, raw, scheme.truncation, track=False)
@@ -102,29 +119,48 @@ def strong_errors(
             errors[row, :, here] = result.y - exact
             with np.errstate(over="ignore"):  # a path that blows up has an infinite error, and is no accident
                 squared[row, here] = np.sum((result.y - exact) ** 2, axis=0)
+    levels = len(steps)
     return StrongErrors(
-        T, tuple(steps), squared, errors, tuple(int(f) for f in failures), largest, FLOOR, reference
-    )
+        T, tuple(steps), squared, errors, tuple(int(f) for f in failures), largest, FLOOR, reference,
+        np.broadcast_to(ends, (levels, *ends.shape)), np.broadcast_to(W, (levels, *W.shape)),
+        np.ones((levels, len(paths))), scheme.solver_tolerance,
+    )  # fmt: skip
 
 
 def join(parts: Sequence[StrongErrors]) -> StrongErrors:
     """The errors of all the paths of several runs over the same steps."""
-    return StrongErrors(
-        parts[0].T,
-        parts[0].steps,
-        np.concatenate([p.squared for p in parts], axis=1),
-        np.concatenate([p.errors for p in parts], axis=2),
-        tuple(int(n) for n in np.sum([p.failures for p in parts], axis=0)),
-        max(p.scale for p in parts),
-        parts[0].floor,
-        max(p.reference for p in parts),
+    return replace(
+        parts[0],
+        squared=np.concatenate([p.squared for p in parts], axis=-1),
+        errors=np.concatenate([p.errors for p in parts], axis=-1),
+        ends=np.concatenate([p.ends for p in parts], axis=-1),
+        W=np.concatenate([p.W for p in parts], axis=-1),
+        weights=np.concatenate([p.weights for p in parts], axis=-1),
+        failures=tuple(int(n) for n in np.sum([p.failures for p in parts], axis=0)),
+        scale=max(p.scale for p in parts),
+        reference=max(p.reference for p in parts),
     )
+
+
+def first(errors: StrongErrors, paths: int) -> StrongErrors:
+    """The first so many paths; `failures` and `scale` stay those of all."""
+    return replace(
+        errors,
+        **{
+            name: getattr(errors, name)[..., :paths] for name in ("squared", "errors", "ends", "W", "weights")
+        },
+    )
+
+
+def floors(errors: StrongErrors) -> Array:
+    """Errors below these, (L,), are rounding, or what the scheme says that its solver leaves after N steps."""
+    eps = float(np.finfo(np.float64).eps)
+    return errors.scale * (errors.floor * eps + np.array(errors.steps) * errors.tolerance)
 
 
 def above_floor(errors: StrongErrors) -> np.ndarray:
     """Which step sizes have errors that are not rounding."""
-    eps = float(np.finfo(np.float64).eps)
-    return errors.rms() > errors.floor * eps * errors.scale
+    return errors.rms() > floors(errors)
 
 
 def slope(errors: StrongErrors, alpha: float) -> Estimate:
@@ -146,29 +182,52 @@ def log_decay(errors: StrongErrors, alpha: float) -> Estimate:
     return jackknife(ends, lambda mean: float(0.5 * np.log(mean[1] / mean[0])), alpha)
 
 
-def weak_slope(errors: StrongErrors, alpha: float) -> Estimate:
-    """The weak order for first moments: the weighted slope of log |E y_N − E y(T)| against log h.
+def quantile_slope(errors: StrongErrors, alpha: float) -> Estimate:
+    """The order at which the QUANTILE of |e| falls from the coarsest kept step size to the finest one.
 
-    The squared norm of a sample mean is too large by its own variance, which is subtracted; where nothing is
-    left it is taken at the noise. Step sizes count by how far they stand out of the noise (up to 100 times).
+    Where E|e_h|² ≤ (C h^p)², Chebyshev's inequality bounds every quantile of |e_h| by C' h^p: a quantile that falls
+    more slowly refutes the order. Its interval owes nothing to the tails: the number of paths with |e| below the
+    quantile is binomial, so that order statistics enclose it with a probability that is known for every
+    distribution (Clopper and Pearson 1934). Each of the four ends gets alpha/4.
     """
-    kept = above_floor(errors)
-    x = np.log(errors.T / np.array(errors.steps, dtype=np.float64))[kept]
-    values = errors.errors[kept]
-    d, paths = values.shape[1:]
+    from scipy.stats import binom
 
-    def signal(mean: Array) -> tuple[Array, Array]:
-        rows = mean.reshape(-1, d + 1)
-        size = np.sum(rows[:, :d] ** 2, axis=1)
-        noise = (rows[:, d] - size) / paths
-        return np.maximum(size - noise, noise), noise
+    kept = np.flatnonzero(above_floor(errors))
+    ordered = np.sort(errors.squared[[kept[0], kept[-1]]], axis=1)
+    paths = ordered.shape[1]
+    low = int(binom.ppf(alpha / 4, paths, QUANTILE)) - 1
+    high = int(binom.ppf(1 - alpha / 4, paths, QUANTILE))
+    span = 2 * np.log(errors.steps[kept[-1]] / errors.steps[kept[0]])
+    if low < 0 or high >= paths:
+        return Estimate(0.0, np.inf, alpha)
+    (c_low, c_high), (f_low, f_high) = np.log(ordered[:, [low, high]])
+    ends = np.array([c_low - f_high, c_high - f_low]) / span
+    return Estimate(float(ends.mean()), float(np.ptp(ends)) / 2, alpha)
 
-    samples = np.concatenate([values, np.sum(values**2, axis=1)[:, None]], axis=1).reshape(-1, paths)
-    squared, noise = signal(samples.mean(axis=1))
-    weights = np.minimum(squared / noise, 100.0)
-    centred = x - np.sum(weights * x) / np.sum(weights)
-    combination = weights * centred / np.sum(weights * centred**2)
-    return jackknife(samples, lambda mean: float(0.5 * (combination @ np.log(signal(mean)[0]))), alpha)
+
+def mean_square_order(
+    errors: StrongErrors, alpha: float, *, more: float = 1.0, weighted: bool = False
+) -> tuple[float, float, float]:
+    """The mean-square order (value, low, high): the slope of the rms error, checked by that of its bulk.
+
+    An rms error of heavy tails is underestimated in most samples, and the interval around it with it. So the order is
+    below `high` only where the intervals of both slopes say so: that of the quantile does so by chance with a
+    probability of alpha/2 at most, whatever the tails. It is above `low` where the one is and the other one's interval
+    does not contradict, or where the bulk is and the rms error, as it was sampled, falls as fast.
+
+    Parameters
+    ----------
+    more : the intervals that so many times the paths would give.
+    weighted : samples of `sepv.tilting`, whose tails are light and which have no quantile.
+    """
+    rms = slope(errors, alpha if weighted else alpha / 2)
+    half = rms.half / np.sqrt(more)
+    if weighted:
+        return rms.value, rms.value - half, rms.value + half
+    bulk = quantile_slope(errors, alpha / 2)
+    reach = bulk.half / np.sqrt(more)
+    low = max(min(rms.value - half, bulk.value + reach), min(bulk.value - reach, rms.value))
+    return rms.value, low, max(rms.value + half, bulk.value + reach)
 
 
 def jackknife(samples: Array, statistic: Callable[[Array], float], alpha: float) -> Estimate:

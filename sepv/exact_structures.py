@@ -1,8 +1,9 @@
 """The exact solution with several structures: the closed form where the flows commute, else a finer reference.
 
 Where they do not commute there is no formula, and the reference is Heun's method for the Stratonovich equation on the
-increments of a path refined 64 times: another method than the one under test, of the same order, with an error
-eight times smaller at least, which is estimated from the same path with half as many steps.
+increments of a path refined 16 times: another method than the one under test, of the same order, with an error
+four times smaller at least, which is estimated from the same path with half as many steps. It is independent of the
+error of the finest step and adds 3 % to its rms at most, 0.01 to a slope over step sizes that differ by 16.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from sepv.problem import Array, Problem
 from sepv.structures import StructuresProblem, combined
 
 # Levels of refinement beyond the finest steps of a scheme.
-REFINEMENT = 64
+REFINEMENT = 16
 
 
 def ends(problem: Problem, y0: Array, T: float, W: Array) -> Array | None:

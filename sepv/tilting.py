@@ -73,6 +73,9 @@ def tilted_errors(
     start = np.array(problem.initial, dtype=np.float64)
     squared = np.empty((len(steps), len(paths)))
     errors = np.empty((len(steps), problem.dimension, len(paths)))
+    ends = np.empty((len(steps), problem.dimension, len(paths)))
+    W = np.empty((len(steps), problem.noises, len(paths)))
+    ratios = np.empty((len(steps), len(paths)))
     failures = np.zeros(len(steps), dtype=np.int64)
     largest = float(np.max(np.abs(start)))
     powers = (2 * round(2 * order + 1), 2 * round(order + 1))
@@ -92,9 +95,13 @@ def tilted_errors(
                 weights = weights * np.all(np.abs(raw) <= bound, axis=(0, 1))
             exact = exact_flow(problem, problem.random_step(T, raw.sum(axis=0))).y
             largest = max(largest, float(np.max(np.abs(exact))))
+            ends[row, :, here], W[row, :, here], ratios[row, here] = exact, raw.sum(axis=0), weights
             result = run_chunk(scheme, problem, start, T / count, raw, scheme.truncation, track=False)
             failures[row] += np.count_nonzero(result.status != Status.CONVERGED)
             with np.errstate(over="ignore"):
                 errors[row, :, here] = weights * (result.y - exact)
                 squared[row, here] = weights * np.sum((result.y - exact) ** 2, axis=0)
-    return StrongErrors(T, tuple(steps), squared, errors, tuple(int(f) for f in failures), largest, FLOOR)
+    return StrongErrors(
+        T, tuple(steps), squared, errors, tuple(int(f) for f in failures), largest, FLOOR, 0.0,
+        ends, W, ratios, scheme.solver_tolerance,
+    )  # fmt: skip

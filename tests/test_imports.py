@@ -40,7 +40,7 @@ LAYERS = [
     "sepv.simulation",
     "sepv.large",
     "sepv.engine",
-    "sepv.convergence sepv.tilting",
+    "sepv.convergence sepv.means sepv.tilting",
     "sepv.tolerance",
     "sepv.case",
     "sepv.strategies",

@@ -30,7 +30,7 @@ from sepv.law import Effort, Verdict
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
 from sepv.schemes import energy_preserving
-from sepv.sequential import FALSE_ALARM, SETUPS, Setup, steps_for
+from sepv.sequential import FALSE_ALARM, FIRST_LOOK, Setup, setups
 from sepv.suite import LAWS, Report, verify
 from sepv.tolerance import energy_ulp
 
@@ -38,8 +38,8 @@ LIBRARIES = ("diffrax", "torchsde", "sdeint")
 # Energy defects, and the orders of whole paths, are those of this many paths.
 PATHS = 256
 ENERGY_STEPS = 64
-# Most paths of a statistical law for a scheme that takes one state at a time; others get the usual budget.
-SLOW_PATHS = 512
+# Where schemes with untruncated increments are judged, as all of these are.
+SETUPS = setups(truncation=None)
 
 _MARKS = {
     Verdict.HOLDS: "holds",
@@ -87,7 +87,6 @@ class Deviation:
 
 def scheme_row(library: str, scheme: Scheme, effort: Effort) -> Row:
     """Every law on one scheme, and its energy defects."""
-    effort = effort if scheme.batched else replace(effort, paths=min(effort.paths, SLOW_PATHS))
     with np.errstate(over="ignore", invalid="ignore"):
         report = verify(scheme, effort=effort)
         energy = tuple(_energy_of_scheme(scheme, problems.by_name(s.problem), s.T) for s in SETUPS)
@@ -127,7 +126,7 @@ def path_row(library: str, solver: PathSolver, effort: Effort) -> Row:
         falls.append(replace(decay, value=-decay.value))
         energy.append(_energy_of_paths(solver, problem, setup.T))
     # The thresholds of the laws of these names.
-    span = min(steps[-1] / steps[0] for steps in (steps_for(s, None, None) for s in SETUPS))
+    span = min(s.steps[-1] / s.steps[0] for s in SETUPS)
     limits = (
         ("mean-square-order", orders, solver.mean_square_order - 0.25),
         ("right-limit", falls, 0.25 * np.log(span)),
@@ -152,7 +151,7 @@ def path_row(library: str, solver: PathSolver, effort: Effort) -> Row:
 
 def _path_errors(solver: PathSolver, problem: Problem, setup: Setup, seed: int) -> StrongErrors:
     """As `sepv.convergence.strong_errors`, with whole paths by the solver's own code."""
-    start, steps = np.array(problem.initial, dtype=np.float64), steps_for(setup, None, None)
+    start, steps = np.array(problem.initial, dtype=np.float64), setup.steps
     finest = steps[-1]
     fine = wiener.increments(seed, T=setup.T, steps=finest, noises=problem.noises, paths=PATHS)
     exact = exact_flow(problem, problem.random_step(setup.T, fine.sum(axis=0))).y
@@ -259,16 +258,16 @@ def document(found: Sequence[Row], deviations: Sequence[Deviation], command: str
 
 
 def _introduction() -> str:
-    steps = ", ".join(str(n) for n in steps_for(SETUPS[0], None, None))
+    steps = ", ".join(str(n) for n in SETUPS[0].steps)
     sentences = (
         "None of these solvers is made to keep energy or Casimirs: a law that is violated without being claimed",
         "is no fault of theirs. Claimed are the contract of a step, and the order that the documentation or, where",
         "it is silent, theory states for noise that commutes: in (1.1) all noises drive one field. Each solver runs",
         "through its own library's code in float64, with the increment given.",
-        "\n\nOrders are slopes of the rms error against the exact flow over [0, 1] with",
-        f"{steps} steps (sepv's own scheme truncates its increments and begins with {SETUPS[0].steps[0]}), with",
-        f"intervals over paths; the false-alarm rate of the law is {FALSE_ALARM:g}. Solvers that",
-        f"take one state at a time get {SLOW_PATHS} paths at most, which leaves more verdicts open.",
+        f"\n\nOrders are slopes of the rms error against the exact flow over [0, {SETUPS[0].T:g}] with",
+        f"{steps} steps (sepv's own scheme truncates its increments and begins with {SETUPS[0].steps[0] // 2}), with",
+        f"intervals over paths; the false-alarm rate of a whole run is {FALSE_ALARM:g}. Solvers that",
+        f"take one state at a time get {FIRST_LOOK} paths, which leaves more verdicts open.",
         f"Energy defects are the largest |H(y_n) − H(y_0)| of {PATHS} paths over [0, 1] with {ENERGY_STEPS}",
         "steps, in energy ulps eps·|∇H|·|y|. A solver that hands state from step to step is measured over whole",
         "paths; its one step, started afresh, stands beside it.",

@@ -18,6 +18,7 @@ from sepv.problems.polynomial_system import polynomial_problem as polynomial_pro
 from sepv.problems.rigid_body import rigid_body as rigid_body
 from sepv.problems.several import commuting_oscillators as commuting_oscillators
 from sepv.problems.several import commuting_rotations as commuting_rotations
+from sepv.problems.several import noncommuting_drift as noncommuting_drift
 from sepv.problems.several import noncommuting_tops as noncommuting_tops
 from sepv.problems.toda import toda as toda
 
@@ -35,6 +36,7 @@ FURTHER: dict[str, Callable[..., Problem]] = {"kepler": kepler, "toda": toda}
 SEVERAL: dict[str, Callable[..., Problem]] = {
     "commuting-rotations": commuting_rotations,
     "commuting-oscillators": commuting_oscillators,
+    "noncommuting-drift": noncommuting_drift,
     "noncommuting-tops": noncommuting_tops,
 }
 

@@ -141,3 +141,15 @@ def noncommuting_tops() -> StructuresProblem:
 
     system = PolynomialSystem(3, H, hat(2), (0.5, 0.5), noise_structures=(hat(0), hat(1)))
     return _with(system, None, (0.6, 0.5, 0.4), "noncommuting-tops")
+
+
+def noncommuting_drift() -> StructuresProblem:
+    """The two noises of `commuting_rotations`, which commute, and a drift that turns one plane into the other.
+
+    B has the entry −7/10 between the planes, so that B∇H keeps neither I1 nor I2 and commutes with neither noise.
+    """
+    base = commuting_rotations().data
+    assert isinstance(base, PolynomialSystem)
+    B = (*base.structure, (0, 2, poly.constant(4, -0.7)))
+    system = replace(base, structure=B, casimirs=(), linear_casimirs=())
+    return _with(system, None, (0.8, 0.3, 0.2, 0.5), "noncommuting-drift")
