@@ -159,6 +159,7 @@ NAMBU: dict[str, Cases] = {
     "midpoint": lambda: steps(nambu_systems(degree=2, casimirs=quadratic_casimirs())),
     "reduction": _constant_structure,
     "noise-sum": _several_noises,
+    "random-step": _several_noises,
     "expansion": _at_origin,
     "symmetry": _noisy,
     "equivariance": _small,

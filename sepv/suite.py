@@ -35,6 +35,7 @@ LAWS = (
     "midpoint",
     "reduction",
     "noise-sum",
+    "random-step",
     "expansion",
     "symmetry",
     "equivariance",

@@ -12,10 +12,12 @@ from sepv.suite import load_laws, verify
 ALWAYS = {"contract", "reproducibility", "truncation"}
 KEPT = {
     "energy-preserving": {
-        "identity", "energy", "casimir", "midpoint", "reduction", "noise-sum", "expansion", "symmetry", "equivariance",
-        "reference", "rounding",
+        "identity", "energy", "casimir", "midpoint", "reduction", "noise-sum", "random-step", "expansion", "symmetry",
+        "equivariance", "reference", "rounding",
     },
-    "midpoint": {"identity", "casimir", "midpoint", "noise-sum", "expansion", "symmetry", "equivariance"},
+    "midpoint": {
+        "identity", "casimir", "midpoint", "noise-sum", "random-step", "expansion", "symmetry", "equivariance",
+    },
     "discrete-gradient": {"identity", "energy", "noise-sum", "rounding"},
     "euler-heun": {"noise-sum", "equivariance"},
     "milstein": {"noise-sum", "equivariance"},

@@ -18,7 +18,7 @@ from sepv.schemes import energy_preserving as original
 _LOCAL = ("local-mean", "local-mean-square", "local-weak")
 _STEP = ("midpoint", "reference", "reduction", "expansion")
 _LIMIT = ("local-mean-square", "mean-square-order", "right-limit")
-_SEVERAL = ("midpoint", "reference", "reduction", "noise-sum", *_LIMIT)
+_SEVERAL = ("midpoint", "reference", "reduction", "noise-sum", "random-step", *_LIMIT)
 
 
 def _stepping(delta: Callable[[Array, float, Array], Array]) -> Callable[[], Scheme]:
@@ -45,6 +45,16 @@ def _explicit_noise(problem: Problem, y0: Array, y1: Array, step: Array) -> Arra
 def _explicit_drift_structure(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
     B = step[0] * problem.structure(y0) + step[1] * problem.structure(middle(y0, y1))
     return matvec(B, mean(problem, y0, y1))
+
+
+def _averaged_drift_structure(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    ends = 0.5 * (problem.structure(y0) + problem.structure(y1))
+    return matvec(step[0] * ends + step[1] * problem.structure(middle(y0, y1)), mean(problem, y0, y1))
+
+
+def _trapezoidal_drift(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    drift = 0.5 * (vector_field(problem, y0) + vector_field(problem, y1))
+    return step[0] * drift + step[1] * vector_field(problem, middle(y0, y1))
 
 
 def _ito_correction(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
@@ -81,19 +91,19 @@ _TABLE = (
         "drift-dropped",
         "Δ has no h",
         _stepping(lambda c, _h, w: np.sum(c * w, axis=0)),
-        ("identity", "symmetry", *_STEP, *_LIMIT, "local-mean", "local-weak", "weak-order"),
+        ("identity", "random-step", *_STEP, *_LIMIT, "local-mean", "local-weak", "weak-order"),
     ),
     (
         "noise-dropped",
         "Δ has no noise",
         _stepping(lambda _c, h, w: np.full(w.shape[1], h)),
-        ("identity", "symmetry", *_STEP, *_LIMIT, "local-mean", "local-weak", "weak-order"),
+        ("identity", "random-step", *_STEP, *_LIMIT, "local-mean", "local-weak", "weak-order"),
     ),
     (
         "noise-sign",
         "the noise has the wrong sign",
         _stepping(lambda c, h, w: h - np.sum(c * w, axis=0)),
-        ("identity", "symmetry", *_STEP, *_LIMIT),
+        ("identity", "random-step", *_STEP, *_LIMIT),
     ),
     (
         "c-squared",
@@ -104,7 +114,7 @@ _TABLE = (
             "midpoint",
             "reference",
             "reduction",
-            "noise-sum",
+            "noise-sum", "random-step",
             *_LOCAL,
             "mean-square-order",
             "weak-order",
@@ -119,7 +129,7 @@ _TABLE = (
             "midpoint",
             "reference",
             "reduction",
-            "noise-sum",
+            "noise-sum", "random-step",
             *_LOCAL,
             "mean-square-order",
             "weak-order",
@@ -129,13 +139,13 @@ _TABLE = (
         "sqrt-h",
         "the increments are taken for standard normals and multiplied by √h",
         _stepping(lambda c, h, w: h + math.sqrt(h) * np.sum(c * w, axis=0)),
-        ("identity", "symmetry", *_STEP, *_LIMIT, "local-mean", "local-weak", "weak-order"),
+        ("identity", "random-step", *_STEP, *_LIMIT, "local-mean", "local-weak", "weak-order"),
     ),
     (
         "absolute-increments",
         "|ΔW| stands for ΔW",
         _stepping(lambda c, h, w: h + np.sum(c * np.abs(w), axis=0)),
-        ("identity", "symmetry", "noise-sum", *_STEP, *_LIMIT, "local-mean", "local-weak", "weak-order"),
+        ("identity", "symmetry", "random-step", "noise-sum", *_STEP, *_LIMIT, "local-mean", "local-weak", "weak-order"),
     ),
     (
         "absolute-step",
@@ -161,13 +171,13 @@ _TABLE = (
         "clipped-at-one",
         "increments are clipped at one standard deviation",
         around(_clipped(lambda _: 1.0)),
-        ("identity", "symmetry", *_SEVERAL),
+        ("identity", "random-step", *_SEVERAL),
     ),
     (
         "clipped-with-k-one",
         "increments are clipped inside the step, with k = 1 where the scheme says 2",
         around(_clipped(_k_one)),
-        ("midpoint", "reference", "noise-sum", "local-mean-square"),
+        ("midpoint", "reference", "noise-sum", "random-step", "local-mean-square"),
     ),
     (
         "k-too-small",
@@ -200,7 +210,7 @@ _TABLE = (
         (
             "energy",
             "casimir",
-            "symmetry",
+            "symmetry", "random-step",
             "rounding",
             *_STEP,
             *_LIMIT,
@@ -213,7 +223,25 @@ _TABLE = (
         "explicit-drift-structure",
         "B is taken at y0 in the drift and at the midpoint in the noise",
         implicit(_explicit_drift_structure, drift_and_noise),
-        ("casimir", "midpoint", "symmetry", "reference", "expansion"),
+        ("casimir", "midpoint", "symmetry", "random-step", "reference", "expansion"),
+    ),
+    (
+        "averaged-drift-structure",
+        "B is averaged over both ends in the drift and taken at the midpoint in the noise: H and symmetry are kept",
+        implicit(_averaged_drift_structure, drift_and_noise),
+        ("casimir", "midpoint", "random-step", "reference"),
+    ),
+    (
+        "trapezoidal-drift",
+        "trapezoidal rule for the drift, midpoint rule for the noise: symmetric, not a function of Δ",
+        implicit(_trapezoidal_drift, drift_and_noise),
+        ("energy", "identity", "random-step", "reference"),
+    ),
+    (
+        "absolute-h",
+        "|h| stands for h, so that no step leads back",
+        _stepping(lambda c, h, w: abs(h) + np.sum(c * w, axis=0)),
+        ("symmetry",),
     ),
     (
         "ito-correction",
@@ -223,7 +251,7 @@ _TABLE = (
             "identity",
             "energy",
             "casimir",
-            "symmetry",
+            "symmetry", "random-step",
             "rounding",
             *_STEP,
             *_LIMIT,

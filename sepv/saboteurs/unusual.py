@@ -396,7 +396,7 @@ SCHEMES: tuple[Scheme, ...] = (
     Scheme(
         name="trapezoidal-drift",
         step=implicit_step(_trapezoidal, drift_and_noise),
-        claims=("contract", "reproducibility", "noise-sum", "equivariance", "truncation"),
+        claims=("contract", "reproducibility", "noise-sum", "symmetry", "equivariance", "truncation"),
         mean_square_order=1.0,
         weak_order=1.0,
         source="trapezoidal drift, midpoint noise: symmetric, and not a function of Δ alone",

@@ -92,6 +92,7 @@ scheme = Scheme(
         "midpoint",
         "reduction",
         "noise-sum",
+        "random-step",
         "expansion",
         "symmetry",
         "equivariance",

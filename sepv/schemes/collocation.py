@@ -213,6 +213,7 @@ def collocation(stages: int) -> Scheme:
             "midpoint",
             "reduction",
             "noise-sum",
+            "random-step",
             "expansion",
             "symmetry",
             "equivariance",

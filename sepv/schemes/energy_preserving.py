@@ -72,6 +72,7 @@ scheme = Scheme(
         "midpoint",
         "reduction",
         "noise-sum",
+        "random-step",
         "expansion",
         "symmetry",
         "equivariance",

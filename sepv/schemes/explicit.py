@@ -59,6 +59,7 @@ def explicit(order: int) -> Scheme:
             "reproducibility",
             "identity",
             "noise-sum",
+            "random-step",
             "expansion",
             "equivariance",
             "truncation",

@@ -47,6 +47,7 @@ def gauss(stages: int) -> Scheme:
             "casimir",
             "midpoint",
             "noise-sum",
+            "random-step",
             "expansion",
             "symmetry",
             "equivariance",

@@ -50,6 +50,7 @@ scheme = Scheme(
         "casimir",
         "midpoint",
         "noise-sum",
+        "random-step",
         "expansion",
         "symmetry",
         "equivariance",
