@@ -156,26 +156,52 @@ def _krawczyk(
     start = matrix([[v] for v in residual(reference)])
     centre = [(v - c).mid() for v, c in zip(reference, (Y * start).entries(), strict=True)]
     moved = (Y * matrix([[v + ball(error)] for v in residual(centre)])).entries()
-
-    def image(X: Vector) -> Vector:
-        tail = defect * matrix([[v - c] for v, c in zip(X, centre, strict=True)])
-        return [c - a + b for c, a, b in zip(centre, moved, tail.entries(), strict=True)]
-
-    inner = image(box)
-    for k, (small, large) in enumerate(zip(inner, box, strict=True)):
-        if not (small.is_finite() and large.contains_interior(small)):
-            raise NotCertified(
-                f"Krawczyk's test fails in unknown {k + 1}: {large.str(20)} is mapped to {small.str(20)}."
-            )
+    inner = krawczyk_image(defect, moved, centre, box)
     # The zero is in K(X), and so in K(K(X)), and so on, each smaller by the contraction, down to rounding.
     widest, least = max(v.rad() for v in inner), size * arb(2) ** -flint.ctx.prec
     while widest > least:
-        inner = image(inner)
+        inner = _image(defect, moved, centre, inner)
         width = max(v.rad() for v in inner)
         if not 2 * width < widest:
             break
         widest = width
     return inner, size, contraction
+
+
+def krawczyk_image(defect: Any, moved: Vector, centre: Vector, box: Vector) -> Vector:
+    """K(X) for the box X, if that is a proof: x̃ in X and K(X) in the interior of X.
+
+    The theorem expands F about x̃ by the mean value theorem, with F′(X) for the slope between x̃ and any x in X: for x̃
+    outside X that slope is not among F′(X), and K(X) may lie in X though F has no zero there.
+
+    Parameters
+    ----------
+    defect : matrix of balls, I − Y F′(X)
+    moved : balls, Y F(x̃)
+    centre, box : balls, x̃ and X
+
+    Raises
+    ------
+    NotCertified
+    """
+    for k, (point, large) in enumerate(zip(centre, box, strict=True)):
+        if not large.contains(point):
+            raise NotCertified(
+                f"Krawczyk's test fails in unknown {k + 1}: its centre {point.str(20)} is not in {large.str(20)}."
+            )
+    inner = _image(defect, moved, centre, box)
+    for k, (small, large) in enumerate(zip(inner, box, strict=True)):
+        if not (small.is_finite() and large.contains_interior(small)):
+            raise NotCertified(
+                f"Krawczyk's test fails in unknown {k + 1}: {large.str(20)} is mapped to {small.str(20)}."
+            )
+    return inner
+
+
+def _image(defect: Any, moved: Vector, centre: Vector, X: Vector) -> Vector:
+    """x̃ − Y F(x̃) + (I − Y F′(X))(X − x̃)."""
+    tail = defect * type(defect)([[v - c] for v, c in zip(X, centre, strict=True)])
+    return [c - a + b for c, a, b in zip(centre, moved, tail.entries(), strict=True)]
 
 
 def _jacobian(problem: ExactProblem, residual: Any, x: Vector) -> Any:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from hypothesis import given, settings
 from sepv.reference.balls import ball, from_mpf, precision, real_balls
-from sepv.reference.certify import NotCertified, certify
+from sepv.reference.certify import NotCertified, certify, krawczyk_image
 from sepv.reference.equations import EQUATIONS
 from sepv.reference.steps import reference_step
 
@@ -58,6 +58,27 @@ def test_a_value_that_is_off_is_refused(off: float) -> None:
     wrong = step._replace(x=[step.x[0] + off, *step.x[1:]])
     with pytest.raises(NotCertified, match="Krawczyk's test fails in unknown 1"):
         certify(PAPER["rigid-body"], y, h, dW, wrong)
+
+
+def test_a_centre_outside_the_box_proves_nothing() -> None:
+    import flint
+
+    # F(x) = (x − 10) + ¼(x − 10)² − ¼ has no zero in X = 10 ± 0.1; F′(X) = 1 ± 0.05 and Y = 1. From x̃ = 9, where
+    # F = −1, K(X) = 10 ± 0.055 lies in the interior of X all the same.
+    with precision(100):
+        arb = flint.arb
+        box = [arb(10) + ball(arb("0.1"))]
+        defect = flint.arb_mat([[ball(arb("0.05"))]])
+        value = lambda x: (x - 10) + (x - 10) ** 2 / 4 - arb("0.25")  # noqa: E731 - the formula of the comment
+        assert not value(box[0]).contains(0)
+        outside = arb(9)
+        image = outside - value(outside) + (defect * flint.arb_mat([[box[0] - outside]]))[0, 0]
+        assert box[0].contains_interior(image)
+        with pytest.raises(NotCertified, match=r"its centre 9\.0* is not in"):
+            krawczyk_image(defect, [value(outside)], [outside], box)
+        # From the middle of the box the same test fails for the right reason: it is mapped towards the zero at 10.24.
+        with pytest.raises(NotCertified, match="is mapped to"):
+            krawczyk_image(defect, [value(arb(10))], [arb(10)], box)
 
 
 def test_another_step_is_refused() -> None:
