@@ -227,3 +227,35 @@ def test_the_compiled_engine_shows_the_same_panel(rigid: Reproduction) -> None:
     # Rounding enters at each of 300 steps and is carried on by the flow.
     assert np.max(np.abs(plain.y - fast.y)) < 300 * 64 * runs.EPS
     assert np.max(np.abs(plain.energies - fast.energies)) < 300 * 64 * runs.EPS
+
+
+def _walking(T: float, kind: str, seed: int) -> runs.Run:
+    """32 samples whose energy error is a random walk, or bounded: an oscillation of random amplitude and phase."""
+    rng, h, samples = np.random.default_rng(seed), pendulum.H, 32
+    steps = round(T / h)
+    checkpoints = np.array([*(2**i for i in range(steps.bit_length()) if 2**i < steps), steps])
+    if kind == "walk":
+        widths = np.sqrt(np.diff(checkpoints, prepend=0))[:, None]
+        error = 1e-4 * np.cumsum(widths * rng.standard_normal((checkpoints.size, samples)), axis=0)
+    else:
+        phase = rng.uniform(0, 2 * np.pi, samples)
+        size = 1e-3 * np.abs(rng.standard_normal(samples))
+        error = size * (np.cos(phase + checkpoints[:, None] * h) - np.cos(phase))
+    start = -0.520014
+    none = np.empty(0)
+    return runs.Run(
+        "midpoint", h, none, none, none, np.array([start]), none, checkpoints, start + error, stopped=-1
+    )
+
+
+def test_a_short_run_does_not_say_whether_the_energy_walks() -> None:
+    """By chance once in a thousand: of 40 runs of each kind none says the wrong thing, and short ones say nothing."""
+    for seed in range(40):
+        said = {kind: pendulum._walk(_walking(500.0, kind, seed))[0].verdict for kind in ("walk", "bounded")}
+        assert said["walk"] in ("fails", "open")
+        assert said["bounded"] in ("holds", "open")
+        for kind in ("walk", "bounded"):
+            assert pendulum._walk(_walking(15.6, kind, seed))[0].verdict == "open"
+            assert pendulum._walk(_walking(7.0, kind, seed))[0].verdict == "open"
+    decided = [pendulum._walk(_walking(500.0, "walk", seed))[0].verdict for seed in range(40)]
+    assert decided.count("fails") >= 36
