@@ -1,21 +1,34 @@
-"""Remark 2.1 and Lemma 3.1: |ζ| ≤ A_h exactly, the moment bounds by exact integrals, and k large enough.
+"""Remark 2.1 and Lemma 3.1: |ζ| ≤ A_h exactly, the moment bounds by exact integrals, k large enough, and taken whole.
 
 The bound of Remark 2.1 is printed with "=" in the paper; it is "≤", as here.
+
+The scheme itself is asked whether it takes the increments that it declares: at a small h its step must respond to each
+ΔW_j in every sixteenth of [−√h A_h, √h A_h]. A step y1 = y0 + f(y0)(h + S) + O((h + |S|)²) responds with c_j|f|, up to a
+part of the order of |f′| √h A_h, at most 0.03 |f′| for k = 2: half of its largest response is left everywhere. A scheme
+that clips at less than 31/32 of A_h, that is with k′ < 0.93 k, responds by less than half in the last sixteenth.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from sepv.reference.increments import lost_variance, moment, truncated_moment
 
 from sepv import wiener
+from sepv.candidate import ask
+from sepv.errors import Skipped
 from sepv.law import Effort, Finding, Law, Verdict, require
+from sepv.local_errors import cases
+from sepv.problem import Problem
 from sepv.scheme import Scheme
 
 STEPS = tuple(2.0**-n for n in range(1, 21))
+# Small enough for the step to be nearly linear in ΔW, also with k = 12.
+SMALL = (2.0**-16, 2.0**-20, 2.0**-24)
+PARTS = 16
 
 
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
@@ -40,6 +53,10 @@ def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
             checks += 1
             if not ratio <= worst[0]:
                 worst = (ratio, 1.0, text)
+    for found in _responses(scheme, k):
+        checks += 1
+        if not found[0] <= worst[0]:
+            worst = (found[0], 1.0, found[1])
     verdict = Verdict.VIOLATED if not worst[0] <= 1 else Verdict.HOLDS
     message = worst[2] if verdict is Verdict.VIOLATED else ""
     return law.finding(
@@ -69,6 +86,44 @@ def _ratios(h: float, k: int, seed: int) -> list[tuple[float, str]]:
     return found
 
 
+def _responses(scheme: Scheme, k: int) -> Iterator[tuple[float, str]]:
+    """Half the largest response of the step over the smallest, for each problem, h and noise."""
+    skipped: list[Skipped] = []
+    problems = cases()[scheme.systems]
+    for problem in problems:
+        try:
+            for h in SMALL:
+                A = wiener.truncation_bound(h, k)
+                for j in np.flatnonzero(problem.c):
+                    size, place = _weakest(scheme, problem, h, A, int(j))
+                    text = (
+                        f"{problem.name}, h = {h!r}: the step does not respond to ΔW_{j + 1} beyond {place:.3g} √h "
+                        f"as elsewhere, and k = {k} lets increments through up to {A:.3g} √h"
+                    )
+                    yield size, text
+        except Skipped as skip:  # a scheme need not take every problem
+            skipped.append(skip)
+    if len(skipped) == len(problems):
+        raise skipped[0]
+
+
+def _weakest(scheme: Scheme, problem: Problem, h: float, A: float, j: int) -> tuple[float, float]:
+    """½ max/min of |∂y1/∂ΔW_j| over the parts of [−A, A], in √h, and where the smallest lies."""
+    xi = A * np.arange(-PARTS, PARTS + 1) / PARTS
+    y = np.repeat(np.asarray(problem.initial, dtype=np.float64)[:, None], xi.size, axis=1)
+    dW = np.zeros((problem.noises, xi.size))
+    dW[j] = wiener.truncate(np.sqrt(h) * xi, h, scheme.truncation)
+    if scheme.batched:
+        ends = ask(scheme, problem, y, h, dW)
+    else:
+        ends = np.stack([ask(scheme, problem, y[:, i], h, dW[:, i]) for i in range(xi.size)], axis=1)
+    responses = np.linalg.norm(np.diff(ends, axis=1), axis=0)
+    least = int(np.argmin(responses))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = 0.5 * float(np.max(responses) / responses[least])
+    return ratio, float(min(abs(xi[least]), abs(xi[least + 1])))
+
+
 def replay(law: Law, scheme: Scheme, _witness: dict[str, Any]) -> Finding:
     """The law has no cases: it is the same again."""
     return run(law, scheme, Effort())
@@ -76,7 +131,7 @@ def replay(law: Law, scheme: Scheme, _witness: dict[str, Any]) -> Finding:
 
 law = Law(
     name="truncation",
-    statement="|ζ| ≤ A_h, the moment bounds, and k ≥ 2p for mean-square order p",
+    statement="|ζ| ≤ A_h, the moment bounds, k ≥ 2p for mean-square order p, and a step that takes all |ζ| ≤ A_h",
     source="Rem. 2.1",
     unit="share",
     run=run,

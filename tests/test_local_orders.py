@@ -126,6 +126,30 @@ def test_a_claim_above_the_true_order_is_violated(base: str, changes: dict[str, 
     assert verdicts(replace(schemes.by_name(base), **changes))[1] == "violated"  # type: ignore[arg-type]
 
 
+def clipped(k: float) -> Scheme:
+    """(2.1) that clips its increments at A_h(k) inside the step, and says k = 2."""
+
+    def step(p: Problem, y: Array, h: float, dW: Array) -> Array:
+        bound = np.sqrt(2 * k * abs(np.log(h)) * h)
+        return energy_preserving.step(p, y, h, np.clip(dW, -bound, bound))
+
+    return around(step)
+
+
+@pytest.mark.parametrize(
+    ("k", "verdict"), [(0.5, "violated"), (1, "violated"), (1.8, "violated"), (2, "holds")]
+)
+def test_a_scheme_that_clips_more_than_it_says_does_not_take_its_increments(k: float, verdict: str) -> None:
+    (finding,) = verify(clipped(k), laws=["truncation"]).findings
+    assert finding.verdict.value == verdict
+    if verdict == "violated":
+        assert "does not respond to ΔW_" in finding.message
+
+
+def test_clipping_at_k_one_costs_the_mean_square_order() -> None:
+    assert measured(clipped(1)).finding("local-mean-square").defect == pytest.approx(1.05, abs=0.05)
+
+
 def test_order_five_does_not_pass_for_six() -> None:
     """So few errors of these orders are above rounding that their slopes still rise there: no accusation, no pass."""
     claims = replace(schemes.collocation(5), mean_square_order=6.0, weak_order=None, truncation=12)
@@ -140,7 +164,7 @@ def test_steps_that_fail_where_they_are_large_accuse_nobody() -> None:
             delta = float(p.random_step(h, dW))
             if abs(delta) > least:
                 raise StepFailure(problem=p.name, y=y, delta=delta, residual=1.0, status="none", iterations=1)
-            return energy_preserving.step(p, y, h, dW)
+            return schemes.milstein.step(p, y, h, dW)
 
         return around(step, batched=False)
 
