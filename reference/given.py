@@ -43,17 +43,17 @@ class GivenFunctions:
                 return self.ctx.mpf(head) + self.ctx.mpf(float(long - np.longdouble(head)))
             return self.ctx.mpf(float(self.problem.hamiltonian(np.array(values))))
 
-    def uncertainty(self, *states: Any) -> float:
+    def uncertainty(self, *states: Any) -> Any:
         """What H(y1) − H(y0) may be off by: ROUNDINGS half-ulps of |∇H|·|y| + |H| at each state.
 
         In longest floats it is less by their further bits; but a function that computes a part of H in binary64 and the
         rest in more cannot be told from one that does not, so that the bound is that of binary64 in either case.
         """
-        total = 0.0
-        for y in states:
-            slopes = np.abs(self.problem.gradient(y)) @ np.abs(y) + abs(float(self.problem.hamiltonian(y)))
-            total += ROUNDINGS * 2.0**-53 * float(slopes)
-        return total
+        slopes = [
+            np.sum(np.abs(self.problem.gradient(y)) * np.abs(y), axis=0) + np.abs(self.problem.hamiltonian(y))
+            for y in states
+        ]
+        return ROUNDINGS * 2.0**-53 * sum(slopes)
 
     def casimir_values(self, y: Vector) -> Vector:
         """All quadratic Casimirs yᵀAy, then all linear ones bᵀy."""

@@ -9,11 +9,12 @@ from typing import Any
 from sepv.reference.arithmetic import context
 from sepv.reference.problem import exact_problem
 
-from sepv.problem import NamedProblem, PolynomialSystem
+from sepv.problem import Description as AnyDescription
+from sepv.problem import NamedProblem
 
 
 @lru_cache(maxsize=64)
-def exact_energy(data: PolynomialSystem | NamedProblem, digits: int = 40) -> Callable[[Sequence[float]], Any]:
+def exact_energy(data: AnyDescription, digits: int = 40) -> Callable[[Sequence[float]], Any]:
     """H of a binary64 state, as an mpf of this many digits.
 
     Raises

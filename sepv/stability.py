@@ -17,10 +17,12 @@ from sepv.case import Case
 from sepv.errors import SepvError, StepFailure
 from sepv.fields import matvec
 from sepv.implicit import Status
-from sepv.problem import Array, Problem
+from sepv.problem import Array, GivenProblem, Problem
 from sepv.problems.hard import CATALOGUE, HardCase, Sample
 from sepv.reference.hard import exact_energy
+from sepv.reference.problem import exact_problem
 from sepv.scheme import Scheme
+from sepv.simulation import initial_state
 from sepv.tableaux import amplification
 from sepv.tolerance import energy_bound, energy_ulp, step_residual
 
@@ -151,6 +153,8 @@ def _measure(seen: Seen, scheme: Scheme, sample: Sample) -> None:
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
         allowed = step_residual(problem, y0, y1, h, used, scheme.solver_tolerance, scheme.stages)
         bound = energy_bound(problem, y0, y1, allowed) + _tilt(seen.case, scheme, y0, y1, h, used)
+        if isinstance(seen.case.data, GivenProblem):
+            bound = bound + exact_problem(seen.case.data).uncertainty(y0, y1)
         unit = energy_ulp(problem, y0, y1)
     defect = energy_defects(seen.case, y0, y1)
     if scheme.solve is not None:
@@ -167,6 +171,34 @@ def _measure(seen: Seen, scheme: Scheme, sample: Sample) -> None:
         if not ratio.max() <= seen.ratio and not seen.wrong:
             seen.worst = _as_case(seen.case, sample, int(good[np.argmax(ratio)]))
     seen.ratio = max(seen.ratio, float(ratio.max()))
+
+
+def long_steps(problem: Problem, text: str = "") -> HardCase:
+    """Steps of a user's problem from states about its initial one, some far longer than its slopes allow.
+
+    Whatever is solved must be right; what is not may be refused.
+    """
+    from sepv.given import describe, reach
+
+    start = initial_state(problem, None)
+    longest = 10 * reach(problem) / 8  # an eighth of the reach is what the slopes allow
+
+    def sample(rng: np.random.Generator, lanes: int) -> Sample:
+        y = start[:, None] * rng.uniform(0.5, 1.5, (start.size, lanes))
+        if problem.domain is not None:
+            y = np.where(np.asarray(problem.domain(y), dtype=bool), y, start[:, None])
+        h = float(longest * 10.0 ** rng.uniform(-3, 0))
+        return Sample(y, h, np.sqrt(h) * rng.standard_normal((problem.noises, lanes)))
+
+    refusals = ("REFUSED", *(s.name for s in Status if s is not Status.CONVERGED))
+    return HardCase(
+        problem.name,
+        "a problem of your own: steps from a hundredth to ten times what its slopes allow",
+        "solved to the bound, or refused",
+        describe(problem, text),
+        sample,
+        refusals,
+    )
 
 
 def energy_defects(case: HardCase, y0: Array, y1: Array) -> Array:

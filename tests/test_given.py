@@ -167,8 +167,8 @@ def test_a_file_and_a_name_on_the_command_line(tmp_path: Path) -> None:
     system = problems.to_json(sepv.PolynomialSystem(2, H, ((0, 1, poly.constant(2, -1.0)),)))
     (tmp_path / "quartic.json").write_text(json.dumps(system | {"initial": [0.5, 1.0]}))
     done = subprocess.run(
-        [sys.executable, "-m", "sepv", "verify", "midpoint", "-p", "quartic.json", "-p", "pendulum", "--law", "energy", "--paths", "256",
-         "--law", "rounding", "--examples", "20"],
+        [sys.executable, "-m", "sepv", "verify", "midpoint", "-p", "quartic.json", "-p", "pendulum", "--law", "energy",
+         "--law", "rounding", "--examples", "20", "--paths", "256"],
         cwd=tmp_path, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from sepv import polynomial as poly
 from sepv import problems
 from sepv.errors import UsageError
@@ -58,6 +60,25 @@ CASES: tuple[Case, ...] = (
     _case("pendulum", "pendulum", 2.0**-5, 16, portable=False),
     _case("lotka-volterra", "lotka-volterra", 2.0**-8, 16, portable=False),
 )  # fmt: skip
+
+
+def own_case(target: str) -> Case:
+    """A user's problem, by name, file or module:attribute, from its own initial state with 16 steps of 2⁻⁵."""
+    from sepv.target import load_problem
+
+    problem = load_problem(target)
+    initial = None if problem.initial is None else [float(v) for v in np.asarray(problem.initial)]
+    if initial is None:
+        raise UsageError(
+            expected="a problem with an initial state", received=f"{target} without one",
+            remedy="give initial= when making it, or \"initial\" in its file",
+        )  # fmt: skip
+    named = target if ":" in target else None
+    return _case(
+        problem.name,
+        named or (problems.to_json(problem.data) if isinstance(problem.data, PolynomialSystem) else target),
+        2.0**-5, 16, portable=False, initial=initial,
+    )  # fmt: skip
 
 
 def choose(names: tuple[str, ...], portable: bool) -> list[Case]:

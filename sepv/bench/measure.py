@@ -52,7 +52,14 @@ def measure(scheme: Scheme, case: dict[str, Any]) -> dict[str, Any]:
 def build(case: dict[str, Any]) -> Problem:
     """The problem of a case."""
     given = case["problem"]
-    problem = problems.by_name(given) if isinstance(given, str) else problems.build(problems.from_json(given))
+    if isinstance(given, str) and ":" in given:  # a user's own, which only newer releases can be asked for
+        from sepv.target import load_problem
+
+        problem = load_problem(given)
+    else:
+        problem = (
+            problems.by_name(given) if isinstance(given, str) else problems.build(problems.from_json(given))
+        )
     return (
         problem if case["initial"] is None else replace(problem, initial=tuple(case["initial"]), check=False)
     )

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from sepv.commands.shared import FILE, friendly
+from sepv.commands.shared import EXEC, FILE, candidates, friendly
 from sepv.errors import UsageError
 
 STYLES = {"worse": "bold red", "better": "green", "not settled": "yellow", "same": ""}
@@ -16,7 +16,12 @@ crashed, or could not be loaded."""
 
 
 @click.command(epilog=EXITS, short_help="Guard work, error and time against a file or a checkout.")
-@click.argument("targets", nargs=-1, required=True, metavar="TARGET...")
+@click.argument("targets", nargs=-1, metavar="TARGET...")
+@EXEC
+@click.option(
+    "--problem", "-p", "own", multiple=True, metavar="PROBLEM",
+    help="A case of your own: name, file.json or module:attribute.",
+)  # fmt: skip
 @click.option("--save", type=FILE, help="Write the records to this file.")
 @click.option("--against", type=click.Path(), help="Compare with the records of this file.")
 @click.option(
@@ -38,6 +43,8 @@ crashed, or could not be loaded."""
 @friendly
 def bench(
     targets: tuple[str, ...],
+    programs: tuple[str, ...],
+    own: tuple[str, ...],
     save: str | None,
     against: str | None,
     against_ref: str | None,
@@ -56,23 +63,30 @@ def bench(
     sepv bench mymodule:step --save counters.json
     sepv bench mymodule:step --against counters.json
     sepv bench mymodule:step --against-ref ../other-checkout
+    sepv bench mymodule:step -p mymodule:problem
     """
     from sepv.bench import cases, pairs, store
     from sepv.bench.gate import check
     from sepv.files import require_folder, write_atomically
     from sepv.report import console
-    from sepv.target import load_scheme
 
     if against and against_ref:
         raise UsageError(
             expected="one of --against and --against-ref", received="both", remedy="run once with each"
         )
     require_folder(save)
-    status, chosen = console(stderr=True), cases.choose(names, portable)
+    if against_ref and programs:
+        raise UsageError(
+            expected="TARGETs with --against-ref", received="--exec",
+            remedy="a program belongs to no checkout of Python code; save and compare with --against",
+        )  # fmt: skip
+    status = console(stderr=True)
+    chosen = cases.choose(names, portable) if names or not own else []
+    chosen = [*chosen, *(cases.own_case(name) for name in own)]
     base = {r["target"]: r for r in store.load(against)} if against else {}
     records, checks = [], []
-    with status.status("") as line:
-        for target in targets:
+    with candidates(targets, programs) as found, status.status("") as line:
+        for target, scheme in found:
             line.update(target)
             if against and target not in base:
                 raise UsageError(
@@ -89,7 +103,7 @@ def bench(
                 before = base.get(target)
                 wanted = [c["case"] for c in before["cases"]] if before else chosen
                 wanted = [c for c in wanted if not names or c["name"] in names]
-                ours = store.record(target, load_scheme(target), wanted)
+                ours = store.record(target, scheme, wanted)
                 if before:
                     kept = [c for c in before["cases"] if c["case"] in wanted]
                     checks += check(ours, {**before, "cases": kept})

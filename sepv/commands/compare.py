@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
 
-from sepv.commands.shared import FILE, friendly
-from sepv.errors import UsageError
+from sepv.commands.shared import EXEC, FILE, candidates, friendly
+from sepv.errors import SepvError, UsageError
 
 # T and numbers of steps by default. Lotka-Volterra needs h ≤ 2⁻⁷: coarser steps need not have a solution.
 GRIDS = {"lotka-volterra": (1.0, "128,256,512,1024")}
@@ -39,6 +41,7 @@ class Numbers(click.ParamType):
 @click.option(
     "--problem", "-p", default="rigid-body", show_default=True, help="By name, file.json or module:attribute."
 )
+@EXEC
 @click.option("--initial", type=Numbers(float), help="Initial state. [default: the problem's own]")
 @click.option("--time", "T", type=click.FloatRange(min=0, min_open=True), help="T. [default: 1]")
 @click.option("--steps", type=Numbers(int), help="Numbers of steps, such as 8,16,32.")
@@ -55,7 +58,9 @@ class Numbers(click.ParamType):
 @click.option("--picture", type=FILE, help="Draw it: .svg, .png or .pdf (extra plots).")
 @click.option("-q", "--quiet", is_flag=True, help="No progress, and only the second table.")
 @friendly
-def compare(targets: tuple[str, ...], problem: str, picture: str | None, **options: Any) -> None:
+def compare(
+    targets: tuple[str, ...], programs: tuple[str, ...], problem: str, picture: str | None, **options: Any
+) -> None:
     """Error, invariant defects, time and work of SCHEMEs, on the same paths.
 
     A SCHEME is a built-in name, module:attribute, exact-flow (the exact time change), or a peer such as
@@ -66,11 +71,14 @@ def compare(targets: tuple[str, ...], problem: str, picture: str | None, **optio
     \b
     sepv compare energy-preserving midpoint euler-heun exact-flow
     sepv compare mymodule:step --problem pendulum --picture cost.svg
+
+    A scheme that fails is left out and named at the end; the exit code is 3 then.
     """
     from sepv.compare import compare as run
     from sepv.compare import picture as drawing
     from sepv.compare import table
-    from sepv.compare.choose import PEERS, installed_peers, load_method
+    from sepv.compare.choose import PEERS, installed_peers
+    from sepv.compare.method import from_scheme
     from sepv.compare.run import one_core
     from sepv.files import require_folder, write_atomically
     from sepv.report import console
@@ -84,23 +92,30 @@ def compare(targets: tuple[str, ...], problem: str, picture: str | None, **optio
     with one_core() as alone, status.status("") as line:
         system = _problem(load_problem(problem), options["initial"])
         names = list(dict.fromkeys((*targets, *(installed_peers() if options["peers"] else ()))))
-        if not names:
+        if not names and not programs:
             raise UsageError(
-                expected="a SCHEME, or --peers",
+                expected="a SCHEME, --exec or --peers",
                 received="none",
                 remedy=f"a built-in, module:attribute, exact-flow or a peer ({', '.join(PEERS)})",
             )
-        found = run(
-            [load_method(name, system) for name in names],
-            system,
-            steps=steps,
-            T=T,
-            paths=options["paths"],
-            repeats=options["repeats"],
-            seed=options["seed"],
-            targets=options["errors"],
-            progress=(lambda _: None) if options["quiet"] else line.update,
-        )
+        methods, failed = _methods(names, system)
+        block: Any = candidates((), programs) if programs else nullcontext([])
+        with block as others:
+            methods += [replace(from_scheme(own, system), name=name) for name, own in others]
+            if not methods:
+                raise failed[names[0]]
+            found = run(
+                methods,
+                system,
+                steps=steps,
+                T=T,
+                paths=options["paths"],
+                repeats=options["repeats"],
+                seed=options["seed"],
+                targets=options["errors"],
+                progress=(lambda _: None) if options["quiet"] else line.update,
+            )
+    found = replace(found, failed={name: str(e) for name, e in failed.items()} | found.failed)
     if options["json_file"]:
         text = json.dumps(found.to_json(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
         write_atomically(options["json_file"], text)
@@ -117,6 +132,23 @@ def compare(targets: tuple[str, ...], problem: str, picture: str | None, **optio
         out.print(note, style="dim", soft_wrap=True)
     if not alone:
         out.print("This system cannot keep a process on one core: libraries may have used more.", style="dim")
+    for name, text in found.failed.items():
+        click.echo(f"sepv: {name} failed and is left out: {text}", err=True)
+    if found.failed:
+        raise SystemExit(3)
+
+
+def _methods(names: list[str], problem: Any) -> tuple[list[Any], dict[str, SepvError]]:
+    """The methods that can be loaded and take a step, and what went wrong with the others."""
+    from sepv.compare.choose import load_method
+
+    methods, failed = [], {}
+    for name in names:
+        try:
+            methods.append(load_method(name, problem))
+        except SepvError as error:
+            failed[name] = error
+    return methods, failed
 
 
 def _grid(problem: str, T: float | None, steps: tuple[int, ...] | None) -> tuple[float, tuple[int, ...]]:
@@ -125,6 +157,4 @@ def _grid(problem: str, T: float | None, steps: tuple[int, ...] | None) -> tuple
 
 
 def _problem(problem: Any, initial: tuple[float, ...] | None) -> Any:
-    from dataclasses import replace
-
     return problem if initial is None else replace(problem, initial=initial, check=False)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sepv.commands.shared import FILE, friendly
+from sepv.commands.shared import EXEC, FILE, candidates, friendly
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -17,7 +17,12 @@ if TYPE_CHECKING:
 
 
 @click.command(short_help="A scheme where schemes break.")
-@click.argument("target", metavar="[TARGET]", default="energy-preserving")
+@click.argument("target", metavar="[TARGET]", required=False)
+@EXEC
+@click.option(
+    "--problem", "-p", "own", multiple=True, metavar="PROBLEM",
+    help="Long steps of this problem in place of the cases.",
+)  # fmt: skip
 @click.option("--case", "names", multiple=True, metavar="NAME", help="Only this case; may be repeated.")
 @click.option(
     "--steps", type=click.IntRange(min=1), default=200, show_default=True, help="Random steps of each case."
@@ -35,7 +40,9 @@ if TYPE_CHECKING:
 @click.option("-q", "--quiet", is_flag=True, help="Only what was not expected, and the last line.")
 @friendly
 def hard(
-    target: str,
+    target: str | None,
+    programs: tuple[str, ...],
+    own: tuple[str, ...],
     names: tuple[str, ...],
     steps: int,
     laws: int,
@@ -53,14 +60,18 @@ def hard(
     \b
     sepv hard                             all of it with energy-preserving
     sepv hard midpoint --case toda-steep
+    sepv hard mymodule:step -p mymodule:problem
     sepv hard --steps 40000               a million steps and more
     """
     from rich.text import Text
 
     from sepv.problems.hard import CATALOGUE, by_name
     from sepv.report import console, line
+    from sepv.stability import long_steps
+    from sepv.target import load_problem
 
-    cases = [by_name(name) for name in names] if names else CATALOGUE
+    cases = [by_name(name) for name in names] if names else () if own else CATALOGUE
+    cases = [*cases, *(long_steps(load_problem(name), name) for name in own)]
     out = console()
     if explain:
         for case in cases:
@@ -68,11 +79,11 @@ def hard(
         return
     from sepv.files import require_folder, write_atomically
     from sepv.stability import run
-    from sepv.target import load_scheme
 
     require_folder(json_file)
-    scheme = load_scheme(target)
-    with console(stderr=True).status("") as status:
+    asked = [target] if target else [] if programs else ["energy-preserving"]
+    with candidates(asked, programs) as found, console(stderr=True).status("") as status:
+        target, scheme = found[0]
         seen = run(
             scheme, cases, steps=steps, laws=laws, seed=seed, progress=lambda case: status.update(case.name)
         )

@@ -7,12 +7,15 @@ from typing import Any
 
 import click
 
-from sepv.commands.shared import FILE, friendly
+from sepv.commands.shared import EXEC, FILE, candidates, friendly
 
 
 @click.command(short_help="One path over many steps.")
-@click.argument("scheme")
-@click.option("--problem", default="rigid-body", show_default=True, help="One of `sepv list`.")
+@click.argument("scheme", required=False)
+@click.option(
+    "--problem", "-p", default="rigid-body", show_default=True, help="By name, file.json or module:attribute."
+)
+@EXEC
 @click.option("--h", "h", type=float, default=0.01, show_default=True, help="The step size.")
 @click.option(
     "--steps",
@@ -29,7 +32,8 @@ from sepv.commands.shared import FILE, friendly
 @click.option("-q", "--quiet", is_flag=True, help="No progress; print one line, the defects.")
 @friendly
 def run(
-    scheme: str, problem: str, h: float, steps: float, seed: int, every: float | None, compensated: bool,
+    scheme: str | None, problem: str, programs: tuple[str, ...], h: float, steps: float, seed: int,
+    every: float | None, compensated: bool,
     engine: str, json_file: str | None, quiet: bool,
     debug: bool,  # noqa: ARG001  (every command takes it)
 ) -> None:  # fmt: skip
@@ -37,20 +41,27 @@ def run(
 
     \b
     sepv run energy-preserving --steps 1e8 --compensated
+    sepv run mymodule:step -p mymodule:problem --steps 1e5
 
     Ctrl-C stops it, shows and writes what was done, and exits with 130.
     """
-    from sepv import problems, schemes
     from sepv.engine.long import long_path
     from sepv.errors import UsageError
     from sepv.files import require_folder
+    from sepv.target import load_problem
 
     require_folder(json_file)
     count = _whole("steps", steps)
     kept = _whole("every", every) if every is not None else max(1, count // 1000)
-    with _bar(count, quiet) as progress:
+    system = load_problem(problem)
+    with candidates([scheme] if scheme else [], programs, [system]) as found, _bar(count, quiet) as progress:
+        if len(found) > 1:
+            raise UsageError(
+                expected="one scheme", received=f"{len(found)}", remedy="sepv run, once for each of them"
+            )
+        scheme, own = found[0]
         path = long_path(
-            schemes.by_name(scheme), problems.by_name(problem), h=h, steps=count, seed=seed, every=kept,
+            own, system, h=h, steps=count, seed=seed, every=kept,
             compensated=compensated, engine=engine, progress=progress,
         )  # fmt: skip
     _show(scheme, problem, path, quiet)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import shlex
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
 from functools import wraps
 from typing import Any
 
@@ -14,6 +16,40 @@ EXIT_CODES = """Exit codes: 0 all claimed laws hold; 1 a claimed law is violated
 budget; 2 wrong usage; 3 the scheme crashed, hung, or could not be loaded; 130 interrupted."""
 
 FILE = click.Path(dir_okay=False)
+
+
+EXEC = click.option(
+    "--exec", "programs", multiple=True, metavar="COMMAND",
+    help="A program in any language (docs/protocol.md); may be repeated.",
+)  # fmt: skip
+
+
+@contextmanager
+def candidates(
+    targets: Iterable[str], programs: Iterable[str], problems: Iterable[Any] = ()
+) -> Iterator[list[tuple[str, Any]]]:
+    """(how a command names it, scheme) of every target and every program; the programs end with the block.
+
+    Raises
+    ------
+    UsageError
+        Where there is neither a target nor a program.
+    """
+    from sepv.target import load_scheme
+
+    with ExitStack() as stack:
+        found = [(target, load_scheme(target, problems=problems)) for target in targets]
+        for command in programs:
+            from sepv.external import load_program
+
+            found.append((f"--exec {shlex.quote(command)}", stack.enter_context(load_program(command))))
+        if not found:
+            raise UsageError(
+                expected="a scheme, or a program with --exec",
+                received="neither",
+                remedy="a built-in name, module:attribute, or --exec './program'",
+            )
+        yield found
 
 
 def complete_schemes(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:

@@ -6,11 +6,12 @@ import json
 
 import click
 
-from sepv.commands.shared import FILE, friendly
+from sepv.commands.shared import EXEC, FILE, candidates, friendly
 
 
 @click.command(short_help="One-step defects of the invariants, in ulps.")
 @click.argument("targets", nargs=-1, metavar="[SCHEME]...")
+@EXEC
 @click.option(
     "--problem", "-p", "names", multiple=True, help="By name or as for compare. [default: the paper's]"
 )
@@ -24,6 +25,7 @@ from sepv.commands.shared import FILE, friendly
 @friendly
 def ulps(
     targets: tuple[str, ...],
+    programs: tuple[str, ...],
     names: tuple[str, ...],
     h: float | None,
     steps: int,
@@ -46,15 +48,14 @@ def ulps(
     from sepv import ulps as unit
     from sepv.files import require_folder, write_atomically
     from sepv.report import console
-    from sepv.target import load_problem, load_scheme
+    from sepv.target import load_problem
 
     require_folder(json_file)
-    wanted = [load_scheme(t) for t in (targets or tuple(schemes.ALL))]
-    wanted += [load_scheme(t) for t in (unit.peers() if peers else ())]
+    asked = [*(targets or (() if programs else tuple(schemes.ALL))), *(unit.peers() if peers else ())]
     chosen = [load_problem(name) for name in (names or tuple(problems.NAMED))]
     rows, status = [], console(stderr=True)
-    with status.status("") as line:
-        for scheme in wanted:
+    with candidates(asked, programs) as wanted, status.status("") as line:
+        for _, scheme in wanted:
             for problem in chosen:
                 line.update(f"{scheme.name}, {problem.name}")
                 rows.append(unit.one_step(scheme, problem, h=h, steps=steps, seed=seed))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
@@ -122,6 +122,8 @@ class Comparison:
     has_casimirs: bool
     points: tuple[Point, ...]
     targets: tuple[float, ...] = ()
+    # Methods that were left out, and why.
+    failed: dict[str, str] = field(default_factory=dict)
 
     def of(self, method: str) -> list[Point]:
         """The points of one method, coarsest step first."""
@@ -134,6 +136,7 @@ class Comparison:
     def to_json(self) -> dict[str, Any]:
         """For the schema ``comparison.schema.json``."""
         return {
+            **({"failed": self.failed} if self.failed else {}),
             "format": FORMAT,
             "problem": self.problem,
             "T": self.T,

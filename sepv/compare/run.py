@@ -15,7 +15,7 @@ from sepv import wiener
 from sepv.compare.method import Ends, Followed, Method
 from sepv.compare.record import Comparison, Point, Seconds
 from sepv.convergence import GROUPS, Estimate, jackknife
-from sepv.errors import UsageError
+from sepv.errors import SepvError, TargetError, UsageError
 from sepv.exact import exact_flow
 from sepv.implicit import Status
 from sepv.problem import Array, Problem
@@ -71,15 +71,30 @@ def compare(
     jobs: list[Callable[[], Ends]] = []
     first: list[float] = []  # processor seconds of the very first call
     followed: list[Followed] = []
+    failed: dict[str, str] = {}
     for method in methods:
-        for count in steps if method.steps_matter else steps[-1:]:
-            progress(f"{method.name}, {count} steps")
-            dW = coarse[count] if method.batched else coarse[count][:, :, :SINGLE_PATHS]
-            job = method.prepare(problem, start, T / count, dW)
-            cells.append((method, count))
+        lane = []
+        try:
+            for count in steps if method.steps_matter else steps[-1:]:
+                progress(f"{method.name}, {count} steps")
+                dW = coarse[count] if method.batched else coarse[count][:, :, :SINGLE_PATHS]
+                job = method.prepare(problem, start, T / count, dW)
+                once = _time(job)[0]
+                lane.append(((method, count), job, once, method.follow(problem, start, T / count, dW)))
+        except SepvError as error:  # this method's alone: the others are compared all the same
+            failed[method.name] = str(error)
+            continue
+        for cell, job, once, run in lane:
+            cells.append(cell)
             jobs.append(job)
-            first.append(_time(job)[0])
-            followed.append(method.follow(problem, start, T / count, dW))
+            first.append(once)
+            followed.append(run)
+    if not cells:
+        raise TargetError(
+            expected="a method that takes its steps",
+            received="; ".join(f"{name}: {text.splitlines()[0]}" for name, text in failed.items()),
+            remedy="make one of them run on this problem first",
+        )
     times = _alternate(jobs, repeats, progress)
     points = [
         _point(method, count, T, run, exact.y, np.array(row), once)
@@ -92,7 +107,8 @@ def compare(
         repeats=repeats,
         confidence=1 - ALPHA,
         environment=environment(),
-        sources={m.name: m.source for m in methods},
+        sources={m.name: m.source for m in methods if m.name not in failed},
+        failed=failed,
         has_casimirs=bool(problem.casimirs or problem.linear_casimirs),
         points=tuple(points),
         targets=tuple(targets),

@@ -11,7 +11,7 @@ import numpy as np
 
 from sepv import polynomial as poly
 from sepv.polynomial import Polynomial
-from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
+from sepv.problem import Array, Description, Problem
 
 # Names of `sepv.implicit.Status`: the ways in which a step without a solution may be refused. Which of them
 # it is depends on where the iteration happens to be when it gives up.
@@ -53,7 +53,7 @@ class HardCase:
     name: str
     reason: str
     expected: str
-    data: PolynomialSystem | NamedProblem
+    data: Description
     sample: Callable[[np.random.Generator, int], Sample]
     refusals: tuple[str, ...] = ()
     laws: tuple[str, ...] = ("energy",)

@@ -1,0 +1,158 @@
+"""Every command takes a user's scheme, a user's problem and a program, and one that fails stops no other."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+from pathlib import Path
+
+import jsonschema
+import pytest
+from click.testing import CliRunner, Result
+
+import sepv
+from sepv.cli import main
+
+ROOT = Path(__file__).resolve().parents[1]
+PROGRAM = shlex.join([sys.executable, str(ROOT / "examples" / "euler_heun_plain.py")])
+
+MODULE = '''
+import numpy as np
+import sepv
+from sepv.fields import vector_field
+
+def step(problem, y, h, dW):
+    delta = problem.random_step(h, dW)
+    f = vector_field(problem, y)
+    return y + 0.5 * delta * (f + vector_field(problem, y + delta * f))
+
+def crashes(problem, y, h, dW):
+    raise RuntimeError("not today")
+
+def fails_late(problem, y, h, dW):
+    if abs(dW).max() > 0:
+        raise RuntimeError("no noise, please")
+    return y.copy()
+
+def pendulum():
+    """Functions alone, without data."""
+    return sepv.Problem(
+        2,
+        lambda y: np.stack([np.stack([0 * y[0], 0 * y[0] - 1]), np.stack([0 * y[0] + 1, 0 * y[0]])]),
+        lambda y: 0.5 * y[0] ** 2 - np.cos(y[1]),
+        lambda y: np.stack([y[0], np.sin(y[1])]),
+        initial=(0.2, 1.0),
+        name="own",
+    )
+'''
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / "everywhere.py").write_text(MODULE)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    return tmp_path
+
+
+def sepv_(*arguments: str) -> Result:
+    return CliRunner().invoke(main, list(arguments))
+
+
+OWN = ("everywhere:step", "-p", "everywhere:pendulum")
+COMMANDS = {
+    "run": ("run", *OWN, "--steps", "50"),
+    "compare": ("compare", *OWN, "--steps", "8,16", "--paths", "32", "--repeats", "1"),
+    "hard": ("hard", *OWN, "--steps", "20", "--laws", "0"),
+    "ulps": ("ulps", *OWN, "--steps", "20"),
+    "bench": ("bench", *OWN),
+    "verify": ("verify", *OWN, "--law", "contract", "--examples", "5"),
+}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_it_takes_a_scheme_and_a_problem_by_module_and_attribute(folder: Path, command: str) -> None:
+    done = sepv_(*COMMANDS[command])
+    assert done.exit_code == 0, done.output
+    assert "own" in done.output or "everywhere" in done.output
+
+
+EXEC = {
+    "run": ("run", "--exec", PROGRAM, "-p", "pendulum", "--steps", "20"),
+    "compare": (
+        "compare",
+        "--exec",
+        PROGRAM,
+        "-p",
+        "pendulum",
+        "--steps",
+        "8,16",
+        "--paths",
+        "32",
+        "--repeats",
+        "1",
+    ),
+    "hard": ("hard", "--exec", PROGRAM, "-p", "pendulum", "--steps", "10", "--laws", "0"),
+    "ulps": ("ulps", "--exec", PROGRAM, "-p", "pendulum", "--steps", "10"),
+}
+
+
+@pytest.mark.parametrize("command", EXEC)
+def test_it_takes_a_program_in_another_language(folder: Path, command: str) -> None:
+    done = sepv_(*EXEC[command])
+    assert done.exit_code == 0, done.output
+    assert "euler" in done.output.lower()
+
+
+def test_a_scheme_that_fails_ends_no_comparison(folder: Path) -> None:
+    done = sepv_(
+        "compare", "midpoint", "everywhere:crashes", "everywhere:fails_late", "everywhere:missing",
+        "--steps", "8,16", "--paths", "32", "--repeats", "1", "-p", "pendulum", "--json", "all.json",
+    )  # fmt: skip
+    assert done.exit_code == 3
+    assert "midpoint" in done.output
+    for name, why in (
+        ("crashes", "not today"),
+        ("fails_late", "no noise, please"),
+        ("missing", "an attribute"),
+    ):
+        assert f"everywhere:{name} failed and is left out" in done.output
+        assert why in done.output
+    found = json.loads((folder / "all.json").read_text())
+    schema = json.loads((ROOT / "sepv" / "schemas" / "comparison.schema.json").read_text())
+    jsonschema.validate(found, schema)
+    assert [m["name"] for m in found["methods"]] == ["midpoint"]
+    assert set(found["failed"]) == {f"everywhere:{name}" for name in ("crashes", "fails_late", "missing")}
+
+
+def test_where_all_fail_there_is_nothing_to_compare(folder: Path) -> None:
+    done = sepv_("compare", "everywhere:fails_late", "--steps", "8,16", "--paths", "32", "-p", "pendulum")
+    assert done.exit_code == 3
+    assert "no noise, please" in done.output
+
+
+@pytest.mark.parametrize("command", ["run", "bench"])
+def test_neither_a_scheme_nor_a_program_is_refused(folder: Path, command: str) -> None:
+    done = sepv_(command)
+    assert done.exit_code == 2
+    assert "a scheme, or a program with --exec" in done.output
+
+
+def test_a_saved_record_of_an_own_problem_guards_it(folder: Path) -> None:
+    assert sepv_("bench", *OWN, "--save", "own.json").exit_code == 0
+    done = sepv_("bench", "everywhere:step", "--against", "own.json", "-q")
+    assert done.exit_code == 0, done.output
+    assert "same" in done.output
+
+
+def test_ulps_of_functions_and_of_data_agree() -> None:
+    from dataclasses import replace
+
+    from sepv.ulps import one_step
+
+    data = sepv.problems.pendulum()
+    functions = replace(data, data=None, check=False)
+    a, b = (one_step(sepv.schemes.midpoint, p, steps=20) for p in (data, functions))
+    assert a.energy_median is not None
+    assert b.energy_median == pytest.approx(a.energy_median, rel=1e-3)
