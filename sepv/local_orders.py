@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from sepv.errors import Skipped
+from sepv.given import problems_of
 from sepv.law import Effort, Finding, Law, Verdict
 from sepv.local_errors import LEVELS, LocalErrors, cases, local_errors
 from sepv.problem import Array
@@ -112,7 +113,7 @@ def judge(
     """
     slopes, lines, measured, checks = [], [], [], 0
     skipped: list[Skipped] = []
-    for problem in cases()[scheme.systems]:
+    for problem in problems_of(scheme) or cases()[scheme.systems]:
         try:
             found = local_errors(scheme, problem, effort)
         except Skipped as skip:  # a scheme need not take every problem

@@ -12,7 +12,6 @@ from click.testing import CliRunner
 import sepv
 from sepv import problems, schemes
 from sepv.cli import main
-from sepv.errors import UsageError
 from sepv.schemas import ulps_schema
 from sepv.scheme import Scheme
 from sepv.ulps import one_step
@@ -57,15 +56,20 @@ def test_failures_are_counted_and_left_out() -> None:
     assert nothing.energy_median is None
 
 
-def test_a_problem_of_functions_is_refused() -> None:
+def test_a_problem_of_functions_is_measured_by_its_own_code() -> None:
     mine = sepv.Problem(
         dimension=1,
         structure=lambda y: np.zeros((1, 1, *y.shape[1:])),
         hamiltonian=lambda y: y[0] ** 2,
         gradient=lambda y: np.stack([2 * y[0]]),
+        initial=(1.0,),
     )
-    with pytest.raises(UsageError, match="extended precision"):
-        one_step(schemes.midpoint, mine)
+    at_rest, moved = (
+        one_step(s, mine, steps=5) for s in (schemes.midpoint, Scheme("off", lambda p, y, h, dW: 2 * y))
+    )
+    assert at_rest.energy_largest == 0
+    # From y = 1 to 2: ΔH = 3 in units of eps |∇H||y| = 8 eps.
+    assert moved.energy_largest == pytest.approx(3 / (8 * 2.0**-52))
 
 
 def test_the_command_prints_a_table_and_writes_json(tmp_path) -> None:
