@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from sepv import schemes
 from sepv.convergence import StrongErrors
-from sepv.reproduce import invariants, order, runs
+from sepv.reproduce import fine_step, invariants, order, runs
 from sepv.reproduce.job import Job, Results, Size
 from sepv.reproduce.record import Axis, Panel
 
@@ -14,6 +14,16 @@ KEEP = ("energy-preserving", "discrete-gradient")
 SHOWN = tuple(schemes.ALL)
 # At h ≥ 2⁻⁶ some steps of implicit schemes have no solution, and explicit schemes leave the octant.
 ORDER = order.Setting("4.6", PROBLEM, T=0.5, steps=(128, 256, 512, 1024), samples=1000)
+# The interval of the energy plot, and the reference that the text names.
+FINE = fine_step.Setting(
+    "4.6",
+    PROBLEM,
+    T=5.0,
+    steps=(1280, 2560, 5120, 10240, 20480),
+    reference="midpoint",
+    samples=128,
+    stated="§4.4",
+)
 COST = {"energy-preserving": 1.2e-3, "midpoint": 1.2e-3, "discrete-gradient": 2.3e-3}
 
 _PARAMETERS = {
@@ -23,7 +33,7 @@ _PARAMETERS = {
 
 def jobs(size: Size) -> list[Job]:
     """Six runs, and the errors of six schemes."""
-    found = order.jobs(ORDER, size)
+    found = [*order.jobs(ORDER, size), *fine_step.jobs(FINE, size)]
     for name in SHOWN:
         arguments = {
             "scheme": name,
@@ -40,7 +50,11 @@ def jobs(size: Size) -> list[Job]:
 def panels(results: Results) -> list[Panel]:
     """Figure 4.6: the Hamiltonian along one sample, and the order."""
     found: dict[str, runs.Run] = {name: results["4.6", "run", name] for name in SHOWN}
-    return [_hamiltonian(found), _order(order.collect(ORDER, results))]
+    return [
+        _hamiltonian(found),
+        _order(order.collect(ORDER, results)),
+        fine_step.panel(FINE, results, source="Figure 4.6, right, on the interval of its left plot"),
+    ]
 
 
 def _hamiltonian(found: dict[str, runs.Run]) -> Panel:

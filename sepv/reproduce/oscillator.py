@@ -130,6 +130,17 @@ def _position(found: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
         f"the circle's radius is {radius:.4f}",
         criterion="within the radius of the energy circle for the one, beyond twice that for the other",
     )  # fmt: skip
+    others = {n: float(np.max(np.abs(found[n].y[1]))) for n in ("euler-maruyama", "milstein")}
+    similar = Statement(
+        text="The other numerical schemes offer similar behaviour as that of Euler-Heun's method",
+        source="§4.1",
+        verdict=decide(
+            min(others.values()) > 2 * radius,
+            max(others.values()) <= 2 * radius and preserving.steps >= STEPS,
+        ),
+        measured="; ".join(f"largest |x| of {order.SENTENCE[n]} {x:.3g}" for n, x in others.items()),
+        criterion="beyond twice the radius of the energy circle, as Euler-Heun's",
+    )
     gap = np.abs(preserving.y[1] - exact)
     return Panel(
         key="4.1-position",
@@ -145,7 +156,7 @@ def _position(found: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
             "the exact solution is not drawn: at this length it fills the same band",
         ),
         window=WINDOW,
-        statements=(stable,),
+        statements=(stable, similar),
         description="The energy-preserving position oscillates in a constant band; that of Euler-Heun grows.",
         numbers={
             f"largest error of x of the energy-preserving scheme until t = {last:g}": float(

@@ -15,6 +15,7 @@ from sepv.errors import UsageError
 from sepv.reproduce import (
     deterministic,
     errata,
+    lemma,
     lotka_volterra,
     oscillator,
     pendulum,
@@ -25,7 +26,7 @@ from sepv.reproduce import (
 from sepv.reproduce.job import Job, Results, Size
 from sepv.reproduce.record import Panel, Statement, counts, finite
 
-SECTIONS = (oscillator, rigid_body, pendulum, lotka_volterra, deterministic, remarks)
+SECTIONS = (oscillator, rigid_body, pendulum, lotka_volterra, deterministic, lemma, remarks)
 FIGURES = ("4.1", "4.2", "4.3", "4.4", "4.5", "4.6")
 # Formulas and arguments of the text, which need no run.
 TEXT = "text"
