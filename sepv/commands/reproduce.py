@@ -35,11 +35,12 @@ QUICK = 1 / 32
 def reproduce(figures: tuple[str, ...], out: str | None, json_file: str | None, **options: Any) -> None:
     """The paper's Figures 4.1 to 4.6, computed again, with a verdict on each statement about them.
 
-    FIGURE is one of 4.1 to 4.6, or "text" for formulas and arguments that do not hold as printed. References
-    are exact. A statement that fails is a finding about the paper, and changes no exit code.
+    FIGURE is one of 4.1 to 4.6, "theory" for what §2, §3 and the remarks say, or "text" for formulas and arguments
+    that do not hold as printed. References are exact. A statement that fails is a finding about the paper, and changes
+    no exit code.
 
     \b
-    sepv reproduce                      all of it, about three minutes
+    sepv reproduce                      all of it, about four minutes
     sepv reproduce 4.3                  one figure
     sepv reproduce 4.4 -o figures       with its numbers and pictures
     sepv reproduce --json paper.json    for sepv report

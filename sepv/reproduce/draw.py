@@ -69,7 +69,9 @@ def draw(panel: Panel, folder: Path) -> tuple[Path, Path]:
             axes.set_xlim(-panel.window, panel.window)
         axes.set_xlabel(panel.x.label)
         axes.set_ylabel(panel.y.label)
-        figure.legend(loc="outside upper center", ncols=2, frameon=False, handlelength=2.6)
+        # Two columns of longer labels are wider than the figure.
+        columns = 2 if max(len(s.name) for s in panel.series) <= 22 else 1
+        figure.legend(loc="outside upper center", ncols=columns, frameon=False, handlelength=2.6)
         paths = folder / f"{panel.key}.svg", folder / f"{panel.key}.png"
         figure.savefig(paths[0], metadata={"Date": None, "Title": panel.title})
         figure.savefig(paths[1], dpi=300, metadata={"Title": panel.title, "Software": None})

@@ -98,12 +98,12 @@ def measured(problem: str) -> dict[str, Any]:
 
 def jobs(_size: Size) -> list[Job]:
     """One job a problem; nothing is random."""
-    return [Job(("text", "lemma", name), measured, {"problem": name}, 1.0) for name in NAMES]
+    return [Job(("theory", "lemma", name), measured, {"problem": name}, 1.0) for name in NAMES]
 
 
 def panels(results: Results) -> list[Panel]:
     """E‖R_n‖ and (E‖R_n‖²)^½ against h."""
-    found = {name: results["text", "lemma", name] for name in NAMES}
+    found = {name: results["theory", "lemma", name] for name in NAMES}
     statements = []
     for name, one in found.items():
         gap = float(
@@ -130,8 +130,8 @@ def panels(results: Results) -> list[Panel]:
         ]
     return [
         Panel(
-            key="text-lemma-3.2",
-            figure="text",
+            key="theory-lemma-3.2",
+            figure="theory",
             title="What the expansion (3.1) leaves",
             source="Lemma 3.2, (3.2)",
             x=H_AXIS,
@@ -151,4 +151,4 @@ def panels(results: Results) -> list[Panel]:
     ]
 
 
-PANELS = {"text": panels}
+PANELS = {"theory": panels}

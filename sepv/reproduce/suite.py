@@ -16,6 +16,7 @@ from sepv.reproduce import (
     deterministic,
     errata,
     lemma,
+    local,
     lotka_volterra,
     oscillator,
     pendulum,
@@ -26,8 +27,10 @@ from sepv.reproduce import (
 from sepv.reproduce.job import Job, Results, Size
 from sepv.reproduce.record import Panel, Statement, counts, finite
 
-SECTIONS = (oscillator, rigid_body, pendulum, lotka_volterra, deterministic, lemma, remarks)
+SECTIONS = (oscillator, rigid_body, pendulum, lotka_volterra, deterministic, lemma, local, remarks)
 FIGURES = ("4.1", "4.2", "4.3", "4.4", "4.5", "4.6")
+# Panels about §2, §3 and the remarks.
+THEORY = "theory"
 # Formulas and arguments of the text, which need no run.
 TEXT = "text"
 
@@ -88,7 +91,7 @@ def reproduce(
 
     Parameters
     ----------
-    figures : names such as "4.3" or "text"; all of them by default.
+    figures : names such as "4.3", "theory" or "text"; all of them by default.
     workers : int
         Processes. The numbers do not depend on it.
 
@@ -97,11 +100,11 @@ def reproduce(
     UsageError
         For a figure that the paper does not have.
     """
-    wanted = tuple(dict.fromkeys(figures)) or (*FIGURES, TEXT)
-    unknown = [f for f in wanted if f not in (*FIGURES, TEXT)]
+    wanted = tuple(dict.fromkeys(figures)) or (*FIGURES, THEORY, TEXT)
+    unknown = [f for f in wanted if f not in (*FIGURES, THEORY, TEXT)]
     if unknown:
         raise UsageError(
-            expected=f"figures among {', '.join((*FIGURES, TEXT))}",
+            expected=f"figures among {', '.join((*FIGURES, THEORY, TEXT))}",
             received=", ".join(map(repr, unknown)),
             remedy="sepv reproduce 4.3, or no argument for all of them",
         )

@@ -1,0 +1,63 @@
+"""The panels about §2, §3 and the remarks: verdicts that the theory gives, on small samples."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sepv import problems
+from sepv.reproduce import deterministic, lemma, local, remarks
+
+SOURCES = {"§2", "Lemma 3.2", "(3.2)", "(3.8)", "(3.9)", "Lemma 2.1 of [16], as (3.8) and (3.9)"}
+
+
+@pytest.mark.parametrize("section", [deterministic, lemma, local], ids=lambda m: m.__name__.split(".")[-1])
+def test_statements_that_need_no_sampling_hold(section) -> None:
+    results = {job.key: job.function(**job.arguments) for job in section.jobs(None)}
+    statements = [s for panel in section.PANELS["theory"](results) for s in panel.statements]
+    assert statements
+    assert {s.source for s in statements} <= SOURCES
+    assert {s.verdict for s in statements} == {"holds"}, [
+        s.measured for s in statements if s.verdict != "holds"
+    ]
+
+
+def test_a_wrong_coefficient_shows(monkeypatch: pytest.MonkeyPatch) -> None:
+    right = lemma.coefficient
+    monkeypatch.setattr(lemma, "coefficient", lambda problem, y: 1.01 * right(problem, y))
+    panel = lemma.panels({("theory", "lemma", name): lemma.measured(name) for name in lemma.NAMES})[0]
+    wrong = [s.verdict for s in panel.statements if s.source == "Lemma 3.2"]
+    assert wrong == ["fails"] * len(lemma.NAMES)
+
+
+def test_the_discrete_gradient_has_order_one_on_the_rigid_body_without_noise() -> None:
+    errors = np.array(deterministic.errors("discrete-gradient", "rigid-body"))
+    assert abs(np.log2(errors[-2] / errors[-1]) - 1) < 0.05
+
+
+def test_the_casimir_of_lotka_volterra_falls_in_proportion_to_time() -> None:
+    found = remarks.casimir_loss(2.0**-7, 1024, 16, 0, "auto")
+    means = dict(zip(found["t"], found["mean"], strict=True))
+    assert found["T"] == 8.0
+    assert -0.2 < means[8.0] < 3 * means[1.0] < 0
+    assert not found["failed"]
+
+
+def test_a_short_run_does_not_refute_and_does_not_confirm_the_rectangle() -> None:
+    found = remarks.casimir_loss(2.0**-8, 256, 8, 0, "auto")
+    panel = remarks._lost({("theory", "lost", str(h)): found for h in remarks.LOST_H})
+    assert panel.statements[0].verdict == "open"
+
+
+def test_the_sublinear_problem_is_what_the_remark_says() -> None:
+    problem = remarks.sublinear()
+    far = np.array([1e6, -1e6])
+    assert problem.hamiltonian(far) > 1e6
+    assert np.all(np.abs(problem.gradient(far)) <= 1)
+
+
+def test_lotka_volterra_fails_at_large_steps_whether_truncated_or_not() -> None:
+    shares = [remarks.failing("lotka-volterra", truncated, 128, 0, "numpy") for truncated in (True, False)]
+    assert min(shares[0][0], shares[1][0]) > 0.1
+    assert remarks.failing("harmonic-oscillator", False, 128, 0, "numpy") == [0.0] * len(remarks.CLIP_STEPS)
+    assert problems.by_name("harmonic-oscillator").noises == 1
