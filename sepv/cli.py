@@ -8,11 +8,14 @@ import sys
 import tempfile
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import click
 
 from sepv._version import __version__
+from sepv.arguments import did_you_mean
 from sepv.commands.shared import EXIT_CODES
+from sepv.plain_text import cannot_show, never_fail
 
 # The name of a command, and where it is: in the order in which --help shows them.
 COMMANDS = {
@@ -46,6 +49,25 @@ class _Commands(click.Group):
         command: click.Command = getattr(import_module(module), name)
         return command
 
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """As click does, with the command that was meant for one that is not there."""
+        try:
+            return super().resolve_command(ctx, args)
+        except click.UsageError as error:
+            word = did_you_mean(args[0], COMMANDS)
+            raise click.UsageError(
+                f"No such command {word}. There are: {', '.join(COMMANDS)}.", ctx
+            ) from error
+
+    def main(self, *args: Any, **kwargs: Any) -> Any:
+        """As click does, but an interruption before a command began also ends with 130."""
+        try:
+            return super().main(*args, **kwargs)
+        except KeyboardInterrupt:
+            sys.exit(130)
+
 
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]}, epilog=EXIT_CODES)
 @click.version_option(__version__, prog_name="sepv")
@@ -60,6 +82,9 @@ def main() -> None:
     sepv list                                schemes, problems, laws
     sepv completion bash                     completion for your shell
     """
+    for stream in (sys.stdout, sys.stderr):
+        if cannot_show(stream):
+            never_fail(stream)
     _keep_hypothesis_out_of_the_folder()
 
 

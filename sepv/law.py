@@ -161,13 +161,14 @@ class Law:
         return Finding(law=self.name, verdict=verdict, source=self.source, unit=self.unit, **details)
 
 
-_collected: ContextVar[list[Finding] | None] = ContextVar("collected", default=None)
+Measure = Callable[[Law, Scheme, Effort], Finding]
+_collected: ContextVar[tuple[list[Finding], Measure | None] | None] = ContextVar("collected", default=None)
 
 
 @contextmanager
-def collecting(findings: list[Finding]) -> Iterator[None]:
-    """Within it, `require` also appends its findings to the list: for runners that show them."""
-    token = _collected.set(findings)
+def collecting(findings: list[Finding], measure: Measure | None = None) -> Iterator[None]:
+    """Within it `require` appends its findings to the list, measured by `measure`: for runners that show them."""
+    token = _collected.set((findings, measure))
     try:
         yield
     finally:
@@ -180,10 +181,11 @@ def require(law: Law, scheme: Scheme, effort: Effort | None = None) -> Finding:
     An unclaimed law is measured too and returned; it fails no test.
     """
     __tracebackhide__ = True  # of pytest: the finding says what happened, frames of sepv do not
-    finding = replace(law.run(law, scheme, effort or Effort()), claimed=law.claimed_by(scheme))
-    collected = _collected.get()
-    if collected is not None:
-        collected.append(finding)
+    found, measure = _collected.get() or ([], None)
+    budget = effort or Effort()
+    measured = measure(law, scheme, budget) if measure else law.run(law, scheme, budget)
+    finding = replace(measured, claimed=law.claimed_by(scheme))
+    found.append(finding)
     if finding.claimed and not (
         finding.verdict is Verdict.HOLDS
         or (finding.verdict is Verdict.NOT_APPLICABLE and not finding.skipped)

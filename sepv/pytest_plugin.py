@@ -1,24 +1,31 @@
 """The pytest door. Opt-in: ``pytest -p sepv.pytest_plugin``; it never loads itself.
 
 ``pytest -p sepv.pytest_plugin --pyargs sepv.properties --scheme mypkg.mymodule:step`` runs the laws on a scheme
-of yours; without ``--scheme`` (or ini ``sepv_schemes``, or a list of that name in a test module) on the
-built-in ones. Claimed laws must hold. Others are
-measured; the matrix at the end shows both.
+of yours. With ini ``sepv_schemes`` they run beside your own tests whenever pytest is called without a path. A test
+module may have a list of that name; without any of these it is the built-in schemes.
+
+Claimed laws must hold. A law that is not claimed is skipped with what was measured, as is one that does not apply;
+an error fails, claimed or not. ``--expected FILE`` is the file of ``sepv verify --pin``, strict both ways.
 """
 
 from __future__ import annotations
 
 import secrets
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from sepv.errors import SepvError
-from sepv.law import Effort, Finding
+from sepv.errors import SepvError, UsageError
+from sepv.expected import Expectations
+from sepv.law import Effort, Finding, Law, LawViolated, Verdict
 from sepv.scheme import Scheme
 
-_FINDINGS = pytest.StashKey[list[tuple[Scheme, Finding]]]()
+# What the laws found, as properties of their tests: so it travels from workers of pytest-xdist, and into JUnit files.
+_FINDINGS = pytest.StashKey[list[dict[str, str]]]()
+_KEYS = ("sepv_scheme", "sepv_law", "sepv_verdict", "sepv_claimed")
 _EFFORT = pytest.StashKey[Effort]()
+_EXPECTED = pytest.StashKey[Expectations]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -30,7 +37,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption("--sepv-examples", type=int, default=None, help="examples for each law (default 100)")
     group.addoption("--sepv-paths", type=int, default=None, help="most paths for a law (default 8192)")
     group.addoption("--sepv-seed", default="0", help="seed of examples and paths, or 'fresh' for a new one")
+    group.addoption(
+        "--expected", "--sepv-expected", dest="sepv_expected", default=None, metavar="FILE",
+        help="claims and known violations of one scheme, as sepv verify --pin writes them",
+    )  # fmt: skip
     parser.addini("sepv_schemes", "schemes to verify, one a line", type="linelist")
+    parser.addini("sepv_expected", "the same as --expected, relative to the ini file")
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -46,6 +58,29 @@ def pytest_configure(config: pytest.Config) -> None:
         seed=seed,
     )
     config.stash[_FINDINGS] = []
+    config.pluginmanager.register(_Collector(config))
+    config.stash[_EXPECTED] = _expectations(config)
+    # Schemes of the ini file are for every run of all tests; whoever names a path asks for that alone.
+    if config.getini("sepv_schemes") and config.args_source is not pytest.Config.ArgsSource.ARGS:
+        from sepv import properties
+
+        laws = str(Path(properties.__file__).parent)
+        if laws not in config.args:
+            config.args.append(laws)
+
+
+def _expectations(config: pytest.Config) -> Expectations:
+    from sepv.expected import load
+    from sepv.suite import LAWS
+
+    file = config.getoption("sepv_expected") or config.getini("sepv_expected")
+    if not file:
+        return Expectations()
+    base = config.invocation_params.dir if config.getoption("sepv_expected") else config.rootpath
+    try:
+        return load(base / file, LAWS)
+    except UsageError as error:
+        raise pytest.UsageError(str(error)) from error
 
 
 def pytest_report_header(config: pytest.Config) -> str:
@@ -63,10 +98,18 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     asked = metafunc.config.getoption("--scheme") or getattr(metafunc.module, "sepv_schemes", None)
     names = asked or metafunc.config.getini("sepv_schemes") or list(ALL)
     try:
-        schemes = [load_scheme(name) for name in names]
+        schemes = [load_scheme(name, _listed(metafunc.config).claims or ()) for name in names]
     except SepvError as error:
         raise pytest.UsageError(str(error)) from error
+    if len(names) > 1 and _listed(metafunc.config) != Expectations():
+        raise pytest.UsageError(
+            f"--expected is about one scheme, and there are {len(names)}: name it with --scheme"
+        )
     metafunc.parametrize("scheme", schemes, ids=names, scope="session")
+
+
+def _listed(config: pytest.Config) -> Expectations:
+    return config.stash[_EXPECTED]
 
 
 def _is_law(module: Any) -> bool:
@@ -83,18 +126,70 @@ def effort(request: pytest.FixtureRequest) -> Effort:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
-    """Collect what the laws found, for the matrix."""
+    """The outcome of a law's test is that of its finding, in words of its own and without frames of sepv."""
     if not _is_law(pyfuncitem.module):
         return (yield)
-    from sepv import law
+    from sepv import law, suite
+
+    listed = _listed(pyfuncitem.config)
+    target = pyfuncitem.callspec.id if hasattr(pyfuncitem, "callspec") else "TARGET"
+
+    def measure(asked: Law, scheme: Scheme, effort: Effort) -> Finding:
+        return suite.measure(asked, scheme, effort, failure=listed.failures.get(asked.name))
 
     found: list[Finding] = []
-    with law.collecting(found):
+    result: Any = None
+    with law.collecting(found, measure):
         try:
-            return (yield)
-        finally:
-            scheme: Any = pyfuncitem.funcargs["scheme"]
-            pyfuncitem.config.stash[_FINDINGS].extend((scheme, finding) for finding in found)
+            result = yield
+        except LawViolated:
+            pass  # judged below, in fewer words
+        except SepvError as error:
+            pytest.fail(str(error), pytrace=False)
+    for finding in found:
+        row = (target, finding.law, finding.verdict.text, "yes" if finding.claimed else "no")
+        pyfuncitem.user_properties.extend(zip(_KEYS, row, strict=True))
+        _conclude(finding, target, listed.is_pin)
+    return result
+
+
+def _conclude(finding: Finding, target: str, pinned: bool) -> None:
+    from sepv import suite
+
+    __tracebackhide__ = True
+    replay = f"replay: sepv verify {target} {finding.replay}" if finding.replay else ""
+    text = "\n".join(part for part in (_words(finding), finding.message, replay) if part)
+    if finding.expected is not None and finding.verdict is Verdict.VIOLATED:
+        pytest.xfail(f"{_words(finding)}; expected: {finding.expected}")
+    if suite.fails(finding, pinned) or finding.verdict is Verdict.ERROR:
+        unlisted = not finding.claimed and finding.expected is None and finding.verdict is not Verdict.ERROR
+        pytest.fail(text + ("\nneither claimed nor in the pin" if unlisted else ""), pytrace=False)
+    if finding.verdict is Verdict.NOT_APPLICABLE:
+        pytest.skip(f"{_words(finding)}: {' '.join(finding.message.split())}")
+    if not finding.claimed:
+        pytest.skip(f"not claimed; {_words(finding)}")
+
+
+def _words(finding: Finding) -> str:
+    """casimir (Prop. 3.2) violated: 1.2e+09 against 51 ulp of C."""
+    size = (
+        f": {finding.defect:.3g} against {finding.bound:.3g} {finding.unit}"
+        if finding.defect is not None and finding.bound is not None
+        else ""
+    )
+    return f"{finding.law} ({finding.source}) {finding.verdict.text}{size}"
+
+
+class _Collector:
+    """The rows of the matrix, from this process or from the workers of pytest-xdist."""
+
+    def __init__(self, config: pytest.Config) -> None:
+        self.config = config
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        row = {key: str(value) for key, value in report.user_properties if key in _KEYS}
+        if report.when == "call" and row:
+            self.config.stash[_FINDINGS].append(row)
 
 
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
@@ -102,13 +197,10 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
     found = config.stash[_FINDINGS]
     if not found:
         return
-    laws = list(dict.fromkeys(f.law for _, f in found))
     terminalreporter.section("laws (+ claimed)")
-    for name in dict.fromkeys(s.name for s, _ in found):
-        terminalreporter.write_line(name)
-        row = {f.law: f for s, f in found if s.name == name}
-        for law in laws:
-            if law in row:
-                terminalreporter.write_line(
-                    f"  {law:<20}{row[law].verdict.text}{' +' if row[law].claimed else ''}"
-                )
+    for scheme in dict.fromkeys(row["sepv_scheme"] for row in found):
+        terminalreporter.write_line(scheme)
+        for row in found:
+            if row["sepv_scheme"] == scheme:
+                claimed = " +" if row["sepv_claimed"] == "yes" else ""
+                terminalreporter.write_line(f"  {row['sepv_law']:<20}{row['sepv_verdict']}{claimed}")

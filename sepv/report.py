@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Sequence
 from html import escape
-from typing import TextIO
+from typing import Any, TextIO
 
 from rich import box
 from rich.console import Console
@@ -15,6 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from sepv.law import Finding, Verdict
+from sepv.plain_text import ascii_text, cannot_show
 from sepv.suite import Report
 
 _STYLES = {
@@ -43,7 +44,35 @@ def console(file: TextIO | None = None, *, stderr: bool = False) -> Console:
     """A console with colour on terminals only (rich obeys NO_COLOR), and wide enough for a table when piped."""
     out = file or (sys.stderr if stderr else sys.stdout)
     width = None if out.isatty() or "COLUMNS" in os.environ else 100
-    return Console(file=out, highlight=False, width=width)
+    return (_Ascii if cannot_show(out) else _Console)(file=out, highlight=False, width=width)
+
+
+class _Console(Console):
+    """A console whose reader may go away (``| head``): 141 as for SIGPIPE, and not rich's 1, which is a verdict."""
+
+    def on_broken_pipe(self) -> None:
+        self.quiet = True
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise SystemExit(141)
+
+
+class _Ascii(_Console):
+    """A console of an encoding without our signs: texts and tables are put in ASCII before they are laid out."""
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        super().print(*(_in_ascii(o) for o in objects), **options)
+
+
+def _in_ascii(thing: Any) -> Any:
+    if isinstance(thing, str):
+        return ascii_text(thing)
+    if isinstance(thing, Text):
+        return Text(ascii_text(thing.plain), style=thing.style, overflow=thing.overflow)
+    if isinstance(thing, Table):
+        thing.title, thing.caption = _in_ascii(thing.title), _in_ascii(thing.caption)
+        for column in thing.columns:
+            column.header, column._cells = _in_ascii(column.header), [_in_ascii(c) for c in column._cells]
+    return thing
 
 
 def show(report: Report, target: str, out: Console, *, debug: bool = False) -> None:

@@ -104,7 +104,7 @@ class Report:
     @property
     def failing(self) -> tuple[Finding, ...]:
         """Claimed laws that were not shown to hold, expected failures that no longer fail; violations outside a pin."""
-        return tuple(f for f in self.findings if _fails(f, self.pinned))
+        return tuple(f for f in self.findings if fails(f, self.pinned))
 
     def finding(self, law: str) -> Finding:
         """The finding of one law.
@@ -289,7 +289,8 @@ def _side_by_side(
     side_by_side.run(task, groups, jobs, take)
 
 
-def _fails(f: Finding, pinned: bool) -> bool:
+def fails(f: Finding, pinned: bool = False) -> bool:
+    """Whether a finding turns a run red with exit code 1; under a pin every violation must be listed."""
     if f.verdict in (Verdict.ERROR, Verdict.NOT_MEASURED):
         return False  # exit codes of their own
     if f.expected is not None:

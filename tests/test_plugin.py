@@ -8,7 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from sepv.suite import LAWS
+from sepv.expected import pin
+from sepv.law import Effort
+from sepv.schemes import midpoint
+from sepv.suite import LAWS, verify
 
 pytest_plugins = ["pytester"]
 
@@ -23,6 +26,7 @@ from sepv.schemes.midpoint import step
 
 honest = sepv.Scheme("honest", step, claims=["casimir", "identity"])
 liar = sepv.Scheme("liar", step, claims=["energy"])
+gained = sepv.Scheme("gained", sepv.schemes.energy_preserving.step)
 """
 
 
@@ -41,19 +45,84 @@ def test_it_never_loads_itself(pytester: pytest.Pytester) -> None:
 
 def test_a_scheme_that_keeps_its_claims_passes(pytester: pytest.Pytester) -> None:
     result = laws(pytester, "--scheme", "mine:honest")
-    result.assert_outcomes(passed=4, deselected=OTHERS)
-    result.stdout.fnmatch_lines(["*laws (+ claimed)*", "honest", "*casimir*holds +*", "*energy*violated*"])
+    result.assert_outcomes(passed=3, skipped=1, deselected=OTHERS)
+    result.stdout.fnmatch_lines(
+        ["*laws (+ claimed)*", "mine:honest", "*casimir*holds +*", "*energy*violated*"]
+    )
 
 
 def test_a_scheme_that_breaks_a_claim_fails_with_a_counterexample(pytester: pytest.Pytester) -> None:
     result = laws(pytester, "--scheme", "mine:liar", "--scheme", "mine:honest")
-    result.assert_outcomes(passed=7, failed=1, deselected=2 * OTHERS)
-    result.stdout.fnmatch_lines(["*LawViolated: energy (Prop. 3.1) violated*", "*H(y1) − H(y0)*"])
+    result.assert_outcomes(passed=4, failed=1, skipped=3, deselected=2 * OTHERS)
+    shown = result.stdout.str()
+    result.stdout.fnmatch_lines(
+        [
+            "energy (Prop. 3.1) violated: * against * ulp of H",
+            "*H(y1) − H(y0)*",
+            "replay: sepv verify mine:liar --law energy --replay *",
+        ]
+    )
+    # Verdict, witness and replay; nothing of how sepv is made.
+    assert "search.py" not in shown
+    assert "LawViolated" not in shown
+    assert "def require" not in shown
+
+
+def test_what_is_not_claimed_or_does_not_apply_is_skipped_with_what_was_measured(
+    pytester: pytest.Pytester,
+) -> None:
+    pytester.makepyfile(mine=MINE)
+    pytester.syspathinsert()
+    result = pytester.runpytest_subprocess(
+        *DOOR, "--pyargs", "sepv.properties", "-k", "test_energy or test_reproducibility", "-rs",
+        "--scheme", "mine:honest", "--junitxml", "out.xml",
+    )  # fmt: skip
+    result.assert_outcomes(skipped=2, deselected=len(LAWS) - 2)
+    result.stdout.fnmatch_lines_random(
+        [
+            "SKIPPED*not claimed; energy (Prop. 3.1) violated: * against * ulp of H*",
+            "SKIPPED*reproducibility (contract) not applicable: the scheme takes one state at a time*",
+        ]
+    )
+    junit = (pytester.path / "out.xml").read_text()
+    assert 'skipped="2"' in junit
+    assert 'name="sepv_verdict" value="violated"' in junit
+
+
+def test_a_pin_is_strict_both_ways_here_too(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(mine=MINE)
+    pytester.syspathinsert()
+    finding = verify(midpoint, laws=["energy"], effort=Effort(15, 64, 0, 0.1)).finding("energy")
+    (pytester.path / "pin.toml").write_text(pin("honest", [finding]))
+    known = laws(pytester, "--scheme", "mine:honest", "--expected", "pin.toml")
+    known.assert_outcomes(passed=3, xfailed=1, deselected=OTHERS)
+    gained = laws(pytester, "--scheme", "mine:gained", "--expected", "pin.toml")
+    gained.assert_outcomes(passed=1, skipped=2, failed=1, deselected=OTHERS)
+    gained.stdout.fnmatch_lines(["*expected to be violated*remove the entry*"])
+
+
+def test_schemes_of_the_ini_file_run_beside_the_own_tests(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(mine=MINE, test_own="def test_own(): pass")
+    pytester.makepyprojecttoml(
+        '[tool.pytest.ini_options]\naddopts = "-p sepv.pytest_plugin"\nsepv_schemes = ["mine:honest"]\n'
+    )
+    pytester.syspathinsert()
+    few = ("--sepv-examples", "5", "-p", "no:cacheprovider", "-k", "test_own or test_identity")
+    pytester.runpytest_subprocess(*few).assert_outcomes(passed=2, deselected=len(LAWS) - 1)
+    # Whoever names a path asks for that alone.
+    pytester.runpytest_subprocess(*few, "test_own.py").assert_outcomes(passed=1)
+
+
+def test_an_error_fails_claimed_or_not(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(broken="def step(problem, y, h, dW):\n    raise RuntimeError('out of order')\n")
+    result = laws(pytester, "--scheme", "broken:step")
+    result.assert_outcomes(failed=4, deselected=OTHERS)
+    result.stdout.fnmatch_lines(["*energy (Prop. 3.1) error*", "*out of order*"])
 
 
 def test_schemes_can_be_named_in_the_configuration(pytester: pytest.Pytester) -> None:
     pytester.makeini("[pytest]\nsepv_schemes =\n    mine:honest\n    euler-heun\n")
-    laws(pytester).assert_outcomes(passed=8, deselected=2 * OTHERS)
+    laws(pytester).assert_outcomes(passed=4, skipped=4, deselected=2 * OTHERS)
 
 
 def test_two_lines_in_a_test_file_do_as_well(pytester: pytest.Pytester) -> None:
@@ -67,8 +136,9 @@ def test_two_lines_in_a_test_file_do_as_well(pytester: pytest.Pytester) -> None:
 
 def test_it_works_with_xdist_and_junitxml(pytester: pytest.Pytester) -> None:
     result = laws(pytester, "--scheme", "mine:honest", "-n", "2", "--junitxml", "out.xml")
-    result.assert_outcomes(passed=4)
+    result.assert_outcomes(passed=3, skipped=1)
     assert 'tests="4"' in (pytester.path / "out.xml").read_text()
+    result.stdout.fnmatch_lines(["*laws (+ claimed)*", "  casimir * holds +"])
 
 
 @pytest.mark.parametrize("name", ["nosuch", "mine:nosuch", "nosuchmodule:step"])
@@ -118,7 +188,7 @@ def test_a_third_party_package_runs_the_laws_from_an_installed_wheel(tmp_path: P
         check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "4 passed" in done.stdout
+    assert "3 passed, 1 skipped" in done.stdout
 
 
 def copy_source(target: Path) -> None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import shlex
+import sys
+import traceback
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from functools import wraps
@@ -13,7 +16,9 @@ import click
 from sepv.errors import SepvError, TargetError, UsageError
 
 EXIT_CODES = """Exit codes: 0 all claimed laws hold; 1 a claimed law is violated, or not shown to hold within the
-budget; 2 wrong usage; 3 the scheme crashed, hung, or could not be loaded; 130 interrupted."""
+budget; 2 wrong usage; 3 the scheme crashed, hung, or could not be loaded; 70 sepv itself failed; 130 interrupted."""
+# As EX_SOFTWARE of sysexits.h: a defect of this package, told from every verdict.
+CRASH = 70
 
 FILE = click.Path(dir_okay=False)
 
@@ -67,26 +72,44 @@ def complete_laws(_context: click.Context, _parameter: click.Parameter, incomple
 
 
 def friendly(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Errors as one message and the documented exit code; the traceback only with --debug."""
+    """Errors as one message and the documented exit code, never 1; the traceback only with --debug."""
 
     @wraps(command)
     def wrapper(*args: Any, debug: bool, **kwargs: Any) -> Any:
         try:
             return command(*args, debug=debug, **kwargs)
-        except SepvError as error:
-            if debug:
-                raise
-            click.echo(f"sepv: {error}", err=True)
-            raise SystemExit(
-                2 if isinstance(error, UsageError) and not isinstance(error, TargetError) else 3
-            ) from None
-        except OSError as error:
-            if debug:
-                raise
-            click.echo(f"sepv: {error}", err=True)
-            raise SystemExit(2) from None
-        except KeyboardInterrupt:
-            click.echo("sepv: interrupted", err=True)
-            raise SystemExit(130) from None
+        except (SystemExit, click.exceptions.Exit, click.ClickException):
+            raise
+        except BaseException as error:
+            raise SystemExit(_ended_by(error, debug)) from None
 
     return click.option("--debug", is_flag=True, help="Show tracebacks.")(wrapper)
+
+
+def _ended_by(error: BaseException, debug: bool) -> int:
+    """Say it, and the exit code of it."""
+    if isinstance(error, BrokenPipeError):
+        return _reader_gone()
+    if debug and not isinstance(error, KeyboardInterrupt):
+        traceback.print_exception(error)
+    elif isinstance(error, KeyboardInterrupt):
+        click.echo("sepv: interrupted", err=True)
+    elif isinstance(error, (SepvError, OSError)):
+        click.echo(f"sepv: {error}", err=True)
+    else:
+        click.echo(
+            f"sepv: a defect of sepv itself, and no verdict: {type(error).__name__}: {error}\n"
+            "Remedy: the same command with --debug shows where; please report it",
+            err=True,
+        )
+    if isinstance(error, KeyboardInterrupt):
+        return 130
+    if isinstance(error, SepvError):
+        return 2 if isinstance(error, UsageError) and not isinstance(error, TargetError) else 3
+    return 2 if isinstance(error, OSError) else CRASH
+
+
+def _reader_gone() -> int:
+    """``sepv … | head``: nobody reads on. What is left to write, also at exit, goes nowhere; 141 as for SIGPIPE."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 141
