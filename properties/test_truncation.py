@@ -2,10 +2,11 @@
 
 The bound of Remark 2.1 is printed with "=" in the paper; it is "≤", as here.
 
-The scheme itself is asked whether it takes the increments that it declares: at a small h its step must respond to each
-ΔW_j in every sixteenth of [−√h A_h, √h A_h]. A step y1 = y0 + f(y0)(h + S) + O((h + |S|)²) responds with c_j|f|, up to a
-part of the order of |f′| √h A_h, at most 0.03 |f′| for k = 2: half of its largest response is left everywhere. A scheme
-that clips at less than 31/32 of A_h, that is with k′ < 0.93 k, responds by less than half in the last sixteenth.
+The scheme itself is asked whether it takes the increments that it declares: at a small h its step must respond
+to each ΔW_j in every sixteenth of [−√h A_h, √h A_h]. A step y1 = y0 + f(y0)(h + S) + O((h + |S|)²) responds
+with c_j|f|, up to a part of the order of |f′| √h A_h, at most 0.03 |f′| for k = 2: half of its largest response
+is left everywhere. A scheme that clips at less than 31/32 of A_h, that is with k′ < 0.93 k, responds by less
+than half in the last sixteenth.
 """
 
 from __future__ import annotations
