@@ -14,6 +14,7 @@ from functools import cache
 from statistics import median
 from typing import Any
 
+import numpy as np
 from sepv.reference.arithmetic import context
 from sepv.reference.more_equations import equation_for
 from sepv.reference.steps import reference_step
@@ -28,7 +29,7 @@ from sepv.problem import Array
 from sepv.scheme import Scheme
 from sepv.search import searched
 from sepv.strategies import any_steps
-from sepv.tolerance import EPS, TINY, state_error, state_ulp
+from sepv.tolerance import EPS, TINY, quadrature_rounding, state_error, state_ulp
 
 # A vector's `rounding` is what one evaluation of the equation in binary64 may be off by. As in
 # sepv.tolerance, a factor of 4 covers implementations that order the same operations differently.
@@ -106,7 +107,9 @@ def _against_vector(scheme: Scheme, case: Case, vector: ReferenceVector) -> Meas
     scale = max(map(abs, (*y, *y1)))
     # An iteration may take a component of eps² of the largest for one that no longer moves.
     floor = (scheme.solver_tolerance + EPS * EPS) * scale + TINY
-    bounds = [ORDER_OF_OPERATIONS * r + floor for r in vector.rounding]
+    # The vector's own quadrature has the fewest nodes that are exact; others may have more.
+    other_nodes = vector.condition * float(np.max(quadrature_rounding(problem, y, y1, h, dW)))
+    bounds = [ORDER_OF_OPERATIONS * r + other_nodes + floor for r in vector.rounding]
     k = max(range(len(errors)), key=lambda i: errors[i] / bounds[i])
     ulps = errors[k] / unit
     detail = f"y1 = {y1.tolist()}, {ulps:.3g} ulp from the answer of {name}: {', '.join(vector.y1)}"

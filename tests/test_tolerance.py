@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -15,7 +16,7 @@ from sepv import problems, tolerance
 from sepv.problem import PolynomialSystem
 from sepv.structures import StructuresProblem
 from sepv.tableaux import amplification
-from sepv.tolerance import EPS, TINY
+from sepv.tolerance import EPS, QUADRATURE_NODES, TINY, quadrature_rounding
 
 # The same formula in another order: a dozen operations on numbers that do not cancel.
 SAME = 12 * EPS
@@ -252,3 +253,21 @@ def test_errors_of_a_state_are_judged_in_their_worst_component() -> None:
             error, bound = tolerance.state_error(exact, np.eye(2), problem, y0, y1, 0.25, dW, **keys)
             assert error == 0
             assert bound == pytest.approx((r + EPS * np.array([4.0, 1.0]))[0] / (4 * EPS), rel=SAME, abs=0)
+
+
+def test_another_quadrature_is_allowed_its_own_roundings_and_no_more() -> None:
+    problem = problems.harmonic_oscillator()
+    y, dW = np.array([0.2, 0.1]), np.array([750.0])
+    allowed = quadrature_rounding(problem, y, y, 250.0, dW)
+    # |Δ| M_B M_g = 1000 (0.1, 0.2), in units of u and times the number of nodes.
+    assert allowed == pytest.approx(QUADRATURE_NODES * 2.0**-53 * 1000 * np.array([0.1, 0.2]))
+    # Forty nodes in any order, weights rounded to nearest, are within it.
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        weights = rng.dirichlet(np.ones(QUADRATURE_NODES - 2))
+        total = np.float64(0)
+        for w in weights:
+            total += w * np.float64(0.1)
+        exact = math.fsum(weights) * 0.1
+        assert 1000 * abs(float(total) - exact) <= allowed[0]
+    assert np.all(quadrature_rounding(problem, 1e300 * y, y, 1e300, dW) == 0)
