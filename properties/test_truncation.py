@@ -22,7 +22,7 @@ from sepv import wiener
 from sepv.candidate import ask
 from sepv.errors import Skipped
 from sepv.law import Effort, Finding, Law, Verdict, require
-from sepv.local_errors import cases
+from sepv.local_errors import problems_for
 from sepv.problem import Problem
 from sepv.scheme import Scheme
 
@@ -90,7 +90,7 @@ def _ratios(h: float, k: int, seed: int) -> list[tuple[float, str]]:
 def _responses(scheme: Scheme, k: int) -> Iterator[tuple[float, str]]:
     """Half the largest response of the step over the smallest, for each problem, h and noise."""
     skipped: list[Skipped] = []
-    problems = cases()[scheme.systems]
+    problems = problems_for(scheme)
     for problem in problems:
         try:
             for h in SMALL:

@@ -27,6 +27,7 @@ from sepv.dense import FlowFailure
 from sepv.errors import Skipped
 from sepv.exact import exact_flow
 from sepv.gaussian import Rule, rule
+from sepv.given import problems_of, reach
 from sepv.implicit import Status
 from sepv.law import Effort
 from sepv.problem import Array, Problem
@@ -69,6 +70,18 @@ CASES: dict[str, tuple[Callable[[], Problem], ...]] = {
 def cases() -> dict[str, tuple[Problem, ...]]:
     """The problems on which schemes for each class of systems are judged, made once."""
     return {systems: tuple(make() for make in makers) for systems, makers in CASES.items()}
+
+
+def problems_for(scheme: Scheme) -> tuple[Problem, ...]:
+    """Those of its class of systems, or those that it is for.
+
+    Raises
+    ------
+    Skipped
+        Where it is for problems none of which has an initial state.
+    """
+    own = problems_of(scheme)
+    return cases()[scheme.systems] if own is None else own
 
 
 @dataclass(frozen=True)
@@ -158,7 +171,10 @@ def _measure(scheme: Scheme, problem: Problem) -> LocalErrors:
     asked, m = guarded(scheme), problem.noises
     states = np.array(list(sample_states(problem))[: 3 if m <= 1 else 2]).T
     degree = int(2 * max(strong, weak) + 2)
-    rules = [(h, rule(m, h, scheme.truncation, degree)) for h in _sizes(strong, weak)]
+    # A user's problem may be faster than ours: its steps are as much shorter.
+    unit = reach(problem) if scheme.problems else 1.0
+    sizes = [h * unit for h in _sizes(strong, weak)]
+    rules = [(h, rule(m, h, scheme.truncation, degree)) for h in sizes]
     exact, flow = _exact(problem, states, rules)
     seen = (rules[0][1].degree + 1) // 2
     rules = rules[len(rules) - len(exact) :]

@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 
 from sepv.errors import Skipped
-from sepv.given import problems_of
 from sepv.law import Effort, Finding, Law, Verdict
-from sepv.local_errors import LEVELS, LocalErrors, cases, local_errors
+from sepv.local_errors import LEVELS, LocalErrors, local_errors, problems_for
 from sepv.problem import Array
 from sepv.scheme import Scheme
 
@@ -113,7 +112,7 @@ def judge(
     """
     slopes, lines, measured, checks = [], [], [], 0
     skipped: list[Skipped] = []
-    for problem in problems_of(scheme) or cases()[scheme.systems]:
+    for problem in problems_for(scheme):
         try:
             found = local_errors(scheme, problem, effort)
         except Skipped as skip:  # a scheme need not take every problem

@@ -66,4 +66,4 @@ def build(data: Description) -> Problem:
             received=repr(data.name),
             remedy="correct the name, or give the problem as polynomial data",
         )
-    return factory(**{key: value if len(value) > 1 else value[0] for key, value in data.parameters})
+    return factory(**{key: value[0] if len(value) == 1 else value for key, value in data.parameters})

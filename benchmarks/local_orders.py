@@ -1,0 +1,69 @@
+"""Local orders of the schemes by quadrature over ΔW, as a table: ``python -m benchmarks.local_orders``.
+
+For each scheme the slopes of (3.8), (3.9) and of the weak condition, the smallest over the problems on which the laws
+"local-mean", "local-mean-square" and "local-weak" judge it, beside what its claims ask for; and the steps it took.
+Nothing is drawn: the numbers are the same every time.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+from rich.console import Console
+from rich.table import Table
+
+from sepv import schemes
+from sepv.law import Finding, Verdict
+from sepv.scheme import Scheme
+from sepv.suite import verify
+
+LAWS = ("local-mean", "local-mean-square", "local-weak")
+
+
+def every() -> list[Scheme]:
+    """The built-in schemes, and the families up to six stages."""
+    families = [family(s) for family in schemes.FAMILIES.values() for s in range(1, 7)]
+    return [*schemes.ALL.values(), *schemes.MORE.values(), *families]
+
+
+def shown(finding: Finding) -> str:
+    """The slope against the least one; "rounding" where no error is larger."""
+    if finding.verdict is Verdict.NOT_APPLICABLE:
+        return "–"
+    slope = "rounding" if finding.defect is None else f"{finding.defect:.2f}"
+    mark = "" if finding.verdict is Verdict.HOLDS else f" {finding.verdict.text}"
+    return f"{slope} ≥ {finding.bound:g}{mark}"
+
+
+def number(order: float | None) -> str:
+    """A claimed order."""
+    return "–" if order is None else f"{order:g}"
+
+
+def main() -> None:
+    """Print the table, in Markdown with --markdown."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scheme", action="append", help="only these, by name")
+    parser.add_argument("--markdown", action="store_true")
+    options = parser.parse_args()
+    chosen = [schemes.by_name(name) for name in options.scheme] if options.scheme else every()
+    headings = ("scheme", "claims", "k", "(3.8)", "(3.9)", "weak", "steps")
+    table = Table(box=None)
+    for heading in headings:
+        table.add_column(heading)
+    if options.markdown:
+        print("| " + " | ".join(headings) + " |\n|" + "---|" * len(headings))
+    for scheme in chosen:
+        findings = verify(scheme, laws=LAWS).findings
+        claims = f"{number(scheme.mean_square_order)} / {number(scheme.weak_order)}"
+        steps = str(max(f.checks for f in findings))
+        row = (scheme.name, claims, number(scheme.truncation), *map(shown, findings), steps)
+        if options.markdown:
+            print("| " + " | ".join(row) + " |", flush=True)
+        table.add_row(*row)
+    if not options.markdown:
+        Console(width=110).print(table)
+
+
+if __name__ == "__main__":
+    main()
