@@ -14,10 +14,12 @@ import argparse
 import json
 import time
 from pathlib import Path
+from typing import Any
 
 from scipy.stats import beta
 
 from sepv import schemes
+from sepv.engine.workers import run_all
 from sepv.law import Effort, Verdict
 from sepv.suite import load_laws, verify
 
@@ -26,23 +28,37 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--runs", type=int, default=20, help="runs to add")
     parser.add_argument("--log", type=Path, default=Path("false_alarms.jsonl"))
+    parser.add_argument("--workers", default="1", help="processes, or a Dask scheduler's address")
     parser.add_argument("--start", type=int, default=0, help="first seed of an empty file")
     options = parser.parse_args()
     done = [json.loads(line) for line in options.log.read_text().splitlines()] if options.log.exists() else []
     names = list(schemes.ALL)
     first = done[-1]["seed"] + 1 if done else options.start
-    for seed in range(first, first + options.runs):
-        done.append(one(names[seed % len(names)], seed))
-        with options.log.open("a") as file:
-            file.write(json.dumps(done[-1]) + "\n")
-        for alarm in done[-1]["alarms"]:
-            print(f"{done[-1]['scheme']}, seed {seed}: {alarm}", flush=True)
+    early: dict[int, dict[str, Any]] = {}
+
+    def take(number: int, run: dict[str, Any]) -> None:
+        """In the order of seeds, so that the file can be gone on with."""
+        early[first + number] = run
+        while done_to() + 1 in early:
+            done.append(early.pop(done_to() + 1))
+            with options.log.open("a") as file:
+                file.write(json.dumps(done[-1]) + "\n")
+            for alarm in done[-1]["alarms"]:
+                print(f"{done[-1]['scheme']}, seed {done[-1]['seed']}: {alarm}", flush=True)
+
+    def done_to() -> int:
+        return int(done[-1]["seed"]) if done else first - 1
+
+    runs = [(names[seed % len(names)], seed) for seed in range(first, first + options.runs)]
+    workers = int(options.workers) if options.workers.isdigit() else options.workers
+    run_all(one, runs, workers, threads=False, receive=take)
     if done:
         show(done)
 
 
-def one(name: str, seed: int) -> dict[str, object]:
+def one(what: tuple[str, int]) -> dict[str, object]:
     """One whole run: its scheme, seed, laws measured, false alarms and time."""
+    name, seed = what
     start = time.process_time()
     always = {law.name for law in load_laws() if law.always_claimed}
     report = verify(

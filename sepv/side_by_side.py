@@ -132,6 +132,16 @@ def run(
                 busy.discard(worker)
 
 
+def measured(task: Task, group: Sequence[str]) -> list[tuple[str, Any]]:
+    """One group in one process of its own, for a worker of a cluster: names with findings or `Died`.
+
+    There a time limit needs a main thread, which a cluster's worker keeps to itself, and a crash must end one process.
+    """
+    found: list[tuple[str, Any]] = []
+    run(task, [group], 1, lambda name, finding: None if finding is None else found.append((name, finding)))
+    return found
+
+
 def _law(word: tuple[Any, ...]) -> tuple[str, Any]:
     kind, *rest = word
     if kind == "usage":

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,8 @@ from typing import Any
 from sepv import side_by_side
 from sepv._version import __version__
 from sepv.arguments import did_you_mean
-from sepv.errors import SepvError, Skipped, TargetError, UsageError
+from sepv.engine.workers import run_all
+from sepv.errors import ClusterFailure, SepvError, Skipped, TargetError, UsageError
 from sepv.expected import Expectations, ExpectedFailure
 from sepv.expected import load as load_expected
 from sepv.given import items
@@ -202,6 +204,7 @@ def verify(
     expected: str | Path | None = None,
     jobs: int = 1,
     problems: Any = None,
+    workers: Any = None,
 ) -> Report:
     """Measure every law on a scheme, claimed or not.
 
@@ -228,6 +231,9 @@ def verify(
         What the scheme is for, where that is not every system of its class: built-in names, families
         (`sepv.families`), ``module:attribute``, ``.json`` files, `Problem` records, Hypothesis strategies of
         `PolynomialSystem` or `Problem`. Laws draw their cases from these alone.
+    workers : executor, map-like callable, Dask client or its address, optional
+        The same on other machines (docs/clusters.md): what an engine for `sepv.ensemble` is serves here. Where a
+        cluster is lost, the laws that were not decided are not measured, and the report counts as interrupted.
 
     Raises
     ------
@@ -248,28 +254,32 @@ def verify(
         if progress:
             progress(law, finding)
 
-    interrupted = False
+    interrupted, why = False, "interrupted before it was decided"
     try:
-        if jobs > 1 and len(chosen) > 1:
+        if workers is not None or (jobs > 1 and len(chosen) > 1):
             named = scheme if isinstance(scheme, str) else candidate
             claimed = frozenset(candidate.claims)
             task = side_by_side.Task(named, claimed, effort, timeout, listed.failures, problems)
             _side_by_side(task, chosen, jobs, receive)
+            task = side_by_side.Task(named, frozenset(candidate.claims), effort, timeout, listed.failures)
+            _side_by_side(task, chosen, jobs if workers is None else workers, receive)
         else:
             for law in chosen:
                 receive(law, None)
                 receive(law, _run(law, candidate, effort, timeout, listed.failures.get(law.name)))
     except KeyboardInterrupt:
         interrupted = True
+    except ClusterFailure as error:
+        interrupted, why = True, str(error)
     for law in chosen:
         if law.name not in found:
-            unmeasured = law.finding(Verdict.NOT_MEASURED, message="interrupted before it was decided")
+            unmeasured = law.finding(Verdict.NOT_MEASURED, message=why)
             found[law.name] = replace(unmeasured, claimed=law.claimed_by(candidate))
     return Report(candidate, tuple(found[law.name] for law in chosen), effort, interrupted, listed.is_pin)
 
 
 def _side_by_side(
-    task: side_by_side.Task, chosen: list[Law], jobs: int, receive: Callable[[Law, Finding | None], None]
+    task: side_by_side.Task, chosen: list[Law], workers: Any, receive: Callable[[Law, Finding | None], None]
 ) -> None:
     """The sampled laws first, which take longest and share their paths; each other law by itself."""
     by_name = {law.name: law for law in chosen}
@@ -286,7 +296,16 @@ def _side_by_side(
             )
         receive(law, found)
 
-    side_by_side.run(task, groups, jobs, take)
+    if isinstance(workers, int):
+        side_by_side.run(task, groups, workers, take)
+        return
+
+    def arrived(_number: int, found: list[tuple[str, Any]]) -> None:
+        for name, finding in found:
+            take(name, None)
+            take(name, finding)
+
+    run_all(partial(side_by_side.measured, task), groups, workers, threads=False, receive=arrived)
 
 
 def fails(f: Finding, pinned: bool = False) -> bool:

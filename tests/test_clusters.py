@@ -276,3 +276,51 @@ def test_a_scheduler_that_is_gone_leaves_what_was_finished(tmp_path: Path) -> No
         worker.kill()
         scheduler.wait(10)
         worker.wait(10)
+
+
+LAWS = ("identity", "energy")
+LITTLE = sepv.Effort(examples=5, paths=64)
+
+
+def test_verify_measures_laws_on_the_cluster(client: Any) -> None:
+    here, there = (sepv.verify(EP, laws=LAWS, effort=LITTLE, workers=w) for w in (None, client))
+    seen = [[(f.law, f.verdict, f.defect, f.witness) for f in found.findings] for found in (here, there)]
+    assert seen[0] == seen[1]
+    assert not there.interrupted
+
+
+def test_laws_that_a_lost_cluster_did_not_decide_are_not_measured(monkeypatch: Any) -> None:
+    monkeypatch.setattr(on_dask, "NO_WORKER", 0.5)
+    monkeypatch.setattr(on_dask, "LOOK", 0.1)
+    with distributed.LocalCluster(
+        n_workers=0, host="127.0.0.1", dashboard_address="127.0.0.1:0", silence_logs=50
+    ) as empty:
+        report = sepv.verify(EP, laws=LAWS, effort=LITTLE, workers=empty)
+    assert report.interrupted
+    assert all("has had no worker" in f.message for f in report.findings)
+    assert report.counts["not_measured"] == len(LAWS)
+    assert report.exit_code == 130
+
+
+def test_errors_of_a_comparison_are_those_of_one_process(client: Any) -> None:
+    from sepv.compare import compare
+    from sepv.compare.method import from_scheme
+
+    def table(workers: Any) -> Any:
+        methods = [from_scheme(s, PENDULUM) for s in (EP, schemes.midpoint)]
+        found = compare(methods, PENDULUM, steps=(4,), paths=32, repeats=1, workers=workers)
+        return [(p.method, p.steps, p.strong, p.weak, p.energy_defect) for p in found.points]
+
+    assert table(1) == table(client)
+
+
+def test_a_figure_is_the_same_from_the_cluster(client: Any) -> None:
+    from sepv.reproduce.job import Size
+    from sepv.reproduce.suite import reproduce
+
+    size = Size(share=0.001)
+    here, there = (reproduce(["4.1"], size=size, workers=w) for w in (1, client))
+    assert there.workers == 2
+    assert [s.to_json() if hasattr(s, "to_json") else vars(s) for s in here.statements] == [
+        s.to_json() if hasattr(s, "to_json") else vars(s) for s in there.statements
+    ]

@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from sepv.commands.shared import EXEC, FILE, candidates, friendly
+from sepv.commands.shared import EXEC, FILE, Workers, candidates, friendly
 from sepv.errors import SepvError, UsageError
 
 # T and numbers of steps by default. Lotka-Volterra needs h ≤ 2⁻⁷: coarser steps need not have a solution.
@@ -53,6 +53,10 @@ class Numbers(click.ParamType):
     help="Strong errors for which the time is shown.",
 )  # fmt: skip
 @click.option("--peers", is_flag=True, help="And every peer whose library is installed.")
+@click.option(
+    "--workers", type=Workers(), default=1, show_default=True,
+    help="For errors and defects: threads, or a Dask scheduler's address. Times are taken here.",
+)  # fmt: skip
 @click.option("--json", "json_file", type=FILE, help="Write the comparison to this file.")
 @click.option("--csv", "csv_file", type=FILE, help="Write one line for each point to this file.")
 @click.option("--picture", type=FILE, help="Draw it: .svg, .png or .pdf (extra plots).")
@@ -113,6 +117,7 @@ def compare(
                 repeats=options["repeats"],
                 seed=options["seed"],
                 targets=options["errors"],
+                workers=options["workers"],
                 progress=(lambda _: None) if options["quiet"] else line.update,
             )
     found = replace(found, failed={name: str(e) for name, e in failed.items()} | found.failed)

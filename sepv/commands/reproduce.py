@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from sepv.commands.shared import friendly
+from sepv.commands.shared import Workers, friendly
 from sepv.errors import UsageError
 
 QUICK = 1 / 32
@@ -25,7 +25,13 @@ QUICK = 1 / 32
     "--quick", is_flag=True, help=f"A share of {QUICK:g} of the samples and steps; verdicts may stay open."
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of all Wiener paths.")
-@click.option("--workers", type=click.IntRange(min=1), default=2, show_default=True, help="Processes.")
+@click.option(
+    "--workers",
+    type=Workers(),
+    default=2,
+    show_default=True,
+    help="Processes, or a Dask scheduler's address.",
+)
 @click.option(
     "--engine", type=click.Choice(["auto", "numpy"]), default="auto", show_default=True,
     help="auto: compiled where the extra fast has code for the scheme.",

@@ -57,6 +57,22 @@ def candidates(
         yield found
 
 
+class Workers(click.ParamType):
+    """A number of workers, or the address of a Dask scheduler."""
+
+    name = "N or ADDRESS"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """An int ≥ 1, or a string."""
+        if isinstance(value, int) or "://" in value:
+            return value
+        if not value.isdecimal() or int(value) < 1:
+            self.fail(
+                f"{value!r} is neither a number ≥ 1 nor an address such as tcp://127.0.0.1:8786", param, ctx
+            )
+        return int(value)
+
+
 def complete_schemes(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
     """Built-in schemes, for shell completion."""
     from sepv import schemes

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from sepv.commands.shared import EXIT_CODES, FILE, complete_laws, complete_schemes, friendly
+from sepv.commands.shared import EXIT_CODES, FILE, Workers, complete_laws, complete_schemes, friendly
 from sepv.errors import UsageError
 
 
@@ -48,6 +48,9 @@ from sepv.errors import UsageError
 )
 @click.option(
     "-j", "--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Processes for the laws."
+)
+@click.option(
+    "--workers", type=Workers(), help="A Dask scheduler's address, for the laws (docs/clusters.md)."
 )
 @click.option("-q", "--quiet", is_flag=True, help="Only the last line.")
 @friendly
@@ -101,6 +104,7 @@ def _arguments(laws: tuple[str, ...], claims: tuple[str, ...], **options: Any) -
         "expected": options["expected"],
         "jobs": options["jobs"],
         "problems": options["problems"] or None,
+        "workers": options["workers"],
     }
 
 

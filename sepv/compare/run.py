@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from time import perf_counter, process_time
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from sepv import wiener
 from sepv.compare.method import Ends, Followed, Method
 from sepv.compare.record import Comparison, Point, Seconds
 from sepv.convergence import GROUPS, Estimate, jackknife
+from sepv.engine.workers import run_all
 from sepv.errors import SepvError, TargetError, UsageError
 from sepv.exact import exact_flow
 from sepv.implicit import Status
@@ -41,6 +43,7 @@ def compare(
     repeats: int = 5,
     seed: int = 0,
     targets: Sequence[float] = (),
+    workers: Any = 1,
     progress: Progress = lambda _: None,
 ) -> Comparison:
     """Strong and weak error, defects, time and work of each method for each number of steps.
@@ -54,6 +57,8 @@ def compare(
         Timed rounds; in each round every method runs once at every step size, in a rotating order.
     targets : strong errors
         For which the time is wanted, see `Comparison.times_to_error`.
+    workers : int, executor, map-like callable, Dask client or its address
+        For the errors and defects (an int: threads). Times are always taken here, where all methods take turns.
 
     Raises
     ------
@@ -70,7 +75,7 @@ def compare(
     cells: list[tuple[Method, int]] = []
     jobs: list[Callable[[], Ends]] = []
     first: list[float] = []  # processor seconds of the very first call
-    followed: list[Followed] = []
+    watched: list[tuple[Any, ...]] = []
     failed: dict[str, str] = {}
     for method in methods:
         lane = []
@@ -80,7 +85,7 @@ def compare(
                 dW = coarse[count] if method.batched else coarse[count][:, :, :SINGLE_PATHS]
                 job = method.prepare(problem, start, T / count, dW)
                 once = _time(job)[0]
-                lane.append(((method, count), job, once, method.follow(problem, start, T / count, dW)))
+                lane.append(((method, count), job, once, (method.follow, problem, start, T / count, dW)))
         except SepvError as error:  # this method's alone: the others are compared all the same
             failed[method.name] = str(error)
             continue
@@ -88,17 +93,27 @@ def compare(
             cells.append(cell)
             jobs.append(job)
             first.append(once)
-            followed.append(run)
-    if not cells:
+            watched.append(run)
+    followed: list[Followed | str] = [""] * len(watched)
+
+    def take(number: int, run: Followed | str) -> None:
+        followed[number] = run
+        progress(f"errors of {cells[number][0].name}, {cells[number][1]} steps")
+
+    run_all(_follow, watched, workers, threads=True, receive=take)
+    failed |= {cell[0].name: run for cell, run in zip(cells, followed, strict=True) if isinstance(run, str)}
+    there = [n for n, (method, _) in enumerate(cells) if method.name not in failed]
+    if not there:
         raise TargetError(
             expected="a method that takes its steps",
             received="; ".join(f"{name}: {text.splitlines()[0]}" for name, text in failed.items()),
             remedy="make one of them run on this problem first",
         )
-    times = _alternate(jobs, repeats, progress)
+    times = _alternate([jobs[n] for n in there], repeats, progress)
     points = [
-        _point(method, count, T, run, exact.y, np.array(row), once)
-        for (method, count), run, row, once in zip(cells, followed, times, first, strict=True)
+        _point(*cells[n], T, run, exact.y, np.array(row), first[n])
+        for n, row in zip(there, times, strict=True)
+        if not isinstance(run := followed[n], str)
     ]
     return Comparison(
         problem=problem.name,
@@ -113,6 +128,15 @@ def compare(
         points=tuple(points),
         targets=tuple(targets),
     )
+
+
+def _follow(watched: tuple[Any, ...]) -> Followed | str:
+    """The run, or why there is none: the others are compared all the same."""
+    follow, *arguments = watched
+    try:
+        return follow(*arguments)
+    except SepvError as error:
+        return str(error)
 
 
 def _alternate(

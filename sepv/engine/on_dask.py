@@ -15,11 +15,12 @@ from contextlib import contextmanager
 from functools import cache
 from importlib import metadata
 from importlib.util import find_spec
+from pickle import PickleError
 from queue import Empty
 from typing import Any
 
 from sepv._version import __version__
-from sepv.engine.workers import AHEAD, Futures, Outcome
+from sepv.engine.workers import AHEAD, Futures, Outcome, cannot_travel
 from sepv.errors import ClusterFailure, UsageError
 
 # A chunk that raised is tried so often again by Dask; after that once here, where the error is seen as it is.
@@ -131,6 +132,8 @@ class DaskCrew(Futures):
         """Under a name of its own: the same chunk of another run is not taken for it."""
         try:
             future = self.client.submit(self.function, task, key=f"{self.name}-{number}", retries=RETRIES)
+        except (TypeError, AttributeError, PickleError) as error:
+            raise cannot_travel(error) from error
         except Exception as error:
             raise self._gone(error) from error
         self._wait(number, future)

@@ -7,6 +7,7 @@ here; what the others finished is kept. At most so many chunks are on their way 
 from __future__ import annotations
 
 import multiprocessing
+import pickle
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -88,6 +89,15 @@ def check(workers: Any) -> None:
         )
 
 
+def count(workers: Any) -> int:
+    """How many tasks are computed at a time, as far as it is known: 0 where it is not."""
+    if isinstance(workers, int):
+        return workers
+    if hasattr(_dask(workers), "nthreads"):
+        return sum(_dask(workers).nthreads().values())
+    return int(getattr(_executor(workers), "_max_workers", 0))
+
+
 def is_far(workers: Any) -> bool:
     """Whether chunks may leave this process, so that what they need must travel."""
     return not isinstance(workers, int)
@@ -140,6 +150,11 @@ def run_all(
                 break
         return 0
     if isinstance(workers, int):
+        if not threads:
+            try:
+                pickle.dumps((function, tasks[0]))
+            except (TypeError, AttributeError, pickle.PickleError) as error:
+                raise cannot_travel(error) from error
         with (_threads if threads else _processes)(min(workers, len(tasks)), function) as crew:
             return _flow(crew, function, tasks, receive)
     cluster, executor = _dask(workers), _executor(workers)
@@ -260,6 +275,15 @@ class _Processes(Futures):
 
         Futures that are cancelled as well would make the pool's own thread fail when it finds its processes gone.
         """
+
+
+def cannot_travel(error: Exception) -> UsageError:
+    """For what another process cannot be given."""
+    return UsageError(
+        expected="a scheme, a problem and functionals that can go to another process",
+        received=f"{type(error).__name__}: {error}",
+        remedy="functions of a module, problems that are data; or workers=1",
+    )
 
 
 def _die_silently() -> None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from sepv._version import __version__
+from sepv.engine.workers import check, count, run_all
 from sepv.errors import UsageError
 from sepv.reproduce import (
     deterministic,
@@ -84,7 +85,7 @@ def reproduce(
     figures: Iterable[str] = (),
     *,
     size: Size | None = None,
-    workers: int = 2,
+    workers: Any = 2,
     progress: Progress = lambda _done, _all: None,
 ) -> Reproduction:
     """Compute panels.
@@ -92,8 +93,8 @@ def reproduce(
     Parameters
     ----------
     figures : names such as "4.3", "theory" or "text"; all of them by default.
-    workers : int
-        Processes. The numbers do not depend on it.
+    workers : int, executor, map-like callable, Dask client or its address
+        Processes, or what `sepv.ensemble` takes. The numbers do not depend on it.
 
     Raises
     ------
@@ -108,6 +109,7 @@ def reproduce(
             received=", ".join(map(repr, unknown)),
             remedy="sepv reproduce 4.3, or no argument for all of them",
         )
+    check(workers)
     size, started = size or Size(), time.perf_counter()
     sections = [(s, jobs) for s in SECTIONS if (jobs := _jobs(s, size, wanted))]
     results = _run([job for _, jobs in sections for job in jobs], workers, progress)
@@ -118,7 +120,7 @@ def reproduce(
         size=size,
         seconds=time.perf_counter() - started,
         processor_seconds=sum(results[("seconds",)].values()),
-        workers=workers,
+        workers=count(workers),
     )
 
 
@@ -136,7 +138,7 @@ def _panels(section: Any, results: Results, wanted: tuple[str, ...]) -> list[Pan
     return found
 
 
-def _run(jobs: list[Job], workers: int, progress: Progress) -> Results:
+def _run(jobs: list[Job], workers: Any, progress: Progress) -> Results:
     """Every job, the longest first so that no process waits for a long one in the end."""
     jobs = sorted(jobs, key=lambda j: -j.seconds)
     total = sum(j.seconds for j in jobs)
@@ -149,6 +151,8 @@ def _run(jobs: list[Job], workers: int, progress: Progress) -> Results:
             done += job.seconds
         progress(total, total)
         return results
+    if not isinstance(workers, int):
+        return _elsewhere(jobs, workers, progress)
     with ProcessPoolExecutor(workers) as pool:
         running = {pool.submit(_timed, job): job for job in jobs}
         done = 0.0
@@ -172,6 +176,23 @@ def _run(jobs: list[Job], workers: int, progress: Progress) -> Results:
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
+    return results
+
+
+def _elsewhere(jobs: list[Job], workers: Any, progress: Progress) -> Results:
+    """The same on a cluster, where it cannot be seen how far a job is."""
+    results: Results = {("seconds",): {}}
+    done, total = 0.0, sum(j.seconds for j in jobs)
+
+    def take(number: int, found: tuple[Any, float]) -> None:
+        nonlocal done
+        job = jobs[number]
+        results[job.key], results[("seconds",)][job.key] = found
+        done += job.seconds
+        progress(done, total)
+
+    progress(done, total)
+    run_all(_timed, jobs, workers, threads=False, receive=take)
     return results
 
 
