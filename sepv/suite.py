@@ -260,8 +260,6 @@ def verify(
             named = scheme if isinstance(scheme, str) else candidate
             claimed = frozenset(candidate.claims)
             task = side_by_side.Task(named, claimed, effort, timeout, listed.failures, problems)
-            _side_by_side(task, chosen, jobs, receive)
-            task = side_by_side.Task(named, frozenset(candidate.claims), effort, timeout, listed.failures)
             _side_by_side(task, chosen, jobs if workers is None else workers, receive)
         else:
             for law in chosen:
