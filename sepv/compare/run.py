@@ -111,9 +111,9 @@ def compare(
         )
     times = _alternate([jobs[n] for n in there], repeats, progress)
     points = [
-        _point(*cells[n], T, run, exact.y, np.array(row), first[n])
+        _point(*cells[n], T, done, exact.y, np.array(row), first[n])
         for n, row in zip(there, times, strict=True)
-        if not isinstance(run := followed[n], str)
+        if not isinstance(done := followed[n], str)
     ]
     return Comparison(
         problem=problem.name,
