@@ -107,6 +107,7 @@ def run(
     bites: list[Bite] = []
     # spawn: a saboteur may have left anything in this process's memory.
     context = multiprocessing.get_context("spawn")
+    others = set(multiprocessing.active_children())
     with ProcessPoolExecutor(max_workers=workers, mp_context=context) as pool:
         futures = [pool.submit(bite, *job) for job in jobs]
         try:
@@ -116,6 +117,9 @@ def run(
                     progress(done, len(jobs), future.result())
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
+            # A whole saboteur is more than anybody waits for after Ctrl-C.
+            for child in set(multiprocessing.active_children()) - others:
+                child.kill()
             raise
     order = {name: n for n, name in enumerate((*(s.name for s in chosen), *asked))}
     return sorted(bites, key=lambda b: (order[b.saboteur], order[b.law], b.seed))

@@ -107,7 +107,9 @@ class Side:
         with suppress(BrokenPipeError):
             self.process.stdin.close()
         try:
-            self.process.wait(timeout=5)
+            self.process.wait(
+                timeout=0.5
+            )  # it ends with its input, unless it is interrupted while it measures
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.wait()
@@ -176,7 +178,7 @@ def time_pairs(
     cases: Sequence[dict[str, Any]],
     *,
     batches: int = 12,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Callable[[str, float], None] = lambda _text, _share: None,
 ) -> list[Check]:
     """Run batches until every case is settled or `batches` are used up; one check for each case and clock.
 
@@ -185,9 +187,10 @@ def time_pairs(
     calls = ("step",) if ":" in target else ("step", "ensemble")
     found = [Times(case, call) for case in cases for call in calls]
     for number in range(batches):
-        progress(f"timing, batch {number + 1} of at most {batches}")
         with both(target, head, base) as sides:
-            for times in found:
+            for n, times in enumerate(found):
+                share = (number + n / len(found)) / batches
+                progress(f"timing, batch {number + 1} of at most {batches}, {times.case['name']}", share)
                 times.batches.append(_batch(sides, {"time": times.case, "call": times.call}))
         if number + 1 >= FEWEST_BATCHES and all(_settled(times) for times in found):
             break

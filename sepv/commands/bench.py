@@ -68,7 +68,7 @@ def bench(
     from sepv.bench import cases, pairs, store
     from sepv.bench.gate import check
     from sepv.files import require_folder, write_atomically
-    from sepv.report import console
+    from sepv.progress import showing
 
     if against and against_ref:
         raise UsageError(
@@ -80,14 +80,13 @@ def bench(
             expected="TARGETs with --against-ref", received="--exec",
             remedy="a program belongs to no checkout of Python code; save and compare with --against",
         )  # fmt: skip
-    status = console(stderr=True)
     chosen = cases.choose(names, portable) if names or not own else []
     chosen = [*chosen, *(cases.own_case(name) for name in own)]
     base = {r["target"]: r for r in store.load(against)} if against else {}
     records, checks = [], []
-    with candidates(targets, programs) as found, status.status("") as line:
+    with candidates(targets, programs) as found, showing(quiet) as line:
         for target, scheme in found:
-            line.update(target)
+            line.update(f"{target}: work and errors")
             if against and target not in base:
                 raise UsageError(
                     expected=f"a record of {target} in {against}",

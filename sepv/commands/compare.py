@@ -85,6 +85,7 @@ def compare(
     from sepv.compare.method import from_scheme
     from sepv.compare.run import one_core
     from sepv.files import require_folder, write_atomically
+    from sepv.progress import showing
     from sepv.report import console
     from sepv.target import load_problem
 
@@ -92,8 +93,8 @@ def compare(
     for path in (options["json_file"], options["csv_file"], picture):
         require_folder(path)
     T, steps = _grid(problem, options["T"], options["steps"])
-    status, out = console(stderr=True), console()
-    with one_core() as alone, status.status("") as line:
+    out = console()
+    with one_core() as alone, showing(options["quiet"]) as line:
         system = _problem(load_problem(problem), options["initial"])
         names = list(dict.fromkeys((*targets, *(installed_peers() if options["peers"] else ()))))
         if not names and not programs:
@@ -118,7 +119,7 @@ def compare(
                 seed=options["seed"],
                 targets=options["errors"],
                 workers=options["workers"],
-                progress=(lambda _: None) if options["quiet"] else line.update,
+                progress=line.update,
             )
     found = replace(found, failed={name: str(e) for name, e in failed.items()} | found.failed)
     if options["json_file"]:

@@ -78,15 +78,18 @@ def hard(
             out.print(f"[bold]{case.name}[/bold]\n  hard: {case.reason}\n  expected: {case.expected}")
         return
     from sepv.files import require_folder, write_atomically
+    from sepv.progress import showing
     from sepv.stability import run
 
     require_folder(json_file)
     asked = [target] if target else [] if programs else ["energy-preserving"]
-    with candidates(asked, programs) as found, console(stderr=True).status("") as status:
+    with candidates(asked, programs) as found, showing(quiet) as shown:
         target, scheme = found[0]
+        places = {case.name: n / len(cases) for n, case in enumerate(cases)}
         seen = run(
-            scheme, cases, steps=steps, laws=laws, seed=seed, progress=lambda case: status.update(case.name)
-        )
+            scheme, cases, steps=steps, laws=laws, seed=seed,
+            progress=lambda case: shown.update(case.name, places[case.name]),
+        )  # fmt: skip
     if json_file:
         report = {"scheme": scheme.name, "seed": seed, "cases": [s.to_json() for s in seen]}
         write_atomically(json_file, json.dumps(report, indent=1, allow_nan=False) + "\n")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import click
@@ -88,31 +90,12 @@ def _whole(name: str, value: float) -> int:
     return int(value)
 
 
-def _bar(total: int, quiet: bool) -> Any:
-    from contextlib import contextmanager
+@contextmanager
+def _bar(total: int, quiet: bool) -> Iterator[Callable[[int, int], None]]:
+    from sepv.progress import showing
 
-    from sepv.report import console
-
-    @contextmanager
-    def bar() -> Any:
-        out = console(stderr=True)
-        if quiet or not out.is_terminal:
-            yield None
-            return
-        from rich.progress import (
-            BarColumn,
-            Progress,
-            TaskProgressColumn,
-            TimeElapsedColumn,
-            TimeRemainingColumn,
-        )
-
-        columns = (BarColumn(30), TaskProgressColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-        with Progress(*columns, console=out, transient=True) as shown:
-            task = shown.add_task("", total=total)
-            yield lambda done, _total: shown.update(task, completed=done)
-
-    return bar()
+    with showing(quiet) as shown:
+        yield lambda done, _total: shown.update(f"{done:,} of {total:,} steps", done / total)
 
 
 def _show(scheme: str, problem: str, path: Any, quiet: bool) -> None:

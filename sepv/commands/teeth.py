@@ -10,7 +10,8 @@ from sepv.commands.shared import FILE, friendly
 @click.command(short_help="Does the suite bite? Saboteurs and laws.")
 @click.argument("names", nargs=-1, metavar="[SABOTEUR]...")
 @click.option("--law", "laws", multiple=True, metavar="NAME", help="Only this law; may be repeated.")
-@click.option("--seeds", type=click.IntRange(min=1), default=10, show_default=True, help="How many seeds.")
+@click.option("--seeds", type=click.IntRange(min=1), help="How many seeds. [default: 10; bare 1]")
+@click.option("--matrix", is_flag=True, help="Every saboteur by every law: an hour or more.")
 @click.option("--first", is_flag=True, help="Stop each saboteur at the first law that kills it.")
 @click.option("--workers", type=click.IntRange(min=1), default=2, show_default=True, help="Processes.")
 @click.option("--json", "json_file", type=FILE, help="Write every single finding to this file.")
@@ -19,7 +20,8 @@ from sepv.commands.shared import FILE, friendly
 def teeth(
     names: tuple[str, ...],
     laws: tuple[str, ...],
-    seeds: int,
+    seeds: int | None,
+    matrix: bool,
     first: bool,
     workers: int,
     json_file: str | None,
@@ -31,24 +33,27 @@ def teeth(
     Exit code 0 if every saboteur is killed with every seed, else 1.
 
     \b
-    sepv teeth --seeds 1 --first        a quick look
-    sepv teeth                          the whole matrix, an hour or more
+    sepv teeth                          each saboteur, one seed, to the first law that kills it
+    sepv teeth b-at-y0 --seeds 3        one saboteur by every law
+    sepv teeth --matrix                 the whole matrix, an hour or more
     """
     import json
 
     from sepv import teeth as suite
     from sepv.files import require_folder, write_atomically
+    from sepv.progress import showing
     from sepv.report import console, line
 
     require_folder(json_file)
-    status = console(stderr=True)
-    with status.status("") as shown:
+    bare = not (names or laws or matrix)
+    seeds = seeds or (1 if bare else 10)
+    with showing(quiet) as shown:
         bites = suite.run(
             names or None,
             range(seeds),
-            lambda done, total, _: shown.update(f"{done} of {total}"),
+            lambda done, total, _: shown.update(f"{done} of {total}", done / total),
             laws=laws or None,
-            first=first,
+            first=first or bare,
             workers=workers,
         )
     if json_file:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import click
 
@@ -47,17 +48,18 @@ def ulps(
     from sepv import problems, schemes
     from sepv import ulps as unit
     from sepv.files import require_folder, write_atomically
+    from sepv.progress import showing
     from sepv.report import console
     from sepv.target import load_problem
 
     require_folder(json_file)
     asked = [*(targets or (() if programs else tuple(schemes.ALL))), *(unit.peers() if peers else ())]
     chosen = [load_problem(name) for name in (names or tuple(problems.NAMED))]
-    rows, status = [], console(stderr=True)
-    with candidates(asked, programs) as wanted, status.status("") as line:
+    rows: list[Any] = []
+    with candidates(asked, programs) as wanted, showing() as line:
         for _, scheme in wanted:
             for problem in chosen:
-                line.update(f"{scheme.name}, {problem.name}")
+                line.update(f"{scheme.name}, {problem.name}", len(rows) / (len(wanted) * len(chosen)))
                 rows.append(unit.one_step(scheme, problem, h=h, steps=steps, seed=seed))
     if json_file:
         write_atomically(json_file, json.dumps([r.to_json() for r in rows], indent=1, allow_nan=False) + "\n")

@@ -147,12 +147,13 @@ def _verify(
 ) -> int:
     from sepv import report as page
     from sepv.progress import watching
+    from sepv.suite import load_laws
     from sepv.suite import verify as run
 
     out, reports = page.console(), []
     for target in targets:
         named = shown or shlex.quote(target)
-        with watching(quiet) as progress:
+        with watching(quiet, len(load_laws(options["laws"]))) as progress:
             report = run(target, progress=progress, **options)
         reports.append(report)
         if quiet:

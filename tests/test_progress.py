@@ -1,0 +1,82 @@
+"""Whatever takes longer than two seconds says how far it is, piped too; and Ctrl-C ends it at once."""
+
+from __future__ import annotations
+
+import io
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from sepv import progress
+from sepv.law import Verdict
+from sepv.report import console
+from sepv.suite import load_laws
+
+
+def test_lines_say_the_share_and_the_seconds_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    written = io.StringIO()
+    monkeypatch.setattr(progress, "console", lambda **_: console(written))
+    monkeypatch.setattr(progress, "FIRST_LINES", (0.05, 0.1, 0.2))
+    energy, casimir = load_laws(["energy", "casimir"])
+    with progress.watching(laws=2) as step:
+        step(energy, None)
+        time.sleep(0.07)
+        step(energy, energy.finding(Verdict.HOLDS))
+        step(casimir, None)
+        time.sleep(0.3)
+    first, *_, last = written.getvalue().splitlines()
+    assert first.endswith("0 of 2 laws, energy")
+    assert last.startswith("50%, about 1 s left: 1 of 2 laws, casimir")
+
+
+def test_what_is_quick_or_quiet_says_nothing(capfd: pytest.CaptureFixture[str]) -> None:
+    with progress.showing():
+        pass
+    with progress.showing(quiet=True) as shown:
+        shown.update("nothing", 0.5)
+    assert capfd.readouterr().err == ""
+
+
+# A shell that starts jobs in the background has them ignore SIGINT.
+START = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from sepv.cli import main; main()"
+
+
+@pytest.mark.parametrize("arguments", ["verify midpoint -j 2", "teeth b-at-y0 b-at-y1"])
+def test_ctrl_c_ends_all_processes(arguments: str, tmp_path: Path) -> None:
+    child = subprocess.Popen(
+        [sys.executable, "-c", START, *arguments.split()],
+        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    with child:
+        assert child.stderr
+        assert child.stderr.readline()  # the first line of progress: it works by now
+        workers = _children(child.pid)
+        assert workers
+        child.send_signal(signal.SIGINT)
+        out, err = child.communicate(timeout=30)
+    assert child.returncode == 130, out + err
+    assert "Traceback" not in out + err
+    # The tracker of multiprocessing ends by itself, once the pipe to its parent is closed.
+    until = time.monotonic() + 20
+    while (left := [pid for pid in workers if _runs(pid)]) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not left
+
+
+def _children(pid: int) -> list[int]:
+    lines = subprocess.run(["ps", "-eo", "pid,ppid"], capture_output=True, text=True, check=True).stdout
+    rows = [tuple(map(int, line.split())) for line in lines.splitlines()[1:]]
+    return [child for child, parent in rows if parent == pid]
+
+
+def _runs(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return "Z" not in Path(f"/proc/{pid}/stat").read_text().split()[2]
