@@ -22,6 +22,15 @@ Step = Callable[[Problem, Array, float, Array], Array]
 Solve = Callable[[Problem, Array, float, Array], Solution]
 
 
+def truncation_for(order: float) -> int:
+    """k of Remark 2.1 for a scheme of mean-square order p: the paper's 2 for p = 1, and 4p beyond.
+
+    k ≥ 2p is what the order needs. With k = 2p clipping alone costs an error of order p, which for many stages is
+    larger than their own (`sepv.clipping`); with 4p it costs h^{2p}. The price is a bound of |Δ| larger by √2.
+    """
+    return 2 if order <= 1 else round(4 * order)
+
+
 @dataclass(frozen=True)
 class Scheme:
     """A one-step method for (1.1), and what it says of itself.

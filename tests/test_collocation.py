@@ -19,6 +19,7 @@ from sepv import problems, schemes, strategies
 from sepv.case import Case
 from sepv.errors import StepFailure, UsageError
 from sepv.implicit import Status
+from sepv.scheme import truncation_for
 from sepv.tableaux import amplification, exact_nodes, gauss_tableau, lagrange, moments
 from sepv.tolerance import state_ulp
 
@@ -153,7 +154,7 @@ def test_steps_of_a_batch_are_the_steps_of_its_states(s: int) -> None:
 
 def test_members_of_families_have_names() -> None:
     assert schemes.by_name("collocation_3") is schemes.collocation(3)
-    assert schemes.collocation(3).truncation == 6
+    assert schemes.collocation(3).truncation == 12
     for name in ("collocation-0", "collocation-7", "collocation", "collocation-x", "gauss-legendre"):
         with pytest.raises(UsageError, match="collocation-1"):
             schemes.by_name(name)
@@ -188,7 +189,7 @@ def test_a_hard_step_is_refused_and_nothing_is_warned_about() -> None:
 def test_a_family_member_says_what_it_is_and_counts_its_work(s: int) -> None:
     """Rigid body: s nodes and s structures an iteration, and one of each for the start, which is an iteration."""
     for scheme in (schemes.collocation(s), schemes.gauss(s)):
-        assert (scheme.stages, scheme.truncation, scheme.batched) == (s, 2 * s, True)
+        assert (scheme.stages, scheme.truncation, scheme.batched) == (s, truncation_for(s), True)
         assert scheme.mean_square_order == scheme.weak_order == s
         y = np.array([[0.8, 0.8, 1.0], [0.6, 0.1, 0.0], [0.1, 0.6, 0.0]])
         solution = scheme.solve(problems.rigid_body(), y, 0.01, np.array([[0.1, -0.2, 0.3]]))

@@ -37,6 +37,7 @@ LAYERS = [
     "sepv.closed_forms sepv.dense sepv.exact sepv.exact_structures",
     "sepv.gaussian",
     "sepv.results",
+    "sepv.clipping",
     "sepv.simulation",
     "sepv.large",
     "sepv.engine",

@@ -124,7 +124,7 @@ def test_orders_and_claims() -> None:
     assert schemes.projected(8) is scheme
     assert (scheme.name, scheme.truncation, scheme.mean_square_order, scheme.weak_order) == (
         "projected-8",
-        8,
+        16,
         4.0,
         4.0,
     )

@@ -13,7 +13,7 @@ from sepv.errors import UsageError
 from sepv.explicit_tableaux import TABLEAUX, ExplicitTableau
 from sepv.fields import vector_field
 from sepv.problem import Array, Problem
-from sepv.scheme import Scheme, as_lanes
+from sepv.scheme import Scheme, as_lanes, truncation_for
 
 
 def end(problem: Problem, tableau: ExplicitTableau, y0: Array, delta: Array, start: Array) -> Array:
@@ -31,7 +31,7 @@ def end(problem: Problem, tableau: ExplicitTableau, y0: Array, delta: Array, sta
 
 @lru_cache(maxsize=4)
 def explicit(order: int) -> Scheme:
-    """The method of order 4 (classical) or 8 (Dormand and Prince), as a scheme with truncation k = order.
+    """The method of order 4 (classical) or 8 (Dormand and Prince), as a scheme with truncation k = 2·order.
 
     Raises
     ------
@@ -67,6 +67,6 @@ def explicit(order: int) -> Scheme:
         mean_square_order=order / 2,
         weak_order=order / 2,
         source="explicit Runge-Kutta with the random step",
-        truncation=order,
+        truncation=truncation_for(order / 2),
         batched=True,
     )

@@ -12,14 +12,14 @@ from functools import lru_cache
 
 from sepv.implicit import Solution
 from sepv.problem import Array, Problem
-from sepv.scheme import Scheme, as_lanes, step_by
+from sepv.scheme import Scheme, as_lanes, step_by, truncation_for
 from sepv.schemes.collocation import solve_stages
 from sepv.tableaux import check_stages
 
 
 @lru_cache(maxsize=8)
 def gauss(stages: int) -> Scheme:
-    """The s-stage method, s = 1 … 6, as a scheme with truncation k = 2s.
+    """The s-stage method, s = 1 … 6, as a scheme with truncation k = 4s (2 for s = 1).
 
     Raises
     ------
@@ -57,7 +57,7 @@ def gauss(stages: int) -> Scheme:
         weak_order=float(s),
         source="Gauss Runge-Kutta, with the random step",
         solve=solve,
-        truncation=2 * s,
+        truncation=truncation_for(s),
         batched=True,
         stages=s,
     )

@@ -24,7 +24,7 @@ from sepv.explicit_tableaux import TABLEAUX
 from sepv.fields import casimir_gradients, dot
 from sepv.implicit import ROUNDING, Solution, Status
 from sepv.problem import Array, Problem
-from sepv.scheme import Scheme, as_lanes, step_by
+from sepv.scheme import Scheme, as_lanes, step_by, truncation_for
 from sepv.schemes.explicit import end, explicit
 
 # Each iteration gains a factor of about |I″||y1 − y*|/|∇I|; a step that needs more than this is far too coarse.
@@ -109,7 +109,7 @@ def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> S
 
 @lru_cache(maxsize=4)
 def projected(order: int) -> Scheme:
-    """The projected method of order 4 or 8, as a scheme with truncation k = order.
+    """The projected method of order 4 or 8, as a scheme with truncation k = 2·order.
 
     Raises
     ------
@@ -136,6 +136,6 @@ def projected(order: int) -> Scheme:
         weak_order=plain.weak_order,
         source="explicit Runge-Kutta with the random step, and projection",
         solve=solve,
-        truncation=order,
+        truncation=truncation_for(order / 2),
         batched=True,
     )
