@@ -11,9 +11,10 @@ degrees of freedom and a random sign), a third with p = 2s + 2, and every path i
 Means of weighted errors are the means under the Wiener measure, without bias. Step sizes are sampled independently
 of each other: which increments matter depends on the step.
 
-Paths on which Remark 2.1 truncates an increment are left out where k is large enough for the order: for k = 2s they
-have a probability of at most N·P(|ξ| > A_h), far too small for any sample to see, and what they add to E|error|² is of
-the order of E|ΔW − ΔŴ|²N = O(h^k), which the law "truncation" bounds by exact integrals. With a smaller k they stay in.
+Paths on which Remark 2.1 truncates an increment are left out where k is large enough for the order, k ≥ 2p: their
+probability is at most 2N·P(ξ > A_h), too small for a sample to see. What is estimated is then E|e|² over the other
+paths; what clipping adds to it is known in closed form (`sepv.clipping.clipping_error`, squared), of order 2p or more,
+and has to be added where the size of the error counts and not its order. With a smaller k those paths stay in.
 """
 
 from __future__ import annotations
@@ -68,7 +69,8 @@ def tilted_errors(
 ) -> StrongErrors:
     """As `sepv.convergence.strong_errors`, tilted for a scheme of this mean-square order; errors carry their weights.
 
-    Its `squared` is w|e|² and its `errors` are w·e, so that means over paths estimate E|e|² and E e.
+    Its `squared` is w|e|² and its `errors` are w·e, so that means over paths estimate E|e|² and E e, without what
+    clipped increments add where k ≥ 2·order (see above).
     """
     start = np.array(problem.initial, dtype=np.float64)
     squared = np.empty((len(steps), len(paths)))

@@ -170,6 +170,24 @@ def test_the_time_to_an_error_follows_the_slope() -> None:
     assert time_to_error(stalled, 1e-5).how == "never"
 
 
+def test_what_clipped_increments_cost_counts_in_the_time_to_an_error_and_is_said() -> None:
+    """Four stages with k = 8 and 8 steps: 9e-7 in a sample, and 1.5e-5 by clipping."""
+    body = problems.rigid_body()
+    four = schemes.collocation(4)
+    old, new = (replace(in_batches(replace(four, truncation=k)), name=f"k = {k}") for k in (8, 16))
+    found = compare([old, new], body, T=1.0, steps=(8, 16), paths=64, repeats=1, targets=(1e-6,))
+    (coarse, _), (sure, _) = found.of("k = 8"), found.of("k = 16")
+    assert coarse.strong.value == sure.strong.value < 3e-6
+    assert coarse.clipping == pytest.approx(1.5e-5, rel=0.1)
+    assert coarse.error > 1e-5 > 10 * sure.clipping
+    times = {t.method: t for t in found.times_to_error()}
+    assert times["k = 8"].how == "between"
+    assert any(
+        "k = 8: truncated increments alone cost 1.5e-05 at 8 steps" in line for line in table.notes(found)
+    )
+    assert not any("k = 16: truncated" in line for line in table.notes(found))
+
+
 def test_step_sizes_that_lose_paths_reach_no_target() -> None:
     points = [point(8, 1e-3, 8.0, failures=1), point(16, 5e-2, 16.0), point(32, 2.5e-2, 32.0)]
     assert time_to_error(points, 4e-2).how == "between"

@@ -72,6 +72,8 @@ class Method:
         Evaluations of f = B∇H a step, where they follow from the method and cannot be counted.
     steps_matter : bool
         False for the exact time change, which sees W(T) only.
+    truncation : int, optional
+        k of Remark 2.1 for the increments it uses; None for untruncated ones.
     """
 
     name: str
@@ -81,6 +83,7 @@ class Method:
     batched: bool = True
     evaluations: float | None = None
     steps_matter: bool = True
+    truncation: int | None = None
 
 
 def invariant_defects(problem: Problem, states: Array) -> tuple[Array, Array]:
@@ -141,7 +144,9 @@ def _in_batches(scheme: Scheme) -> Method:
         run = _run(scheme, problem, y0, h, dW, track=True)
         return Followed(Ends(run.y, run.status), run.energy_defect, run.casimir_defect, work)
 
-    return Method(scheme.name, prepare, follow, scheme.source, batched=scheme.batched)
+    return Method(
+        scheme.name, prepare, follow, scheme.source, batched=scheme.batched, truncation=scheme.truncation
+    )
 
 
 def _compiled(scheme: Scheme) -> Method:
@@ -173,7 +178,8 @@ def _compiled(scheme: Scheme) -> Method:
             work.evaluations |= {"gradient": run.gradient_evaluations, "structure": run.structure_evaluations}
         return Followed(Ends(run.y, run.status), run.energy_defect, run.casimir_defect, work)
 
-    return Method(scheme.name, prepare, follow, f"{scheme.source}; compiled engine")
+    source = f"{scheme.source}; compiled engine"
+    return Method(scheme.name, prepare, follow, source, truncation=scheme.truncation)
 
 
 def _run(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array, *, track: bool) -> Ensemble:

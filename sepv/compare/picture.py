@@ -90,13 +90,13 @@ def _style(n: int) -> dict[str, Any]:
 def _error_curve(axes: Any, points: list[Point], name: str, style: dict[str, Any]) -> None:
     """Error with its interval; step sizes at which paths failed are hollow."""
     drawn = [p for p in points if 0 < p.strong.value < math.inf]
-    x, y = [p.microseconds_a_path for p in drawn], [p.strong.value for p in drawn]
+    x, y = [p.microseconds_a_path for p in drawn], [p.error for p in drawn]
     axes.plot(x, y, label=name, **style)
     low = [min(p.strong.half, 0.9 * p.strong.value) for p in drawn]
     axes.errorbar(
         x, y, yerr=[low, [p.strong.half for p in drawn]], fmt="none", ecolor=style["color"], elinewidth=0.8
     )
-    _hollow(axes, [(p.microseconds_a_path, p.strong.value) for p in drawn if p.failures], style)
+    _hollow(axes, [(p.microseconds_a_path, p.error) for p in drawn if p.failures], style)
 
 
 def _defect_curve(axes: Any, points: list[Point], style: dict[str, Any]) -> None:

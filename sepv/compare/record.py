@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
@@ -48,6 +49,8 @@ class Point:
         Newton iterations for one step of one path.
     steps_matter : bool
         False for the exact time change, whose one point stands at steps = 1, h = T.
+    clipping : float
+        The rms error that truncated increments alone cause, in closed form (`sepv.clipping`): no sample shows it.
     """
 
     method: str
@@ -63,6 +66,12 @@ class Point:
     evaluations: dict[str, float]
     iterations: float | None
     steps_matter: bool = True
+    clipping: float = 0.0
+
+    @property
+    def error(self) -> float:
+        """The strong error of the sample and that of clipped increments, together."""
+        return math.hypot(self.strong.value, self.clipping)
 
     @property
     def nanoseconds(self) -> float:
@@ -84,6 +93,7 @@ class Point:
             "failures": self.failures,
             "strong_error": _estimate(self.strong),
             "weak_error": _estimate(self.weak),
+            "clipping_error": self.clipping,
             "energy_defect": _number(self.energy_defect),
             "casimir_defect": _number(self.casimir_defect),
             "seconds": vars(self.seconds) | {},
@@ -153,28 +163,29 @@ class Comparison:
 def time_to_error(points: list[Point], target: float) -> TimeToError:
     """Where the line through the points (error, time) of one method reaches an error.
 
-    Only step sizes at which every path was finished count: a method that loses its worst paths looks good.
+    Errors are those of `Point.error`. Only step sizes at which every path was finished count: a method that loses its
+    worst paths looks good.
     """
-    usable = [p for p in points if not p.failures and 0 < p.strong.value < np.inf]
+    usable = [p for p in points if not p.failures and 0 < p.error < np.inf]
     name = points[0].method if points else ""
     if not usable:
         return TimeToError(name, target, None, None, "never")
     first = usable[0]
-    if first.strong.value <= target:
+    if first.error <= target:
         return TimeToError(name, target, first.microseconds_a_path, first.energy_defect, "coarsest")
     for coarse, fine in pairwise(usable):
-        if fine.strong.value <= target < coarse.strong.value:
+        if fine.error <= target < coarse.error:
             return TimeToError(name, target, _on_line(coarse, fine, target), fine.energy_defect, "between")
-    if len(usable) < 2 or not usable[-1].strong.value < 0.9 * usable[-2].strong.value:
+    if len(usable) < 2 or not usable[-1].error < 0.9 * usable[-2].error:
         return TimeToError(name, target, None, None, "never")
     before, last = usable[-2:]
-    order = np.log(before.strong.value / last.strong.value) / np.log(last.steps / before.steps)
-    more = float((last.strong.value / target) ** (1 / order))
+    order = np.log(before.error / last.error) / np.log(last.steps / before.steps)
+    more = float((last.error / target) ** (1 / order))
     return TimeToError(name, target, more * last.microseconds_a_path, last.energy_defect, "beyond")
 
 
 def _on_line(coarse: Point, fine: Point, target: float) -> float:
-    x0, x1, x = (float(np.log(v)) for v in (coarse.strong.value, fine.strong.value, target))
+    x0, x1, x = (float(np.log(v)) for v in (coarse.error, fine.error, target))
     t0, t1 = np.log(coarse.microseconds_a_path), np.log(fine.microseconds_a_path)
     return float(np.exp(t0 + (t1 - t0) * (x - x0) / (x1 - x0)))
 

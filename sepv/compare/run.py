@@ -7,12 +7,14 @@ import platform
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
 
 from sepv import wiener
+from sepv.clipping import clipping_error
 from sepv.compare.method import Ends, Followed, Method
 from sepv.compare.record import Comparison, Point, Seconds
 from sepv.convergence import GROUPS, Estimate, jackknife
@@ -111,7 +113,10 @@ def compare(
         )
     times = _alternate([jobs[n] for n in there], repeats, progress)
     points = [
-        _point(*cells[n], T, done, exact.y, np.array(row), first[n])
+        replace(
+            _point(*cells[n], T, done, exact.y, np.array(row), first[n]),
+            clipping=clipping_error(problem, T=T, steps=cells[n][1], k=cells[n][0].truncation),
+        )
         for n, row in zip(there, times, strict=True)
         if not isinstance(done := followed[n], str)
     ]

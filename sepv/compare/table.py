@@ -14,6 +14,8 @@ from rich.text import Text
 from sepv.compare.record import Comparison, Point, TimeToError
 from sepv.convergence import Estimate
 
+# Clipping that costs this share of the strong error is said: in squares it is a tenth of it.
+CLIPPED = 0.3
 # What a figure beside a time to an error means.
 MARKS = {"between": "", "beyond": "~", "coarsest": "≤"}
 # A driver whose time by the clock, in units of its processor time, is this many times what is usual waits for
@@ -105,6 +107,13 @@ def notes(comparison: Comparison) -> list[str]:
             lines.append(f"{name}: {first:.2g} s of compilation, not in the times above")
         if points[0].paths < most:
             lines.append(f"{name}: goes path by path, {points[0].paths} paths instead of {most}")
+        clipped = [p for p in points if p.clipping > CLIPPED * p.strong.value]
+        if clipped:
+            worst = max(clipped, key=lambda p: p.clipping / (p.strong.value or p.clipping))
+            lines.append(
+                f"{name}: truncated increments alone cost {worst.clipping:.1e} at {worst.steps} steps, which a sample "
+                "of this size does not show: the strong error is larger by that, in squares"
+            )
         if any(p.failures for p in points):
             lines.append(
                 f"{name}: paths that failed count in no error and no defect; such steps reach no target"
