@@ -53,6 +53,7 @@ law = searched(
     cases=cases,
     check=check,
     corners=with_casimirs,
+    admits=lambda case: len(case.build()[0].casimirs) + len(case.build()[0].linear_casimirs) > 0,
 )
 
 

@@ -13,6 +13,7 @@ from sepv.problem import NamedProblem, PolynomialSystem
 from sepv.scheme import Scheme
 from sepv.search import searched
 from sepv.strategies import components, hamiltonians, poisson_systems, skew_structures, steps
+from sepv.structures import StructuresProblem
 from sepv.tolerance import state_ulp
 
 
@@ -53,6 +54,16 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     return Measurement(moved / state_ulp(y, y1), 0.0, f"y1 = {y1.tolist()}, expected y itself")
 
 
+def admits(case: Case) -> bool:
+    """Δ = 0, with several structures all its parts, or ∇H = 0."""
+    problem, y, h, dW = case.build()
+    if not problem.gradient(y).any():
+        return True
+    if isinstance(problem, StructuresProblem):
+        return h == 0 and not (problem.c * dW).any()
+    return float(problem.random_step(h, dW)) == 0
+
+
 law = searched(
     name="identity",
     statement="Δ = 0 gives y1 = y0 exactly, and so does ∇H(y0) = 0",
@@ -60,6 +71,7 @@ law = searched(
     unit="ulp of y",
     cases=cases,
     check=check,
+    admits=admits,
 )
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from sepv.errors import SchemeFault, SepvError, StepFailure
+from sepv.opaque import shown
 from sepv.problem import Array, Problem
 from sepv.scheme import REFUSALS, Scheme
 
@@ -71,7 +72,7 @@ def raw_answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) 
     """What the scheme returns, unchecked, for these very arrays."""
     try:
         with np.errstate(all="ignore"):
-            return scheme.step(problem, y, h, dW)
+            return scheme.step(shown(problem), y, h, dW)
     except StepFailure:
         raise
     except REFUSALS as error:

@@ -14,6 +14,7 @@ import numpy as np
 from sepv import problems
 from sepv.description import problem_from_json, problem_to_json
 from sepv.errors import UsageError
+from sepv.opaque import GIVEN, as_given
 from sepv.polynomial import parse_float
 from sepv.problem import Array, Description, GivenProblem, NamedProblem, PolynomialSystem, Problem
 from sepv.structures import StructuresProblem
@@ -25,16 +26,27 @@ MOST_BYTES = 2**24
 
 @dataclass(frozen=True)
 class Case:
-    """A problem, a state y (d,), a step h and the Wiener increments dW (m,)."""
+    """A problem, a state y (d,), a step h and the Wiener increments dW (m,).
+
+    Attributes
+    ----------
+    given : str
+        How the scheme sees the problem: one of `sepv.opaque.GIVEN`.
+    batch : int
+        For laws about batches: how many states are asked about together. 0 leaves it to the law.
+    """
 
     problem: Description
     y: tuple[float, ...]
-    h: float
+    h: float = 0.0
     dW: tuple[float, ...] = ()
+    given: str = "data"
+    batch: int = 0
 
     def build(self) -> tuple[Problem, Array, float, Array]:
-        """The arguments of ``step``."""
-        return problems.build(self.problem), np.array(self.y), self.h, np.array(self.dW, dtype=np.float64)
+        """The arguments of ``step``. The problem is the whole one; `sepv.candidate.ask` shows it as it is given."""
+        problem = as_given(self.problem, self.given)
+        return problem, np.array(self.y), self.h, np.array(self.dW, dtype=np.float64)
 
     def describe(self) -> str:
         """The case for a reader; `to_json` keeps every bit."""
@@ -44,9 +56,11 @@ class Case:
         return "\n".join(
             [
                 *_describe_problem(self.problem),
+                *([] if self.given == "data" else [f"given as {self.given}: {GIVEN[self.given]}"]),
                 f"y = {_row(self.y)}",
                 f"h = {self.h!r}, c = {_row(problem.c)}, dW = {_row(self.dW)}"
                 + ("" if several else f", so Δ = {step!r}"),
+                *([f"in a batch of {self.batch}"] if self.batch else []),
             ]
         )
 
@@ -76,6 +90,8 @@ def to_json(case: Case) -> dict[str, Any]:
         "y": [v.hex() for v in case.y],
         "h": case.h.hex(),
         "dW": [v.hex() for v in case.dW],
+        **({} if case.given == "data" else {"given": case.given}),
+        **({"batch": case.batch} if case.batch else {}),
     }
 
 
@@ -93,6 +109,8 @@ def from_json(data: Any) -> Case:
             y=tuple(parse_float(v) for v in data["y"]),
             h=parse_float(data["h"]),
             dW=tuple(parse_float(v) for v in data["dW"]),
+            given=_given(data.get("given", "data")),
+            batch=int(data.get("batch", 0)),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise UsageError(
@@ -119,6 +137,12 @@ def _given_problem(data: dict[str, Any]) -> GivenProblem:
         )
     noise = tuple(parse_float(c) for c in data["noise"])
     return GivenProblem(replace(load_problem(target), noise=noise, check=False), target)
+
+
+def _given(value: Any) -> str:
+    if value not in GIVEN:
+        raise ValueError(f"given as {value!r:.40}, not one of {', '.join(GIVEN)}")
+    return str(value)
 
 
 def to_token(case: Case) -> str:

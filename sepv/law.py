@@ -102,7 +102,9 @@ class Effort:
     Attributes
     ----------
     examples : int
-        Hypothesis examples a law.
+        Hypothesis examples a law, after its design.
+    designs : int
+        How often a law visits its design, each time with other content in the same strata.
     paths : int
         Largest number of paths of a statistical law.
     seed : int
@@ -111,14 +113,15 @@ class Effort:
         How long a counterexample may be simplified.
     """
 
-    examples: int = 100
+    examples: int = 25
     paths: int = 8192
     seed: int = 0
     shrink_seconds: float = 20.0
+    designs: int = 1
     cache: dict[Any, Any] = field(default_factory=dict, compare=False, repr=False)
 
     def __post_init__(self) -> None:
-        if self.examples < 1 or self.paths < 1:
+        if self.examples < 1 or self.paths < 1 or self.designs < 1:
             raise UsageError(
                 expected="at least one example and one path",
                 received=f"examples = {self.examples}, paths = {self.paths}",
@@ -127,7 +130,7 @@ class Effort:
 
     def deeper(self) -> Effort:
         """The nightly effort."""
-        return replace(self, examples=2000, paths=16384, shrink_seconds=120.0, cache={})
+        return replace(self, examples=1000, designs=20, paths=16384, shrink_seconds=120.0, cache={})
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -84,7 +85,7 @@ def constant(dimension: int, value: float) -> Polynomial:
 
 def variable(dimension: int, index: int) -> Polynomial:
     """The coordinate y_index."""
-    return polynomial(dimension, {tuple(int(i == index) for i in range(dimension)): 1.0})
+    return Polynomial(dimension, ((tuple(int(i == index) for i in range(dimension)), 1.0),))
 
 
 def add(*summands: Polynomial) -> Polynomial:
@@ -102,12 +103,17 @@ def multiply(p: Polynomial, q: Polynomial) -> Polynomial:
 
 def scale(factor: float, p: Polynomial) -> Polynomial:
     """factor · p."""
+    scaled = tuple((e, factor * c) for e, c in p.terms)
+    if all(c and isfinite(c) for _, c in scaled):
+        return Polynomial(p.dimension, scaled)
     return polynomial(p.dimension, [(e, factor * c) for e, c in p.terms])
 
 
 def differentiate(p: Polynomial, index: int) -> Polynomial:
     """∂p/∂y_index."""
-    lowered = [(_shift(e, index), c * e[index]) for e, c in p.terms if e[index]]
+    lowered = tuple((_shift(e, index), c * e[index]) for e, c in p.terms if e[index])
+    if all(isfinite(c) for _, c in lowered):
+        return Polynomial(p.dimension, lowered)  # one exponent less in each term keeps the canonical order
     return polynomial(p.dimension, lowered)
 
 
@@ -183,7 +189,7 @@ def parse_float(value: Any) -> float:
 
 
 def _shift(exponents: Exponents, index: int) -> Exponents:
-    return tuple(e - (i == index) for i, e in enumerate(exponents))
+    return (*exponents[:index], exponents[index] - 1, *exponents[index + 1 :])
 
 
 def _term_text(exponents: Exponents, coefficient: float) -> str:

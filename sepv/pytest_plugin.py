@@ -34,7 +34,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption(
         "--scheme", action="append", default=[], metavar="MODULE:ATTR", help="scheme to verify; repeatable"
     )
-    group.addoption("--sepv-examples", type=int, default=None, help="examples for each law (default 100)")
+    group.addoption(
+        "--sepv-examples", type=int, default=None, help="examples for each law (default 25, after its design)"
+    )
     group.addoption("--sepv-paths", type=int, default=None, help="most paths for a law (default 8192)")
     group.addoption("--sepv-seed", default="0", help="seed of examples and paths, or 'fresh' for a new one")
     group.addoption(

@@ -1,4 +1,8 @@
-"""Laws about single steps: Hypothesis looks for a case that violates, and shrinks it."""
+"""Laws about single steps: a design visits every stratum of the cases, then Hypothesis looks for one that violates.
+
+The design comes first, since it misses no pair of strata (`sepv.strata`). Where a case of it violates, Hypothesis looks
+for a simpler one; where it finds none, the case itself is simplified (`sepv.shrink`).
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,8 @@ import time
 import warnings
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from dataclasses import dataclass, replace
+from random import Random
 from typing import Any
 
 from hypothesis import HealthCheck, Phase, Verbosity, given, reject, settings, target
@@ -20,9 +26,20 @@ from sepv.given import cases_for
 from sepv.law import Effort, Finding, Law, Measurement, Verdict
 from sepv.same_draws import without_local_constants
 from sepv.scheme import Scheme
+from sepv.shrink import shrunk
+from sepv.spaces import SPACES
+from sepv.strata import Space
 from sepv.strategies_structures import CASES
 
 Check = Callable[[Scheme, Case], Measurement]
+
+
+# Without a design there are so many times as many random examples.
+UNDESIGNED = 4
+# A search ends where the scheme has not taken so many cases for each that it did.
+MOST_SKIPPED = 20
+# Cases of a design that cannot be measured, until it is given up: each may take as long as a call may.
+MOST_FAULTS = 4
 
 
 class _Violation(Exception):
@@ -41,8 +58,35 @@ class _Log:
         self.worst: Measurement | None = None
         self.violation: tuple[Case, Measurement] | None = None
         self.fault: tuple[Case, Exception] | None = None
-        self.first_failure: float | None = None
         self.skipped: dict[str, int] = {}
+
+    @property
+    def failed(self) -> bool:
+        """Whether a case violated or could not be measured."""
+        return self.violation is not None or self.fault is not None
+
+    @property
+    def refused(self) -> int:
+        """How many cases the scheme did not take."""
+        return sum(self.skipped.values())
+
+
+@dataclass(frozen=True)
+class _Question:
+    """What is looked for: a law's cases by design, at random and by list, and its measurement.
+
+    Attributes
+    ----------
+    admits : case -> bool
+        Which cases the law speaks of, among those inside the contraction radius: simplifying must not leave them.
+    """
+
+    space: Space | None
+    strategy: st.SearchStrategy[Case]
+    corners: Callable[[], Iterable[Case]]
+    check: Check
+    faults_violate: bool
+    admits: Callable[[Case], bool]
 
 
 def searched(
@@ -57,10 +101,12 @@ def searched(
     always_claimed: bool = False,
     not_applicable: Callable[[Scheme], str] = lambda _: "",
     corners: Callable[[], Iterable[Case]] = tuple,
+    admits: Callable[[Case], bool] = lambda _: True,
 ) -> Law:
-    """A law whose cases are drawn by a strategy and measured one by one.
+    """A law whose cases are drawn by a design and by a strategy, and measured one by one.
 
-    A scheme for a special class of systems is asked about those (`sepv.strategies_structures.CASES`).
+    The design is the law's in `sepv.spaces.SPACES`. A scheme for a special class of systems is asked about those
+    (`sepv.strategies_structures.CASES`).
 
     Parameters
     ----------
@@ -71,25 +117,31 @@ def searched(
     not_applicable : scheme -> str
         Why the law says nothing about this scheme; empty where it does.
     corners : () -> iterable of Case
-        Measured after a search that found nothing, with every seed.
+        Measured with every seed.
+    admits : case -> bool
+        Which cases the law speaks of, where not all: a counterexample is simplified to such a case only.
     """
 
-    def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
-        reason = not_applicable(scheme)
-        if reason:
-            return law.finding(Verdict.NOT_APPLICABLE, message=reason)
-        own = cases_for(law.name, scheme)
+    def question(scheme: Scheme) -> _Question | str:
+        """What is looked for, or why nothing is."""
+        own = cases_for(name, scheme)
         if isinstance(own, str):
-            return law.finding(Verdict.NOT_APPLICABLE, message=own)
+            return own
         if own is not None:
-            return _search(law, scheme, effort, own, tuple, check, faults_violate)
+            return _Question(None, own, tuple, check, faults_violate, lambda _: False)
+        space = SPACES[scheme.systems].get(name)
         if scheme.systems == "single":
-            return _search(law, scheme, effort, cases(), corners, check, faults_violate)
-        special = CASES[scheme.systems].get(law.name)
+            return _Question(space, cases(), corners, check, faults_violate, admits)
+        special = CASES[scheme.systems].get(name)
         if special is None:
-            reason = f"the law is not about the systems that the scheme takes ({scheme.systems})"
-            return law.finding(Verdict.NOT_APPLICABLE, message=reason)
-        return _search(law, scheme, effort, special(), tuple, check, faults_violate)
+            return f"the law is not about the systems that the scheme takes ({scheme.systems})"
+        return _Question(space, special(), tuple, check, faults_violate, admits)
+
+    def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
+        asked = not_applicable(scheme) or question(scheme)
+        if isinstance(asked, str):
+            return law.finding(Verdict.NOT_APPLICABLE, message=asked)
+        return _search(law, scheme, effort, asked)
 
     def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
         log = _Log()
@@ -104,30 +156,51 @@ def _from_json(witness: dict[str, Any]) -> Case:
     return cases.from_json(witness)
 
 
-def _search(
-    law: Law,
-    scheme: Scheme,
-    effort: Effort,
-    strategy: st.SearchStrategy[Case],
-    corners: Callable[[], Iterable[Case]],
-    check: Check,
-    faults_violate: bool,
-) -> Finding:
+def _search(law: Law, scheme: Scheme, effort: Effort, asked: _Question) -> Finding:
     log, start = _Log(), time.perf_counter()
+    visited = [case for n in range(effort.designs) for case in _designed(asked.space, effort.seed, n)]
+    _visit(log, scheme, (*visited, *asked.corners()), asked)
+    if not (log.failed and effort.shrink_seconds < 0):
+        violation, fault = log.violation, log.fault
+        _explore(log, scheme, effort, asked)
+        if (log.violation or log.fault) in (violation, fault) and log.failed:
+            _simplify(log, scheme, effort, asked)
+    return replace(_conclude(law, log), seconds=time.perf_counter() - start)
+
+
+def _designed(space: Space | None, seed: int, repeat: int) -> list[Case]:
+    """The cases of a design in random order, so that no kind of case is always the first to be met."""
+    if space is None:
+        return []
+    found = [case for _, case in space.cases(seed + 1000003 * repeat)]
+    Random(seed).shuffle(found)
+    return found
+
+
+def _explore(log: _Log, scheme: Scheme, effort: Effort, asked: _Question) -> None:
+    """Random cases, driven towards a large defect beside the bound; the first violation is shrunk."""
+    measured_before = log.checks
+    failing: list[float] = []
 
     def body(case: Case) -> None:
-        # A slow scheme must not be shrunk for ever: past the deadline every case passes, which ends it.
-        if log.first_failure is not None and time.perf_counter() - log.first_failure > effort.shrink_seconds:
+        # A slow scheme must not be shrunk for ever: past the deadline every case passes, which ends it. Nor are cases
+        # drawn for ever that the scheme does not take.
+        if failing and time.perf_counter() - failing[0] > effort.shrink_seconds:
+            return
+        if log.refused > MOST_SKIPPED * (1 + log.checks - measured_before):
             return
         try:
-            measured = _measure(log, scheme, case, check, faults_violate)
+            measured = _measure(log, scheme, case, asked.check, asked.faults_violate)
         except Skipped:
             reject()  # the budget goes to cases that the program takes
+        except (_Violation, _Fault):
+            failing.append(time.perf_counter())
+            raise
         if 0 < measured.ratio < float("inf"):
             target(measured.ratio, label="defect / bound")
 
     chosen = settings(
-        max_examples=effort.examples,
+        max_examples=effort.examples if asked.space else UNDESIGNED * effort.examples,
         database=None,
         deadline=None,
         derandomize=False,
@@ -138,7 +211,7 @@ def _search(
         # Cases are large by nature, and a slow scheme is not the strategy's fault.
         suppress_health_check=list(HealthCheck),
     )
-    test = hypothesis_seed(effort.seed)(chosen(given(case=strategy)(body)))
+    test = hypothesis_seed(effort.seed)(chosen(given(case=asked.strategy)(body)))
     try:
         with warnings.catch_warnings(), without_local_constants():
             warnings.simplefilter("ignore")  # the scheme's own warnings are not findings
@@ -149,21 +222,51 @@ def _search(
         if not log.skipped:
             raise
     except BaseException:
-        if log.violation is None and log.fault is None:
+        if not failing:
             raise  # not about the scheme: a defect of this suite, which must be seen
-    if log.violation is None and log.fault is None:
-        _visit(log, scheme, corners(), check, faults_violate)
-    finding = _conclude(law, log)
-    return Finding(**{**finding.__dict__, "seconds": time.perf_counter() - start})
 
 
-def _visit(log: _Log, scheme: Scheme, corners: Iterable[Case], check: Check, faults_violate: bool) -> None:
-    """The corners in turn, up to the first that violates or cannot be measured."""
-    with warnings.catch_warnings(), suppress(_Violation, _Fault):
+def _visit(log: _Log, scheme: Scheme, visited: Iterable[Case], asked: _Question) -> None:
+    """The cases in turn, up to the first that violates; what cannot be measured may hide what violates, a few times."""
+    faults: list[tuple[Case, Exception]] = []
+    with warnings.catch_warnings(), suppress(_Violation):
         warnings.simplefilter("ignore")
-        for case in corners:
-            with suppress(Skipped):
-                _measure(log, scheme, case, check, faults_violate)
+        for case in visited:
+            with suppress(Skipped, _Fault):
+                _measure(log, scheme, case, asked.check, asked.faults_violate)
+            if log.fault is not None:
+                faults.append(log.fault)
+                log.fault = None
+            if len(faults) >= MOST_FAULTS:
+                break
+    log.fault = faults[0] if faults else None
+
+
+def _simplify(log: _Log, scheme: Scheme, effort: Effort, asked: _Question) -> None:
+    """The violation or fault found, at the simplest case that shows it."""
+    case, _ = log.violation or log.fault or (None, None)
+    assert case is not None
+    checks = log.checks
+    best = log.violation, log.fault, log.worst
+
+    def fails(candidate: Case) -> bool:
+        nonlocal best
+        if not asked.admits(candidate):
+            return False
+        trial = _Log()
+        with warnings.catch_warnings(), suppress(_Violation, _Fault, Skipped):
+            warnings.simplefilter("ignore")
+            _measure(trial, scheme, candidate, asked.check, asked.faults_violate)
+        log.checks += trial.checks
+        # What violates must not turn into something that could not be measured, nor the other way round.
+        same = (trial.violation is None) == (log.violation is None) and trial.failed
+        if same:
+            best = trial.violation, trial.fault, trial.worst or log.worst
+        return same
+
+    shrunk(case, fails, effort.shrink_seconds)
+    log.violation, log.fault, log.worst = best
+    log.checks = max(checks, log.checks)
 
 
 def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate: bool) -> Measurement:
@@ -176,8 +279,12 @@ def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate
         log.skipped[skipped.reason] = log.skipped.get(skipped.reason, 0) + 1
         raise
     except (SepvError, ArithmeticError) as error:
-        if log.first_failure is None:
-            log.first_failure = time.perf_counter()
+        if case.h < 0:
+            # Time runs backwards in some of the cases. Who does not solve for it is told, and accused of nothing.
+            reason = f"h < 0 is not taken ({type(error).__name__})"
+            log.checks -= 1
+            log.skipped[reason] = log.skipped.get(reason, 0) + 1
+            raise Skipped(reason) from error
         if faults_violate and isinstance(error, SchemeFault):
             log.violation = case, Measurement(1.0, 0.0, str(error))
             log.worst = log.violation[1]
@@ -187,8 +294,6 @@ def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate
     if log.worst is None or not measured.ratio <= log.worst.ratio:
         log.worst = measured
     if measured.violates:
-        if log.first_failure is None:
-            log.first_failure = time.perf_counter()
         log.violation = case, measured
         raise _Violation
     return measured

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from sepv import polynomial as poly
 from sepv import problems
 from sepv.case import Case
+from sepv.fields import contract, matmul, matvec
 from sepv.polynomial import Polynomial, PolynomialMap
 from sepv.problem import Array, Description, NamedProblem, PolynomialSystem, Problem
 from sepv.structures import StructuresProblem
@@ -233,24 +234,31 @@ def contraction_radius(problem: Problem, y: Array) -> float:
 
 
 def contraction_ball(problem: Problem, y: Array) -> tuple[float, float]:
-    """(radius, r): for |Δ| ≤ radius the solution stays within r of y, also for complex Δ: majorants bound both."""
-    best = (0.0, 0.0)
-    size = 1 + float(np.max(np.abs(y)))
-    for r in (size, size / 2, size / 4, size / 8, size / 16, size / 32):
-        reach = np.abs(y) + r
-        B, g, dB, H = (
-            _majorant(f, reach)
-            for f in (problem.structure, problem.gradient, problem.structure_derivative, problem.hessian)
+    """(radius, r): for |Δ| ≤ radius the solution stays within r of y, also for complex Δ: majorants bound both.
+
+    Any r > 0 gives a radius. Those tried are parts of |y|, the scale of the system near y, and of 1 + |y|, for states
+    at and near the origin.
+    """
+    largest = float(np.max(np.abs(y)))
+    sizes = [(1 + largest) * 2.0**-k for k in range(6)] + [largest * 2.0**-k for k in range(-1, 6) if largest]
+    balls = np.array(sizes)
+    reach = np.abs(y)[:, None] + balls
+    B, g, dB, H = (
+        _majorant(f, reach)
+        for f in (problem.structure, problem.gradient, problem.structure_derivative, problem.hessian)
+    )
+    if isinstance(problem, StructuresProblem) and problem.noise_structure_derivatives:
+        B = np.max([B, *(_majorant(G, reach) for G in problem.noise_structures)], axis=0)
+        dB = np.max([dB, *(_majorant(D, reach) for D in problem.noise_structure_derivatives)], axis=0)
+    field = np.max(matvec(B, g), axis=0)
+    slope = np.max(np.sum(contract(dB, g) + matmul(B, H), axis=1), axis=0)
+    with np.errstate(all="ignore"):
+        # Where nothing moves any step is short enough; majorants that overflow leave no step at all.
+        radii = np.minimum(
+            np.where(field > 0, balls / field, np.inf), np.where(slope > 0, CONTRACTION / slope, np.inf)
         )
-        if isinstance(problem, StructuresProblem) and problem.noise_structure_derivatives:
-            B = np.max([B, *(_majorant(G, reach) for G in problem.noise_structures)], axis=0)
-            slopes = [_majorant(D, reach) for D in problem.noise_structure_derivatives]
-            dB = np.max([dB, *slopes], axis=0)
-        field = float(np.max(B @ g))
-        slope = float(np.max(np.sum(np.einsum("ijk,j->ik", dB, g) + B @ H, axis=1)))
-        radius = min(r / field if field else np.inf, CONTRACTION / slope if slope else np.inf)
-        best = max(best, (radius, r))
-    return best
+    best = int(np.argmax(np.nan_to_num(radii, nan=0.0, posinf=np.inf)))
+    return float(radii[best]), float(balls[best])
 
 
 def _majorant(function: object, y: Array) -> Array:

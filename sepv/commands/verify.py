@@ -31,9 +31,9 @@ from sepv.errors import UsageError
 @click.option(
     "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths."
 )
-@click.option("--examples", type=click.IntRange(min=1), help="Examples for each law. [default: 100]")
+@click.option("--examples", type=click.IntRange(min=1), help="Random examples for each law. [default: 25]")
 @click.option("--paths", type=click.IntRange(min=64), help="Most paths for a law. [default: 8192]")
-@click.option("--deep", is_flag=True, help="The nightly effort: 2000 examples, 16384 paths.")
+@click.option("--deep", is_flag=True, help="The nightly effort: 1000 examples, 20 designs, 16384 paths.")
 @click.option(
     "--timeout", type=click.FloatRange(min=0.1), default=600.0, show_default=True, help="Seconds a law."
 )

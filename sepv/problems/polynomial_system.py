@@ -36,22 +36,21 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
             remedy="large systems have a sparse B: see sepv.large",
         )
     _check_indices(data)
-    entries = structure_entries(data)
-    for name, slope in _casimir_gradients(data):
-        _check_casimir(name, slope, entries)
-    flat = tuple(entries[i][j] for i in range(d) for j in range(d))
+    structure, derivative = _structure_maps(d, data.structure)
+    if data.casimirs or data.linear_casimirs:
+        entries = structure_entries(data)
+        for name, slope in _casimir_gradients(data):
+            _check_casimir(name, slope, entries)
     check_nambu(data)
     gradient = poly.gradient(data.hamiltonian)
     H = PolynomialMap((), (data.hamiltonian,))
     problem = Problem(
         dimension=d,
-        structure=PolynomialMap((d, d), flat),
+        structure=structure,
         hamiltonian=H,
         gradient=PolynomialMap((d,), gradient),
         hessian=PolynomialMap((d, d), tuple(poly.differentiate(g, k) for g in gradient for k in range(d))),
-        structure_derivative=PolynomialMap(
-            (d, d, d), tuple(poly.differentiate(b, k) for b in flat for k in range(d))
-        ),
+        structure_derivative=derivative,
         noise=np.array(data.noise),
         casimirs=data.casimirs,
         linear_casimirs=data.linear_casimirs,
@@ -62,6 +61,19 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
         check=False,
     )
     return _with_more_noise(problem, data) if data.noise_structures or data.noise_hamiltonians else problem
+
+
+@lru_cache(maxsize=256)
+def _structure_maps(
+    d: int, structure: tuple[tuple[int, int, Polynomial], ...]
+) -> tuple[PolynomialMap, PolynomialMap]:
+    """B (d, d) and its derivatives (d, d, d): tables that systems which differ in H have in common."""
+    zero = poly.polynomial(d, {})
+    above = {(i, j): entry for i, j, entry in structure}
+    below = {(j, i): poly.scale(-1.0, entry) for i, j, entry in structure}
+    flat = tuple((above | below).get((i, j), zero) for i in range(d) for j in range(d))
+    slopes = tuple(poly.differentiate(b, k) if b.terms else zero for b in flat for k in range(d))
+    return PolynomialMap((d, d), flat), PolynomialMap((d, d, d), slopes)
 
 
 def _with_more_noise(drift: Problem, data: PolynomialSystem) -> StructuresProblem:
@@ -77,20 +89,18 @@ def _with_more_noise(drift: Problem, data: PolynomialSystem) -> StructuresProble
     if data.noise_hamiltonians:
         gradients = [PolynomialMap((d,), poly.gradient(p)) for p in data.noise_hamiltonians]
         return commuting_hamiltonians(drift, gradients, noise=data.noise, name=drift.name, data=data)
-    tables = [structure_entries(replace(data, structure=G, nambu=None)) for G in data.noise_structures]
-    for G, table in zip(data.noise_structures, tables, strict=True):
+    for G in data.noise_structures:
         _check_indices(replace(data, structure=G))
-        for name, slope in _casimir_gradients(data):
-            _check_casimir(name, slope, table)
-    rows = [tuple(table[i][j] for i in range(d) for j in range(d)) for table in tables]
+        if data.casimirs or data.linear_casimirs:
+            table = structure_entries(replace(data, structure=G, nambu=None))
+            for name, slope in _casimir_gradients(data):
+                _check_casimir(name, slope, table)
+    maps = [_structure_maps(d, G) for G in data.noise_structures]
     keys = [f.name for f in fields(Problem) if f.init]
     return StructuresProblem(
         **{key: getattr(drift, key) for key in keys},
-        noise_structures=tuple(PolynomialMap((d, d), row) for row in rows),
-        noise_structure_derivatives=tuple(
-            PolynomialMap((d, d, d), tuple(poly.differentiate(b, k) for b in row for k in range(d)))
-            for row in rows
-        ),
+        noise_structures=tuple(G for G, _ in maps),
+        noise_structure_derivatives=tuple(slope for _, slope in maps),
         check=False,
     )
 

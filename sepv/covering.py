@@ -1,0 +1,140 @@
+"""Pairwise covering designs: few rows in which every possible pair of levels of two factors occurs.
+
+A fault that shows where one factor has one level, or two factors have two, is then met for certain and not with some
+probability. The construction is greedy, as that of Cohen, Dalal, Fredman and Patton (IEEE Trans. Softw. Eng. 23, 1997),
+with constraints; ties are broken in several fixed ways and the smallest design is kept. The same factors give the same
+design.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+Row = tuple[int, ...]
+Partial = list[int | None]
+# (factor, level) and (another factor, level), in the order of factors.
+Pair = tuple[tuple[int, int], tuple[int, int]]
+# Ways of breaking ties.
+ATTEMPTS = 4
+
+
+@dataclass(frozen=True)
+class Design:
+    """Rows, one level of each factor in each, and the pairs of levels that no row can have."""
+
+    rows: tuple[Row, ...]
+    impossible: frozenset[Pair]
+
+
+def pairwise(
+    levels: Sequence[int],
+    allowed: Callable[[Partial], bool],
+    hiding: frozenset[tuple[int, int]] = frozenset(),
+) -> Design:
+    """A design for factors with so many levels each.
+
+    Parameters
+    ----------
+    allowed : partial row -> bool
+        Whether a row may go on from here; None stands for a level that is still open. A row that is refused stays
+        refused whatever is filled in.
+    hiding : set of (factor, level)
+        Levels beside which a fault of other factors may not show: pairs of others are not met in such a row.
+    """
+    designs = [_Greedy(levels, allowed, hiding, shift).design() for shift in range(ATTEMPTS)]
+    return min(designs, key=lambda design: len(design.rows))
+
+
+def shown_pairs(row: Row, hiding: frozenset[tuple[int, int]] = frozenset()) -> list[Pair]:
+    """The pairs of levels that are met in a row: all, but beside a level that hides only those with it."""
+    hidden = {level for level in enumerate(row) if level in hiding}
+    return [pair for pair in combinations(enumerate(row), 2) if hidden <= set(pair)]
+
+
+class _Greedy:
+    """One attempt. Levels have numbers through all factors, and sets of levels are bits of an integer."""
+
+    def __init__(
+        self,
+        levels: Sequence[int],
+        allowed: Callable[[Partial], bool],
+        hiding: frozenset[tuple[int, int]],
+        shift: int,
+    ) -> None:
+        self.levels, self.allowed, self.hiding, self.shift = levels, allowed, hiding, shift
+        self.first = [sum(levels[:f]) for f in range(len(levels))]
+        everything = (1 << sum(levels)) - 1
+        # For each level, those of other factors that it was not yet met with.
+        self.open = {}
+        for f, size in enumerate(levels):
+            own = ((1 << size) - 1) << self.first[f]
+            self.open.update({(f, k): everything & ~own for k in range(size)})
+
+    def design(self) -> Design:
+        rows, impossible = [], set()
+        for pair in combinations([(f, k) for f, size in enumerate(self.levels) for k in range(size)], 2):
+            if pair[0][0] == pair[1][0] or not self.open[pair[0]] >> self._number(pair[1]) & 1:
+                continue
+            row = self._row(pair)
+            if row is None:
+                impossible.add(pair)
+                self._close(pair)
+                continue
+            rows.append(row)
+            for met in shown_pairs(row, self.hiding):
+                self._close(met)
+        return Design(tuple(rows), frozenset(impossible))
+
+    def _number(self, level: tuple[int, int]) -> int:
+        return self.first[level[0]] + level[1]
+
+    def _close(self, pair: Pair) -> None:
+        a, b = pair
+        self.open[a] &= ~(1 << self._number(b))
+        self.open[b] &= ~(1 << self._number(a))
+
+    def _row(self, goal: Pair) -> Row | None:
+        """A row with the pair `goal` and many other open pairs, by a greedy choice; None where there is none."""
+        # A factor with one level has it: what that rules out is then seen at once, and not by trying all else.
+        row: Partial = [0 if size == 1 else None for size in self.levels]
+        for factor, level in goal:
+            row[factor] = level
+        if not self._open_everywhere(row):
+            return None
+        chosen = sum(1 << self._number((f, level)) for f, level in enumerate(row) if level is not None)
+        return self._fill(row, chosen, goal)
+
+    def _open_everywhere(self, row: Partial) -> bool:
+        """Whether each factor that is still open has a level that goes with what is chosen."""
+        for factor, value in enumerate(row):
+            if value is None:
+                levels = range(self.levels[factor])
+                if not any(self.allowed([*row[:factor], k, *row[factor + 1 :]]) for k in levels):
+                    return False
+        return True
+
+    def _fill(self, row: Partial, chosen: int, goal: Pair) -> Row | None:
+        if not self.allowed(row):
+            return None
+        best, factor = -1, -1
+        for f, value in enumerate(row):
+            if value is None:
+                gain = max((self.open[f, k] & chosen).bit_count() for k in range(self.levels[f]))
+                if gain > best:
+                    best, factor = gain, f
+        if factor < 0:
+            return tuple(v for v in row if v is not None)
+        size = self.levels[factor]
+        order = sorted(
+            (k for k in range(size) if (factor, k) not in self.hiding or factor in dict(goal)),
+            key=lambda k: (-(self.open[factor, k] & chosen).bit_count(), (k + self.shift) % size),
+        )
+        for level in order:
+            row[factor] = level
+            found = self._fill(row, chosen | 1 << self.first[factor] + level, goal)
+            if found is not None:
+                return found
+        row[factor] = None
+        return None

@@ -1,0 +1,99 @@
+"""The space of each law: which strata its statement speaks of, for each class of systems.
+
+Laws without one here are searched at random only.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+from sepv.content import (
+    at_origin,
+    batched,
+    nambu,
+    same_structures,
+    several,
+    single,
+    still,
+    unmoved,
+)
+from sepv.strata import (
+    BATCH,
+    CASIMIR_DEGREE,
+    CASIMIRS,
+    DEGREE,
+    DIMENSION,
+    FACTOR,
+    GIVEN,
+    NOISES,
+    REDUCED,
+    SHARE,
+    SIGN,
+    SIZE,
+    STEP,
+    STRUCTURE,
+    STRUCTURES,
+    TERMS,
+    WHY,
+    Space,
+)
+
+_SYSTEM = (DIMENSION, DEGREE, TERMS, STRUCTURE, NOISES)
+_STEPS = (SIZE, STEP, SIGN, SHARE, GIVEN)
+_SOME_NOISE = ("1", "2", "3–4", "5–8")
+_SEVERAL_NOISES = ("2", "3–4", "5–8")
+_SHORT = ("1e-5–1e-2", "1e-9–1e-5")
+# Substitutions multiply the terms.
+_SUBSTITUTED = {"degree_of_H": ("1–2", "3–4", "5–6"), "terms_of_H": ("1–2", "3–9", "10–19")}
+# As the law "expansion" has it: Δ as a share of the radius inside which y1(Δ) is analytic.
+ORIGIN_SHARE = 2.0**-9
+
+SINGLE = Space((CASIMIRS, *_SYSTEM, *_STEPS), single)
+_SINGLE: dict[str, Space] = {
+    **dict.fromkeys(("contract", "energy", "symmetry", "reference"), SINGLE),
+    "reproducibility": Space((*SINGLE.axes, BATCH), partial(batched, single)),
+    "identity": Space((WHY, *SINGLE.axes), still),
+    "casimir": SINGLE.restricted(Casimirs=("linear", "quadratic", "two"), d=("3", "4–6", "7–9", "10–12")),
+    "midpoint": SINGLE.restricted(degree_of_H=("1–2",)),
+    "reduction": Space((REDUCED, *SINGLE.axes), single),
+    "noise-sum": SINGLE.restricted(m=_SEVERAL_NOISES),
+    "random-step": SINGLE.restricted(m=_SOME_NOISE),
+    "expansion": Space((*_SYSTEM, STEP, GIVEN), partial(at_origin, ORIGIN_SHARE)).restricted(
+        m=_SOME_NOISE, **{"|Δ|": _SHORT}
+    ),
+    "equivariance": SINGLE.restricted(
+        d=("2", "3", "4–6", "7–9"), degree_of_B=("0", "1", "2–3"), **_SUBSTITUTED
+    ),
+}
+
+NAMBU = Space((DIMENSION, DEGREE, TERMS, CASIMIR_DEGREE, FACTOR, NOISES, *_STEPS), nambu).restricted(d=("3",))
+_NAMBU: dict[str, Space] = {
+    **dict.fromkeys(("contract", "energy", "any-casimir", "symmetry", "reference"), NAMBU),
+    "reproducibility": Space((*NAMBU.axes, BATCH), partial(batched, nambu)),
+    "identity": Space(NAMBU.axes, partial(unmoved, nambu)),
+    "casimir": NAMBU.restricted(degree_of_C=("1", "2")),
+    "midpoint": NAMBU.restricted(degree_of_H=("1–2",), terms_of_H=("1–2", "3–9"), degree_of_C=("2",)),
+    "reduction": Space((REDUCED, *NAMBU.axes), nambu),
+    "noise-sum": NAMBU.restricted(m=_SEVERAL_NOISES),
+    "random-step": NAMBU.restricted(m=_SOME_NOISE),
+    "equivariance": NAMBU.restricted(degree_of_C=("1", "2", "3–4"), degree_of_g=("0", "1–2"), **_SUBSTITUTED),
+}
+
+SEVERAL = Space((STRUCTURES, *_SYSTEM, *_STEPS), several).restricted(
+    m=_SOME_NOISE, d=("2", "3", "4–6", "7–9")
+)
+_SEVERAL: dict[str, Space] = {
+    **dict.fromkeys(("contract", "energy", "symmetry", "reference", "noise-sum"), SEVERAL),
+    "reproducibility": Space((*SEVERAL.axes, BATCH), partial(batched, several)),
+    "identity": Space(SEVERAL.axes, partial(unmoved, several)),
+    "casimir": SEVERAL.restricted(
+        structures=("common Casimir",), d=("3", "4–6", "7–9"), degree_of_B=("1", "2–3", "4–6")
+    ),
+    "reduction": Space((CASIMIRS, *_SYSTEM, *_STEPS), same_structures).restricted(
+        m=_SOME_NOISE, Casimirs=("none",), d=("2", "3", "4–6", "7–9")
+    ),
+    "equivariance": SEVERAL.restricted(structures=("any",), degree_of_B=("0", "1", "2–3"), **_SUBSTITUTED),
+}
+
+# By class of systems and law.
+SPACES: dict[str, dict[str, Space]] = {"single": _SINGLE, "nambu": _NAMBU, "several": _SEVERAL}

@@ -1,0 +1,222 @@
+"""The space of cases: axes, the strata of each, what cannot be combined and why, and designs that cover it.
+
+A law has the space that it speaks of; `Space.cases` are its cases by design: each possible pair of strata occurs,
+with random content inside. What a stratum means is in `sepv.content`, which makes the cases.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cache
+from random import Random
+from typing import NamedTuple
+
+from sepv.case import Case
+from sepv.covering import Design, Pair, Partial, Row, pairwise, shown_pairs
+
+
+class Stratum(NamedTuple):
+    """A part of an axis: its name, and for numbers the range that it stands for."""
+
+    name: str
+    low: float = 0.0
+    high: float = 0.0
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A property of cases, divided into strata."""
+
+    name: str
+    strata: tuple[Stratum, ...]
+
+
+Levels = dict[str, Stratum]
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What cannot be: `forbids` is asked once strata of all its axes are chosen."""
+
+    axes: tuple[str, ...]
+    forbids: Callable[..., bool]
+    reason: str
+
+
+def _axis(name: str, *strata: tuple[str, float, float] | str) -> Axis:
+    return Axis(name, tuple(Stratum(s) if isinstance(s, str) else Stratum(*s) for s in strata))
+
+
+CASIMIRS = _axis("Casimirs", "none", "linear", "quadratic", "two")
+DIMENSION = _axis("d", ("2", 2, 2), ("3", 3, 3), ("4–6", 4, 6), ("7–9", 7, 9), ("10–12", 10, 12))
+DEGREE = _axis("degree of H", ("1–2", 1, 2), ("3–4", 3, 4), ("5–6", 5, 6), ("7–8", 7, 8), ("9–10", 9, 10))
+TERMS = _axis("terms of H", ("1–2", 1, 2), ("3–9", 3, 9), ("10–19", 10, 19), ("20–30", 20, 30))
+STRUCTURE = _axis("degree of B", ("0", 0, 0), ("1", 1, 1), ("2–3", 2, 3), ("4–6", 4, 6))
+NOISES = _axis("m", ("0", 0, 0), ("1", 1, 1), ("2", 2, 2), ("3–4", 3, 4), ("5–8", 5, 8))
+SIZE = _axis(
+    "|y|", ("1", 0.5, 2), ("1e3", 5e2, 2e3), ("1e6", 5e5, 2e6), ("1e-3", 5e-4, 2e-3), ("1e-6", 5e-7, 2e-6)
+)
+STEP = _axis(
+    "|Δ|", ("½–4", 0.5, 4), ("1e-2–½", 1e-2, 0.5), ("1e-5–1e-2", 1e-5, 1e-2), ("1e-9–1e-5", 1e-9, 1e-5)
+)
+SIGN = _axis("h", ("> 0", 1, 1), ("< 0", -1, -1))
+# Steps as long as the contraction radius allows, and short ones: there errors of quadrature are below rounding.
+SHARE = _axis("step/radius", ("½–1", 0.5, 1), ("2⁻¹⁰", 2.0**-11, 2.0**-10))
+GIVEN = _axis("given as", "data", "functions", "bare functions")
+BATCH = _axis("batch", ("2–9", 2, 9), ("33–129", 33, 129), ("500–2000", 500, 2000), ("4097–9000", 4097, 9000))
+STRUCTURES = _axis("structures", "any", "common Casimir")
+WHY = _axis("why", "Δ = 0", "∇H = 0")
+REDUCED = _axis("reduced", "constant B", "c = 0")
+CASIMIR_DEGREE = _axis("degree of C", ("1", 1, 1), ("2", 2, 2), ("3–4", 3, 4), ("5–6", 5, 6))
+FACTOR = _axis("degree of g", ("0", 0, 0), ("1–2", 1, 2), ("3–4", 3, 4))
+
+RULES = (
+    Rule(
+        ("d", "degree of H", "terms of H"),
+        lambda d, degree, terms: monomials(int(d.high), int(degree.high)) < terms.low,
+        "there are not so many monomials of this degree in d variables",
+    ),
+    Rule(
+        ("Casimirs", "d"),
+        lambda casimirs, d: d.high < {"none": 2, "two": 4}.get(casimirs.name, 3),
+        "B of rank 2 at least leaves d − 2 Casimirs at most",
+    ),
+    Rule(
+        ("structures", "d"),
+        lambda kind, d: kind.name == "common Casimir" and d.high < 3,
+        "B of rank 2 at least leaves d − 2 Casimirs at most",
+    ),
+    Rule(
+        ("why", "degree of H"),
+        lambda why, degree: why.name == "∇H = 0" and degree.high < 2,
+        "a linear H has no point at rest",
+    ),
+    Rule(
+        ("structures", "degree of B"),
+        lambda kind, degree: kind.name == "common Casimir" and degree.high < 1,
+        "B = Σ T_ijk v_k with v = Ay is linear at least",
+    ),
+    Rule(
+        ("reduced", "degree of C"),
+        lambda reduced, degree: reduced.name == "constant B" and degree.high > 1,
+        "B is constant",
+    ),
+    Rule(
+        ("reduced", "degree of g"),
+        lambda reduced, degree: reduced.name == "constant B" and degree.high > 0,
+        "B is constant",
+    ),
+    Rule(
+        ("reduced", "m"),
+        lambda reduced, m: reduced.name == "constant B" and m.high < 1,
+        "without noise it is the deterministic method, whatever B is",
+    ),
+    Rule(
+        ("batch", "d"),
+        lambda batch, d: d.high > {"500–2000": 6, "4097–9000": 3}.get(batch.name, 12),
+        "cost: d³ derivatives of B for thousands of states take gigabytes",
+    ),
+    Rule(
+        ("batch", "terms of H"),
+        lambda batch, terms: batch.low > 4096 and terms.low > 9,
+        "cost: a step of thousands of states takes seconds",
+    ),
+    Rule(
+        ("reduced", "degree of B"),
+        lambda reduced, degree: reduced.name == "constant B" and degree.high > 0,
+        "B is constant",
+    ),
+)
+HIDING = ("step/radius", "2⁻¹⁰")
+
+
+def monomials(d: int, degree: int) -> int:
+    """How many monomials of degree 1 to `degree` there are in d variables."""
+    return math.comb(d + degree, degree) - 1
+
+
+@dataclass(frozen=True)
+class Space:
+    """Axes, and how a case with a stratum of each is made.
+
+    Attributes
+    ----------
+    make : (levels, random) -> Case
+        A case inside the strata, random otherwise.
+    """
+
+    axes: tuple[Axis, ...]
+    make: Callable[[Levels, Random], Case]
+    rules: tuple[Rule, ...] = field(default=RULES)
+
+    def restricted(self, **strata: tuple[str, ...]) -> Space:
+        """The part with these strata only; axes by name with _ for spaces."""
+        wanted = {name.replace("_", " "): names for name, names in strata.items()}
+        unknown = set(wanted) - {axis.name for axis in self.axes}
+        if unknown:
+            raise KeyError(f"no axis {unknown}")
+        kept = tuple(
+            Axis(a.name, tuple(s for s in a.strata if s.name in wanted.get(a.name, (s.name,))))
+            for a in self.axes
+        )
+        return Space(kept, self.make, self.rules)
+
+    def with_axes(self, *axes: Axis) -> Space:
+        """The space with further axes."""
+        return Space((*self.axes, *axes), self.make, self.rules)
+
+    def levels(self, row: Row) -> Levels:
+        """The strata of a row, by axis."""
+        return {axis.name: axis.strata[k] for axis, k in zip(self.axes, row, strict=True)}
+
+    def forbidden(self, row: Partial) -> str:
+        """Why the strata chosen so far cannot go together; empty where they can."""
+        chosen = {a.name: a.strata[k] for a, k in zip(self.axes, row, strict=True) if k is not None}
+        for rule in self.rules:
+            if all(name in chosen for name in rule.axes) and rule.forbids(
+                *(chosen[name] for name in rule.axes)
+            ):
+                return rule.reason
+        return ""
+
+    @property
+    def hiding(self) -> frozenset[tuple[int, int]]:
+        """The strata beside which a fault of other axes may not show."""
+        return frozenset(
+            (a, k)
+            for a, axis in enumerate(self.axes)
+            for k, stratum in enumerate(axis.strata)
+            if (axis.name, stratum.name) == HIDING
+        )
+
+    def design(self) -> Design:
+        """Rows in which every possible pair of strata occurs."""
+        return _design(self.axes, self.rules)
+
+    def cases(self, seed: int) -> list[tuple[Row, Case]]:
+        """A case for each row of the design; another seed gives other content in the same strata."""
+        return _cases(self, seed)
+
+    def impossible(self, pair: Pair) -> str:
+        """Why no case has both strata."""
+        row: Partial = [0 if len(axis.strata) == 1 else None for axis in self.axes]
+        for factor, level in pair:
+            row[factor] = level
+        return self.forbidden(row) or "no other strata go with both"
+
+    def shown(self, row: Row) -> list[Pair]:
+        """The pairs of strata that are met in a row of the design."""
+        return shown_pairs(row, self.hiding)
+
+
+@cache
+def _design(axes: tuple[Axis, ...], rules: tuple[Rule, ...]) -> Design:
+    space = Space(axes, lambda _levels, _random: Case(None, ()), rules)  # type: ignore[arg-type]  # rows only
+    return pairwise([len(axis.strata) for axis in axes], lambda row: not space.forbidden(row), space.hiding)
+
+
+@cache
+def _cases(space: Space, seed: int) -> list[tuple[Row, Case]]:
+    return [(row, space.make(space.levels(row), Random(f"{seed} {row}"))) for row in space.design().rows]

@@ -1,0 +1,212 @@
+"""The space of cases: designs meet every possible pair, cases lie where their row says, and they replay to the bit."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from sepv import case as cases
+from sepv import problems
+from sepv.candidate import ask
+from sepv.case import Case
+from sepv.covering import pairwise, shown_pairs
+from sepv.errors import UsageError
+from sepv.law import Effort, Verdict
+from sepv.opaque import GIVEN, shown
+from sepv.problem import NamedProblem, PolynomialSystem
+from sepv.problem import Problem as ProblemRecord
+from sepv.scheme import Scheme
+from sepv.schemes import energy_preserving
+from sepv.shrink import shrunk
+from sepv.spaces import SINGLE, SPACES
+from sepv.strata import Levels
+from sepv.strategies import contraction_radius
+from sepv.suite import LAWS, verify
+
+ALL = [(kind, law) for kind, laws in SPACES.items() for law in laws]
+
+
+@pytest.mark.parametrize(("kind", "law"), ALL)
+def test_a_design_meets_every_pair_that_is_possible(kind: str, law: str) -> None:
+    space = SPACES[kind][law]
+    design = space.design()
+    met = {pair for row in design.rows for pair in space.shown(row)}
+    levels = [(a, k) for a, axis in enumerate(space.axes) for k in range(len(axis.strata))]
+    wanted = {(p, q) for p, q in combinations(levels, 2) if p[0] != q[0]}
+    assert met | design.impossible == wanted
+    assert not met & design.impossible
+    assert all(space.impossible(pair) for pair in design.impossible)
+    assert len(design.rows) <= 60
+    assert law in LAWS
+
+
+def test_beside_a_level_that_hides_only_its_own_pairs_are_met() -> None:
+    hiding = frozenset({(1, 1)})
+    assert shown_pairs((0, 0, 0), hiding) == [((0, 0), (1, 0)), ((0, 0), (2, 0)), ((1, 0), (2, 0))]
+    assert shown_pairs((0, 1, 0), hiding) == [((0, 0), (1, 1)), ((1, 1), (2, 0))]
+    design = pairwise([3, 2, 3], lambda _: True, hiding)
+    assert {row[1] for row in design.rows} == {0, 1}
+    assert not design.impossible
+
+
+def test_what_rules_forbid_is_impossible_and_nothing_else() -> None:
+    design = pairwise([2, 2, 2], lambda row: not (row[0] == 1 and row[1] == 1))
+    assert design.impossible == {((0, 1), (1, 1))}
+
+
+@pytest.mark.parametrize("seed", [0, 7])
+def test_cases_lie_in_their_strata_and_inside_the_contraction_radius(seed: int) -> None:
+    for row, case in SINGLE.cases(seed):
+        inside(SINGLE.levels(row), case)
+
+
+def inside(levels: Levels, case: Case) -> None:
+    system = case.problem
+    assert isinstance(system, PolynomialSystem)
+    problem, y, h, dW = case.build()
+    measured = {
+        "d": system.dimension,
+        "degree of H": system.hamiltonian.degree,
+        "terms of H": len(system.hamiltonian.terms),
+        "degree of B": max(e.degree for _, _, e in system.structure),
+        "m": len(system.noise),
+        "|y|": float(np.max(np.abs(y))),
+        "|Δ|": abs(float(problem.random_step(h, dW))),
+        "h": float(np.sign(h)),
+    }
+    for axis, value in measured.items():
+        slack = 1 + 1e-12
+        assert levels[axis].low / slack <= value * (1 if value > 0 else slack) or value < 0, (
+            axis,
+            levels,
+            case,
+        )
+        assert value <= levels[axis].high * slack or value < 0, (axis, levels, case)
+    assert len(system.casimirs) + len(system.linear_casimirs) == {"none": 0, "two": 2}.get(
+        levels["Casimirs"].name, 1
+    )
+    assert case.given == levels["given as"].name
+    length = abs(h) + float(np.abs(problem.c * dW).sum())
+    share = length / contraction_radius(problem, y)
+    assert levels["step/radius"].low * 0.999 <= share <= levels["step/radius"].high * 1.001
+
+
+def test_another_seed_has_other_content_in_the_same_strata() -> None:
+    first, second = SINGLE.cases(0), SINGLE.cases(1)
+    assert [row for row, _ in first] == [row for row, _ in second]
+    assert all(a != b for (_, a), (_, b) in zip(first, second, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("kind", "law"), [("single", "reproducibility"), ("nambu", "energy"), ("several", "energy")]
+)
+def test_a_token_keeps_how_a_case_is_given_and_its_batch(kind: str, law: str) -> None:
+    for _, case in SPACES[kind][law].cases(0):
+        assert cases.from_token(cases.to_token(case)) == case
+
+
+def test_a_token_of_an_unknown_kind_is_refused() -> None:
+    case = SINGLE.cases(0)[0][1]
+    with pytest.raises(UsageError, match="given as"):
+        cases.from_json({**cases.to_json(case), "given": "hearsay"})
+
+
+@pytest.mark.parametrize("kind", SPACES)
+def test_bare_functions_say_nothing_of_themselves(kind: str) -> None:
+    case = next(c for _, c in SPACES[kind]["energy"].cases(0) if c.given == "bare functions")
+    whole, y, _, _ = case.build()
+    seen = shown(whole)
+    for name in ("data", "degree", "hessian", "structure_derivative", "mean_gradient", "scalar"):
+        assert getattr(seen, name) is None
+    assert type(seen.gradient).__name__ == "function"
+    assert seen.name != problems.build(case.problem).name
+    for name in ("structure", "hamiltonian", "gradient"):
+        assert np.array_equal(getattr(seen, name)(y), getattr(whole, name)(y))
+    assert shown(problems.build(case.problem)).data is not None
+
+
+def test_a_scheme_sees_the_problem_as_it_is_given() -> None:
+    seen: list[ProblemRecord] = []
+
+    def step(problem, y, h, dW):  # type: ignore[no-untyped-def]
+        seen.append(problem)
+        return y
+
+    body = NamedProblem("rigid-body")
+    for given in GIVEN:
+        problem, y, h, dW = Case(
+            problems.rigid_body().data or body, (1.0, 0.0, 0.0), 0.1, (0.0,), given
+        ).build()
+        ask(Scheme("looks", step), problem, y, h, dW)
+    assert [p.data is None for p in seen] == [False, True, True]
+    assert [p.degree for p in seen] == [2, 2, None]
+
+
+def faulty(broken) -> Scheme:  # type: ignore[no-untyped-def]
+    """(2.1), a ten-thousandth off where `broken(problem, y, h, dW)`."""
+
+    def step(problem, y, h, dW):  # type: ignore[no-untyped-def]
+        y1 = energy_preserving.step(problem, y, h, dW)
+        return y1 * (1 + 1e-4) if broken(problem, y, h, dW) else y1
+
+    return Scheme("faulty", step, ("energy",))
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [
+        lambda p, _y, _h, _dW: p.dimension >= 10,
+        lambda p, _y, _h, _dW: p.noises >= 5 and p.dimension == 2,
+        lambda p, _y, _h, _dW: p.degree is None and p.dimension > 6,
+        lambda _p, y, h, _dW: h < 0 and np.max(np.abs(y)) > 1e5,
+        lambda _p, y, _h, _dW: 0 < np.max(np.abs(y)) < 1e-5,
+    ],
+)
+def test_a_fault_of_a_pair_of_strata_is_found_and_its_counterexample_replays(broken) -> None:  # type: ignore[no-untyped-def]
+    from sepv.suite import replay
+
+    scheme = faulty(broken)
+    report = verify(scheme, laws=["energy"], effort=Effort(examples=1, shrink_seconds=2.0))
+    finding = report.finding("energy")
+    assert finding.verdict is Verdict.VIOLATED
+    assert finding.witness is not None
+    again = replay(scheme, "energy", cases.to_json(cases.from_json(finding.witness)))
+    assert again.verdict is Verdict.VIOLATED
+
+
+def test_a_counterexample_of_a_design_is_simplified() -> None:
+    case = next(c for row, c in SINGLE.cases(0) if SINGLE.levels(row)["d"].name == "7–9")
+    small = shrunk(case, lambda c: c.problem.dimension >= 4, 20.0)  # type: ignore[union-attr]
+    system = small.problem
+    assert isinstance(system, PolynomialSystem)
+    assert (system.dimension, len(system.noise), small.given) == (4, 0, "data")
+    assert len(system.hamiltonian.terms) == 1
+    assert len(system.structure) == 1
+
+
+def test_a_scheme_that_takes_nothing_is_asked_about_little() -> None:
+    from sepv.errors import Skipped
+
+    calls = []
+
+    def step(problem, y, h, dW):  # type: ignore[no-untyped-def]
+        calls.append(1)
+        raise Skipped("never")
+
+    finding = verify(Scheme("picky", step), laws=["energy"]).finding("energy")
+    assert finding.verdict is Verdict.NOT_APPLICABLE
+    assert len(calls) < 120
+    assert "cases skipped: never" in finding.message
+
+
+def test_who_takes_no_negative_h_is_accused_of_nothing() -> None:
+    def step(problem, y, h, dW):  # type: ignore[no-untyped-def]
+        if h < 0:
+            raise ValueError("math domain error")
+        return energy_preserving.step(problem, y, h, dW)
+
+    finding = verify(Scheme("forward", step), laws=["energy"], effort=Effort(examples=2)).finding("energy")
+    assert finding.verdict is Verdict.HOLDS
+    assert "h < 0 is not taken" in finding.message
