@@ -122,14 +122,19 @@ def judge(
         checks += found.steps
         if found.h.size < LEVELS // 2:
             return _failed(law, found)
+        sizes = errors(found)
+        if np.all(np.isnan(sizes)):
+            skipped.append(Skipped(f"of {problem.name} only moments are known, and no solution for each ΔW"))
+            lines.append(f"{problem.name}: skipped, {skipped[-1].reason}")
+            continue
         bound = least(found)
         tolerance = scheme.solver_tolerance
         seen = judge_slope(
-            found.h, errors(found), bound, (ROUNDING * _EPS + 2 * tolerance) * found.scale + 2 * found.flow,
+            found.h, sizes, bound, (ROUNDING * _EPS + 2 * tolerance) * found.scale + 2 * found.flow,
             CLEAR * (FLOOR * _EPS + tolerance) * found.scale,
         )  # fmt: skip
         slopes.append((seen, bound))
-        measured.append(_measured(found, errors(found), seen, bound))
+        measured.append(_measured(found, sizes, seen, bound))
         lines.append(f"{problem.name}: {seen.text}, {bound:g} needed")
     if not slopes:
         raise skipped[0]

@@ -1,0 +1,140 @@
+"""E g(y(h) − y0) as a power series in h, exactly: Σ_k h^k/k! (L^k g)(y0) with the generator L of the system.
+
+For dy = F_0 dt + Σ_j F_j∘dW_j the generator is L = A_0 + ½ Σ_j A_j², A_j = F_j·∇, with F_0 = B∇H and F_j = c_j G_j∇H
+(several structures), c_j B∇H_j (several Hamiltonians) or c_j B∇H. For polynomial data and monomials in x = y − y0 all
+coefficients are rational numbers, and those of (L^k x^α)(y0) follow from each other: with L x^α = Σ_β ℓ_αβ x^β,
+
+    (L^(k+1) x^α)(y0) = Σ_β ℓ_αβ (L^k x^β)(y0),    (L^k x^β)(y0) = 0 for |β| > 2k,
+
+because L takes away two factors at most. No step and no path is involved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from functools import lru_cache
+from math import factorial
+
+from sepv.polynomial import Exponents, Polynomial
+from sepv.problem import PolynomialSystem
+
+Rational = dict[Exponents, Fraction]
+
+
+def _product(p: Rational, q: Rational) -> Rational:
+    found: Rational = {}
+    for a, s in p.items():
+        for b, t in q.items():
+            key = tuple(i + j for i, j in zip(a, b, strict=True))
+            found[key] = found.get(key, Fraction(0)) + s * t
+    return found
+
+
+def _sum(*parts: Rational) -> Rational:
+    found: Rational = {}
+    for part in parts:
+        for key, value in part.items():
+            found[key] = found.get(key, Fraction(0)) + value
+    return found
+
+
+def _slope(p: Rational, i: int) -> Rational:
+    """∂p/∂x_i."""
+    return {tuple(e - (n == i) for n, e in enumerate(a)): s * a[i] for a, s in p.items() if a[i]}
+
+
+def _shifted(p: Polynomial, y0: Sequence[Fraction]) -> Rational:
+    """p(y0 + x) as a polynomial in x."""
+    d = len(y0)
+    total: Rational = {}
+    for exponents, coefficient in p.terms:
+        term: Rational = {(0,) * d: Fraction(coefficient)}
+        for i, e in enumerate(exponents):
+            factor = {(0,) * d: y0[i], tuple(int(n == i) for n in range(d)): Fraction(1)}
+            for _ in range(e):
+                term = _product(term, factor)
+        total = _sum(total, term)
+    return total
+
+
+def _field(
+    structure: Sequence[tuple[int, int, Polynomial]], H: Polynomial, c: Fraction, y0: Sequence[Fraction]
+) -> list[Rational]:
+    """c B∇H about y0."""
+    h = _shifted(H, y0)
+    gradient = [_slope(h, i) for i in range(len(y0))]
+    found: list[Rational] = [{} for _ in y0]
+    scale: Rational = {(0,) * len(y0): c}
+    for i, j, entry in structure:
+        B = _product(_shifted(entry, y0), scale)
+        found[i] = _sum(found[i], _product(B, gradient[j]))
+        minus = {key: -value for key, value in _product(B, gradient[i]).items()}
+        found[j] = _sum(found[j], minus)
+    return found
+
+
+def fields(data: PolynomialSystem, y0: Sequence[float]) -> list[list[Rational]]:
+    """F_0, F_1, …, F_m as polynomials in x = y − y0."""
+    at = [Fraction(float(v)) for v in y0]
+    noise = [Fraction(float(c)) for c in data.noise]
+    B, H = data.structure, data.hamiltonian
+    pairs = [(G, H) for G in data.noise_structures] or [(B, p) for p in data.noise_hamiltonians]
+    pairs = pairs or [(B, H)] * len(noise)
+    return [
+        _field(B, H, Fraction(1), at),
+        *(_field(G, p, c, at) for (G, p), c in zip(pairs, noise, strict=True)),
+    ]
+
+
+def is_linear(data: PolynomialSystem) -> bool:
+    """Whether all fields are polynomials of degree 1: L then keeps the degree of a polynomial."""
+    return all(
+        sum(a) <= 1
+        for field in fields(data, (0.0,) * data.dimension)
+        for p in field
+        for a, s in p.items()
+        if s
+    )
+
+
+@lru_cache(maxsize=64)
+def moments(
+    data: PolynomialSystem, y0: tuple[float, ...], monomials: tuple[Exponents, ...], order: int
+) -> list[list[Fraction]]:
+    """The coefficients of h^0, …, h^order in E (y(h) − y0)^α, for each α; the rest is O(h^(order + 1)).
+
+    Parameters
+    ----------
+    monomials : exponents α.
+    """
+    F, d = fields(data, y0), len(y0)
+
+    def along(field: list[Rational], g: Rational) -> Rational:
+        return _sum(*(_product(field[i], _slope(g, i)) for i in range(d)))
+
+    images: dict[Exponents, Rational] = {}
+    known: dict[tuple[int, Exponents], Fraction] = {}
+
+    def image(alpha: Exponents) -> Rational:
+        """L x^α."""
+        if alpha not in images:
+            g: Rational = {alpha: Fraction(1)}
+            second = _sum(*(along(field, along(field, g)) for field in F[1:]))
+            images[alpha] = _sum(along(F[0], g), {key: value / 2 for key, value in second.items()})
+        return images[alpha]
+
+    def at_start(k: int, alpha: Exponents) -> Fraction:
+        """(L^k x^α)(y0)."""
+        if sum(alpha) > 2 * k:
+            return Fraction(0)
+        if k == 0:
+            return Fraction(1)
+        key = (k, alpha)
+        if key not in known:
+            known[key] = sum(
+                (value * at_start(k - 1, beta) for beta, value in image(alpha).items() if value), Fraction(0)
+            )
+        return known[key]
+
+    return [[at_start(k, alpha) / factorial(k) for k in range(order + 1)] for alpha in monomials]
