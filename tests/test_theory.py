@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sepv import problems
-from sepv.reproduce import deterministic, lemma, local, remarks
+from sepv import problems, wiener
+from sepv.errors import UsageError
+from sepv.exact_structures import heun
+from sepv.reproduce import deterministic, extensions, lemma, local, remarks
+from sepv.schemes.areas import step_with_areas
 
 SOURCES = {"§2", "Lemma 3.2", "(3.2)", "(3.8)", "(3.9)", "Lemma 2.1 of [16], as (3.8) and (3.9)"}
 
@@ -61,3 +64,36 @@ def test_lotka_volterra_fails_at_large_steps_whether_truncated_or_not() -> None:
     assert min(shares[0][0], shares[1][0]) > 0.1
     assert remarks.failing("harmonic-oscillator", False, 128, 0, "numpy") == [0.0] * len(remarks.CLIP_STEPS)
     assert problems.by_name("harmonic-oscillator").noises == 1
+
+
+def test_areas_keep_the_energy_whatever_they_are_and_bring_order_one() -> None:
+    found = extensions.errors(64, 0)
+    panel = extensions._areas(found)
+    assert panel.statements[0].verdict == "holds", panel.statements[0].measured
+    problem = problems.by_name(extensions.TOPS)
+    y = np.array(problem.initial)
+    wild = np.array([[0.0, 0.3], [-0.3, 0.0]])
+    y1 = step_with_areas(problem, y, 0.1, np.array([0.2, -0.1]), wild)
+    assert abs(problem.hamiltonian(y1) - problem.hamiltonian(y)) < 1e-15
+    # A wrong sign of the areas leaves the order at one half.
+    start, fine = y, wiener.increments(0, T=0.5, steps=1024, noises=2, paths=range(32))
+    exact = heun(problem, start, 0.5, fine)
+    off = []
+    for sign in (1.0, -1.0):
+        z = np.repeat(start[:, None], 32, axis=1)
+        for dW, A in zip(wiener.coarsen(fine, 32), extensions.areas(fine, 32), strict=True):
+            z = step_with_areas(problem, z, 0.5 / 32, dW, sign * A)
+        off.append(np.sqrt(np.mean((z - exact) ** 2)))
+    assert off[1] > 4 * off[0]
+
+
+def test_a_problem_with_one_structure_has_no_areas() -> None:
+    with pytest.raises(UsageError, match="several structures"):
+        step_with_areas(
+            problems.pendulum(), np.array([0.2, 1.0]), 0.1, np.array([0.1, 0.1]), np.zeros((2, 2))
+        )
+
+
+def test_stages_raise_the_order_where_flows_commute() -> None:
+    errors = extensions.staged(2, 12, 0)
+    assert errors[0] / errors[-1] > 8**1.5

@@ -16,6 +16,7 @@ from sepv.errors import UsageError
 from sepv.reproduce import (
     deterministic,
     errata,
+    extensions,
     lemma,
     local,
     lotka_volterra,
@@ -28,7 +29,17 @@ from sepv.reproduce import (
 from sepv.reproduce.job import Job, Results, Size
 from sepv.reproduce.record import Panel, Statement, counts, finite
 
-SECTIONS = (oscillator, rigid_body, pendulum, lotka_volterra, deterministic, lemma, local, remarks)
+SECTIONS = (
+    oscillator,
+    rigid_body,
+    pendulum,
+    lotka_volterra,
+    deterministic,
+    lemma,
+    local,
+    remarks,
+    extensions,
+)
 FIGURES = ("4.1", "4.2", "4.3", "4.4", "4.5", "4.6")
 # Panels about §2, §3 and the remarks.
 THEORY = "theory"
