@@ -39,6 +39,7 @@ class Coefficient:
     error: Array
     remainder: Array
     paths: int
+    power: float = 0
 
     def half(self, alpha: float, more: float = 1.0) -> Array:
         """Half-widths (K,) of intervals all of which hold with probability 1 − alpha, with `more` times the paths."""
@@ -130,7 +131,7 @@ def leading(samples: Array, h: Array, power: float) -> Coefficient:
     means = samples[chosen].mean(axis=2)
     each = np.einsum("l,lkm->km", weights, samples[chosen])
     error = each.std(axis=1, ddof=1) / np.sqrt(paths)
-    return Coefficient(weights @ means, error, np.abs((weights - fewer) @ means), paths)
+    return Coefficient(weights @ means, error, np.abs((weights - fewer) @ means), paths, power)
 
 
 def _combination(h: Array, power: float) -> Array:

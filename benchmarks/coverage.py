@@ -1,0 +1,155 @@
+"""How often do the intervals of the statistical laws miss? ``python -m benchmarks.coverage``, 1000 batches a scheme.
+
+A batch is the first look of a law, 512 paths. What its intervals should contain is the value over all batches
+together, whose own error is √1000 times smaller. Misses are counted on both sides: `below` is an interval that lies
+wholly below the value, and can accuse; `above` one that lies above it, and can let a fault pass. Several means count as
+one miss. The last rows are verdicts: how often a law, run at that alpha on one problem, calls the scheme violated.
+
+The laws use an alpha near 3e-6, where no count reaches. What is measured is how the misses compare with what they
+should be as alpha falls; the verdicts show what is left of them where it takes two intervals to accuse.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from sepv.properties import test_mean_square_order, test_right_limit, test_weak_order
+
+from sepv import problems, schemes
+from sepv.convergence import StrongErrors, first, join, quantile_slope, slope, strong_errors
+from sepv.law import Verdict
+from sepv.means import decay, leading, limit_errors, moment_errors
+from sepv.problem import Array, Problem
+from sepv.scheme import Scheme
+from sepv.sequential import FIRST_LOOK, Assess, setups_for
+
+ALPHAS = (0.05, 0.01, 0.001)
+# Heavy tails first: explicit schemes, with and without truncation.
+SCHEMES = {
+    "milstein": schemes.milstein,
+    "milstein, untruncated": replace(schemes.milstein, truncation=None),
+    "euler-maruyama": schemes.euler_maruyama,
+    "euler-maruyama, untruncated": replace(schemes.euler_maruyama, truncation=None),
+    "euler-heun": schemes.euler_heun,
+    "energy-preserving": schemes.energy_preserving,
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """Shares of batches whose interval lies below and above the value, for each of ALPHAS."""
+
+    statistic: str
+    below: tuple[float, ...]
+    above: tuple[float, ...]
+
+
+def drawn(scheme: Scheme, problem: Problem, batches: int, seed: int) -> StrongErrors:
+    """The errors of all batches; a line a minute goes to the terminal."""
+    setup = next(s for s in setups_for(scheme) if s.problem == problem.name)
+    parts, said = [], time.monotonic()
+    for n in range(batches):
+        paths = range(n * FIRST_LOOK, (n + 1) * FIRST_LOOK)
+        parts.append(strong_errors(scheme, problem, T=setup.T, steps=setup.steps, paths=paths, seed=seed))
+        if time.monotonic() - said > 60:
+            said = time.monotonic()
+            print(f"{scheme.name}, {problem.name}: {n + 1} of {batches} batches", file=sys.stderr, flush=True)
+    return join(parts)
+
+
+def split(errors: StrongErrors) -> list[StrongErrors]:
+    """The batches."""
+    arrays = ("squared", "errors", "ends", "W", "weights")
+    return [
+        replace(errors, **{name: getattr(errors, name)[..., k : k + FIRST_LOOK] for name in arrays})
+        for k in range(0, errors.squared.shape[1], FIRST_LOOK)
+    ]
+
+
+def rows(scheme: Scheme, problem: Problem, errors: StrongErrors) -> Iterator[Row]:
+    """Every interval of every law."""
+    batches = split(errors)
+    moments, limits = moment_errors(errors), limit_errors(errors, problem)[1]
+    yield _misses("slope of the rms error", batches, slope, slope(errors, 0.5).value)
+    yield _misses("slope of the quantile", batches, quantile_slope, quantile_slope(errors, 0.5).value)
+    for name, samples in (("coefficient of h⁰ of the means", moments), ("shares of the limit", limits)):
+        yield _coefficients(name, samples, errors.h)
+    truth = decay(moments, errors.h, 0.5)[0]
+    below, above = [], []
+    for alpha in ALPHAS:
+        found = [decay(part, errors.h, alpha) for part in _pieces(moments)]
+        below.append(float(np.mean([high < truth for _, _, high in found])))
+        above.append(float(np.mean([low > truth for _, low, _ in found])))
+    yield Row("fall of the means", tuple(below), tuple(above))
+    laws: tuple[tuple[str, Assess], ...] = (
+        (
+            "verdict of mean-square-order",
+            test_mean_square_order.assessing(scheme.mean_square_order or 1.0, False),
+        ),
+        ("verdict of weak-order", test_weak_order.assessing(scheme.weak_order or 1.0, False)),
+        ("verdict of right-limit", test_right_limit.assessing(False)),
+    )
+    for name, assess in laws:
+        shares = [
+            float(np.mean([assess(problem, e, alpha, 1.0).verdict is Verdict.VIOLATED for e in batches]))
+            for alpha in ALPHAS
+        ]
+        yield Row(name, tuple(shares), ())
+
+
+def _misses(
+    name: str, batches: list[StrongErrors], estimate: Callable[[StrongErrors, float], object], truth: float
+) -> Row:
+    below, above = [], []
+    for alpha in ALPHAS:
+        found = [estimate(e, alpha) for e in batches]
+        below.append(float(np.mean([f.high < truth for f in found])))  # type: ignore[attr-defined]
+        above.append(float(np.mean([f.low > truth for f in found])))  # type: ignore[attr-defined]
+    return Row(name, tuple(below), tuple(above))
+
+
+def _coefficients(name: str, samples: Array, h: Array) -> Row:
+    truth = leading(samples, h, 0).value
+    found = [leading(part, h, 0) for part in _pieces(samples)]
+    below, above = [], []
+    for alpha in ALPHAS:
+        below.append(float(np.mean([np.any(c.value + c.half(alpha) < truth) for c in found])))
+        above.append(float(np.mean([np.any(c.value - c.half(alpha) > truth) for c in found])))
+    return Row(name, tuple(below), tuple(above))
+
+
+def _pieces(samples: Array) -> list[Array]:
+    return [samples[..., k : k + FIRST_LOOK] for k in range(0, samples.shape[-1], FIRST_LOOK)]
+
+
+def main() -> None:
+    """Print the table as Markdown."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--batches", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--scheme", action="append", choices=list(SCHEMES))
+    parser.add_argument("--problem", action="append", choices=["rigid-body", "pendulum"])
+    options = parser.parse_args()
+    heads = " | ".join(f"{side} at {100 * a:g} %" for a in ALPHAS for side in ("below", "above"))
+    print(f"| scheme | problem | interval | {heads} |\n|---|---|---|{'--:|' * 2 * len(ALPHAS)}")
+    for name in options.scheme or SCHEMES:
+        for problem in map(problems.by_name, options.problem or ("rigid-body", "pendulum")):
+            errors = drawn(SCHEMES[name], problem, options.batches, options.seed)
+            if any(errors.failures):
+                raise SystemExit(f"{name}, {problem.name}: {errors.failures} paths failed")
+            for row in rows(SCHEMES[name], problem, first(errors, options.batches * FIRST_LOOK)):
+                cells = [
+                    f"{100 * side[n]:.1f} %" if side else ""
+                    for n in range(len(ALPHAS))
+                    for side in (row.below, row.above)
+                ]
+                print(f"| {name} | {problem.name} | {row.statistic} | {' | '.join(cells)} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
