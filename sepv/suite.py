@@ -24,7 +24,7 @@ from sepv.expected import load as load_expected
 from sepv.given import items
 from sepv.law import Effort, Finding, Law, Verdict
 from sepv.scheme import Scheme, Step
-from sepv.target import load_scheme
+from sepv.target import load_scheme, words_for
 
 # In the order in which a reader wants them: what nothing else makes sense without comes first.
 LAWS = (
@@ -75,6 +75,8 @@ class Report:
     interrupted: bool = False
     # Whether the run was held to a pin (`sepv.expected`): every violation must be claimed or listed there.
     pinned: bool = False
+    # What stands for the scheme, and what it is for, in a command; empty where no words do.
+    target: str = ""
 
     @property
     def counts(self) -> dict[str, int]:
@@ -156,6 +158,7 @@ class Report:
             },
             "scheme": {
                 "name": self.scheme.name,
+                "target": self.target,
                 "source": self.scheme.source,
                 "claims": sorted(self.scheme.claims),
                 "mean_square_order": self.scheme.mean_square_order,
@@ -273,7 +276,14 @@ def verify(
         if law.name not in found:
             unmeasured = law.finding(Verdict.NOT_MEASURED, message=why)
             found[law.name] = replace(unmeasured, claimed=law.claimed_by(candidate))
-    return Report(candidate, tuple(found[law.name] for law in chosen), effort, interrupted, listed.is_pin)
+    return Report(
+        candidate,
+        tuple(found[law.name] for law in chosen),
+        effort,
+        interrupted,
+        listed.is_pin,
+        words_for(scheme, problems),
+    )
 
 
 def _side_by_side(
@@ -417,6 +427,15 @@ def _deadline(seconds: float) -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
+def _finite(value: Any) -> Any:
+    """The same with null for numbers without size, such as an interval's open end: JSON has no infinity."""
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
 def _finding_json(finding: Finding) -> dict[str, Any]:
     def number(value: float | None) -> float | None:
         # JSON has no infinity: a defect without size is null, and the message says what it is.
@@ -431,7 +450,7 @@ def _finding_json(finding: Finding) -> dict[str, Any]:
         "at_least": finding.at_least,
         "unit": finding.unit,
         "source": finding.source,
-        "witness": finding.witness,
+        "witness": _finite(finding.witness),
         "replay": finding.replay,
         "checks": finding.checks,
         "skipped": finding.skipped,

@@ -5,8 +5,10 @@ from __future__ import annotations
 import importlib
 import inspect
 import os
+import shlex
 import sys
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -139,6 +141,30 @@ def load_problem(target: Any) -> Problem:
             remedy="a scheme goes first and a problem second; see `sepv list` for names",
         )
     return found
+
+
+def words_for(scheme: Any, problems: Any = None) -> str:
+    """What stands for a scheme, and for what it is for, after ``sepv verify``; empty where nothing can be typed."""
+    from sepv.schemes import by_name
+
+    words = scheme if isinstance(scheme, str) else ""
+    if isinstance(scheme, Scheme):
+        with suppress(UsageError):
+            words = scheme.name if by_name(scheme.name) is scheme else ""
+    elif (
+        inspect.isfunction(scheme) and scheme.__module__ != "__main__" and scheme.__qualname__.isidentifier()
+    ):
+        words = f"{scheme.__module__}:{scheme.__qualname__}"
+    asked = (
+        (problems,)
+        if isinstance(problems, str)
+        else tuple(problems)
+        if isinstance(problems, (list, tuple))
+        else ()
+    )
+    if not words or (problems is not None and not (asked and all(isinstance(p, str) for p in asked))):
+        return ""
+    return " ".join([shlex.quote(words), *(f"-p {shlex.quote(p)}" for p in asked)])
 
 
 def _takes_nothing(function: Any) -> bool:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import base64
 import copy
 import hashlib
+import html
 import json
 import re
+import shlex
 import shutil
 import subprocess
 from html.parser import HTMLParser
@@ -43,7 +45,7 @@ def verify_report(scheme: str, message: str = "", verdict: str = "violated") -> 
     law = {
         "law": "energy", "claimed": True, "verdict": verdict, "defect": 1e9, "bound": 48.0, "at_least": False,
         "unit": message[:20] or "ulp of H", "source": message or "Prop. 3.1", "witness": None, "replay": message,
-        "checks": 3, "message": message or "step 3: H moved", "expected": None, "seconds": 0.1,
+        "checks": 3, "message": message or "step 3: H moved", "expected": None, "seconds": 0.1, "skipped": 0,
     }  # fmt: skip
     counts = dict.fromkeys(("holds", "violated", "inconclusive", "not_applicable", "error"), 0)
     return {
@@ -290,12 +292,78 @@ def test_the_committed_page_is_small_and_has_our_schemes_and_the_paper() -> None
     for expected in (
         "energy-preserving",
         "euler-maruyama",
-        "diffrax",
-        "torchsde",
         "Remark 2.1",
         "Lotka-Volterra: order",
     ):
         assert expected in words
+
+
+def test_the_committed_page_is_not_older_than_what_it_shows() -> None:
+    """Where it fails: python -m benchmarks.page"""
+    from sepv.page.render import fingerprint
+
+    page = (Path(__file__).resolve().parents[1] / "docs" / "report.html").read_text(encoding="utf-8")
+    made = re.search(r'<meta name="sepv-made-from" content="(\w+)">', page)
+    assert made is not None
+    assert made[1] == fingerprint(), "the laws or the schemes' claims have changed: python -m benchmarks.page"
+
+
+def test_commands_of_a_page_name_the_scheme_as_it_was_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "paged.py").write_text("def step(problem, y, h, dW):\n    return y + dW.sum() * y\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    runner = CliRunner()
+    law = ["--law", "energy", "--examples", "5"]
+    for words in (["paged:step"], ["paged:step", "-p", "pendulum"]):
+        done = runner.invoke(main, ["verify", *words, *law, "--json", "r.json"])
+        assert done.exit_code == 0, done.output
+        assert runner.invoke(main, ["report", "r.json"]).exit_code == 0
+        page = html.unescape((tmp_path / "report.html").read_text())
+        commands = re.findall(r"sepv verify [^\n<]*", page)
+        assert all(command.startswith(f"sepv verify {' '.join(words)} ") for command in commands), commands
+        (replay,) = [command for command in commands if "--replay" in command]
+        again = runner.invoke(main, shlex.split(replay)[1:])
+        assert again.exit_code == 1, again.output
+        assert "energy violated" in again.output
+    assert "TARGET" not in page
+
+
+def test_a_scheme_handed_over_as_an_object_gets_no_command_that_fails() -> None:
+    page = render(Sources(verify=[verify_report("mine")]))
+    assert "sepv verify mine" not in page
+    assert "# mine was handed over as an object in Python" in page
+
+
+def test_the_headline_counts_the_claims_and_names_those_that_break() -> None:
+    good, bad = verify_report("fine", verdict="holds"), verify_report("broken")
+    page = render(Sources(verify=[good, bad]))
+    assert "1 of 2 claimed laws hold; 1 of 2 schemes keep all that they claim." in page
+    assert "Not shown to hold: broken: energy." in page
+    assert page.index("1 of 2 claimed laws hold") < page.index("<nav")
+
+
+def test_laws_stand_in_the_order_of_the_suite_and_link_to_what_they_say() -> None:
+    report = verify_report("x")
+    report["laws"] = [
+        report["laws"][0] | {"law": law} for law in ("weak-order", "own-law", "energy", "contract")
+    ]
+    page = render(Sources(verify=[report]))
+    heads = re.findall(r'class="law">(?:<a href="#law-[a-z-]+">)?([a-z-]+)', page)
+    assert heads == ["contract", "energy", "weak-order", "own-law"]
+    for anchor in re.findall(r'href="#(law-[a-z-]+)"', page):
+        assert f'id="{anchor}"' in page
+
+
+def test_a_price_picture_begins_where_steps_are_paid_for() -> None:
+    from sepv.page.views import priced, step_size
+
+    seconds = {1: 1.0, 2: 1.01, 4: 1.05, 8: 1.7, 16: 3.3}
+    points = [{"steps": n, "paths": 10, "seconds": {"median": s}} for n, s in seconds.items()]
+    assert [p["steps"] for p in priced(points)] == [4, 8, 16]
+    assert priced(points[:1]) == points[:1]
+    assert [step_size(h) for h in (2.0**-4, 0.1, 1.0)] == ["2⁻⁴", "0.1", "1"]
 
 
 def test_a_plot_leaves_out_what_cannot_be_drawn_and_keeps_spikes() -> None:

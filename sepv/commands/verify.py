@@ -145,6 +145,8 @@ def _verify(
     debug: bool,
     shown: str = "",
 ) -> int:
+    from dataclasses import replace
+
     from sepv import report as page
     from sepv.progress import watching
     from sepv.suite import load_laws
@@ -152,9 +154,10 @@ def _verify(
 
     out, reports = page.console(), []
     for target in targets:
-        named = shown or shlex.quote(target)
+        asked = "".join(f" -p {shlex.quote(p)}" for p in options["problems"] or ())
+        named = (shown or shlex.quote(target)) + asked
         with watching(quiet, len(load_laws(options["laws"]))) as progress:
-            report = run(target, progress=progress, **options)
+            report = replace(run(target, progress=progress, **options), target=named)
         reports.append(report)
         if quiet:
             page.line(out, page.summary(report, named))

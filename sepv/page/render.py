@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import json
 from importlib.resources import files
 from typing import Any
 
 from sepv._version import __version__
 from sepv.page import plot, views
 from sepv.page.sources import Sources
-from sepv.page.text import name, plain
+from sepv.page.text import plain
 
 
 def render(sources: Sources, *, title: str = "Which structural properties hold?") -> str:
@@ -35,13 +36,31 @@ def render(sources: Sources, *, title: str = "Which structural properties hold?"
         version=__version__,
         style=_trusted(style),
         style_hash=digest,
-        laws=[name(law) for law in laws],
+        laws=views.law_texts(laws),
+        headline=views.headline(sources.verify) if sources.verify else "",
+        fingerprint=fingerprint(),
         schemes=schemes,
         comparisons=[views.comparison(c) for c in sources.compare],
         benches=[views.bench(b) for b in sources.bench],
         reproductions=[views.reproduction(r) for r in sources.reproduce],
         versions=sorted({_version(r) for r in (*sources.verify, *sources.reproduce)}),
     )
+
+
+def fingerprint() -> str:
+    """What every page shows beside its files: the release, the laws and what they say, the built-in schemes' claims.
+
+    A committed page whose fingerprint is another is older than what it shows.
+    """
+    from sepv import schemes
+    from sepv.suite import load_laws
+
+    laws = [(law.name, law.statement, law.source) for law in load_laws()]
+    built_in = [
+        (s.name, sorted(s.claims), s.mean_square_order, s.weak_order)
+        for s in (*schemes.ALL.values(), *schemes.MORE.values())
+    ]
+    return hashlib.sha256(json.dumps([__version__, laws, built_in]).encode()).hexdigest()[:16]
 
 
 def _trusted(style: str) -> Any:

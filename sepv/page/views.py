@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import re
+import shlex
 from dataclasses import dataclass
 from typing import Any
 
+from sepv.errors import UsageError
 from sepv.page import plot as drawing
-from sepv.page.text import name, number, plain
+from sepv.page.text import name, number, plain, power
+from sepv.suite import LAWS, load_laws
 
 # Characters of counterexamples on a page; the JSON files have them all.
 BUDGET = 17_000
@@ -62,8 +66,9 @@ class SchemeView:
 
 
 def schemes(reports: list[dict[str, Any]]) -> tuple[list[str], list[SchemeView]]:
-    """The laws, in the order in which they first appear, and a view of each report."""
+    """The laws, in the order of the suite and then as they appear, and a view of each report."""
     laws = list(dict.fromkeys(law["law"] for r in reports for law in r["laws"]))
+    laws.sort(key=lambda law: LAWS.index(law) if law in LAWS else len(LAWS))
     share = BUDGET // max(1, len(reports))
     return laws, [_scheme(r, laws, share) for r in reports]
 
@@ -72,7 +77,7 @@ def _scheme(report: dict[str, Any], laws: list[str], budget: int) -> SchemeView:
     found = {law["law"]: law for law in report["laws"]}
     cells = [_cell(found[law]) if law in found else Cell("absent", "", "not measured", False) for law in laws]
     counts = ", ".join(f"{n} {WORDS.get(k, ('', k))[1]}" for k, n in report["counts"].items() if n)
-    target = _target(report["scheme"]["name"])
+    target = _target(report["scheme"])
     shown, left = _counterexamples(report["laws"], target, budget)
     suite = report["suite"]
     return SchemeView(
@@ -84,7 +89,13 @@ def _scheme(report: dict[str, Any], laws: list[str], budget: int) -> SchemeView:
         left_out=left,
         unsettled=_unsettled(report["laws"]),
         summary=f"{len(report['laws'])} laws: {counts}",
-        command=f"sepv verify {target} --seed {suite['seed']} --examples {suite['examples']} --paths {suite['paths']}",
+        command=plain(
+            f"sepv verify {target} --seed {suite['seed']} --examples {suite['examples']} --paths {suite['paths']}"
+            " --json FILE"
+            if target
+            else f"# {name(report['scheme']['name'])} was handed over as an object in Python: no command names it",
+            1500,
+        ),
     )
 
 
@@ -114,14 +125,14 @@ def _counterexamples(
     shown: list[Counterexample] = []
     for law in sorted(open_, key=lambda v: not v["claimed"]):
         # A command is there to be copied: whole or not at all.
-        command = f"sepv verify {target} {law['replay']}" if len(law["replay"]) < 4000 else ""
+        command = f"sepv verify {target} {law['replay']}" if target and len(law["replay"]) < 4000 else ""
         entry = Counterexample(
             name(law["law"]),
             plain(law["source"], 60),
             WORDS[law["verdict"]][1],
             law["claimed"],
             plain(law["message"]),
-            plain(command, 4200) if law["replay"] else "",
+            plain(command, 8200) if law["replay"] else "",
         )
         budget -= len(entry.message) + len(entry.command)
         if budget < 0 and not (law["claimed"] and not shown):
@@ -157,9 +168,70 @@ def _runs_away(*errors: str) -> bool:
     return first * third > 4 * second**2
 
 
-def _target(scheme: str) -> str:
-    """What stands for the scheme in a command: its name where that is a plain word, else TARGET."""
-    return scheme if re.fullmatch(r"[a-z][a-z0-9-]{0,40}", scheme) else "TARGET"
+def _target(scheme: dict[str, Any]) -> str:
+    """What stands for the scheme in a command: as the file says, else its name where that is a built-in's."""
+    from sepv.schemes import by_name
+
+    if scheme.get("target"):
+        return str(scheme["target"])
+    try:
+        return by_name(str(scheme["name"])).name
+    except UsageError:
+        return ""
+
+
+def headline(reports: list[dict[str, Any]]) -> str:
+    """How many claims hold, and whose do not."""
+    claimed = [(r, law) for r in reports for law in r["laws"] if law["claimed"] and law["expected"] is None]
+    claimed = [(r, law) for r, law in claimed if law["verdict"] != "not_applicable"]
+    broken = [(r, law) for r, law in claimed if law["verdict"] != "holds"]
+    kept = sum(not any(r is b for b, _ in broken) for r in reports)
+    if not claimed:
+        return f"{len(reports)} scheme{'s' * (len(reports) != 1)}, of which nothing is claimed."
+    held = len(claimed) - len(broken)
+    text = f"{held} of {len(claimed)} claimed laws hold; {kept} of {len(reports)} schemes keep all that they claim."
+    if broken:
+        named = [f"{name(r['scheme']['name'])}: {name(law['law'])}" for r, law in broken[:6]]
+        more = f" and {len(broken) - 6} more" if len(broken) > 6 else ""
+        text += f" Not shown to hold: {'; '.join(named)}{more}."
+    return text
+
+
+def law_texts(laws: list[str]) -> list[dict[str, str]]:
+    """What each law of the suite says and where it comes from; laws that it does not know have no text."""
+    known = {law.name: law for law in load_laws([law for law in laws if law in LAWS])}
+    return [
+        {
+            "name": name(law),
+            "anchor": f"law-{law}" if law in known else "",
+            "statement": plain(known[law].statement, 400) if law in known else "",
+            "source": plain(known[law].source, 80) if law in known else "",
+        }
+        for law in laws
+    ]
+
+
+def step_size(h: float) -> str:
+    """A power of two as one, else three digits."""
+    exponent = math.log2(h) if h > 0 else 0.5
+    return power(2, int(exponent)) if exponent == int(exponent) and exponent < -1 else number(h)
+
+
+def priced(points: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The points from where time is paid for steps: where twice the steps no longer cost less than half as much again.
+
+    Left of that a call's own overhead is what was measured. The last two points stay in any case.
+    """
+    if not points or not points[0].get("steps"):
+        return points
+    kept = sorted(points, key=lambda p: int(p["steps"]))
+    while len(kept) > 2:
+        a, b = kept[0], kept[1]
+        growth = math.log2(b["seconds"]["median"] / b["paths"] / (a["seconds"]["median"] / a["paths"]))
+        if growth >= math.log2(1.5) * math.log2(b["steps"] / a["steps"]):
+            break
+        kept = kept[1:]
+    return kept
 
 
 def comparison(data: dict[str, Any]) -> dict[str, Any]:
@@ -172,7 +244,7 @@ def comparison(data: dict[str, Any]) -> dict[str, Any]:
         return float(p["seconds"]["median"] / p["paths"] * 1e6)
 
     def curve(m: str, value: Any) -> drawing.Curve:
-        own = by_method[m]
+        own = priced(by_method[m])
         return drawing.Curve(m, [micro(p) for p in own], [value(p) for p in own], m, "both")
 
     time = "processor time of one path in µs"
@@ -196,9 +268,21 @@ def comparison(data: dict[str, Any]) -> dict[str, Any]:
         "times": _times(data["times_to_error"], methods),
         "wanted": [number(e) for e in sorted({t["error"] for t in data["times_to_error"]}, reverse=True)],
         "environment": [(plain(k, 40), plain(v, 120)) for k, v in data["environment"].items()],
+        "command": _compare_command(data),
         "seed": data["seed"],
         "repeats": data["repeats"],
     }
+
+
+def _compare_command(data: dict[str, Any]) -> str:
+    """The command that makes such a comparison, its methods and step sizes filled in."""
+    methods = " ".join(shlex.quote(str(m["name"])) for m in data["methods"])
+    steps = sorted({int(p["steps"]) for p in data["points"] if p["steps"] > 1})
+    paths = max((int(p["paths"]) for p in data["points"]), default=1000)
+    grid = f" --steps {','.join(map(str, steps))}" if steps else ""
+    problem = f"--problem {shlex.quote(str(data['problem']))} --time {data['T']:g}"
+    text = f"sepv compare {methods} {problem}{grid} --paths {paths} --seed {data['seed']} --json FILE"
+    return plain(text)
 
 
 def _point(p: dict[str, Any], micro: float) -> dict[str, Any]:
@@ -206,7 +290,7 @@ def _point(p: dict[str, Any], micro: float) -> dict[str, Any]:
     error = p["strong_error"]
     return {
         "method": name(p["method"]),
-        "h": number(p["h"]),
+        "h": step_size(p["h"]),
         "error": f"{number(error['value'])} [{number(error['low'])}, {number(error['high'])}]",
         "energy": number(p["energy_defect"]),
         "casimir": number(p["casimir_defect"]),
@@ -249,7 +333,7 @@ def bench(data: dict[str, Any]) -> dict[str, Any]:
                 "rows": [
                     {
                         "case": name(c["case"]["name"]),
-                        "size": f"{number(c['case']['h'])}, {c['case']['steps']}, {c['case']['paths']}",
+                        "size": f"{step_size(c['case']['h'])}, {c['case']['steps']}, {c['case']['paths']}",
                         "counters": [
                             "–" if c["counters"].get(k) is None else c["counters"][k] for k in kinds
                         ],

@@ -1,0 +1,71 @@
+"""The committed page, docs/report.html, from nothing: ``python -m benchmarks.page``.
+
+Every built-in scheme verified, prices compared, the committed counters, the paper reproduced. Other libraries' solvers
+are not on it: their verdicts are in docs/compliance.md, and one place for them cannot contradict another. What was
+measured before is kept in a folder and not measured again, so that an interrupted run goes on.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import click
+
+from sepv.page import load, render
+
+ROOT = Path(__file__).resolve().parents[1]
+TITLE = "sepv: schemes, and the paper reproduced"
+SCHEMES = (
+    "energy-preserving", "collocation-2", "collocation-3", "both-invariants", "several-structures", "midpoint",
+    "gauss-2", "discrete-gradient", "euler-heun", "milstein", "euler-maruyama", "explicit-4",
+)  # fmt: skip
+COMPARED = (
+    "energy-preserving", "collocation-2", "midpoint", "discrete-gradient", "euler-heun", "explicit-4", "exact-flow",
+)  # fmt: skip
+
+
+def commands(quick: bool) -> dict[str, list[str]]:
+    """(file, the arguments of ``sepv`` that make it): verify, compare, reproduce."""
+    less = ["--examples", "5", "--paths", "64"] if quick else []
+    made = {f"{name}.json": ["verify", name, *less] for name in SCHEMES}
+    made["compare.json"] = ["compare", *COMPARED, *(["--paths", "64", "--repeats", "1"] if quick else [])]
+    made["reproduce.json"] = ["reproduce", *(["--quick"] if quick else [])]
+    return made
+
+
+@click.command()
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), default=ROOT / "docs" / "report.html")
+@click.option(
+    "--keep", type=click.Path(file_okay=False, path_type=Path), help="Where the JSON files are kept."
+)
+@click.option(
+    "--quick", is_flag=True, help="Little effort everywhere: to look at the page, not to commit it."
+)
+@click.option("--only", multiple=True, help="Only these of the parts: a scheme's name, compare, reproduce.")
+def main(out: Path, keep: Path | None, quick: bool, only: tuple[str, ...]) -> None:
+    """Measure what is missing, and write the page."""
+    folder = keep or Path(tempfile.mkdtemp(prefix="sepv-page-"))
+    folder.mkdir(parents=True, exist_ok=True)
+    files = []
+    for name, arguments in commands(quick).items():
+        if only and Path(name).stem not in only:
+            continue
+        file = folder / name
+        if not file.exists():
+            click.echo(f"sepv {' '.join(arguments)}", err=True)
+            done = subprocess.run(
+                [sys.executable, "-m", "sepv", *arguments, "-q", "--json", str(file)], check=False, cwd=ROOT
+            )
+            if not file.exists():
+                raise SystemExit(f"no {file}: exit code {done.returncode}")
+        files.append(file)
+    page = render(load([*files, ROOT / "benchmarks" / "counters.json"]), title=TITLE)
+    out.write_text(page, encoding="utf-8")
+    click.echo(f"{out}: {len(page.encode()) / 1000:.0f} kB, from {folder}")
+
+
+if __name__ == "__main__":
+    main()
