@@ -71,6 +71,21 @@ def _toward_zero(step: Step) -> Step:
     return chopped
 
 
+def _nudged(step: Step) -> Step:
+    """In one step of twenty, chosen by the last digits of y, a component moves one ulp to where H is larger."""
+
+    def nudged(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        y1 = step(problem, y, h, dW)
+        slope = problem.gradient(y1)
+        gain = np.abs(slope) * np.spacing(np.abs(y1))
+        largest = np.arange(len(y1)).reshape(-1, *(1,) * (y1.ndim - 1)) == np.argmax(gain, axis=0)
+        digits = np.ascontiguousarray(y).view(np.uint64).sum(axis=0, dtype=np.uint64)
+        chosen = largest & (digits % 20 == 0) & np.any(y1 != y, axis=0)
+        return np.where(chosen, np.nextafter(y1, np.copysign(np.inf, slope)), y1)
+
+    return nudged
+
+
 _TABLE = (
     (
         "relative-error-1e-10",
@@ -137,6 +152,12 @@ _TABLE = (
         "y1 has a relative error of 1e-10 where |y| exceeds 1e40",
         around(_after(lambda y0, y1: np.where(np.max(np.abs(y0), axis=0) > 1e40, y1 * (1 + 1e-10), y1))),
         ("reference",),
+    ),
+    (
+        "one-signed-nudge",
+        "in one step of twenty a component is moved by one ulp to where H is larger",
+        around(_nudged),
+        ("rounding",),
     ),
     ("toward-zero", "the last addition is rounded toward zero", around(_toward_zero), ("rounding",)),
 )

@@ -1,0 +1,68 @@
+"""The law "rounding" tells a walk from a drift, by chance alone less than once in a million."""
+
+from __future__ import annotations
+
+import numpy as np
+from sepv.properties import test_rounding as rounding
+
+from sepv.errors import Skipped
+from sepv.law import Effort, Verdict
+from sepv.problem import Array
+from sepv.saboteurs import ALL
+from sepv.scheme import Scheme
+from sepv.schemes import energy_preserving
+from sepv.suite import verify
+
+W = 0.144
+
+
+def walks(seed: int, drift: float = 0.0, steps: int = 256) -> Array:
+    """Defects of paths at the checkpoints: independent roundings of root mean square W, and a mean."""
+    rng = np.random.default_rng(seed)
+    D = np.cumsum(W * rng.standard_normal((steps, rounding.PATHS)) + drift * W, axis=0)
+    return D[rounding.FIRST * 2 ** np.arange(int(np.log2(steps / rounding.FIRST)) + 1) - 1]
+
+
+def violated(defects: Array, tolerance: float = 0.0) -> set[str]:
+    return {r.name for r in rounding.judge(defects, W, tolerance) if r.size > r.allowed}
+
+
+def test_walks_of_rounding_are_never_accused() -> None:
+    # 500 walks at 2e-7 each: a false alarm of this test in ten thousand.
+    assert all(not violated(walks(seed, 2.0**-10)) for seed in range(500))
+
+
+def test_a_mean_is_seen_in_every_sample() -> None:
+    # 0.133 a step is 34 standard errors after 2048 steps of 32 paths, and 16 after 256 steps of 60; 8 are allowed.
+    assert all("drift" in violated(walks(seed, 0.133)) for seed in range(100))
+    assert not any("size" in violated(walks(seed, 0.133)) for seed in range(100))
+
+
+def test_paths_that_drift_each_in_its_own_direction_are_seen_by_their_growth() -> None:
+    rng = np.random.default_rng(0)
+    n = rounding.FIRST * 2.0 ** np.arange(4)[:, None]
+    slopes = rng.standard_normal(rounding.PATHS)
+    slopes -= slopes.mean()
+    assert violated(walks(1) + 0.5 * n * W * slopes) == {"growth"}
+
+
+def test_a_stated_tolerance_is_allowed_its_drift() -> None:
+    assert violated(walks(0, 2.0)) >= {"drift", "growth"}
+    assert not violated(walks(0, 2.0), tolerance=2 * 2.0 * W * 2.0**-52)
+
+
+def test_a_nudge_of_one_sign_is_caught() -> None:
+    (finding,) = verify(ALL["one-signed-nudge"].scheme, laws=["rounding"]).findings
+    assert finding.verdict is Verdict.VIOLATED
+
+
+def test_a_problem_that_is_skipped_is_left_out() -> None:
+    def step(problem, y, h, dW):  # type: ignore[no-untyped-def]
+        if problem.dimension != 2:
+            raise Skipped("two components only")
+        return energy_preserving.step(problem, y, h, dW)
+
+    (finding,) = verify(Scheme("flat", step, batched=True), laws=["rounding"], effort=Effort()).findings
+    assert finding.verdict is Verdict.HOLDS
+    assert finding.checks == rounding.PATHS
+    assert "rigid-body, h = 0.01: skipped: two components only" in finding.message
