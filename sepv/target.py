@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import inspect
 import os
@@ -13,6 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from sepv.arguments import did_you_mean
 from sepv.errors import TargetError, UsageError
 from sepv.polynomial import parse_float
 from sepv.problem import NamedProblem, PolynomialSystem, Problem
@@ -100,7 +102,8 @@ def _named(target: str, problems: Iterable[Problem]) -> Scheme:
             raise TargetError(
                 expected=f"{error.expected}, or module:attribute",
                 received=error.received,
-                remedy="see `sepv list`; your own scheme goes as mypackage.mymodule:scheme",
+                remedy=_as_module(target)
+                or "see `sepv list`; your own scheme goes as mypackage.mymodule:scheme",
             ) from None
     return as_scheme(load_object(target), target, problems)
 
@@ -203,6 +206,12 @@ def load_object(target: str) -> Any:
         Where the module cannot be imported, or has no such attribute.
     """
     module_name, _, attribute = target.partition(":")
+    if module_name.endswith(".py"):
+        raise TargetError(
+            expected="module:attribute, as after import",
+            received=f"a file: {target!r}",
+            remedy=_as_module(target),
+        )
     module = _module(module_name)
     value: Any = module
     for part in attribute.split("."):
@@ -212,10 +221,33 @@ def load_object(target: str) -> Any:
             names = [n for n in vars(module) if not n.startswith("_") and callable(getattr(module, n, None))]
             raise TargetError(
                 expected=f"an attribute {attribute!r} in module {module_name}",
-                received=f"a module with {', '.join(names[:8]) or 'no public functions'}",
+                received=f"{did_you_mean(attribute, names)} and a module with "
+                + (", ".join(names) or "no public functions"),
                 remedy="correct the name after the colon",
             ) from error
     return value
+
+
+def _as_module(target: str) -> str:
+    """How to name what is in a file: ``mine:step`` for mine.py, ./mine.py:step or mine. Empty where there is none."""
+    name, _, attribute = target.partition(":")
+    file = Path(name) if name.endswith(".py") else Path(name.replace(".", "/") + ".py")
+    if not (name.endswith(".py") or file.is_file()):
+        return ""
+    away = file.is_absolute() or ".." in file.parts
+    module = file.stem if away else ".".join(file.with_suffix("").parts)
+    where = f" in the folder {file.parent}" if away else ""
+    return f"name it as {module}:{attribute or _likely_step(file)}{where}"
+
+
+def _likely_step(file: Path) -> str:
+    """The first function of a file that takes four arguments, without running it; else "step"."""
+    try:
+        body = ast.parse(file.read_bytes()).body
+    except (OSError, SyntaxError, ValueError):
+        return "step"
+    four = (n.name for n in body if isinstance(n, ast.FunctionDef) and len(n.args.args) == 4)
+    return next((name for name in four if not name.startswith("_")), "step")
 
 
 def _module(name: str) -> Any:

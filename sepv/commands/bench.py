@@ -109,11 +109,12 @@ def bench(
             records.append(ours)
     if save:
         write_atomically(save, store.save(records))
-    _show([] if quiet else records, checks)
+        click.echo(f"Saved in {save}: hold later runs to it with --against {save}")
+    _show([] if quiet else records, checks, saved=bool(save))
     raise SystemExit(1 if any(c.verdict == "worse" for c in checks) else 0)
 
 
-def _show(records: list[dict[str, Any]], checks: list[Any]) -> None:
+def _show(records: list[dict[str, Any]], checks: list[Any], *, saved: bool) -> None:
     """The records; then what differs from the other side, and one line of counts."""
     from collections import Counter
 
@@ -126,7 +127,8 @@ def _show(records: list[dict[str, Any]], checks: list[Any]) -> None:
     for record in records:
         out.print(table.record_table(record))
     if not checks:
-        out.print("Nothing to compare with: --save and --against, or --against-ref.")
+        if not saved:
+            out.print("Nothing to compare with: --save and --against, or --against-ref.")
         return
     for c in checks:
         if c.verdict != "same" or "time" in c.what:

@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from sepv.commands.shared import EXEC, FILE, Workers, candidates, friendly
+from sepv.commands.shared import EXEC, FILE, Renamed, Workers, candidates, friendly
 from sepv.errors import SepvError, UsageError
 
 # T and numbers of steps by default. Lotka-Volterra needs h ≤ 2⁻⁷: coarser steps need not have a solution.
@@ -42,7 +42,10 @@ class Numbers(click.ParamType):
     "--problem", "-p", default="rigid-body", show_default=True, help="By name, file.json or module:attribute."
 )
 @EXEC
-@click.option("--initial", type=Numbers(float), help="Initial state. [default: the problem's own]")
+@click.option(
+    "--y", "--initial", "initial", cls=Renamed, type=Numbers(float),
+    help="Initial state. [default: the problem's own]",
+)  # fmt: skip
 @click.option("--time", "T", type=click.FloatRange(min=0, min_open=True), help="T. [default: 1]")
 @click.option("--steps", type=Numbers(int), help="Numbers of steps, such as 8,16,32.")
 @click.option("--paths", type=click.IntRange(min=32), default=1000, show_default=True, help="How many paths.")

@@ -23,6 +23,18 @@ CRASH = 70
 FILE = click.Path(dir_okay=False)
 
 
+class Renamed(click.Option):
+    """An option of several spellings: help shows the first, the others go on working."""
+
+    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
+        """As click's, of the first spelling alone."""
+        opts, self.opts = self.opts, self.opts[:1]
+        try:
+            return super().get_help_record(ctx)
+        finally:
+            self.opts = opts
+
+
 EXEC = click.option(
     "--exec", "programs", multiple=True, metavar="COMMAND",
     help="A program in any language (docs/protocol.md); may be repeated.",

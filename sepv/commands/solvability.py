@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from sepv.commands.compare import Numbers
-from sepv.commands.shared import FILE, friendly
+from sepv.commands.shared import FILE, Renamed, friendly
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -44,7 +44,10 @@ FOLLOWED = tuple(2.0**-n for n in range(4, 10))
 @click.option(
     "--grid", type=click.IntRange(min=2), default=80, show_default=True, help="Points of Δ on each side of 0."
 )
-@click.option("--initial", type=Numbers(float), help="Initial state. [default: the problem's own]")
+@click.option(
+    "--y", "--initial", "initial", cls=Renamed, type=Numbers(float),
+    help="Initial state. [default: the problem's own]",
+)  # fmt: skip
 @click.option("--noise", type=Numbers(float), help="The c_j, such as 1,0.5. [default: the problem's own]")
 @click.option(
     "--truncation",

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from sepv.commands.shared import EXEC, FILE, candidates, friendly
+from sepv.commands.shared import EXEC, FILE, Renamed, candidates, friendly
 
 
 @click.command(short_help="One-step defects of the invariants, in ulps.")
@@ -17,7 +17,12 @@ from sepv.commands.shared import EXEC, FILE, candidates, friendly
     "--problem", "-p", "names", multiple=True, help="By name or as for compare. [default: the paper's]"
 )
 @click.option(
-    "--step", "h", type=click.FloatRange(min=0, min_open=True), help="h. [default: 2^-5, Lotka-Volterra 2^-7]"
+    "--h",
+    "--step",
+    "h",
+    cls=Renamed,
+    type=click.FloatRange(min=0, min_open=True),
+    help="h. [default: 2^-5, Lotka-Volterra 2^-7]",
 )
 @click.option("--steps", type=click.IntRange(min=1), default=400, show_default=True, help="How many.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
