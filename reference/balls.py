@@ -30,7 +30,7 @@ def require_flint() -> Any:
         raise UsageError(
             expected="python-flint for certificates by ball arithmetic",
             received="an environment without it",
-            remedy="pip install 'sepv[certify]'; without it references are computed by mpmath, not proved",
+            remedy="pip install python-flint; without it references are computed by mpmath, not proved",
         )
     import flint
 

@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Sequence
 from html import escape
-from typing import Any, TextIO
+from typing import Any, Literal, TextIO
 
 from rich import box
 from rich.console import Console
@@ -77,7 +77,7 @@ def _in_ascii(thing: Any) -> Any:
 
 def show(report: Report, target: str, out: Console, *, debug: bool = False) -> None:
     """The table of a report, then each counterexample with the command that replays it."""
-    out.print(law_table(report))
+    out.print(law_table(report, out.width))
     said: set[str] = set()
     for finding in report.findings:
         # A scheme that cannot be asked says the same to every law: once is enough.
@@ -119,32 +119,57 @@ def line(out: Console, text: Text) -> None:
     out.print(text, soft_wrap=not out.is_terminal)
 
 
-def law_table(report: Report) -> Table:
-    """law, claimed, verdict, defect against bound, unit, source."""
+# What gives way first where a terminal is narrow; a law, its verdict and its defect are always there.
+_DROPPED = ("source", "unit", "claimed", "bound")
+_WRAPPED = ("unit", "source")
+_COLUMNS = ("law", "claimed", "verdict", "defect", "bound", "unit", "source")
+
+
+def law_table(report: Report, width: int = 100) -> Table:
+    """law, claimed, verdict, defect against bound, unit, source: what fits in so many columns, never half a number."""
     title = Text(
         report.scheme.name + (f" · {report.scheme.source}" if report.scheme.source else ""), style="bold"
     )
+    rows = [_law_row(report, f) for f in report.findings]
+    headings: dict[str, str | Text] = {name: name for name in _COLUMNS}
+    needed = {
+        name: max(len(word) for row in [headings, *rows] for word in _pieces(name, str(row[name])))
+        for name in _COLUMNS
+    }
+    narrow = width < 60
+    for name in _DROPPED:
+        # A blank after each column; with lines, one between columns and one at either end too.
+        if sum(needed.values()) + len(needed) * (1 if narrow else 2) + (not narrow) > width:
+            del needed[name]
     # As wide as its title where that is what a terminal holds: a table of one law would break it.
     table = Table(
-        box=_BOX, title=title, title_justify="left", pad_edge=False, padding=(0, 1, 0, 0),
-        min_width=min(title.cell_len, 80),
+        box=None if narrow else _BOX, title=title, title_justify="left", pad_edge=False, padding=(0, 1, 0, 0),
+        min_width=min(title.cell_len, 80, width),
     )  # fmt: skip
-    # On 80 columns the unit and the source give way, never the name of a law.
-    table.add_column("law", no_wrap=True, min_width=max((len(f.law) for f in report.findings), default=0))
-    table.add_column("claimed")
-    table.add_column("verdict", no_wrap=True)
-    for heading in ("defect", "bound"):
-        table.add_column(heading, justify="right")
-    for heading in ("unit", "source"):
-        table.add_column(heading)
-    for f in report.findings:
-        text = "n/a" if f.verdict is Verdict.NOT_APPLICABLE else f.verdict.text
-        verdict = Text(text, style=_STYLES[f.verdict])
-        limit = "" if f.bound is None else f"{'≥' if f.at_least else '≤'} {_number(f.bound)}"
-        own = "yes" if f.law in report.scheme.claims else "always"
-        claimed = "fails" if f.expected is not None else own if f.claimed else ""
-        table.add_row(f.law, claimed, verdict, _number(f.defect), limit, f.unit, f.source)
+    for name, least in needed.items():
+        side: Literal["left", "right"] = "right" if name in ("defect", "bound") else "left"
+        table.add_column(name, no_wrap=name not in _WRAPPED, min_width=least, justify=side)
+    for row in rows:
+        table.add_row(*(row[name] for name in needed))
     return table
+
+
+def _pieces(name: str, text: str) -> list[str]:
+    return text.split() or [""] if name in _WRAPPED else [text]
+
+
+def _law_row(report: Report, f: Finding) -> dict[str, str | Text]:
+    text = "n/a" if f.verdict is Verdict.NOT_APPLICABLE else f.verdict.text
+    own = "yes" if f.law in report.scheme.claims else "always"
+    return {
+        "law": f.law,
+        "claimed": "fails" if f.expected is not None else own if f.claimed else "",
+        "verdict": Text(text, style=_STYLES[f.verdict]),
+        "defect": _number(f.defect),
+        "bound": "" if f.bound is None else f"{'≥' if f.at_least else '≤'} {_number(f.bound)}",
+        "unit": f.unit,
+        "source": f.source,
+    }
 
 
 def summary(report: Report, target: str = "") -> Text:

@@ -370,4 +370,4 @@ def test_an_absent_library_is_named_with_its_remedy(
     monkeypatch.setattr("sepv.compare.choose.import_module", absent)
     result = call("compare diffrax-heun")
     assert result.exit_code == 3
-    assert "sepv[peers]" in result.output
+    assert "pip install diffrax" in result.output

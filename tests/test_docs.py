@@ -52,13 +52,20 @@ def folder(tmp_path: Path) -> Path:
     laws = "--law contract --law energy --law casimir"
     scripts = {
         "sepv": f"""
+if [ "$1" = bench ]; then set -- "$@" --batches 4; fi
 if [ "$1" = verify ]; then
+    for word; do shift; [ "$word" = --deep ] || set -- "$@" "$word"; done
     case "$*" in *--law*|*--check*) set -- "$@" {few} ;; *) set -- "$@" {few} {laws} ;; esac
 fi
 exec {sys.executable} -m sepv "$@"
 """,
         "pytest": f"""exec {sys.executable} -m pytest -p no:cacheprovider "$@" --sepv-examples 8 --sepv-paths 64""",
     }
+    # Installed is what runs these tests; what a workflow would install is written down instead.
+    scripts["pip"] = f"""echo "$@" >> {tmp_path}/installed"""
+    (tmp_path / "mypkg").mkdir()
+    (tmp_path / "mypkg" / "__init__.py").touch()
+    (tmp_path / "mypkg" / "scheme.py").write_text("from sepv.schemes.midpoint import step as scheme\n")
     for name, body in scripts.items():
         (tools / name).write_text(f"#!/bin/sh\n{body}\n")
         (tools / name).chmod(0o755)
@@ -83,8 +90,56 @@ def test_the_blocks_of_a_page_run_in_their_order(page: str, folder: Path) -> Non
             assert done.returncode == 0, f"{body}\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}"
         elif kind == "toml":
             tomllib.loads(body)
+            check_pyproject(body, folder)
         else:
             assert kind in ("text", "yaml"), f"{page}: nothing runs a {kind} block"
+
+
+def check_pyproject(body: str, folder: Path) -> None:
+    """A pyproject.toml makes pytest run laws beside a test of the reader's own."""
+    project = folder / "project"
+    project.mkdir()
+    shutil.copytree(folder / "mypkg", project / "mypkg")
+    (project / "pyproject.toml").write_text(body, encoding="utf-8")
+    (project / "test_own.py").write_text("def test_own(): pass\n")
+    done = run([str(folder / "bin" / "pytest"), "-k", "own or test_contract or test_identity"], project)
+    assert done.returncode == 0, done.stdout
+    assert "2 passed, 1 skipped" in done.stdout
+
+
+def steps_of(workflow: str) -> list[tuple[str, str]]:
+    """(job, command) of each step of a workflow of either kind, in its order."""
+    found, job = [], ""
+    for line in workflow.splitlines():
+        heading = re.match(r"(?:  )?([a-z]+):$", line)
+        job = heading[1] if heading and heading[1] not in ("jobs", "script") else job
+        step = re.match(r"\s+- (?:run: )?((?:pip|sepv|pytest) .*)", line)
+        if step:
+            found.append((job, re.sub(r"\$\{\{ github.run_number \}\}|\$CI_PIPELINE_IID", "7", step[1])))
+    return found
+
+
+def test_the_steps_of_every_workflow_run(folder: Path) -> None:
+    """As a runner does, job by job, in a folder with the files that the page says to commit."""
+    variables = {"PATH": f"{folder / 'bin'}{os.pathsep}{os.environ['PATH']}", "SEPV": str(ROOT)}
+
+    def do(command: str) -> None:
+        assert "${{" not in command
+        done = run(["bash", "-e", "-c", command], folder, **variables)
+        assert done.returncode == 0, f"{command}\n{done.stdout[-2000:]}\n{done.stderr[-2000:]}"
+
+    for _, body in blocks("ci", "sh"):
+        if "mypkg" in body:
+            do(body)
+    shutil.copytree(folder / "mypkg", folder / "base" / "mypkg")
+    jobs = [steps_of(body) for _, body in blocks("ci", "yaml")]
+    assert [len(steps) for steps in jobs] == [10, 5]
+    # Each once; the stub asks for the three laws that are pinned.
+    for command in dict.fromkeys(command for steps in jobs for _, command in steps):
+        do(command + (" -k contract" if command.startswith("pytest") else ""))
+    installed = (folder / "installed").read_text().splitlines()
+    assert f". {ROOT}" in installed
+    assert all(line in (f". {ROOT}", "pytest") or line.endswith("pytest") for line in installed)
 
 
 def commands() -> list[tuple[str, str]]:

@@ -73,7 +73,9 @@ def _peer(name: str) -> Method:
         method: Method = getattr(import_module(module), attribute)
     except ModuleNotFoundError as error:
         raise TargetError(
-            expected=f"the library of {name}", received=f"{error}", remedy="pip install 'sepv[peers]'"
+            expected=f"the library of {name}",
+            received=f"{error}",
+            remedy="pip install diffrax torchsde sdeint, or the one that is named",
         ) from error
     return method
 

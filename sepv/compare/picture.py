@@ -41,7 +41,7 @@ def require_picture(path: str | None) -> None:
         raise UsageError(
             expected="matplotlib, for pictures",
             received=str(error),
-            remedy="pip install 'sepv[plots]'; tables, JSON and CSV need no extra",
+            remedy="pip install matplotlib; tables, JSON and CSV need no extra",
         ) from error
 
 

@@ -56,7 +56,7 @@ def kernel(scheme: Scheme, problem: Problem, *, lanes: int = LANES, compensated:
     CannotCompile
     """
     if not _installed():
-        raise CannotCompile("numba is not installed (pip install 'sepv[fast]')")
+        raise CannotCompile("numba is not installed (pip install numba)")
     formula, code = formula_of(scheme), code_of(problem)
     if scheme.name == "both-invariants" and code.nambu is None:
         raise CannotCompile(f"{problem.name} has no factor and Casimir as code (see Problem.nambu)")

@@ -42,7 +42,7 @@ def require_matplotlib() -> None:
         raise UsageError(
             expected="matplotlib, to draw figures",
             received="no module matplotlib",
-            remedy="pip install 'sepv[plots]', or --no-figures: numbers and verdicts need none",
+            remedy="pip install matplotlib, or --no-figures: numbers and verdicts need none",
         ) from None
 
 
