@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import combinations, combinations_with_replacement, permutations
+from itertools import combinations, combinations_with_replacement, count, permutations
 from random import Random
 
 import numpy as np
@@ -19,10 +19,12 @@ import numpy as np
 from sepv import polynomial as poly
 from sepv import problems
 from sepv.case import Case
+from sepv.fields import vector_field
 from sepv.polynomial import Exponents, Polynomial
-from sepv.problem import PolynomialSystem
+from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.strata import Levels, Stratum, monomials
 from sepv.strategies import contraction_ball, contraction_radius, linear_forms
+from sepv.tolerance import gradient_majorant, structure_majorant
 
 Entries = tuple[tuple[int, int, Polynomial], ...]
 Matrix = tuple[tuple[float, ...], ...]
@@ -32,6 +34,10 @@ FEW = 300
 MOST_ENTRIES = 8
 # The share of states and of components of a state that are something other than generic.
 SOMETIMES = 1 / 8
+# Draws until a point at rest may be the origin, where monomials are too few for any other.
+ATTEMPTS = 30
+# What B∇H may be beside the sum of its terms' absolute values: less is left to the random search.
+GENERIC = 1 / 64
 
 
 def single(levels: Levels, random: Random) -> Case:
@@ -114,21 +120,39 @@ def still(levels: Levels, random: Random) -> Case:
 
 def at_rest(levels: Levels, random: Random) -> Case:
     """A critical point of H: each monomial has degree ≥ 2 in the components of y that are zero."""
-    while True:
+    for attempt in count():
         d, n, terms = _sizes(levels, random, least=2)
         y, unit = state(d, levels["|y|"], random)
-        zero = set(random.sample(range(d), random.randint(1, d)))
-        every = some_monomials(d, n, 4 * terms, random, least=2)
-        kept = [e for e in every if sum(k for i, k in enumerate(e) if i in zero) >= 2]
-        if len(kept) < terms or sum(kept[0]) < levels["degree of H"].low:
-            zero, kept = set(range(d)), every
-        H = poly.polynomial(d, [(e, coefficient(random) * unit ** -sum(e)) for e in kept[:terms]])
+        zero, kept = _at_rest_monomials(d, n, terms, random)
+        if len(zero) == d and attempt < ATTEMPTS:
+            continue
+        H = poly.polynomial(d, [(e, coefficient(random) * unit ** -sum(e)) for e in kept])
         B, quadratic, linear = structure(levels["Casimirs"].name, d, levels["degree of B"], unit, random)
         system = PolynomialSystem(d, H, B, noise(levels["m"], random), quadratic, linear)
         rest = tuple(0.0 if i in zero else v for i, v in enumerate(y))
-        found = placed(system, rest, levels, random)
+        found = placed(system, rest, levels, random, moving=False)
         if found is not None:
             return found
+    raise AssertionError("unreachable")
+
+
+def _at_rest_monomials(d: int, n: int, terms: int, random: Random) -> tuple[set[int], list[Exponents]]:
+    """Components to be zero, all only where it must be, and monomials of degree ≥ 2 in them, the first of degree n."""
+    for size in (*random.sample(range(1, d), d - 1), d):
+        zero = random.sample(range(d), size)
+        found: dict[Exponents, None] = {}
+        for _ in range(40 * terms):
+            degree = n if not found or random.random() < 0.5 else random.randint(2, n)
+            chosen = [
+                random.choice(zero),
+                random.choice(zero),
+                *(random.randrange(d) for _ in range(degree - 2)),
+            ]
+            found.setdefault(_exponents(d, chosen))
+            if len(found) == terms:
+                return set(zero), list(found)
+    every = some_monomials(d, n, terms, random, least=2)
+    return set(range(d)), every
 
 
 def at_origin(share: float, levels: Levels, random: Random) -> Case:
@@ -180,13 +204,16 @@ def batched(make: Callable[[Levels, Random], Case], levels: Levels, random: Rand
     return replace(make(levels, random), batch=_integer(levels["batch"], random))
 
 
-def placed(system: PolynomialSystem, y: tuple[float, ...], levels: Levels, random: Random) -> Case | None:
+def placed(
+    system: PolynomialSystem, y: tuple[float, ...], levels: Levels, random: Random, *, moving: bool = True
+) -> Case | None:
     """The system with H scaled so that a step of the wanted |Δ| reaches the wanted share of the contraction radius.
 
-    None where nothing moves.
+    None where nothing moves, or so little beside the rounding of its terms that no fault would show.
     """
-    radius = contraction_radius(problems.build(system), np.array(y))
-    if not 0 < radius < math.inf:
+    problem = problems.build(system)
+    radius = contraction_radius(problem, np.array(y))
+    if not 0 < radius < math.inf or (moving and not _moves(problem, np.array(y))):
         return None
     c, sign = system.noise, levels["h"].low
     total = math.exp(random.uniform(math.log(levels["|Δ|"].low), math.log(levels["|Δ|"].high)))
@@ -207,6 +234,15 @@ def placed(system: PolynomialSystem, y: tuple[float, ...], levels: Levels, rando
     power = math.floor(math.log2(radius * levels["step/radius"].high / length))
     scaled = replace(system, hamiltonian=poly.scale(2.0**power, system.hamiltonian))
     return Case(scaled, y, parts[0], tuple(dW), given=levels["given as"].name)
+
+
+def _moves(problem: Problem, y: Array) -> bool:
+    """Whether B∇H and yᵀ∇H, by which H changes with the size of y, are not small beside their terms."""
+    g, most = problem.gradient(y), gradient_majorant(problem, y)
+    flow, whole = vector_field(problem, y), structure_majorant(problem, y) @ most
+    motion, growth = float(np.max(np.abs(flow))), abs(float(g @ y))
+    enough = motion >= GENERIC * float(np.max(whole)) and growth >= GENERIC * float(most @ np.abs(y))
+    return motion > 0 < growth and enough
 
 
 def _integer(stratum: Stratum, random: Random) -> int:
@@ -292,7 +328,10 @@ def noise(m: Stratum, random: Random) -> tuple[float, ...]:
     """c_1 a power of two, as an exact way back needs; further ones any, zero among them."""
     count = _integer(m, random)
     more = [random.choice([1.0, 0.5, 0.25, 0.3, 1.7, 0.0]) for _ in range(count - 1)]
-    return (random.choice([1.0, 0.5, 2.0]), *more) if count else ()
+    c = (random.choice([1.0, 0.5, 2.0]), *more)
+    if count > 1 and {*c} <= {0.0, 1.0}:
+        c = (*c[:-1], 0.3)  # not all of them their own squares
+    return c if count else ()
 
 
 def skew(d: int, degree: Stratum, unit: float, random: Random) -> Entries:

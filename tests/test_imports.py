@@ -53,6 +53,7 @@ LAYERS = [
     "sepv.families",
     "sepv.given",
     "sepv.law",
+    "sepv.coverage",
     "sepv.same_draws",
     "sepv.reference",
     "sepv.search sepv.sequential sepv.local_errors sepv.local_orders",

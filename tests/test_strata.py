@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sepv import case as cases
-from sepv import problems
+from sepv import coverage, problems
 from sepv.candidate import ask
 from sepv.case import Case
 from sepv.covering import pairwise, shown_pairs
@@ -91,6 +91,30 @@ def inside(levels: Levels, case: Case) -> None:
     length = abs(h) + float(np.abs(problem.c * dW).sum())
     share = length / contraction_radius(problem, y)
     assert levels["step/radius"].low * 0.999 <= share <= levels["step/radius"].high * 1.001
+
+
+def test_the_coverage_table_counts_what_the_designs_visit() -> None:
+    from click.testing import CliRunner
+
+    from sepv.cli import main
+
+    found = CliRunner().invoke(main, ["verify", "energy-preserving", "--coverage", "--law", "energy"])
+    assert found.exit_code == 0
+    design = SPACES["single"]["energy"].design()
+    met, possible = coverage.pairs(SPACES["single"]["energy"])
+    assert met == possible
+    assert f"energy {len(design.rows)} {met} {possible} {len(design.impossible)}" in " ".join(
+        found.output.split()
+    )
+    assert "10–12" in found.output
+    assert "impossible, B of rank 2 at least" in found.output
+
+
+def test_each_stratum_of_each_axis_has_cases() -> None:
+    for laws in SPACES.values():
+        for space in laws.values():
+            counts = coverage.cases_by_stratum(space)
+            assert all(counts[axis.name, s.name] > 0 for axis in space.axes for s in axis.strata)
 
 
 def test_another_seed_has_other_content_in_the_same_strata() -> None:

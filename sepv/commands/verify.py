@@ -52,6 +52,9 @@ from sepv.errors import UsageError
 @click.option(
     "--workers", type=Workers(), help="A Dask scheduler's address, for the laws (docs/clusters.md)."
 )
+@click.option(
+    "--coverage", is_flag=True, help="Show which strata the laws' cases cover, and measure nothing."
+)
 @click.option("-q", "--quiet", is_flag=True, help="Only the last line.")
 @friendly
 def verify(targets: tuple[str, ...], laws: tuple[str, ...], claims: tuple[str, ...], **options: Any) -> None:
@@ -72,6 +75,8 @@ def verify(targets: tuple[str, ...], laws: tuple[str, ...], claims: tuple[str, .
             received=f"{len(targets)} targets" + (" and --exec" if options["program"] else ""),
             remedy="sepv verify energy-preserving, or sepv verify --exec './program'",
         )
+    if options["coverage"] and targets:
+        raise SystemExit(_coverage(targets, laws))
     if options["program"]:
         raise SystemExit(_verify_program(laws, claims, **options))
     if options["token"] is not None:
@@ -83,6 +88,18 @@ def verify(targets: tuple[str, ...], laws: tuple[str, ...], claims: tuple[str, .
         )
     arguments = _arguments(laws, claims, **options)
     raise SystemExit(_verify(targets, arguments, files, options["quiet"], options["debug"]))
+
+
+def _coverage(targets: tuple[str, ...], laws: tuple[str, ...]) -> int:
+    """``--coverage``: the designs for the class of systems that each target takes."""
+    from sepv import report as page
+    from sepv.coverage import show
+    from sepv.suite import load_laws
+    from sepv.target import load_scheme
+
+    for target in targets:
+        show(load_laws(laws or None), load_scheme(target).systems, page.console())
+    return 0
 
 
 def _files(**options: Any) -> dict[str, str | None]:
