@@ -1,5 +1,17 @@
 """Property-based verification and benchmarks for energy-preserving integrators of stochastic Poisson systems.
 
+verify(scheme)                     every law on a scheme, as a `Report`; problems=[…] for what it is for
+integrate, ensemble, long_path     one path, the ends of many, one of any length
+exact_flow(problem, theta)         the exact solution at random times
+Scheme, Problem, PolynomialSystem  the records that a user makes
+schemes, problems, strategies      the built-in schemes and problems, and random systems for Hypothesis
+Effort, Report, Verdict, Ensemble, Trajectory, and the errors, of which `Skipped` is raised by a step
+
+>>> import sepv
+>>> report = sepv.verify("midpoint", laws="identity,energy", problems="pendulum")
+>>> report.finding("energy").verdict
+<Verdict.VIOLATED: 'violated'>
+
 Names are loaded when they are first used: ``import sepv`` itself imports nothing heavy.
 """
 

@@ -101,7 +101,8 @@ def check_answer(answer: Any, y: Array) -> Array:
         raise SchemeFault(
             expected="y_next of dtype float64",
             received=f"dtype {answer.dtype}",
-            remedy="compute in float64 throughout; a complex value hints at a square root or logarithm out of range",
+            remedy="compute in float64 throughout (JAX: jax.config.update('jax_enable_x64', True) first); "
+            "a complex value hints at a square root or logarithm out of range",
         )
     if not np.all(np.isfinite(answer)):
         raise SchemeFault(

@@ -238,6 +238,15 @@ def verify(
         The same on other machines (docs/clusters.md): what an engine for `sepv.ensemble` is serves here. Where a
         cluster is lost, the laws that were not decided are not measured, and the report counts as interrupted.
 
+    laws, claims : also one string with commas
+    effort : Effort, optional
+        How hard to look; ``Effort().deeper()`` for a night.
+
+    Returns
+    -------
+    Report
+        A finding for each law; `print` shows the table, `exit_code` is that of ``sepv verify``.
+
     Raises
     ------
     TargetError, UsageError
