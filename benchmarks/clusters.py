@@ -1,0 +1,192 @@
+"""When one machine is not enough: memory of many paths, what Dask costs beside threads, where its scheduler breaks.
+
+    python -m benchmarks.clusters memory --paths 1e8        two functionals of 10⁸ paths, and the largest memory
+    python -m benchmarks.clusters overhead --paths 1e6      Dask against threads on the pendulum, in alternation
+    python -m benchmarks.clusters scheduler --chunks 1e5    no-op chunks through the same seam
+    python -m benchmarks.clusters throughput                ns a path and step, bytes a path
+
+`docs/clusters.md` has what they printed, and under which conditions.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+import sepv
+from sepv import problems, schemes
+from sepv.engine.workers import run_all
+
+EP, PENDULUM = schemes.energy_preserving, problems.pendulum()
+
+
+def position(ends: Any) -> Any:
+    """y₁ at T."""
+    return ends.y[0]
+
+
+def energy(ends: Any) -> Any:
+    """H at T."""
+    return PENDULUM.hamiltonian(ends.y)
+
+
+def nothing(number: int) -> int:
+    """A chunk without work."""
+    return number
+
+
+def memory(paths: int, steps: int, workers: int) -> None:
+    """Moments and quantiles of two functionals; peak memory before and after, of this process."""
+
+    def one(count: int) -> sepv.Ensemble:
+        return sepv.ensemble(
+            EP,
+            PENDULUM,
+            h=1 / steps,
+            steps=steps,
+            paths=count,
+            reduce={"q": position, "H": energy},
+            workers=workers,
+        )
+
+    before = time.perf_counter(), time.process_time()
+    peaks = []
+    for count in sorted({paths // 100, paths}):
+        ends = one(count)
+        peaks.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+        print(f"{count:,} paths of {steps} steps: peak memory {peaks[-1]:.0f} MiB", flush=True)
+    wall, cpu = time.perf_counter() - before[0], time.process_time() - before[1]
+    print(
+        f"{wall:.0f} s by the clock, {cpu:.0f} s of processor time, {workers} threads, {ends.engine} engine"
+    )
+    for name, found in ends.reduced.items():
+        quantiles = ", ".join(f"{found.quantile(p):.6g}" for p in (1e-6, 0.5, 1 - 1e-6))
+        print(
+            f"{name}: mean {found.mean:.9g} ± {found.standard_error:.2g}, quantiles 1e-6, ½, 1 − 1e-6: {quantiles}"
+        )
+
+
+def overhead(paths: int, steps: int, rounds: int) -> None:
+    """Ratios of Dask (two processes of one thread) to two threads, pair by pair."""
+    from distributed import Client, LocalCluster
+
+    def run(workers: Any) -> None:
+        sepv.ensemble(EP, PENDULUM, h=1 / steps, steps=steps, paths=paths, workers=workers)
+
+    with (
+        LocalCluster(
+            n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0"
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        for workers in (2, client):
+            run(workers)  # compiled, and loaded everywhere
+        ratios, cpu = [], []
+        for number in range(rounds):
+            order: list[Any] = [2, client] if number % 2 else [client, 2]
+            found = {id(w): _timed(lambda w=w: run(w), client) for w in order}
+            dask, threads = found[id(client)], found[id(2)]
+            ratios.append(dask[0] / threads[0])
+            cpu.append(dask[1] / threads[1])
+            print(
+                f"threads {threads[0]:.2f} s ({threads[1]:.2f} s of processors), "
+                f"Dask {dask[0]:.2f} s ({dask[1]:.2f} s): ratio {ratios[-1]:.3f}, "
+                f"of processor time {cpu[-1]:.3f}; load {os.getloadavg()[0]:.1f}",
+                flush=True,
+            )
+    for name, values in (("by the clock", ratios), ("of processor time", cpu)):
+        print(
+            f"{name}: median {np.median(values):.3f}, quartiles {np.quantile(values, [0.25, 0.75]).round(3)}"
+        )
+
+
+def _timed(job: Callable[[], None], client: Any) -> tuple[float, float]:
+    """Clock and processor seconds, the workers' included."""
+
+    def spent() -> float:
+        return time.process_time() + sum(client.run(time.process_time).values())
+
+    begin = spent(), time.perf_counter()
+    job()
+    wall = time.perf_counter() - begin[1]
+    return wall, spent() - begin[0]
+
+
+def scheduler(chunks: int) -> None:
+    """Milliseconds a chunk, and memory, as the number of chunks grows tenfold; in the bounded window and without it."""
+    from distributed import Client, LocalCluster
+
+    with (
+        LocalCluster(
+            n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0"
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        run_all(nothing, range(100), client, threads=False, receive=lambda _n, _r: None)
+        count = 100
+        while count <= chunks:
+            for name, run in (("window", _window), ("all at once", _at_once)):
+                wall, cpu = _timed(lambda run=run, count=count: run(client, count), client)
+                peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+                print(
+                    f"{count:>7,} chunks, {name:11}: {1e3 * wall / count:.2f} ms a chunk by the clock, "
+                    f"{1e3 * cpu / count:.2f} ms of processors; peak {peak:.0f} MiB; load {os.getloadavg()[0]:.1f}",
+                    flush=True,
+                )
+            count *= 10
+
+
+def _window(client: Any, count: int) -> None:
+    got: list[int] = []
+    run_all(nothing, range(count), client, threads=False, receive=lambda n, _: got.append(n))
+    assert sorted(got) == list(range(count))
+
+
+def _at_once(client: Any, count: int) -> None:
+    assert client.gather(client.map(nothing, range(count), pure=False)) == list(range(count))
+
+
+def throughput() -> None:
+    """One core: nanoseconds a path and step for the paper's problems, bytes a path in memory and in a store."""
+    for problem in (problems.rigid_body(), PENDULUM, problems.lotka_volterra()):
+        h, steps, paths = 2.0**-10, 1000, 16384
+        sepv.ensemble(EP, problem, h=h, steps=steps, paths=1024)
+        begin = time.process_time()
+        ends = sepv.ensemble(EP, problem, h=h, steps=steps, paths=paths)
+        spent = time.process_time() - begin
+        size = sum(getattr(ends, key).nbytes for key in ("y", "W", "status", "failed_step", "energy_defect"))
+        size += ends.casimir_defect.nbytes
+        print(
+            f"{problem.name}: {1e9 * spent / steps / paths:.1f} ns a path and step, {size / paths:.0f} bytes a path; "
+            f"10⁹ paths of 10³ steps: {1e12 * spent / steps / paths / 3600:.1f} core hours; "
+            f"load {os.getloadavg()[0]:.1f}"
+        )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("what", choices=["memory", "overhead", "scheduler", "throughput"])
+    parser.add_argument("--paths", type=float, default=1e6)
+    parser.add_argument("--steps", type=int, default=0, help="[default: 4 for memory, 128 for overhead]")
+    parser.add_argument("--chunks", type=float, default=1e4)
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--workers", type=int, default=2)
+    asked = parser.parse_args()
+    if asked.what == "memory":
+        memory(int(asked.paths), asked.steps or 4, asked.workers)
+    elif asked.what == "overhead":
+        overhead(int(asked.paths), asked.steps or 128, asked.rounds)
+    elif asked.what == "scheduler":
+        scheduler(int(asked.chunks))
+    else:
+        throughput()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,48 @@
+"""The code of docs/clusters.md runs where its library is installed."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+PAGE = (Path(__file__).resolve().parents[1] / "docs" / "clusters.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^```python\n(.*?)^```$", PAGE, flags=re.MULTILINE | re.DOTALL)
+LIBRARIES = ("distributed", "joblib", "ray")
+NEEDS = [
+    next((name for name in LIBRARIES if re.search(rf"^(import|from) {name}\b", b, re.MULTILINE)), "zarr")
+    for b in BLOCKS
+]
+
+
+def ran(number: int, folder: Path) -> str:
+    if find_spec(NEEDS[number]) is None:
+        pytest.skip(f"{NEEDS[number]} is not installed")
+    (folder / "block.py").write_text(BLOCKS[number], encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "block.py"], cwd=folder, env=os.environ | {"PYTHONWARNINGS": "error"}, capture_output=True,
+        text=True, timeout=300, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_every_engine_of_the_page_has_a_block() -> None:
+    assert NEEDS == ["distributed", "joblib", "ray", "zarr"]
+
+
+@pytest.mark.parametrize("number", [0, 1, 3])
+def test_a_block_runs(number: int, tmp_path: Path) -> None:
+    shown = ran(number, tmp_path)
+    assert "(2, 20000)" in shown if number < 3 else (tmp_path / "paths.zarr").is_dir()
+
+
+@pytest.mark.deep
+def test_the_block_of_ray_runs(tmp_path: Path) -> None:
+    """It starts a cluster of half a dozen processes, which takes a minute."""
+    assert "(2, 20000) 0" in ran(2, tmp_path)
