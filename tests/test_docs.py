@@ -138,8 +138,7 @@ def test_the_steps_of_every_workflow_run(folder: Path) -> None:
     for command in dict.fromkeys(command for steps in jobs for _, command in steps):
         do(command + (" -k contract" if command.startswith("pytest") else ""))
     installed = (folder / "installed").read_text().splitlines()
-    assert f". {ROOT}" in installed
-    assert all(line in (f". {ROOT}", "pytest") or line.endswith("pytest") for line in installed)
+    assert set(installed) == {f"install . {ROOT}", "install pytest"}
 
 
 def commands() -> list[tuple[str, str]]:
