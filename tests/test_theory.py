@@ -97,3 +97,19 @@ def test_a_problem_with_one_structure_has_no_areas() -> None:
 def test_stages_raise_the_order_where_flows_commute() -> None:
     errors = extensions.staged(2, 12, 0)
     assert errors[0] / errors[-1] > 8**1.5
+
+
+def test_paths_stay_in_the_sets_of_remark_3_5_and_a_smaller_set_shows() -> None:
+    for name in ("pendulum", "rigid-body"):
+        found = remarks.furthest(name, 0, "numpy")
+        assert remarks._in_the_set(name, found).verdict == "holds"
+        assert (
+            remarks._in_the_set(name, {k: 1.01 * v / max(found.values()) for k, v in found.items()}).verdict
+            == "fails"
+        )
+
+
+def test_one_step_with_a_hamiltonian_that_is_not_bounded_has_the_slopes_of_order_one() -> None:
+    mean, rms = remarks.sublinear_step()
+    assert abs(mean - 2) < 0.1
+    assert abs(rms - 1.5) < 0.1
