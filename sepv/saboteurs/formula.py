@@ -92,6 +92,10 @@ def _symmetrised(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
     return step[0] * matvec(problem.structure(middle(y0, y1)), 0.5 * (forward + backward))
 
 
+def _term_in_y(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    return right_side(problem, y0, y1, step) + 1e-9 * step[0] ** 2 * middle(y0, y1)
+
+
 def _two_dimensions_only(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
     return (right_side if problem.dimension == 2 else _b_at_y0)(problem, y0, y1, step)
 
@@ -231,6 +235,12 @@ _TABLE = (
         "symmetrised coordinate increments instead of the averaged gradient",
         implicit(_symmetrised),
         ("reference", "reduction", "equivariance"),
+    ),
+    (
+        "term-in-y",
+        "a term 1e-9 Δ² y is added, which linear changes of coordinates keep and translations do not",
+        implicit(_term_in_y),
+        ("energy", "casimir", "midpoint", "reference", "reduction", "equivariance"),
     ),
     (
         "two-dimensions-only",

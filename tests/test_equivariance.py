@@ -1,0 +1,43 @@
+"""Equivariance is affine: a fault that linear maps keep is seen by translations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from sepv.properties import test_equivariance as equivariance
+
+from sepv import polynomial as poly
+from sepv import problems, schemes, verify
+from sepv.case import Case
+from sepv.law import Effort, Verdict
+from sepv.problem import PolynomialSystem
+from sepv.saboteurs import ALL
+
+H = poly.polynomial(2, [((2, 0), 0.5), ((0, 2), 0.5), ((1, 2), 0.25)])
+SYSTEM = PolynomialSystem(2, H, ((0, 1, poly.polynomial(2, [((0, 0), -1.0), ((1, 0), 0.5)])),), (1.0,))
+
+
+def test_a_term_in_y_is_seen_by_the_translation(monkeypatch: pytest.MonkeyPatch) -> None:
+    case = Case(SYSTEM, (0.5, -0.25), 0.03125, (0.0625,))
+    scheme = ALL["term-in-y"].scheme
+    assert equivariance.check(scheme, case).violates
+    linear = [t for t in equivariance.transformations(2) if not t[3].any()]
+    assert len(linear) == 3
+    monkeypatch.setattr(equivariance, "transformations", lambda d: linear)
+    assert not equivariance.check(scheme, case).violates
+
+
+def test_the_transformed_system_is_the_same_system_in_other_variables() -> None:
+    problem, y = problems.build(SYSTEM), np.array([0.5, -0.25])
+    for name, P, inverse, b in equivariance.transformations(2):
+        other = problems.build(equivariance.transformed(SYSTEM, P, inverse, b))
+        z = P @ y + b
+        assert other.hamiltonian(z) == problem.hamiltonian(y), name
+        assert np.array_equal(P @ problem.structure(y) @ P.T, other.structure(z)), name
+        assert np.array_equal(inverse.T @ problem.gradient(y), other.gradient(z)), name
+
+
+@pytest.mark.parametrize("scheme", [schemes.energy_preserving, schemes.milstein, schemes.explicit(8)])
+def test_methods_of_the_field_alone_are_affine(scheme) -> None:  # type: ignore[no-untyped-def]
+    (finding,) = verify(scheme, laws=["equivariance"], effort=Effort(examples=15)).findings
+    assert finding.verdict is Verdict.HOLDS, finding.message
