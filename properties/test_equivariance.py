@@ -24,25 +24,36 @@ def cases() -> st.SearchStrategy[Case]:
     return steps(poisson_systems(degree=4, largest=4, structure_degree=2))
 
 
-def transformations(d: int) -> list[tuple[str, Array, Array, Array]]:
-    """(name, P, P⁻¹, b), small dyadic: a reversal of the axes with a sign, a scaling, a shear, translations."""
+def transformations(y: Array) -> list[tuple[str, Array, Array, Array]]:
+    """(name, P, P⁻¹, b), dyadic: a reversal of the axes with a sign, a scaling, a shear, translations.
+
+    Translations are of the size of y: by more, the system in the new variables would be large terms that cancel.
+    """
+    d, size = len(y), float(np.max(np.abs(y)))
     reversal = np.eye(d)[::-1].copy()
     reversal[0] *= -1
     scaling = np.diag([2.0 if k == 0 else 1.0 for k in range(d)])
     shear, back = np.eye(d), np.eye(d)
     shear[0, 1], back[0, 1] = 1.0, -1.0
-    none, b = np.zeros(d), np.array([(1.0, -0.5, 2.0)[k % 3] for k in range(d)])
-    return [
+    none = np.zeros(d)
+    unit = 2.0 ** np.floor(np.log2(size)) if size else 0.0
+    b = unit * np.array([(0.5, -0.25, 1.0)[k % 3] for k in range(d)])
+    linear = [
         ("reversed axes", reversal, reversal.T.copy(), none),
         ("y1 doubled", scaling, np.linalg.inv(scaling), none),
         ("y1 + y2 for y1", shear, back, none),
+    ]
+    if not size:
+        return linear
+    return [
+        *linear,
         (f"y + {b.tolist()}", np.eye(d), np.eye(d), b),
         (f"y1 + y2 for y1, then + {(-b).tolist()}", shear, back, -b),
     ]
 
 
 def substitute(p: Polynomial, rows: Array, b: Array) -> Polynomial:
-    """p(Q(z − b)) for the matrix Q; exact, because all coefficients are small dyadic rationals."""
+    """p(Q(z − b)) for the matrix Q; exact for small dyadic coefficients, else rounded as by an evaluation more."""
     d = p.dimension
     forms = [
         poly.add(
@@ -102,7 +113,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     assert isinstance(case.problem, PolynomialSystem)
     others = [
         (name, P, b, problems.build(transformed(case.problem, P, inverse, b)))
-        for name, P, inverse, b in transformations(problem.dimension)
+        for name, P, inverse, b in transformations(y)
     ]
     length = abs(h) + float(np.abs(problem.c * dW).sum())
     shortest = min(contraction_radius(other, P @ y + b) for _, P, b, other in others)
