@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sepv.problem import Array, Problem
 
@@ -98,25 +99,46 @@ def _differences(problem: Problem, function: Callable[[Array], Array], y: Array)
     return np.stack(columns, axis=1)
 
 
+# Widths of differences, as powers of |y| up to 1: whether |y| is the scale of f near y, or 1, only f can tell.
+_SCALES = (1.0, 2 / 3, 1 / 3, 0.0)
+
+
 def derivative_along(problem: Problem, y: Array, v: Array) -> Array:
     """f′(y) v, of shape (d, ...): analytic where the problem gives derivatives, else by differences.
 
-    The differences are central and of order six along v, with an error of about 1e-13 of the scale of
-    f: the Itô correction and Milstein's term that use it are multiplied by h or ΔW² once more.
+    The differences are central and of order six along v, of several widths, from which each state takes the one
+    with the smallest estimate of its error: the distance of orders four and six, and the rounding of f. Where the
+    problem's functions keep the type of their argument, they are taken in long double, with an error below a
+    rounding of f where that has 64 bits of mantissa; else in binary64, with about 1e-13 of the scale of f. The Itô
+    correction and Milstein's term, which use it, can be larger than f times the step: that much would show in y1.
     """
     jacobian = field_jacobian(problem, y)
     if jacobian is not None:
         return matvec(jacobian, v)
-    size = np.max(np.abs(v), axis=0)
-    direction = v / np.where(size > 0, size, 1.0)
-    # 2⁻⁷ balances h⁶ against eps/h; a power of two, so that scaling by it is exact.
-    step = 2.0**-7 * (1 + np.max(np.abs(y), axis=0))
-    total = np.zeros_like(y)
-    for distance, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
-        ahead = vector_field(problem, y + distance * step * direction)
-        behind = vector_field(problem, y - distance * step * direction)
-        total = total + weight * (ahead - behind)
-    return total / (60 * step) * size
+    size, reach = np.max(np.abs(v), axis=0), np.max(np.abs(y), axis=0)
+    direction, wide = v / np.where(size > 0, size, 1.0), y.astype(np.longdouble)
+    at: NDArray[Any] = y
+    if vector_field(problem, wide).dtype == np.longdouble:  # type: ignore[arg-type]  # a wider float
+        at = wide
+    # 2⁻⁷ balances h⁶ against eps/h in binary64, 2⁻⁹ in long double.
+    share = 2.0**-7 if at is y else 2.0**-9
+    rounding = np.finfo(at.dtype).eps
+    best, error = np.zeros_like(at), np.full(reach.shape, np.inf)
+    with np.errstate(all="ignore"):  # a width that overflows is not taken
+        for scale in _SCALES:
+            step = share * np.where((reach > 0) & (reach < 1), reach**scale, np.maximum(reach, 1.0))
+            odd, largest = [], np.zeros_like(reach)
+            for distance in (1, 2, 3):
+                ahead = vector_field(problem, at + distance * step * direction)
+                behind = vector_field(problem, at - distance * step * direction)
+                odd.append(ahead - behind)
+                largest = np.fmax(largest, np.max(np.abs(ahead) + np.abs(behind), axis=0))
+            found = (45.0 * odd[0] - 9.0 * odd[1] + odd[2]) / (60 * step)
+            fourth = (8.0 * odd[0] - odd[1]) / (12 * step)
+            off = np.max(np.abs(found - fourth), axis=0) + rounding * largest / step
+            better = off < error
+            best, error = np.where(better, found, best), np.where(better, off, error)
+    return np.asarray(best * size, dtype=np.float64)
 
 
 def linear_solve(A: Array, b: Array) -> Array:

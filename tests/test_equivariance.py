@@ -37,7 +37,9 @@ def test_the_transformed_system_is_the_same_system_in_other_variables() -> None:
         assert np.array_equal(inverse.T @ problem.gradient(y), other.gradient(z)), name
 
 
-@pytest.mark.parametrize("scheme", [schemes.energy_preserving, schemes.euler_heun, schemes.explicit(8)])
+@pytest.mark.parametrize(
+    "scheme", [schemes.energy_preserving, schemes.milstein, schemes.euler_maruyama, schemes.explicit(8)]
+)
 def test_methods_of_the_field_alone_are_affine(scheme) -> None:  # type: ignore[no-untyped-def]
     (finding,) = verify(scheme, laws=["equivariance"], effort=Effort(examples=15)).findings
     assert finding.verdict is Verdict.HOLDS, finding.message
