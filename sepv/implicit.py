@@ -35,6 +35,8 @@ STAGNATION = float(np.sqrt(_EPS))
 # … and when the residual is rounding too: a few hundred operations stand behind R, each rounded at the scale of y.
 # Without this, corrections that shrink slowly (Newton's matrix is approximate for some H) pass for stagnation.
 ROUNDING = 256 * _EPS
+# Differences of R are taken for so many lanes at a time: beyond, memory grows and nothing is gained.
+LANES = 256
 # The rounding of a sum of a dozen terms, beside their absolute values: far below the K of `sepv.tolerance`.
 TERMS = 16 * _EPS
 
@@ -463,8 +465,8 @@ def into_domain(
 def _slopes(equations: Equations, z: Array, numbers: NDArray[np.intp], base: Array) -> tuple[Array, int]:
     """∂R/∂z by differences, and their n evaluations."""
     reach, domain = (equations.size[:, numbers] + np.abs(z)).max(axis=0), equations.inside
-    inside = None if domain is None else lambda at: domain(at, numbers)
-    R = lambda at: equations.evaluate(at, numbers).right_side.value  # noqa: E731
+    inside = None if domain is None else lambda at, lanes: domain(at, numbers[lanes])
+    R = lambda at, lanes: equations.evaluate(at, numbers[lanes]).right_side.value  # noqa: E731
     return _differences(R, inside, z, base, reach), z.shape[0]
 
 
@@ -472,20 +474,36 @@ def _difference_jacobian(
     problem: Problem, y0: Array, y1: Array, step: Array, increment: IncrementFunction, base: Array
 ) -> Array:
     """∂R/∂y1 by differences. Their error of about √eps costs Newton one iteration, not accuracy."""
-    reach = np.maximum(np.abs(y0), np.abs(y1)).max(axis=0)
-    return _differences(lambda at: increment(problem, y0, at, step).value, problem.domain, y1, base, reach)
+    reach, domain = np.maximum(np.abs(y0), np.abs(y1)).max(axis=0), problem.domain
+    inside = None if domain is None else lambda at, _: domain(at)
+    R = lambda at, lanes: increment(problem, y0[:, lanes], at, step[:, lanes]).value  # noqa: E731
+    return _differences(R, inside, y1, base, reach)
 
 
 def _differences(
-    R: Callable[[Array], Array], inside: Callable[[Array], Any] | None, z: Array, base: Array, reach: Array
+    R: Callable[[Array, NDArray[np.intp]], Array],
+    inside: Callable[[Array, NDArray[np.intp]], Any] | None,
+    z: Array,
+    base: Array,
+    reach: Array,
 ) -> Array:
-    """∂R/∂z by forward differences, backward ones where those leave the domain; `reach` (M,) is the size of z."""
+    """∂R/∂z by forward differences, backward ones where those leave the domain; `reach` (M,) is the size of z.
+
+    R and `inside` are asked for several components at once, as lanes, for few lanes; they are told the lanes' numbers.
+    """
+    n, M = z.shape
     width = STAGNATION * np.maximum(reach, _TINY)
-    columns = []
-    for k in range(z.shape[0]):
-        shifted = z.copy()
-        shifted[k] += width
+    found = np.empty((len(base), n, M))
+    together = max(1, LANES // max(M, 1))
+    for first in range(0, n, together):
+        columns = np.arange(first, min(first + together, n))
+        own = columns, np.arange(len(columns))
+        lanes = np.tile(np.arange(M), len(columns))
+        shifted = np.repeat(z[:, None], len(columns), axis=1)
+        shifted[own] += width
         if inside is not None:
-            shifted[k] = np.where(inside(shifted), shifted[k], z[k] - width)
-        columns.append((R(shifted) - base) / (shifted[k] - z[k]))
-    return np.stack(columns, axis=1)
+            within = np.reshape(inside(shifted.reshape(n, -1), lanes), (-1, M))
+            shifted[own] = np.where(within, shifted[own], z[columns] - width)
+        values = R(shifted.reshape(n, -1), lanes).reshape(len(base), -1, M)
+        found[:, columns] = (values - base[:, None]) / (shifted[own] - z[columns])
+    return found

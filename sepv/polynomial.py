@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -122,47 +122,134 @@ def gradient(p: Polynomial) -> tuple[Polynomial, ...]:
     return tuple(differentiate(p, i) for i in range(p.dimension))
 
 
+# Products and sums of a map, times states, up to which a loop over numbers beats NumPy's overhead of a call.
+FEW_OPERATIONS = 1000
+
+
+class _Program(NamedTuple):
+    """How a map is evaluated: factors of the monomials, then what is added to which row.
+
+    Powers y_i^k have the number i + d·k, k from 0 on.
+
+    Attributes
+    ----------
+    factors : for each monomial the powers to multiply, those with exponent 0 left out
+    rows : (row, ((coefficient, monomial), …)), rows without terms left out, in decreasing number of terms
+    top : the largest exponent of one variable
+    operations : products and sums, about
+    """
+
+    factors: list[tuple[int, ...]]
+    rows: list[tuple[int, list[tuple[float, int]]]]
+    top: int
+    operations: int
+
+
+class _Layers(NamedTuple):
+    """The same in arrays: the n-th factors of all monomials (y_1⁰ = 1 where there is none), and the n-th terms."""
+
+    factors: list[NDArray[np.intp]]
+    terms: list[tuple[NDArray[np.float64], NDArray[np.intp]]]
+    rows: NDArray[np.intp]
+
+
 @dataclass(frozen=True)
 class PolynomialMap:
     """Several polynomials evaluated together: their distinct monomials once, then one sum a row.
 
-    Sums run strictly in order (`cumsum`, not a BLAS product), so the bits of one state do not depend
-    on how many states are evaluated with it.
+    Products and sums run strictly in order, over numbers for few states and over arrays for many (not by a BLAS
+    product or NumPy's pairwise sum), so the bits of one state do not depend on how many are evaluated with it.
     """
 
     shape: tuple[int, ...]
     rows: tuple[Polynomial, ...]
 
     @cached_property
-    def _table(self) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    def _program(self) -> _Program:
         d = self.rows[0].dimension
-        monomials = sorted({e for p in self.rows for e, _ in p.terms}) or [(0,) * d]
+        monomials = sorted({e for p in self.rows for e, _ in p.terms})
         index = {e: t for t, e in enumerate(monomials)}
-        coefficients = np.zeros((len(self.rows), len(monomials)))
-        for r, p in enumerate(self.rows):
-            for e, c in p.terms:
-                coefficients[r, index[e]] = c
-        return np.array(monomials, dtype=np.intp).reshape(len(monomials), d), coefficients
+        factors = [tuple(i + d * k for i, k in enumerate(e) if k) for e in monomials]
+        # In the order of the monomials, not of the terms.
+        rows = [
+            (r, [(c, t) for t, c in sorted((index[e], c) for e, c in p.terms)])
+            for r, p in enumerate(self.rows)
+            if p.terms
+        ]
+        rows.sort(key=lambda row: -len(row[1]))
+        top = max((max(e, default=0) for e in monomials), default=0)
+        operations = d * top + sum(map(len, factors)) + sum(len(terms) for _, terms in rows) + len(self.rows)
+        return _Program(factors, rows, top, operations)
+
+    @cached_property
+    def _layers(self) -> _Layers:
+        factors, rows, _, _ = self._program
+        terms = []
+        for n in range(len(rows[0][1]) if rows else 0):
+            layer = [row[n] for _, row in rows if n < len(row)]
+            terms.append((np.array([c for c, _ in layer]), np.array([t for _, t in layer])))
+        most = max(1, *map(len, factors)) if factors else 0
+        return _Layers(
+            [np.array([f[n] if n < len(f) else 0 for f in factors]) for n in range(most)],
+            terms,
+            np.array([r for r, _ in rows], dtype=np.intp),
+        )
+
+    @cached_property
+    def _absolute(self) -> PolynomialMap:
+        rows = (Polynomial(p.dimension, tuple((e, abs(c)) for e, c in p.terms)) for p in self.rows)
+        return PolynomialMap(self.shape, tuple(rows))
 
     def __call__(self, y: ArrayLike) -> NDArray[Any]:
         """Values of shape (*shape, *y.shape[1:]) at y of shape (d, ...), in the dtype of y."""
-        return self._evaluate(np.asarray(y), self._table[1])
+        y = np.asarray(y)
+        lanes = y.reshape(len(y), -1)
+        few = self._program.operations * lanes.shape[1] <= FEW_OPERATIONS and y.dtype == np.float64
+        values = self._by_numbers(lanes) if few else self._by_arrays(lanes)
+        return values.reshape((*self.shape, *y.shape[1:]))
 
     def majorant(self, y: ArrayLike) -> NDArray[Any]:
         """Σ |c_t| Π |y_i|^e_i: what rounding errors of the sum are relative to."""
-        return self._evaluate(np.abs(np.asarray(y)), np.abs(self._table[1]))
+        return self._absolute(np.abs(np.asarray(y)))
 
-    def _evaluate(self, y: NDArray[Any], coefficients: NDArray[np.float64]) -> NDArray[Any]:
-        exponents = self._table[0]
-        powers = [np.ones_like(y)]
-        for _ in range(int(exponents.max(initial=0))):
-            powers.append(powers[-1] * y)
-        power = np.stack(powers, axis=1)
-        monomials = power[0, exponents[:, 0]]
-        for i in range(1, exponents.shape[1]):
-            monomials = monomials * power[i, exponents[:, i]]
-        products = coefficients.reshape(*coefficients.shape, *(1,) * (y.ndim - 1)) * monomials[None]
-        return np.cumsum(products, axis=1)[:, -1].reshape((*self.shape, *y.shape[1:]))
+    def _by_numbers(self, y: NDArray[Any]) -> NDArray[Any]:
+        factors, rows, top, _ = self._program
+        values = np.zeros((len(self.rows), y.shape[1]))
+        for lane, state in enumerate(y.T.tolist()):
+            powers = last = [1.0] * len(state)
+            for _ in range(top):
+                last = [a * b for a, b in zip(last, state, strict=True)]
+                powers = powers + last
+            monomials = []
+            for numbers in factors:
+                product = 1.0
+                for number in numbers:
+                    product *= powers[number]
+                monomials.append(product)
+            for r, terms in rows:
+                total = 0.0
+                for c, t in terms:
+                    total += c * monomials[t]
+                values[r, lane] = total
+        return values
+
+    def _by_arrays(self, y: NDArray[Any]) -> NDArray[Any]:
+        (d, lanes), layers = y.shape, self._layers
+        powers = np.ones((self._program.top + 1, d, lanes), dtype=y.dtype)
+        for k in range(self._program.top):
+            powers[k + 1] = powers[k] * y
+        powers = powers.reshape(-1, lanes)
+        values = np.zeros((len(self.rows), lanes), dtype=np.result_type(y, np.float64))
+        if not len(layers.rows):
+            return values
+        monomials = powers[layers.factors[0]]
+        for numbers in layers.factors[1:]:
+            monomials *= powers[numbers]
+        totals = np.zeros((len(layers.rows), lanes), dtype=values.dtype)
+        for coefficients, numbers in layers.terms:
+            totals[: len(numbers)] += coefficients[:, None] * monomials[numbers]
+        values[layers.rows] = totals
+        return values
 
 
 def to_json(p: Polynomial) -> list[list[Any]]:
