@@ -52,50 +52,53 @@ def transformations(y: Array) -> list[tuple[str, Array, Array, Array]]:
     ]
 
 
-def substitute(p: Polynomial, rows: Array, b: Array) -> Polynomial:
-    """p(Q(z − b)) for the matrix Q; exact for small dyadic coefficients, else rounded as by an evaluation more."""
-    d = p.dimension
-    forms = [
+def inverse_map(rows: Array, b: Array) -> list[Polynomial]:
+    """The components of Q(z − b) for the matrix Q."""
+    d = len(b)
+    return [
         poly.add(
             poly.constant(d, -float(row @ b)),
-            *(poly.scale(float(q), poly.variable(d, k)) for k, q in enumerate(row)),
+            *(poly.scale(q, poly.variable(d, k)) for k, q in enumerate(row.tolist())),
         )
         for row in rows
     ]
-    total = poly.polynomial(d, {})
+
+
+def substitute(p: Polynomial, forms: list[Polynomial]) -> Polynomial:
+    """p of the forms; exact for small dyadic coefficients, else rounded as by an evaluation more."""
+    products = [poly.polynomial(p.dimension, {})]
     for exponents, coefficient in p.terms:
-        term = poly.constant(d, coefficient)
+        term = poly.constant(p.dimension, coefficient)
         for form, exponent in zip(forms, exponents, strict=True):
             for _ in range(exponent):
                 term = poly.multiply(term, form)
-        total = poly.add(total, term)
-    return total
+        products.append(term)
+    return poly.add(*products)
 
 
 def transformed(system: PolynomialSystem, P: Array, inverse: Array, b: Array) -> PolynomialSystem:
     """The system of z = Py + b: H(P⁻¹(z − b)) and P B(P⁻¹(z − b)) Pᵀ."""
-    d = system.dimension
-    H = substitute(system.hamiltonian, inverse, b)
+    d, forms = system.dimension, inverse_map(inverse, b)
+    H = substitute(system.hamiltonian, forms)
     if system.nambu is not None:
         # P hat(c) Pᵀ = det(P) hat(P⁻ᵀc): the factor takes the determinant, and C goes with H.
-        g, C = (substitute(p, inverse, b) for p in system.nambu)
+        g, C = (substitute(p, forms) for p in system.nambu)
         return nambu_system(H, poly.scale(float(round(np.linalg.det(P))), g), C, system.noise)
-    B, *G = (_congruent(d, part, P, inverse, b) for part in (system.structure, *system.noise_structures))
+    B, *G = (_congruent(d, part, P, forms) for part in (system.structure, *system.noise_structures))
     return PolynomialSystem(d, H, B, system.noise, noise_structures=tuple(G))
 
 
 def _congruent(
-    d: int, structure: tuple[tuple[int, int, Polynomial], ...], P: Array, inverse: Array, shift: Array
+    d: int, structure: tuple[tuple[int, int, Polynomial], ...], P: Array, forms: list[Polynomial]
 ) -> tuple[tuple[int, int, Polynomial], ...]:
-    """P B(P⁻¹(z − shift)) Pᵀ above the diagonal."""
-    old = {(i, j): substitute(entry, inverse, shift) for i, j, entry in structure}
+    """P B Pᵀ above the diagonal, for B of the forms."""
+    old = [(i, j, substitute(entry, forms)) for i, j, entry in structure]
+    rows = P.tolist()
     entries = []
-    for a in range(d):
-        for b in range(a + 1, d):
-            parts = [
-                poly.scale(float(P[a, i] * P[b, j] - P[a, j] * P[b, i]), entry)
-                for (i, j), entry in old.items()
-            ]
+    for a, p in enumerate(rows):
+        for b, q in enumerate(rows[a + 1 :], a + 1):
+            minors = ((p[i] * q[j] - p[j] * q[i], entry) for i, j, entry in old)
+            parts = [poly.scale(minor, entry) for minor, entry in minors if minor]
             entry = poly.add(poly.polynomial(d, {}), *parts)
             if entry.terms:
                 entries.append((a, b, entry))

@@ -497,13 +497,13 @@ def _differences(
     together = max(1, LANES // max(M, 1))
     for first in range(0, n, together):
         columns = np.arange(first, min(first + together, n))
-        own = columns, np.arange(len(columns))
-        lanes = np.tile(np.arange(M), len(columns))
-        shifted = np.repeat(z[:, None], len(columns), axis=1)
+        count = len(columns)
+        own, lanes = (columns, np.arange(count)), np.tile(np.arange(M), count)
+        shifted = np.repeat(z[:, None], count, axis=1)
         shifted[own] += width
         if inside is not None:
-            within = np.reshape(inside(shifted.reshape(n, -1), lanes), (-1, M))
+            within = np.reshape(inside(shifted.reshape(n, count * M), lanes), (count, M))
             shifted[own] = np.where(within, shifted[own], z[columns] - width)
-        values = R(shifted.reshape(n, -1), lanes).reshape(len(base), -1, M)
+        values = R(shifted.reshape(n, count * M), lanes).reshape(len(base), count, M)
         found[:, columns] = (values - base[:, None]) / (shifted[own] - z[columns])
     return found

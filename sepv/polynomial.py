@@ -6,9 +6,10 @@ evaluated by mpmath at any precision exactly as it is evaluated here in binary64
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import isfinite
 from typing import Any, NamedTuple
 
@@ -54,7 +55,7 @@ def polynomial(
     """
     merged: dict[Exponents, float] = {}
     for exponents, coefficient in terms.items() if isinstance(terms, Mapping) else terms:
-        key = tuple(int(e) for e in exponents)
+        key = tuple(map(int, exponents))
         if len(key) != dimension or min(key, default=0) < 0:
             raise UsageError(
                 expected=f"{dimension} exponents ≥ 0 for each term",
@@ -67,13 +68,17 @@ def polynomial(
                 received=f"exponents {key}",
                 remedy="powers are tabulated one by one: such a degree is a function, not a table",
             )
-        if not np.isfinite(coefficient):
+        if not isfinite(coefficient):
             raise UsageError(
                 expected="finite coefficients",
                 received=f"{coefficient!r} at exponents {key}",
                 remedy="leave the term out, or give it a finite value",
             )
         merged[key] = merged.get(key, 0.0) + float(coefficient)
+    return _canonical(dimension, merged)
+
+
+def _canonical(dimension: int, merged: dict[Exponents, float]) -> Polynomial:
     kept = sorted(((e, c) for e, c in merged.items() if c != 0.0), key=lambda t: (sum(t[0]), t[0][::-1]))
     return Polynomial(dimension, tuple(kept))
 
@@ -83,6 +88,7 @@ def constant(dimension: int, value: float) -> Polynomial:
     return polynomial(dimension, {(0,) * dimension: value})
 
 
+@lru_cache(maxsize=1024)
 def variable(dimension: int, index: int) -> Polynomial:
     """The coordinate y_index."""
     return Polynomial(dimension, ((tuple(int(i == index) for i in range(dimension)), 1.0),))
@@ -90,19 +96,28 @@ def variable(dimension: int, index: int) -> Polynomial:
 
 def add(*summands: Polynomial) -> Polynomial:
     """The sum of polynomials in the same variables."""
-    return polynomial(summands[0].dimension, [t for p in summands for t in p.terms])
+    some = [p for p in summands if p.terms]
+    if len(some) <= 1:
+        return some[0] if some else summands[0]
+    merged: dict[Exponents, float] = {}
+    for p in some:
+        for e, c in p.terms:
+            merged[e] = merged.get(e, 0.0) + c
+    return _canonical(some[0].dimension, merged)
 
 
 def multiply(p: Polynomial, q: Polynomial) -> Polynomial:
     """The product; exact where the coefficients' products and sums are (small dyadic rationals)."""
-    return polynomial(
-        p.dimension,
-        [(tuple(a + b for a, b in zip(e, f, strict=True)), c * g) for e, c in p.terms for f, g in q.terms],
-    )
+    terms = [(tuple(map(operator.add, e, f)), c * g) for e, c in p.terms for f, g in q.terms]
+    if len(q.terms) == 1 and p.degree + q.degree <= MAX_DEGREE and all(c and isfinite(c) for _, c in terms):
+        return Polynomial(p.dimension, tuple(terms))  # the same exponents more in each term keep the order
+    return polynomial(p.dimension, terms)
 
 
 def scale(factor: float, p: Polynomial) -> Polynomial:
     """factor · p."""
+    if factor == 0:
+        return Polynomial(p.dimension, ())
     scaled = tuple((e, factor * c) for e, c in p.terms)
     if all(c and isfinite(c) for _, c in scaled):
         return Polynomial(p.dimension, scaled)

@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
+from itertools import product
 from random import Random
 from typing import NamedTuple
 
@@ -173,13 +174,26 @@ class Space:
 
     def forbidden(self, row: Partial) -> str:
         """Why the strata chosen so far cannot go together; empty where they can."""
-        chosen = {a.name: a.strata[k] for a, k in zip(self.axes, row, strict=True) if k is not None}
-        for rule in self.rules:
-            if all(name in chosen for name in rule.axes) and rule.forbids(
-                *(chosen[name] for name in rule.axes)
-            ):
+        for rule, axes, refused in self._refusals:
+            if tuple([row[a] for a in axes]) in refused:
                 return rule.reason
         return ""
+
+    @cached_property
+    def _refusals(self) -> list[tuple[Rule, tuple[int, ...], set[tuple[int, ...]]]]:
+        """For each rule about these axes their numbers, and the strata that it forbids together."""
+        numbers = {axis.name: a for a, axis in enumerate(self.axes)}
+        found = []
+        for rule in self.rules:
+            if all(name in numbers for name in rule.axes):
+                axes = tuple(numbers[name] for name in rule.axes)
+                levels = product(*(range(len(self.axes[a].strata)) for a in axes))
+                strata = [self.axes[a].strata for a in axes]
+                refused = {
+                    row for row in levels if rule.forbids(*(s[k] for s, k in zip(strata, row, strict=True)))
+                }
+                found.append((rule, axes, refused))
+        return found
 
     @property
     def hiding(self) -> frozenset[tuple[int, int]]:

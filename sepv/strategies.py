@@ -7,6 +7,7 @@ H = ½|y|², B = J or hat(y), c = (1), h = 1.
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import combinations, permutations
 
 import numpy as np
@@ -25,12 +26,23 @@ from sepv.structures import StructuresProblem
 CONTRACTION = 0.25
 
 
+# Strategies are made once: Hypothesis validates each that is made anew, which costs as much as its draws.
+_SIGNS = st.sampled_from([1.0, -1.0])
+_KINDS = st.sampled_from(["kinetic", *["kinetic and more", "any"] * 2])
+# Every fourth step or so is short: what is right for long steps may be cut short for those.
+_LENGTHS = st.sampled_from([1.0, 1.0, 1.0, 2.0**-10])
+# A quadrature error grows like the length to the power of the degree: half of all parts are whole.
+_PARTS = st.one_of(st.just(1.0), st.floats(0, 1 - 2.0**-10).map(lambda x: 1 - x))
+
+
+@cache
 def coefficients(largest: int = 8) -> st.SearchStrategy[float]:
     """Multiples of 1/4 between ±largest/4, not zero. Examples shrink towards 1."""
     magnitudes = st.integers(0, largest - 1).map(lambda k: ((k + 3) % largest + 1) / 4)
-    return st.builds(lambda sign, size: sign * size, st.sampled_from([1.0, -1.0]), magnitudes)
+    return st.builds(lambda sign, size: sign * size, _SIGNS, magnitudes)
 
 
+@cache
 def components(bound: float = 2.0) -> st.SearchStrategy[float]:
     """Components of a state in ±bound; below 1e-6 they are zero. Examples shrink towards 1 and 0.
 
@@ -40,34 +52,45 @@ def components(bound: float = 2.0) -> st.SearchStrategy[float]:
     return st.one_of(st.sampled_from([1.0, 0.0, -1.0]), spread)
 
 
+@cache
 def dimensions(least: int, most: int) -> st.SearchStrategy[int]:
     """Dimensions, half of them one of the two smallest: steps there are longest within their radius."""
     return st.one_of(st.integers(least, min(least + 1, most)), st.integers(least, most))
 
 
+@cache
+def _degrees(least: int, degree: int) -> st.SearchStrategy[int]:
+    return st.one_of(st.integers(least, degree), st.just(degree))
+
+
+@cache
 @st.composite
 def monomials(draw: st.DrawFn, dimension: int, degree: int, *, least: int = 1) -> tuple[int, ...]:
     """Exponents of total degree between `least` and `degree`, often the highest. Examples shrink towards y1^least."""
-    total = draw(st.one_of(st.integers(least, degree), st.just(degree)))
-    exponents = [0] * dimension
-    for _ in range(total):
-        exponents[draw(st.integers(0, dimension - 1))] += 1
+    exponents, index = [0] * dimension, st.integers(0, dimension - 1)
+    for _ in range(draw(_degrees(least, degree))):
+        exponents[draw(index)] += 1
     return tuple(exponents)
 
 
+@cache
+def _terms(
+    dimension: int, degree: int, least: int, most: int
+) -> st.SearchStrategy[list[tuple[tuple[int, ...], float]]]:
+    term = st.tuples(monomials(dimension, degree, least=least), coefficients())
+    return st.lists(term, min_size=1, max_size=most)
+
+
+@cache
 @st.composite
 def polynomials(
     draw: st.DrawFn, dimension: int, degree: int, *, least: int = 1, terms: int = 5
 ) -> Polynomial:
     """Polynomials with one to `terms` terms. Examples shrink towards y1^least."""
-    drawn = draw(
-        st.lists(
-            st.tuples(monomials(dimension, degree, least=least), coefficients()), min_size=1, max_size=terms
-        )
-    )
-    return poly.polynomial(dimension, drawn)
+    return poly.polynomial(dimension, draw(_terms(dimension, degree, least, terms)))
 
 
+@cache
 @st.composite
 def hamiltonians(draw: st.DrawFn, dimension: int, degree: int = 6, *, least: int = 1) -> Polynomial:
     """Polynomial H. Examples shrink towards ½|y|² (towards y1 for degree 1)."""
@@ -79,7 +102,7 @@ def hamiltonians(draw: st.DrawFn, dimension: int, degree: int = 6, *, least: int
     )
     if degree < 2:
         return draw(polynomials(dimension, degree, least=min(least, degree)))
-    kind = draw(st.sampled_from(["kinetic", *["kinetic and more", "any"] * 2]))
+    kind = draw(_KINDS)
     if kind == "kinetic":
         return kinetic
     more = draw(polynomials(dimension, degree, least=least))
@@ -92,6 +115,7 @@ def canonical(dimension: int) -> tuple[tuple[int, int, Polynomial], ...]:
     return tuple((2 * k, 2 * k + 1, poly.constant(dimension, -1.0)) for k in range(dimension // 2))
 
 
+@cache
 @st.composite
 def skew_structures(
     draw: st.DrawFn, dimension: int, degree: int = 3
@@ -110,6 +134,7 @@ def skew_structures(
     return tuple((i, j, draw(polynomials(dimension, degree, least=0, terms=3))) for i, j in sorted(pairs))
 
 
+@cache
 @st.composite
 def symmetric_matrices(draw: st.DrawFn, dimension: int) -> tuple[tuple[float, ...], ...]:
     """Symmetric integer matrices, not zero. Examples shrink towards the identity."""
@@ -149,6 +174,7 @@ def casimir_systems(draw: st.DrawFn, degree: int = 6, *, largest: int = 6) -> Po
     return PolynomialSystem(d, draw(hamiltonians(d, degree)), B, draw(noises()), quadratic, linear)
 
 
+@cache
 def noises(least: int = 0, most: int = 3) -> st.SearchStrategy[tuple[float, ...]]:
     """Noise coefficients c_j ≥ 0. Examples shrink towards (1)."""
     some = st.lists(st.sampled_from([1.0, 0.5, 2.0, 0.25, 0.0]), min_size=max(least, 1), max_size=most).map(
@@ -210,14 +236,10 @@ def any_steps() -> st.SearchStrategy[Case]:
 def steps_within(draw: st.DrawFn, data: Description, y: tuple[float, ...], radius: float) -> Case:
     """|h| + Σ|c_j ΔW_j| ≤ radius, each part a share of it."""
     c = problems.build(data).c
-    # Every fourth step or so is short: what is right for long steps may be cut short for those.
-    length = radius * draw(st.sampled_from([1.0, 1.0, 1.0, 2.0**-10]))
+    length = radius * draw(_LENGTHS)
     share = length / (1 + np.count_nonzero(c))
-    # A quadrature error grows like the length to the power of the degree: half of all parts are whole.
-    sizes = st.one_of(st.just(1.0), st.floats(0, 1 - 2.0**-10).map(lambda x: 1 - x))
-    signs = st.sampled_from([1.0, -1.0])
-    h = min(1.0, share * draw(sizes))
-    dW = tuple(float(draw(signs) * draw(sizes) * (share / cj if cj else 1.0)) for cj in c)
+    h = min(1.0, share * draw(_PARTS))
+    dW = tuple(float(draw(_SIGNS) * draw(_PARTS) * (share / cj if cj else 1.0)) for cj in c)
     return Case(data, y, float(h), dW)
 
 
