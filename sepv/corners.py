@@ -25,7 +25,7 @@ _LONGEST = {"lotka-volterra": 2.0**-5}
 
 @cache
 def corners() -> tuple[Case, ...]:
-    """Polynomial systems of degree 5 and 6 at their contraction radius, and long steps of the paper's problems."""
+    """Polynomial systems of degree 5 and 6 at their contraction radius, long steps of the paper's problems, a fast pendulum."""
     return (*_polynomial(), *_papers())
 
 
@@ -93,6 +93,10 @@ def _papers() -> list[Case]:
         y = tuple(float(v) for v in np.asarray(problem.initial))
         for sign in (1.0, -1.0):
             found.append(_split(problem.data, y, _LONGEST.get(name, 0.5), sign))
+    # A fast pendulum, whose angle moves by 1.5: H has no degree, and four nodes are not enough.
+    fast = problems.by_name("pendulum").data
+    assert isinstance(fast, NamedProblem)
+    found += [_split(fast, (3.0, 1.0), 0.5, sign) for sign in (1.0, -1.0)]
     return found
 
 
