@@ -25,7 +25,7 @@ _LONGEST = {"lotka-volterra": 2.0**-5}
 
 @cache
 def corners() -> tuple[Case, ...]:
-    """Polynomial systems of degree 5 and 6 at their contraction radius, long steps of the paper's problems, a fast pendulum."""
+    """Polynomial systems of degree 5 and 6 at their contraction radius, long steps of the paper's problems."""
     return (*_polynomial(), *_papers())
 
 
