@@ -106,7 +106,7 @@ def judge(defects: Array, predicted: float, solver_tolerance: float = 0.0) -> li
 
     A solver's stated tolerance, relative to |y|, moves H by as many eps of |∇H||y| in each step, all of one sign.
     """
-    from scipy.stats import f, t
+    from scipy.special import fdtri, stdtrit  # scipy.stats would take a second to import
 
     paths = defects.shape[1]
     n = FIRST * 2.0 ** np.arange(len(defects))
@@ -122,7 +122,7 @@ def judge(defects: Array, predicted: float, solver_tolerance: float = 0.0) -> li
     )
     mean = float(np.mean(defects[-1]))
     error = max(float(np.std(defects[-1], ddof=1)), predicted * root) / np.sqrt(paths)
-    allowed = BIAS * predicted * last + float(t.isf(LEVEL / 2, paths - 1)) * error
+    allowed = BIAS * predicted * last - float(stdtrit(paths - 1, LEVEL / 2)) * error
     drift = Judged(
         "drift",
         abs(mean) / root,
@@ -133,7 +133,7 @@ def judge(defects: Array, predicted: float, solver_tolerance: float = 0.0) -> li
     growth = Judged(
         "growth",
         float(rms[-1]),
-        before * float(np.sqrt(f.isf(LEVEL, paths, paths))) + stated + TINY,
+        before / float(np.sqrt(fdtri(paths, paths, LEVEL))) + stated + TINY,
         f"growth n^{np.polyfit(np.log(n), np.log(rms * np.sqrt(n) + 1e-300), 1)[0]:.2f}",
     )
     return [size, growth, drift]

@@ -19,6 +19,8 @@ _EPS = float(np.finfo(np.float64).eps)
 # Adaptive rule: doubled until two rules agree. 128 nodes resolve integrands analytic within about a
 # tenth of the segment's length of it; what is rougher is reported, not returned as if it were right.
 _LADDER = (4, 8, 16, 32, 64, 128)
+# Numbers in a batch of states up to which H″ at all nodes is one call: beyond, memory grows and nothing is gained.
+FEW = 512
 
 
 class Average(NamedTuple):
@@ -78,18 +80,28 @@ def average_hessian(problem: Problem, y0: Array, y1: Array, *, weighted: bool = 
         return None
     nodes = 3 if problem.degree is None else max(1, -(-problem.degree // 2))
     points, weights = gauss_legendre(nodes)
+    factors = weights * points if weighted else weights
     total = np.zeros((problem.dimension, *y0.shape))
-    for tau, weight in zip(points, weights, strict=True):
-        total = total + (weight * tau if weighted else weight) * problem.hessian(y0 + tau * (y1 - y0))
+    if y0.size <= FEW:  # all nodes in one call
+        terms = problem.hessian(_on_segment(y0, y1, points))
+        for n, factor in enumerate(factors):
+            total = total + factor * terms[:, :, n]
+        return total
+    for tau, factor in zip(points, factors, strict=True):
+        total = total + factor * problem.hessian(y0 + tau * (y1 - y0))
     return total
+
+
+def _on_segment(y0: Array, y1: Array, points: Array) -> Array:
+    """y0 + τ(y1 − y0) for each τ, (d, nodes, ...)."""
+    return y0[:, None] + points.reshape(1, -1, *(1,) * (y0.ndim - 1)) * (y1 - y0)[:, None]
 
 
 def _quadrature(problem: Problem, y0: Array, y1: Array, nodes: int) -> tuple[Array, Array]:
     """The rule's value (d, ...), and the size of its terms (...), to which rounding is relative."""
     points, weights = gauss_legendre(nodes)
-    extra = (1,) * (y0.ndim - 1)
-    states = y0[:, None] + points.reshape(1, -1, *extra) * (y1 - y0)[:, None]
-    terms = problem.gradient(states) * weights.reshape(1, -1, *extra)
+    terms = problem.gradient(_on_segment(y0, y1, points))
+    terms = terms * weights.reshape(1, -1, *(1,) * (y0.ndim - 1))
     value, size = terms[:, 0], np.abs(terms[:, 0])
     for n in range(1, nodes):
         value, size = value + terms[:, n], size + np.abs(terms[:, n])

@@ -190,19 +190,25 @@ def quantile_slope(errors: StrongErrors, alpha: float) -> Estimate:
     quantile is binomial, so that order statistics enclose it with a probability that is known for every
     distribution (Clopper and Pearson 1934). Each of the four ends gets alpha/4.
     """
-    from scipy.stats import binom
-
     kept = np.flatnonzero(above_floor(errors))
     ordered = np.sort(errors.squared[[kept[0], kept[-1]]], axis=1)
     paths = ordered.shape[1]
-    low = int(binom.ppf(alpha / 4, paths, QUANTILE)) - 1
-    high = int(binom.ppf(1 - alpha / 4, paths, QUANTILE))
+    low = _binomial_quantile(alpha / 4, paths) - 1
+    high = _binomial_quantile(1 - alpha / 4, paths)
     span = 2 * np.log(errors.steps[kept[-1]] / errors.steps[kept[0]])
     if low < 0 or high >= paths:
         return Estimate(0.0, np.inf, alpha)
     (c_low, c_high), (f_low, f_high) = np.log(ordered[:, [low, high]])
     ends = np.array([c_low - f_high, c_high - f_low]) / span
     return Estimate(float(ends.mean()), float(np.ptp(ends)) / 2, alpha)
+
+
+def _binomial_quantile(level: float, paths: int) -> int:
+    """The smallest k with P(at most k of the paths lie below the QUANTILE) ≥ level."""
+    from scipy.special import bdtr, bdtrik  # scipy.stats would take a second to import
+
+    k = np.ceil(bdtrik(level, paths, QUANTILE))
+    return int(k - 1 if k >= 1 and bdtr(k - 1, paths, QUANTILE) >= level else k)
 
 
 def mean_square_order(

@@ -70,12 +70,16 @@ _TEXTS = {
 
 
 class Increment(NamedTuple):
-    """R(y0, y1) of shape (d, M), evaluations of ∇H and of B (M,), and where the quadrature is reliable."""
+    """R(y0, y1) of shape (d, M), evaluations of ∇H and of B (M,), and where the quadrature is reliable.
+
+    `parts` are what the Jacobian takes over instead of computing it again, as further arguments.
+    """
 
     value: Array
     gradients: np.ndarray
     structures: np.ndarray
     reliable: np.ndarray
+    parts: tuple[Array, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -112,7 +116,7 @@ class Solution:
 
 
 IncrementFunction = Callable[[Problem, Array, Array, Array], Increment]
-JacobianFunction = Callable[[Problem, Array, Array, Array], Array | None]
+JacobianFunction = Callable[..., Array | None]
 
 
 class Evaluation(NamedTuple):
@@ -163,7 +167,7 @@ def solve(
         What R needs of the step, lane by lane, such as Δ.
     increment : (problem, y0, y1, step) -> Increment
         R.
-    jacobian : (problem, y0, y1, step) -> (d, d, M) or None
+    jacobian : (problem, y0, y1, step, *parts) -> (d, d, M) or None
         ∂R/∂y1; None has it formed from differences of R.
     start : (d, M), optional
         A guess of y1 − y0; by default 0.
@@ -180,7 +184,7 @@ def solve(
         R = increment(problem, y, y + z, s)
 
         def slope() -> tuple[Array, int]:
-            K = jacobian(problem, y, y + z, s)
+            K = jacobian(problem, y, y + z, s, *R.parts)
             if K is not None:
                 return K, 0
             return _difference_jacobian(problem, y, y + z, s, increment, R.value), y.shape[0]

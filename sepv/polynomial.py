@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import isfinite
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -126,7 +126,7 @@ def scale(factor: float, p: Polynomial) -> Polynomial:
 
 def differentiate(p: Polynomial, index: int) -> Polynomial:
     """∂p/∂y_index."""
-    lowered = tuple((_shift(e, index), c * e[index]) for e, c in p.terms if e[index])
+    lowered = tuple([(_shift(e, index), c * e[index]) for e, c in p.terms if e[index]])
     if all(isfinite(c) for _, c in lowered):
         return Polynomial(p.dimension, lowered)  # one exponent less in each term keeps the canonical order
     return polynomial(p.dimension, lowered)
@@ -141,107 +141,66 @@ def gradient(p: Polynomial) -> tuple[Polynomial, ...]:
 FEW_OPERATIONS = 1000
 
 
-class _Program(NamedTuple):
-    """How a map is evaluated: factors of the monomials, then what is added to which row.
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """The sums of some monomials, as they are computed.
 
-    Powers y_i^k have the number i + d·k, k from 0 on.
+    Products and sums run strictly in order, over numbers for few states and over arrays for many (not by a BLAS
+    product or NumPy's pairwise sum): both ways give the same bits.
 
     Attributes
     ----------
-    factors : for each monomial the powers to multiply, those with exponent 0 left out
-    rows : (row, ((coefficient, monomial), …)), rows without terms left out, in decreasing number of terms
+    count : how many sums
+    factors : for each monomial the powers to multiply, those with exponent 0 left out; y_i^k has the number i + d·k
+    rows : (sum, ((coefficient, monomial), …)), those without terms left out, in decreasing number of terms
     top : the largest exponent of one variable
-    operations : products and sums, about
     """
 
+    count: int
     factors: list[tuple[int, ...]]
     rows: list[tuple[int, list[tuple[float, int]]]]
     top: int
-    operations: int
-
-
-class _Layers(NamedTuple):
-    """The same in arrays: the n-th factors of all monomials (y_1⁰ = 1 where there is none), and the n-th terms."""
-
-    factors: list[NDArray[np.intp]]
-    terms: list[tuple[NDArray[np.float64], NDArray[np.intp]]]
-    rows: NDArray[np.intp]
-
-
-@dataclass(frozen=True)
-class PolynomialMap:
-    """Several polynomials evaluated together: their distinct monomials once, then one sum a row.
-
-    Products and sums run strictly in order, over numbers for few states and over arrays for many (not by a BLAS
-    product or NumPy's pairwise sum), so the bits of one state do not depend on how many are evaluated with it.
-    """
-
-    shape: tuple[int, ...]
-    rows: tuple[Polynomial, ...]
 
     @cached_property
-    def _program(self) -> _Program:
-        d = self.rows[0].dimension
-        monomials = sorted({e for p in self.rows for e, _ in p.terms})
-        index = {e: t for t, e in enumerate(monomials)}
-        factors = [tuple(i + d * k for i, k in enumerate(e) if k) for e in monomials]
-        # In the order of the monomials, not of the terms.
-        rows = [
-            (r, [(c, t) for t, c in sorted((index[e], c) for e, c in p.terms)])
-            for r, p in enumerate(self.rows)
-            if p.terms
-        ]
-        rows.sort(key=lambda row: -len(row[1]))
-        top = max((max(e, default=0) for e in monomials), default=0)
-        operations = d * top + sum(map(len, factors)) + sum(len(terms) for _, terms in rows) + len(self.rows)
-        return _Program(factors, rows, top, operations)
+    def operations(self) -> int:
+        """Products and sums, about."""
+        return sum(map(len, self.factors)) + sum(len(terms) for _, terms in self.rows) + 4 * self.top
 
     @cached_property
-    def _layers(self) -> _Layers:
-        factors, rows, _, _ = self._program
+    def _layers(self) -> tuple[list[Any], list[tuple[Any, Any]], Any]:
+        """In arrays: the n-th factors of all monomials (y_1⁰ where there is none), the n-th terms, the rows."""
         terms = []
-        for n in range(len(rows[0][1]) if rows else 0):
-            layer = [row[n] for _, row in rows if n < len(row)]
+        for n in range(len(self.rows[0][1]) if self.rows else 0):
+            layer = [row[n] for _, row in self.rows if n < len(row)]
             terms.append((np.array([c for c, _ in layer]), np.array([t for _, t in layer])))
-        most = max(1, *map(len, factors)) if factors else 0
-        return _Layers(
-            [np.array([f[n] if n < len(f) else 0 for f in factors]) for n in range(most)],
-            terms,
-            np.array([r for r, _ in rows], dtype=np.intp),
-        )
+        most = max(map(len, self.factors), default=0) or 1
+        factors = [np.array([f[n] if n < len(f) else 0 for f in self.factors]) for n in range(most)]
+        return factors, terms, np.array([r for r, _ in self.rows], dtype=np.intp)
 
-    @cached_property
-    def _absolute(self) -> PolynomialMap:
-        rows = (Polynomial(p.dimension, tuple((e, abs(c)) for e, c in p.terms)) for p in self.rows)
-        return PolynomialMap(self.shape, tuple(rows))
+    def absolute(self) -> _Sums:
+        """With the absolute values of the coefficients."""
+        rows = [(r, [(abs(c), t) for c, t in terms]) for r, terms in self.rows]
+        return _Sums(self.count, self.factors, rows, self.top)
 
-    def __call__(self, y: ArrayLike) -> NDArray[Any]:
-        """Values of shape (*shape, *y.shape[1:]) at y of shape (d, ...), in the dtype of y."""
-        y = np.asarray(y)
-        lanes = y.reshape(len(y), -1)
-        few = self._program.operations * lanes.shape[1] <= FEW_OPERATIONS and y.dtype == np.float64
-        values = self._by_numbers(lanes) if few else self._by_arrays(lanes)
-        return values.reshape((*self.shape, *y.shape[1:]))
-
-    def majorant(self, y: ArrayLike) -> NDArray[Any]:
-        """Σ |c_t| Π |y_i|^e_i: what rounding errors of the sum are relative to."""
-        return self._absolute(np.abs(np.asarray(y)))
+    def __call__(self, y: NDArray[Any]) -> NDArray[Any]:
+        """(count, M) for y of shape (d, M)."""
+        few = self.operations * y.shape[1] <= FEW_OPERATIONS and y.dtype == np.float64
+        return self._by_numbers(y) if few else self._by_arrays(y)
 
     def _by_numbers(self, y: NDArray[Any]) -> NDArray[Any]:
-        factors, rows, top, _ = self._program
-        values = np.zeros((len(self.rows), y.shape[1]))
+        values = np.zeros((self.count, y.shape[1]))
         for lane, state in enumerate(y.T.tolist()):
             powers = last = [1.0] * len(state)
-            for _ in range(top):
+            for _ in range(self.top):
                 last = [a * b for a, b in zip(last, state, strict=True)]
                 powers = powers + last
             monomials = []
-            for numbers in factors:
+            for numbers in self.factors:
                 product = 1.0
                 for number in numbers:
                     product *= powers[number]
                 monomials.append(product)
-            for r, terms in rows:
+            for r, terms in self.rows:
                 total = 0.0
                 for c, t in terms:
                     total += c * monomials[t]
@@ -249,22 +208,63 @@ class PolynomialMap:
         return values
 
     def _by_arrays(self, y: NDArray[Any]) -> NDArray[Any]:
-        (d, lanes), layers = y.shape, self._layers
-        powers = np.ones((self._program.top + 1, d, lanes), dtype=y.dtype)
-        for k in range(self._program.top):
-            powers[k + 1] = powers[k] * y
-        powers = powers.reshape(-1, lanes)
-        values = np.zeros((len(self.rows), lanes), dtype=np.result_type(y, np.float64))
-        if not len(layers.rows):
+        values = np.zeros((self.count, y.shape[1]), dtype=np.result_type(y, np.float64))
+        if not self.rows:
             return values
-        monomials = powers[layers.factors[0]]
-        for numbers in layers.factors[1:]:
+        factors, terms, rows = self._layers
+        powers = np.ones((self.top + 1, *y.shape), dtype=y.dtype)
+        for k in range(self.top):
+            powers[k + 1] = powers[k] * y
+        powers = powers.reshape(-1, y.shape[1])
+        monomials = powers[factors[0]]
+        for numbers in factors[1:]:
             monomials *= powers[numbers]
-        totals = np.zeros((len(layers.rows), lanes), dtype=values.dtype)
-        for coefficients, numbers in layers.terms:
+        totals = np.zeros((len(rows), y.shape[1]), dtype=values.dtype)
+        for coefficients, numbers in terms:
             totals[: len(numbers)] += coefficients[:, None] * monomials[numbers]
-        values[layers.rows] = totals
+        values[rows] = totals
         return values
+
+
+@dataclass(frozen=True)
+class PolynomialMap:
+    """Several polynomials evaluated together: their distinct monomials once, then one sum a row.
+
+    The bits of one state do not depend on how many states are evaluated with it.
+    """
+
+    shape: tuple[int, ...]
+    rows: tuple[Polynomial, ...]
+
+    @cached_property
+    def _sums(self) -> _Sums:
+        d = self.rows[0].dimension
+        monomials = sorted({e for p in self.rows for e, _ in p.terms})
+        index = {e: t for t, e in enumerate(monomials)}
+        # In the order of the monomials, not of the terms.
+        rows = [
+            (r, [(c, t) for t, c in sorted([(index[e], c) for e, c in p.terms])])
+            for r, p in enumerate(self.rows)
+            if p.terms
+        ]
+        rows.sort(key=lambda row: -len(row[1]))
+        factors = [tuple([i + d * k for i, k in enumerate(e) if k]) for e in monomials]
+        return _Sums(len(self.rows), factors, rows, max((k for e in monomials for k in e), default=0))
+
+    @cached_property
+    def _majorants(self) -> _Sums:
+        return self._sums.absolute()
+
+    def __call__(self, y: ArrayLike) -> NDArray[Any]:
+        """Values of shape (*shape, *y.shape[1:]) at y of shape (d, ...), in the dtype of y."""
+        return self._evaluate(np.asarray(y), self._sums)
+
+    def majorant(self, y: ArrayLike) -> NDArray[Any]:
+        """Σ |c_t| Π |y_i|^e_i: what rounding errors of the sum are relative to."""
+        return self._evaluate(np.abs(np.asarray(y)), self._majorants)
+
+    def _evaluate(self, y: NDArray[Any], sums: _Sums) -> NDArray[Any]:
+        return sums(y.reshape(len(y), -1)).reshape((*self.shape, *y.shape[1:]))
 
 
 def to_json(p: Polynomial) -> list[list[Any]]:

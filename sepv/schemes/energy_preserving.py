@@ -19,20 +19,28 @@ def increment(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
     """Δ B(ȳ) ∇̄H: the right side of (2.1) without y0; `step` is (1, M), holding Δ."""
     mean = average_gradient(problem, y0, y1)
     B = problem.structure(y0 + 0.5 * (y1 - y0))
-    return Increment(
-        step[0] * matvec(B, mean.value), mean.evaluations, np.ones_like(mean.evaluations), mean.reliable
-    )
+    value, once = step[0] * matvec(B, mean.value), np.ones_like(mean.evaluations)
+    return Increment(value, mean.evaluations, once, mean.reliable, parts=(mean.value, B))
 
 
-def jacobian(problem: Problem, y0: Array, y1: Array, step: Array) -> Array | None:
-    """∂/∂y1 of `increment`: Δ(½ B′(ȳ)[·]∇̄H + B(ȳ) ∫τH″dτ)."""
+def jacobian(
+    problem: Problem,
+    y0: Array,
+    y1: Array,
+    step: Array,
+    mean: Array | None = None,
+    B: Array | None = None,
+) -> Array | None:
+    """∂/∂y1 of `increment`: Δ(½ B′(ȳ)[·]∇̄H + B(ȳ) ∫τH″dτ), from ∇̄H and B(ȳ) where they are known."""
     if problem.structure_derivative is None or problem.hessian is None:
         return None
     middle = y0 + 0.5 * (y1 - y0)
-    mean, slope = average_gradient(problem, y0, y1), average_hessian(problem, y0, y1)
+    slope = average_hessian(problem, y0, y1)
     assert slope is not None  # the problem has a Hessian
-    turned = contract(problem.structure_derivative(middle), mean.value)
-    return step[0] * (0.5 * turned + matmul(problem.structure(middle), slope))
+    mean = average_gradient(problem, y0, y1).value if mean is None else mean
+    B = problem.structure(middle) if B is None else B
+    turned = contract(problem.structure_derivative(middle), mean)
+    return step[0] * (0.5 * turned + matmul(B, slope))
 
 
 def solve(problem: Problem, y: Array, h: float, dW: Array, start: Array | None = None) -> Solution:
