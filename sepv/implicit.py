@@ -269,48 +269,49 @@ def _newton(equations: Equations, start: Array, numbers: NDArray[np.intp], *, di
     gradients, structures = np.zeros_like(iterations), np.zeros_like(iterations)
     status = np.full(count, Status.NO_CONVERGENCE, dtype=np.int64)
     previous = np.full((2, count), np.inf)
-    active = np.arange(count)
+    active, identity = np.arange(count), np.eye(n)[..., None]
     with np.errstate(all="ignore"):
         for _ in range(MAX_ITERATIONS):
-            z = z_all[:, active]
-            R, jacobian = equations.evaluate(z, numbers[active])
+            z, lanes, y = z_all[:, active], numbers[active], size_all[:, active]
+            R, jacobian = equations.evaluate(z, lanes)
             F = z - R.value
-            residual[active] = np.abs(F).max(axis=0)
+            residual[active] = rest = np.abs(F).max(axis=0)
             iterations[active] += 1
-            K, further = _slopes(equations, z, numbers[active], R.value) if differences else jacobian()
+            K, further = _slopes(equations, z, lanes, R.value) if differences else jacobian()
             gradients[active] += (1 + further) * R.gradients
             structures[active] += (1 + further) * R.structures
-            correction = linear_solve(np.eye(n)[..., None] - K, F)
-            reach, moves = size_all[:, active] + np.abs(z), np.abs(correction)
-            scale = reach.max(axis=0)
+            correction = linear_solve(identity - K, F)
+            reach, moves = y + np.abs(z), np.abs(correction)
+            before, scale, move = y.max(axis=0), reach.max(axis=0), moves.max(axis=0)
             size = (moves / (reach + _EPS * scale + _TINY)).max(axis=0)
-            broken = ~np.isfinite(residual[active])
+            broken = ~np.isfinite(rest)
             # A state at rest is a solution, also where the Jacobian is singular.
-            solved = residual[active] <= _QUANTA
-            singular = ~broken & ~solved & ~np.isfinite(moves.max(axis=0))
+            solved = rest <= _QUANTA
+            singular = ~broken & ~solved & ~np.isfinite(move)
             if singular.any():
                 overflowing = singular & ~np.isfinite(K).all(axis=(0, 1))
                 broken, singular = broken | overflowing, singular & ~overflowing
-            small = moves.max(axis=0) <= STAGNATION * scale
             # Stagnation needs both measures to stop shrinking: a component near zero moves by a large share of
             # itself long before the others have arrived.
-            stuck = (size >= 0.5 * previous[0, active]) & (moves.max(axis=0) >= 0.5 * previous[1, active])
+            stuck = (size >= 0.5 * previous[0, active]) & (move >= 0.5 * previous[1, active])
             # Where y1 is 2^52 times y0 or more, an ulp of it says nothing about the components that stayed small.
             # Where y0 = 0 nothing says what small is: a component that cancels to zero would never settle.
-            before = size_all[:, active].max(axis=0)
             vast = (before > 0) & (scale > before / _EPS)
             still = ((size <= 0.5 * _EPS) & ~(vast & (moves > STAGNATION * reach).any(axis=0))) | (
-                small & stuck
+                (move <= STAGNATION * scale) & stuck
             )
-            still &= _is_rounding(equations, numbers[active], residual[active], z, scale, still & exact)
+            if still.any():
+                still &= _is_rounding(equations, lanes, rest, z, scale, still & exact)
             done = ~broken & ~singular & (solved | still)
             outcome = np.where(R.reliable, Status.CONVERGED, Status.QUADRATURE)
             status[active[done]] = outcome[done]
+            if done.all():
+                break
             status[active[broken]] = Status.OVERFLOW
             status[active[singular]] = Status.SINGULAR
-            previous[:, active] = size, moves.max(axis=0)
+            previous[:, active] = size, move
             go_on = ~(done | broken | singular)
-            moved, inside = into_domain(equations, z[:, go_on], correction[:, go_on], numbers[active[go_on]])
+            moved, inside = into_domain(equations, z[:, go_on], correction[:, go_on], lanes[go_on])
             z_all[:, active[go_on]] = moved
             active = active[go_on]
             status[active[~inside]] = Status.LEFT_DOMAIN
