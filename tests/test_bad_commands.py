@@ -218,15 +218,6 @@ COMMANDS: dict[str, Check] = {
     "number: a billion digits": cli(f"hard --steps {'9' * 5000}", 2),
     "seed: negative": cli("hard --seed -1", 2, "--seed"),
     "list of numbers: a word": cli("solvability rigid-body --noise 1,x", 2, "1,x"),
-    "ulps: a problem of functions": cli(
-        "ulps energy-preserving -p mine:p --steps 2",
-        2,
-        "extended precision",
-        files={
-            "mine.py": b"import dataclasses\nfrom sepv import problems\n"
-            b"p = dataclasses.replace(problems.rigid_body(), data=None, check=False)\n"
-        },
-    ),
     "solvability: no initial state": cli(
         "solvability mine:p",
         2,

@@ -273,7 +273,7 @@ def test_a_checkout_without_the_target_is_refused(call: Callable[..., Result], t
 @pytest.mark.parametrize(
     ("arguments", "exit_code", "words"),
     [
-        ("bench", 2, ["TARGET"]),
+        ("bench", 2, ["a scheme, or a program"]),
         ("bench nosuch", 3, ["built-in scheme"]),
         ("bench energy-preserving --case nosuch", 2, ["a case, one of"]),
         ("bench energy-preserving --against nosuch.json", 2, ["--save", "nosuch.json"]),

@@ -111,7 +111,7 @@ def test_laws_side_by_side_find_the_same_to_the_bit(tmp_path: Path, monkeypatch:
     files = []
     for jobs in ("1", "2"):
         # Laws that hold: how far a counterexample is simplified is a matter of seconds.
-        laws = ["--law", "contract", "--law", "casimir", "--law", "midpoint", "--law", "weak-order"]
+        laws = ["--law", "contract", "--law", "casimir", "--law", "midpoint"]
         done = CliRunner().invoke(
             main, ["verify", "our_rule:step", *laws, "-j", jobs, "--json", f"{jobs}.json"]
         )
@@ -120,7 +120,7 @@ def test_laws_side_by_side_find_the_same_to_the_bit(tmp_path: Path, monkeypatch:
         files.append([{**law, "seconds": 0} for law in found])
     assert files[0] == files[1]
     assert {law["law"]: law["verdict"] for law in files[0]} == {
-        "contract": "holds", "casimir": "holds", "midpoint": "holds", "weak-order": "holds",
+        "contract": "holds", "casimir": "holds", "midpoint": "holds",
     }  # fmt: skip
 
 

@@ -71,10 +71,14 @@ def test_an_explicit_method_has_its_order_in_the_random_step(order: int) -> None
 
 @pytest.mark.parametrize("order", TABLEAUX)
 def test_an_explicit_method_says_what_it_is(order: int) -> None:
-    """Order p in Δ is mean-square and weak order p/2 with k = p, and it keeps nothing."""
+    """Order p in Δ is mean-square and weak order p/2 with k = 2p, and it keeps nothing."""
     scheme = schemes.explicit(order)
     assert scheme.name == f"explicit-{order}"
-    assert (scheme.mean_square_order, scheme.weak_order, scheme.truncation) == (order / 2, order / 2, order)
+    assert (scheme.mean_square_order, scheme.weak_order, scheme.truncation) == (
+        order / 2,
+        order / 2,
+        2 * order,
+    )
     assert scheme.batched
     assert scheme.solve is None
     assert {"noise-sum", "expansion", "truncation", "weak-order"} <= scheme.claims

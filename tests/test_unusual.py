@@ -16,10 +16,18 @@ from sepv.simulation import run_chunk
 
 # Laws over paths have budgets of their own and are run by `benchmarks.false_alarms`.
 PATHS = {"mean-square-order", "weak-order", "right-limit", "rounding"}
+# What each run asks of all of them: the others cost minutes, and have a deep run and `benchmarks.false_alarms`.
+QUICK = {"energy", "symmetry"}
 # A hundred vectors and more each: the others in the deep run.
 WITH_VECTORS = ("twenty-nodes", "lists-and-fsum")
 
 
+@pytest.mark.parametrize("name", unusual.ALL)
+def test_energy_and_symmetry_hold_where_they_are_claimed(name: str) -> None:
+    accused(name, (unusual.ALL[name].claims & QUICK) or {"contract"}, 2)
+
+
+@pytest.mark.deep
 @pytest.mark.parametrize("name", unusual.ALL)
 def test_every_claimed_law_about_steps_holds(name: str) -> None:
     accused(name, (unusual.ALL[name].claims | {"contract"}) - PATHS - {"reference"}, 4)

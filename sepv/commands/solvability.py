@@ -107,7 +107,7 @@ def solvability(
     A step size is safe until the time at which the first of the paths failed, and for that scheme.
 
     \b
-    sepv solvability lotka-volterra --follow energy-preserving --follow both-invariants
+    sepv solvability lotka-volterra --follow both-invariants
     sepv solvability rigid-body --range 20 --until 100
     """
     from dataclasses import replace

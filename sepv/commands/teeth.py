@@ -33,7 +33,7 @@ def teeth(
     Exit code 0 if every saboteur is killed with every seed, else 1.
 
     \b
-    sepv teeth                          each saboteur, one seed, to the first law that kills it
+    sepv teeth                  each saboteur, one seed, to its first killer
     sepv teeth b-at-y0 --seeds 3        one saboteur by every law
     sepv teeth --matrix                 the whole matrix, an hour or more
     """

@@ -23,17 +23,27 @@ def _fixed_point(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
     return right_side(problem, y0, y0 + z, step) - z
 
 
+def _slope(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
+    """∂R/∂z: analytic, else by differences as in `sepv.implicit`."""
+    known = jacobian(problem, y0, y0 + z, step)
+    if known is not None:
+        return known
+    base, columns = right_side(problem, y0, y0 + z, step), []
+    width = 2.0**-26 * np.maximum(np.max(np.abs(y0) + np.abs(z), axis=0), float(np.finfo(np.float64).tiny))
+    for k in range(y0.shape[0]):
+        moved = y0 + z
+        moved[k] += width
+        columns.append((right_side(problem, y0, moved, step) - base) / (moved[k] - y0[k] - z[k]))
+    return np.stack(columns, axis=1)
+
+
 def _newton(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
-    slope = jacobian(problem, y0, y0 + z, step)
-    assert slope is not None  # all problems of the suite have derivatives
-    A = np.eye(problem.dimension)[..., None] - slope
+    A = np.eye(problem.dimension)[..., None] - _slope(problem, y0, z, step)
     return linear_solve(A, right_side(problem, y0, y0 + z, step) - z)
 
 
 def _frozen_newton(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
-    slope = jacobian(problem, y0, y0, step)
-    assert slope is not None
-    A = np.eye(problem.dimension)[..., None] - slope
+    A = np.eye(problem.dimension)[..., None] - _slope(problem, y0, np.zeros_like(y0), step)
     return linear_solve(A, right_side(problem, y0, y0 + z, step) - z)
 
 
