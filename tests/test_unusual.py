@@ -104,4 +104,4 @@ def test_a_refusal_of_a_hard_vector_is_counted_and_no_crash() -> None:
         Scheme("short", step, ("reference",)), laws=["reference"], effort=Effort(examples=3)
     ).findings
     assert finding.verdict is Verdict.HOLDS, finding.message
-    assert "hard vectors not solved, and said so" in finding.message
+    assert "8 steps without a solution or hard to solve refused" in finding.message
