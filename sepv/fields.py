@@ -6,6 +6,7 @@ BLAS: the bits of one path then do not depend on how many paths are computed bes
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -148,17 +149,12 @@ def linear_solve(A: Array, b: Array) -> Array:
     matrix; it is not backward stable, which Newton's iteration does not need: the next residual is
     computed afresh.
     """
-    d = b.shape[0]
-    if d == 1:
-        return b / A[0]
-    if d == 2:
-        (p, q), (r, s) = A
-        det = p * s - q * r
-        return np.stack([s * b[0] - q * b[1], p * b[1] - r * b[0]]) / det
-    if d == 3:
-        cross = [np.stack(_cross(A[(i + 1) % 3], A[(i + 2) % 3])) for i in range(3)]
-        det = A[0, 0] * cross[0][0] + A[0, 1] * cross[0][1] + A[0, 2] * cross[0][2]
-        return (cross[0] * b[0] + cross[1] * b[1] + cross[2] * b[2]) / det
+    if len(b) <= 3:
+        if b.shape[1] == 1:  # over numbers: an operation of arrays of a few takes ten times as long
+            numerators, determinant = _cramer(A[..., 0].tolist(), b[:, 0].tolist())
+            return np.array([[v / determinant if determinant else math.nan] for v in numerators])
+        numerators, determinant = _cramer(A, b)
+        return np.asarray(np.stack(numerators) / determinant)
     matrices, sides = np.moveaxis(A, -1, 0), b.T[..., None]
     try:
         return np.asarray(np.linalg.solve(matrices, sides)[..., 0].T, dtype=np.float64)
@@ -166,7 +162,20 @@ def linear_solve(A: Array, b: Array) -> Array:
         return np.stack([_solve_one(m, s) for m, s in zip(matrices, sides[..., 0], strict=True)], axis=1)
 
 
-def _cross(u: Array, v: Array) -> tuple[Array, Array, Array]:
+def _cramer(A: Any, b: Any) -> tuple[list[Any], Any]:
+    """The numerators and the determinant of Cramer's rule for d ≤ 3, over numbers or arrays of them alike."""
+    if len(b) == 1:
+        return [b[0]], A[0][0]
+    if len(b) == 2:
+        (p, q), (r, s) = A
+        return [s * b[0] - q * b[1], p * b[1] - r * b[0]], p * s - q * r
+    u, v, w = A
+    cross = _cross(v, w), _cross(w, u), _cross(u, v)
+    determinant = u[0] * cross[0][0] + u[1] * cross[0][1] + u[2] * cross[0][2]
+    return [x * b[0] + y * b[1] + z * b[2] for x, y, z in zip(*cross, strict=True)], determinant
+
+
+def _cross(u: Any, v: Any) -> tuple[Any, Any, Any]:
     return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
 
 

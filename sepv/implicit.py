@@ -7,6 +7,7 @@ never an assumption: every lane of a batch carries its status.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import IntEnum
@@ -180,14 +181,15 @@ def solve(
     """
 
     def evaluate(z: Array, lanes: NDArray[np.intp]) -> Evaluation:
-        y, s = y0[:, lanes], step[:, lanes]
-        R = increment(problem, y, y + z, s)
+        y, s = (y0, step) if y0.shape[1] == lanes.size == 1 else (y0[:, lanes], step[:, lanes])
+        y1 = y + z
+        R = increment(problem, y, y1, s)
 
         def slope() -> tuple[Array, int]:
-            K = jacobian(problem, y, y + z, s, *R.parts)
+            K = jacobian(problem, y, y1, s, *R.parts)
             if K is not None:
                 return K, 0
-            return _difference_jacobian(problem, y, y + z, s, increment, R.value), y.shape[0]
+            return _difference_jacobian(problem, y, y1, s, increment, R.value), y.shape[0]
 
         return Evaluation(R, slope)
 
@@ -261,6 +263,14 @@ def _newton(equations: Equations, start: Array, numbers: NDArray[np.intp], *, di
     With `differences` the Jacobian is that of R itself, and not of an approximation of R. Only with a Jacobian of
     R itself are corrections that do not shrink a sign of rounding, whatever the residual.
     """
+    newton = _newton_of_one if start.shape[1] == 1 else _newton_of_many
+    return newton(equations, start, numbers, differences=differences)
+
+
+def _newton_of_many(
+    equations: Equations, start: Array, numbers: NDArray[np.intp], *, differences: bool
+) -> Solution:
+    """`_newton` for a batch: each lane goes on until it is done, whatever the others do."""
     exact = differences or equations.exact
     n, count = start.shape
     z_all, size_all = start.copy(), equations.size[:, numbers]
@@ -319,6 +329,65 @@ def _newton(equations: Equations, start: Array, numbers: NDArray[np.intp], *, di
             if not active.size:
                 break
     return Solution(z_all, residual, iterations, gradients, structures, status)
+
+
+def _newton_of_one(
+    equations: Equations, start: Array, number: NDArray[np.intp], *, differences: bool
+) -> Solution:
+    """`_newton` for one lane, to the bits of `_newton_of_many`: decided over numbers, without a call of NumPy each."""
+    exact = differences or equations.exact
+    z, y = start, equations.size[:, number].ravel().tolist()
+    before = _largest(y)
+    residual, iterations, gradients, structures = math.inf, 0, 0, 0
+    identity = np.eye(len(start))[..., None]
+    status, last_size, last_move = Status.NO_CONVERGENCE, math.inf, math.inf
+    with np.errstate(all="ignore"):
+        for _ in range(MAX_ITERATIONS):
+            R, jacobian = equations.evaluate(z, number)
+            F = z - R.value
+            rest = residual = _largest(F.ravel().tolist())
+            iterations += 1
+            K, further = _slopes(equations, z, number, R.value) if differences else jacobian()
+            gradients += (1 + further) * int(R.gradients[0])
+            structures += (1 + further) * int(R.structures[0])
+            if not math.isfinite(rest):
+                status = Status.OVERFLOW
+                break
+            correction = linear_solve(identity - K, F)
+            reach = [a + abs(b) for a, b in zip(y, z.ravel().tolist(), strict=True)]
+            moves = [abs(v) for v in correction.ravel().tolist()]
+            scale, move = _largest(reach), _largest(moves)
+            solved = rest <= _QUANTA
+            if not solved and not math.isfinite(move):
+                status = Status.SINGULAR if np.isfinite(K).all() else Status.OVERFLOW
+                break
+            size = _largest([a / (b + _EPS * scale + _TINY) for a, b in zip(moves, reach, strict=True)])
+            stuck = size >= 0.5 * last_size and move >= 0.5 * last_move
+            vast = before > 0 and scale > before / _EPS
+            small = size <= 0.5 * _EPS and not (
+                vast and any(a > STAGNATION * b for a, b in zip(moves, reach, strict=True))
+            )
+            still = small or (move <= STAGNATION * scale and stuck)
+            if still and not rest <= ROUNDING * scale + _QUANTA:
+                least = np.array([rest]), z, np.array([scale]), np.array([exact])
+                still = bool(_is_rounding(equations, number, *least)[0])
+            if solved or still:
+                status = Status.CONVERGED if R.reliable[0] else Status.QUADRATURE
+                break
+            last_size, last_move = size, move
+            z, inside = into_domain(equations, z, correction, number)
+            if not inside[0]:
+                status = Status.LEFT_DOMAIN
+                break
+    counted = np.array([[iterations], [gradients], [structures], [status]], dtype=np.int64)
+    return Solution(z.copy(), np.array([residual]), *counted)
+
+
+def _largest(values: list[float]) -> float:
+    """The largest absolute value; NaN where there is one, as with NumPy."""
+    if math.isnan(sum(values)) and any(map(math.isnan, values)):
+        return math.nan
+    return max(map(abs, values))
 
 
 def _is_rounding(

@@ -74,6 +74,26 @@ def test_bits_do_not_depend_on_the_batch(scheme: sepv.Scheme, case: Case) -> Non
         assert alone.iterations[0] == batch.iterations[k]
 
 
+@pytest.mark.parametrize("scheme", [schemes.energy_preserving, schemes.midpoint], ids=lambda s: s.name)
+def test_one_lane_reports_what_it_reports_in_a_batch_also_where_it_fails(scheme: sepv.Scheme) -> None:
+    fields = ("value", "residual", "iterations", "gradient_evaluations", "structure_evaluations", "status")
+    ended = set()
+    for name in ("pendulum", "lotka-volterra", "rigid-body"):
+        whole = problems.by_name(name)
+        bare = stripped(whole, "hessian", "structure_derivative", "degree", "mean_gradient")
+        for problem in (whole, bare):
+            y = np.outer(np.asarray(whole.initial), (1.0, 1e-3, 1e3))
+            for h in (0.25, 2.0, 1e300):
+                batch = scheme.solve(problem, y, h, np.zeros((problem.noises, 3)))
+                for k in range(3):
+                    alone = scheme.solve(problem, y[:, k], h, np.zeros(problem.noises))
+                    for field in fields:
+                        one, many = getattr(alone, field)[..., 0], getattr(batch, field)[..., k]
+                        assert np.array_equal(one, many, equal_nan=True), (name, h, k, field)
+                    ended.add(Status(int(alone.status[0])))
+    assert len(ended) >= 3, ended
+
+
 @pytest.mark.parametrize("name", ["pendulum", "lotka-volterra"])
 def test_adaptive_quadrature_reaches_the_closed_form(name: str) -> None:
     problem = problems.by_name(name)
