@@ -13,9 +13,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from sepv.average import gauss_legendre
 from sepv.errors import SepvError
 from sepv.problem import Array
+from sepv.quadrature import gauss_legendre
 
 _EPS = float(np.finfo(np.float64).eps)
 _MAX_PANELS = 50_000

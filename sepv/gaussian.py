@@ -17,8 +17,8 @@ from itertools import pairwise, product
 import numpy as np
 
 from sepv import wiener
-from sepv.average import gauss_legendre
 from sepv.problem import Array
+from sepv.quadrature import gauss_legendre
 
 # Nodes of the discretised weight on a panel, from which its Gauss rule is made: n ≤ 24 of them are exact to rounding.
 _FINE = 96

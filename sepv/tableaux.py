@@ -11,9 +11,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from sepv.average import gauss_legendre
 from sepv.errors import UsageError
 from sepv.problem import Array
+from sepv.quadrature import gauss_legendre
 
 MAX_STAGES = 6
 

@@ -76,7 +76,7 @@ def test_what_averages_may_amplify_is_the_integral_of_a_lagrange_polynomial() ->
 
 
 def gauss_tableau_nodes(nodes: int) -> np.ndarray:
-    from sepv.average import gauss_legendre
+    from sepv.quadrature import gauss_legendre
 
     return gauss_legendre(nodes)[0]
 

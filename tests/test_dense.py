@@ -10,8 +10,8 @@ import pytest
 from numpy.polynomial import legendre
 
 from sepv import dense
-from sepv.average import gauss_legendre
 from sepv.dense import DenseSolution, FlowFailure, legendre_values, solve_dense
+from sepv.quadrature import gauss_legendre
 
 EPS = 2.0**-52
 

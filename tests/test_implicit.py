@@ -12,12 +12,13 @@ from hypothesis import given
 import sepv
 from sepv import implicit, problems, schemes, strategies
 from sepv import polynomial as poly
-from sepv.average import average_gradient, gauss_legendre
+from sepv.average import average_gradient
 from sepv.case import Case
 from sepv.fields import linear_solve, matvec
 from sepv.implicit import Equations, Solution, Status, iterate
 from sepv.polynomial import PolynomialMap
 from sepv.problem import PolynomialSystem, Problem
+from sepv.quadrature import gauss_legendre
 from sepv.schemes.energy_preserving import increment, jacobian
 
 EPS = 2.0**-52

@@ -16,6 +16,8 @@ LAYERS = [
     "sepv._version sepv.palette sepv.plain_text",
     "sepv.errors",
     "sepv.arguments",
+    "sepv.quadrature",
+    "sepv.record",
     "sepv.polynomial",
     "sepv.nambu",
     "sepv.problem",

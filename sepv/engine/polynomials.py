@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from sepv import polynomial as poly
-from sepv.average import gauss_legendre
 from sepv.engine.code import Table, casimir_gradients, quadratic_form
 from sepv.engine.text import Expression, Text
 from sepv.errors import UsageError
 from sepv.polynomial import Polynomial
 from sepv.problem import PolynomialSystem
 from sepv.problems.polynomial_system import structure_entries
+from sepv.quadrature import gauss_legendre
 
 
 class PolynomialCode:

@@ -16,7 +16,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sepv.average import gauss_legendre
 from sepv.engine.code import Table
 from sepv.engine.schemes import Collocation, at
 from sepv.engine.stages_newton import NEWTON
@@ -24,6 +23,7 @@ from sepv.engine.text import Expression, Text, shown
 from sepv.engine.writer import Writer, indent
 from sepv.implicit import Status
 from sepv.problem import Array
+from sepv.quadrature import gauss_legendre
 from sepv.schemes.collocation import FIRST_NODES, MAX_NODES
 from sepv.tableaux import exact_nodes, gauss_tableau, moments
 

@@ -18,12 +18,12 @@ from typing import Any
 
 import numpy as np
 
-from sepv.average import gauss_legendre
 from sepv.checks import check_mean_gradient
 from sepv.engine.code import Table, casimir_gradients, quadratic_form, skew
 from sepv.engine.text import Expression, Text
 from sepv.errors import ProblemError
 from sepv.problem import Problem, ScalarFunctions
+from sepv.quadrature import gauss_legendre
 
 _SHIFT = 2.0**-26  # √eps: the error of a forward difference is of that size
 

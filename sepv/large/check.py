@@ -52,7 +52,7 @@ def check_large(problem: LargeProblem, seed: int = 0) -> None:
             size = np.max(np.abs(function(y)), initial=1.0)
             _same(name, _along(function, y, flow) / size, np.zeros(np.shape(function(y))))
     if problem.mean_gradient is not None:
-        from sepv.average import gauss_legendre
+        from sepv.quadrature import gauss_legendre
 
         points, weights = gauss_legendre(32)
         quadrature = sum(

@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sepv.average import gauss_legendre
 from sepv.large.newton import LargeSolution, solve
 from sepv.large.problem import LargeProblem, Sparse
 from sepv.problem import Array
+from sepv.quadrature import gauss_legendre
 
 LargeStep = Callable[[LargeProblem, Array, float], LargeSolution]
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from sepv import schemes
-from sepv.average import gauss_legendre
 from sepv.fields import matvec, vector_field
 from sepv.problem import Array, Problem
+from sepv.quadrature import gauss_legendre
 from sepv.saboteurs.record import (
     Saboteur,
     around,

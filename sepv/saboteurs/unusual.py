@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from sepv.average import gauss_legendre
 from sepv.errors import Skipped
 from sepv.explicit_tableaux import TABLEAUX
 from sepv.fields import matvec, vector_field
 from sepv.problem import Array, Problem
+from sepv.quadrature import gauss_legendre
 from sepv.saboteurs.record import drift_and_noise, implicit_step
 from sepv.scheme import Scheme, Step, as_lanes
 from sepv.schemes import collocation, energy_preserving, gauss, midpoint

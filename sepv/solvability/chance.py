@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sepv.average import gauss_legendre
 from sepv.problem import Array
+from sepv.quadrature import gauss_legendre
 from sepv.wiener import truncation_bound
 
 # Gauss nodes for each noise beyond the first: the integrand is smooth but for two jumps of size P(|ξ| > A_h).

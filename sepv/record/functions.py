@@ -1,0 +1,111 @@
+"""The elementary functions of a record: value, derivative, and the name of each for NumPy.
+
+Three of them are not NumPy's: sin x/x, log1p(x)/x and expm1(x)/x with their derivatives, which the means along a
+segment consist of. Each loses nothing as x → 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+# Below these the quotients of the slopes cancel, and their series converge fast.
+_SINC, _LOG, _EXP = 0.5, 0.1, 0.5
+_TERMS = 18
+
+
+def sinc(x: Any) -> Any:
+    """sin(x)/x, 1 at 0."""
+    x = np.asarray(x, dtype=np.float64)
+    safe = np.where(x == 0, 1.0, x)
+    return np.where(x == 0, 1.0, np.sin(x) / safe)[()]
+
+
+def sinc_slope(x: Any) -> Any:
+    """(cos x − sinc x)/x = Σ (−1)ⁿ 2n x²ⁿ⁻¹/(2n + 1)!."""
+    x = np.asarray(x, dtype=np.float64)
+    z, series = x * x, np.zeros_like(x)
+    for c in _SINC_SERIES:
+        series = series * z + c
+    safe = np.where(np.abs(x) < _SINC, 1.0, x)
+    return np.where(np.abs(x) < _SINC, series * x, (np.cos(x) - sinc(x)) / safe)[()]
+
+
+def log1p_ratio(x: Any) -> Any:
+    """log1p(x)/x for x > −1, 1 at 0."""
+    x = np.asarray(x, dtype=np.float64)
+    safe = np.where(x == 0, 1.0, x)
+    return np.where(x == 0, 1.0, np.log1p(x) / safe)[()]
+
+
+def log1p_ratio_slope(x: Any) -> Any:
+    """(1/(1 + x) − log1p(x)/x)/x = Σ (−1)ⁿ n xⁿ⁻¹/(n + 1)."""
+    return _slope(x, _LOG, _LOG_SERIES, lambda v: (1 / (1 + v) - log1p_ratio(v)) / v)
+
+
+def expm1_ratio(x: Any) -> Any:
+    """expm1(x)/x, 1 at 0."""
+    x = np.asarray(x, dtype=np.float64)
+    safe = np.where(x == 0, 1.0, x)
+    return np.where(x == 0, 1.0, np.expm1(x) / safe)[()]
+
+
+def expm1_ratio_slope(x: Any) -> Any:
+    """(eˣ − expm1(x)/x)/x = Σ xⁿ/(n! (n + 2))."""
+    return _slope(x, _EXP, _EXP_SERIES, lambda v: (np.exp(v) - expm1_ratio(v)) / v)
+
+
+def _slope(x: Any, small: float, coefficients: list[float], quotient: Callable[[Array], Array]) -> Any:
+    x = np.asarray(x, dtype=np.float64)
+    near = np.abs(x) < small
+    series = np.zeros_like(x)
+    inside = np.where(near, x, 0.0)
+    for c in coefficients:
+        series = series * inside + c
+    return np.where(near, series, quotient(np.where(near, 1.0, x)))[()]
+
+
+def _factorials(count: int) -> list[float]:
+    return [float(f) for f in np.cumprod([1.0, *range(1, count)])]
+
+
+_F = _factorials(2 * _TERMS + 2)
+_SINC_SERIES = [(-1) ** n * 2 * n / _F[2 * n + 1] for n in range(_TERMS // 2, 0, -1)]
+_LOG_SERIES = [(-1) ** n * n / (n + 1) for n in range(_TERMS, 0, -1)]
+_EXP_SERIES = [1 / (_F[n] * (n + 2)) for n in range(_TERMS - 1, -1, -1)]
+
+
+@dataclass(frozen=True)
+class Function:
+    """An elementwise function of one argument; `slope` makes its derivative from symbols of x and f(x)."""
+
+    value: Callable[[Any], Any]
+    slope: Callable[[Any, Any], Any] | None
+
+
+FUNCTIONS: dict[str, Function] = {
+    "sin": Function(np.sin, lambda x, _: x.cos()),
+    "cos": Function(np.cos, lambda x, _: -x.sin()),
+    "tan": Function(np.tan, lambda _, f: 1 + f * f),
+    "exp": Function(np.exp, lambda _, f: f),
+    "expm1": Function(np.expm1, lambda _, f: 1 + f),
+    "log": Function(np.log, lambda x, _: 1 / x),
+    "log1p": Function(np.log1p, lambda x, _: 1 / (1 + x)),
+    "sqrt": Function(np.sqrt, lambda _, f: 0.5 / f),
+    "sinh": Function(np.sinh, lambda x, _: x.cosh()),
+    "cosh": Function(np.cosh, lambda x, _: x.sinh()),
+    "tanh": Function(np.tanh, lambda _, f: 1 - f * f),
+    "arctan": Function(np.arctan, lambda x, _: 1 / (1 + x * x)),
+    "sinc": Function(sinc, lambda x, _: x.apply("sinc_slope")),
+    "log1p_ratio": Function(log1p_ratio, lambda x, _: x.apply("log1p_ratio_slope")),
+    "expm1_ratio": Function(expm1_ratio, lambda x, _: x.apply("expm1_ratio_slope")),
+    # What Newton's matrix needs is differentiated no further.
+    "sinc_slope": Function(sinc_slope, None),
+    "log1p_ratio_slope": Function(log1p_ratio_slope, None),
+    "expm1_ratio_slope": Function(expm1_ratio_slope, None),
+}
