@@ -19,7 +19,11 @@ SIZES = (1, 2, 7, 33)
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Batches of several sizes with the case's state among others, against the state alone."""
+    """Batches of several sizes with the case's state in the middle: that one against it alone, all against two parts.
+
+    Each state is asked about in the whole batch and in one cut in two, where no vector register and no block ends: what
+    happens to the first or the last of a batch happens to others in the parts.
+    """
     problem, y, h, dW = case.build()
     alone = ask(scheme, problem, y, h, dW)
     worst = Measurement(0.0, 0.0)
@@ -27,10 +31,25 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         place = size // 2
         # The others are nearer to 0 and their noise is smaller, so that they can be solved too.
         factors = 1 - np.abs(np.arange(size) - place) % 17 / 128
-        batch = ask(scheme, problem, y[:, None] * factors, h, dW[:, None] * factors)
-        distance = float(np.max(np.abs(batch[:, place] - alone)))
-        detail = f"in a batch of {size}: {batch[:, place].tolist()}, alone: {alone.tolist()}"
-        worst = max(worst, Measurement(distance / state_ulp(y, alone), 0.0, detail), key=lambda m: m.defect)
+        states, noise = y[:, None] * factors, dW[:, None] * factors
+        batch = ask(scheme, problem, states, h, noise)
+        others = {"alone": ([place], alone[:, None])}
+        if size > 1:
+            cut = max(1, size // 3)
+            parts = [
+                ask(scheme, problem, states[:, part], h, noise[:, part])
+                for part in (slice(cut), slice(cut, None))
+            ]
+            others[f"in batches of {cut} and {size - cut}"] = (
+                list(range(size)),
+                np.concatenate(parts, axis=1),
+            )
+        for name, (places, answers) in others.items():
+            apart = np.max(np.abs(batch[:, places] - answers), axis=0)
+            k = int(np.argmax(apart))
+            detail = f"in a batch of {size}: {batch[:, places[k]].tolist()}, {name}: {answers[:, k].tolist()}"
+            unit = state_ulp(states[:, places[k]], answers[:, k])
+            worst = max(worst, Measurement(float(apart[k]) / unit, 0.0, detail), key=lambda m: m.defect)
     return worst
 
 
