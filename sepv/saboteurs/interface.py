@@ -191,6 +191,57 @@ def _first_lane(step: Step) -> Step:
     return answering
 
 
+def _in_place_in_batches(step: Step) -> Step:
+    changing = _in_place(step)
+    return lambda problem, y, h, dW: (step if y.ndim == 1 else changing)(problem, y, h, dW)
+
+
+def _buffered_in_batches(step: Step) -> Step:
+    answering = _buffered(step)
+    return lambda problem, y, h, dW: (step if y.ndim == 1 else answering)(problem, y, h, dW)
+
+
+def _by_id(step: Step) -> Step:
+    known: dict[int, Array] = {}
+
+    def answering(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        c = known.setdefault(id(problem), problem.c)
+        if c.shape != problem.c.shape or np.array_equal(c, problem.c):
+            return step(problem, y, h, dW)
+        return step(replace(problem, noise=c, check=False), y, h, dW)
+
+    return answering
+
+
+def _unhandled(step: Step) -> Step:
+    def answering(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        np.seterr(over="ignore")
+        return step(problem, y, h, dW)
+
+    return answering
+
+
+def _whole_blocks(step: Step) -> Step:
+    def answering(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        y1 = step(problem, y, h, dW)
+        if y.ndim == 2 and y.shape[1] > 32:
+            rest = y.shape[1] // 32 * 32
+            y1[:, rest:] = y[:, rest:]
+        return y1
+
+    return answering
+
+
+def _first_of_a_batch(step: Step) -> Step:
+    def answering(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        y1 = step(problem, y, h, dW)
+        if y.ndim == 2 and y.shape[1] > 1:
+            y1[:, 0] = np.nextafter(y1[:, 0], 0.0)
+        return y1
+
+    return answering
+
+
 def _scaled_by_the_batch(step: Step) -> Step:
     def answering(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         y1 = step(problem, y, h, dW)
@@ -231,6 +282,37 @@ _TABLE = (
     ("dithered", "the last bit is drawn at random", around(_dithered), _CONTRACT),
     ("hundredth-call", "each hundredth call returns y0", around(_hundredth), _CONTRACT),
     ("reseeds", "NumPy's global random numbers are seeded", around(_reseeding), _CONTRACT),
+    (
+        "changes-y-in-batches",
+        "y is changed in place where it is a batch",
+        around(_in_place_in_batches),
+        _CONTRACT,
+    ),
+    (
+        "returns-a-buffer-in-batches",
+        "the answer to a batch is a buffer that the next call overwrites",
+        around(_buffered_in_batches),
+        _CONTRACT,
+    ),
+    (
+        "remembers-by-id",
+        "the c_j are remembered by the id of the problem's record",
+        around(_by_id),
+        _CONTRACT,
+    ),
+    ("sets-error-handling", "NumPy is told to ignore overflow, for ever", around(_unhandled), _CONTRACT),
+    (
+        "whole-blocks-only",
+        "what is left of a batch after blocks of 32 is not stepped",
+        around(_whole_blocks),
+        ("reproducibility",),
+    ),
+    (
+        "first-of-a-batch",
+        "the first state of a batch is rounded otherwise",
+        around(_first_of_a_batch),
+        ("reproducibility",),
+    ),
     ("nan-at-rest", "0/0 where a component does not move", around(_divided), ("contract", "identity")),
     (
         "column-without-noise",
