@@ -41,15 +41,26 @@ def _where(error: BaseException) -> str:
     return f" ({frames[-1].filename}, line {frames[-1].lineno}, in {frames[-1].name})" if frames else ""
 
 
+# What JAX raises where NumPy's functions are given its tracers.
+_TRACED = {"TracerArrayConversionError", "ConcretizationTypeError", "TracerBoolConversionError"}
+
+
 class SchemeCrash(SepvError):
     """The scheme raised an exception of its own; `traceback` is its text, from the scheme on."""
 
     def __init__(self, error: BaseException, shape: tuple[int, ...]) -> None:
         self.traceback = "".join(traceback.format_exception(error))
+        kind = type(error).__name__
+        remedy = (
+            "a problem's functions are NumPy's; sepv.adapters.posing.pose gives the same as JAX's (docs/extending.md)"
+            if kind in _TRACED
+            else "--debug with the replay command shows the traceback"
+        )
+        said = str(error).partition("\n")[0] if kind in _TRACED else error
         super().__init__(
-            f"The scheme raised {type(error).__name__}: {error}{_where(error)}\n"
+            f"The scheme raised {kind}: {said}{_where(error)}\n"
             f"Expected y_next of shape {shape} from step(problem, y, h, dW).\n"
-            "Remedy: --debug with the replay command shows the traceback."
+            f"Remedy: {remedy}."
         )
 
 
@@ -89,7 +100,7 @@ def check_answer(answer: Any, y: Array) -> Array:
         raise SchemeFault(
             expected=f"a NumPy array of shape {y.shape}",
             received=f"{type(answer).__name__}: {answer!r:.80}",
-            remedy="return np.asarray(…) of the new state",
+            remedy="return np.asarray(…) of the new state (of a torch tensor: .numpy())",
         )
     if answer.shape != y.shape:
         raise SchemeFault(
@@ -101,7 +112,8 @@ def check_answer(answer: Any, y: Array) -> Array:
         raise SchemeFault(
             expected="y_next of dtype float64",
             received=f"dtype {answer.dtype}",
-            remedy="compute in float64 throughout (JAX: jax.config.update('jax_enable_x64', True) first); "
+            remedy="compute in float64 throughout (JAX: jax.config.update('jax_enable_x64', True) first; torch: "
+            "torch.as_tensor keeps the dtype of y); "
             "a complex value hints at a square root or logarithm out of range",
         )
     if not np.all(np.isfinite(answer)):

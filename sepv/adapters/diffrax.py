@@ -20,8 +20,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from sepv.adapters._posing import LANES, Posed, field, in_blocks, pose
+from sepv.adapters._lanes import LANES, in_blocks
 from sepv.adapters.multistep import PathSolver
+from sepv.adapters.posing import Formulas, pose, size
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.scheme import Scheme
 
@@ -57,11 +58,11 @@ def _space_time_area(h: Any, dW: Any) -> Any:
     return jnp.sqrt(h / 12) * jax.random.normal(key, dW.shape, dtype=dW.dtype)
 
 
-def _terms(posed: tuple[str, int], arrays: Any, c: Any, control: _Given) -> Any:
+def _terms(formulas: Formulas, arrays: Any, c: Any, control: _Given) -> Any:
     """Drift f = B∇H and the noise fields c_j f, of shape (d, m)."""
 
     def drift(_t: Any, y: Any, _args: Any) -> Any:
-        return field(jnp, *posed, arrays, y)
+        return formulas.field(jnp, arrays, y)
 
     def noise(t: Any, y: Any, args: Any) -> Any:
         return jnp.outer(drift(t, y, args), c)
@@ -70,11 +71,11 @@ def _terms(posed: tuple[str, int], arrays: Any, c: Any, control: _Given) -> Any:
 
 
 def _one_step(
-    solver: Any, posed: tuple[str, int], arrays: Any, c: Any, h: Any, y: Any, dW: Any, state: Any
+    solver: Any, formulas: Formulas, arrays: Any, c: Any, h: Any, y: Any, dW: Any, state: Any
 ) -> Any:
     """y_next and the solver's state after it; a state of None starts the solver afresh."""
     levy = isinstance(solver, diffrax.AbstractSRK)
-    terms = _terms(posed, arrays, c, _Given(dW, _space_time_area(h, dW) if levy else dW))
+    terms = _terms(formulas, arrays, c, _Given(dW, _space_time_area(h, dW) if levy else dW))
     t0 = jnp.zeros_like(h)
     if state is None:
         state = solver.init(terms, t0, h, y, None)
@@ -82,26 +83,26 @@ def _one_step(
     return y_next, state
 
 
-@partial(jax.jit, static_argnames=("solver", "posed"))
-def _steps(solver: Any, posed: tuple[str, int], arrays: Any, c: Any, h: Any, y: Any, dW: Any) -> Any:
+@partial(jax.jit, static_argnames=("solver", "formulas"))
+def _steps(solver: Any, formulas: Formulas, arrays: Any, c: Any, h: Any, y: Any, dW: Any) -> Any:
     """One step of each lane: y (d, L), dW (m, L)."""
 
     def lane(y: Any, dW: Any) -> Any:
-        return _one_step(solver, posed, arrays, c, h, y, dW, None)[0]
+        return _one_step(solver, formulas, arrays, c, h, y, dW, None)[0]
 
     return jax.vmap(lane, in_axes=1, out_axes=1)(y, dW)
 
 
-@partial(jax.jit, static_argnames=("solver", "posed"))
-def _paths(solver: Any, posed: tuple[str, int], arrays: Any, c: Any, h: Any, y: Any, dW: Any) -> Any:
+@partial(jax.jit, static_argnames=("solver", "formulas"))
+def _paths(solver: Any, formulas: Formulas, arrays: Any, c: Any, h: Any, y: Any, dW: Any) -> Any:
     """Whole paths with the solver's state handed on: y (d, L), dW (N, m, L) -> (N + 1, d, L)."""
 
     def lane(y: Any, dW: Any) -> Any:
         def advance(carry: Any, dW: Any) -> Any:
-            carry = _one_step(solver, posed, arrays, c, h, carry[0], dW, carry[1])
+            carry = _one_step(solver, formulas, arrays, c, h, carry[0], dW, carry[1])
             return carry, carry[0]
 
-        first = _one_step(solver, posed, arrays, c, h, y, dW[0], None)
+        first = _one_step(solver, formulas, arrays, c, h, y, dW[0], None)
         _, rest = jax.lax.scan(advance, first, dW[1:])
         return jnp.concatenate([y[None], first[0][None], rest])
 
@@ -109,26 +110,18 @@ def _paths(solver: Any, posed: tuple[str, int], arrays: Any, c: Any, h: Any, y: 
 
 
 @lru_cache(maxsize=256)
-def _padded(posed: Posed) -> Posed:
-    """Polynomial data filled up with zeros to one of a few sizes, so that few programs serve all problems."""
-    if posed.kind != "polynomial":
-        return posed
-    exponents, coefficients = posed.arrays
+def _padded(problem: Problem) -> tuple[Formulas, Any]:
+    """As `pose`, and polynomials of at least six variables: their programs serve all problems."""
+    formulas, numbers = pose(problem)
+    if formulas.kind != "polynomial":
+        return formulas, numbers
+    exponents, coefficients = numbers
     d, terms = exponents.shape
-    D, T = _size(d, 6), _size(terms, 32)
-    wide_exponents = np.zeros((D, T), dtype=np.int64)
-    wide_exponents[:d, :terms] = exponents
-    B, g = np.zeros((D, D, T)), np.zeros((D, T))
-    B[:d, :d, :terms], g[:d, :terms] = coefficients[: d * d].reshape(d, d, terms), coefficients[d * d :]
-    return Posed(
-        posed.kind, _size(posed.powers, 8), (wide_exponents, np.concatenate([B.reshape(D * D, T), g]))
-    )
-
-
-def _size(needed: int, least: int) -> int:
-    while least < needed:
-        least *= 2
-    return least
+    D = size(d, 6)
+    B, g = np.zeros((D, D, terms)), np.zeros((D, terms))
+    B[:d, :d], g[:d] = coefficients[: d * d].reshape(d, d, terms), coefficients[d * d : d * d + d]
+    wide = np.concatenate([exponents, np.zeros((D - d, terms), dtype=np.int64)])
+    return formulas, (wide, np.concatenate([B.reshape(D * D, terms), g, coefficients[-1:]]))
 
 
 def _wide(rows: Array, count: int) -> Array:
@@ -140,13 +133,13 @@ def _wide(rows: Array, count: int) -> Array:
 
 def _call(program: Any, solver: Any, problem: Problem, y: Array, h: float, dW: Array) -> Any:
     """A compiled program on y (d, L) and dW (…, m, L), in float64; its answer's components are those of y."""
-    posed = _padded(pose(problem))
+    formulas, numbers = _padded(problem)
     d, m = problem.dimension, problem.noises
-    if posed.kind == "polynomial":
-        y, dW = _wide(y, posed.arrays[0].shape[0]), _wide(dW, _size(m, 4))
+    if formulas.kind == "polynomial":
+        y, dW = _wide(y, numbers[0].shape[0]), _wide(dW, size(m, 4))
     c = _wide(problem.c, dW.shape[-2])
     with jax.enable_x64(True):
-        answer = program(solver, (posed.kind, posed.powers), posed.arrays, c, np.float64(h), y, dW)
+        answer = program(solver, formulas, numbers, c, np.float64(h), y, dW)
         return np.asarray(answer)[..., :d, :]
 
 

@@ -17,8 +17,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from sepv.adapters._posing import field, pose
 from sepv.adapters.diffrax import _one_step
+from sepv.adapters.posing import Formulas, pose
 from sepv.compare.method import Ends, Followed, Method, finite_ends, invariant_defects
 from sepv.problem import Array, Problem
 
@@ -67,28 +67,28 @@ def _batched(solver: Any, terms: Any, h: Any, y: Any, more: Any, keep: bool) -> 
     return states if keep else y
 
 
-@partial(jax.jit, static_argnames=("solver", "posed", "keep"))
+@partial(jax.jit, static_argnames=("solver", "formulas", "keep"))
 def _on_the_clock(
-    solver: Any, posed: tuple[str, int], keep: bool, arrays: Any, c: Any, h: Any, y: Any, dW: Any, _H: Any
+    solver: Any, formulas: Formulas, keep: bool, arrays: Any, c: Any, h: Any, y: Any, dW: Any, _H: Any
 ) -> Any:
     """dy = f(y)∘dθ, for solvers of ordinary differential equations."""
 
     def vector(y: Any) -> Any:
-        return field(jnp, *posed, arrays, y)
+        return formulas.field(jnp, arrays, y)
 
     return _batched(
         solver, lambda delta: _Field(vector, delta), h, y, h + jnp.einsum("j,njl->nl", c, dW), keep
     )
 
 
-@partial(jax.jit, static_argnames=("solver", "posed", "keep"))
+@partial(jax.jit, static_argnames=("solver", "formulas", "keep"))
 def _apart(
-    solver: Any, posed: tuple[str, int], keep: bool, arrays: Any, c: Any, h: Any, y: Any, dW: Any, H: Any
+    solver: Any, formulas: Formulas, keep: bool, arrays: Any, c: Any, h: Any, y: Any, dW: Any, H: Any
 ) -> Any:
     """Drift and noise apart, the m noises as the one that they are, in one batch."""
 
     def vector(y: Any) -> Any:
-        return field(jnp, *posed, arrays, y)
+        return formulas.field(jnp, arrays, y)
 
     def terms(slice_: Any) -> Any:
         drift = diffrax.ODETerm(lambda _t, y, _args: vector(y))
@@ -100,18 +100,18 @@ def _apart(
     )
 
 
-@partial(jax.jit, static_argnames=("solver", "posed", "keep"))
+@partial(jax.jit, static_argnames=("solver", "formulas", "keep"))
 def _vmapped(
-    solver: Any, posed: tuple[str, int], keep: bool, arrays: Any, c: Any, h: Any, y: Any, dW: Any, _H: Any
+    solver: Any, formulas: Formulas, keep: bool, arrays: Any, c: Any, h: Any, y: Any, dW: Any, _H: Any
 ) -> Any:
     """Path by path under vmap, as diffrax's examples do."""
 
     def lane(y: Any, dW: Any) -> Any:
         def advance(carry: Any, dW: Any) -> Any:
-            carry = _one_step(solver, posed, arrays, c, h, carry[0], dW, carry[1])
+            carry = _one_step(solver, formulas, arrays, c, h, carry[0], dW, carry[1])
             return carry, carry[0] if keep else None
 
-        first = _one_step(solver, posed, arrays, c, h, y, dW[0], None)
+        first = _one_step(solver, formulas, arrays, c, h, y, dW[0], None)
         last, rest = jax.lax.scan(advance, first, dW[1:])
         return jnp.concatenate([first[0][None], rest]) if keep else last[0]
 
@@ -120,19 +120,19 @@ def _vmapped(
 
 def _method(name: str, solver: Any, program: Any, evaluations: float | None, how: str) -> Method:
     def arguments(problem: Problem, y0: Array, h: float, dW: Array) -> tuple[Any, ...]:
-        posed = pose(problem)
+        formulas, numbers = pose(problem, padded=False)
         start = np.repeat(y0[:, None], dW.shape[2], axis=1)
         H = np.sqrt(h / 12) * np.random.default_rng(0).standard_normal(dW.shape)
-        given = (posed.arrays, problem.c, np.float64(h), start, np.ascontiguousarray(dW), H)
-        return (posed.kind, posed.powers), jax.tree.map(jnp.asarray, given)
+        given = (numbers, problem.c, np.float64(h), start, np.ascontiguousarray(dW), H)
+        return formulas, jax.tree.map(jnp.asarray, given)
 
     def run(problem: Problem, y0: Array, h: float, dW: Array, keep: bool) -> Callable[[], Array]:
         with jax.enable_x64(True):
-            posed, given = arguments(problem, y0, h, dW)
+            formulas, given = arguments(problem, y0, h, dW)
 
         def call() -> Array:
             with jax.enable_x64(True):
-                return np.asarray(program(solver, posed, keep, *given))
+                return np.asarray(program(solver, formulas, keep, *given))
 
         return call
 

@@ -12,7 +12,6 @@ import numpy as np
 import torch
 import torchsde
 
-from sepv.adapters._posing import pose
 from sepv.adapters.torchsde import _Given, _System
 from sepv.compare.method import Ends, Followed, Method, finite_ends, invariant_defects
 from sepv.problem import Array, Problem
@@ -24,7 +23,7 @@ class _Process(_Given):
 
 def _method(method: str) -> Method:
     def run(problem: Problem, y0: Array, h: float, dW: Array, keep: bool) -> Callable[[], Array]:
-        system = _System(pose(problem), torch.ones(1, dtype=torch.float64), "scalar")
+        system = _System(problem, torch.ones(1, dtype=torch.float64), "scalar")
         sums = np.einsum("j,njl->nl", problem.c, dW)[:, :, None]
         noise = _Process(torch.as_tensor(sums), h)
         y = torch.as_tensor(np.repeat(y0[None], dW.shape[2], axis=0))

@@ -17,8 +17,9 @@ import numpy as np
 import torch
 import torchsde
 
-from sepv.adapters._posing import LANES, Posed, field, in_blocks, pose
+from sepv.adapters._lanes import LANES, in_blocks
 from sepv.adapters.multistep import PathSolver
+from sepv.adapters.posing import pose
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
 
@@ -28,13 +29,14 @@ class _System(torch.nn.Module):
 
     sde_type = "stratonovich"
 
-    def __init__(self, posed: Posed, weights: Any, noise_type: str) -> None:
+    def __init__(self, problem: Problem, weights: Any, noise_type: str) -> None:
         super().__init__()
-        self.posed, self.weights, self.noise_type = posed, weights, noise_type
-        self.arrays = tuple(torch.as_tensor(a) for a in posed.arrays)
+        self.weights, self.noise_type = weights, noise_type
+        self.formulas, numbers = pose(problem, padded=False)
+        self.numbers = tuple(torch.as_tensor(a) for a in numbers)
 
     def f(self, _t: Any, y: Any) -> Any:
-        return field(torch, self.posed.kind, self.posed.powers, self.arrays, y.T).T
+        return self.formulas.field(torch, self.numbers, y.T).T
 
     def g(self, t: Any, y: Any) -> Any:
         return self.f(t, y)[:, :, None] * self.weights
@@ -71,7 +73,7 @@ def _integrate(
         size = float(np.linalg.norm(weights))
         dW = np.einsum("j,njl->nl", weights / size if size else weights, dW)[:, None]
         weights, noise_type = np.array([size]), "scalar"
-    system = _System(pose(problem), torch.as_tensor(weights.copy()), noise_type)
+    system = _System(problem, torch.as_tensor(weights.copy()), noise_type)
     noise = _Given(torch.as_tensor(np.ascontiguousarray(dW.transpose(0, 2, 1))), h)
     times = torch.arange(len(dW) + 1, dtype=torch.float64) * h
     with torch.no_grad():
