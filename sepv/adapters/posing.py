@@ -196,7 +196,7 @@ Entries = Mapping[tuple[int, int], Any]
 
 @dataclass(frozen=True)
 class _Named:
-    """One of the paper's problems: names of parameters, B above the diagonal (numbers, y), ∇H and H (xp, numbers, y)."""
+    """One of the paper's problems: its parameters' names, B above the diagonal (numbers, y), ∇H and H."""
 
     parameters: tuple[str, ...]
     structure: Callable[[Any, Any], Entries]
