@@ -21,8 +21,9 @@ from sepv.case import Case, with_noise
 from sepv.checks import sample_states
 from sepv.errors import Skipped, UsageError
 from sepv.families import FAMILIES
+from sepv.poisson import derivative_of_structure, is_poisson
 from sepv.problem import Array, Description, GivenProblem, NamedProblem, PolynomialSystem, Problem
-from sepv.strategies import CONTRACTION, components, contraction_radius, steps_within
+from sepv.strategies import CONTRACTION, components, contraction_radius, halved, steps_within
 from sepv.structures import StructuresProblem
 from sepv.target import load_object, load_problem
 from sepv.tolerance import slopes
@@ -282,11 +283,32 @@ def _nambu(case: Case) -> Case | None:
     return case if named.build(case.problem).nambu is not None and not _functions(case) else None
 
 
+def _poisson(case: Case) -> Case | None:
+    problem = named.build(case.problem)
+    if isinstance(problem, StructuresProblem):
+        return None
+    return halved(case) if is_poisson(problem, np.array(case.y)) else None
+
+
+def _constant(case: Case) -> Case | None:
+    problem = named.build(case.problem)
+    if isinstance(problem, StructuresProblem):
+        return None
+    return None if np.any(derivative_of_structure(problem, np.array(case.y))) else halved(case)
+
+
+def _bounded(case: Case) -> Case | None:
+    return case if named.build(case.problem).domain is not None else None
+
+
 _NEEDS_DATA = "it compares with a solution in extended precision, which needs the problem as data"
 # law: (what it makes of a case, why it says nothing where that is None)
 TURNS: dict[str, tuple[Turn, str]] = {
     "casimir": (_has_casimirs, "the problems name no quadratic or linear Casimir"),
     "any-casimir": (_nambu, "the problems have no Casimir and factor in dimension 3 as data"),
+    "poisson-map": (_poisson, "B of the problems does not satisfy Jacobi's identity"),
+    "symplecticity": (_constant, "B of the problems is not constant"),
+    "positivity": (_bounded, "the problems have no domain to leave"),
     "identity": (_no_step, "the problems have no noise that could cancel h"),
     "midpoint": (_quadratic, "the problems have no quadratic H given as data"),
     "reduction": (_constant_or_silent, _NEEDS_DATA),
@@ -323,6 +345,11 @@ def cases_for(law: str, scheme: Any) -> st.SearchStrategy[Case] | str | None:
     if turn is not _as_it_is:
         drawn = drawn.map(turn).filter(lambda case: case is not None)
     return drawn
+
+
+def silence(law: str) -> str:
+    """Why a law may say nothing about the problems that a scheme is for; empty for one that speaks of all."""
+    return TURNS.get(law, (_as_it_is, ""))[1]
 
 
 def _some(item: Item, turn: Turn) -> bool:

@@ -22,7 +22,7 @@ from hypothesis.errors import Unsatisfiable
 from sepv import case as cases
 from sepv.case import Case
 from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure
-from sepv.given import cases_for
+from sepv.given import cases_for, silence
 from sepv.law import Effort, Finding, Law, Measurement, Verdict
 from sepv.same_draws import without_local_constants
 from sepv.scheme import Scheme
@@ -34,7 +34,7 @@ from sepv.strategies_structures import CASES
 Check = Callable[[Scheme, Case], Measurement]
 
 
-# Without a design there are so many times as many random examples.
+# Without a design there are so many times as many random examples, unless a law says otherwise.
 UNDESIGNED = 4
 # A search ends where the scheme has not taken so many cases for each that it did.
 MOST_SKIPPED = 20
@@ -87,6 +87,7 @@ class _Question:
     check: Check
     faults_violate: bool
     admits: Callable[[Case], bool]
+    share: int
 
 
 def searched(
@@ -102,6 +103,7 @@ def searched(
     not_applicable: Callable[[Scheme], str] = lambda _: "",
     corners: Callable[[], Iterable[Case]] = tuple,
     admits: Callable[[Case], bool] = lambda _: True,
+    undesigned: int = UNDESIGNED,
 ) -> Law:
     """A law whose cases are drawn by a design and by a strategy, and measured one by one.
 
@@ -120,6 +122,8 @@ def searched(
         Measured with every seed.
     admits : case -> bool
         Which cases the law speaks of, where not all: a counterexample is simplified to such a case only.
+    undesigned : int
+        How many times as many random examples there are where there is no design.
     """
 
     def question(scheme: Scheme) -> _Question | str:
@@ -128,20 +132,26 @@ def searched(
         if isinstance(own, str):
             return own
         if own is not None:
-            return _Question(None, own, tuple, check, faults_violate, lambda _: False)
+            return _Question(None, own, tuple, check, faults_violate, lambda _: False, undesigned)
         space = SPACES[scheme.systems].get(name)
         if scheme.systems == "single":
-            return _Question(space, cases(), corners, check, faults_violate, admits)
+            return _Question(space, cases(), corners, check, faults_violate, admits, undesigned)
         special = CASES[scheme.systems].get(name)
         if special is None:
             return f"the law is not about the systems that the scheme takes ({scheme.systems})"
-        return _Question(space, special(), tuple, check, faults_violate, admits)
+        return _Question(space, special(), tuple, check, faults_violate, admits, undesigned)
 
     def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
         asked = not_applicable(scheme) or question(scheme)
         if isinstance(asked, str):
             return law.finding(Verdict.NOT_APPLICABLE, message=asked)
-        return _search(law, scheme, effort, asked)
+        try:
+            return _search(law, scheme, effort, asked)
+        except Unsatisfiable:
+            if not (reason := silence(name)):
+                raise
+            # The law says nothing about any problem of a family or of a user's strategy.
+            return law.finding(Verdict.NOT_APPLICABLE, message=reason)
 
     def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
         log = _Log()
@@ -200,7 +210,7 @@ def _explore(log: _Log, scheme: Scheme, effort: Effort, asked: _Question) -> Non
             target(measured.ratio, label="defect / bound")
 
     chosen = settings(
-        max_examples=effort.examples if asked.space else UNDESIGNED * effort.examples,
+        max_examples=effort.examples if asked.space else asked.share * effort.examples,
         database=None,
         deadline=None,
         derandomize=False,

@@ -7,6 +7,7 @@ H = ½|y|², B = J or hat(y), c = (1), h = 1.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from itertools import combinations, permutations
 
@@ -241,6 +242,19 @@ def steps_within(draw: st.DrawFn, data: Description, y: tuple[float, ...], radiu
     h = min(1.0, share * draw(_PARTS))
     dW = tuple(float(draw(_SIGNS) * draw(_PARTS) * (share / cj if cj else 1.0)) for cj in c)
     return Case(data, y, float(h), dW)
+
+
+def halved(case: Case) -> Case:
+    """Half the step: what a bound from Cauchy's estimate needs for all states around y (`sepv.poisson_map`)."""
+    return replace(case, h=case.h / 2, dW=tuple(v / 2 for v in case.dW))
+
+
+def is_short(case: Case) -> bool:
+    """Whether a step of polynomial data is inside half its contraction radius; True for other problems."""
+    problem, y, h, dW = case.build()
+    if not isinstance(problem.gradient, PolynomialMap):
+        return True
+    return bool(abs(h) + np.sum(np.abs(problem.c * dW)) <= contraction_radius(problem, y) / 2)
 
 
 def contraction_radius(problem: Problem, y: Array) -> float:

@@ -12,13 +12,21 @@ from sepv.errors import UsageError
 from sepv.law import Effort, Verdict
 from sepv.report import console
 from sepv.saboteurs import ALL, FAMILIES
-from sepv.schemes import both_invariants, collocation, energy_preserving, several_structures
+from sepv.schemes import (
+    both_invariants,
+    collocation,
+    energy_preserving,
+    midpoint,
+    several_structures,
+    splitting,
+)
 from sepv.spaces import SPACES
 from sepv.suite import LAWS
 
 # What these claim is what is wrong with them; all others claim exactly what (2.1) claims.
 ORIGINALS = {"single": collocation(2), "nambu": both_invariants, "several": several_structures}
-WRONG_CLAIMS = {"ito-limit", "half-claimed-as-one"}
+WRONG_CLAIMS = {"ito-limit", "half-claimed-as-one", "averaged-and-symplectic"}
+STRUCTURE = {"off-the-middle": midpoint, "time-of-place": splitting, "tangent-of-first": splitting}
 
 
 def expected(name: str) -> list[str]:
@@ -43,10 +51,10 @@ def test_each_law_has_a_saboteur_that_it_must_catch(law: str) -> None:
     assert any(law in s.caught_by for s in ALL.values())
 
 
-def test_there_are_six_families_and_no_name_twice() -> None:
-    from sepv.saboteurs import arithmetic, formula, higher_order, interface, noise, solver
+def test_there_are_seven_families_and_no_name_twice() -> None:
+    from sepv.saboteurs import arithmetic, formula, higher_order, interface, noise, solver, structure
 
-    modules = (formula, noise, solver, arithmetic, interface, higher_order)
+    modules = (formula, noise, solver, arithmetic, interface, higher_order, structure)
     assert sum(len(m.SABOTEURS) for m in modules) == len(ALL) >= 36
     assert [m.SABOTEURS[0].family for m in modules] == list(FAMILIES)
 
@@ -58,6 +66,8 @@ def test_each_saboteur_claims_what_the_scheme_claims(name: str) -> None:
     assert saboteur.scheme.name == name
     if saboteur.family == "higher order":
         assert saboteur.scheme.claims == ORIGINALS[saboteur.scheme.systems].claims
+    elif name in STRUCTURE:
+        assert saboteur.scheme.claims == STRUCTURE[name].claims
     elif name not in WRONG_CLAIMS:
         assert saboteur.scheme.claims == energy_preserving.claims
 

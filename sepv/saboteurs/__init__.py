@@ -6,13 +6,13 @@ that it does; `sepv.teeth` runs them all.
 
 from __future__ import annotations
 
-from sepv.saboteurs import arithmetic, formula, higher_order, interface, noise, solver
+from sepv.saboteurs import arithmetic, formula, higher_order, interface, noise, solver, structure
 from sepv.saboteurs.record import Saboteur as Saboteur
 
-FAMILIES = ("formula", "noise", "solver", "arithmetic", "interface", "higher order")
+FAMILIES = ("formula", "noise", "solver", "arithmetic", "interface", "higher order", "structure")
 
 ALL: dict[str, Saboteur] = {
     s.name: s
-    for module in (formula, noise, solver, arithmetic, interface, higher_order)
+    for module in (formula, noise, solver, arithmetic, interface, higher_order, structure)
     for s in module.SABOTEURS
 }

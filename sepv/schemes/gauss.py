@@ -45,6 +45,7 @@ def gauss(stages: int) -> Scheme:
             "reproducibility",
             "identity",
             "casimir",
+            "symplecticity",
             "midpoint",
             "noise-sum",
             "random-step",

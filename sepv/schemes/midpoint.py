@@ -48,6 +48,7 @@ scheme = Scheme(
         "reproducibility",
         "identity",
         "casimir",
+        "symplecticity",
         "midpoint",
         "noise-sum",
         "random-step",

@@ -1,0 +1,33 @@
+"""A step is a Poisson map: Φ′(y0) B(y0) Φ′(y0)ᵀ = B(y1), with h and the increments held fixed.
+
+The flow of (1.1) is one where B satisfies Jacobi's identity (Hairer, Lubich and Wanner, *Geometric Numerical
+Integration*, VII.2). (2.1) is none: no method that is symplectic keeps all energies too (Ge and Marsden, Phys. Lett. A
+133, 1988).
+"""
+
+from __future__ import annotations
+
+from sepv.corners import corners
+from sepv.law import Effort, require
+from sepv.poisson_map import check
+from sepv.scheme import Scheme
+from sepv.search import searched
+from sepv.strategies import is_short
+from sepv.strategies_poisson import poisson_steps
+
+
+def test_poisson_map(scheme: Scheme, effort: Effort) -> None:
+    require(law, scheme, effort)
+
+
+law = searched(
+    name="poisson-map",
+    statement="Φ′(y0) B(y0) Φ′(y0)ᵀ = B(y1) wherever B satisfies Jacobi's identity",
+    source="GNI VII.2",
+    unit="ulp of B",
+    cases=poisson_steps,
+    check=check,
+    corners=lambda: tuple(case for case in corners() if is_short(case)),
+    admits=is_short,
+    undesigned=2,
+)

@@ -1,0 +1,76 @@
+"""A step stays in the problem's domain: the positive octant for Lotka-Volterra, which its exact flow never leaves.
+
+ẏ_i = y_i r_i(y) keeps the sign of every component, for stochastic systems of this form too. A scheme with this property
+needs no rejected steps: the domain-keeping integrators that Cohen and Dujardin (2014), §1, [23], point to.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import assume
+from hypothesis import strategies as st
+
+from sepv import problems
+from sepv.candidate import ask
+from sepv.case import Case
+from sepv.errors import Skipped, StepFailure
+from sepv.law import Effort, Measurement, require
+from sepv.problem import NamedProblem
+from sepv.scheme import Scheme
+from sepv.schemes import splitting
+from sepv.search import searched
+from sepv.strategies import coefficients, noises
+
+
+@st.composite
+def lotka_volterra_steps(draw: st.DrawFn) -> Case:
+    """States from 2⁻¹⁰ to 6, and steps up to twice as long as those after which a tangent ends at zero.
+
+    Methods that keep the octant work with exponentials of such steps: where those of the splitting leave 2^±64, another
+    right one might overflow or underflow, and the case is left out.
+    """
+    names = ("a", "b", "d", "nu", "mu")
+    parameters = tuple((n, (draw(coefficients()),)) for n in names)
+    c = draw(noises(least=1, most=2).filter(any))
+    data = NamedProblem("lotka-volterra", (*parameters, ("noise", c)))
+    y = tuple(draw(st.sampled_from([1.0, 1.5])) * 2.0 ** draw(st.integers(-10, 2)) for _ in range(3))
+    problem, state = problems.build(data), np.array(y)
+    field = problem.structure(state) @ problem.gradient(state)
+    rate = float(np.max(np.abs(field) / state))
+    length = draw(st.sampled_from([2.0, 1.0, 0.5, 0.125])) / max(rate, 1.0)
+    # h in front, the rest in the first noise that acts: Δ of either sign.
+    h = length * draw(st.sampled_from([0.5, 0.0625]))
+    first = next(j for j, v in enumerate(c) if v)
+    rest = draw(st.sampled_from([1.0, -1.0])) * length - h
+    dW = tuple(rest / c[first] if j == first else 0.0 for j in range(len(c)))
+    with np.errstate(all="ignore"):
+        end = splitting.step(problem, state, h, np.array(dW))
+    assume(bool(np.all((end > 2.0**-64) & (end < 2.0**64))))
+    return Case(data, y, h, dW)
+
+
+def check(scheme: Scheme, case: Case) -> Measurement:
+    """1 for a state outside the domain. A refused step leaves no state anywhere, and counts as not measured."""
+    problem, y, h, dW = case.build()
+    if problem.domain is None:
+        raise Skipped("the problem has no domain to leave")
+    try:
+        y1 = ask(scheme, problem, y, h, dW)
+    except StepFailure as error:
+        raise Skipped("the scheme refuses the step") from error
+    return Measurement(float(not np.all(problem.domain(y1))), 0.0, f"y1 = {y1.tolist()}")
+
+
+law = searched(
+    name="positivity",
+    statement="y1 is inside the problem's domain: all components positive for Lotka-Volterra",
+    source="§1, [23]",
+    unit="states outside",
+    cases=lotka_volterra_steps,
+    check=check,
+    undesigned=1,
+)
+
+
+def test_positivity(scheme: Scheme, effort: Effort) -> None:
+    require(law, scheme, effort)

@@ -1,0 +1,32 @@
+"""Φ′(y0) B Φ′(y0)ᵀ = B for constant B: symplecticity where B is canonical, as of the midpoint rule and Gauss methods.
+
+It is the law "poisson-map" for constant B alone: Runge-Kutta methods that keep all quadratic invariants are symplectic
+(J. M. Sanz-Serna, BIT 28, 1988), and so they are with the random step Δ, but no Poisson maps for other B.
+"""
+
+from __future__ import annotations
+
+from sepv.corners import with_constant_structure
+from sepv.law import Effort, require
+from sepv.poisson_map import check
+from sepv.scheme import Scheme
+from sepv.search import searched
+from sepv.strategies import is_short
+from sepv.strategies_poisson import constant_structure_steps
+
+
+def test_symplecticity(scheme: Scheme, effort: Effort) -> None:
+    require(law, scheme, effort)
+
+
+law = searched(
+    name="symplecticity",
+    statement="Φ′(y0) B Φ′(y0)ᵀ = B for constant B",
+    source="GNI VI.4",
+    unit="ulp of B",
+    cases=constant_structure_steps,
+    check=check,
+    corners=lambda: tuple(case for case in with_constant_structure() if is_short(case)),
+    admits=is_short,
+    undesigned=1,
+)

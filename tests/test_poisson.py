@@ -1,0 +1,152 @@
+"""Jacobi's identity, the derivative of a step with its bound, and the laws about the structure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import sepv
+from sepv import poisson, problems
+from sepv import polynomial as poly
+from sepv.case import Case
+from sepv.law import Effort, Verdict
+from sepv.poisson_map import check
+from sepv.problem import Array, PolynomialSystem, Problem
+from sepv.scheme import Scheme
+from sepv.schemes import by_name, midpoint
+from sepv.strategies import contraction_ball, is_short
+from sepv.strategies_poisson import poisson_steps, poisson_structures
+from sepv.structures import jacobi_defect
+
+QUICK = Effort(examples=10, shrink_seconds=0.0)
+
+
+@given(poisson_structures(), st.integers(0, 9))
+def test_structures_of_the_strategies_satisfy_jacobis_identity(system: PolynomialSystem, seed: int) -> None:
+    problem = problems.build(system)
+    y = np.random.default_rng(seed).uniform(-1, 1, system.dimension)
+    terms = np.abs(problem.structure(y)).max() * np.abs(problem.structure_derivative(y)).max()  # type: ignore[misc]
+    assert np.abs(jacobi_defect(problem, y)).max() <= 1e-13 * system.dimension * terms
+    assert poisson.is_poisson(problem, y)
+    assert poisson.is_poisson(replace(problem, structure_derivative=None, data=None, check=False), y)
+
+
+def test_a_structure_without_the_identity_is_told() -> None:
+    # B_12 = y3 and B_13 = 1: w = (0, −1, y3), w · curl w = 0 · 0 + …; with B_23 = y1 it is not zero.
+    x = [poly.variable(3, k) for k in range(3)]
+    B = ((0, 1, x[2]), (0, 2, poly.constant(3, 1.0)), (1, 2, x[1]))
+    problem = problems.build(PolynomialSystem(3, poly.multiply(x[0], x[0]), B))
+    y = np.array([0.5, 1.0, 2.0])
+    # By hand: Σ over cycles of Σ_l B_il ∂_lB_jk = B_12 ∂_2B_23 + B_32 ∂_2B_12 + B_23 ∂_3B_12 … = y3 + B_33·1 = y3 here.
+    w, curl = np.array([y[1], -1.0, y[2]]), np.array([0.0, 0.0, -1.0])
+    assert np.abs(jacobi_defect(problem, y)).max() == pytest.approx(abs(w @ curl))
+    assert not poisson.is_poisson(problem, y)
+
+
+@given(st.integers(0, 99))
+def test_the_derivative_of_a_step_is_within_its_bound(seed: int) -> None:
+    # Against the exact derivative of the midpoint rule: (I − ½ΔS)⁻¹(I + ½ΔS), S the slope of the field at the middle.
+    rng = np.random.default_rng(seed)
+    problem = problems.build(
+        PolynomialSystem(2, poly.polynomial(2, {(2, 0): 0.5, (0, 2): 0.5, (3, 0): 0.5, (1, 2): -0.25}),
+                         ((0, 1, poly.constant(2, -1.0)),), ())
+    )  # fmt: skip
+    y = rng.uniform(-1, 1, 2)
+    radius, ball = contraction_ball(problem, y)
+    h, rho = radius / 2, ball / 2
+    widths = np.full(2, 2.0 ** np.floor(np.log2(poisson.WIDTH * rho)))
+    states = poisson.shifted(y, widths)
+    answers = midpoint.step(problem, states, h, np.zeros((0, states.shape[1])))
+    D, fourth = poisson.derivative(answers, widths)
+    J = np.array([[0.0, -1.0], [1.0, 0.0]])
+    assert problem.hessian is not None
+    S = 0.5 * h * J @ problem.hessian((y + answers[:, 0]) / 2)
+    exact = np.linalg.solve(np.eye(2) - S, np.eye(2) + S)
+    bound = poisson.TRUNCATION * (widths[0] / rho) ** 6 + poisson.ROUNDING * 8e-16 / widths[0]
+    assert np.abs(D - exact).max() <= bound
+    # That of order four errs by more.
+    assert np.all(np.abs(D - exact) <= fourth + bound)
+
+
+def _moved(step: sepv.scheme.Step, by: float) -> sepv.scheme.Step:
+    return lambda problem, y, h, dW: step(problem, y, h, dW) + by
+
+
+def test_structure_and_energy_are_different_laws() -> None:
+    # A translation is symplectic, and keeps no energy. (2.1) keeps the energy, and is not symplectic.
+    moved = replace(midpoint, step=_moved(midpoint.step, 2.0**-20), solve=None)
+    report = sepv.verify(moved, laws=["symplecticity", "energy", "casimir"], effort=QUICK)
+    assert [f.verdict for f in report.findings] == [Verdict.VIOLATED, Verdict.VIOLATED, Verdict.HOLDS]
+    report = sepv.verify("energy-preserving", laws=["energy", "poisson-map", "symplecticity"], effort=QUICK)
+    assert [f.verdict for f in report.findings] == [Verdict.HOLDS, Verdict.VIOLATED, Verdict.VIOLATED]
+
+
+@pytest.mark.parametrize("name", ["midpoint", "gauss-2", "gauss-3"])
+def test_methods_that_keep_quadratic_invariants_are_symplectic(name: str) -> None:
+    assert (
+        sepv.verify(name, laws=["symplecticity"], effort=QUICK).finding("symplecticity").verdict
+        is Verdict.HOLDS
+    )
+
+
+def test_a_splitting_is_a_poisson_map_and_stays_positive() -> None:
+    report = sepv.verify("splitting", laws=["poisson-map", "positivity"], effort=QUICK)
+    assert {f.verdict for f in report.findings} == {Verdict.HOLDS}
+
+
+def _verlet(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """Störmer-Verlet for H = T(p) + V(q), one state, as somebody writes it who knows no batches."""
+    n, t = problem.dimension // 2, float(problem.random_step(h, dW))
+    p, q = y[:n].copy(), y[n:].copy()
+    p -= t / 2 * problem.gradient(np.concatenate([p, q]))[n:]
+    q += t * problem.gradient(np.concatenate([p, q]))[:n]
+    p -= t / 2 * problem.gradient(np.concatenate([p, q]))[n:]
+    return np.concatenate([p, q])
+
+
+def test_stormer_verlet_is_symplectic_on_the_systems_that_it_is_for() -> None:
+    laws = ("symplecticity", "poisson-map", "positivity", "energy")
+    verlet = Scheme("verlet", _verlet, claims=laws[:2], systems="canonical-separable")
+    report = sepv.verify(verlet, laws=laws, effort=QUICK)
+    assert [report.finding(law).verdict.value for law in laws] == [
+        "holds",
+        "holds",
+        "not_applicable",
+        "violated",
+    ]
+
+
+def test_a_solver_of_few_digits_is_not_accused_for_it() -> None:
+    # Fixed-point iteration that stops at 1e-9, and says so.
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        delta, z = problem.random_step(h, dW), np.zeros_like(y)
+        for _ in range(200):
+            middle, before = y + z / 2, z
+            z = delta * (problem.structure(middle) @ problem.gradient(middle))
+            if np.max(np.abs(z - before)) <= 1e-9 * np.max(np.abs(y)):
+                return y + z
+        raise ArithmeticError("no convergence")
+
+    rough = Scheme("rough", step, claims=["symplecticity"], solver_tolerance=1e-9)
+    assert sepv.verify(rough, laws=["symplecticity"], effort=QUICK).exit_code == 0
+    silent = replace(rough, solver_tolerance=0.0)
+    assert sepv.verify(silent, laws=["symplecticity"], effort=QUICK).exit_code == 1
+
+
+def test_problems_without_the_identity_are_not_asked_about() -> None:
+    report = sepv.verify(
+        "midpoint", problems=["rigid-body"], laws=["symplecticity", "positivity"], effort=QUICK
+    )
+    assert "B of the problems is not constant" in report.finding("symplecticity").message
+    assert "no domain" in report.finding("positivity").message
+
+
+@given(poisson_steps().filter(is_short))
+def test_every_case_can_be_measured(case: Case) -> None:
+    measured = check(by_name("midpoint"), case)
+    assert measured.bound > 0
+    assert np.isfinite(measured.defect)
