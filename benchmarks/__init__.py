@@ -1,1 +1,57 @@
-"""Benchmarks: pytest-benchmark suites, and the tables of errors and defects that belong beside them."""
+"""Measurements that take minutes: each says on stderr how far it is, and ends with a word at Ctrl-C."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextvars import ContextVar
+from typing import Any, TypeVar
+
+from sepv.progress import Shown, showing
+
+T = TypeVar("T")
+
+
+class _Track:
+    """The part of a benchmark that a loop is: it begins at `low`, and is `span` of the whole."""
+
+    def __init__(self, shown: Shown) -> None:
+        self.shown, self.low, self.span = shown, 0.0, 1.0
+        self.texts: list[str] = []
+
+
+_TRACK: ContextVar[_Track | None] = ContextVar("_TRACK", default=None)
+
+
+def over(items: Iterable[T], text: Callable[[T], str] = str) -> Iterator[T]:
+    """The items in turn; what is done and which is next is shown, within a loop around this one too."""
+    track, listed = _TRACK.get(), list(items)
+    if track is None:
+        yield from listed
+        return
+    low, span = track.low, track.span
+    for n, item in enumerate(listed):
+        track.low, track.span = low + span * n / len(listed), span / len(listed)
+        track.texts.append(text(item))
+        track.shown.update(", ".join(filter(None, track.texts)), track.low)
+        yield item
+        track.texts.pop()
+    track.low, track.span = low, span
+
+
+def tell(text: str, share: float) -> None:
+    """What is being done and how much of all is done, 0 to 1, where no loop says it."""
+    track = _TRACK.get()
+    if track is not None:
+        track.shown.update(text, share)
+
+
+def start(main: Callable[[], Any]) -> None:
+    """Run a benchmark's main with its progress on stderr; exit code 130 and one word where it is interrupted."""
+    try:
+        with showing() as shown:
+            _TRACK.set(_Track(shown))
+            main()
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        raise SystemExit(130) from None

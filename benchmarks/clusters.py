@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 import sepv
+from benchmarks import over, start
 from sepv import problems, schemes
 from sepv.engine.workers import run_all
 
@@ -57,7 +58,7 @@ def memory(paths: int, steps: int, workers: int) -> None:
 
     before = time.perf_counter(), time.process_time()
     peaks = []
-    for count in sorted({paths // 100, paths}):
+    for count in over(sorted({paths // 100, paths}), lambda n: f"{n:,} paths"):
         ends = one(count)
         peaks.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
         print(f"{count:,} paths of {steps} steps: peak memory {peaks[-1]:.0f} MiB", flush=True)
@@ -88,7 +89,7 @@ def overhead(paths: int, steps: int, rounds: int) -> None:
         for workers in (2, client):
             run(workers)  # compiled, and loaded everywhere
         ratios, cpu = [], []
-        for number in range(rounds):
+        for number in over(range(rounds), lambda n: f"round {n + 1} of {rounds}"):
             order: list[Any] = [2, client] if number % 2 else [client, 2]
             found = {id(w): _timed(lambda w=w: run(w), client) for w in order}
             dask, threads = found[id(client)], found[id(2)]
@@ -154,7 +155,7 @@ def _at_once(client: Any, count: int) -> None:
 
 def throughput() -> None:
     """One core: nanoseconds a path and step for the paper's problems, bytes a path in memory and in a store."""
-    for problem in (problems.rigid_body(), PENDULUM, problems.lotka_volterra()):
+    for problem in over((problems.rigid_body(), PENDULUM, problems.lotka_volterra()), lambda p: p.name):
         h, steps, paths = 2.0**-10, 1000, 16384
         sepv.ensemble(EP, problem, h=h, steps=steps, paths=1024)
         begin = time.process_time()
@@ -189,4 +190,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    start(main)

@@ -16,14 +16,13 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from sepv.properties import test_mean_square_order, test_right_limit, test_weak_order
 
+from benchmarks import over, start
 from sepv import problems, schemes
 from sepv.convergence import StrongErrors, first, join, quantile_slope, slope, strong_errors
 from sepv.law import Verdict
@@ -57,15 +56,12 @@ class Row:
 
 
 def drawn(scheme: Scheme, problem: Problem, batches: int, seed: int) -> StrongErrors:
-    """The errors of all batches; a line a minute goes to the terminal."""
+    """The errors of all batches."""
     setup = next(s for s in setups_for(scheme) if s.problem == problem.name)
-    parts, said = [], time.monotonic()
-    for n in range(batches):
+    parts = []
+    for n in over(range(batches), lambda n: f"batch {n + 1} of {batches}"):
         paths = range(n * FIRST_LOOK, (n + 1) * FIRST_LOOK)
         parts.append(_errors(scheme, problem, setup, paths, seed))
-        if time.monotonic() - said > 60:
-            said = time.monotonic()
-            print(f"{scheme.name}, {problem.name}: {n + 1} of {batches} batches", file=sys.stderr, flush=True)
     return join(parts)
 
 
@@ -162,8 +158,10 @@ def main() -> None:
     options = parser.parse_args()
     heads = " | ".join(f"{side} at {100 * a:g} %" for a in ALPHAS for side in ("below", "above"))
     print(f"| scheme | problem | interval | {heads} |\n|---|---|---|{'--:|' * 2 * len(ALPHAS)}")
-    for name in options.scheme or SCHEMES:
-        for problem in map(problems.by_name, options.problem or ("rigid-body", "pendulum")):
+    for name in over(options.scheme or SCHEMES):
+        for problem in over(
+            map(problems.by_name, options.problem or ("rigid-body", "pendulum")), lambda p: p.name
+        ):
             errors = drawn(SCHEMES[name], problem, options.batches, options.seed)
             if any(errors.failures):
                 raise SystemExit(f"{name}, {problem.name}: {errors.failures} paths failed")
@@ -177,4 +175,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    start(main)

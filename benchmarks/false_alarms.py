@@ -22,6 +22,7 @@ from typing import Any
 
 from scipy.stats import beta
 
+from benchmarks import start, tell
 from sepv import schemes
 from sepv.engine.workers import run_all
 from sepv.law import Effort, Verdict
@@ -48,9 +49,13 @@ def main() -> None:
     listed = [(g, n) for g in GROUPS if options.only in (None, g) for n in GROUPS[g]]
     first = done[-1]["seed"] + 1 if done else options.start
     early: dict[int, dict[str, Any]] = {}
+    taken = 0
 
     def take(number: int, run: dict[str, Any]) -> None:
         """In the order of seeds, so that the file can be gone on with."""
+        nonlocal taken
+        taken += 1
+        tell(f"{taken} of {options.runs} runs", taken / options.runs)
         early[first + number] = run
         while done_to() + 1 in early:
             done.append(early.pop(done_to() + 1))
@@ -77,6 +82,8 @@ def one(what: tuple[str, str, int]) -> dict[str, Any]:
     report = verify(
         scheme, laws=frozenset(scheme.claims) | always, effort=Effort(seed=seed, shrink_seconds=2.0)
     )
+    if report.interrupted:
+        raise KeyboardInterrupt  # part of a run is none
 
     def lines(*verdicts: Verdict) -> list[str]:
         return [
@@ -117,4 +124,4 @@ def show(done: list[dict[str, Any]]) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    start(main)

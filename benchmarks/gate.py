@@ -13,6 +13,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from benchmarks import over, start
 from sepv.bench import cases, pairs
 from sepv.bench.gate import Check, check
 
@@ -85,7 +86,7 @@ def main() -> None:
         for side in (head, base):
             side.mkdir()
             (side / "ours.py").write_text(PLAIN)
-        for name, code in PLANTED.items():
+        for name, code in over(PLANTED.items(), lambda item: item[0]):
             (head / "ours.py").write_text(PLAIN + code)
             wanted = EXPECTED[name]
             found = [c for c in run(head, base, timed="time" in wanted) if c.what == wanted]
@@ -96,7 +97,7 @@ def main() -> None:
                 out.print(f"  {c.case}: {c.what} {c.verdict}  {c.text}")
         (head / "ours.py").write_text(PLAIN)
         alarms = 0
-        for number in range(runs):
+        for number in over(range(runs), lambda n: f"the same code, run {n + 1} of {runs}"):
             checks = run(head, base, timed=True)
             worse = [f"{c.case}: {c.what} {c.text}" for c in checks if c.verdict == "worse"]
             alarms += bool(worse)
@@ -107,4 +108,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    start(main)

@@ -14,6 +14,7 @@ from rich.table import Table
 from sepv.reference.problem import exact_problem
 
 import sepv
+from benchmarks import over, start
 from sepv import problems, schemes
 from sepv.division import divided
 
@@ -43,7 +44,7 @@ def main() -> None:
         "divided",
     ):
         table.add_column(heading)
-    for name in NAMES:
+    for name in over(NAMES):
         path = sepv.integrate(divided(schemes.by_name(name)), problem, h=h, T=options.end, seed=options.seed)
         states = [exact.state(y) for y in path.y[:, ::EVERY].T]
         times = path.t[::EVERY]
@@ -57,4 +58,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    start(main)

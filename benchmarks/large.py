@@ -14,6 +14,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks import over, start
 from sepv import large, wiener
 from sepv.implicit import Status
 from sepv.large.problem import LargeProblem
@@ -53,16 +54,17 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--steps", type=int, default=200, help="of the path whose defects are shown")
     options = parser.parse_args()
-    for step in (large.energy_preserving, large.midpoint):
+    for step in over((large.energy_preserving, large.midpoint), lambda f: f.__name__):
         table = Table(
             title=f"{step.__name__}: h = {H:g}, defects over {options.steps} steps, |ΔH| relative to Σ|terms of H|",
             title_justify="left",
         )
         for heading in ("problem", "d", "ms/step", "±%", "Newton", "|ΔH|", "|ΔC|", "|ΔC|, other"):
             table.add_column(heading, justify="left" if heading == "problem" else "right")
-        for make, width in CHAINS:
+        for make, width in over(CHAINS, lambda chain: chain[0].__name__):
             problems = [make(round(d / width) | (width == 1)) for d in SIZES]
-            times = np.array([[seconds(step, p) for p in problems] for _ in range(options.repeats)])
+            rounds = over(range(options.repeats), lambda n: f"repeat {n + 1} of {options.repeats}")
+            times = np.array([[seconds(step, p) for p in problems] for _ in rounds])
             median, low, high = (np.quantile(times, q, axis=0) for q in (0.5, 0.25, 0.75))
             for n, problem in enumerate(problems):
                 path = large.integrate(step, problem, h=H, steps=options.steps)
@@ -81,4 +83,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    start(main)

@@ -26,6 +26,7 @@ from rich.console import Console
 from rich.table import Table
 
 import sepv
+from benchmarks import over, start
 from sepv import problems, schemes
 from sepv.engine.chunk import Chunk
 from sepv.engine.task import Task
@@ -125,7 +126,7 @@ def paired(
     times = np.empty((rounds, len(jobs)))
     for _, job, _ in jobs:
         job()
-    for r in range(rounds):
+    for r in over(range(rounds), lambda n: f"round {n + 1} of {rounds}"):
         for j, (_, job, size) in enumerate(jobs):
             begun = clock()
             job()
@@ -216,7 +217,7 @@ def scaling(rounds: int) -> None:
         ("steps N, one path", [1000, 10_000, 100_000, 1_000_000, 10_000_000],
          lambda n: sepv.long_path(EP, problem, h=H, steps=n, engine="compiled"), lambda n: n),
     ]  # fmt: skip
-    for name, sizes, job, work in grids:
+    for name, sizes, job, work in over(grids, lambda grid: grid[0]):
         costs = []
         for size in sizes:
             repeats = rounds if work(size) < 10**7 else 1
@@ -285,18 +286,20 @@ def main() -> None:
     limit = None if library is None else Limit(library, dW, single)
     if limit is None:
         print("no C compiler: ratios are to the engine's own first row")
-    many_paths(limit, dW, options.rounds)
-    if "one" not in options.skip:
-        one_path(limit, single, options.rounds)
-    if "threads" not in options.skip:
-        threads([] if limit is None else [limit, Limit(library, dW, single)], options.rounds)
-    if "scaling" not in options.skip:
-        scaling(3)
-    if "starts" not in options.skip:
-        starts()
+    parts: dict[str, Callable[[], None]] = {
+        "many": lambda: many_paths(limit, dW, options.rounds),
+        "one": lambda: one_path(limit, single, options.rounds),
+        "threads": lambda: threads(
+            [] if limit is None else [limit, Limit(library, dW, single)], options.rounds
+        ),
+        "scaling": lambda: scaling(3),
+        "starts": starts,
+    }
+    for name in over([name for name in parts if name not in options.skip]):
+        parts[name]()
     print(f"load of the machine at the end: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores; "
           f"peak memory here {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024} MB")  # fmt: skip
 
 
 if __name__ == "__main__":
-    main()
+    start(main)

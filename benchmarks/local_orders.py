@@ -12,6 +12,7 @@ import argparse
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks import over, start
 from sepv import schemes
 from sepv.law import Finding, Verdict
 from sepv.scheme import Scheme
@@ -53,8 +54,11 @@ def main() -> None:
         table.add_column(heading)
     if options.markdown:
         print("| " + " | ".join(headings) + " |\n|" + "---|" * len(headings))
-    for scheme in chosen:
-        findings = verify(scheme, laws=LAWS).findings
+    for scheme in over(chosen, lambda s: s.name):
+        report = verify(scheme, laws=LAWS)
+        if report.interrupted:
+            raise KeyboardInterrupt
+        findings = report.findings
         claims = f"{number(scheme.mean_square_order)} / {number(scheme.weak_order)}"
         steps = str(max(f.checks for f in findings))
         row = (scheme.name, claims, number(scheme.truncation), *map(shown, findings), steps)
@@ -66,4 +70,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    start(main)

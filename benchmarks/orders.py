@@ -21,6 +21,7 @@ from rich.console import Console
 from rich.table import Table
 
 import sepv
+from benchmarks import over, start
 from sepv import polynomial as poly
 from sepv import problems, schemes
 from sepv.clipping import clipping_error
@@ -125,8 +126,8 @@ def table_of_orders(paths: int, seed: int, names: list[str], stages: list[int]) 
     )
     for heading in ("problem", "s", "mean-square", "weak", "rms error, coarsest to finest", "H", "C"):
         table.add_column(heading)
-    for name in names:
-        for s in stages:
+    for name in over(names):
+        for s in over(stages, lambda s: f"{s} stages"):
             errors = measure(name, s, paths, seed)
             energy, casimir = defects(name, s)
             failed = f" ({sum(errors.failures)} failed)" if any(errors.failures) else ""
@@ -152,7 +153,7 @@ def stall(paths: int, seed: int) -> None:
     )
     for heading in ("truncation", *(f"N = {n}" for n in steps)):
         table.add_column(heading)
-    for k in (2, 4, 6, 12, None):
+    for k in over((2, 4, 6, 12, None), lambda k: f"k = {k}"):
         cost = np.array([clipping_error(problem, T=1.0, steps=n, k=k) for n in steps])
         cells = (f"{np.hypot(e, c):.1e} ({c:.0e})" for e, c in zip(plain, cost, strict=True))
         table.add_row("none" if k is None else f"k = {k}", *cells)
@@ -168,7 +169,7 @@ def clipping(paths: int, seed: int) -> None:
     )  # fmt: skip
     for heading in ("s", "k", *(f"N = {n}" for n in steps)):
         table.add_column(heading)
-    for s in range(1, 7):
+    for s in over(range(1, 7), lambda s: f"{s} stages"):
         scheme = replace(schemes.collocation(s), truncation=None)
         plain = tilted_errors(
             scheme, problem, T=1.0, steps=steps, paths=range(paths), seed=seed, order=float(s)
@@ -203,4 +204,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    start(main)

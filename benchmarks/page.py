@@ -14,6 +14,7 @@ from pathlib import Path
 
 import click
 
+from benchmarks import over, start
 from sepv.page import load, render
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -50,7 +51,7 @@ def main(out: Path, keep: Path | None, quick: bool, only: tuple[str, ...]) -> No
     folder = keep or Path(tempfile.mkdtemp(prefix="sepv-page-"))
     folder.mkdir(parents=True, exist_ok=True)
     files = []
-    for name, arguments in commands(quick).items():
+    for name, arguments in over(commands(quick).items(), lambda item: item[0]):
         if only and Path(name).stem not in only:
             continue
         file = folder / name
@@ -68,4 +69,4 @@ def main(out: Path, keep: Path | None, quick: bool, only: tuple[str, ...]) -> No
 
 
 if __name__ == "__main__":
-    main()
+    start(main)

@@ -15,6 +15,7 @@ from rich.table import Table
 from sepv.reference.problem import exact_problem
 
 import sepv
+from benchmarks import over, start
 from sepv import problems, schemes
 
 # §4.1: 10⁵ steps of 10⁻²; §4.2: 300 steps of 10⁻²; §4.3: [0, 500], h = 2⁻⁶; §4.4: [0, 5], h = 2⁻⁸.
@@ -53,8 +54,8 @@ def main() -> None:
     table = Table(title="largest relative defect at any step, in eps·√N", title_justify="left")
     for heading in ("scheme", "problem", "h", "N", "energy", "Casimir"):
         table.add_column(heading)
-    for name in parser.parse_args().schemes:
-        for problem, h, steps in RUNS:
+    for name in over(parser.parse_args().schemes):
+        for problem, h, steps in over(RUNS, lambda run: f"{run[0]}, h = {run[1]:g}"):
             energy, casimir = defects(schemes.by_name(name), problem, h, steps)
             shown = f"{casimir:.3g}" if math.isfinite(casimir) else "–"
             table.add_row(name, problem, f"{h:g}", str(steps), f"{energy:.3g}", shown)
@@ -62,4 +63,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    start(main)

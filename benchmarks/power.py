@@ -15,6 +15,7 @@ from itertools import combinations
 
 import numpy as np
 
+from benchmarks import over, start
 from sepv.errors import SepvError
 from sepv.problem import Array, Problem
 from sepv.saboteurs import ALL
@@ -61,7 +62,7 @@ def measured(law: str, name: str, seed: int) -> dict[tuple[int, ...], bool]:
     found = {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        for row, case in SPACES["single"][law].cases(seed):
+        for row, case in over(SPACES["single"][law].cases(seed), lambda _: f"seed {seed}"):
             try:
                 found[row] = check(scheme, case).violates
             except SepvError:
@@ -88,7 +89,7 @@ def main() -> None:
     seeds = parser.parse_args().seeds
     print("| law | broken | cases | visited: strata, pairs | found: strata | found: pairs |")
     print("|---|---|---|---|---|---|")
-    for law, name in FAULTS.items():
+    for law, name in over(FAULTS.items(), lambda item: f"{item[0]}, {item[1]}"):
         rows = len(SPACES["single"][law].design().rows)
         visited = power(law, dict.fromkeys(SPACES["single"][law].design().rows, True))
         totals = [power(law, measured(law, name, seed)) for seed in range(seeds)]
@@ -101,4 +102,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    start(main)

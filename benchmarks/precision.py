@@ -19,6 +19,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks import over, start
 from benchmarks.orders import build
 from sepv import schemes, wiener
 from sepv.clipping import clipping_error
@@ -66,7 +67,7 @@ def measure(
     """The points of one scheme, coarsest first, up to the rounding floor."""
     scheme, start, paths = schemes.by_name(name), np.asarray(problem.initial), fine.shape[2]
     H0, found = abs(float(problem.hamiltonian(start))), []
-    for count in steps:
+    for count in over(steps, lambda count: f"N = {count}"):
         raw = wiener.coarsen(fine, fine.shape[0] // count)
         ends = run_chunk(scheme, problem, start, T / count, raw, scheme.truncation)
         uncut = np.all(wiener.truncate(raw, T / count, scheme.truncation) == raw, axis=(0, 1))
@@ -187,13 +188,13 @@ def main() -> None:
     parser.add_argument("--picture", type=Path)
     options = parser.parse_args()
     out, results = Console(width=150), {}
-    for name, (T, steps) in GRIDS.items():
+    for name, (T, steps) in over(GRIDS.items(), lambda item: item[0]):
         problem = build(name)
         fine = wiener.increments(
             options.seed, T=T, steps=steps[-1], noises=problem.noises, paths=options.paths
         )
         exact = exact_flow(problem, problem.random_step(T, fine.sum(axis=0)))
-        results[name] = [p for s in NAMES for p in measure(problem, s, fine, exact.y, T, steps)]
+        results[name] = [p for s in over(NAMES) for p in measure(problem, s, fine, exact.y, T, steps)]
         table_of_points(name, results[name], out)
         out.print(f"exact time change: error {exact.error:.0e}, one normal number a path ({exact.method})\n")
     table_of_goals(results, out)
@@ -202,4 +203,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    start(main)

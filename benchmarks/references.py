@@ -14,6 +14,7 @@ from sepv.reference.selection import SCHEMES
 from sepv.reference.steps import reference_step
 from sepv.reference.vector import FLOW, ReferenceVector, load
 
+from benchmarks import over, start
 from sepv import problems, schemes
 from sepv.case import Case
 from sepv.errors import SepvError, StepFailure
@@ -48,7 +49,7 @@ def counts() -> None:
 def errors() -> None:
     """The float64 core against the vectors, by scheme and problem."""
     print("float64 against the vectors: largest error in ulp of y, and as a share of the bound (median)")
-    for name in (*(s for s in SCHEMES if s != FLOW),):
+    for name in over(s for s in SCHEMES if s != FLOW):
         try:
             scheme = schemes.by_name(name)
         except SepvError:
@@ -86,7 +87,7 @@ def speed() -> None:
     """One reference step at 50 digits, set-up and all."""
     print("one step at 50 digits from y, h and dW to y1 (least of 200, µs)")
     names = [n for n in EQUATIONS if n != "averaged-vector-field"]
-    for problem in (p() for p in problems.NAMED.values()):
+    for problem in over((p() for p in problems.NAMED.values()), lambda p: p.name):
         y, dW = tuple(map(float, problem.initial)), (0.05,) * problem.noises
         row = []
         for name in names:
@@ -107,9 +108,11 @@ def proof() -> None:
     print(f"{v.id}: {v.note}, condition {v.condition}\n{certify(v.problem, v.y, v.h, v.dW, step).describe()}")
 
 
+def main() -> None:
+    """Print the four parts, or three where ball arithmetic is not installed."""
+    for part in over((counts, errors, speed, *((proof,) if available() else ())), lambda f: f.__name__):
+        part()
+
+
 if __name__ == "__main__":
-    counts()
-    errors()
-    speed()
-    if available():
-        proof()
+    start(main)

@@ -22,6 +22,7 @@ from rich.table import Table
 from sepv.reference.problem import exact_problem
 
 import sepv
+from benchmarks import over, start
 from sepv import problems, schemes
 from sepv.engine import newton
 from sepv.problem import Array
@@ -85,7 +86,7 @@ def measure(name: str, h: float, steps: int, paths: int, seed: int, table: Table
     assert problem.data is not None
     exact, y0 = exact_problem(problem.data, 40), np.asarray(problem.initial, dtype=np.float64)
     n = np.unique(np.rint(steps * 2.0 ** -np.arange(DOUBLINGS + 1.0)))
-    for compensated in (False, True):
+    for compensated in over((False, True), lambda c: "compensated" if c else "plain"):
         start = time.perf_counter()
         ends = sepv.ensemble(
             schemes.energy_preserving, problem, h=h, steps=steps, paths=paths, seed=seed, times=n * h,
@@ -141,9 +142,8 @@ def main() -> None:
     steps = int(options.steps)
     out = Console(width=150)
     out.print(f"(2.1), {options.paths} paths of {steps} steps: root mean square over √n")
-    for name, h in RUNS:
-        if options.problem and name not in options.problem:
-            continue
+    chosen = [(name, h) for name, h in RUNS if name in (options.problem or [name])]
+    for name, h in over(chosen, lambda run: run[0]):
         table = Table(box=None)
         for heading in HEADINGS:
             table.add_column(heading, min_width=19 if heading == "problem" else None)
@@ -152,4 +152,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    start(main)

@@ -10,6 +10,7 @@ import argparse
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks import over, start
 from sepv import problems, schemes
 from sepv.convergence import slope, strong_errors
 
@@ -33,8 +34,8 @@ def main() -> None:
     table = Table(title=f"mean-square slopes, {options.paths} paths, 99 % intervals", title_justify="left")
     for heading in ("scheme", "problem", "slope", "interval", "rms error, coarsest to finest"):
         table.add_column(heading)
-    for name in options.schemes:
-        for problem, (T, steps) in GRIDS.items():
+    for name in over(options.schemes):
+        for problem, (T, steps) in over(GRIDS.items(), lambda item: item[0]):
             errors = strong_errors(
                 schemes.ALL[name], problems.by_name(problem), T=T, steps=steps, paths=range(options.paths),
                 seed=options.seed,
@@ -49,4 +50,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    start(main)

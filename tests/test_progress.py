@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import contextvars
 import io
 import os
 import signal
@@ -12,10 +14,13 @@ from pathlib import Path
 
 import pytest
 
+import benchmarks
 from sepv import progress
 from sepv.law import Verdict
 from sepv.report import console
 from sepv.suite import load_laws
+
+ROOT = Path(__file__).resolve().parents[1]
 
 
 def test_lines_say_the_share_and_the_seconds_left(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -80,3 +85,52 @@ def _runs(pid: int) -> bool:
     except ProcessLookupError:
         return False
     return "Z" not in Path(f"/proc/{pid}/stat").read_text().split()[2]
+
+
+# As `python -m`, but with SIGINT as a terminal has it.
+MODULE = (
+    "import sys, signal, runpy; signal.signal(signal.SIGINT, signal.default_int_handler); sys.argv = sys.argv[1:]; "
+    "runpy.run_module(sys.argv[0], run_name='__main__', alter_sys=True)"
+)
+
+
+@pytest.mark.parametrize("words", ["benchmarks.slopes", "benchmarks.local_orders"])
+def test_a_benchmark_says_how_far_it_is_and_ends_with_a_word(words: str) -> None:
+    child = subprocess.Popen(
+        [sys.executable, "-c", MODULE, *words.split()],
+        cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    with child:
+        assert child.stderr
+        assert child.stderr.readline()
+        child.send_signal(signal.SIGINT)
+        out, err = child.communicate(timeout=30)
+    assert child.returncode == 130, out + err
+    assert err.splitlines()[-1] == "interrupted"
+    assert "Traceback" not in out + err
+
+
+def test_every_benchmark_starts_with_its_progress() -> None:
+    for file in sorted((ROOT / "benchmarks").glob("*.py")):
+        text = file.read_text(encoding="utf-8")
+        if 'if __name__ == "__main__":' in text:
+            assert text.endswith('if __name__ == "__main__":\n    start(main)\n'), file
+
+
+def test_loops_within_loops_share_what_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = []
+
+    class Line(progress.Shown):
+        def update(self, text: str | None = None, share: float | None = None) -> None:
+            seen.append((text, share))
+
+    monkeypatch.setattr(benchmarks, "showing", lambda: contextlib.nullcontext(Line()))
+
+    def main() -> None:
+        for _ in benchmarks.over("ab"):
+            list(benchmarks.over((1, 2)))
+
+    contextvars.copy_context().run(benchmarks.start, main)
+    assert seen == [
+        ("a", 0.0), ("a, 1", 0.0), ("a, 2", 0.25), ("b", 0.5), ("b, 1", 0.5), ("b, 2", 0.75)
+    ]  # fmt: skip

@@ -10,12 +10,12 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
@@ -28,6 +28,7 @@ from sepv.engine.ensemble import ensemble
 from sepv.exact import exact_flow
 from sepv.law import Effort, Verdict
 from sepv.problem import Array, Problem
+from sepv.progress import Shown, showing
 from sepv.scheme import Scheme
 from sepv.schemes import energy_preserving
 from sepv.sequential import FALSE_ALARM, FIRST_LOOK, Setup, setups
@@ -89,6 +90,8 @@ def scheme_row(library: str, scheme: Scheme, effort: Effort) -> Row:
     """Every law on one scheme, and its energy defects."""
     with np.errstate(over="ignore", invalid="ignore"):
         report = verify(scheme, effort=effort)
+        if report.interrupted:
+            raise KeyboardInterrupt
         energy = tuple(_energy_of_scheme(scheme, problems.by_name(s.problem), s.T) for s in SETUPS)
     notes = tuple(
         f"{scheme.name}, {f.law}: {f.message.splitlines()[0]}"
@@ -206,19 +209,19 @@ def _release(library: str) -> str:
     return __version__ if library == "sepv" else version(library)
 
 
-def rows(libraries: Sequence[str], effort: Effort) -> Iterator[Row]:
+def rows(libraries: Sequence[str], effort: Effort, shown: Shown) -> Iterator[Row]:
     """The rows of the libraries that are installed, after one of sepv's own for comparison."""
-    yield scheme_row("sepv", replace(energy_preserving, name="energy-preserving"), effort)
+    jobs: list[tuple[str, Any]] = [("sepv", replace(energy_preserving, name="energy-preserving"))]
     for library in libraries:
         try:
             adapter = import_module(f"sepv.adapters.{library}")
         except ModuleNotFoundError as error:
             click.echo(f"{library} left out: no module named {error.name!r}", err=True)
             continue
-        for scheme in adapter.SCHEMES:
-            yield scheme_row(library, scheme, effort)
-        for solver in adapter.PATHS:
-            yield path_row(library, solver, effort)
+        jobs += [(library, solver) for solver in (*adapter.SCHEMES, *adapter.PATHS)]
+    for n, (library, solver) in enumerate(jobs):
+        shown.update(solver.name, n / len(jobs))
+        yield (path_row if isinstance(solver, PathSolver) else scheme_row)(library, solver, effort)
 
 
 def document(found: Sequence[Row], deviations: Sequence[Deviation], command: str) -> str:
@@ -310,11 +313,8 @@ def main(out: Path | None, libraries: tuple[str, ...], seed: int) -> None:
     """Measure every law on every solver that the adapters cover, and write the table as Markdown."""
     # Counterexamples are not shown here, so that little is spent on simplifying them.
     effort = Effort(seed=seed, shrink_seconds=2.0)
-    found, start = [], time.perf_counter()
-    for row in rows(libraries or LIBRARIES, effort):
-        found.append(row)
-        click.echo(f"{row.library} {row.solver}: {time.perf_counter() - start:.0f} s", err=True)
-        start = time.perf_counter()
+    with showing() as line:
+        found = list(rows(libraries or LIBRARIES, effort, line))
     shown = deviations_shown_by(out.parent / "peers") if out else []
     chosen = "".join(f" --library {name}" for name in libraries) + (f" --seed {seed}" if seed else "")
     target = f" --out {out}" if out else ""
