@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import Any
 
 from sepv.convergence import StrongErrors, mean_square_order
-from sepv.law import Effort, Finding, Law, Verdict, require
+from sepv.law import Effort, Finding, Law, Verdict, pathwise, require
 from sepv.problem import Problem
 from sepv.scheme import Scheme
 from sepv.sequential import Assessment, Setup, judge
@@ -65,7 +65,7 @@ law = Law(
     statement="several structures: mean-square order 1 where the noises commute, ½ where they do not",
     source="§1",
     unit="off slope",
-    run=run,
+    run=pathwise(run),
     replay=replay,
 )
 

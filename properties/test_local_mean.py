@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sepv.law import Effort, Finding, Law, require
+from sepv.law import Effort, Finding, Law, pathwise, require
 from sepv.local_orders import judge, mean_slope
 from sepv.scheme import Scheme
 
@@ -25,7 +25,7 @@ law = Law(
     statement="|E[y1 − φ]| after one step is O(h^(p+1)) for the claimed mean-square order p (else: 1)",
     source="(3.8)",
     unit="slope",
-    run=run,
+    run=pathwise(run),
     replay=replay,
 )
 

@@ -10,7 +10,7 @@ import math
 from typing import Any
 
 from sepv.convergence import StrongErrors, above_floor, floors, mean_square_order
-from sepv.law import Effort, Finding, Law, Verdict, require
+from sepv.law import Effort, Finding, Law, Verdict, pathwise, require
 from sepv.problem import Problem
 from sepv.scheme import Scheme
 from sepv.sequential import Assess, Assessment, is_tilted, judge
@@ -73,7 +73,7 @@ law = Law(
     statement="the rms error against the exact flow decreases with the claimed order (else: order 1)",
     source="Thm 3.3, 3.4",
     unit="slope",
-    run=run,
+    run=pathwise(run),
     replay=replay,
 )
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from sepv.convergence import StrongErrors, above_floor, mean_square_order
 from sepv.errors import Skipped
-from sepv.law import Effort, Finding, Law, Verdict, require
+from sepv.law import Effort, Finding, Law, Verdict, pathwise, require
 from sepv.means import leading, limit_errors
 from sepv.problem import Problem
 from sepv.scheme import Scheme
@@ -84,7 +84,7 @@ law = Law(
     statement="the rms error against the Stratonovich solution vanishes with h: drift and noise are right to 1 %",
     source="(1.1)",
     unit="share",
-    run=run,
+    run=pathwise(run),
     replay=replay,
 )
 

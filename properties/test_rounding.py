@@ -160,7 +160,7 @@ def energy_walk(
     """
     asked, exact = guarded(scheme), exact_problem(describe(problem), 30)
     raw = wiener.increments(seed, T=h * steps, steps=steps, noises=problem.noises, paths=PATHS)
-    dW = wiener.truncate(raw, h, scheme.truncation)
+    dW = wiener.seen(raw, h, scheme.truncation, scheme.increments)
     y0 = np.array(problem.initial, dtype=np.float64)
     y = np.repeat(y0[:, None], PATHS, axis=1)
     H0, unit = exact.hamiltonian(exact.state(y0)), float(energy_ulp(problem, y0, y0))

@@ -23,6 +23,7 @@ from sepv.candidate import ask
 from sepv.errors import Skipped
 from sepv.law import Effort, Finding, Law, Verdict, require
 from sepv.local_errors import problems_for
+from sepv.point_laws import point_law
 from sepv.problem import Problem
 from sepv.scheme import Scheme
 
@@ -34,7 +35,10 @@ PARTS = 16
 
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
     """Increments truncated with the scheme's k, for h from 1/2 to 2⁻²⁰."""
-    k = scheme.truncation
+    k, points = scheme.truncation, point_law(scheme.increments)
+    if points is not None:
+        text = f"{points.name} increments are bounded by {points.bound:.4g} √h: there is nothing to truncate"
+        return law.finding(Verdict.NOT_APPLICABLE, message=text)
     if k is None:
         return law.finding(Verdict.NOT_APPLICABLE, message="the scheme takes its increments untruncated")
     order = scheme.mean_square_order

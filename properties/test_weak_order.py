@@ -13,6 +13,9 @@ Of four statements the first three show that a weak order q holds, the last one 
 `violated` takes the fall and the coefficient: the coefficient, because a mean that happens to vanish at the coarsest
 step must not accuse; the fall, because a coefficient that is small beside the error proper does not show at these
 steps. Where the means are within the noise neither says anything: `inconclusive`, with the paths it would take.
+
+With increments of a few points nothing is sampled: E g(y_N) is a sum over all paths (`sepv.weak_trees`), and its error
+has a slope without noise.
 """
 
 from __future__ import annotations
@@ -22,12 +25,15 @@ from typing import Any
 
 import numpy as np
 
+from sepv import local_orders
 from sepv.convergence import StrongErrors, above_floor, mean_square_order
 from sepv.law import Effort, Finding, Law, Verdict, require
 from sepv.means import Coefficient, decay, leading, moment_errors
+from sepv.point_laws import point_law
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
 from sepv.sequential import Assess, Assessment, is_tilted, judge
+from sepv.weak_trees import ENOUGH, tree_errors
 
 # Weak orders are integers (the expansion is in powers of h): half-way to the next lower one.
 MARGIN = 0.5
@@ -80,12 +86,17 @@ def _small(samples: Array, h: Array, lower: Coefficient, alpha: float, more: flo
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
     """The weak order against the claimed one, or against 1 where none is claimed."""
     order = 1.0 if scheme.weak_order is None else scheme.weak_order
+    if point_law(scheme.increments) is not None:
+        return local_orders.judge(
+            law, scheme, effort, lambda found: found.weak, lambda _: order - MARGIN, tree_errors, ENOUGH
+        )
     return judge(law, scheme, effort, assessing(order, is_tilted(scheme)))
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
-    """The same paths again."""
-    return run(law, scheme, Effort(seed=int(witness["seed"]), paths=int(witness["paths"])))
+    """The same paths again, or the same sum over all of them."""
+    drawn = {key: int(witness[key]) for key in ("seed", "paths") if key in witness}
+    return run(law, scheme, Effort(**drawn))
 
 
 law = Law(

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from sepv.exact import exact_flow as exact_flow
     from sepv.law import Effort as Effort
     from sepv.law import Verdict as Verdict
+    from sepv.point_laws import PointLaw as PointLaw
     from sepv.problem import PolynomialSystem as PolynomialSystem
     from sepv.problem import Problem as Problem
     from sepv.problem import ScalarFunctions as ScalarFunctions
@@ -58,6 +59,7 @@ _HOME = {
     "PolynomialSystem": "sepv.problem",
     "ScalarFunctions": "sepv.problem",
     "Scheme": "sepv.scheme",
+    "PointLaw": "sepv.point_laws",
     "integrate": "sepv.simulation",
     "ensemble": "sepv.engine.ensemble",
     "long_path": "sepv.engine.long",

@@ -17,6 +17,7 @@ from itertools import pairwise, product
 import numpy as np
 
 from sepv import wiener
+from sepv.point_laws import PointLaw
 from sepv.problem import Array
 from sepv.quadrature import gauss_legendre
 
@@ -69,6 +70,13 @@ def rule(noises: int, h: float, truncation: int | None, degree: int) -> Rule:
         return _product(x, w, _clip(x, h, truncation), noises, 2 * FEW[noises] - 1)
     x = np.sqrt(noises) * np.concatenate([np.eye(noises), -np.eye(noises)], axis=1)
     return Rule(x, np.full(2 * noises, 0.5 / noises), _clip(x, h, truncation), np.arange(2 * noises), 3)
+
+
+def point_rule(noises: int, law: PointLaw) -> Rule:
+    """E over m independent increments of a law of a few points: all their combinations, exact for every function."""
+    points = np.array(list(product(law.values, repeat=noises))).reshape(-1, noises).T
+    weights = np.prod(np.array(list(product(law.weights, repeat=noises))).reshape(-1, noises), axis=1)
+    return Rule(points, weights, points, np.arange(weights.size), law.degree)
 
 
 def _clip(x: Array, h: float, truncation: int | None) -> Array:

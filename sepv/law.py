@@ -10,6 +10,7 @@ from enum import Enum
 from typing import Any
 
 from sepv.errors import UsageError
+from sepv.point_laws import point_law
 from sepv.scheme import Scheme
 
 
@@ -162,6 +163,21 @@ class Law:
     def finding(self, verdict: Verdict, **details: Any) -> Finding:
         """A finding of this law."""
         return Finding(law=self.name, verdict=verdict, source=self.source, unit=self.unit, **details)
+
+
+def pathwise(
+    run: Callable[[Law, Scheme, Effort], Finding],
+) -> Callable[[Law, Scheme, Effort], Finding]:
+    """`run` of a law about paths: not applicable to increments of a few points, which no Wiener process has."""
+
+    def asked(law: Law, scheme: Scheme, effort: Effort) -> Finding:
+        points = point_law(scheme.increments)
+        if points is None:
+            return run(law, scheme, effort)
+        text = f"{points.name} increments are no path of a Wiener process: see the laws about weak orders"
+        return law.finding(Verdict.NOT_APPLICABLE, message=text)
+
+    return asked
 
 
 Measure = Callable[[Law, Scheme, Effort], Finding]

@@ -7,7 +7,8 @@ Milstein's theorem (§3) takes a mean-square order p from two conditions on one 
 and a weak order q from |E g(y1 − y0) − E g(φ − y0)| ≤ C h^(q+1) for monomials g of degree 1, …, 2q + 1. Here φ is the
 exact solution after the step from the same state: of (1.1) the flow at the time h + Σ c_jΔW_j, with several structures
 the problem's closed form, or where that has none its moments by the series of the generator. The scheme sees increments
-truncated as it declares, the exact solution sees them whole.
+truncated as it declares, the exact solution sees them whole. Where it declares increments of a few points, the two
+expectations are apart: a finite sum of the scheme's, and the same quadrature for the exact solution.
 """
 
 from __future__ import annotations
@@ -27,10 +28,11 @@ from sepv.checks import sample_states
 from sepv.dense import FlowFailure
 from sepv.errors import Skipped
 from sepv.exact import exact_flow
-from sepv.gaussian import Rule, rule
+from sepv.gaussian import Rule, point_rule, rule
 from sepv.given import problems_of, reach
 from sepv.implicit import Status
 from sepv.law import Effort
+from sepv.point_laws import point_law
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.reference.generator import is_linear, moments
 from sepv.scheme import Scheme
@@ -157,6 +159,7 @@ def local_errors(scheme: Scheme, problem: Problem, effort: Effort) -> LocalError
         "local errors",
         id(scheme.step),
         scheme.truncation,
+        scheme.increments,
         scheme.mean_square_order,
         scheme.weak_order,
         id(problem),
@@ -180,20 +183,23 @@ def _measure(scheme: Scheme, problem: Problem) -> LocalErrors:
     unit = reach(problem) if scheme.problems else 1.0
     sizes = [h * unit for h in _sizes(strong, weak)]
     rules = [(h, rule(m, h, scheme.truncation, degree)) for h in sizes]
-    if isinstance(problem, StructuresProblem) and problem.closed_form is None:
-        exact, flow = _moments(problem, states, sizes), 0.0
-    else:
-        exact, flow = _exact(problem, states, rules)
+    law = point_law(scheme.increments)
+    known = isinstance(problem, StructuresProblem) and problem.closed_form is None
+    exact, flow = (moments_at(problem, states, sizes), 0.0) if known else ends_at(problem, states, rules)
     seen = (rules[0][1].degree + 1) // 2
     rules = rules[len(rules) - len(exact) :]
     rows, failed, steps = [], [], 0
     for (h, nodes), ends in zip(rules, exact, strict=True):
-        y, ok = _step(asked, problem, states, h, nodes)
-        steps += nodes.zeta.shape[1] * states.shape[1]
-        if ok and ends.shape == y.shape:
-            rows.append((h, *_norms(y - states[..., None], ends - states[..., None], nodes.weights, weak)))
+        taken = nodes if law is None else point_rule(m, law)
+        y, ok = _step(asked, problem, states, h, taken)
+        steps += taken.zeta.shape[1] * states.shape[1]
+        moved = y - states[..., None]
+        if ok and known:
+            rows.append((h, *against_moments(moved, ends, taken.weights)))
+        elif ok and law is not None:
+            rows.append((h, *apart(moved, taken.weights, ends - states[..., None], nodes.weights, weak)))
         elif ok:
-            rows.append((h, *_against_moments(y - states[..., None], ends, nodes.weights)))
+            rows.append((h, *_norms(moved, ends - states[..., None], nodes.weights, weak)))
         else:
             failed.append(h)
             rows = []  # only what is finer than every failure
@@ -213,7 +219,7 @@ def _step(scheme: Scheme, problem: Problem, states: Array, h: float, nodes: Rule
     return y.reshape(d, S, asked)[:, :, nodes.index], bool(np.all(status == Status.CONVERGED))
 
 
-def _exact(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) -> tuple[list[Array], float]:
+def ends_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) -> tuple[list[Array], float]:
     """The exact solutions (d, S, n) at each step size, and their error; from the coarsest that all states reach."""
     if isinstance(problem, StructuresProblem):
         form = problem.closed_form
@@ -245,7 +251,7 @@ def _exponents(dimension: int) -> tuple[tuple[int, ...], ...]:
     )
 
 
-def _moments(problem: Problem, states: Array, sizes: list[float]) -> list[Array]:
+def moments_at(problem: Problem, states: Array, sizes: list[float]) -> list[Array]:
     """E (φ − y0)^α (A, S) at each step size, for A monomials, by the series of the generator.
 
     For linear fields L keeps degrees and the series is short work; for others it is not, and they are left out.
@@ -266,7 +272,7 @@ def _moments(problem: Problem, states: Array, sizes: list[float]) -> list[Array]
     return [np.asarray(rows @ h ** np.arange(SERIES + 1.0)).T for h in sizes]
 
 
-def _against_moments(moved: Array, exact: Array, weights: Array) -> tuple[float, float, float]:
+def against_moments(moved: Array, exact: Array, weights: Array) -> tuple[float, float, float]:
     """As `_norms`, where only the moments (A, S) of the exact solution are known, and no rms error."""
     found = []
     for alpha, value in zip(_exponents(moved.shape[0]), exact, strict=True):
@@ -284,6 +290,18 @@ def _norms(moved: Array, exact: Array, weights: Array, weak: float) -> tuple[flo
     rms = np.sqrt(np.max(np.sum(error**2, axis=0) @ weights))
     differences = [np.abs((g(moved) - g(exact)) @ weights) for g in polynomials(moved.shape[0], weak)]
     return float(mean), float(rms), float(np.max(differences))
+
+
+def apart(
+    moved: Array, weights: Array, exact: Array, rule_weights: Array, weak: float
+) -> tuple[float, float, float]:
+    """As `_norms`, where scheme and exact solution have expectations of their own, and no rms error."""
+    mean = np.sqrt(np.max(np.sum((moved @ weights - exact @ rule_weights) ** 2, axis=0)))
+    found = [
+        np.max(np.abs(g(moved) @ weights - g(exact) @ rule_weights))
+        for g in polynomials(moved.shape[0], weak)
+    ]
+    return float(mean), float("nan"), float(max(found))
 
 
 def polynomials(dimension: int, weak: float) -> list[Callable[[Array], Array]]:

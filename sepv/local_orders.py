@@ -16,7 +16,7 @@ import numpy as np
 from sepv.errors import Skipped
 from sepv.law import Effort, Finding, Law, Verdict
 from sepv.local_errors import LEVELS, LocalErrors, local_errors, problems_for
-from sepv.problem import Array
+from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
 
 _EPS = float(np.finfo(np.float64).eps)
@@ -102,6 +102,8 @@ def judge(
     effort: Effort,
     errors: Callable[[LocalErrors], Array],
     least: Callable[[LocalErrors], float],
+    measure: Callable[[Scheme, Problem, Effort], LocalErrors] = local_errors,
+    enough: int = LEVELS // 2,
 ) -> Finding:
     """The law's finding: the worst slope over the problems.
 
@@ -109,18 +111,20 @@ def judge(
     ----------
     errors : which of the errors the law is about
     least : the slope that they must have, half-way to the next lower order
+    measure : what makes the errors of a problem
+    enough : so many step sizes must be left
     """
     slopes, lines, measured, checks = [], [], [], 0
     skipped: list[Skipped] = []
     for problem in problems_for(scheme):
         try:
-            found = local_errors(scheme, problem, effort)
+            found = measure(scheme, problem, effort)
         except Skipped as skip:  # a scheme need not take every problem
             skipped.append(skip)
             lines.append(f"{problem.name}: skipped, {skip.reason}")
             continue
         checks += found.steps
-        if found.h.size < LEVELS // 2:
+        if found.h.size < enough:
             return _failed(law, found)
         sizes = errors(found)
         if np.all(np.isnan(sizes)):
@@ -171,7 +175,7 @@ def _measured(found: LocalErrors, errors: Array, seen: Slope, bound: float) -> d
 
 def _errors_text(m: dict[str, Any]) -> str:
     errors = ", ".join(f"{e:.3g}" for e in m["error"])
-    return f"{m['problem']}: errors of one step {errors} for h = {', '.join(f'{h:.2g}' for h in m['h'])}"
+    return f"{m['problem']}: errors {errors} for h = {', '.join(f'{h:.2g}' for h in m['h'])}"
 
 
 def _failed(law: Law, found: LocalErrors) -> Finding:

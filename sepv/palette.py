@@ -26,6 +26,7 @@ _LOOKS = {
     "milstein": Look("#6A5ACD", "#B5A8FF", "*", "5 1 1 1"),
     "euler-maruyama": Look("#D55E00", "#FF8A3D", "+", "3 2"),
     "exact-flow": Look("#333333", "#DDDDDD", "v", ""),
+    "splitting": Look("#7A5230", "#D2A679", "x", "4 1"),
 }
 _REFERENCE = Look("#333333", "#DDDDDD", "", "1 2")
 _MORE = ("v", "x", "s", "^", "D", "o", "*", "+")

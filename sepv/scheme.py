@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,12 +12,15 @@ from numpy.typing import ArrayLike
 from sepv.arguments import floats, is_number
 from sepv.errors import UsageError
 from sepv.implicit import Solution, require_converged
+from sepv.point_laws import PointLaw, point_law
 from sepv.problem import Array, Problem
 
 # The classes of systems that a scheme may be for; `sepv.strategies_structures` has cases for each.
 SYSTEMS = ("single", "nambu", "several", "canonical-separable", "lie-poisson", "rigid-bodies")
 # How a scheme says that it did not solve a step, when it does not know `sepv.StepFailure` (an ArithmeticError too).
 REFUSALS = (ArithmeticError, np.linalg.LinAlgError)
+# What speaks of paths, and says nothing of increments that only have the law of some moments.
+PATHWISE = frozenset(("mean-square-order", "right-limit", "local-mean", "local-mean-square", "commutation"))
 Step = Callable[[Problem, Array, float, Array], Array]
 Solve = Callable[[Problem, Array, float, Array], Solution]
 
@@ -55,6 +58,9 @@ class Scheme:
         0 means solved to rounding.
     truncation : int, optional
         k of Remark 2.1 for the increments the scheme wants; None for untruncated.
+    increments : "normal", "two-point", "three-point" or PointLaw, optional
+        The increments it is meant for (`sepv.point_laws`). Those of a few points are bounded, so that `truncation` is
+        None; such a scheme has a weak order alone.
     batched : bool
         Whether `step` takes batches.
     systems : str
@@ -79,6 +85,7 @@ class Scheme:
     solve: Solve | None = None
     solver_tolerance: float = 0.0
     truncation: int | None = 2
+    increments: str | PointLaw | None = None
     batched: bool = False
     stages: int = 1
     systems: str = "single"
@@ -90,8 +97,18 @@ class Scheme:
             raise UsageError(
                 expected="claims, names of laws", received=f"{self.claims!r:.80}", remedy="see `sepv list`"
             )
+        law = point_law(self.increments)
+        object.__setattr__(self, "increments", law)
+        if law is not None:
+            object.__setattr__(self, "truncation", None)
+            if self.mean_square_order is not None:
+                raise UsageError(
+                    expected="a weak order alone, for increments of a few points",
+                    received=f"mean_square_order = {self.mean_square_order!r} with {law.name} increments",
+                    remedy="sepv.scheme.weakly(scheme, increments) drops what a scheme claims of paths",
+                )
         if self.mean_square_order is not None:
-            claims |= {"mean-square-order", "right-limit", "local-mean", "local-mean-square"}
+            claims |= PATHWISE - {"commutation"}
         if self.weak_order is not None:
             claims |= {"weak-order", "local-weak"}
         if self.systems not in SYSTEMS:
@@ -109,6 +126,15 @@ class Scheme:
                 received=f"{type(self.step).__name__}: {self.step!r:.80}",
                 remedy="hand over the function itself",
             )
+
+
+def weakly(scheme: Scheme, increments: str | PointLaw | None) -> Scheme:
+    """The scheme with other increments; with those of a few points it claims nothing about paths any more."""
+    law = point_law(increments)
+    if law is None:
+        return scheme if scheme.increments is None else replace(scheme, increments=None)
+    claims = frozenset(scheme.claims) - PATHWISE - {"truncation"}
+    return replace(scheme, increments=law, mean_square_order=None, claims=claims)
 
 
 def as_lanes(problem: Problem, y: ArrayLike, h: float, dW: ArrayLike) -> tuple[Array, Array]:

@@ -132,7 +132,7 @@ def share(scheme: Scheme, effort: Effort, problems: int) -> float:
 def sampled(scheme: Scheme, setup: Setup, paths: int, effort: Effort) -> StrongErrors:
     """The errors of the first `paths` paths, computed once for all laws of a run."""
     order = scheme.mean_square_order
-    key = (id(scheme.step), scheme.truncation, order, setup)
+    key = (id(scheme.step), scheme.truncation, scheme.increments, order, setup)
     have: StrongErrors | None = effort.cache.get(key)
     done = have.squared.shape[1] if have else 0
     if done < paths:

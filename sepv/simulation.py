@@ -15,10 +15,11 @@ from sepv.arguments import floats, is_number
 from sepv.candidate import ask
 from sepv.errors import StepFailure, TruncationWarning, UsageError
 from sepv.implicit import Status
+from sepv.point_laws import PointLaw
 from sepv.problem import Array, Problem
 from sepv.results.labelled import to_xarray
 from sepv.results.reductions import Summary
-from sepv.scheme import REFUSALS, Scheme, Step
+from sepv.scheme import REFUSALS, Scheme, Step, weakly
 from sepv.target import load_problem, load_scheme
 
 # Paths computed together: enough to hide NumPy's cost a call, few enough that increments stay small.
@@ -110,6 +111,7 @@ def integrate(
     seed: int = 0,
     dW: ArrayLike | None = None,
     truncation: int | None = -1,
+    increments: str | PointLaw | None = None,
 ) -> Trajectory:
     """One path from y0 (default: the problem's initial state).
 
@@ -128,6 +130,8 @@ def integrate(
         Untruncated increments to use; else those of `wiener.increments(seed, …)`, path 0.
     truncation : int or None
         k of Remark 2.1; by default the scheme's own. None for untruncated.
+    increments : "normal", "two-point", "three-point" or PointLaw, optional
+        By default the scheme's own. Each is taken at the rank of the increment drawn or given (`sepv.wiener.seen`).
 
     Returns
     -------
@@ -150,7 +154,7 @@ def integrate(
     (3, 101)
     """
     problem = load_problem(problem)
-    scheme = load_scheme(scheme, problems=(problem,))
+    scheme, k = prepared(load_scheme(scheme, problems=(problem,)), truncation, increments)
     count = step_count(h, T, steps)
     start = initial_state(problem, y0)
     raw = (
@@ -164,7 +168,7 @@ def integrate(
             received=f"shape {raw.shape}",
             remedy="one row a step",
         )
-    used = wiener.truncate(raw, h, chosen_truncation(scheme, truncation))
+    used = wiener.seen(raw, h, k, scheme.increments)
     y = np.empty((problem.dimension, count + 1))
     y[:, 0] = start
     evaluations = divisions = continuations = 0
@@ -191,6 +195,29 @@ def integrate(
     )
 
 
+def prepared(
+    scheme: Scheme, truncation: int | None, increments: str | PointLaw | None
+) -> tuple[Scheme, int | None]:
+    """The scheme with the increments asked for, its own for None, and k: of increments of a few points None.
+
+    Raises
+    ------
+    UsageError
+        For a truncation of increments that are bounded as they are.
+    """
+    if increments is not None:
+        scheme = weakly(scheme, increments)
+    if isinstance(scheme.increments, PointLaw):
+        if truncation not in (-1, None):
+            raise UsageError(
+                expected="truncation=None, or left out, with increments of a few points",
+                received=f"truncation = {truncation!r} with {scheme.increments.name} increments",
+                remedy=f"they are bounded already, by {scheme.increments.bound:.4g} √h",
+            )
+        return scheme, None
+    return scheme, chosen_truncation(scheme, truncation)
+
+
 def chosen_truncation(scheme: Scheme, truncation: int | None) -> int | None:
     """k of Remark 2.1: the scheme's own for −1; a warning where it costs the scheme its order.
 
@@ -204,7 +231,7 @@ def chosen_truncation(scheme: Scheme, truncation: int | None) -> int | None:
             f"Truncation k = {k} costs {scheme.name} its mean-square order {order:g}: the error stalls at order "
             f"{k / 2:g}. Remedy: k ≥ {2 * order:g} (its own is {scheme.truncation}), or None for no truncation.",
             TruncationWarning,
-            stacklevel=3,
+            stacklevel=4,
         )
     return k
 
@@ -212,12 +239,12 @@ def chosen_truncation(scheme: Scheme, truncation: int | None) -> int | None:
 def run_chunk(
     scheme: Scheme, problem: Problem, y0: Array, h: float, raw: Array, k: int | None, *, track: bool = True
 ) -> Ensemble:
-    """Paths from y0 (d,) over the untruncated increments raw (N, m, M), truncated with k.
+    """Paths from y0 (d,) over the Wiener increments raw (N, m, M), truncated with k or as the scheme wants them.
 
     Without `track` the invariants are not followed, and their defects are zero.
     """
     batch = Batch(scheme, problem, y0, raw.shape[2], track=track)
-    for increment in wiener.truncate(raw, h, k):
+    for increment in wiener.seen(raw, h, k, scheme.increments):
         batch.step(h, increment)
     return batch.result(raw.sum(axis=0))
 

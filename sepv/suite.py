@@ -23,6 +23,7 @@ from sepv.expected import Expectations, ExpectedFailure
 from sepv.expected import load as load_expected
 from sepv.given import items
 from sepv.law import Effort, Finding, Law, Verdict
+from sepv.point_laws import NORMAL, point_law
 from sepv.scheme import Scheme, Step
 from sepv.target import load_scheme, words_for
 
@@ -150,6 +151,7 @@ class Report:
 
     def to_json(self) -> dict[str, Any]:
         """The report as JSON: suite, scheme, counts, laws."""
+        points = point_law(self.scheme.increments)
         return {
             "suite": {
                 "name": "sepv",
@@ -168,6 +170,7 @@ class Report:
                 "weak_order": self.scheme.weak_order,
                 "solver_tolerance": self.scheme.solver_tolerance,
                 "truncation": self.scheme.truncation,
+                "increments": NORMAL if points is None else points.name,
             },
             "counts": self.counts,
             "laws": [_finding_json(f) for f in self.findings],

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sepv.errors import UsageError
+from sepv.point_laws import PointLaw, point_law
 from sepv.problem import Array
 
 # Levels of at most this many increments share the path's first stream.
@@ -64,6 +65,38 @@ def truncate(dW: ArrayLike, h: float, k: int | None = 2) -> Array:
         )
     bound = truncation_bound(h, k) * math.sqrt(h)
     return np.clip(increments, -bound, bound)
+
+
+def seen(dW: ArrayLike, h: float, k: int | None = 2, increments: str | PointLaw | None = None) -> Array:
+    """What a scheme sees of Wiener increments: truncated ones, or those of a law of a few points.
+
+    Parameters
+    ----------
+    dW : array_like of any shape
+        Wiener increments of variance h.
+    k : int, optional
+        As for `truncate`, for normal increments. The others are bounded as they are.
+    increments : "normal", "two-point", "three-point" or PointLaw, optional
+        Each increment becomes the value of that law at its own rank (`sepv.point_laws`), times √h.
+
+    Examples
+    --------
+    >>> seen([-1.0, -0.1, 0.2, 2.0], 0.25, None, "two-point").tolist()
+    [-0.5, -0.5, 0.5, 0.5]
+    """
+    law = point_law(increments)
+    if law is None:
+        return truncate(dW, h, k)
+    thresholds, values = points(h, law)
+    return values[np.searchsorted(thresholds, np.asarray(dW, dtype=np.float64), side="right")]
+
+
+def points(h: float, law: PointLaw | None) -> tuple[Array, Array]:
+    """The thresholds and values of the law's increments over a step h; empty for normal increments."""
+    if law is None:
+        return np.empty(0), np.empty(0)
+    root = math.sqrt(h)
+    return root * np.array(law.thresholds), root * np.array(law.values)
 
 
 def increments(

@@ -16,7 +16,7 @@ from sepv.continuation import continued
 from sepv.division import divided
 from sepv.errors import TruncationWarning
 from sepv.implicit import Solution, Status
-from sepv.simulation import CHUNK, Batch, advance, chosen_truncation, initial_state, run_chunk, step_count
+from sepv.simulation import CHUNK, Batch, advance, initial_state, prepared, run_chunk, step_count
 
 # These are about the NumPy batch; the compiled engine has its own file.
 ensemble = partial(sepv.ensemble, engine="numpy")
@@ -345,7 +345,7 @@ def test_a_truncation_that_costs_the_order_is_a_warning_to_the_caller() -> None:
     second = schemes.collocation(2)
 
     def ask(scheme: sepv.Scheme, k: int | None) -> int | None:
-        return chosen_truncation(scheme, k)
+        return prepared(scheme, k, None)[1]
 
     assert [ask(second, k) for k in (-1, None, 4, 5)] == [8, None, 4, 5]
     assert ask(replace(second, mean_square_order=None), 1) == 1

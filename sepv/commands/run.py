@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from sepv.commands.shared import EXEC, FILE, candidates, friendly
+from sepv.point_laws import NAMES
 
 
 @click.command(short_help="One path over many steps.")
@@ -29,13 +30,16 @@ from sepv.commands.shared import EXEC, FILE, candidates, friendly
 @click.option("--seed", type=int, default=0, show_default=True)
 @click.option("--every", type=float, help="Keep the state after each so many steps [default: a thousandth].")
 @click.option("--compensated", is_flag=True, help="Kahan's summation of the steps.")
+@click.option(
+    "--increments", type=click.Choice(NAMES), help="Instead of those the scheme is meant for (weak schemes)."
+)
 @click.option("--engine", type=click.Choice(["auto", "numpy", "compiled"]), default="auto", show_default=True)
 @click.option("--json", "json_file", type=FILE, help="Write the kept states and defects.")
 @click.option("-q", "--quiet", is_flag=True, help="No progress; print one line, the defects.")
 @friendly
 def run(
     scheme: str | None, problem: str, programs: tuple[str, ...], h: float, steps: float, seed: int,
-    every: float | None, compensated: bool,
+    every: float | None, compensated: bool, increments: str | None,
     engine: str, json_file: str | None, quiet: bool,
     debug: bool,  # noqa: ARG001  (every command takes it)
 ) -> None:  # fmt: skip
@@ -64,7 +68,7 @@ def run(
         scheme, own = found[0]
         path = long_path(
             own, system, h=h, steps=count, seed=seed, every=kept,
-            compensated=compensated, engine=engine, progress=progress,
+            compensated=compensated, increments=increments, engine=engine, progress=progress,
         )  # fmt: skip
     _show(scheme, problem, path, quiet)
     if json_file:

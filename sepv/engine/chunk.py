@@ -10,6 +10,7 @@ from sepv import wiener
 from sepv.engine.compile import FEW, LANES, Kernel, kernel
 from sepv.engine.task import Task
 from sepv.engine.workers import Halted, halted
+from sepv.point_laws import point_law
 from sepv.problem import Array, Problem
 from sepv.simulation import Ensemble
 
@@ -42,6 +43,7 @@ class Chunk:
         self.spreads = wiener.spreads(task.h * task.steps, self.grid)
         k = task.truncation
         self.bound = math.inf if k is None else wiener.truncation_bound(task.h, k) * math.sqrt(task.h)
+        self.thresholds, self.values = wiener.points(task.h, point_law(task.scheme.increments))
         self.given = np.empty((0, m, 0)) if task.dW is None else np.ascontiguousarray(task.dW)
         # All arrays are filled by the kernel, which holds no lock meanwhile.
         module.begin(
@@ -53,7 +55,8 @@ class Chunk:
         """The next `steps` steps."""
         self.kernel.module.run(
             self.S, self.I, self.W, self.rng, self.stack, self.top, self.spreads, self.grid.top, self.given,
-            self.task.place, self.done, self.done + steps, self.task.h, self.bound, self.kernel.parameters,
+            self.task.place, self.done, self.done + steps, self.task.h, self.bound, self.thresholds,
+            self.values, self.kernel.parameters,
         )  # fmt: skip
 
     @property

@@ -20,10 +20,11 @@ from sepv.engine.task import Task, portable, run
 from sepv.engine.total import InMemory, OnDisk, Reduced, Reducing, Total
 from sepv.engine.workers import check, is_far, run_all
 from sepv.errors import ChunkFailure, Interrupted, UsageError
+from sepv.point_laws import PointLaw, point_law
 from sepv.problem import Problem
 from sepv.results.reductions import Functionals, validate
 from sepv.scheme import Scheme, Step
-from sepv.simulation import CHUNK, Ensemble, chosen_truncation, initial_state, step_count
+from sepv.simulation import CHUNK, Ensemble, initial_state, prepared, step_count
 from sepv.target import load_problem, load_scheme
 
 ENGINES = ("auto", "numpy", "compiled")
@@ -46,6 +47,7 @@ def ensemble(
     seed: int = 0,
     y0: ArrayLike | None = None,
     truncation: int | None = -1,
+    increments: str | PointLaw | None = None,
     refine: int | None = None,
     dW: ArrayLike | None = None,
     times: ArrayLike | None = None,
@@ -78,6 +80,9 @@ def ensemble(
         By default the problem's initial state.
     truncation : int or None
         k of Remark 2.1; by default the scheme's own. None for untruncated.
+    increments : "normal", "two-point", "three-point" or PointLaw, optional
+        By default the scheme's own. Each is taken at the rank of the increment drawn or given (`sepv.wiener.seen`), so
+        that a path number means the same stream whatever increments it takes; `Ensemble.W` stays that of the stream.
     refine : int, optional
         See `sepv.wiener.increments`.
     dW : (N, m, M), optional
@@ -138,7 +143,7 @@ def ensemble(
     count = step_count(h, T, steps)
     raw, paths = _increments(dW, count, problem, paths)
     start = initial_state(problem, y0)
-    k = chosen_truncation(scheme, truncation)
+    scheme, k = prepared(scheme, truncation, increments)
     if k is not None:
         wiener.truncate(np.zeros(1), h, k)  # refuses h and k that Remark 2.1 does not cover
     wiener.validate(seed, h * count, count, problem.noises, range(paths))
@@ -318,6 +323,7 @@ def _about(whole: Task, problem: Problem, dW: Any) -> dict[str, Any]:
         except Exception as error:  # a step may be refused; that too is what the scheme does
             values.append(np.frombuffer(type(error).__name__.encode(), dtype=np.uint8))
     bits = b"".join(np.ascontiguousarray(value).tobytes() for value in values)
+    law = point_law(whole.scheme.increments)
     return {
         "sepv_version": __version__,
         "problem": problem.name,
@@ -327,7 +333,8 @@ def _about(whole: Task, problem: Problem, dW: Any) -> dict[str, Any]:
         "steps": whole.steps,
         "T": whole.h * whole.steps,
         "seed": "given increments" if dW is not None else whole.seed,
-        "increments": "drawn" if dW is None else hashlib.sha256(dW.tobytes()).hexdigest()[:16],
+        "increments": ("drawn" if dW is None else hashlib.sha256(dW.tobytes()).hexdigest()[:16])
+        + ("" if law is None else f", {law}"),
         "refine": "as far as it goes" if whole.refine is None else whole.refine,
         "truncation": "none" if whole.truncation is None else whole.truncation,
         "compensated": whole.compensated,

@@ -17,9 +17,10 @@ from sepv.engine.ensemble import choose
 from sepv.engine.task import NumpyChunk, Task
 from sepv.errors import UsageError
 from sepv.implicit import Status
+from sepv.point_laws import PointLaw
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme, Step
-from sepv.simulation import chosen_truncation, initial_state, step_count
+from sepv.simulation import initial_state, prepared, step_count
 from sepv.target import load_problem, load_scheme
 
 # Seconds between two looks at the clock, and steps before the first.
@@ -83,6 +84,7 @@ def long_path(
     path: int = 0,
     y0: ArrayLike | None = None,
     truncation: int | None = -1,
+    increments: str | PointLaw | None = None,
     refine: int | None = None,
     every: int | None = None,
     compensated: bool = False,
@@ -94,7 +96,7 @@ def long_path(
 
     Parameters
     ----------
-    scheme, problem, h, steps, T, seed, y0, truncation, refine, engine
+    scheme, problem, h, steps, T, seed, y0, truncation, increments, refine, engine
         As for `ensemble`.
     path : int
         Its number there.
@@ -127,7 +129,7 @@ def long_path(
             expected="every, an integer ≥ 1", received=repr(every), remedy="say how many steps apart"
         )
     start = initial_state(problem, y0)
-    k = chosen_truncation(scheme, truncation)
+    scheme, k = prepared(scheme, truncation, increments)
     if k is not None:
         wiener.truncate(np.zeros(1), h, k)
     wiener.validate(seed, h * count, count, problem.noises, range(path, path + 1))

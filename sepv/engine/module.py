@@ -100,13 +100,15 @@ def ends(S, I, W, y, total, status, failed, energy, casimir, work):
 
 @njit(
     "void(float64[:,::1], int64[:,::1], float64[:,:,::1], uint64[:,:,:,::1], float64[:,:,:,::1], float64[:,:,:,::1],"
-    " float64[::1], int64, float64[:,:,::1], int64, int64, int64, float64, float64, float64[::1])",
+    " float64[::1], int64, float64[:,:,::1], int64, int64, int64, float64, float64, float64[::1], float64[::1],"
+    " float64[::1])",
     error_model="numpy", nogil=True, cache=True,
 )
-def run(S, I, W, rng, stack, top, factors, halvings, given, place, n0, n1, h, bound, P):
+def run(S, I, W, rng, stack, top, factors, halvings, given, place, n0, n1, h, bound, thresholds, values, P):
     """Steps n0 … n1 − 1 of a chunk of blocks; S, I, W, rng, stack and top are its state.
 
-    Increments are drawn, or those of lanes `place` and on of `given` (N, m, M) where it is not empty.
+    Increments are drawn, or those of lanes `place` and on of `given` (N, m, M) where it is not empty; where there are
+    `values`, the scheme sees the one between whose thresholds the increment lies.
     """
     buffer = np.empty((PIECE, NOISES, L))
     raw = np.empty(L, np.uint64)
@@ -132,6 +134,15 @@ def run(S, I, W, rng, stack, top, factors, halvings, given, place, n0, n1, h, bo
                 for j in range(NOISES):
                     for k in range(L):
                         W[b, j, k] += buffer[i, j, k]
+            if values.shape[0] > 0:
+                for i in range(count):
+                    for j in range(NOISES):
+                        for k in range(L):
+                            u = buffer[i, j, k]
+                            v = values[0]
+                            for t in range(thresholds.shape[0]):
+                                v = pick(u >= thresholds[t], values[t + 1], v)
+                            buffer[i, j, k] = v
             if alive:
                 alive = _advance(S[b], I[b], buffer, count, n, h, bound, P) == 0
         # Written here and not by the caller, so that an interrupt never finds states ahead of their number.

@@ -94,7 +94,9 @@ class NumpyChunk:
         for raw in islice(self.increments, steps):
             if halted():
                 raise Halted
-            self.batch.step(self.task.h, wiener.truncate(raw, self.task.h, self.task.truncation))
+            self.batch.step(
+                self.task.h, wiener.seen(raw, self.task.h, self.task.truncation, self.task.scheme.increments)
+            )
             self.W += raw
 
     def states(self) -> Array:

@@ -20,6 +20,7 @@ from sepv.external.errors import (
     WrongShape,
 )
 from sepv.external.text import clean, shown
+from sepv.point_laws import NAMES, NORMAL
 from sepv.problem import NamedProblem, PolynomialSystem, Problem
 
 PROTOCOL = 1
@@ -41,6 +42,7 @@ class Hello:
     weak_order: float | None = None
     solver_tolerance: float = 0.0
     truncation: int | None = 2
+    increments: str = NORMAL
     problems: tuple[str, ...] = ()
     polynomial: bool = False
     max_steps: int = 1
@@ -76,6 +78,7 @@ _HELLO: dict[str, tuple[Callable[[Any], bool], str]] = {
     "weak_order": (_order, "a number > 0, or null"),
     "solver_tolerance": (lambda v: type(v) in (int, float) and 0 <= v < 1, "a number from 0 to 1"),
     "truncation": (lambda v: v is None or _count(v), "an integer ≥ 1, or null"),
+    "increments": (lambda v: v in NAMES, f"one of {', '.join(NAMES)}"),
     "problems": (_names, "a list of names of problems"),
     "polynomial": (lambda v: type(v) is bool, "true or false"),
     "max_steps": (_count, "an integer ≥ 1"),

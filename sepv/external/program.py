@@ -148,6 +148,7 @@ class Program:
             weak_order=said.weak_order,
             solver_tolerance=said.solver_tolerance,
             truncation=said.truncation,
+            increments=said.increments,
             batched=True,
         )
 

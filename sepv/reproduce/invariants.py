@@ -6,7 +6,7 @@ import numpy as np
 
 from sepv import problems
 from sepv.problem import Array
-from sepv.reproduce.order import SENTENCE
+from sepv.reproduce.order import sentence
 from sepv.reproduce.record import Series, Statement, decide, series
 from sepv.reproduce.runs import Run, rounding_bound
 
@@ -53,7 +53,7 @@ def statement(run: Run, problem: str, what: str, *, constant: bool, source: str)
     kept, lost = moved <= limit, moved > FAR * limit or run.stopped > 0
     stopped = f"; the sample left the domain at step {run.stopped}" if run.stopped > 0 else ""
     return Statement(
-        text=f"{SENTENCE[run.scheme]} {'keeps' if constant else 'does not keep'} the {what}",
+        text=f"{sentence(run.scheme)} {'keeps' if constant else 'does not keep'} the {what}",
         source=source,
         verdict=decide(kept, lost) if constant else decide(lost, kept),
         measured=f"largest relative change {moved:.2g} over {run.steps} steps{stopped}",

@@ -78,7 +78,7 @@ def long_run(
     Sample 0 sees the same Wiener path whatever the scheme. A sample that fails, or leaves the domain,
     stays where it was and counts no further; the first one's curve ends there.
     """
-    method, system = schemes.ALL[scheme], problems.by_name(problem)
+    method, system = schemes.by_name(scheme), problems.by_name(problem)
     checkpoints = np.array([*(2**i for i in range(steps.bit_length()) if 2**i < steps), steps])
     raw = wiener.increments(seed, T=h * steps, steps=steps, noises=system.noises, paths=range(samples))
     first, energies, failed = _follow(method, system, h, raw, checkpoints, engine)
@@ -131,7 +131,7 @@ def _follow_numpy(
     first = np.empty((system.dimension, raw.shape[0] + 1))
     first[:, 0] = batch.y[:, 0]
     energies: list[Array] = []
-    for n, increment in enumerate(wiener.truncate(raw, h, method.truncation)):
+    for n, increment in enumerate(wiener.seen(raw, h, method.truncation, method.increments)):
         batch.step(h, increment)
         first[:, n + 1] = batch.y[:, 0]
         if n + 1 == checkpoints[len(energies)]:
@@ -151,7 +151,7 @@ def errors(
     engine: str = "auto",
 ) -> StrongErrors:
     """Errors against the exact flow of the samples numbered from `first`, all step sizes on the same paths."""
-    method, system = schemes.ALL[scheme], problems.by_name(problem)
+    method, system = schemes.by_name(scheme), problems.by_name(problem)
     paths = range(first, first + samples)
     fine = wiener.increments(seed, T=T, steps=steps[-1], noises=system.noises, paths=paths)
     exact = exact_flow(system, system.random_step(T, fine.sum(axis=0))).y

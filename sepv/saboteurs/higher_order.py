@@ -5,6 +5,7 @@ They claim what the schemes claim that they imitate.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, cast
@@ -15,10 +16,17 @@ from sepv.average import average_gradient
 from sepv.errors import StepFailure
 from sepv.fields import matvec
 from sepv.nambu import cross
+from sepv.point_laws import PointLaw
 from sepv.problem import Array, Problem
 from sepv.saboteurs.record import Saboteur, implicit_step, mean, middle
-from sepv.scheme import Scheme, Step, as_lanes
-from sepv.schemes import both_invariants, collocation, energy_preserving, several_structures
+from sepv.scheme import Scheme, Step, as_lanes, weakly
+from sepv.schemes import (
+    both_invariants,
+    collocation,
+    energy_preserving,
+    modified_weak_two,
+    several_structures,
+)
 from sepv.schemes.both_invariants import required
 from sepv.schemes.several_structures import parts
 from sepv.structures import combined, noise_structures
@@ -101,6 +109,15 @@ def _factor_at_start(problem: Problem, y0: Array, y1: Array, step: Array) -> Arr
     return step[0] * nambu.factor(y0) * cross(mean(problem, y0, y1), C)
 
 
+def _of_points(increments: str | PointLaw) -> Callable[[], Scheme]:
+    """A scheme of weak order 2 for three-point increments, with others; it goes on claiming weak order 2."""
+    return lambda: weakly(modified_weak_two, increments)
+
+
+def _three(probability: float, size: float) -> PointLaw:
+    return PointLaw("three-point", (-size, 0.0, size), (probability, 1 - 2 * probability, probability))
+
+
 _TABLE = (
     (
         "lagrange-weight",
@@ -154,6 +171,24 @@ _TABLE = (
         "with several Hamiltonians it rests where ∇H_0 = 0, though a noise moves the solution",
         _imitating(several_structures, implicit_step(_rest_where_undefined, parts), batched=True),
         ("reference",),
+    ),
+    (
+        "two-points-for-three",
+        "increments of two points are taken where weak order 2 needs three: E ΔW⁴ is h² and not 3h²",
+        _of_points("two-point"),
+        ("local-weak", "weak-order"),
+    ),
+    (
+        "three-points-too-likely",
+        "the outer points ±√(3h) have probability 1/5 and not 1/6: E ΔW² is 1.2 h",
+        _of_points(_three(1 / 5, math.sqrt(3.0))),
+        ("local-weak", "weak-order"),
+    ),
+    (
+        "three-points-second-moment-only",
+        "±√(2h) with probability ¼: E ΔW² is h, E ΔW⁴ is 2h² and not 3h²",
+        _of_points(_three(1 / 4, math.sqrt(2.0))),
+        ("local-weak", "weak-order"),
     ),
 )
 

@@ -1,0 +1,123 @@
+"""Increments of two and three points: what weak schemes may take in the place of normal ones.
+
+A weak order q asks of the increments no more than the moments up to 2q + 1 of N(0, h) (G. N. Milstein, Numerical
+Integration of Stochastic Differential Equations, 1995, §9; Kloeden and Platen 1992, §14.1-2):
+
+    two points,   P(ΔW = ±√h) = ½:                       E ΔW^k as of N(0, h) for k ≤ 3, weak order 1;
+    three points, P(ΔW = ±√(3h)) = 1/6, P(ΔW = 0) = 2/3: for k ≤ 5, weak order 2.
+
+They are bounded, so that an implicit step needs no truncation. They are no path of a Wiener process: nothing converges
+in mean square. Here each is the quantile of its law at the rank of the normal increment of the same step, so that a
+path number means the same stream whatever increments a scheme takes, and E ζξ is as large as it can be: 0.80 and 0.87.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate
+from typing import TYPE_CHECKING
+
+from sepv.arguments import did_you_mean
+from sepv.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+# What the sum of weights and a moment may be off by: roundings of a few terms.
+_ROUNDING = 1e-12
+# Moments are compared so far; no law of a few points comes near.
+_MOST = 24
+
+
+@dataclass(frozen=True)
+class PointLaw:
+    """ζ = values[i] with probability weights[i], for increments √h ζ.
+
+    Attributes
+    ----------
+    name : str
+    values : increasing finite numbers, in units of √h
+    weights : as many positive numbers of sum 1
+
+    Raises
+    ------
+    UsageError
+        For values and weights that are no law. Moments are nobody's duty here: the laws about weak orders judge them.
+    """
+
+    name: str
+    values: Sequence[float]
+    weights: Sequence[float]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "values", tuple(float(v) for v in self.values))
+        object.__setattr__(self, "weights", tuple(float(w) for w in self.weights))
+        rising = all(a < b for a, b in zip(self.values, self.values[1:], strict=False))
+        if not (
+            self.values
+            and len(self.values) == len(self.weights)
+            and rising
+            and all(map(math.isfinite, self.values))
+            and all(w > 0 for w in self.weights)
+            and abs(math.fsum(self.weights) - 1) < _ROUNDING
+        ):
+            raise UsageError(
+                expected="increasing values, and as many positive weights of sum 1",
+                received=f"values {self.values}, weights {self.weights}",
+                remedy="such as PointLaw('two-point', (-1, 1), (0.5, 0.5)), in units of √h",
+            )
+
+    @cached_property
+    def thresholds(self) -> tuple[float, ...]:
+        """Where a normal number passes from one value to the next: Φ⁻¹ of the sums of weights, from the nearer end."""
+        from statistics import NormalDist
+
+        quantile = NormalDist().inv_cdf
+        below = list(accumulate(self.weights))[:-1]
+        above = list(accumulate(reversed(self.weights)))[-2::-1]
+        return tuple(quantile(p) if p <= q else -quantile(q) for p, q in zip(below, above, strict=True))
+
+    @property
+    def bound(self) -> float:
+        """Of |ζ|."""
+        return max(abs(v) for v in self.values)
+
+    @property
+    def degree(self) -> int:
+        """The largest k such that E ζ^i = E ξ^i for all i ≤ k: enough for a weak order (k − 1)/2."""
+        for k in range(1, _MOST):
+            # E ξ^k = (k − 1)!! for even k
+            wanted = 0.0 if k % 2 else float(math.prod(range(k - 1, 0, -2)))
+            terms = [w * v**k for v, w in zip(self.values, self.weights, strict=True)]
+            if abs(math.fsum(terms) - wanted) > _ROUNDING * max(1.0, math.fsum(map(abs, terms))):
+                return k - 1
+        return _MOST - 1
+
+
+TWO_POINT = PointLaw("two-point", (-1.0, 1.0), (0.5, 0.5))
+THREE_POINT = PointLaw("three-point", (-math.sqrt(3.0), 0.0, math.sqrt(3.0)), (1 / 6, 2 / 3, 1 / 6))
+NAMED = {law.name: law for law in (TWO_POINT, THREE_POINT)}
+NORMAL = "normal"
+NAMES = (NORMAL, *NAMED)
+
+
+def point_law(increments: str | PointLaw | None) -> PointLaw | None:
+    """The law by name, or as it is; None for normal increments, "normal" or None.
+
+    Raises
+    ------
+    UsageError
+        For another name.
+    """
+    if increments is None or isinstance(increments, PointLaw):
+        return increments
+    name = str(increments).strip().replace("_", "-")
+    if name != NORMAL and name not in NAMED:
+        raise UsageError(
+            expected=f"increments, one of {', '.join(NAMES)}, or a sepv.PointLaw",
+            received=did_you_mean(name, NAMES),
+            remedy="normal ones where paths matter, two- and three-point ones for weak orders 1 and 2",
+        )
+    return NAMED.get(name)

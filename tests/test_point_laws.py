@@ -1,0 +1,187 @@
+"""Increments of a few points: their law, the same bits from both engines, and what the laws about orders find."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import sepv
+from sepv import polynomial as poly
+from sepv import problems, schemes, wiener
+from sepv.errors import UsageError
+from sepv.gaussian import point_rule
+from sepv.law import Verdict
+from sepv.point_laws import THREE_POINT, TWO_POINT, PointLaw, point_law
+from sepv.problem import Problem
+from sepv.scheme import PATHWISE, weakly
+from sepv.weak_trees import tree
+
+# Gauss-Hermite quadrature with four points: moments up to 7, enough for weak order 3.
+_INNER, _OUTER = math.sqrt(3 - math.sqrt(6)), math.sqrt(3 + math.sqrt(6))
+_RARE, _OFTEN = (3 - math.sqrt(6)) / 12, (3 + math.sqrt(6)) / 12
+FOUR_POINT = PointLaw("four-point", (-_OUTER, -_INNER, _INNER, _OUTER), (_RARE, _OFTEN, _OFTEN, _RARE))
+WEAK = ("local-weak", "weak-order")
+
+
+@pytest.mark.parametrize(("law", "degree"), [(TWO_POINT, 3), (THREE_POINT, 5), (FOUR_POINT, 7)])
+def test_moments_are_those_of_a_normal_number_up_to_twice_the_weak_order_plus_one(
+    law: PointLaw, degree: int
+) -> None:
+    assert law.degree == degree
+    for noises in (1, 2, 3):
+        points = point_rule(noises, law)
+        normal = np.polynomial.hermite_e.hermegauss(8)
+        for power in range(degree + 1):
+            expected = normal[1] @ normal[0] ** power / normal[1].sum()
+            # So too along any direction, which mixes the noises.
+            direction = np.arange(1.0, noises + 1) / np.linalg.norm(np.arange(1.0, noises + 1))
+            assert (direction @ points.xi) ** power @ points.weights == pytest.approx(expected, abs=1e-13)
+
+
+@pytest.mark.parametrize("law", [TWO_POINT, THREE_POINT, FOUR_POINT], ids=lambda law: law.name)
+def test_each_value_is_taken_with_its_probability(law: PointLaw) -> None:
+    dW = wiener.increments(3, T=1.0, steps=64, noises=2, paths=4096)
+    taken = wiener.seen(dW, 1 / 64, None, law)
+    for value, weight in zip(law.values, law.weights, strict=True):
+        count = int(np.count_nonzero(taken == value / 8))
+        # Five standard deviations: a false alarm of 6e-7 for each of the nine counts, were the seed not fixed.
+        assert abs(count - weight * dW.size) < 5 * math.sqrt(dW.size * weight * (1 - weight))
+    assert set(np.unique(taken)) == {value / 8 for value in law.values}
+
+
+def test_thresholds_cut_off_the_weights_and_are_as_symmetric_as_the_law() -> None:
+    assert TWO_POINT.thresholds == (0.0,)
+    # Φ⁻¹(5/6) to 30 digits, from mpmath.
+    assert THREE_POINT.thresholds == pytest.approx((-0.967421566101701, 0.967421566101701), abs=1e-15)
+    for law in (THREE_POINT, FOUR_POINT):
+        assert np.array_equal(law.thresholds, -np.array(law.thresholds)[::-1])
+
+
+def test_increments_of_a_law_are_left_as_they_are() -> None:
+    for law in (TWO_POINT, THREE_POINT, FOUR_POINT):
+        own = 0.25 * np.array(law.values)
+        assert np.array_equal(wiener.seen(own, 0.0625, None, law), own)
+    assert np.array_equal(wiener.seen([5.0], 0.25, 2, "normal"), wiener.truncate([5.0], 0.25, 2))
+
+
+def _drifting() -> Problem:
+    """dy = (1, 0)(dt + ΔW₁ + 0.5 ΔW₂): the end is the sum of the increments, in the order of the steps."""
+    linear = poly.polynomial(2, {(0, 1): 1.0})
+    B = ((0, 1, poly.polynomial(2, {(0, 0): 1.0})),)
+    system = sepv.PolynomialSystem(2, linear, B, (1.0, 0.5), ())
+    return replace(problems.polynomial_problem(system), initial=(0.0, 0.0))
+
+
+@pytest.mark.parametrize("increments", ["two-point", "three-point", FOUR_POINT], ids=str)
+def test_both_engines_and_one_path_take_the_same_bits(increments: str | PointLaw) -> None:
+    run = {"h": 2.0**-6, "steps": 96, "seed": 5, "increments": increments}
+    plain = sepv.ensemble("euler-maruyama", _drifting(), paths=300, engine="numpy", **run)
+    path = sepv.integrate("euler-maruyama", _drifting(), **run)
+    assert np.array_equal(path.y[:, -1], plain.y[:, 0])
+    law = point_law(increments)
+    assert law is not None
+    assert set(np.unique(path.dW)) == {v / 8 for v in law.values}
+    pytest.importorskip("numba")
+    compiled = sepv.ensemble("euler-heun", "pendulum", paths=300, engine="compiled", **run)
+    numpy = sepv.ensemble("euler-heun", "pendulum", paths=300, engine="numpy", **run)
+    assert np.array_equal(compiled.W, numpy.W)
+    # Another increment of one step would move y by 0.1; what is left is the rounding of 96 steps.
+    assert np.max(np.abs(compiled.y - numpy.y)) < 1e-13
+    given = wiener.increments(5, T=1.5, steps=96, noises=2, paths=300)
+    again = sepv.ensemble(
+        "euler-heun", "pendulum", h=2.0**-6, dW=given, steps=96, increments=law, engine="compiled"
+    )
+    assert np.array_equal(again.y, compiled.y)
+
+
+def test_a_long_path_is_that_of_the_ensemble() -> None:
+    run = {"h": 2.0**-6, "steps": 64, "seed": 2, "increments": "three-point"}
+    long = sepv.long_path("energy-preserving", "rigid-body", **run)
+    ends = sepv.ensemble("energy-preserving", "rigid-body", paths=1, **run)
+    assert np.array_equal(long.y, ends.y[:, 0])
+
+
+def test_a_store_of_other_increments_is_refused(tmp_path: object) -> None:
+    pytest.importorskip("zarr")
+    run = {"h": 0.125, "steps": 8, "paths": 16, "store": f"{tmp_path}/paths.zarr"}
+    sepv.ensemble("midpoint", "pendulum", increments="two-point", **run)
+    with pytest.raises(UsageError):
+        sepv.ensemble("midpoint", "pendulum", increments="three-point", **run)
+
+
+def test_increments_of_a_few_points_need_no_truncation_and_have_no_paths() -> None:
+    scheme = weakly(schemes.energy_preserving, "two_point")
+    assert (scheme.increments, scheme.truncation, scheme.mean_square_order) == (TWO_POINT, None, None)
+    assert not PATHWISE & set(scheme.claims)
+    report = sepv.verify(scheme, laws=[*PATHWISE, "truncation"])
+    assert {f.verdict for f in report.findings} == {Verdict.NOT_APPLICABLE}
+    assert report.to_json()["scheme"]["increments"] == "two-point"
+    with pytest.raises(UsageError, match="weak order alone"):
+        replace(schemes.midpoint, increments="two-point")
+    with pytest.raises(UsageError, match="bounded already, by 1 √h"):
+        sepv.integrate(scheme, "pendulum", h=0.125, T=1.0, truncation=2)
+    assert weakly(scheme, "normal").increments is None
+
+
+@pytest.mark.parametrize(
+    ("values", "weights"),
+    [((), ()), ((1, -1), (0.5, 0.5)), ((-1, 1), (0.5, 0.4)), ((-1, 1), (1.0,)), ((0, math.inf), (0.5, 0.5))],
+)
+def test_what_is_no_law_is_refused(values: tuple[float, ...], weights: tuple[float, ...]) -> None:
+    with pytest.raises(UsageError, match="such as PointLaw"):
+        PointLaw("mine", values, weights)
+
+
+def test_an_unknown_name_is_refused() -> None:
+    with pytest.raises(UsageError, match="three-point"):
+        sepv.Scheme("mine", schemes.midpoint.step, increments="tree-point")
+
+
+@pytest.mark.parametrize(
+    ("name", "increments", "order"),
+    [
+        ("energy-preserving", "two-point", 1.0),
+        ("euler-maruyama", "two-point", 1.0),
+        ("several-structures", "two-point", 1.0),
+        ("modified-weak-2", "three-point", 2.0),
+        ("collocation-2", "three-point", 2.0),
+        ("collocation-3", FOUR_POINT, 3.0),
+    ],
+    ids=str,
+)
+def test_right_schemes_hold_their_weak_orders(name: str, increments: str | PointLaw, order: float) -> None:
+    scheme = replace(weakly(schemes.by_name(name), increments), weak_order=order)
+    report = sepv.verify(scheme, laws=WEAK)
+    assert [f.verdict for f in report.findings] == [Verdict.HOLDS] * 2, str(report)
+
+
+@pytest.mark.parametrize(
+    ("name", "increments"), [("modified-weak-2", "two-point"), ("energy-preserving", "three-point")]
+)
+def test_a_weak_order_that_is_not_there_is_violated_by_both_laws(name: str, increments: str) -> None:
+    scheme = replace(weakly(schemes.by_name(name), increments), weak_order=2.0)
+    report = sepv.verify(scheme, laws=WEAK)
+    assert [f.verdict for f in report.findings] == [Verdict.VIOLATED] * 2, str(report)
+
+
+def test_a_tree_has_every_path_once_with_its_probability() -> None:
+    scheme = weakly(schemes.euler_maruyama, "three-point")
+    found = tree(scheme, _drifting(), np.zeros(2), 0.25, 2, THREE_POINT)
+    assert found is not None
+    y, weights = found
+    assert weights.sum() == pytest.approx(1.0, abs=1e-14)
+    assert y.shape == (2, 81)
+    # The end is T plus a sum of mean 0 and variance |c|²T, T = ½.
+    assert y[0] @ weights == pytest.approx(0.5, abs=1e-14)
+    assert (y[0] - 0.5) ** 2 @ weights == pytest.approx(1.25 * 0.5, abs=1e-14)
+
+
+def test_too_many_noises_are_said_and_not_summed() -> None:
+    problem = problems.pendulum(noise=(0.5, 0.25, 0.125, 0.25, 0.5))
+    scheme = replace(weakly(schemes.midpoint, "three-point"), problems=(problem,))
+    finding = sepv.verify(scheme, laws="weak-order").finding("weak-order")
+    assert finding.verdict is not Verdict.HOLDS
+    assert "243 ends of a step are too many" in finding.message
