@@ -95,7 +95,7 @@ def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
     """The same paths again, or the same sum over all of them."""
-    drawn = {key: int(witness[key]) for key in ("seed", "paths") if key in witness}
+    drawn: dict[str, Any] = {key: int(witness[key]) for key in ("seed", "paths") if key in witness}
     return run(law, scheme, Effort(**drawn))
 
 
