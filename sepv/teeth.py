@@ -18,6 +18,7 @@ from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
+from sepv.engine.workers import ended_at_once
 from sepv.errors import UsageError
 from sepv.law import Effort, Verdict
 from sepv.saboteurs import ALL, Saboteur
@@ -107,20 +108,12 @@ def run(
     bites: list[Bite] = []
     # spawn: a saboteur may have left anything in this process's memory.
     context = multiprocessing.get_context("spawn")
-    others = set(multiprocessing.active_children())
-    with ProcessPoolExecutor(max_workers=workers, mp_context=context) as pool:
+    with ended_at_once(ProcessPoolExecutor(max_workers=workers, mp_context=context)) as pool:
         futures = [pool.submit(bite, *job) for job in jobs]
-        try:
-            for done, future in enumerate(as_completed(futures), start=1):
-                bites += future.result()
-                if progress:
-                    progress(done, len(jobs), future.result())
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            # A whole saboteur is more than anybody waits for after Ctrl-C.
-            for child in set(multiprocessing.active_children()) - others:
-                child.kill()
-            raise
+        for done, future in enumerate(as_completed(futures), start=1):
+            bites += future.result()
+            if progress:
+                progress(done, len(jobs), future.result())
     order = {name: n for n, name in enumerate((*(s.name for s in chosen), *asked))}
     return sorted(bites, key=lambda b: (order[b.saboteur], order[b.law], b.seed))
 

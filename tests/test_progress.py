@@ -51,7 +51,7 @@ def test_what_is_quick_or_quiet_says_nothing(capfd: pytest.CaptureFixture[str]) 
 START = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from sepv.cli import main; main()"
 
 
-@pytest.mark.parametrize("arguments", ["verify midpoint -j 2", "teeth b-at-y0 b-at-y1"])
+@pytest.mark.parametrize("arguments", ["verify midpoint -j 2", "teeth b-at-y0 b-at-y1", "reproduce 4.4"])
 def test_ctrl_c_ends_all_processes(arguments: str, tmp_path: Path) -> None:
     child = subprocess.Popen(
         [sys.executable, "-c", START, *arguments.split()],

@@ -10,6 +10,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
+import signal
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -30,6 +31,8 @@ def _from_file(name: str, path: Path) -> ModuleType:
 
 def main() -> None:
     """Answer until stdin ends."""
+    # Ctrl-C reaches this process as well: whoever asks it has the word.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     import sepv  # noqa: F401  (what follows belongs to the checkout's sepv)

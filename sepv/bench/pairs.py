@@ -237,11 +237,20 @@ def _check(target: str, times: Times, clock: int) -> Check:
 
 
 def measured(
-    target: str, head: Path, base: Path, cases: Sequence[dict[str, Any]]
+    target: str,
+    head: Path,
+    base: Path,
+    cases: Sequence[dict[str, Any]],
+    progress: Callable[[str, float], None] = lambda _text, _share: None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """The records of both checkouts, by the same measuring code."""
+    found: list[dict[str, Any]] = []
     with both(target, head, base) as sides:
-        ours, theirs = (
-            {"target": target, "cases": [side.ask({"measure": case}) for case in cases]} for side in sides
-        )
-    return ours, theirs
+        for side in sides:
+            measurements = []
+            for case in cases:
+                share = (len(found) + len(measurements) / len(cases)) / 2
+                progress(f"work and errors, {side.label} checkout, {case['name']}", share)
+                measurements.append(side.ask({"measure": case}))
+            found.append({"target": target, "cases": measurements})
+    return found[0], found[1]

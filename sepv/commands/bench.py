@@ -95,9 +95,15 @@ def bench(
                 )
             if against_ref:
                 where = pairs.head_of(target), Path(against_ref).resolve()
-                ours, theirs = pairs.measured(target, *where, chosen)
+                # A tenth of all is work and errors, where every batch of times is run.
+                ours, theirs = pairs.measured(
+                    target, *where, chosen, lambda text, share: line.update(text, share / 10)
+                )
                 checks += check(ours, theirs)
-                checks += pairs.time_pairs(target, *where, chosen, batches=batches, progress=line.update)
+                checks += pairs.time_pairs(
+                    target, *where, chosen, batches=batches,
+                    progress=lambda text, share: line.update(text, 0.1 + 0.9 * share),
+                )  # fmt: skip
             else:
                 before = base.get(target)
                 wanted = [c["case"] for c in before["cases"]] if before else chosen

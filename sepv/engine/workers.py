@@ -269,6 +269,20 @@ def _processes(count: int, function: Callable[[Any], Any]) -> Iterator[Futures]:
                     child.terminate()
 
 
+@contextmanager
+def ended_at_once(pool: ProcessPoolExecutor) -> Iterator[ProcessPoolExecutor]:
+    """The pool for a block; where that is left by an exception, such as Ctrl-C, its processes are not waited for."""
+    before = set(multiprocessing.active_children())
+    with pool:
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for child in set(multiprocessing.active_children()) - before:
+                child.kill()
+            raise
+
+
 class _Processes(Futures):
     def cancel(self) -> None:
         """What is still running is not wanted, and its processes are ended.

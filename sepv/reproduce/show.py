@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple
@@ -12,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from sepv.report import console
+from sepv.progress import showing
 from sepv.reproduce.record import Statement, counts
 from sepv.reproduce.suite import Progress, Reproduction
 
@@ -82,44 +81,8 @@ def dump(record: dict[str, Any]) -> str:
 
 @contextmanager
 def watching(quiet: bool = False) -> Iterator[Progress]:
-    """Progress on stderr: a bar with the time left on a terminal, a line each quarter of a minute else."""
-    out = console(stderr=True)
-    if quiet:
-        yield lambda _done, _all: None
-        return
-    started = time.monotonic()
-    if not out.is_terminal:
-        yield _plain(out, started)
-        return
-    from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
-    from rich.progress import Progress as Bar
-
-    columns = (BarColumn(30), TaskProgressColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
-    with Bar(*columns, console=out, transient=True) as bar:
-        task = bar.add_task("", total=1.0)
-
-        def step(done: float, total: float) -> None:
-            bar.update(
-                task, completed=done / total if total else 1.0, description=_left(started, done, total)
-            )
-
-        yield step
-
-
-def _plain(out: Console, started: float) -> Progress:
-    last = [started]
-
-    def step(done: float, total: float) -> None:
-        if time.monotonic() - last[0] >= 15:
-            last[0] = time.monotonic()
-            out.print(f"{done / total:.0%}, {_left(started, done, total)}")
-
-    return step
-
-
-def _left(started: float, done: float, total: float) -> str:
-    elapsed = time.monotonic() - started
-    if done <= 0 or elapsed < 2:
-        return ""
-    seconds = elapsed * (total - done) / done
-    return f"about {seconds:.0f} s left"
+    """Progress on stderr: of estimated seconds, those that are done."""
+    with showing(quiet) as shown:
+        yield lambda done, total: shown.update(
+            f"{done:.0f} of {total:.0f} s of work", done / total if total else 1.0
+        )

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from sepv._version import __version__
-from sepv.engine.workers import check, count, run_all
+from sepv.engine.workers import check, count, ended_at_once, run_all
 from sepv.errors import UsageError
 from sepv.reproduce import (
     deterministic,
@@ -164,29 +164,20 @@ def _run(jobs: list[Job], workers: Any, progress: Progress) -> Results:
         return results
     if not isinstance(workers, int):
         return _elsewhere(jobs, workers, progress)
-    with ProcessPoolExecutor(workers) as pool:
+    with ended_at_once(ProcessPoolExecutor(workers)) as pool:
         running = {pool.submit(_timed, job): job for job in jobs}
         done = 0.0
         since: dict[tuple[str, ...], float] = {}
-        try:
-            while running:
-                finished, _ = wait(running, timeout=0.5, return_when=FIRST_COMPLETED)
-                for future in finished:
-                    job = running.pop(future)
-                    results[job.key], results[("seconds",)][job.key] = future.result()
-                    done += job.seconds
-                now = time.perf_counter()
-                active = [since.setdefault(job.key, now) for job in list(running.values())[:workers]]
-                progress(
-                    done
-                    + sum(
-                        _part(job, now - start) for job, start in zip(running.values(), active, strict=False)
-                    ),
-                    total,
-                )
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+        while running:
+            finished, _ = wait(running, timeout=0.5, return_when=FIRST_COMPLETED)
+            for future in finished:
+                job = running.pop(future)
+                results[job.key], results[("seconds",)][job.key] = future.result()
+                done += job.seconds
+            now = time.perf_counter()
+            active = [since.setdefault(job.key, now) for job in list(running.values())[:workers]]
+            parts = (_part(job, now - start) for job, start in zip(running.values(), active, strict=False))
+            progress(done + sum(parts), total)
     return results
 
 
