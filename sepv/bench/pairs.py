@@ -247,7 +247,7 @@ def measured(
     found: list[dict[str, Any]] = []
     with both(target, head, base) as sides:
         for side in sides:
-            measurements = []
+            measurements: list[Any] = []
             for case in cases:
                 share = (len(found) + len(measurements) / len(cases)) / 2
                 progress(f"work and errors, {side.label} checkout, {case['name']}", share)
