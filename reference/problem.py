@@ -150,14 +150,15 @@ def _polynomial(self: ExactProblem, data: PolynomialSystem) -> None:
     rule = self.arithmetic.gauss(max(1, -(-data.hamiltonian.degree // 2)))
 
     def gradient(y: Vector) -> Vector:
-        return [_value(p, y, zero) for p in partials]
+        return _values(partials, y, zero)
 
     self.dimension, self.degree = d, data.hamiltonian.degree
     self.noise = [number(c) for c in data.noise]
     self.casimirs = [[[number(a) for a in row] for row in A] for A in data.casimirs]
     self.linear_casimirs = [[number(b) for b in v] for v in data.linear_casimirs]
     self.hamiltonian = lambda y: _value(terms, y, zero)
-    self.structure = lambda y: [(i, j, _value(p, y, zero)) for i, j, p in entries]
+    places, parts = [(i, j) for i, j, _ in entries], [p for *_, p in entries]
+    self.structure = lambda y: [(*at, v) for at, v in zip(places, _values(parts, y, zero), strict=True)]
     self.gradient = gradient
     self.mean_gradient = lambda y0, y1: self.mean_gradient_by(rule, y0, y1)
     if data.nambu is not None:
@@ -239,13 +240,25 @@ def _partial(terms: Monomials, i: int) -> Monomials:
 
 
 def _value(terms: Monomials, y: Vector, zero: Number) -> Number:
-    result = zero
-    for c, powers in terms:
-        term = c
-        for i, k in powers:
-            term = term * power(y[i], k)
-        result = result + term
-    return result
+    return _values([terms], y, zero)[0]
+
+
+def _values(rows: Sequence[Monomials], y: Vector, zero: Number) -> Vector:
+    """Several polynomials at one point, where they have powers in common."""
+    known: dict[tuple[int, int], Number] = {}
+    found = []
+    for terms in rows:
+        result = zero
+        for c, powers in terms:
+            term = c
+            for factor in powers:
+                value = known.get(factor)
+                if value is None:
+                    value = known[factor] = power(y[factor[0]], factor[1])
+                term = term * value
+            result = result + term
+        found.append(result)
+    return found
 
 
 def _oscillator(self: ExactProblem, parameters: dict[str, Vector]) -> None:

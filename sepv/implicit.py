@@ -181,7 +181,7 @@ def solve(
     """
 
     def evaluate(z: Array, lanes: NDArray[np.intp]) -> Evaluation:
-        y, s = (y0, step) if y0.shape[1] == lanes.size == 1 else (y0[:, lanes], step[:, lanes])
+        y, s = (y0, step) if lanes is everything else (y0[:, lanes], step[:, lanes])
         y1 = y + z
         R = increment(problem, y, y1, s)
 
@@ -203,9 +203,10 @@ def solve(
         terms: Array = sum(np.abs(step[:, lanes])) * flow.max(axis=0)
         return terms
 
+    everything = np.arange(y0.shape[1])
     exact = None not in (problem.degree, problem.hessian, problem.structure_derivative)
     equations = Equations(np.abs(y0), evaluate, None if problem.domain is None else inside, exact, magnitude)
-    solution = iterate(equations, np.zeros_like(y0) if start is None else start)
+    solution = iterate(equations, np.zeros_like(y0) if start is None else start, everything)
     return replace(solution, value=y0 + solution.value, change=solution.value)
 
 
@@ -270,65 +271,89 @@ def _newton(equations: Equations, start: Array, numbers: NDArray[np.intp], *, di
 def _newton_of_many(
     equations: Equations, start: Array, numbers: NDArray[np.intp], *, differences: bool
 ) -> Solution:
-    """`_newton` for a batch: each lane goes on until it is done, whatever the others do."""
+    """`_newton` for a batch: each lane goes on until it is done, whatever the others do.
+
+    What is seldom needed is asked for only where some lane needs it, and nothing is copied while all lanes go on.
+    """
     exact = differences or equations.exact
     n, count = start.shape
     z_all, size_all = start.copy(), equations.size[:, numbers]
+    # Where y1 is 2^52 times y0 or more, an ulp of it says nothing about the components that stayed small. Where
+    # y0 = 0 nothing says what small is: a component that cancels to zero would never settle.
+    before = size_all.max(axis=0)
+    vast_all = np.where(before > 0, before / _EPS, np.inf)
     residual = np.full(count, np.inf)
-    iterations = np.zeros(count, dtype=np.int64)
-    gradients, structures = np.zeros_like(iterations), np.zeros_like(iterations)
+    iterations, gradients, structures = np.zeros((3, count), dtype=np.int64)
     status = np.full(count, Status.NO_CONVERGENCE, dtype=np.int64)
-    previous = np.full((2, count), np.inf)
+    last_size = last_move = np.full(count, np.inf)
     active, identity = np.arange(count), np.eye(n)[..., None]
     with np.errstate(all="ignore"):
         for _ in range(MAX_ITERATIONS):
-            z, lanes, y = z_all[:, active], numbers[active], size_all[:, active]
+            z, lanes, y = z_all, numbers, size_all
+            at: Any = slice(None)
+            if active.size < count:
+                z, lanes, y, at = z[:, active], lanes[active], y[:, active], active
             R, jacobian = equations.evaluate(z, lanes)
             F = z - R.value
-            residual[active] = rest = np.abs(F).max(axis=0)
-            iterations[active] += 1
+            residual[at] = rest = np.abs(F).max(axis=0)
+            iterations[at] += 1
             K, further = _slopes(equations, z, lanes, R.value) if differences else jacobian()
-            gradients[active] += (1 + further) * R.gradients
-            structures[active] += (1 + further) * R.structures
+            gradients[at] += (1 + further) * R.gradients
+            structures[at] += (1 + further) * R.structures
             correction = linear_solve(identity - K, F)
             reach, moves = y + np.abs(z), np.abs(correction)
-            before, scale, move = y.max(axis=0), reach.max(axis=0), moves.max(axis=0)
+            scale, move = reach.max(axis=0), moves.max(axis=0)
             size = (moves / (reach + _EPS * scale + _TINY)).max(axis=0)
-            broken = ~np.isfinite(rest)
-            # A state at rest is a solution, also where the Jacobian is singular.
-            solved = rest <= _QUANTA
-            singular = ~broken & ~solved & ~np.isfinite(move)
-            if singular.any():
-                overflowing = singular & ~np.isfinite(K).all(axis=(0, 1))
-                broken, singular = broken | overflowing, singular & ~overflowing
+            solved, broken, singular = _stopped(rest, move, K)
             # Stagnation needs both measures to stop shrinking: a component near zero moves by a large share of
             # itself long before the others have arrived.
-            stuck = (size >= 0.5 * previous[0, active]) & (move >= 0.5 * previous[1, active])
-            # Where y1 is 2^52 times y0 or more, an ulp of it says nothing about the components that stayed small.
-            # Where y0 = 0 nothing says what small is: a component that cancels to zero would never settle.
-            vast = (before > 0) & (scale > before / _EPS)
-            still = ((size <= 0.5 * _EPS) & ~(vast & (moves > STAGNATION * reach).any(axis=0))) | (
-                (move <= STAGNATION * scale) & stuck
-            )
+            stuck = (size >= 0.5 * last_size) & (move >= 0.5 * last_move)
+            still = _small(size, moves, reach, scale > vast_all[at]) | ((move <= STAGNATION * scale) & stuck)
             if still.any():
                 still &= _is_rounding(equations, lanes, rest, z, scale, still & exact)
-            done = ~broken & ~singular & (solved | still)
-            outcome = np.where(R.reliable, Status.CONVERGED, Status.QUADRATURE)
-            status[active[done]] = outcome[done]
-            if done.all():
-                break
-            status[active[broken]] = Status.OVERFLOW
-            status[active[singular]] = Status.SINGULAR
-            previous[:, active] = size, move
-            go_on = ~(done | broken | singular)
-            moved, inside = into_domain(equations, z[:, go_on], correction[:, go_on], lanes[go_on])
-            z_all[:, active[go_on]] = moved
-            active = active[go_on]
-            status[active[~inside]] = Status.LEFT_DOMAIN
-            active = active[inside]
+            ended = broken | singular | solved | still
+            if ended.any():
+                outcome = np.where(R.reliable, Status.CONVERGED, Status.QUADRATURE)
+                outcome[broken], outcome[singular] = Status.OVERFLOW, Status.SINGULAR
+                status[active[ended]] = outcome[ended]
+                if ended.all():
+                    break
+                go_on = ~ended
+                z, correction, size, move = z[:, go_on], correction[:, go_on], size[go_on], move[go_on]
+                active, lanes = active[go_on], lanes[go_on]
+            last_size, last_move = size, move
+            moved, inside = into_domain(equations, z, correction, lanes)
+            z_all[:, active] = moved
+            if not inside.all():
+                status[active[~inside]] = Status.LEFT_DOMAIN
+                active, last_size, last_move = active[inside], size[inside], move[inside]
             if not active.size:
                 break
     return Solution(z_all, residual, iterations, gradients, structures, status)
+
+
+def _small(size: Array, moves: Array, reach: Array, vast: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Where the correction is below half an ulp of every component, and no share of those that a vast one hides."""
+    small: NDArray[np.bool_] = size <= 0.5 * _EPS
+    if vast.any():
+        small &= ~(vast & (moves > STAGNATION * reach).any(axis=0))
+    return small
+
+
+def _stopped(
+    rest: Array, move: Array, K: Array
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which lanes are solved exactly, which overflow, and which have a singular Jacobian.
+
+    A state at rest is a solution, also where the Jacobian is singular.
+    """
+    solved: NDArray[np.bool_] = rest <= _QUANTA
+    broken = ~np.isfinite(rest)
+    singular = ~(broken | solved | np.isfinite(move))
+    if singular.any():
+        overflowing = singular & ~np.isfinite(K).all(axis=(0, 1))
+        broken, singular = broken | overflowing, singular & ~overflowing
+    return solved, broken, singular
 
 
 def _newton_of_one(

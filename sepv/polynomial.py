@@ -79,7 +79,9 @@ def polynomial(
 
 
 def _canonical(dimension: int, merged: dict[Exponents, float]) -> Polynomial:
-    kept = sorted(((e, c) for e, c in merged.items() if c != 0.0), key=lambda t: (sum(t[0]), t[0][::-1]))
+    kept = [(e, c) for e, c in merged.items() if c != 0.0]
+    if len(kept) > 1:
+        kept.sort(key=lambda t: (sum(t[0]), t[0][::-1]))
     return Polynomial(dimension, tuple(kept))
 
 
@@ -109,9 +111,14 @@ def add(*summands: Polynomial) -> Polynomial:
 def multiply(p: Polynomial, q: Polynomial) -> Polynomial:
     """The product; exact where the coefficients' products and sums are (small dyadic rationals)."""
     terms = [(tuple(map(operator.add, e, f)), c * g) for e, c in p.terms for f, g in q.terms]
-    if len(q.terms) == 1 and p.degree + q.degree <= MAX_DEGREE and all(c and isfinite(c) for _, c in terms):
+    if p.degree + q.degree > MAX_DEGREE or not all(isfinite(c) for _, c in terms):
+        return polynomial(p.dimension, terms)  # which says what is wrong
+    if len(q.terms) == 1 and all(c for _, c in terms):
         return Polynomial(p.dimension, tuple(terms))  # the same exponents more in each term keep the order
-    return polynomial(p.dimension, terms)
+    merged: dict[Exponents, float] = {}
+    for e, c in terms:
+        merged[e] = merged.get(e, 0.0) + c
+    return _canonical(p.dimension, merged)
 
 
 def scale(factor: float, p: Polynomial) -> Polynomial:
@@ -126,7 +133,9 @@ def scale(factor: float, p: Polynomial) -> Polynomial:
 
 def differentiate(p: Polynomial, index: int) -> Polynomial:
     """∂p/∂y_index."""
-    lowered = tuple([(_shift(e, index), c * e[index]) for e, c in p.terms if e[index]])
+    lowered = tuple(
+        [((*e[:index], e[index] - 1, *e[index + 1 :]), c * e[index]) for e, c in p.terms if e[index]]
+    )
     if all(isfinite(c) for _, c in lowered):
         return Polynomial(p.dimension, lowered)  # one exponent less in each term keeps the canonical order
     return polynomial(p.dimension, lowered)
@@ -137,8 +146,48 @@ def gradient(p: Polynomial) -> tuple[Polynomial, ...]:
     return tuple(differentiate(p, i) for i in range(p.dimension))
 
 
-# Products and sums of a map, times states, up to which a loop over numbers beats NumPy's overhead of a call.
-FEW_OPERATIONS = 1000
+# What a call of NumPy costs beside a product or sum of two numbers, about: measured, for speed alone. The arrays take
+# a call for each power, layer of factors and layer of terms (three for those), the numbers an operation for each state.
+CALL = 35
+
+
+@dataclass(frozen=True, eq=False)
+class _Monomials:
+    """Products of powers.
+
+    Attributes
+    ----------
+    factors : for each monomial the powers to multiply, those with exponent 0 left out; y_i^k has the number i + d·k
+    top : the largest exponent of one variable
+    variables : d
+    """
+
+    factors: list[tuple[int, ...]]
+    top: int
+    variables: int
+
+    @cached_property
+    def chain(self) -> tuple[list[tuple[int, int]], list[int]]:
+        """(product so far, power) of each partial product, made once; where each monomial is then found.
+
+        Products are numbered on after the powers; a monomial of one factor is a power.
+        """
+        first = (self.top + 1) * self.variables
+        known: dict[tuple[int, ...], int] = {(): 0}  # y_1⁰
+        steps: list[tuple[int, int]] = []
+        for factors in self.factors:
+            for n in range(1, len(factors) + 1):
+                if factors[:n] not in known:
+                    known[factors[:n]] = factors[0] if n == 1 else first + len(steps)
+                    if n > 1:
+                        steps.append((known[factors[: n - 1]], factors[n - 1]))
+        return steps, [known[factors] for factors in self.factors]
+
+    @cached_property
+    def layers(self) -> list[Any]:
+        """In arrays: the n-th factors of all monomials, y_1⁰ where there is none."""
+        most = max(map(len, self.factors), default=0) or 1
+        return [np.array([f[n] if n < len(f) else 0 for f in self.factors]) for n in range(most)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,69 +200,66 @@ class _Sums:
     Attributes
     ----------
     count : how many sums
-    factors : for each monomial the powers to multiply, those with exponent 0 left out; y_i^k has the number i + d·k
     rows : (sum, ((coefficient, monomial), …)), those without terms left out, in decreasing number of terms
-    top : the largest exponent of one variable
     """
 
     count: int
-    factors: list[tuple[int, ...]]
+    monomials: _Monomials
     rows: list[tuple[int, list[tuple[float, int]]]]
-    top: int
 
     @cached_property
-    def operations(self) -> int:
-        """Products and sums, about."""
-        return sum(map(len, self.factors)) + sum(len(terms) for _, terms in self.rows) + 4 * self.top
+    def few(self) -> float:
+        """Up to how many states a loop over numbers is quicker than arrays."""
+        made, longest = self.monomials, max((len(terms) for _, terms in self.rows), default=0)
+        one = sum(map(len, made.factors)) + sum(len(terms) for _, terms in self.rows)
+        calls = made.top + max(map(len, made.factors), default=0) + 2 * longest
+        return CALL * calls / (one + made.top * made.variables + 20)
 
     @cached_property
-    def _layers(self) -> tuple[list[Any], list[tuple[Any, Any]], Any]:
-        """In arrays: the n-th factors of all monomials (y_1⁰ where there is none), the n-th terms, the rows."""
+    def _layers(self) -> tuple[list[tuple[Any, Any]], Any]:
+        """In arrays: the n-th terms of all rows, (coefficients, monomials), and the numbers of the rows."""
         terms = []
         for n in range(len(self.rows[0][1]) if self.rows else 0):
             layer = [row[n] for _, row in self.rows if n < len(row)]
-            terms.append((np.array([c for c, _ in layer]), np.array([t for _, t in layer])))
-        most = max(map(len, self.factors), default=0) or 1
-        factors = [np.array([f[n] if n < len(f) else 0 for f in self.factors]) for n in range(most)]
-        return factors, terms, np.array([r for r, _ in self.rows], dtype=np.intp)
+            terms.append((np.array([[c] for c, _ in layer]), np.array([t for _, t in layer])))
+        return terms, np.array([r for r, _ in self.rows], dtype=np.intp)
 
     def absolute(self) -> _Sums:
         """With the absolute values of the coefficients."""
         rows = [(r, [(abs(c), t) for c, t in terms]) for r, terms in self.rows]
-        return _Sums(self.count, self.factors, rows, self.top)
+        return _Sums(self.count, self.monomials, rows)
 
     def __call__(self, y: NDArray[Any]) -> NDArray[Any]:
         """(count, M) for y of shape (d, M)."""
-        few = self.operations * y.shape[1] <= FEW_OPERATIONS and y.dtype == np.float64
+        few = y.shape[1] <= self.few and y.dtype == np.float64
         return self._by_numbers(y) if few else self._by_arrays(y)
 
     def _by_numbers(self, y: NDArray[Any]) -> NDArray[Any]:
-        values = np.zeros((self.count, y.shape[1]))
+        steps, places = self.monomials.chain
+        sums = np.zeros((self.count, y.shape[1]))
         for lane, state in enumerate(y.T.tolist()):
-            powers = last = [1.0] * len(state)
-            for _ in range(self.top):
+            last = [1.0] * len(state)
+            values = last.copy()
+            for _ in range(self.monomials.top):
                 last = [a * b for a, b in zip(last, state, strict=True)]
-                powers = powers + last
-            monomials = []
-            for numbers in self.factors:
-                product = 1.0
-                for number in numbers:
-                    product *= powers[number]
-                monomials.append(product)
+                values += last
+            for so_far, factor in steps:
+                values.append(values[so_far] * values[factor])
+            monomials = [values[place] for place in places]
             for r, terms in self.rows:
                 total = 0.0
                 for c, t in terms:
                     total += c * monomials[t]
-                values[r, lane] = total
-        return values
+                sums[r, lane] = total
+        return sums
 
     def _by_arrays(self, y: NDArray[Any]) -> NDArray[Any]:
         values = np.zeros((self.count, y.shape[1]), dtype=np.result_type(y, np.float64))
         if not self.rows:
             return values
-        factors, terms, rows = self._layers
-        powers = np.ones((self.top + 1, *y.shape), dtype=y.dtype)
-        for k in range(self.top):
+        factors, (terms, rows) = self.monomials.layers, self._layers
+        powers = np.ones((self.monomials.top + 1, *y.shape), dtype=y.dtype)
+        for k in range(self.monomials.top):
             powers[k + 1] = powers[k] * y
         powers = powers.reshape(-1, y.shape[1])
         monomials = powers[factors[0]]
@@ -221,7 +267,7 @@ class _Sums:
             monomials *= powers[numbers]
         totals = np.zeros((len(rows), y.shape[1]), dtype=values.dtype)
         for coefficients, numbers in terms:
-            totals[: len(numbers)] += coefficients[:, None] * monomials[numbers]
+            totals[: len(numbers)] += coefficients * monomials[numbers]
         values[rows] = totals
         return values
 
@@ -249,7 +295,8 @@ class PolynomialMap:
         ]
         rows.sort(key=lambda row: -len(row[1]))
         factors = [tuple([i + d * k for i, k in enumerate(e) if k]) for e in monomials]
-        return _Sums(len(self.rows), factors, rows, max((k for e in monomials for k in e), default=0))
+        top = max((k for e in monomials for k in e), default=0)
+        return _Sums(len(self.rows), _Monomials(factors, top, d), rows)
 
     @cached_property
     def _majorants(self) -> _Sums:
@@ -288,10 +335,6 @@ def from_json(dimension: int, data: Any) -> Polynomial:
 def parse_float(value: Any) -> float:
     """A float from a hex string ("0x1.8p-1") or a number."""
     return float.fromhex(value) if isinstance(value, str) else float(value)
-
-
-def _shift(exponents: Exponents, index: int) -> Exponents:
-    return (*exponents[:index], exponents[index] - 1, *exponents[index + 1 :])
 
 
 def _term_text(exponents: Exponents, coefficient: float) -> str:

@@ -275,10 +275,10 @@ def test_the_equation_of_a_step_says_what_its_rounding_is_relative_to(monkeypatc
     problem = problems.polynomial_problem(system_of_two())
     seen: list[Equations] = []
 
-    def capture(equations: Equations, start: np.ndarray) -> Solution:
+    def capture(equations: Equations, start: np.ndarray, lanes: np.ndarray) -> Solution:
         seen.append(equations)
         assert not start.any()
-        return iterate(equations, start)
+        return iterate(equations, start, lanes)
 
     monkeypatch.setattr(implicit, "iterate", capture)
     y0 = np.array([[1.0, -2.0, 0.5], [1.0, 0.25, -1.0]])
@@ -304,7 +304,7 @@ def test_the_equation_of_a_step_says_what_its_rounding_is_relative_to(monkeypatc
 @pytest.mark.parametrize("missing", ["degree", "hessian", "structure_derivative"])
 def test_a_jacobian_is_exact_only_with_all_it_is_made_of(missing: str, monkeypatch) -> None:
     seen: list[Equations] = []
-    monkeypatch.setattr(implicit, "iterate", lambda e, start: (seen.append(e), iterate(e, start))[1])
+    monkeypatch.setattr(implicit, "iterate", lambda e, *at: (seen.append(e), iterate(e, *at))[1])
     problem = problems.polynomial_problem(system_of_two())
     y0, step = np.array([[1.0, 0.5, 0.2], [0.9, 0.8, 0.1]]), np.full((1, 3), 0.01)
     full = implicit.solve(problem, y0, step, increment, jacobian)
