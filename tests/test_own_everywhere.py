@@ -156,3 +156,13 @@ def test_ulps_of_functions_and_of_data_agree() -> None:
     a, b = (one_step(sepv.schemes.midpoint, p, steps=20) for p in (data, functions))
     assert a.energy_median is not None
     assert b.energy_median == pytest.approx(a.energy_median, rel=1e-3)
+
+
+@pytest.mark.parametrize("problem", ["kepler", "toda"])
+def test_laws_about_many_steps_fit_the_problems_beyond_the_paper(problem: str) -> None:
+    # Kepler's steps are as long as its slopes allow; Toda's lattice starts at y = 0, where no rounding has a size.
+    laws = ["rounding", "mean-square-order", "weak-order", "right-limit"]
+    report = sepv.verify(
+        "energy-preserving", problems=[problem], laws=laws, effort=sepv.Effort(paths=512, examples=8)
+    )
+    assert {f.verdict for f in report.findings} <= {sepv.Verdict.HOLDS, sepv.Verdict.INCONCLUSIVE}, report
