@@ -80,7 +80,7 @@ def one(what: tuple[str, str, int]) -> dict[str, Any]:
     start, scheme = time.process_time(), GROUPS[group][name]
     always = {law.name for law in load_laws() if law.always_claimed}
     report = verify(
-        scheme, laws=frozenset(scheme.claims) | always, effort=Effort(seed=seed, shrink_seconds=2.0)
+        scheme, laws=frozenset(scheme.claims) | always, effort=Effort(seed=seed, shrink_checks=50)
     )
     if report.interrupted:
         raise KeyboardInterrupt  # part of a run is none

@@ -110,28 +110,30 @@ class Effort:
         Largest number of paths of a statistical law.
     seed : int
         Of examples and paths: the same seed gives the same run.
-    shrink_seconds : float
-        How long a counterexample may be simplified.
+    shrink_checks : int
+        How many checks a counterexample may be simplified with; 0 leaves it as it was found. A number and not a time,
+        so that a finding does not depend on what else the machine does.
     """
 
     examples: int = 25
     paths: int = 8192
     seed: int = 0
-    shrink_seconds: float = 20.0
+    shrink_checks: int = 500
     designs: int = 1
     cache: dict[Any, Any] = field(default_factory=dict, compare=False, repr=False)
 
     def __post_init__(self) -> None:
-        if self.examples < 1 or self.paths < 1 or self.designs < 1:
+        if self.examples < 1 or self.paths < 1 or self.designs < 1 or self.shrink_checks < 0:
             raise UsageError(
-                expected="at least one example and one path",
-                received=f"examples = {self.examples}, paths = {self.paths}",
+                expected="at least one example, one path and one design, and shrink_checks ≥ 0",
+                received=f"examples = {self.examples}, paths = {self.paths}, designs = {self.designs}, "
+                f"shrink_checks = {self.shrink_checks}",
                 remedy="leave them out for the usual effort",
             )
 
     def deeper(self) -> Effort:
         """The nightly effort."""
-        return replace(self, examples=1000, designs=20, paths=16384, shrink_seconds=120.0, cache={})
+        return replace(self, examples=1000, designs=20, paths=16384, shrink_checks=5000, cache={})
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,9 @@ Check = Callable[[Scheme, Case], Measurement]
 UNDESIGNED = 4
 # A search ends where the scheme has not taken so many cases for each that it did.
 MOST_SKIPPED = 20
+# Where a check takes longer than a fifth of a second, simplifying ends by the clock: a law may be given up after ten
+# minutes, and what was found must be said before. Only then does it depend on time how simple a counterexample is.
+MOST_SECONDS = 100.0
 # Cases of a design that cannot be measured, until it is given up: each may take as long as a call may.
 MOST_FAULTS = 4
 
@@ -69,6 +72,18 @@ class _Log:
     def refused(self) -> int:
         """How many cases the scheme did not take."""
         return sum(self.skipped.values())
+
+
+class _Budget:
+    """So many checks to simplify what was found, from the first on."""
+
+    def __init__(self, checks: int) -> None:
+        self.left, self.end = checks, time.perf_counter() + MOST_SECONDS
+
+    def spend(self) -> bool:
+        """Whether another check may be made, which is then taken off."""
+        self.left -= 1
+        return self.left >= 0 and time.perf_counter() <= self.end
 
 
 @dataclass(frozen=True)
@@ -170,7 +185,7 @@ def _search(law: Law, scheme: Scheme, effort: Effort, asked: _Question) -> Findi
     log, start = _Log(), time.perf_counter()
     visited = [case for n in range(effort.designs) for case in _designed(asked.space, effort.seed, n)]
     _visit(log, scheme, (*visited, *asked.corners()), asked)
-    if not (log.failed and effort.shrink_seconds < 0):
+    if not (log.failed and effort.shrink_checks == 0):
         violation, fault = log.violation, log.fault
         _explore(log, scheme, effort, asked)
         if (log.violation or log.fault) in (violation, fault) and log.failed:
@@ -190,12 +205,13 @@ def _designed(space: Space | None, seed: int, repeat: int) -> list[Case]:
 def _explore(log: _Log, scheme: Scheme, effort: Effort, asked: _Question) -> None:
     """Random cases, driven towards a large defect beside the bound; the first violation is shrunk."""
     measured_before = log.checks
-    failing: list[float] = []
+    simplifying: _Budget | None = None
 
     def body(case: Case) -> None:
-        # A slow scheme must not be shrunk for ever: past the deadline every case passes, which ends it. Nor are cases
-        # drawn for ever that the scheme does not take.
-        if failing and time.perf_counter() - failing[0] > effort.shrink_seconds:
+        nonlocal simplifying
+        # Nothing is shrunk for ever: when the budget is spent every case passes, which ends it. Nor are cases drawn for
+        # ever that the scheme does not take.
+        if simplifying is not None and not simplifying.spend():
             return
         if log.refused > MOST_SKIPPED * (1 + log.checks - measured_before):
             return
@@ -204,7 +220,7 @@ def _explore(log: _Log, scheme: Scheme, effort: Effort, asked: _Question) -> Non
         except Skipped:
             reject()  # the budget goes to cases that the program takes
         except (_Violation, _Fault):
-            failing.append(time.perf_counter())
+            simplifying = simplifying or _Budget(effort.shrink_checks)
             raise
         if 0 < measured.ratio < float("inf"):
             target(measured.ratio, label="defect / bound")
@@ -232,7 +248,7 @@ def _explore(log: _Log, scheme: Scheme, effort: Effort, asked: _Question) -> Non
         if not log.skipped:
             raise
     except BaseException:
-        if not failing:
+        if simplifying is None:
             raise  # not about the scheme: a defect of this suite, which must be seen
 
 
@@ -257,12 +273,14 @@ def _simplify(log: _Log, scheme: Scheme, effort: Effort, asked: _Question) -> No
     case, _ = log.violation or log.fault or (None, None)
     assert case is not None
     checks = log.checks
-    best = log.violation, log.fault, log.worst
+    best, budget = (log.violation, log.fault, log.worst), _Budget(effort.shrink_checks)
 
-    def fails(candidate: Case) -> bool:
+    def fails(candidate: Case) -> bool | None:
         nonlocal best
         if not asked.admits(candidate):
             return False
+        if not budget.spend():
+            return None
         trial = _Log()
         with warnings.catch_warnings(), suppress(_Violation, _Fault, Skipped):
             warnings.simplefilter("ignore")
@@ -274,7 +292,7 @@ def _simplify(log: _Log, scheme: Scheme, effort: Effort, asked: _Question) -> No
             best = trial.violation, trial.fault, trial.worst or log.worst
         return same
 
-    shrunk(case, fails, effort.shrink_seconds)
+    shrunk(case, fails)
     log.violation, log.fault, log.worst = best
     log.checks = max(checks, log.checks)
 

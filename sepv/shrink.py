@@ -6,7 +6,6 @@ nowhere else.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
@@ -24,23 +23,23 @@ from sepv.strategies import contraction_radius
 Entries = tuple[tuple[int, int, Polynomial], ...]
 
 
-def shrunk(case: Case, fails: Callable[[Case], bool], seconds: float) -> Case:
-    """The simplest case found that still fails, after at most so many seconds.
+def shrunk(case: Case, fails: Callable[[Case], bool | None]) -> Case:
+    """The simplest case found that still fails.
 
     Parameters
     ----------
-    fails : case -> bool
-        Whether a candidate is one of the law's cases and still fails. Candidates outside the contraction radius are not
-        asked about: nothing need exist there.
+    fails : case -> bool or None
+        Whether a candidate is one of the law's cases and still fails; None ends the search. Candidates outside
+        the contraction radius are not asked about: nothing need exist there.
     """
-    end = time.perf_counter() + seconds
     simpler = True
     while simpler:
         simpler = False
         for candidate in _candidates(case):
-            if time.perf_counter() > end:
+            failed = _stands(candidate) and fails(candidate)
+            if failed is None:
                 return case
-            if _stands(candidate) and fails(candidate):
+            if failed:
                 case, simpler = candidate, True
                 break
     return case

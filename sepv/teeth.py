@@ -29,7 +29,7 @@ SEEDS = tuple(range(10))
 TIMEOUT = 120.0
 # No time to shrink: past its first failure a search measures nothing, so that `Finding.checks` is the
 # number of examples up to and including that failure.
-_NO_SHRINKING = -1.0
+_NO_SHRINKING = 0
 
 
 @dataclass(frozen=True)

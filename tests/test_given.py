@@ -23,7 +23,7 @@ from sepv.polynomial import Polynomial
 from sepv.strategies import contraction_radius
 from sepv.suite import replay
 
-FEW = Effort(examples=8, paths=256, shrink_seconds=1.0)
+FEW = Effort(examples=8, paths=256, shrink_checks=30)
 SEARCHED = "contract,identity,energy,casimir,noise-sum,symmetry,reduction,reference,midpoint"
 
 

@@ -26,7 +26,7 @@ from sepv.strategies import any_steps
 from sepv.suite import verify
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
-QUICK = Effort(examples=20, paths=256, shrink_seconds=1.0)
+QUICK = Effort(examples=20, paths=256, shrink_checks=30)
 
 
 def adapter(library: str) -> ModuleType:

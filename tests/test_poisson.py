@@ -22,7 +22,7 @@ from sepv.strategies import contraction_ball, is_short
 from sepv.strategies_poisson import poisson_steps, poisson_structures
 from sepv.structures import jacobi_defect
 
-QUICK = Effort(examples=10, shrink_seconds=0.0)
+QUICK = Effort(examples=10, shrink_checks=0)
 
 
 @given(poisson_structures(), st.integers(0, 9))

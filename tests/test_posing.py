@@ -63,7 +63,7 @@ def test_what_is_not_given_as_data_is_asked_as_data_instead() -> None:
         formulas, numbers = pose(problem)
         return np.asarray(y + problem.random_step(h, dW) * formulas.field(np, numbers, y))
 
-    effort = sepv.Effort(examples=5, shrink_seconds=1.0)
+    effort = sepv.Effort(examples=5, shrink_checks=30)
     contract, energy = sepv.verify(step, laws=["contract", "energy"], effort=effort).findings
     assert contract.verdict is Verdict.HOLDS
     assert contract.skipped == 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from itertools import combinations
 
 import numpy as np
@@ -18,7 +19,7 @@ from sepv.opaque import GIVEN, shown
 from sepv.problem import NamedProblem, PolynomialSystem
 from sepv.problem import Problem as ProblemRecord
 from sepv.scheme import Scheme
-from sepv.schemes import energy_preserving
+from sepv.schemes import energy_preserving, milstein
 from sepv.shrink import shrunk
 from sepv.spaces import SINGLE, SPACES
 from sepv.strata import Levels
@@ -192,7 +193,7 @@ def test_a_fault_of_a_pair_of_strata_is_found_and_its_counterexample_replays(bro
     from sepv.suite import replay
 
     scheme = faulty(broken)
-    report = verify(scheme, laws=["energy"], effort=Effort(examples=1, shrink_seconds=2.0))
+    report = verify(scheme, laws=["energy"], effort=Effort(examples=1, shrink_checks=50))
     finding = report.finding("energy")
     assert finding.verdict is Verdict.VIOLATED
     assert finding.witness is not None
@@ -202,7 +203,7 @@ def test_a_fault_of_a_pair_of_strata_is_found_and_its_counterexample_replays(bro
 
 def test_a_counterexample_of_a_design_is_simplified() -> None:
     case = next(c for row, c in SINGLE.cases(0) if SINGLE.levels(row)["d"].name == "7–9")
-    small = shrunk(case, lambda c: c.problem.dimension >= 4, 20.0)  # type: ignore[union-attr]
+    small = shrunk(case, lambda c: c.problem.dimension >= 4)  # type: ignore[union-attr]
     system = small.problem
     assert isinstance(system, PolynomialSystem)
     assert (system.dimension, len(system.noise), small.given) == (4, 0, "data")
@@ -234,3 +235,31 @@ def test_who_takes_no_negative_h_is_accused_of_nothing() -> None:
     finding = verify(Scheme("forward", step), laws=["energy"], effort=Effort(examples=2)).finding("energy")
     assert finding.verdict is Verdict.HOLDS
     assert "h < 0 is not taken" in finding.message
+
+
+def test_what_a_search_finds_does_not_depend_on_the_clock() -> None:
+    found = []
+    for pause in (0.0, 0.01):
+
+        def step(problem, y, h, dW, pause=pause):  # type: ignore[no-untyped-def]
+            time.sleep(pause)
+            return milstein.step(problem, y, h, dW)
+
+        finding = verify(step, laws=["symmetry"], effort=Effort(examples=5, shrink_checks=40)).finding(
+            "symmetry"
+        )
+        found.append((finding.verdict, finding.checks, finding.witness, finding.defect))
+    assert found[0] == found[1]
+    assert found[0][0] is Verdict.VIOLATED
+
+
+def test_a_counterexample_is_simplified_with_so_many_checks_and_no_more() -> None:
+    def checks(most: int) -> int:
+        return (
+            verify("milstein", laws=["casimir"], effort=Effort(examples=1, shrink_checks=most))
+            .finding("casimir")
+            .checks
+        )
+
+    as_found = checks(0)
+    assert as_found < checks(5) <= as_found + 6 < checks(50)

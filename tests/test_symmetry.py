@@ -16,7 +16,7 @@ LAWS = ("symmetry", "random-step")
 
 
 def measured(scheme: Scheme, examples: int = 30) -> list[Finding]:
-    findings = verify(scheme, laws=LAWS, effort=Effort(examples=examples, shrink_seconds=0.5)).findings
+    findings = verify(scheme, laws=LAWS, effort=Effort(examples=examples, shrink_checks=20)).findings
     return sorted(findings, key=lambda f: LAWS.index(f.law))
 
 

@@ -312,7 +312,7 @@ def deviations_shown_by(folder: Path) -> list[Deviation]:
 def main(out: Path | None, libraries: tuple[str, ...], seed: int) -> None:
     """Measure every law on every solver that the adapters cover, and write the table as Markdown."""
     # Counterexamples are not shown here, so that little is spent on simplifying them.
-    effort = Effort(seed=seed, shrink_seconds=2.0)
+    effort = Effort(seed=seed, shrink_checks=50)
     with showing() as line:
         found = list(rows(libraries or LIBRARIES, effort, line))
     shown = deviations_shown_by(out.parent / "peers") if out else []
