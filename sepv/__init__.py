@@ -46,7 +46,6 @@ if TYPE_CHECKING:
     from sepv.point_laws import PointLaw as PointLaw
     from sepv.problem import PolynomialSystem as PolynomialSystem
     from sepv.problem import Problem as Problem
-    from sepv.problem import ScalarFunctions as ScalarFunctions
     from sepv.scheme import Scheme as Scheme
     from sepv.simulation import Ensemble as Ensemble
     from sepv.simulation import Trajectory as Trajectory
@@ -57,7 +56,6 @@ if TYPE_CHECKING:
 _HOME = {
     "Problem": "sepv.problem",
     "PolynomialSystem": "sepv.problem",
-    "ScalarFunctions": "sepv.problem",
     "Scheme": "sepv.scheme",
     "PointLaw": "sepv.point_laws",
     "integrate": "sepv.simulation",

@@ -55,31 +55,6 @@ class PolynomialSystem:
 
 
 @dataclass(frozen=True)
-class ScalarFunctions:
-    """A problem's functions of numbers instead of arrays: with them the compiled engine takes the problem.
-
-    Each takes the d components as separate arguments and is a plain `def` of arithmetic, `math` functions,
-    numbers and functions like itself: its source is compiled into the engine's loop.
-
-    Attributes
-    ----------
-    hamiltonian : (y1, …, yd) -> H
-    gradient : (y1, …, yd) -> (∂₁H, …, ∂_dH)
-    structure : (y1, …, yd) -> the entries of B above the diagonal, row by row: (B12, B13, …, B23, …)
-    mean_gradient : (y1, …, yd, x1, …, xd) -> the components of ∫₀¹∇H(y + τ(x − y))dτ, optional
-        Needed for schemes with an averaged gradient where the problem states no `degree`.
-    domain : (y1, …, yd) -> bool, optional
-        Needed where the problem has a domain.
-    """
-
-    hamiltonian: Callable[..., float]
-    gradient: Callable[..., tuple[float, ...]]
-    structure: Callable[..., tuple[float, ...]]
-    mean_gradient: Callable[..., tuple[float, ...]] | None = None
-    domain: Callable[..., bool] | None = None
-
-
-@dataclass(frozen=True)
 class NamedProblem:
     """A problem that goes by its name and parameters, such as the paper's four."""
 
@@ -121,8 +96,6 @@ class Problem:
         For d = 3: the Casimir C and the factor g with B(y)v = g(y)(v × ∇C(y)).
     flows : sequence of callables (y, t) -> (d, ...), optional
         Exact flows of B∇H_k at times t (...), for parts H_k with H = ΣH_k: splitting methods need them.
-    scalar : ScalarFunctions, optional
-        The same functions of numbers, for the compiled engine.
     check : bool
         Whether to compare the parts with each other at a few states (default). Generated and built-in
         problems are checked by tests instead.
@@ -147,7 +120,6 @@ class Problem:
     degree: int | None = None
     domain: Callable[[Array], NDArray[np.bool_]] | None = None
     initial: ArrayLike | None = None
-    scalar: ScalarFunctions | None = None
     nambu: Nambu | None = None
     flows: tuple[Flow, ...] = ()
     name: str = "problem"

@@ -344,81 +344,84 @@ def test_a_long_path_runs_without_the_compiled_engine_and_stops_at_a_failure() -
 STIFFNESS = 0.75
 
 
-def _square(x):
-    return x * x
+def spring(**changes) -> sepv.Problem:
+    """A problem of a user's own, by functions of arrays alone."""
+    given = {
+        "dimension": 2,
+        "structure": problems.harmonic_oscillator().structure,
+        "hamiltonian": lambda y: 0.5 * y[0] ** 2 + 0.5 * STIFFNESS * y[1] ** 2,
+        "gradient": lambda y: np.stack([y[0], STIFFNESS * y[1]]),
+        "degree": 2,
+        "initial": (0.2, 0.1),
+        "name": "spring",
+    }
+    return sepv.Problem(**given | changes)
 
 
-def _spring_energy(p, q):
-    return 0.5 * _square(p) + 0.5 * STIFFNESS * _square(q)
+def hanging() -> sepv.Problem:
+    """Exponential, root and power in H, a domain with two conditions, B of y: everything that is recorded."""
 
+    def structure(y):
+        B = np.zeros((2, 2, *y.shape[1:]), dtype=y.dtype)
+        B[0, 1] = y[0] * (2 + np.sin(y[1]))
+        B[1, 0] = -B[0, 1]
+        return B
 
-def _spring_slope(p, q):
-    return p, STIFFNESS * q
-
-
-def _canonical(p, q):
-    return (-1.0,)
-
-
-def _wrong_slope(p, q):
-    return p, q
-
-
-TABLE = [1.0]
-
-
-def _reads_a_list(p, q):
-    return TABLE[0] * p, STIFFNESS * q
-
-
-def spring(slope=_spring_slope) -> sepv.Problem:
-    plain = problems.harmonic_oscillator()
     return sepv.Problem(
         dimension=2,
-        structure=plain.structure,
-        hamiltonian=lambda y: 0.5 * y[0] ** 2 + 0.5 * STIFFNESS * y[1] ** 2,
-        gradient=lambda y: np.stack([y[0], STIFFNESS * y[1]]),
-        degree=2,
-        initial=(0.2, 0.1),
-        name="spring",
-        scalar=sepv.ScalarFunctions(_spring_energy, slope, _canonical),
-    )
+        structure=structure,
+        hamiltonian=lambda y: np.exp(y[0] - y[1]) + np.sqrt(y[0]) + y[0] ** 1.5 - np.cos(2 * y[1]) + 1 / (1 + y[0]),
+        gradient=lambda y: np.stack([
+            np.exp(y[0] - y[1]) + 0.5 / np.sqrt(y[0]) + 1.5 * np.sqrt(y[0]) - 1 / (1 + y[0]) ** 2,
+            -np.exp(y[0] - y[1]) + 2 * np.sin(2 * y[1]),
+        ]),
+        domain=lambda y: (y[0] > 0) & (np.abs(y[1]) < 50),
+        initial=(1.0, 0.3),
+        noise=0.2,
+    )  # fmt: skip
 
 
-def test_problems_with_scalar_functions_are_compiled() -> None:
-    fast, plain = both(EP, spring(), h=1 / 16, T=0.5, paths=70, seed=6)
+@pytest.mark.parametrize("scheme", ["energy-preserving", "milstein"])
+def test_problems_of_functions_are_compiled_as_they_are(scheme) -> None:
+    fast, plain = both(schemes.by_name(scheme), spring(), h=1 / 16, T=0.5, paths=70, seed=6)
     assert fast.engine == "compiled"
     assert np.max(np.abs(fast.y - plain.y)) < 8 * 8 * 2.3e-16
-    assert fast.energy_defect.max() < 8 * 2.3e-16
+    assert scheme == "milstein" or fast.energy_defect.max() < 8 * 2.3e-16
 
 
-def _midpoint_energy(p, q):
-    return 0.5 * p * p + 0.25 * q * q * q * q
+def test_means_by_rule_keep_the_energy_where_the_plain_engine_has_its_quadrature() -> None:
+    fast, plain = both(EP, hanging(), h=2.0**-7, T=0.25, paths=70, seed=2)
+    assert fast.engine == "compiled"
+    assert np.array_equal(fast.status, plain.status)
+    assert np.max(np.abs(fast.y - plain.y)) < 32 * 8 * 2.3e-16
+    # 32 steps, each with some ten roundings of an energy of size 5.
+    assert fast.energy_defect.max() < 32 * 10 * 5 * 1.2e-16
 
 
-def _midpoint_slope(p, q):
-    return p, q * q * q
+def test_a_problem_that_cannot_be_recorded_says_why() -> None:
+    def branches(y):
+        return np.stack([y[0], STIFFNESS * y[1]]) if np.all(y < 1e9) else y
 
-
-def _midpoint_rule(p, q, r, s):
-    return 0.5 * (p + r), (0.5 * (q + s)) ** 3
-
-
-def test_a_scalar_mean_gradient_of_another_rule_is_refused() -> None:
-    """There is no function of arrays to compare it with: it is held against H itself."""
-    plain = problems.harmonic_oscillator()
-    problem = sepv.Problem(
-        dimension=2,
-        structure=plain.structure,
-        hamiltonian=lambda y: y[0] ** 2 / 2 + y[1] ** 4 / 4,
-        gradient=lambda y: np.stack([y[0], y[1] ** 3]),
-        initial=(0.2, 0.7),
-        scalar=sepv.ScalarFunctions(
-            _midpoint_energy, _midpoint_slope, _canonical, mean_gradient=_midpoint_rule
+    for changes, why in (
+        (
+            {"hamiltonian": lambda y: branches(y)[0] * y[0] / 2 + STIFFNESS * y[1] ** 2 / 2},
+            "branches on a value",
         ),
-    )
-    with pytest.raises(sepv.ProblemError, match=r"scalar\.mean_gradient = H\(x\) − H\(y\)"):
-        sepv.ensemble(EP, problem, h=1 / 16, T=0.5, paths=3)
+        ({"hamiltonian": lambda y: (y[0] ** 2 + STIFFNESS * y[1] ** 2 + np.spacing(1.0)) / 2}, ""),
+        (
+            {
+                "hamiltonian": lambda y: y[0] ** 2 / 2 + np.cosh(y[0] * y[1]),
+                "gradient": lambda y: np.stack(
+                    [y[0] + y[1] * np.sinh(y[0] * y[1]), y[0] * np.sinh(y[0] * y[1])]
+                ),
+                "degree": None,
+            },
+            "no exact mean gradient: H contains cosh of what is not affine",
+        ),
+    ):
+        result = sepv.ensemble(EP, spring(**changes), h=0.5, T=1.0, paths=2)
+        assert result.engine == ("numpy" if why else "compiled")
+        assert why in result.reason
 
 
 def test_a_map_may_return_chunks_in_any_order() -> None:
@@ -455,18 +458,6 @@ def test_compiled_code_that_was_cut_off_is_compiled_again(tmp_path, monkeypatch)
     (compiled,) = tmp_path.glob("engine/__pycache__/*.nbc")
     compiled.write_bytes(compiled.read_bytes()[:50])
     assert store.load.__wrapped__(text).twice(1.5) == 3.0
-
-
-def test_scalar_functions_that_cannot_be_used_are_named() -> None:
-    with pytest.raises(sepv.ProblemError, match=r"scalar\.gradient"):
-        sepv.ensemble(EP, spring(_wrong_slope), h=0.5, T=1.0, paths=2)
-    for slope, why in (
-        (lambda p, q: (p, STIFFNESS * q), "as a def in a file"),
-        (_reads_a_list, "TABLE, a list"),
-    ):
-        result = sepv.ensemble(EP, spring(slope), h=0.5, T=1.0, paths=2)
-        assert result.engine == "numpy"
-        assert why in result.reason
 
 
 @pytest.mark.parametrize("scheme", [EP, schemes.midpoint])

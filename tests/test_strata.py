@@ -143,7 +143,7 @@ def test_bare_functions_say_nothing_of_themselves(kind: str) -> None:
     case = next(c for _, c in SPACES[kind]["energy"].cases(0) if c.given == "bare functions")
     whole, y, _, _ = case.build()
     seen = shown(whole)
-    for name in ("data", "degree", "hessian", "structure_derivative", "mean_gradient", "scalar"):
+    for name in ("data", "degree", "hessian", "structure_derivative", "mean_gradient"):
         assert getattr(seen, name) is None
     assert type(seen.gradient).__name__ == "function"
     assert seen.name != problems.build(case.problem).name

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
 from sepv.engine.text import Expression, Text
 from sepv.polynomial import Polynomial
@@ -30,15 +30,23 @@ class NambuCode(Protocol):
 class ProblemCode(Protocol):
     """The functions of a problem, each written into a `Text` for given names of the components.
 
-    `y` are the names of the d components, `z` those of the increment y1 − y. `preamble` is what a module
-    needs before the kernel.
+    `y` are the names of the d components, `z` those of the increment y1 − y.
     """
 
-    preamble: str
     dimension: int
-    gradient_evaluations: int
     degree: int  # of a polynomial H, 0 of any other
-    rate: float  # what an iteration gains at least near the solution: the relative error of Newton's matrix
+
+    @property
+    def preamble(self) -> str:
+        """What a module needs before the kernel."""
+
+    @property
+    def gradient_evaluations(self) -> int:
+        """Evaluations of ∇H that a mean gradient takes."""
+
+    @property
+    def rate(self) -> float:
+        """What an iteration gains at least near the solution: the relative error of Newton's matrix."""
 
     @property
     def field(self) -> Sequence[Polynomial] | None:
@@ -80,24 +88,6 @@ class ProblemCode(Protocol):
 
     def casimir_gradients(self, e: Text, ends: Sequence[str]) -> Table:
         """Their gradients averaged along a segment, whose ends have the sum `ends`."""
-
-
-def quadratic_form(e: Text, A: Any, y: Sequence[str]) -> Expression:
-    """Σ_ij A_ij (y_i y_j), row by row, without zeros."""
-    d = len(y)
-    terms = [(i, j) for i in range(d) for j in range(d) if A[i][j] != 0]
-    value: Expression = None
-    for i, j in terms:
-        value = e.plus(e.product(e.number(float(A[i][j])), y[i]), y[j], value)
-    return value
-
-
-def casimir_gradients(e: Text, quadratic: Any, linear: Any, ends: Sequence[str]) -> Table:
-    """A(y0 + y1), and b."""
-    rows: Table = []
-    for A in quadratic:
-        rows.append([e.dot([e.number(float(a)) if a else None for a in row], ends) for row in A])
-    return rows + [[e.number(float(v)) if v else None for v in b] for b in linear]
 
 
 def skew(d: int, upper: dict[tuple[int, int], Expression], e: Text) -> Table:

@@ -12,15 +12,14 @@ import numpy as np
 from sepv import schemes
 from sepv.engine.code import ProblemCode
 from sepv.engine.explicit import ExplicitWriter
-from sepv.engine.named import LotkaVolterra, Pendulum, as_polynomial
 from sepv.engine.newton import NewtonWriter
-from sepv.engine.polynomials import PolynomialCode
 from sepv.engine.projected import ProjectedWriter
+from sepv.engine.recorded import RecordedProblem
 from sepv.engine.schemes import FORMULAS, Collocation, Formula, Projected
 from sepv.engine.stages import StagesWriter
-from sepv.engine.user import CannotTranslate, UserCode
 from sepv.engine.writer import Writer
-from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
+from sepv.problem import Array, Problem
+from sepv.record import CannotRecord, NoClosedForm
 from sepv.scheme import Scheme
 from sepv.structures import StructuresProblem
 
@@ -60,18 +59,14 @@ def kernel(scheme: Scheme, problem: Problem, *, lanes: int = LANES, compensated:
     formula, code = formula_of(scheme), code_of(problem)
     if scheme.name == "both-invariants" and code.nambu is None:
         raise CannotCompile(f"{problem.name} has no factor and Casimir as code (see Problem.nambu)")
-    if isinstance(code, UserCode):
-        if formula.averaged and formula.stages == 1 and not code.closed and not code.degree:
-            raise CannotCompile(f"{problem.name} has neither a degree nor a scalar mean_gradient")
-        if scheme.name == "milstein":
-            raise CannotCompile(
-                "Milstein's f′f needs derivatives, which scalar functions do not give exactly"
-            )
     if formula.implicit and formula.stages * problem.dimension > LARGEST_SYSTEM:
         raise CannotCompile(
             f"{scheme.name} has {formula.stages * problem.dimension} unknowns, the engine takes {LARGEST_SYSTEM}"
         )
-    text, parameters = _written(code, formula, problem.noises, lanes, compensated)
+    try:
+        text, parameters = _written(code, formula, problem.noises, lanes, compensated)
+    except NoClosedForm as error:
+        raise CannotCompile(f"{problem.name} has no exact mean gradient: H contains {error}") from error
     from sepv.engine.store import load
 
     return Kernel(
@@ -124,33 +119,12 @@ def code_of(problem: Problem) -> ProblemCode:
         raise CannotCompile(
             f"{problem.name} has {problem.dimension} components, the compiled engine takes {LARGEST_DIMENSION}"
         )
-    code = None if problem.data is None else _code_of_data(problem.data)
-    if code is not None:
-        return code
-    if problem.scalar is not None:
-        try:
-            return _user_code(problem)
-        except CannotTranslate as error:
-            raise CannotCompile(str(error)) from error
-    raise CannotCompile(
-        f"{problem.name} is given by functions of arrays alone (see sepv.problem.ScalarFunctions)"
-    )
+    try:
+        return _recorded(problem)
+    except CannotRecord as error:
+        raise CannotCompile(f"{problem.name} cannot be recorded: {error}") from error
 
 
 @lru_cache(maxsize=256)
-def _code_of_data(data: NamedProblem | PolynomialSystem) -> ProblemCode | None:
-    """The code of a problem that is data, None where there is none."""
-    if isinstance(data, NamedProblem):
-        if data.name == "pendulum":
-            return Pendulum()
-        if data.name == "lotka-volterra":
-            return LotkaVolterra(data)
-        polynomial = as_polynomial(data)
-        return None if polynomial is None else PolynomialCode(polynomial)
-    return PolynomialCode(data)
-
-
-@lru_cache(maxsize=64)
-def _user_code(problem: Problem) -> UserCode:
-    assert problem.scalar is not None
-    return UserCode(problem, problem.scalar)
+def _recorded(problem: Problem) -> RecordedProblem:
+    return RecordedProblem(problem)

@@ -178,28 +178,31 @@ def logarithm(x: float) -> float:
 
 
 @_inline
-def log1p_ratio(x: float) -> float:
-    """log1p(x)/x for x > −1, 1 at 0."""
+def log1p_ratio(x: float) -> tuple[float, float]:
+    """log1p(x)/x for x > −1, 1 at 0, and its derivative −∫₀¹τ/(1 + τx)²dτ by three Gauss nodes."""
     u = 1.0 + x
     # ln(1 + x) = ln u + (x − (u − 1))/u to first order in the rounding of u; where u = 1 it is x.
     correction = (x - (u - 1.0)) / u
     safe = pick(x == 0.0, 1.0, x)
-    return pick(x == 0.0, 1.0, (logarithm(u) + correction) / safe)
-
-
-@_inline
-def mean_reciprocal(y: float, z: float) -> tuple[float, float]:
-    """∫₀¹dτ/(y + τz) = log1p(z/y)/z for y, y + z > 0, and its derivative by z by three Gauss nodes."""
-    inverse = 1.0 / y
-    value = log1p_ratio(z * inverse) * inverse
-    a = y + 0.1127016653792583 * z
-    b = y + 0.5 * z
-    c = y + 0.8872983346207417 * z
+    value = pick(x == 0.0, 1.0, (logarithm(u) + correction) / safe)
+    a = 1.0 + 0.1127016653792583 * x
+    b = 1.0 + 0.5 * x
+    c = 1.0 + 0.8872983346207417 * x
     slope = -(
         (0.2777777777777778 * 0.1127016653792583) / (a * a)
         + (0.4444444444444444 * 0.5) / (b * b)
         + (0.2777777777777778 * 0.8872983346207417) / (c * c)
     )
+    return value, slope
+
+
+@_inline
+def expm1_ratio(x: float) -> tuple[float, float]:
+    """expm1(x)/x, 1 at 0, and its derivative (to a few digits where x is small: it serves Newton's Jacobian)."""
+    flat = abs(x) < 1e-3
+    safe = pick(x == 0.0, 1.0, x)
+    value = pick(x == 0.0, 1.0, math.expm1(x) / safe)
+    slope = pick(flat, 0.5 + x * (1.0 / 3.0 + 0.125 * x), (1.0 + x * value - value) / safe)
     return value, slope
 
 

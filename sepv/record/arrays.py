@@ -18,6 +18,7 @@ _TEXTS = {
     "add": "{} + {}",
     "subtract": "{} - {}",
     "multiply": "{} * {}",
+    "whole": "{} * {}",
     "divide": "{} / {}",
     "negative": "-{}",
     "greater": "{} > {}",

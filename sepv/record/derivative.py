@@ -46,6 +46,8 @@ _RULES: dict[str, Callable[..., tuple[Any, ...]]] = {
     "subtract": lambda *_: (1.0, -1.0),
     "negative": lambda *_: (-1.0,),
     "multiply": lambda _, a, b: (b, a),
+    # The lower power, its first argument, is differentiated with it.
+    "whole": lambda s, lower, _: (0.0, s.line.value * lower),
     "divide": lambda s, _, b: (1 / b, -(s / b)),
     "power": lambda s, a: (s.line.value * a ** (s.line.value - 1),),
     "select": lambda _, condition, *__: (0.0, select(condition, 1.0, 0.0), select(condition, 0.0, 1.0)),
@@ -63,16 +65,24 @@ def jacobian(outputs: Any, inputs: Any) -> Any:
         index = symbol.index
         if index in column:
             slopes[index] = {column[index]: tape.constant(1.0)}
+            continue
+        fixed, declared = tape.declared.get(index, (set(), {}))
+        if declared and not slopes.keys() & fixed:
+            slopes[index] = _chain(declared.items(), slopes)
         elif symbol.line.name not in _CONSTANT and any(i in slopes for i in symbol.line.arguments):
-            total: dict[int, Symbol] = {}
-            for i, partial in zip(symbol.line.arguments, _partials(symbol), strict=True):
-                for k, slope in slopes.get(i, {}).items():
-                    term = partial * slope
-                    total[k] = total[k] + term if k in total else term
-            slopes[index] = total
+            slopes[index] = _chain(zip(symbol.line.arguments, _partials(symbol), strict=True), slopes)
     zero = tape.constant(0.0)
     found = [[slopes.get(row.index, {}).get(k, zero) for k in range(len(inputs))] for row in rows]
     return array((v for row in found for v in row), (len(rows), len(inputs)))
+
+
+def _chain(partials: Iterable[tuple[int, Any]], slopes: dict[int, dict[int, Symbol]]) -> dict[int, Symbol]:
+    total: dict[int, Symbol] = {}
+    for i, partial in partials:
+        for k, slope in slopes.get(i, {}).items():
+            term = partial * slope
+            total[k] = total[k] + term if k in total else term
+    return total
 
 
 def gradient(output: Any, inputs: Any) -> Any:
@@ -92,3 +102,10 @@ def gradient(output: Any, inputs: Any) -> Any:
             if tape.symbol(term).number != 0:
                 adjoints[i] = adjoints[i] + term if i in adjoints else term
     return array(tape.symbol(adjoints.get(x.index, zero)) for x in inputs)
+
+
+def hessian(slope: Any, inputs: Any) -> Any:
+    """The derivative (d, d) of a gradient, symmetric to the line."""
+    found = jacobian(slope, inputs)
+    d = len(found)
+    return array((found[min(i, k), max(i, k)] for i in range(d) for k in range(d)), (d, d))

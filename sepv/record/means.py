@@ -14,12 +14,12 @@ A sum of such terms is averaged term by term. Nothing else has a closed form her
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from sepv.quadrature import gauss_legendre
-from sepv.record.derivative import gradient, reachable
+from sepv.record.derivative import gradient, hessian, jacobian, reachable
 from sepv.record.replay import substitute
 from sepv.record.symbols import Symbol
 
@@ -47,7 +47,7 @@ def _degree(name: str, below: list[int | None]) -> int | None:
         return None
     if name in ("add", "subtract", "negative"):
         return max(known)
-    if name == "multiply":
+    if name in ("multiply", "whole"):
         return sum(known)
     if name == "divide":
         return known[0] if known[1] == 0 else None
@@ -60,8 +60,15 @@ def degree(output: Any, inputs: Any) -> int | None:
     return degrees(symbol, inputs)[symbol.index]
 
 
-def mean_gradient(output: Any, inputs: Any, z: Any) -> Any:
-    """∫₀¹∇output(y + τz)dτ, (d,), for the inputs y (d,) and symbols z (d,).
+class Mean(NamedTuple):
+    """∫₀¹∇H(y + τz)dτ, (d,), and how many nodes its polynomial part is evaluated at."""
+
+    value: Any
+    nodes: int
+
+
+def mean(output: Any, inputs: Any, z: Any) -> Mean:
+    """∫₀¹∇output(y + τz)dτ for the inputs y (d,) and symbols z (d,).
 
     Raises
     ------
@@ -74,19 +81,31 @@ def mean_gradient(output: Any, inputs: Any, z: Any) -> Any:
     polynomial: Any = tape.constant(0.0)
     total: Any = None
     for factor, term in _terms(symbol, 1.0):
-        if known[term.index] is not None:
+        if known.get(term.index) is not None:
             polynomial = polynomial + factor * term
             continue
-        part = _quotient(term, inputs, z)
-        total = factor * part if total is None else total + factor * part
+        part = factor * _quotient(term, inputs, z)
+        total = part if total is None else total + part
     nodes = max(1, -(-(degree(polynomial, inputs) or 0) // 2))
     if nodes > MOST_NODES:
         raise NoClosedForm(f"a polynomial H whose mean takes {nodes} Gauss nodes")
+    # The derivative of a rule is one of H″, and symmetric, which the chain rule does not see.
     slope = gradient(polynomial, inputs)
+    bend = hessian(slope, inputs)
+    turn = None if total is None else jacobian(total, z)
     for tau, weight in zip(*gauss_legendre(nodes), strict=True):
-        at = substitute(slope, inputs, inputs + float(tau) * z)
-        total = weight * at if total is None else total + weight * at
-    return tape.symbols(total)
+        at = inputs + tau * z
+        value, further = weight * substitute(slope, inputs, at), weight * tau * substitute(bend, inputs, at)
+        total, turn = (value, further) if total is None else (total + value, turn + further)
+    total, turn = tape.symbols(total), tape.symbols(turn)
+    for symbol, row in zip(total, turn, strict=True):
+        tape.declare(symbol, inputs, dict(zip(z, row, strict=True)))
+    return Mean(total, nodes)
+
+
+def mean_gradient(output: Any, inputs: Any, z: Any) -> Any:
+    """The value of `mean`."""
+    return mean(output, inputs, z).value
 
 
 def _terms(symbol: Symbol, factor: Any) -> list[tuple[Any, Symbol]]:

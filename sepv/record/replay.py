@@ -15,6 +15,7 @@ ARITHMETIC: dict[str, Callable[..., Any]] = {
     "add": operator.add,
     "subtract": operator.sub,
     "multiply": operator.mul,
+    "whole": operator.mul,
     "divide": operator.truediv,
     "negative": operator.neg,
     "greater": operator.gt,

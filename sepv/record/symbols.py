@@ -8,7 +8,7 @@ and b + (−1)a are one line too. What folds away a factor 0 takes the other fac
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,8 +16,9 @@ import numpy as np
 from sepv.record.functions import FUNCTIONS
 from sepv.record.protocol import SymbolArray, array_function, array_ufunc
 
-# Whole powers up to this one are products, as NumPy's square is.
-LARGEST_POWER = 64
+# Whole powers up to this one are products, as NumPy's square is. They are lines "whole", which multiply like any
+# product, but are known for what they are: xⁿ⁻¹·x is xⁿ, with the derivative n xⁿ⁻¹.
+LARGEST_POWER = 32
 
 
 class CannotRecord(TypeError):
@@ -43,6 +44,8 @@ class Tape:
 
     def __init__(self) -> None:
         self.lines: list[Operation] = []
+        # Derivatives that are known to be shorter than what the chain rule makes of the lines.
+        self.declared: dict[int, tuple[set[int], dict[int, Symbol]]] = {}
         self._known: dict[Any, Symbol] = {}
 
     def write(self, name: str, *arguments: Symbol, value: float = 0.0) -> Symbol:
@@ -59,6 +62,12 @@ class Tape:
         if math.isnan(value):
             raise CannotRecord("a constant is NaN")
         return self.write("constant", value=float(value) + 0.0)
+
+    def declare(self, value: Symbol, fixed: Iterable[Symbol], slopes: Mapping[Symbol, Symbol]) -> None:
+        """The derivatives of a value by symbols, for when those that are `fixed` do not change with them."""
+        if value.line.arguments:
+            by = {x.index: slope for x, slope in slopes.items()}
+            self.declared[value.index] = ({x.index for x in fixed}, by)
 
     def vector(self, size: int) -> Any:
         """A new input of so many components, as an array of symbols."""
@@ -300,6 +309,9 @@ def _multiply(a: Symbol, b: Symbol) -> Symbol:  # noqa: PLR0911 - a rule a line
         inner = first.number
         if inner is not None and (math.frexp(x)[0] == 0.5 or math.frexp(inner)[0] == 0.5):
             return _multiply(a.tape.constant(x * inner), second)
+    (base, m), (other, n) = _as_power(a), _as_power(b)
+    if base.index == other.index:
+        return _whole_power(base, m + n)
     # Constants come first.
     return _ordered("multiply", a, b) if x is None else a.tape.write("multiply", a, b)
 
@@ -332,18 +344,25 @@ def _power(a: Symbol, b: Symbol) -> Symbol:
     if exponent == 0.5:
         return a.apply("sqrt")
     if exponent == int(exponent) and abs(exponent) <= LARGEST_POWER:
-        found = _whole_power(a, abs(int(exponent)))
+        sign, base = (-1, a.arguments[0]) if a.line.name == "negative" else (1, a)
+        base, m = _as_power(base)
+        found = _whole_power(base, m * abs(int(exponent)))
+        found = -found if sign < 0 and exponent % 2 else found
         return found if exponent >= 0 else _divide(a.tape.constant(1.0), found)
     return a.tape.write("power", a, value=exponent)
 
 
-def _whole_power(a: Symbol, n: int) -> Symbol:
-    """By squaring."""
-    if n <= 1:
-        return a if n else a.tape.constant(1.0)
-    half = _whole_power(a, n // 2)
-    square = _multiply(half, half)
-    return _multiply(square, a) if n % 2 else square
+def _whole_power(base: Symbol, n: int) -> Symbol:
+    """By n − 1 products, whose lower powers the derivative shares."""
+    found = base if n else base.tape.constant(1.0)
+    for k in range(2, n + 1):
+        found = base.tape.write("whole", found, base, value=float(k))
+    return found
+
+
+def _as_power(a: Symbol) -> tuple[Symbol, int]:
+    """The base and the exponent of a whole power; itself and 1 of anything else."""
+    return (a.arguments[1], int(a.line.value)) if a.line.name == "whole" else (a, 1)
 
 
 _COMPARISONS: dict[str, Callable[[float, float], bool]] = {

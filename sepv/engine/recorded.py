@@ -1,0 +1,321 @@
+"""The code of a problem, from records of its functions: B and H as they are, everything else derived."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from sepv import polynomial as poly
+from sepv.engine.code import Table
+from sepv.engine.text import Expression, Text, shown
+from sepv.nambu import Nambu
+from sepv.polynomial import Polynomial
+from sepv.problem import Problem
+from sepv.record import CannotRecord, NoClosedForm, Symbol, Tape, gradient, jacobian
+from sepv.record.derivative import hessian, reachable
+from sepv.record.expand import expand
+from sepv.record.means import Mean, degree, mean
+
+# Where the value of a function comes from in lanes: a call, and the place in what it returns, if that is several.
+_CALLS: dict[str, tuple[str, int | None]] = {
+    "sin": ("sincos", 0),
+    "cos": ("sincos", 1),
+    "log": ("logarithm", None),
+    "sinc": ("sinc", 0),
+    "sinc_slope": ("sinc", 1),
+    "log1p_ratio": ("log1p_ratio", 0),
+    "log1p_ratio_slope": ("log1p_ratio", 1),
+    "expm1_ratio": ("expm1_ratio", 0),
+    "expm1_ratio_slope": ("expm1_ratio", 1),
+}
+# The relative error of slopes in lanes, which serve Newton's matrix only; exact derivatives are off by roundings.
+_RATES = {"sinc_slope": 2.0**-26, "log1p_ratio_slope": 2.0**-10, "expm1_ratio_slope": 2.0**-26}
+_EXACT = 2.0**-40
+_PRODUCTS = ("multiply", "whole")
+
+
+def emit(e: Text, values: Mapping[int, Expression], outputs: Sequence[Symbol]) -> list[Expression]:
+    """The outputs written into a text, with the inputs of these lines as given; a·b + c is fused.
+
+    A product is fused into the sum that is its only user.
+    """
+    lines = reachable(outputs)
+    users = Counter(i for symbol in lines for i in symbol.line.arguments)
+    users.update(symbol.index for symbol in outputs)
+    found: dict[int, Expression] = {}
+
+    def value(index: int) -> Expression:
+        """A line's value; a product that has one user is written where it is used."""
+        if index not in found:
+            found[index] = e.product(*map(value, tape.lines[index].arguments))
+        return found[index]
+
+    def factors(symbol: Symbol) -> tuple[Expression, Expression] | None:
+        if symbol.index in found or symbol.line.name not in _PRODUCTS:
+            return None
+        a, b = symbol.line.arguments
+        return value(a), value(b)
+
+    for symbol in lines:
+        index, line, tape = symbol.index, symbol.line, symbol.tape
+        if line.name == "input":
+            found[index] = values[index]
+        elif line.name == "constant":
+            found[index] = e.number(line.value) if line.value else None
+        elif line.name in ("add", "subtract"):
+            a, b = symbol.arguments
+            second = factors(b)
+            first = factors(a) if second is None else None
+            found[index] = _sum(e, line.name, (a, first), (b, second), value)
+        elif line.name not in _PRODUCTS or users[index] > 1:
+            found[index] = _operation(e, symbol, [value(i) for i in line.arguments])
+    return [value(symbol.index) for symbol in outputs]
+
+
+_Term = tuple[Symbol, tuple[Expression, Expression] | None]
+
+
+def _sum(e: Text, name: str, left: _Term, right: _Term, value: Callable[[int], Expression]) -> Expression:
+    """The sum or difference of two terms, one of which may be given as its factors."""
+    (a, first), (b, second) = left, right
+    if second is not None:
+        before = value(a.index)
+        return e.plus(*second, before) if name == "add" else e.minus(before, *second)
+    last = value(b.index)
+    if first is not None:
+        return e.plus(*first, last if name == "add" else e.product("(-1.0)", last))
+    if name == "add" or last is None:
+        return e.total([value(a.index), last])
+    return e.product("(-1.0)", last) if value(a.index) is None else e.let(f"{value(a.index)} - {last}")
+
+
+def _operation(e: Text, symbol: Symbol, arguments: list[Expression]) -> Expression:  # noqa: PLR0911 - an operation a line
+    name, texts = symbol.line.name, [shown(a) for a in arguments]
+    if name == "negative":
+        return e.product("(-1.0)", arguments[0])
+    if name in _PRODUCTS:
+        return e.product(*arguments)
+    if name == "divide":
+        return None if arguments[0] is None else e.let(f"{texts[0]} / {texts[1]}")
+    if name == "power":
+        return e.let(f"{texts[0]} ** {e.number(symbol.line.value)}")
+    if name == "select":
+        return e.let(f"pick({', '.join(texts)})")
+    if name in _CONDITIONS:
+        return e.let(_CONDITIONS[name].format(*texts))
+    call, place = _CALLS.get(name, (name, None))
+    return e.let(f"{call}({texts[0]})") if place is None else e.call(call, texts, 2)[place]
+
+
+_CONDITIONS = {
+    "greater": "{} > {}",
+    "greater_equal": "{} >= {}",
+    "equal": "{} == {}",
+    "and": "({}) & ({})",
+    "or": "({}) | ({})",
+    "not": "no({})",
+}
+
+
+class RecordedProblem:
+    """The functions of `sepv.engine.code.ProblemCode`, each printed from its record.
+
+    Raises
+    ------
+    CannotRecord
+        Where B, H or the domain cannot be recorded.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.dimension = d = problem.dimension
+        self.tape = Tape()
+        self.y, self.z = self.tape.vector(d), self.tape.vector(d)
+        self._H = self._call("hamiltonian", self.y)
+        self._g = gradient(self._H, self.y)
+        self._B = self.tape.symbols(self._call("structure", self.y))
+        if self._B.shape != (d, d):
+            raise CannotRecord(f"structure(y) has the shape {self._B.shape} for a single state")
+        self._inside = None if problem.domain is None else self._call("domain", self.y)
+        self.degree = max(degree(self._H, self.y) or 0, 1) if degree(self._H, self.y) is not None else 0
+        self.nambu = None if problem.nambu is None else RecordedNambu(problem.nambu)
+
+    def _call(self, key: str, *arguments: Any) -> Any:
+        """A function of the problem called with symbols; whatever it makes of them is its author's."""
+        try:
+            return self.tape.symbols(getattr(self.problem, key)(*arguments))
+        except CannotRecord as error:
+            raise CannotRecord(f"{key}: {error}") from error
+        except Exception as error:
+            raise CannotRecord(f"{key}: {type(error).__name__} with symbols: {error}") from error
+
+    @property
+    def preamble(self) -> str:
+        """Imports of the functions that were printed."""
+        return imports(self.tape) + ("" if self.nambu is None else imports(self.nambu.tape))
+
+    @cached_property
+    def _mean(self) -> Mean:
+        """The mean gradient by rule, else the author's."""
+        try:
+            return mean(self._H, self.y, self.z)
+        except NoClosedForm:
+            if self.problem.mean_gradient is None:
+                raise
+            return Mean(self._call("mean_gradient", self.y, self.y + self.z), 1)
+
+    @property
+    def gradient_evaluations(self) -> int:
+        """Evaluations of ∇H that a mean gradient takes."""
+        return self._mean.nodes
+
+    @property
+    def rate(self) -> float:
+        """The relative error of Newton's matrix."""
+        jacobian(self._mean.value, self.z)
+        return max(_RATES.get(line.name, _EXACT) for line in self.tape.lines)
+
+    @cached_property
+    def field(self) -> Sequence[Polynomial] | None:
+        """B∇H multiplied out, where that is no longer than the products."""
+        f = [
+            sum((b * g for b, g in zip(row, self._g, strict=True)), self.tape.constant(0.0))
+            for row in self._B
+        ]
+        found = expand(f, self.y, len(reachable(f))) if not self.degree > 2 else None
+        return (
+            None
+            if found is None
+            else [poly.polynomial(self.dimension, list(terms.items())) for terms in found]
+        )
+
+    def hamiltonian(self, e: Text, y: Sequence[str]) -> Expression:
+        """H(y)."""
+        return self._printed(e, y, [self._H])[0]
+
+    def gradient(self, e: Text, y: Sequence[str]) -> list[Expression]:
+        """∇H(y)."""
+        return self._printed(e, y, self._g)
+
+    def hessian(self, e: Text, y: Sequence[str]) -> Table:
+        """H″(y)."""
+        return _table(self._printed(e, y, self._hessian.ravel()), self.dimension)
+
+    @cached_property
+    def _hessian(self) -> Any:
+        return hessian(self._g, self.y)
+
+    def structure(self, e: Text, y: Sequence[str]) -> Table:
+        """B(y)."""
+        return _table(self._printed(e, y, self._B.ravel()), self.dimension)
+
+    @cached_property
+    def _structure_derivative(self) -> Any:
+        return jacobian(self._B.ravel(), self.y).reshape((*self._B.shape, -1))
+
+    def structure_derivative(self, e: Text, y: Sequence[str]) -> list[Table]:
+        """∂B_ij/∂y_k at [k][i][j]."""
+        slopes = np.moveaxis(self._structure_derivative, 2, 0)
+        return [_table(self._printed(e, y, table.ravel()), self.dimension) for table in slopes]
+
+    def mean_gradient(self, e: Text, y: Sequence[str], z: Sequence[str]) -> list[Expression]:
+        """∫₀¹∇H(y + τz)dτ."""
+        return self._printed(e, y, self._mean.value, z)
+
+    @cached_property
+    def _mean_hessian(self) -> Any:
+        return jacobian(self._mean.value, self.z)
+
+    def mean_hessian(self, e: Text, y: Sequence[str], z: Sequence[str]) -> Table:
+        """Its derivative by z."""
+        return _table(self._printed(e, y, self._mean_hessian.ravel(), z), self.dimension)
+
+    def domain(self, e: Text, y: Sequence[str]) -> str | None:
+        """Whether y is in the domain."""
+        return None if self._inside is None else shown(self._printed(e, y, [self._inside])[0])
+
+    def casimirs(self, e: Text, y: Sequence[str]) -> list[Expression]:
+        """The quadratic Casimirs, then the linear ones."""
+        return self._printed(e, y, self._casimirs)
+
+    @cached_property
+    def _casimirs(self) -> list[Symbol]:
+        y = self.y
+        values = [y @ (A @ y) for A in self.problem.casimirs] + [b @ y for b in self.problem.linear_casimirs]
+        return [self.tape.symbol(v) for v in values]
+
+    def casimir_gradients(self, e: Text, ends: Sequence[str]) -> Table:
+        """Their gradients averaged along a segment, whose ends have the sum `ends`: ∇C at half of it."""
+        slopes = [self._printed(e, ends, gradient(C, self.y)) for C in self._casimirs]
+        # A quadratic C has a gradient linear in y.
+        quadratic = len(self.problem.casimirs)
+        return [[e.product("(0.5)", v) for v in row] for row in slopes[:quadratic]] + slopes[quadratic:]
+
+    def _printed(self, e: Text, y: Sequence[str], outputs: Any, z: Sequence[str] = ()) -> list[Expression]:
+        return printed(e, [(self.y, y), (self.z, z)], outputs)
+
+
+class RecordedNambu:
+    """The functions of `sepv.engine.code.NambuCode`, each printed from its record."""
+
+    def __init__(self, nambu: Nambu) -> None:
+        self.tape = Tape()
+        self.y, self.z = self.tape.vector(3), self.tape.vector(3)
+        self._g = self.tape.symbol(nambu.factor(self.y))
+        self._slope = gradient(self._g, self.y)
+        try:
+            self._mean = mean(self.tape.symbol(nambu.casimir(self.y)), self.y, self.z).value
+        except NoClosedForm:
+            if nambu.mean_gradient is None:
+                raise
+            self._mean = self.tape.symbols(nambu.mean_gradient(self.y, self.y + self.z))
+        self._mean_hessian = jacobian(self._mean, self.z)
+
+    def factor(self, e: Text, y: Sequence[str]) -> Expression:
+        """g(y)."""
+        return printed(e, [(self.y, y)], [self._g])[0]
+
+    def factor_gradient(self, e: Text, y: Sequence[str]) -> list[Expression]:
+        """∇g(y)."""
+        return printed(e, [(self.y, y)], self._slope)
+
+    def mean_gradient(self, e: Text, y: Sequence[str], z: Sequence[str]) -> list[Expression]:
+        """∫₀¹∇C(y + τz)dτ."""
+        return printed(e, [(self.y, y), (self.z, z)], self._mean)
+
+    def mean_hessian(self, e: Text, y: Sequence[str], z: Sequence[str]) -> Table:
+        """Its derivative by z."""
+        return _table(printed(e, [(self.y, y), (self.z, z)], self._mean_hessian.ravel()), 3)
+
+
+def printed(e: Text, inputs: Sequence[tuple[Any, Sequence[str]]], outputs: Any) -> list[Expression]:
+    """The outputs written into a text under the names of the inputs' components; the name "0.0" is zero."""
+    values = {
+        x.index: None if name == "0.0" else name
+        for vector, names in inputs
+        for x, name in zip(vector, names, strict=False)
+    }
+    return emit(e, values, list(outputs))
+
+
+def imports(tape: Tape) -> str:
+    """Imports of the functions on a tape."""
+    own, others = set(), set()
+    for line in tape.lines:
+        if line.name in _CALLS:
+            own.add(_CALLS[line.name][0])
+        elif line.name in _PLAIN:
+            others.add(line.name)
+    lines = [f"from sepv.engine.functions import {', '.join(sorted(own))}\n"] if own else []
+    return "".join([*lines, *([f"from numpy import {', '.join(sorted(others))}\n"] if others else [])])
+
+
+_PLAIN = {"tan", "exp", "expm1", "log1p", "sqrt", "sinh", "cosh", "tanh", "arctan"}
+
+
+def _table(entries: list[Expression], d: int) -> Table:
+    return [entries[i * d : (i + 1) * d] for i in range(len(entries) // d)]
