@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sepv.arguments import floats
+from sepv.derived import derive
 from sepv.errors import ProblemError, UsageError
 from sepv.nambu import Nambu
 from sepv.polynomial import Polynomial
@@ -62,6 +63,10 @@ class NamedProblem:
     parameters: tuple[tuple[str, tuple[float, ...]], ...] = ()
 
 
+def _to_be_derived(y: Array) -> Array:
+    raise NotImplementedError("a mark for a gradient that was not given")
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """A stochastic Poisson system (1.1) with the functions that a scheme needs.
@@ -72,8 +77,11 @@ class Problem:
         d ≥ 1.
     structure : callable, (d, ...) -> (d, d, ...)
         The structure matrix B(y), skew-symmetric.
-    hamiltonian, gradient : callable, (d, ...) -> (...) and (d, ...) -> (d, ...)
-        H and ∇H.
+    hamiltonian : callable, (d, ...) -> (...)
+        H. Together with `structure` it is enough where both consist of arithmetic, indexing and NumPy's elementwise
+        functions: they are then called once with symbols, and what is not given below is derived (`sepv.derived`).
+    gradient : callable, (d, ...) -> (d, ...), optional
+        ∇H. Where it is given nothing is derived, and it is compared with H.
     noise : array_like, shape (m,)
         The c_j ≥ 0; m = 0 is the deterministic problem.
     casimirs : sequence of (d, d) symmetric matrices A
@@ -87,7 +95,7 @@ class Problem:
         (y0, y1) -> ∫₀¹∇H(y0 + τ(y1 − y0))dτ in closed form, exact to rounding also as y1 → y0.
     degree : int, optional
         The degree of a polynomial H: Gauss-Legendre quadrature with ⌈degree/2⌉ nodes is then exact.
-        With neither, the average is found by adaptive quadrature.
+        With neither, and none derived, the average is found by adaptive quadrature.
     domain : callable, optional
         (d, ...) -> (...) of bool: where H and B are defined.
     initial : array_like, shape (d,), optional
@@ -110,7 +118,7 @@ class Problem:
     dimension: int
     structure: Function
     hamiltonian: Function
-    gradient: Function
+    gradient: Function = _to_be_derived
     noise: ArrayLike = (1.0,)
     casimirs: tuple[Any, ...] = ()
     linear_casimirs: tuple[Any, ...] = ()
@@ -147,6 +155,14 @@ class Problem:
             object.__setattr__(self, key, arrays)
         if self.initial is not None:
             object.__setattr__(self, "initial", _constant("initial", self.initial, (d,)))
+        if self.gradient is _to_be_derived:
+            found = derive(d, self.structure, self.hamiltonian)
+            object.__setattr__(self, "gradient", found.gradient)
+            for key in ("hessian", "structure_derivative", "mean_gradient"):
+                if getattr(self, key) is None:
+                    object.__setattr__(self, key, getattr(found, key))
+            if self.degree is None:
+                object.__setattr__(self, "degree", found.degree)
         if check:
             from sepv.checks import check_problem
 

@@ -18,6 +18,7 @@ LAYERS = [
     "sepv.arguments",
     "sepv.quadrature",
     "sepv.record",
+    "sepv.derived",
     "sepv.polynomial",
     "sepv.nambu",
     "sepv.problem",

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -10,7 +12,6 @@ from numpy.typing import NDArray
 
 from sepv.record.derivative import reachable
 from sepv.record.functions import FUNCTIONS
-from sepv.record.symbols import Symbol
 
 Array = NDArray[np.float64]
 
@@ -67,33 +68,33 @@ def _text(name: str, value: float, arguments: list[str]) -> str:
     return f"{name}({arguments[0]})"
 
 
-def compiled(inputs: Sequence[Any], outputs: Any) -> Callable[..., tuple[Any, ...]]:
-    """The components of the outputs one by one, as a function of sequences of the inputs' components.
-
-    Components may be arrays or numbers; a constant component comes as a number whatever they are.
-    """
+@lru_cache(maxsize=256)
+def _compiled(text: str) -> Callable[..., tuple[Any, ...]]:
     namespace = dict(_NAMES)
-    exec(compile(source(inputs, outputs), "<record>", "exec"), namespace)
+    exec(compile(text, "<record>", "exec"), namespace)
     function: Callable[..., tuple[Any, ...]] = namespace["evaluate"]
     return function
 
 
-def evaluator(inputs: Sequence[Any], outputs: Any) -> Callable[..., Array]:
-    """The outputs as a function of arrays (d, ...), of shape (*outputs.shape, ...)."""
-    shape = np.shape(outputs)
-    function = compiled(inputs, outputs)
+@dataclass(frozen=True)
+class Evaluator:
+    """Outputs of a shape as a function of arrays (d, ...): their text, so that it travels to other processes."""
 
-    def evaluate(*arguments: Array) -> Array:
-        values = function(*arguments)
-        batch = np.shape(arguments[0])[1:]
-        found = np.empty((len(values), *batch), dtype=np.result_type(*arguments, np.float64))
+    text: str
+    shape: tuple[int, ...]
+
+    def __call__(self, *arguments: Array) -> Array:
+        """The outputs, of shape (*shape, ...)."""
+        # Arrays, because a number of Python's divided by zero raises.
+        given = [np.asarray(a) for a in arguments]
+        values = _compiled(self.text)(*given)
+        batch = given[0].shape[1:]
+        found = np.empty((len(values), *batch), dtype=np.result_type(*given, np.float64))
         for i, value in enumerate(values):
             found[i] = value
-        return found.reshape(shape + batch)
-
-    return evaluate
+        return found.reshape(self.shape + batch)
 
 
-def is_symbolic(y: Any) -> bool:
-    """Whether an array holds symbols, and not numbers."""
-    return isinstance(y, Symbol) or (isinstance(y, np.ndarray) and y.dtype == object)
+def evaluator(inputs: Sequence[Any], outputs: Any) -> Evaluator:
+    """The outputs, an array of symbols, as a function of arrays, one for each vector of inputs."""
+    return Evaluator(source(inputs, outputs), np.shape(outputs))
