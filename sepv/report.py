@@ -17,6 +17,7 @@ from rich.text import Text
 from sepv.law import Finding, Verdict
 from sepv.plain_text import ascii_text, cannot_show
 from sepv.suite import Report
+from sepv.widths import kept
 
 _STYLES = {
     Verdict.HOLDS: "green",
@@ -137,10 +138,9 @@ def law_table(report: Report, width: int = 100) -> Table:
         for name in _COLUMNS
     }
     narrow = width < 60
-    for name in _DROPPED:
-        # A blank after each column; with lines, one between columns and one at either end too.
-        if sum(needed.values()) + len(needed) * (1 if narrow else 2) + (not narrow) > width:
-            del needed[name]
+    # A blank after each column, the last one too; with lines, one between columns and one at either end.
+    left = kept(needed, width - 1 - 2 * (not narrow), _DROPPED, 1 if narrow else 2)
+    needed = {name: needed[name] for name in left}
     # As wide as its title where that is what a terminal holds: a table of one law would break it.
     table = Table(
         box=None if narrow else _BOX, title=title, title_justify="left", pad_edge=False, padding=(0, 1, 0, 0),

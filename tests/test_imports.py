@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 # Lowest first: a module imports only from lines above its own (or, within a line, from those named before).
 LAYERS = [
-    "sepv._version sepv.palette sepv.plain_text",
+    "sepv._version sepv.palette sepv.plain_text sepv.widths",
     "sepv.errors",
     "sepv.arguments",
     "sepv.quadrature",

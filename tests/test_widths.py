@@ -5,13 +5,16 @@ from __future__ import annotations
 import io
 
 import pytest
+from click.testing import CliRunner
 from rich.cells import cell_len
 from rich.console import Console
 
+from sepv.cli import main
 from sepv.law import Effort, Finding, Verdict
 from sepv.report import law_table
 from sepv.schemes import midpoint
 from sepv.suite import Report
+from sepv.widths import kept
 
 FOUND = tuple(
     Finding(law, verdict, source, unit, law != "energy", defect, bound)
@@ -36,3 +39,36 @@ def test_a_report_fits_and_shows_whole_numbers(width: int) -> None:
     if width >= 80:
         for word in ("52.1", "Prop. 3.1", "ulp of H", "claimed"):
             assert word in text
+
+
+def test_columns_go_in_their_order_and_only_as_far_as_they_must() -> None:
+    needed = {"name": 8, "a": 4, "b": 4, "c": 4}
+    assert kept(needed, 23, ("c", "a"), between=1) == ["name", "a", "b", "c"]
+    assert kept(needed, 22, ("c", "a"), between=1) == ["name", "a", "b"]
+    assert kept(needed, 1, ("c", "a"), between=1) == ["name", "b"]
+
+
+# Sentences, which a terminal wraps itself.
+NOTES = ("~", "2 cases", "energy-preserving:", "≤")
+
+
+@pytest.mark.parametrize("width", [40, 60, 80, 120])
+@pytest.mark.parametrize(
+    ("words", "whole"),
+    [
+        ("list", "energy-preserving"),
+        ("hard --steps 2 --case kepler-0.99 --case rigid-body-inertia-1e6", "rigid-body-inertia-1e6*"),
+        ("ulps energy-preserving midpoint -p pendulum --steps 2", "0.0312"),
+        ("bench energy-preserving --case rigid-body", "34704"),
+        ("compare energy-preserving --steps 4,8 --paths 50 --repeats 3 -q", "energy-preserving"),
+        ("run energy-preserving --steps 100", "steps"),
+    ],
+)
+def test_commands_fit_and_lose_no_digit(words: str, whole: str, width: int) -> None:
+    result = CliRunner(env={"COLUMNS": str(width)}).invoke(main, words.split())
+    assert result.exit_code == 0, result.output
+    shown = [line for line in result.stdout.splitlines() if not line.startswith(NOTES)]
+    assert max(map(cell_len, shown)) <= width
+    assert any(whole in line.split() for line in shown)
+    # The only ellipses are those of ranges.
+    assert "…" not in result.stdout.replace(" … ", "")

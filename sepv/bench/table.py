@@ -8,6 +8,8 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
+from sepv.widths import fitted
+
 # The counters in the order of the columns, and their headings.
 HEADINGS = {
     "gradient": "∇H", "structure": "B", "hamiltonian": "H", "hessian": "H″", "structure derivative": "B′",
@@ -15,7 +17,11 @@ HEADINGS = {
 }  # fmt: skip
 
 
-def record_table(record: dict[str, Any]) -> Table:
+# What goes first where a terminal is narrow.
+DROPPED = ("H″", "B′", "H", "failed", "Newton", "ΔC", "B", "ΔH")
+
+
+def record_table(record: dict[str, Any], width: int = 120) -> Table:
     """One row for each case: counters of all paths and steps, rms error and defects."""
     table = Table(
         box=None,
@@ -34,7 +40,7 @@ def record_table(record: dict[str, Any]) -> Table:
             *("–" if n is None else str(n) for n in counts),
             *(_rms(case[kind]) for kind in ("error", "energy", "casimir")),
         )
-    return table
+    return fitted(table, width, DROPPED, wrapped=["case"])
 
 
 def _rms(groups: list[str]) -> str:

@@ -131,7 +131,7 @@ def _show(records: list[dict[str, Any]], checks: list[Any], *, saved: bool) -> N
 
     out = console()
     for record in records:
-        out.print(table.record_table(record))
+        out.print(table.record_table(record, out.width))
     if not checks:
         if not saved:
             out.print("Nothing to compare with: --save and --against, or --against-ref.")

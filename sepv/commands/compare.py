@@ -133,10 +133,10 @@ def compare(
     if picture:
         write_atomically(picture, drawing.draw(found, Path(picture).suffix))
     if not options["quiet"]:
-        for part in table.point_tables(found):
+        for part in table.point_tables(found, out.width):
             out.print(part)
         out.print()
-    out.print(table.target_table(found))
+    out.print(table.target_table(found, out.width))
     for note in table.notes(found):
         out.print(note, style="dim", soft_wrap=True)
     if not alone:

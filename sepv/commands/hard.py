@@ -94,7 +94,7 @@ def hard(
         report = {"scheme": scheme.name, "seed": seed, "cases": [s.to_json() for s in seen]}
         write_atomically(json_file, json.dumps(report, indent=1, allow_nan=False) + "\n")
     if not quiet:
-        out.print(_table(scheme.name, seen))
+        out.print(_table(scheme.name, seen, out.width))
         out.print("* a step may be refused; solved otherwise. Why, says --explain.\n")
     for row in seen:
         if not row.as_expected:
@@ -103,9 +103,11 @@ def hard(
     raise SystemExit(0 if all(s.as_expected for s in seen) else 1)
 
 
-def _table(name: str, seen: Sequence[Seen]) -> Table:
+def _table(name: str, seen: Sequence[Seen], width: int) -> Table:
     from rich.table import Table
     from rich.text import Text
+
+    from sepv.widths import fitted
 
     table = Table(
         box=None,
@@ -114,8 +116,8 @@ def _table(name: str, seen: Sequence[Seen]) -> Table:
         title=f"{name}: defects of H in energy ulps, eps |∇H| |y|",
         title_justify="left",
     )
-    table.add_column("case", no_wrap=True)
-    table.add_column("seen", overflow="fold")
+    for heading in ("case", "seen"):
+        table.add_column(heading)
     for heading in ("median", "largest", "of bound", "Newton", "laws"):
         table.add_column(heading, justify="right", no_wrap=True)
     for s in seen:
@@ -134,7 +136,7 @@ def _table(name: str, seen: Sequence[Seen]) -> Table:
             turns,
             held,
         )
-    return table
+    return fitted(table, width, ("laws", "Newton", "median", "of bound", "largest"), wrapped=["seen"])
 
 
 def _endings(seen: Seen) -> str:

@@ -25,6 +25,7 @@ def list_(debug: bool) -> None:  # noqa: ARG001  (every command takes it)
     from sepv import problems, schemes
     from sepv.report import console
     from sepv.suite import load_laws
+    from sepv.widths import fitted
 
     out = console()
     for title, heading, rows in (
@@ -42,7 +43,12 @@ def list_(debug: bool) -> None:  # noqa: ARG001  (every command takes it)
             table.add_column(name)
         for row in rows:
             table.add_row(*row)
-        out.print(table)
+        # Of the laws the statement stays; of schemes and problems what they are.
+        out.print(
+            fitted(
+                table, out.width, ["order", "d, m", "source"] if title == "Laws" else [], wrapped=heading[1:]
+            )
+        )
         out.print()
 
 

@@ -207,8 +207,10 @@ def _show(found: Map, furthest: float, k: int | None, out: Any) -> None:
         + "."
     )
     law = f"truncated with k = {k}" if k else "untruncated"
+    from sepv.widths import fitted
+
     out.print(f"\nP(Δ of a step is off the branch), c = {found.problem.c.tolist()}, {law}:")
-    out.print(_table(found, k))
+    out.print(fitted(_table(found, k), out.width, ["worst state"]))
     rough = [h for h in STEPS if _rough(found, h, k)]
     if rough:
         out.print(
@@ -241,9 +243,11 @@ def _show_exits(exits: Sequence[Exits], out: Any) -> None:
     """How long paths found a solution of each step."""
     from rich.table import Table
 
+    from sepv.widths import fitted
+
     if not exits:
         return
-    table = Table(box=None, pad_edge=False)
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
     for heading in ("scheme", "h", "followed to", "failed", "first exit", "half failed", "share, 95 %"):
         table.add_column(heading, justify="left" if heading == "scheme" else "right")
     for e in exits:
@@ -253,7 +257,7 @@ def _show_exits(exits: Sequence[Exits], out: Any) -> None:
             f"≤ {e.share:.2g}",
         )  # fmt: skip
     out.print("\nPaths of the schemes themselves, until a step has no solution:")
-    out.print(table)
+    out.print(fitted(table, out.width, ("share, 95 %", "followed to", "half failed", "failed")))
     out.print(
         "A step size is safe, with that scheme and from this state, until the first exit; where there is none, "
         "nothing is known beyond the end of the paths. share bounds the probability that a path fails until then."

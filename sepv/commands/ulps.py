@@ -56,6 +56,7 @@ def ulps(
     from sepv.progress import showing
     from sepv.report import console
     from sepv.target import load_problem
+    from sepv.widths import fitted
 
     require_folder(json_file)
     asked = [*(targets or (() if programs else tuple(schemes.ALL))), *(unit.peers() if peers else ())]
@@ -87,4 +88,5 @@ def ulps(
         shown = ["" if v is None else f"{v:.2g}" for v in sizes]
         failed = [str(r.failed or "")] if failures else []
         table.add_row(r.scheme, r.problem, f"{r.h:.3g}", *failed, *shown)
-    console().print(table)
+    out = console()
+    out.print(fitted(table, out.width, (), wrapped=("scheme", "problem")))

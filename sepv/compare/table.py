@@ -8,11 +8,13 @@ import math
 import statistics
 
 from rich import box
+from rich.cells import cell_len
 from rich.table import Table
 from rich.text import Text
 
 from sepv.compare.record import Comparison, Point, TimeToError
 from sepv.convergence import Estimate
+from sepv.widths import fitted, kept, longest
 
 # Clipping that costs this share of the strong error is said: in squares it is a tenth of it.
 CLIPPED = 0.3
@@ -28,7 +30,11 @@ COLUMN_WIDTHS = {
 }  # fmt: skip
 
 
-def point_tables(comparison: Comparison) -> list[Text | Table]:
+# What goes first where a terminal is narrow.
+DROPPED = ("±%", "B", "∇H", "Newton", "|ΔC|", "ns/step", "weak error", "|ΔH|", "failed")
+
+
+def point_tables(comparison: Comparison, width: int = 120) -> list[Text | Table]:
     """One table for each method under its name, one row for each step size; the columns stand under each other."""
     title = (
         f"{comparison.problem}, T = {comparison.T:g}: errors ± {comparison.confidence:.0%} intervals, processor time "
@@ -38,15 +44,22 @@ def point_tables(comparison: Comparison) -> list[Text | Table]:
     columns = dict(COLUMN_WIDTHS)
     if not any(p.failures for p in comparison.points):
         del columns["failed"]
+    rows = [dict(zip(COLUMN_WIDTHS, _cells(comparison, p), strict=True)) for p in comparison.points]
+    columns = {
+        name: max(least, cell_len(name), longest(row[name] for row in rows))
+        for name, least in columns.items()
+    }
+    columns = {name: columns[name] for name in kept(columns, width, DROPPED)}
     for number, name in enumerate(comparison.sources):
         heading = Text(name, style="bold")
         table = Table(
             box=None, title=heading, title_justify="left", show_header=number == 0, pad_edge=False, padding=(0, 1, 0, 0)
         )  # fmt: skip
-        for column, width in columns.items():
-            table.add_column(column, justify="right", no_wrap=True, min_width=width)
+        for column, least in columns.items():
+            table.add_column(column, justify="right", no_wrap=True, min_width=least)
         for point in comparison.of(name):
-            table.add_row(*_cells(comparison, point)[: len(columns)])
+            cells = dict(zip(COLUMN_WIDTHS, _cells(comparison, point), strict=True))
+            table.add_row(*(cells[name] for name in columns))
         parts.append(table)
     return parts
 
@@ -68,16 +81,17 @@ def _cells(comparison: Comparison, p: Point) -> list[str]:
     ]
 
 
-def target_table(comparison: Comparison) -> Table:
+def target_table(comparison: Comparison, width: int = 120) -> Table:
     """The time of one path to each target error, with the energy defect there."""
     table = Table(
         box=box.SIMPLE_HEAD,
+        show_edge=False,
         title=Text("µs a path to a strong error, and |ΔH| there", style="bold"),
         title_justify="left",
         pad_edge=False,
-        padding=(0, 2, 0, 0),
+        padding=(0, 1, 0, 0),
     )
-    table.add_column("method", no_wrap=True)
+    table.add_column("method")
     for target in comparison.targets:
         table.add_column(f"{target:.0e}", justify="right", no_wrap=True)
         table.add_column("|ΔH|", justify="right", no_wrap=True)
@@ -85,7 +99,8 @@ def target_table(comparison: Comparison) -> Table:
     for name in comparison.sources:
         row = [found[name, target] for target in comparison.targets]
         table.add_row(name, *(cell for t in row for cell in _target_cells(t)))
-    return table
+    further = [f"{target:.0e}" for target in comparison.targets[:0:-1]]
+    return fitted(table, width, ["|ΔH|", *further], wrapped=["method"])
 
 
 def notes(comparison: Comparison) -> list[str]:

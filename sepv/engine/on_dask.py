@@ -85,7 +85,7 @@ def dask_crew(workers: Any, function: Callable[[Any], Any], alike: tuple[str, ..
         raise UsageError(
             expected="Dask, for workers that are a scheduler's address",
             received=f"{error}",
-            remedy="install the extra: sepv[dask]",
+            remedy="pip install dask distributed",
         ) from error
     if isinstance(workers, Client):
         if workers.asynchronous:
@@ -190,7 +190,7 @@ class DaskCrew(Futures):
         if isinstance(result, Unfit):
             raise ClusterFailure(
                 f"A worker is not like this process: {result}. Other versions may give other bits.",
-                "install the same versions everywhere (numba is in sepv[fast]); where no worker has numba, "
+                "install the same versions everywhere (pip install numba); where no worker has numba, "
                 "engine='numpy' with a process without it",
             )
         return [Outcome(number, True, result)]

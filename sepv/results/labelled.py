@@ -30,7 +30,7 @@ def to_xarray(ensemble: Any) -> Any:
         import xarray
     except ImportError as error:
         raise UsageError(
-            expected="xarray, for to_xarray()", received=f"{error}", remedy="install the extra: sepv[store]"
+            expected="xarray, for to_xarray()", received=f"{error}", remedy="pip install xarray"
         ) from error
     if ensemble.reduced and not ensemble.y.shape[-1]:
         raise UsageError(

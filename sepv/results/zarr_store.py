@@ -53,7 +53,7 @@ class ZarrStore:
             import zarr
         except ImportError as error:
             raise UsageError(
-                expected="zarr ≥ 3, for store=", received=f"{error}", remedy="install the extra: sepv[store]"
+                expected="zarr ≥ 3, for store=", received=f"{error}", remedy="pip install 'zarr>=3'"
             ) from error
         self.paths, self.chunk = paths, chunk
         self.chunks = -(-paths // chunk)

@@ -1,0 +1,66 @@
+"""Tables in narrow terminals: columns go, the least important first, and digits never."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from rich.cells import cell_len
+from rich.table import Table
+
+
+def kept(needed: Mapping[str, int], width: int, dropped: Sequence[str], between: int = 1) -> list[str]:
+    """The columns that fit into the width: those of `dropped` go in their order, as far as they must.
+
+    Parameters
+    ----------
+    needed : mapping of heading to width
+    between : int
+        Blanks between two columns.
+    """
+    left = dict(needed)
+    for heading in dropped:
+        if sum(left.values()) + between * (len(left) - 1) <= width:
+            break
+        left.pop(heading, None)
+    return list(left)
+
+
+def fitted(table: Table, width: int, dropped: Sequence[str], wrapped: Sequence[str] = ()) -> Table:
+    """The same table without the columns that must go, the others wide enough for whole numbers.
+
+    Parameters
+    ----------
+    dropped : headings
+        What may go, the least important first.
+    wrapped : headings
+        Columns of words, which may be broken between words, and within one where nothing else is left to go.
+    """
+    heads = [str(c.header) for c in table.columns]
+    cells = [list(map(str, c.cells)) for c in table.columns]
+    least = {
+        head: max(
+            longest(head.split()), longest(w for cell in column for w in _pieces(cell, head in wrapped))
+        )
+        for head, column in zip(heads, cells, strict=True)
+    }
+    _, right, _, left = table.padding
+    # rich counts the blank after the last column, and does not print it.
+    left_over = kept(least, width - left - right, dropped, left + right + (table.box is not None))
+    table.columns = [c for c in table.columns if str(c.header) in left_over]
+    for number, column in enumerate(table.columns):
+        head = str(column.header)
+        column._index = number  # where rich looks for the column's cells in a row that it styles
+        column.no_wrap = False
+        column.overflow = "fold"
+        if head not in wrapped:
+            column.width = least[head]
+    return table
+
+
+def _pieces(cell: str, by_word: bool) -> list[str]:
+    return cell.split() if by_word else cell.splitlines()
+
+
+def longest(texts: Iterable[str]) -> int:
+    """The width of the widest of them in cells of a terminal, 0 for none."""
+    return max(map(cell_len, texts), default=0)
