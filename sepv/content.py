@@ -24,6 +24,7 @@ from sepv.polynomial import Exponents, Polynomial
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.strata import Levels, Stratum, monomials
 from sepv.strategies import contraction_ball, contraction_radius, linear_forms
+from sepv.telling import tells
 from sepv.tolerance import gradient_majorant, structure_majorant
 
 Entries = tuple[tuple[int, int, Polynomial], ...]
@@ -38,11 +39,13 @@ SOMETIMES = 1 / 8
 ATTEMPTS = 30
 # What B∇H may be beside the sum of its terms' absolute values: less is left to the random search.
 GENERIC = 1 / 64
+# Draws until a case is taken in which not every fault would show.
+TRIES = 24
 
 
 def single(levels: Levels, random: Random) -> Case:
     """A case of class (1.1)."""
-    while True:
+    for attempt in count():
         d, n, terms = _sizes(levels, random)
         y, unit = state(d, levels["|y|"], random)
         B, quadratic, linear = structure(
@@ -58,13 +61,14 @@ def single(levels: Levels, random: Random) -> Case:
             c = (0.0,) * len(c)
         system = PolynomialSystem(d, H, B, c, quadratic, linear)
         found = placed(system, y, levels, random)
-        if found is not None:
+        if found is not None and (attempt >= TRIES or tells(found, levels)):
             return found
+    raise AssertionError("unreachable")
 
 
 def nambu(levels: Levels, random: Random) -> Case:
     """A case with B(y)v = g(y)(v × ∇C(y)) in dimension three."""
-    while True:
+    for attempt in count():
         _, n, terms = _sizes(levels, random)
         y, unit = state(3, levels["|y|"], random)
         H, g = hamiltonian(3, n, terms, unit, random), scalar(3, levels["degree of g"], unit, random)
@@ -77,13 +81,14 @@ def nambu(levels: Levels, random: Random) -> Case:
         if "reduced" in levels and levels["reduced"].name == "c = 0":
             c = (0.0,) * len(c)
         found = placed(problems.nambu_system(H, g, C, c), y, levels, random)
-        if found is not None:
+        if found is not None and (attempt >= TRIES or tells(found, levels)):
             return found
+    raise AssertionError("unreachable")
 
 
 def several(levels: Levels, random: Random) -> Case:
     """A case with a structure for each noise."""
-    while True:
+    for attempt in count():
         d, n, terms = _sizes(levels, random)
         y, unit = state(d, levels["|y|"], random)
         c = noise(levels["m"], random)
@@ -100,8 +105,9 @@ def several(levels: Levels, random: Random) -> Case:
         H = hamiltonian(d, n, terms, unit, random)
         system = PolynomialSystem(d, H, parts[0], c, quadratic, noise_structures=tuple(parts[1:]))
         found = placed(system, y, levels, random)
-        if found is not None:
+        if found is not None and (attempt >= TRIES or tells(found, levels)):
             return found
+    raise AssertionError("unreachable")
 
 
 def still(levels: Levels, random: Random) -> Case:
@@ -111,7 +117,7 @@ def still(levels: Levels, random: Random) -> Case:
     case = single(levels, random)
     assert isinstance(case.problem, PolynomialSystem)
     c = case.problem.noise
-    if not c or random.random() < SOMETIMES:
+    if not c:
         return replace(case, h=0.0, dW=(0.0,) * len(c))
     # c_1 is a power of two: c_1ΔW_1 = −h exactly, in whatever order Δ is summed.
     others = [0.0 if cj else dW for cj, dW in zip(c[1:], case.dW[1:], strict=True)]

@@ -7,6 +7,7 @@ sees first is a small counterexample, and they are simple as they are: nothing s
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -21,12 +22,32 @@ from sepv.strategies import contraction_radius
 # |Δ| at which every problem of the paper was solved from thousands of states near its initial one: 1/2, and
 # 1/32 for Lotka-Volterra, which has states with no solution at |Δ| = 0.26.
 _LONGEST = {"lotka-volterra": 2.0**-5}
+# A state of the pendulum from which the angle moves by 1.5 in a step of ½.
+_FAST = (3.0, 1.0)
 
 
 @cache
 def corners() -> tuple[Case, ...]:
     """Polynomial systems of degree 5 and 6 at their contraction radius, long steps of the paper's problems."""
     return (*_polynomial(), *_papers())
+
+
+@cache
+def for_energy() -> tuple[Case, ...]:
+    """Those, each degree of H by itself, and steps that a scheme may refuse but not return unsolved."""
+    return (*corners(), *_degrees(), *long_steps())
+
+
+@cache
+def long_steps() -> tuple[Case, ...]:
+    """Steps far beyond the radius, all with a solution: where Newton's iteration takes six times and more."""
+    found = []
+    for name, y, lengths in (("rigid-body", None, (4.0, 8.0)), ("pendulum", _FAST, (1.0, 2.0))):
+        problem = problems.by_name(name)
+        assert isinstance(problem.data, NamedProblem)
+        start = y or tuple(float(v) for v in np.asarray(problem.initial))
+        found += [_split(problem.data, start, length, sign) for length in lengths for sign in (1.0, -1.0)]
+    return tuple(found)
 
 
 def with_quadratic_hamiltonian() -> tuple[Case, ...]:
@@ -79,6 +100,25 @@ def _dominated(d: int, degree: int) -> Polynomial:
     return poly.add(*squares, poly.polynomial(d, {first: 0.5, mixed: -0.25}))
 
 
+def _degrees() -> list[Case]:
+    """For each degree a step with which a quadrature of one node less is wrong by thousands of bounds.
+
+    H = q^n + p drives q, from ¼ of |y|, at a constant rate: a long way inside the radius, which only the other
+    components of an H of high degree make short. H without a stated degree is of degree 16.
+    """
+    found = []
+    for degree in (3, 4, 5, 6, 7, 8, 9, 10, _OPAQUE):
+        terms: dict[tuple[int, ...], float] = {(degree, 0): 1.0, (0, 1): 1.0}
+        H = poly.polynomial(2, terms)
+        driven = PolynomialSystem(2, H, ((0, 1, poly.constant(2, -1.0)),), (1.0,))
+        given = "bare functions" if degree == _OPAQUE else "data"
+        found += [replace(case, given=given) for case in _longest(driven, (0.25, 1.0))]
+    return found
+
+
+_OPAQUE = 16
+
+
 def _longest(data: PolynomialSystem, y: tuple[float, ...]) -> tuple[Case, Case]:
     """Δ of either sign with |h| + Σ|c_jΔW_j| up to the contraction radius."""
     radius = contraction_radius(problems.build(data), np.array(y))
@@ -96,7 +136,7 @@ def _papers() -> list[Case]:
     # A fast pendulum, whose angle moves by 1.5: H has no degree, and four nodes are not enough.
     fast = problems.by_name("pendulum").data
     assert isinstance(fast, NamedProblem)
-    found += [_split(fast, (3.0, 1.0), 0.5, sign) for sign in (1.0, -1.0)]
+    found += [_split(fast, _FAST, 0.5, sign) for sign in (1.0, -1.0)]
     return found
 
 

@@ -41,7 +41,8 @@ def pairwise(
         Whether a row may go on from here; None stands for a level that is still open. A row that is refused stays
         refused whatever is filled in.
     hiding : set of (factor, level)
-        Levels beside which a fault of other factors may not show: pairs of others are not met in such a row.
+        Levels beside which a fault of other factors may not show: pairs of others are not met in such a row, unless
+        they are possible in no other.
     """
     designs = [_Greedy(levels, allowed, hiding, shift).design() for shift in range(ATTEMPTS)]
     return min(designs, key=lambda design: len(design.rows))
@@ -83,7 +84,7 @@ class _Greedy:
                 self._close(pair)
                 continue
             rows.append(row)
-            for met in shown_pairs(row, self.hiding):
+            for met in [pair, *shown_pairs(row, self.hiding)]:
                 self._close(met)
         return Design(tuple(rows), frozenset(impossible))
 
@@ -104,7 +105,7 @@ class _Greedy:
         if not self._open_everywhere(row):
             return None
         chosen = sum(1 << self._number((f, level)) for f, level in enumerate(row) if level is not None)
-        return self._fill(row, chosen, goal)
+        return self._fill(list(row), chosen, goal) or self._fill(row, chosen, goal, hidden=True)
 
     def _open_everywhere(self, row: Partial) -> bool:
         """Whether each factor that is still open has a level that goes with what is chosen."""
@@ -115,7 +116,7 @@ class _Greedy:
                     return False
         return True
 
-    def _fill(self, row: Partial, chosen: int, goal: Pair) -> Row | None:
+    def _fill(self, row: Partial, chosen: int, goal: Pair, hidden: bool = False) -> Row | None:
         if not self.allowed(row):
             return None
         best, factor = -1, -1
@@ -128,12 +129,12 @@ class _Greedy:
             return tuple(v for v in row if v is not None)
         size = self.levels[factor]
         order = sorted(
-            (k for k in range(size) if (factor, k) not in self.hiding or factor in dict(goal)),
+            (k for k in range(size) if hidden or (factor, k) not in self.hiding),
             key=lambda k: (-(self.open[factor, k] & chosen).bit_count(), (k + self.shift) % size),
         )
         for level in order:
             row[factor] = level
-            found = self._fill(row, chosen | 1 << self.first[factor] + level, goal)
+            found = self._fill(row, chosen | 1 << self.first[factor] + level, goal, hidden)
             if found is not None:
                 return found
         row[factor] = None

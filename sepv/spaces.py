@@ -48,16 +48,26 @@ _SUBSTITUTED = {"degree_of_H": ("1–2", "3–4", "5–6"), "terms_of_H": ("1–
 # As the law "expansion" has it: Δ as a share of the radius inside which y1(Δ) is analytic.
 ORIGIN_SHARE = 2.0**-9
 
+# Where no quadrature and no place of B can be wrong.
+_QUADRATIC = {"degree_of_H": ("1–2",)}
+_CONSTANT = {"degree_of_B": ("0",)}
+
 SINGLE = Space((CASIMIRS, *_SYSTEM, *_STEPS), single)
 _SINGLE: dict[str, Space] = {
-    **dict.fromkeys(("contract", "energy", "symmetry", "reference"), SINGLE),
+    "contract": SINGLE,
+    "energy": SINGLE.without_faults(**_QUADRATIC),
+    "symmetry": SINGLE.without_faults(**_CONSTANT),
+    "reference": SINGLE.without_faults(**_QUADRATIC, **_CONSTANT),
     "reproducibility": Space((*SINGLE.axes, BATCH), partial(batched, single)),
-    "identity": Space((WHY, *SINGLE.axes), still),
-    "casimir": SINGLE.restricted(Casimirs=("linear", "quadratic", "two"), d=("3", "4–6", "7–9", "10–12")),
-    "midpoint": SINGLE.restricted(degree_of_H=("1–2",)),
+    # Most faults are of Δ, and show neither at rest nor where h = 0 without noise.
+    "identity": Space((WHY, *SINGLE.axes), still).without_faults(why=("∇H = 0",), m=("0",)),
+    "casimir": SINGLE.restricted(
+        Casimirs=("linear", "quadratic", "two"), d=("3", "4–6", "7–9", "10–12")
+    ).without_faults(**_CONSTANT, Casimirs=("linear",)),
+    "midpoint": SINGLE.restricted(degree_of_H=("1–2",)).without_faults(**_CONSTANT),
     "reduction": Space((REDUCED, *SINGLE.axes), single),
     "noise-sum": SINGLE.restricted(m=_SEVERAL_NOISES),
-    "random-step": SINGLE.restricted(m=_SOME_NOISE),
+    "random-step": SINGLE.restricted(m=_SOME_NOISE).without_faults(**_CONSTANT),
     "expansion": Space((*_SYSTEM, STEP, GIVEN), partial(at_origin, ORIGIN_SHARE)).restricted(
         m=_SOME_NOISE, **{"|Δ|": _SHORT}
     ),
@@ -68,7 +78,9 @@ _SINGLE: dict[str, Space] = {
 
 NAMBU = Space((DIMENSION, DEGREE, TERMS, CASIMIR_DEGREE, FACTOR, NOISES, *_STEPS), nambu).restricted(d=("3",))
 _NAMBU: dict[str, Space] = {
-    **dict.fromkeys(("contract", "energy", "any-casimir", "symmetry", "reference"), NAMBU),
+    **dict.fromkeys(("contract", "symmetry", "reference"), NAMBU),
+    "energy": NAMBU.without_faults(**_QUADRATIC),
+    "any-casimir": NAMBU.without_faults(degree_of_C=("1", "2")),
     "reproducibility": Space((*NAMBU.axes, BATCH), partial(batched, nambu)),
     "identity": Space(NAMBU.axes, partial(unmoved, nambu)),
     "casimir": NAMBU.restricted(degree_of_C=("1", "2")),
@@ -83,7 +95,9 @@ SEVERAL = Space((STRUCTURES, *_SYSTEM, *_STEPS), several).restricted(
     m=_SOME_NOISE, d=("2", "3", "4–6", "7–9")
 )
 _SEVERAL: dict[str, Space] = {
-    **dict.fromkeys(("contract", "energy", "symmetry", "reference", "noise-sum"), SEVERAL),
+    **dict.fromkeys(("contract", "symmetry", "reference"), SEVERAL),
+    "noise-sum": SEVERAL.restricted(m=_SEVERAL_NOISES),
+    "energy": SEVERAL.without_faults(**_QUADRATIC),
     "reproducibility": Space((*SEVERAL.axes, BATCH), partial(batched, several)),
     "identity": Space(SEVERAL.axes, partial(unmoved, several)),
     "casimir": SEVERAL.restricted(

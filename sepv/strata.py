@@ -146,11 +146,15 @@ class Space:
     ----------
     make : (levels, random) -> Case
         A case inside the strata, random otherwise.
+    beside : set of (axis, stratum)
+        Beside these a fault of other axes may not show: of what the law is about nothing can be wrong there, such as
+        the quadrature where H is quadratic. What is met there only is not met.
     """
 
     axes: tuple[Axis, ...]
     make: Callable[[Levels, Random], Case]
     rules: tuple[Rule, ...] = field(default=RULES)
+    beside: frozenset[tuple[str, str]] = field(default=frozenset({HIDING}))
 
     def restricted(self, **strata: tuple[str, ...]) -> Space:
         """The part with these strata only; axes by name with _ for spaces."""
@@ -162,11 +166,19 @@ class Space:
             Axis(a.name, tuple(s for s in a.strata if s.name in wanted.get(a.name, (s.name,))))
             for a in self.axes
         )
-        return Space(kept, self.make, self.rules)
+        return Space(kept, self.make, self.rules, self.beside)
 
     def with_axes(self, *axes: Axis) -> Space:
         """The space with further axes."""
-        return Space((*self.axes, *axes), self.make, self.rules)
+        return Space((*self.axes, *axes), self.make, self.rules, self.beside)
+
+    def without_faults(self, **strata: tuple[str, ...]) -> Space:
+        """The space where no fault shows in these strata; axes by name with _ for spaces."""
+        named = {(axis.replace("_", " "), name) for axis, names in strata.items() for name in names}
+        unknown = named - {(axis.name, s.name) for axis in self.axes for s in axis.strata}
+        if unknown:
+            raise KeyError(f"no strata {unknown}")
+        return Space(self.axes, self.make, self.rules, self.beside | named)
 
     def levels(self, row: Row) -> Levels:
         """The strata of a row, by axis."""
@@ -202,12 +214,12 @@ class Space:
             (a, k)
             for a, axis in enumerate(self.axes)
             for k, stratum in enumerate(axis.strata)
-            if (axis.name, stratum.name) == HIDING
+            if (axis.name, stratum.name) in self.beside
         )
 
     def design(self) -> Design:
         """Rows in which every possible pair of strata occurs."""
-        return _design(self.axes, self.rules)
+        return _design(self.axes, self.rules, self.beside)
 
     def cases(self, seed: int) -> list[tuple[Row, Case]]:
         """A case for each row of the design; another seed gives other content in the same strata."""
@@ -226,8 +238,8 @@ class Space:
 
 
 @cache
-def _design(axes: tuple[Axis, ...], rules: tuple[Rule, ...]) -> Design:
-    space = Space(axes, lambda _levels, _random: Case(None, ()), rules)  # type: ignore[arg-type]  # rows only
+def _design(axes: tuple[Axis, ...], rules: tuple[Rule, ...], beside: frozenset[tuple[str, str]]) -> Design:
+    space = Space(axes, lambda _levels, _random: Case(None, ()), rules, beside)  # type: ignore[arg-type]  # rows only
     return pairwise([len(axis.strata) for axis in axes], lambda row: not space.forbidden(row), space.hiding)
 
 

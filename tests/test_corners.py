@@ -4,10 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from sepv.properties.test_energy import check
 
-from sepv import problems, schemes
-from sepv.corners import corners, with_casimirs, with_constant_structure, with_quadratic_hamiltonian
+from sepv import Scheme, StepFailure, problems, schemes
+from sepv.corners import (
+    corners,
+    for_energy,
+    long_steps,
+    with_casimirs,
+    with_constant_structure,
+    with_quadratic_hamiltonian,
+)
 from sepv.problem import PolynomialSystem
+from sepv.saboteurs import ALL
 from sepv.strategies import contraction_radius
 
 
@@ -15,6 +24,28 @@ from sepv.strategies import contraction_radius
 def test_every_scheme_solves_every_corner(name: str) -> None:
     for case in corners():
         assert np.isfinite(schemes.ALL[name].step(*case.build())).all(), case.describe()
+
+
+def test_each_degree_has_a_step_that_shows_a_node_too_few() -> None:
+    saboteur, degrees = ALL["one-node-short"].scheme, set()
+    for case in set(for_energy()) - set(corners()) - set(long_steps()):
+        problem = problems.build(case.problem)
+        assert case.given == "bare functions" or check(saboteur, case).ratio > 1e3, case.describe()
+        assert check(schemes.energy_preserving, case).ratio < 0.1
+        degrees.add(problem.degree)
+    assert degrees == {*range(3, 11), 16}
+
+
+def test_long_steps_are_solved_or_refused_but_not_returned_unsolved() -> None:
+    def refuse(problem, y, h, dW):  # type: ignore[no-untyped-def]
+        raise ArithmeticError("too long")
+
+    for case in long_steps():
+        assert check(schemes.energy_preserving, case).ratio < 0.1
+        assert not check(Scheme("refuses", refuse), case).violates
+        assert check(ALL["newton-thrice"].scheme, case).violates
+    with pytest.raises(StepFailure):
+        check(Scheme("refuses", refuse), corners()[0])
 
 
 def test_polynomial_corners_lie_inside_the_contraction_radius() -> None:

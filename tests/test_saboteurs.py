@@ -7,7 +7,7 @@ from io import StringIO
 import pytest
 
 from sepv import teeth
-from sepv.corners import corners
+from sepv.corners import for_energy
 from sepv.errors import UsageError
 from sepv.law import Effort, Verdict
 from sepv.report import console
@@ -103,7 +103,7 @@ def test_examples_end_with_the_first_violation() -> None:
     (holding,) = teeth.bite("b-doubled", 0, ["energy"], examples=7)
     assert violated.examples < 20
     designed = len(SPACES["single"]["energy"].design().rows)
-    assert holding.examples == designed + 7 + len(corners())
+    assert holding.examples == designed + 7 + len(for_energy())
 
 
 def test_an_unknown_name_is_an_error() -> None:

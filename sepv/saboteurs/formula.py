@@ -82,6 +82,16 @@ def _two_nodes(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
     return step[0] * matvec(problem.structure(middle(y0, y1)), quadrature(problem, y0, y1, 2))
 
 
+def _four_nodes(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    if problem.mean_gradient is not None:
+        return right_side(problem, y0, y1, step)
+    return step[0] * matvec(problem.structure(middle(y0, y1)), quadrature(problem, y0, y1, 4))
+
+
+def _cubic_as_quadratic(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    return (_one_point if problem.degree == 3 else right_side)(problem, y0, y1, step)
+
+
 def _asymmetric(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
     discrete = coordinate_increments(problem, y0, y1)[0]
     return step[0] * matvec(problem.structure(middle(y0, y1)), discrete)
@@ -217,6 +227,18 @@ _TABLE = (
         "the quadrature has one node less than the degree of H needs",
         implicit(_one_node_short),
         ("energy", "reference", "reduction"),
+    ),
+    (
+        "four-nodes",
+        "four quadrature nodes for every H: right only up to degree 8",
+        implicit(_four_nodes),
+        ("energy",),
+    ),
+    (
+        "cubic-as-quadratic",
+        "one quadrature node where H has degree three, and as many as it takes elsewhere",
+        implicit(_cubic_as_quadratic),
+        ("energy", "reference"),
     ),
     (
         "gradient-at-y0",

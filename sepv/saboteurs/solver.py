@@ -120,6 +120,12 @@ _TABLE = (
         _SEEN,
     ),
     (
+        "newton-four-times",
+        "four iterations of Newton: right for all but long steps",
+        explicit(_iterated(_newton, 4)),
+        ("energy",),
+    ),
+    (
         "frozen-jacobian",
         "six iterations of Newton with the Jacobian of the first",
         explicit(_iterated(_frozen_newton, 6)),
