@@ -14,6 +14,7 @@ from sepv.candidate import ask, check_answer, raw_answer
 from sepv.case import Case
 from sepv.corners import corners
 from sepv.errors import SchemeFault
+from sepv.given import may_ask
 from sepv.law import Effort, Measurement, require
 from sepv.opaque import shown
 from sepv.problem import Array, Problem
@@ -35,7 +36,10 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     if scheme.batched:
         # Nearer to 0 and with less noise than the state itself, so that they can be solved too.
         factors = 1 - np.arange(BATCH) / 128
-        _keeps(scheme, problem, y[:, None] * factors, h, dW[:, None] * factors, (0.75,))
+        states = y[:, None] * factors
+        if not may_ask(scheme, problem, states):
+            states = np.repeat(y[:, None], BATCH, axis=1)
+        _keeps(scheme, problem, states, h, dW[:, None] * factors, (0.75,))
     return Measurement(0.0, 0.0)
 
 
@@ -71,7 +75,10 @@ def _keeps(
     # What was at rest moves a little in between: a step that starts from its last answer is then seen.
     moved = np.where(y == 0, np.max(np.abs(y)) / 64, y)
     for factor in between:
-        ask(scheme, problem, factor * moved, h, dW)
+        if may_ask(scheme, problem, factor * moved):
+            ask(scheme, problem, factor * moved, h, dW)
+        else:
+            ask(scheme, problem, y, factor * h, factor * dW)
         if not np.array_equal(answer, first):
             raise SchemeFault(
                 expected="an answer that stays as it is",

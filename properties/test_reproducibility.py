@@ -7,6 +7,7 @@ import numpy as np
 from sepv.candidate import ask
 from sepv.case import Case
 from sepv.corners import corners
+from sepv.given import may_ask
 from sepv.law import Effort, Measurement, require
 from sepv.scheme import Scheme
 from sepv.search import searched
@@ -32,6 +33,8 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         # The others are nearer to 0 and their noise is smaller, so that they can be solved too.
         factors = 1 - np.abs(np.arange(size) - place) % 17 / 128
         states, noise = y[:, None] * factors, dW[:, None] * factors
+        if not may_ask(scheme, problem, states):
+            states = np.repeat(y[:, None], size, axis=1)
         batch = ask(scheme, problem, states, h, noise)
         others = {"alone": ([place], alone[:, None])}
         if size > 1:

@@ -325,6 +325,17 @@ OUTSIDE = {
 }
 
 
+def may_ask(scheme: Any, problem: Problem, states: Array) -> bool:
+    """Whether a law may ask about states (d, ...) that it made from one of the scheme's own.
+
+    Inside the problem's domain, where one is stated. Without one every state will do, unless a user said what the
+    scheme is for: their problems may mean positive states, or a ball, and only what was drawn is sure to be one.
+    """
+    if problem.domain is not None:
+        return bool(np.all(problem.domain(states)))
+    return not scheme.problems
+
+
 NO_START = "the problems have no initial state: name one that has, or give initial= when making it"
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -249,3 +251,50 @@ def test_a_law_that_speaks_of_no_member_of_a_family_is_not_applicable() -> None:
     report = sepv.verify(scheme, laws=["casimir", "any-casimir"], effort=FEW)
     assert {f.verdict for f in report.findings} == {Verdict.NOT_APPLICABLE}
     assert "name no quadratic or linear Casimir" in report.finding("casimir").message
+
+
+def test_laws_stay_where_a_narrow_scheme_lives() -> None:
+    """On the unit circle, of which no multiple is one: contract and reproducibility ask about nothing else."""
+    seen: list[float] = []
+
+    def step(problem: sepv.Problem, y: np.ndarray, h: float, dW: np.ndarray) -> np.ndarray:
+        radius = np.hypot(y[0], y[1])
+        seen.append(float(np.max(np.abs(radius - 1))))
+        if seen[-1] > 1e-9:
+            raise ValueError("not on the circle")
+        angle = h + np.tensordot(problem.c, dW, 1)
+        c, s = np.cos(angle), np.sin(angle)
+        return np.stack([c * y[0] - s * y[1], s * y[0] + c * y[1]])
+
+    data = sepv.problems.harmonic_oscillator().data
+    cases = st.floats(0, 6).map(lambda a: case.Case(data, (math.cos(a), math.sin(a)), 0.125, (0.25,)))
+    for batched in (False, True):
+        scheme = sepv.Scheme("turn", step, batched=batched, problems=(cases,))
+        report = sepv.verify(scheme, laws=["contract", "reproducibility"], effort=sepv.Effort(examples=5))
+        assert report.finding("contract").verdict is sepv.Verdict.HOLDS
+        expected = sepv.Verdict.HOLDS if batched else sepv.Verdict.NOT_APPLICABLE
+        assert report.finding("reproducibility").verdict is expected
+    assert max(seen) < 1e-9
+
+
+def test_a_stated_domain_is_not_left() -> None:
+    """Where |y| > 0.9 is the domain, ¾ of a state on the circle is outside."""
+
+    def step(problem: sepv.Problem, y: np.ndarray, h: float, dW: np.ndarray) -> np.ndarray:
+        if not np.all(problem.domain(y)):
+            raise ValueError("outside")
+        return y.copy()
+
+    whole = sepv.problems.harmonic_oscillator()
+    ring = dataclasses.replace(
+        whole,
+        domain=lambda y: np.hypot(y[0], y[1]) > 0.9,
+        initial=(1.0, 0.0),
+        data=None,
+        name="ring",
+        check=False,
+    )
+    report = sepv.verify(
+        sepv.Scheme("rest", step, problems=(ring,)), laws="contract", effort=sepv.Effort(examples=5)
+    )
+    assert report.finding("contract").verdict is sepv.Verdict.HOLDS

@@ -100,7 +100,7 @@ def target_table(comparison: Comparison, width: int = 120) -> Table:
         row = [found[name, target] for target in comparison.targets]
         table.add_row(name, *(cell for t in row for cell in _target_cells(t)))
     further = [f"{target:.0e}" for target in comparison.targets[:0:-1]]
-    return fitted(table, width, ["|ΔH|", *further], wrapped=["method"])
+    return fitted(table, width, ["|ΔH|", *further])
 
 
 def notes(comparison: Comparison) -> list[str]:
