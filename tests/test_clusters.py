@@ -8,6 +8,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -241,19 +242,34 @@ def test_a_cluster_without_workers_is_not_waited_for_without_end(monkeypatch: An
         sepv.ensemble(EP, PENDULUM, workers=empty, **SMALL)
 
 
-def test_a_scheduler_that_is_gone_leaves_what_was_finished(tmp_path: Path) -> None:
-    """Scheduler and worker are processes of their own; the scheduler is killed after three chunks."""
+@pytest.mark.parametrize("replaced", [False, True], ids=["gone", "another at its address"])
+def test_a_scheduler_that_is_gone_leaves_what_was_finished(tmp_path: Path, replaced: bool) -> None:
+    """Scheduler and worker are processes of their own; the scheduler is killed after three chunks.
+
+    One that takes its place at the same address knows nothing of the run, though the client connects to it.
+    """
     file = tmp_path / "scheduler.json"
-    quiet = os.environ | {"DASK_LOGGING__DISTRIBUTED": "critical"}
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = str(free.getsockname()[1])
+    path = os.environ | {"DASK_LOGGING__DISTRIBUTED": "critical", "PYTHONPATH": str(Path(__file__).parent)}
     common = ["--scheduler-file", str(file), "--no-dashboard", "--dashboard-address", "127.0.0.1:0"]
     dask = [sys.executable, "-m", "dask"]
-    path = quiet | {"PYTHONPATH": str(Path(__file__).parent)}
-    scheduler = subprocess.Popen(
-        [*dask, "scheduler", "--host", "127.0.0.1", "--port", "0", *common], env=path
-    )
-    worker = subprocess.Popen(
-        [*dask, "worker", "--host", "127.0.0.1", "--nthreads", "1", "--no-nanny", *common], env=path
-    )
+    begin = [*dask, "scheduler", "--host", "127.0.0.1", "--port", port, *common]
+    processes = [
+        subprocess.Popen(begin, env=path),
+        subprocess.Popen(
+            [*dask, "worker", "--host", "127.0.0.1", "--nthreads", "1", "--no-nanny", *common], env=path
+        ),
+    ]
+
+    def at_half(done: int, _: int) -> None:
+        if done == 300:
+            processes[0].kill()
+            processes[0].wait(10)
+            if replaced:
+                processes.append(subprocess.Popen(begin, env=path))
+
     try:
         limit = time.monotonic() + 30
         while not file.exists() and time.monotonic() < limit:
@@ -261,21 +277,17 @@ def test_a_scheduler_that_is_gone_leaves_what_was_finished(tmp_path: Path) -> No
         with (
             distributed.Client(scheduler_file=str(file), set_as_default=False, timeout=20) as client,
             pytest.raises(
-                sepv.ChunkFailure, match=r"The scheduler at tcp://127\.0\.0\.1:\d+ is gone"
+                sepv.ChunkFailure, match=rf"The scheduler at tcp://127\.0\.0\.1:{port} is gone"
             ) as failure,
         ):
-            sepv.ensemble(
-                scheme(slow_step), PENDULUM, workers=client,
-                progress=lambda done, _: scheduler.kill() if done == 300 else None, **SMALL,
-            )  # fmt: skip
+            sepv.ensemble(scheme(slow_step), PENDULUM, workers=client, progress=at_half, **SMALL)
         kept, whole = failure.value, sepv.ensemble(EP, PENDULUM, **SMALL)
         assert 300 <= len(kept.paths) < 600
         assert np.array_equal(kept.ensemble.y, whole.y[:, kept.paths])
     finally:
-        scheduler.kill()
-        worker.kill()
-        scheduler.wait(10)
-        worker.wait(10)
+        for process in processes:
+            process.kill()
+            process.wait(10)
 
 
 LAWS = ("identity", "energy")

@@ -232,3 +232,22 @@ def test_a_flow_does_not_leave_the_domain() -> None:
     )
     with pytest.raises(FlowFailure, match="leaves the domain"):
         exact_flow(strip, 1.5, np.zeros(2))
+
+
+@pytest.mark.parametrize("name", ["rigid-body", "lotka-volterra"])
+def test_energy_and_casimir_are_constant_along_the_exact_solution(name: str) -> None:
+    """§1 and §3.2 of the paper: H(y_t) and C(y_t) = Const, whatever the path of W, for a logarithmic C too."""
+    problem = problems.by_name(name)
+    theta = np.linspace(-2.0, 6.0, 201)
+    found = exact_flow(problem, theta)
+    y0 = np.array(problem.initial)
+    assert problem.nambu is not None
+    for invariant, slope in (
+        (problem.hamiltonian, problem.gradient),
+        (problem.nambu.casimir, problem.nambu.gradient),
+    ):
+        change = np.abs(invariant(found.y) - invariant(y0))
+        # To first order: the error that the flow states of y, and 16 roundings of the terms of the invariant.
+        size = np.sum(np.abs(slope(found.y)), axis=0)
+        terms = np.sum(np.abs(slope(found.y) * found.y), axis=0) + np.abs(invariant(y0)) + 1.0
+        assert np.all(change <= size * found.error + 16 * np.finfo(np.float64).eps * terms)

@@ -19,6 +19,7 @@ from sepv.engine.compile import FEW, LANES, CannotCompile, kernel
 from sepv.engine.task import Task, portable, run
 from sepv.engine.total import InMemory, OnDisk, Reduced, Reducing, Total
 from sepv.engine.workers import check, is_far, run_all
+from sepv.engine.workers import count as threads_of
 from sepv.errors import ChunkFailure, Interrupted, UsageError
 from sepv.point_laws import PointLaw, point_law
 from sepv.problem import Problem
@@ -34,6 +35,8 @@ SHARES = 4
 PATH_STEPS = 2**24
 # Paths in such a chunk: the engine's arrays for them take some 20 MB.
 LARGEST = 16 * CHUNK
+# The same where ends are sent whole and shares are large enough: some 80 MB for each thread.
+FARTHEST = 4 * LARGEST
 
 
 def ensemble(
@@ -295,7 +298,12 @@ def _chunk_size(whole: Task, workers: Any, chunk: int | None, fixed: bool) -> in
         shares = SHARES * workers if workers > 1 else 1
         share = -(-whole.count // (shares * LANES)) * LANES
         return min(max(share, LANES), (4 if workers > 1 else 8) * CHUNK)
-    return min(max(PATH_STEPS // whole.steps // LANES * LANES, LANES), LARGEST)
+    size = min(max(PATH_STEPS // whole.steps // LANES * LANES, LANES), LARGEST)
+    if fixed:
+        return size
+    # A scheduler's work is the same for every chunk: fewer of them where there are enough for all threads.
+    share = whole.count // (SHARES * max(threads_of(workers), 1)) // LANES * LANES
+    return max(size, min(share, PATH_STEPS // whole.steps // LANES * LANES, FARTHEST))
 
 
 def _empty(whole: Task, problem: Problem, reason: str, about: dict[str, Any]) -> Ensemble:

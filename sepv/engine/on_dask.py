@@ -7,10 +7,11 @@ is gone, a cluster without workers, and a chunk that kills one worker after the 
 
 from __future__ import annotations
 
+import asyncio
 import platform
 import time
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from importlib import metadata
@@ -128,15 +129,19 @@ class DaskCrew(Futures):
             self._look()
         return max(AHEAD, AHEAD * self.threads)
 
-    def submit(self, number: int, task: Any) -> None:
-        """Under a name of its own: the same chunk of another run is not taken for it."""
+    def submit(self, numbered: Sequence[tuple[int, Any]]) -> None:
+        """In one message, under names of their own: the same chunk of another run is not taken for one of these."""
+        keys = [f"{self.name}-{number}" for number, _ in numbered]
         try:
-            future = self.client.submit(self.function, task, key=f"{self.name}-{number}", retries=RETRIES)
+            futures = self.client.map(
+                self.function, [task for _, task in numbered], key=keys, retries=RETRIES
+            )
         except (TypeError, AttributeError, PickleError) as error:
             raise cannot_travel(error) from error
         except Exception as error:
             raise self._gone(error) from error
-        self._wait(number, future)
+        for (number, _), future in zip(numbered, futures, strict=True):
+            self._wait(number, future)
 
     def _wait(self, number: int, future: Any) -> list[Outcome]:
         self.running[number] = future
@@ -154,10 +159,24 @@ class DaskCrew(Futures):
                 continue
             while not self.done.empty():
                 numbers.append(self.done.get())
-            found = [outcome for number in numbers for outcome in self._outcomes(number)]
+            fetched = self._fetched(numbers)
+            found = [outcome for number in numbers for outcome in self._outcomes(number, fetched)]
         return found
 
-    def _outcomes(self, number: int) -> list[Outcome]:
+    def _fetched(self, numbers: list[int]) -> dict[int, Any]:
+        """The results of several chunks in one message; where that fails, each is asked for by itself."""
+        ready = [number for number in numbers if self.running[number].status == "finished"]
+        if len(ready) < 2:
+            return {}
+        asked = self.client.gather([self.running[number] for number in ready], asynchronous=True)
+        waiting = asyncio.run_coroutine_threadsafe(asked, self.client.loop.asyncio_loop)
+        try:
+            return dict(zip(ready, waiting.result(FETCH), strict=True))
+        except Exception:  # a worker died meanwhile, or the scheduler: seen one by one
+            waiting.cancel()
+            return {}
+
+    def _outcomes(self, number: int, fetched: dict[int, Any]) -> list[Outcome]:
         from distributed import KilledWorker
 
         future = self.running.pop(number)
@@ -181,7 +200,7 @@ class DaskCrew(Futures):
         if future.status != "finished":
             raise self._gone(future.status)
         try:
-            result = future.result(timeout=FETCH)
+            result = fetched[number] if number in fetched else future.result(timeout=FETCH)
         except TimeoutError:
             self._look()
             return self._wait(number, future)

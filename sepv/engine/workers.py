@@ -43,8 +43,8 @@ class Crew(Protocol):
     def room(self) -> int:
         """How many tasks may be beyond the first unfinished one."""
 
-    def submit(self, number: int, task: Any) -> None:
-        """Send a task on its way."""
+    def submit(self, numbered: Sequence[tuple[int, Any]]) -> None:
+        """Send tasks on their way."""
 
     def finished(self) -> list[Outcome]:
         """What has finished since, at least one: waits for it."""
@@ -176,9 +176,10 @@ def _flow(
     try:
         while first < len(tasks):
             # Counted from the first unfinished task, so that a slow one does not let results pile up behind it.
-            while sent < min(len(tasks), first + crew.room()):
-                crew.submit(sent, tasks[sent])
-                sent += 1
+            beyond = min(len(tasks), first + crew.room())
+            if sent < beyond:
+                crew.submit([(number, tasks[number]) for number in range(sent, beyond)])
+                sent = beyond
             # What is there is taken before what has to be computed again, and may raise.
             for number, ok, found in sorted(crew.finished(), key=lambda outcome: not outcome.ok):
                 again += not ok
@@ -205,8 +206,13 @@ class Futures:
         """Four for each worker."""
         return AHEAD * int(getattr(self.executor, "_max_workers", UNKNOWN))
 
-    def submit(self, number: int, task: Any) -> None:
-        """To the executor; where it is broken or shut, the task counts as lost."""
+    def submit(self, numbered: Sequence[tuple[int, Any]]) -> None:
+        """To the executor, one by one."""
+        for number, task in numbered:
+            self._submit(number, task)
+
+    def _submit(self, number: int, task: Any) -> None:
+        """Where the executor is broken or shut, the task counts as lost."""
         try:
             future = self.executor.submit(self.function, task)
         except RuntimeError as error:

@@ -90,14 +90,15 @@ def panel(setting: Setting, results: Results, source: str) -> Panel:
     share = ", ".join(
         f"{o / t:.0%} at h = 2^{np.log2(step):.0f}" for step, o, t in zip(h, own, true, strict=True)
     )
+    own_step = f"2^{np.log2(h[-1]):.0f}"
     exact = Statement(
-        text=f"The {setting.reference} scheme with step 2^-12 serves as the exact solution",
+        text=f"The {setting.reference} scheme with step {own_step} serves as the exact solution",
         source=setting.stated,
         verdict=decide(bool(np.all(own > 0.95 * true)), bool(own[-1] < 0.05 * true[-1])),
         measured=f"of the true error of the {setting.reference} scheme it sees {share}",
         criterion="at least 95 % of the true error, at every step size",
         correction="the exact solution is the flow at the time t + Σ c_j W_j(t), without a step size. At the steps of "
-        "the paper's plot, well above 2^-12, the bias is small and its slopes stand",
+        f"the paper's plot, well above {own_step}, the bias is small and its slopes stand",
     )
     return Panel(
         key=f"{setting.figure}-fine-step-reference",
@@ -109,7 +110,7 @@ def panel(setting: Setting, results: Results, source: str) -> Panel:
         series=tuple(curves),
         parameters={"problem": setting.problem, "T": setting.T, "samples": truth.shape[1], "h": h.tolist()},
         chosen=(
-            f"{truth.shape[1]} samples; step sizes down to the reference's own, 2^-12, where its bias is largest",
+            f"{truth.shape[1]} samples; step sizes down to the reference's own, {own_step}, where its bias is largest",
             *_truncation(setting, results[setting.figure, "fine", "truncated"]),
         ),
         slopes=(0.5, 1.0),
