@@ -14,6 +14,7 @@ from sepv.errors import SchemeFault, SepvError, StepFailure
 from sepv.opaque import shown
 from sepv.problem import Array, Problem
 from sepv.scheme import REFUSALS, Scheme
+from sepv.structures import StructuresProblem
 
 
 class Refusal(StepFailure):
@@ -24,10 +25,16 @@ class Refusal(StepFailure):
 
     def __init__(self, error: BaseException, problem: Problem, y: Array, h: float, dW: Array) -> None:
         self.problem, self.y, self.status = problem.name, y, "refused"
-        self.delta = float(h) if y.ndim > 1 else float(problem.random_step(h, dW))
+        # A batch has many Δ, and several structures have none.
+        whole = y.ndim == 1 and not isinstance(problem, StructuresProblem)
+        self.delta = float(problem.random_step(h, dW)) if whole else float(h)
         self.residual, self.iterations = float("nan"), 0
         self.traceback = "".join(traceback.format_exception(error))
-        of = f"y of shape {y.shape}" if y.ndim > 1 else f"y = {y.tolist()}, Δ = {self.delta!r}"
+        of = (
+            f"y of shape {y.shape}"
+            if y.ndim > 1
+            else f"y = {y.tolist()}, {'Δ' if whole else 'h'} = {self.delta!r}"
+        )
         SepvError.__init__(
             self,
             f"The scheme refused the step by {type(error).__name__}: {error}{_where(error)}\n"

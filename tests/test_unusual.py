@@ -82,6 +82,17 @@ def test_an_arithmetic_error_is_a_refusal_and_says_so(error: type[Exception]) ->
     assert np.all(ends.status != 0)
 
 
+def test_several_structures_may_be_refused_too() -> None:
+    def step(problem, y, h, dW):  # type: ignore[no-untyped-def]
+        raise ZeroDivisionError("no solution found")
+
+    problem = problems.commuting_rotations()
+    scheme = Scheme("refuses", step, systems="several")
+    with pytest.raises(Refusal, match=r"h = 0\.125") as caught:
+        ask(scheme, problem, np.asarray(problem.initial), 0.125, np.zeros(problem.noises))
+    assert caught.value.delta == 0.125
+
+
 def test_a_refusal_where_a_solution_exists_is_an_error_of_the_law() -> None:
     def step(problem, y, h, dW):  # type: ignore[no-untyped-def]
         raise ArithmeticError("never")

@@ -9,8 +9,8 @@ import numpy as np
 
 from sepv.fields import linear_solve
 from sepv.problem import Array, Problem
-from sepv.saboteurs.record import Saboteur, explicit, right_side
-from sepv.scheme import Scheme
+from sepv.saboteurs.record import Saboteur, around, explicit, random_step, right_side
+from sepv.scheme import Scheme, Step
 from sepv.schemes.energy_preserving import jacobian
 
 _EPS = float(np.finfo(np.float64).eps)
@@ -82,6 +82,15 @@ def _unapplied(problem: Problem, y0: Array, step: Array) -> Array:
     return y0 + z
 
 
+def _once_more(step: Step) -> Step:
+    """y0 + R(y0, y1) of the solved y1: the error of y1 times ∂R/∂y1, about |Δ|/2 roundings for an oscillator."""
+
+    def answering(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        return y + right_side(problem, y, step(problem, y, h, dW), random_step(problem, h, dW))
+
+    return answering
+
+
 def _understated() -> Scheme:
     return replace(explicit(_iterated(_fixed_point, 60, 1e-8))(), solver_tolerance=1e-13)
 
@@ -124,6 +133,12 @@ _TABLE = (
         "four iterations of Newton: right for all but long steps",
         explicit(_iterated(_newton, 4)),
         ("energy",),
+    ),
+    (
+        "one-evaluation-more",
+        "the right side is evaluated once more at the solution: no digit is left where |Δ| is 1e15",
+        around(_once_more),
+        ("reference",),
     ),
     (
         "frozen-jacobian",
