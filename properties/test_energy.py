@@ -16,7 +16,7 @@ from sepv.search import searched
 from sepv.strategies import any_steps, contraction_radius
 from sepv.tolerance import energy_bound, energy_ulp, step_residual
 
-STEPS = 2
+STEPS = 3
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:

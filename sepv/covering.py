@@ -68,15 +68,15 @@ class _Greedy:
         self.first = [sum(levels[:f]) for f in range(len(levels))]
         everything = (1 << sum(levels)) - 1
         # For each level, those of other factors that it was not yet met with.
-        self.open = {}
-        for f, size in enumerate(levels):
-            own = ((1 << size) - 1) << self.first[f]
-            self.open.update({(f, k): everything & ~own for k in range(size)})
+        self.open = [
+            [everything & ~(((1 << size) - 1) << self.first[f])] * size for f, size in enumerate(levels)
+        ]
 
     def design(self) -> Design:
         rows, impossible = [], set()
         for pair in combinations([(f, k) for f, size in enumerate(self.levels) for k in range(size)], 2):
-            if pair[0][0] == pair[1][0] or not self.open[pair[0]] >> self._number(pair[1]) & 1:
+            (f, k), second = pair
+            if f == second[0] or not self.open[f][k] >> self._number(second) & 1:
                 continue
             row = self._row(pair)
             if row is None:
@@ -92,9 +92,8 @@ class _Greedy:
         return self.first[level[0]] + level[1]
 
     def _close(self, pair: Pair) -> None:
-        a, b = pair
-        self.open[a] &= ~(1 << self._number(b))
-        self.open[b] &= ~(1 << self._number(a))
+        for (f, k), other in (pair, pair[::-1]):
+            self.open[f][k] &= ~(1 << self._number(other))
 
     def _row(self, goal: Pair) -> Row | None:
         """A row with the pair `goal` and many other open pairs, by a greedy choice; None where there is none."""
@@ -122,7 +121,7 @@ class _Greedy:
         best, factor = -1, -1
         for f, value in enumerate(row):
             if value is None:
-                gain = max((self.open[f, k] & chosen).bit_count() for k in range(self.levels[f]))
+                gain = max([(met & chosen).bit_count() for met in self.open[f]])
                 if gain > best:
                     best, factor = gain, f
         if factor < 0:
@@ -130,7 +129,7 @@ class _Greedy:
         size = self.levels[factor]
         order = sorted(
             (k for k in range(size) if hidden or (factor, k) not in self.hiding),
-            key=lambda k: (-(self.open[factor, k] & chosen).bit_count(), (k + self.shift) % size),
+            key=lambda k: (-(self.open[factor][k] & chosen).bit_count(), (k + self.shift) % size),
         )
         for level in order:
             row[factor] = level

@@ -38,9 +38,7 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
     _check_indices(data)
     structure, derivative = _structure_maps(d, data.structure)
     if data.casimirs or data.linear_casimirs:
-        entries = structure_entries(data)
-        for name, slope in _casimir_gradients(data):
-            _check_casimir(name, slope, entries)
+        _check_casimirs(d, data.structure, data.casimirs, data.linear_casimirs)
     check_nambu(data)
     gradient = poly.gradient(data.hamiltonian)
     H = PolynomialMap((), (data.hamiltonian,))
@@ -149,6 +147,20 @@ def _casimir_gradients(data: PolynomialSystem) -> list[tuple[str, list[Polynomia
     for n, b in enumerate(data.linear_casimirs):
         found.append((f"linear_casimirs[{n}]", [poly.constant(d, value) for value in b]))
     return found
+
+
+@lru_cache(maxsize=256)
+def _check_casimirs(
+    d: int,
+    structure: tuple[tuple[int, int, Polynomial], ...],
+    casimirs: tuple[tuple[tuple[float, ...], ...], ...],
+    linear_casimirs: tuple[tuple[float, ...], ...],
+) -> None:
+    """What depends on B and the Casimirs alone: systems that differ in H have it in common."""
+    data = PolynomialSystem(d, poly.polynomial(d, {}), structure, (), casimirs, linear_casimirs)
+    entries = structure_entries(data)
+    for name, slope in _casimir_gradients(data):
+        _check_casimir(name, slope, entries)
 
 
 def _check_casimir(name: str, slope: list[Polynomial], entries: list[list[Polynomial]]) -> None:
