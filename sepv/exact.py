@@ -64,6 +64,14 @@ def exact_flow(
         For θ not finite, or no initial state.
     sepv.dense.FlowFailure
         Where the flow does not reach θ.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sepv
+    >>> exact = sepv.exact_flow("harmonic-oscillator", [0.0, np.pi], y0=(1.0, 0.0))
+    >>> exact.y.round(12).tolist()[0]
+    [1.0, -1.0]
     """
     problem = load_problem(problem)
     if isinstance(problem, StructuresProblem):

@@ -113,6 +113,8 @@ class Effort:
     shrink_checks : int
         How many checks a counterexample may be simplified with; 0 leaves it as it was found. A number and not a time,
         so that a finding does not depend on what else the machine does.
+    cache : dict
+        What the laws of one run hand on to each other. Leave it alone.
     """
 
     examples: int = 25

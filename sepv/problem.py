@@ -100,6 +100,10 @@ class Problem:
         (d, ...) -> (...) of bool: where H and B are defined.
     initial : array_like, shape (d,), optional
         A typical initial state.
+    name : str
+        In tables and messages.
+    data : PolynomialSystem or NamedProblem, optional
+        All that the functions say, as numbers: made by `sepv.problems`, not by hand.
     nambu : Nambu, optional
         For d = 3: the Casimir C and the factor g with B(y)v = g(y)(v × ∇C(y)).
     flows : sequence of callables (y, t) -> (d, ...), optional
@@ -113,6 +117,27 @@ class Problem:
     ProblemError
         B not skew, a gradient that is not that of H, a matrix A that is not a Casimir, wrong shapes.
         The message names the component and both values.
+
+    Examples
+    --------
+    A quartic oscillator, y = (p, q), H = p²/2 + q⁴/4:
+
+    >>> import numpy as np
+    >>> import sepv
+    >>> problem = sepv.Problem(
+    ...     dimension=2,
+    ...     structure=lambda y: np.array([[0 * y[0], -1 + 0 * y[0]], [1 + 0 * y[0], 0 * y[0]]]),
+    ...     hamiltonian=lambda y: y[0] ** 2 / 2 + y[1] ** 4 / 4,
+    ...     gradient=lambda y: np.stack([y[0], y[1] ** 3]),
+    ...     noise=(0.5,),
+    ...     degree=4,
+    ...     initial=(0.0, 1.0),
+    ... )
+    >>> path = sepv.integrate("energy-preserving", problem, h=0.125, T=1.0)
+    >>> bool(np.ptp(problem.hamiltonian(path.y)) < 1e-14)
+    True
+    >>> sepv.verify("energy-preserving", laws="energy", problems=problem).finding("energy").verdict.text
+    'holds'
     """
 
     dimension: int

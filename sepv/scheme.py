@@ -74,6 +74,19 @@ class Scheme:
     stages : int
         s of the collocation family: laws that compare with (2.1) compare with its s-stage method
         (Cohen and Hairer), those that compare with the midpoint rule with the s-stage Gauss method.
+
+    Examples
+    --------
+    Heun's method with the random step:
+
+    >>> import sepv
+    >>> def step(problem, y, h, dW):
+    ...     f = lambda y: problem.structure(y) @ problem.gradient(y)
+    ...     delta = problem.random_step(h, dW)
+    ...     return y + 0.5 * delta * (f(y) + f(y + delta * f(y)))
+    >>> heun = sepv.Scheme("heun", step, claims=["noise-sum"], mean_square_order=1.0)
+    >>> sepv.verify(heun, laws=["noise-sum", "energy"]).counts["violated"]
+    1
     """
 
     name: str

@@ -28,7 +28,17 @@ CHUNK = 1024
 
 @dataclass(frozen=True)
 class Trajectory:
-    """One path: t (N+1,), y (d, N+1), the increments used dW (N, m); evaluations of ∇H, divisions, continuations."""
+    """One path.
+
+    Attributes
+    ----------
+    t : (N + 1,)
+    y : (d, N + 1)
+    dW : (N, m)
+        The increments that were used.
+    gradient_evaluations, divisions, continuations : int
+        Evaluations of ∇H; steps that were divided, and followed from Δ = 0, because they had no solution otherwise.
+    """
 
     t: Array
     y: Array
@@ -149,6 +159,7 @@ def integrate(
 
     Examples
     --------
+    >>> import sepv
     >>> path = sepv.integrate("energy-preserving", "rigid-body", h=0.01, T=1.0)
     >>> path.y.shape
     (3, 101)

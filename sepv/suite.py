@@ -71,15 +71,27 @@ class _TimedOut(BaseException):
 
 @dataclass(frozen=True, repr=False)
 class Report:
-    """What the laws found of one scheme."""
+    """What the laws found of one scheme. `print` shows the table; so does a notebook.
+
+    Attributes
+    ----------
+    scheme : Scheme
+    findings : tuple of Finding
+        One for each law that was asked for, in the order of the suite: verdict, defect, bound, message, witness.
+    effort : Effort
+    interrupted : bool
+        Whether some laws were not measured.
+    pinned : bool
+        Whether the run was held to a pin (`sepv.expected`): every violation must be claimed or listed there.
+    target : str
+        What stands for the scheme, and what it is for, in a command; empty where no words do.
+    """
 
     scheme: Scheme
     findings: tuple[Finding, ...]
     effort: Effort
     interrupted: bool = False
-    # Whether the run was held to a pin (`sepv.expected`): every violation must be claimed or listed there.
     pinned: bool = False
-    # What stands for the scheme, and what it is for, in a command; empty where no words do.
     target: str = ""
 
     @property
@@ -221,9 +233,9 @@ def verify(
     ----------
     scheme : str, Scheme or function
         As for `sepv.target.load_scheme`.
-    laws : iterable of str, optional
-        Only these.
-    claims : iterable of str
+    laws : iterable of str, or one string with commas, optional
+        Only these; all by default.
+    claims : iterable of str, or one string with commas
         Laws to hold it to beyond what it claims itself.
     timeout : float
         Seconds for one law, in the main thread of a POSIX system: a scheme that does not come back ends
@@ -243,8 +255,6 @@ def verify(
     workers : executor, map-like callable, Dask client or its address, optional
         The same on other machines (docs/clusters.md): what an engine for `sepv.ensemble` is serves here. Where a
         cluster is lost, the laws that were not decided are not measured, and the report counts as interrupted.
-
-    laws, claims : also one string with commas
     effort : Effort, optional
         How hard to look; ``Effort().deeper()`` for a night.
 
@@ -257,6 +267,15 @@ def verify(
     ------
     TargetError, UsageError
         For a scheme that cannot be loaded, an unknown law or claim.
+
+    Examples
+    --------
+    >>> import sepv
+    >>> report = sepv.verify("midpoint", laws="energy,casimir")
+    >>> report.counts["holds"], report.counts["violated"], report.exit_code
+    (1, 1, 0)
+    >>> report.finding("energy").verdict.text  # its message has the counterexample
+    'violated'
     """
     chosen, effort = load_laws(laws), effort or Effort()
     if not isinstance(jobs, int) or isinstance(jobs, bool) or jobs < 1:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import os
 import re
 import shlex
@@ -20,6 +21,17 @@ from sepv.suite import load_laws
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = ("ten-minutes", "laws", "choosing", "ci", "extending", "beyond", "hard-cases", "speed")
+
+
+# Pages whose blocks are run elsewhere, by what; or are output, and shown to be so.
+ELSEWHERE = {
+    "clusters": "test_cluster_docs.py",
+    "protocol": "test_examples.py",
+    "vectors": "test_vectors.py",
+    "compliance": "test_peers.py",
+    "mutation": "",  # below: it is minutes of two cores, its options are parsed
+    "teeth": "",  # printed by `sepv teeth`; its commands are parsed below
+}
 
 
 def text(page: str) -> str:
@@ -158,10 +170,33 @@ def test_the_steps_of_every_workflow_run(folder: Path) -> None:
     assert set(installed) == {f"install . {ROOT}", "install pytest"}
 
 
+def test_every_page_with_a_block_is_run() -> None:
+    fenced = {p.stem for p in (ROOT / "docs").glob("*.md") if "```" in p.read_text(encoding="utf-8")}
+    assert fenced == {*PAGES, *ELSEWHERE}
+    for page, file in ELSEWHERE.items():
+        if file:
+            assert page in (ROOT / "tests" / file).read_text(encoding="utf-8")
+
+
+def test_the_commands_about_mutants_can_be_parsed() -> None:
+    (block,) = blocks("mutation", "sh")
+    source = (ROOT / "benchmarks" / "mutation" / "__main__.py").read_text(encoding="utf-8")
+    for option in re.findall(r" (--[a-z-]+)", block[1]):
+        assert f'"{option}"' in source
+
+
+def test_the_vector_that_is_shown_is_one() -> None:
+    (block,) = blocks("vectors", "json")
+    fields = set(re.findall(r'"(\w+)":', block[1])) - {"name", "parameters", "inertia", "noise"}
+    file = ROOT / "reference" / "vectors" / "energy-preserving.json"
+    one = next(v for v in json.loads(file.read_text())["cases"] if v["id"] == "energy-preserving/paper-07")
+    assert fields <= set(one)
+
+
 def commands() -> list[tuple[str, str]]:
     """Every command line of ours in README and docs, whatever block or sentence it stands in."""
     found = []
-    for page in ("README", *PAGES):
+    for page in ("README", *(p.stem for p in sorted((ROOT / "docs").glob("*.md")))):
         content = (ROOT / "README.md").read_text(encoding="utf-8") if page == "README" else text(page)
         fenced = "\n".join(
             re.findall(r"^```(?:sh|yaml|text)\n(.*?)^```$", content, flags=re.MULTILINE | re.DOTALL)

@@ -119,8 +119,8 @@ def pose(problem: str | Problem, *, padded: bool = True) -> tuple[Formulas, tupl
     --------
     >>> import numpy as np
     >>> formulas, numbers = pose("rigid-body")
-    >>> float(formulas.hamiltonian(np, numbers, np.array([1.0, 0.0, 0.0])))
-    0.5
+    >>> float(formulas.hamiltonian(np, numbers, numbers[0]))  # H at y = (I1, I2, I3)
+    0.999
     """
     found = load_problem(problem)
     known = isinstance(found.data, PolynomialSystem) or getattr(found.data, "name", "") in _NAMED
@@ -147,7 +147,7 @@ def field_in(xp: Any, problem: str | Problem) -> Callable[[Any], Any]:
     >>> import numpy as np
     >>> f = field_in(np, "pendulum")
     >>> f(np.array([0.5, 0.0])).tolist()
-    [0.0, 0.5]
+    [-0.0, 0.5]
     """
     formulas, numbers = pose(problem, padded=False)
     make = getattr(xp, "as_tensor", None) or xp.asarray

@@ -136,6 +136,7 @@ def ensemble(
 
     Examples
     --------
+    >>> import sepv
     >>> ends = sepv.ensemble("midpoint", "pendulum", h=2.0**-6, T=1.0, paths=100)
     >>> ends.y.shape, float(ends.energy_defect.max()) < 0.1
     ((2, 100), True)
