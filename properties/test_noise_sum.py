@@ -9,11 +9,13 @@ from hypothesis import strategies as st
 
 from sepv.candidate import ask
 from sepv.case import Case, with_noise
+from sepv.errors import Skipped
 from sepv.law import Effort, Measurement, require
 from sepv.problem import PolynomialSystem
 from sepv.scheme import Scheme
 from sepv.search import searched
 from sepv.strategies import CONTRACTION, noises, poisson_systems, steps
+from sepv.structures import StructuresProblem
 from sepv.tolerance import state_ulp, step_residual
 
 
@@ -37,8 +39,9 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     """
     problem, _, _, dW = case.build()
     data, c = case.problem, tuple(float(v) for v in problem.c)
-    if scheme.systems == "several":
-        assert isinstance(data, PolynomialSystem)
+    if isinstance(problem, StructuresProblem):
+        if not isinstance(data, PolynomialSystem):
+            raise Skipped("its noises cannot be reversed: the problem is not data")
         turned = replace(data, noise=data.noise[::-1], noise_structures=data.noise_structures[::-1])
         others = {"reversed": replace(case, problem=turned, dW=case.dW[::-1])}
         return _furthest(scheme, case, others)

@@ -572,8 +572,11 @@ def _slopes(equations: Equations, z: Array, numbers: NDArray[np.intp], base: Arr
 def _difference_jacobian(
     problem: Problem, y0: Array, y1: Array, step: Array, increment: IncrementFunction, base: Array
 ) -> Array:
-    """∂R/∂y1 by differences. Their error of about √eps costs Newton one iteration, not accuracy."""
-    reach, domain = np.maximum(np.abs(y0), np.abs(y1)).max(axis=0), problem.domain
+    """∂R/∂y1 by differences. Their error of about √eps costs Newton one iteration, not accuracy.
+
+    Their width follows the larger of y and the step: from y0 = 0 a width of nothing would divide roundings of R by it.
+    """
+    reach, domain = np.max([np.abs(y0), np.abs(y1), np.abs(base)], axis=0).max(axis=0), problem.domain
     inside = None if domain is None else lambda at, _: domain(at)
     R = lambda at, lanes: increment(problem, y0[:, lanes], at, step[:, lanes]).value  # noqa: E731
     return _differences(R, inside, y1, base, reach)

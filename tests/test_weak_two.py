@@ -8,7 +8,10 @@ import pytest
 import sepv
 from sepv import polynomial as poly
 from sepv import problems, schemes
+from sepv.candidate import ask
+from sepv.case import Case
 from sepv.problem import Array, PolynomialSystem, Problem
+from sepv.spaces import SPACES
 
 H_STEPS = 2.0 ** -np.arange(8, 13)
 
@@ -84,3 +87,19 @@ def test_gonzalez_steps_from_rest_and_by_nothing() -> None:
     )
     y = np.array([0.2, 1.0])
     assert np.array_equal(schemes.gonzalez.step(pendulum, y, 0.25, np.array([-0.25, 0.0])), y)
+
+
+def test_the_modified_scheme_solves_steps_of_every_stratum_of_the_cases() -> None:
+    # Without the limiter 11 of these are refused: 3c²h|S₃| is then much larger than |B|.
+    for seed in (900034, 1, 5):
+        for _, drawn in SPACES["single"]["energy"].cases(seed):
+            assert np.all(np.isfinite(ask(schemes.modified_weak_two, *drawn.build())))
+
+
+def test_a_difference_jacobian_from_zero_is_none_of_roundings() -> None:
+    # e eᵀw turns with every direction: over a width of nothing its roundings once made a Jacobian of 1e299.
+    H = poly.polynomial(2, {(1, 0): 0.046875, (0, 1): -0.05078125})
+    system = PolynomialSystem(2, H, ((0, 1, poly.constant(2, 1.0)),), (1.0,))
+    drawn = Case(system, (0.0, 0.0), 2.0**-9, (0.0,), "bare functions")
+    y1 = ask(schemes.gonzalez, *drawn.build())
+    np.testing.assert_allclose(y1, 2.0**-9 * np.array([-0.05078125, -0.046875]), rtol=1e-15)
