@@ -19,8 +19,8 @@ has weak order 2, and mean-square order 1 as before. S₃ is skew where H″ is 
 ∇C(ȳ)ᵀS₃∇̄H = 0 for C = yᵀAy, by ∇CᵀB = 0, ∇CᵀB′(w) = −2wᵀAB and ∇CᵀB″(w, w) = −4wᵀAB′(w), whatever symmetric matrix
 stands for H″ and whatever vector for g.
 
-**Large steps.** Where 3c²h|S₃| exceeds |B| the correction is no longer small, and the equation may have no solution. The
-correction is therefore divided by 1 + θ², θ = 3c²h|S₃|/|B| in the Frobenius norm. At most half of |B| is left of it;
+**Large steps.** Where 3c²h|S₃| exceeds |B| the correction is no longer small, and the equation may have no solution.
+The correction is therefore divided by 1 + θ², θ = 3c²h|S₃|/|B| in the Frobenius norm. It is then at most half of |B|;
 θ² = O(h²) changes no order, and a factor changes neither H nor a Casimir. A norm depends on the coordinates: the scheme
 is equivariant under rotations and translations, and not under every affine map.
 
