@@ -31,6 +31,7 @@ LAYERS = [
     "sepv.problems",
     "sepv.opaque",
     "sepv.implicit",
+    "sepv.formula",
     "sepv.point_laws",
     "sepv.scheme",
     "sepv.explicit_tableaux",

@@ -6,25 +6,10 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from sepv.engine.text import Expression, Text
+from sepv.formula import Formula
 from sepv.polynomial import Polynomial
 
 Table = list[list[Expression]]
-
-
-class NambuCode(Protocol):
-    """B(y)v = g(y)(v × ∇C(y)) in dimension three: what `sepv.nambu` has as functions of arrays."""
-
-    def factor(self, e: Text, y: Sequence[str]) -> Expression:
-        """g(y)."""
-
-    def factor_gradient(self, e: Text, y: Sequence[str]) -> list[Expression]:
-        """∇g(y)."""
-
-    def mean_gradient(self, e: Text, y: Sequence[str], z: Sequence[str]) -> list[Expression]:
-        """∫₀¹∇C(y + τz)dτ."""
-
-    def mean_hessian(self, e: Text, y: Sequence[str], z: Sequence[str]) -> Table:
-        """The derivative of the mean gradient by z."""
 
 
 class ProblemCode(Protocol):
@@ -52,12 +37,13 @@ class ProblemCode(Protocol):
     def field(self) -> Sequence[Polynomial] | None:
         """B∇H multiplied out, where that is a few monomials: good enough for a start."""
 
-    @property
-    def nambu(self) -> NambuCode | None:
-        """Its factor and Casimir, where it is given by them."""
-
     def __hash__(self) -> int:
         """Records of code are compared by identity."""
+
+    def equation(
+        self, e: Text, formula: Formula, y: Sequence[str], z: Sequence[str], delta: str
+    ) -> tuple[list[Expression], Table]:
+        """R of z = R(y, z; Δ) and K = ∂R/∂z."""
 
     def hamiltonian(self, e: Text, y: Sequence[str]) -> Expression:
         """H(y)."""
@@ -76,9 +62,6 @@ class ProblemCode(Protocol):
 
     def mean_gradient(self, e: Text, y: Sequence[str], z: Sequence[str]) -> list[Expression]:
         """∫₀¹∇H(y + τz)dτ, exact to rounding."""
-
-    def mean_hessian(self, e: Text, y: Sequence[str], z: Sequence[str]) -> Table:
-        """The derivative of the mean gradient by z; it serves Newton's Jacobian only."""
 
     def domain(self, e: Text, y: Sequence[str]) -> str | None:
         """Whether y is in the domain; None for everywhere."""

@@ -57,7 +57,7 @@ def kernel(scheme: Scheme, problem: Problem, *, lanes: int = LANES, compensated:
     if not _installed():
         raise CannotCompile("numba is not installed (pip install numba)")
     formula, code = formula_of(scheme), code_of(problem)
-    if scheme.name == "both-invariants" and code.nambu is None:
+    if scheme.name == "both-invariants" and problem.nambu is None:
         raise CannotCompile(f"{problem.name} has no factor and Casimir as code (see Problem.nambu)")
     if formula.implicit and formula.stages * problem.dimension > LARGEST_SYSTEM:
         raise CannotCompile(

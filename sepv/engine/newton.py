@@ -105,8 +105,8 @@ class NewtonWriter(Writer):
 
         There is one solution near zero then (Banach), the one that Newton's iteration finds from there.
         """
-        assert self.formula.jacobian is not None
-        K = [v for row in self.formula.jacobian(e, self.problem, y, z, "delta") for v in row]
+        assert self.formula.recorded is not None
+        K = [v for row in self.problem.equation(e, self.formula.recorded, y, z, "delta")[1] for v in row]
         return [f"contracts = {shown(e.dot(K, K))} <= 0.25"]
 
     def kept_inside(self, e: Text, y: list[str], z: list[str]) -> list[str]:
@@ -142,10 +142,8 @@ class NewtonWriter(Writer):
     def system(self, e: Text, y: list[str], z: list[str]) -> tuple[list[str], Table]:
         """F = z − R and 1 − K."""
         n = len(z)
-        assert self.formula.increment is not None
-        assert self.formula.jacobian is not None
-        R = self.formula.increment(e, self.problem, y, z, "delta")
-        K = self.formula.jacobian(e, self.problem, y, z, "delta")
+        assert self.formula.recorded is not None
+        R, K = self.problem.equation(e, self.formula.recorded, y, z, "delta")
         F = [_minus(e, z[i], R[i]) for i in range(n)]
         return F, [[_one_minus(e, i == j, K[i][j]) for j in range(n)] for i in range(n)]
 

@@ -12,6 +12,7 @@ import numpy as np
 from sepv import polynomial as poly
 from sepv.engine.code import Table
 from sepv.engine.text import Expression, Text, shown
+from sepv.formula import Formula
 from sepv.nambu import Nambu
 from sepv.polynomial import Polynomial
 from sepv.problem import Problem
@@ -19,6 +20,7 @@ from sepv.record import CannotRecord, NoClosedForm, Symbol, Tape, gradient, jaco
 from sepv.record.derivative import hessian, reachable
 from sepv.record.expand import expand
 from sepv.record.means import Mean, degree, mean
+from sepv.record.replay import substitute
 
 # Where the value of a function comes from in lanes: a call, and the place in what it returns, if that is several.
 _CALLS: dict[str, tuple[str, int | None]] = {
@@ -136,13 +138,13 @@ class RecordedProblem:
         self.tape = Tape()
         self.y, self.z = self.tape.vector(d), self.tape.vector(d)
         self._H = self._call("hamiltonian", self.y)
-        self._g = gradient(self._H, self.y)
+        self.slope = gradient(self._H, self.y)
         self._B = self.tape.symbols(self._call("structure", self.y))
         if self._B.shape != (d, d):
             raise CannotRecord(f"structure(y) has the shape {self._B.shape} for a single state")
         self._inside = None if problem.domain is None else self._call("domain", self.y)
         self.degree = max(degree(self._H, self.y) or 0, 1) if degree(self._H, self.y) is not None else 0
-        self.nambu = None if problem.nambu is None else RecordedNambu(problem.nambu)
+        self._equations: dict[Formula, tuple[Any, Any, Any]] = {}
 
     def _call(self, key: str, *arguments: Any) -> Any:
         """A function of the problem called with symbols; whatever it makes of them is its author's."""
@@ -156,10 +158,10 @@ class RecordedProblem:
     @property
     def preamble(self) -> str:
         """Imports of the functions that were printed."""
-        return imports(self.tape) + ("" if self.nambu is None else imports(self.nambu.tape))
+        return imports(self.tape)
 
     @cached_property
-    def _mean(self) -> Mean:
+    def mean(self) -> Mean:
         """The mean gradient by rule, else the author's."""
         try:
             return mean(self._H, self.y, self.z)
@@ -171,19 +173,19 @@ class RecordedProblem:
     @property
     def gradient_evaluations(self) -> int:
         """Evaluations of ∇H that a mean gradient takes."""
-        return self._mean.nodes
+        return self.mean.nodes
 
     @property
     def rate(self) -> float:
         """The relative error of Newton's matrix."""
-        jacobian(self._mean.value, self.z)
+        jacobian(self.mean.value, self.z)
         return max(_RATES.get(line.name, _EXACT) for line in self.tape.lines)
 
     @cached_property
     def field(self) -> Sequence[Polynomial] | None:
         """B∇H multiplied out, where that is no longer than the products."""
         f = [
-            sum((b * g for b, g in zip(row, self._g, strict=True)), self.tape.constant(0.0))
+            sum((b * g for b, g in zip(row, self.slope, strict=True)), self.tape.constant(0.0))
             for row in self._B
         ]
         found = expand(f, self.y, len(reachable(f))) if not self.degree > 2 else None
@@ -193,13 +195,26 @@ class RecordedProblem:
             else [poly.polynomial(self.dimension, list(terms.items())) for terms in found]
         )
 
+    def equation(
+        self, e: Text, formula: Formula, y: Sequence[str], z: Sequence[str], delta: str
+    ) -> tuple[list[Expression], Table]:
+        """R of z = R(y, z; Δ) and K = ∂R/∂z, from the record of the scheme's formula."""
+        if formula not in self._equations:
+            step = self.tape.vector(1)
+            R = self.tape.symbols(formula(_Fields(self), self.y, self.z, step[0]))
+            self._equations[formula] = R, jacobian(R, self.z), step
+        R, K, step = self._equations[formula]
+        d, inputs = self.dimension, [(self.y, y), (self.z, z), (step, [delta])]
+        entries = printed(e, inputs, [*R, *K.ravel()])
+        return entries[:d], _table(entries[d:], d)
+
     def hamiltonian(self, e: Text, y: Sequence[str]) -> Expression:
         """H(y)."""
         return self._printed(e, y, [self._H])[0]
 
     def gradient(self, e: Text, y: Sequence[str]) -> list[Expression]:
         """∇H(y)."""
-        return self._printed(e, y, self._g)
+        return self._printed(e, y, self.slope)
 
     def hessian(self, e: Text, y: Sequence[str]) -> Table:
         """H″(y)."""
@@ -207,7 +222,7 @@ class RecordedProblem:
 
     @cached_property
     def _hessian(self) -> Any:
-        return hessian(self._g, self.y)
+        return hessian(self.slope, self.y)
 
     def structure(self, e: Text, y: Sequence[str]) -> Table:
         """B(y)."""
@@ -224,15 +239,7 @@ class RecordedProblem:
 
     def mean_gradient(self, e: Text, y: Sequence[str], z: Sequence[str]) -> list[Expression]:
         """∫₀¹∇H(y + τz)dτ."""
-        return self._printed(e, y, self._mean.value, z)
-
-    @cached_property
-    def _mean_hessian(self) -> Any:
-        return jacobian(self._mean.value, self.z)
-
-    def mean_hessian(self, e: Text, y: Sequence[str], z: Sequence[str]) -> Table:
-        """Its derivative by z."""
-        return _table(self._printed(e, y, self._mean_hessian.ravel(), z), self.dimension)
+        return self._printed(e, y, self.mean.value, z)
 
     def domain(self, e: Text, y: Sequence[str]) -> str | None:
         """Whether y is in the domain."""
@@ -259,37 +266,41 @@ class RecordedProblem:
         return printed(e, [(self.y, y), (self.z, z)], outputs)
 
 
-class RecordedNambu:
-    """The functions of `sepv.engine.code.NambuCode`, each printed from its record."""
+class _Fields:
+    """What a formula asks of a problem, answered with symbols."""
 
-    def __init__(self, nambu: Nambu) -> None:
-        self.tape = Tape()
-        self.y, self.z = self.tape.vector(3), self.tape.vector(3)
-        self._g = self.tape.symbol(nambu.factor(self.y))
-        self._slope = gradient(self._g, self.y)
-        try:
-            self._mean = mean(self.tape.symbol(nambu.casimir(self.y)), self.y, self.z).value
-        except NoClosedForm:
-            if nambu.mean_gradient is None:
-                raise
-            self._mean = self.tape.symbols(nambu.mean_gradient(self.y, self.y + self.z))
-        self._mean_hessian = jacobian(self._mean, self.z)
+    def __init__(self, recorded: RecordedProblem) -> None:
+        self._recorded, self._problem = recorded, recorded.problem
 
-    def factor(self, e: Text, y: Sequence[str]) -> Expression:
+    def structure(self, y: Any) -> Any:
+        """B(y)."""
+        return self._recorded.tape.symbols(self._problem.structure(y))
+
+    def gradient(self, y: Any) -> Any:
+        """∇H(y)."""
+        return substitute(self._recorded.slope, self._recorded.y, y)
+
+    def mean_gradient(self, y: Any, z: Any) -> Any:  # noqa: ARG002 - those of the formula are those of the record
+        """∫₀¹∇H(y + τz)dτ."""
+        return self._recorded.mean.value
+
+    def factor(self, y: Any) -> Any:
         """g(y)."""
-        return printed(e, [(self.y, y)], [self._g])[0]
+        return self._nambu.factor(y)
 
-    def factor_gradient(self, e: Text, y: Sequence[str]) -> list[Expression]:
-        """∇g(y)."""
-        return printed(e, [(self.y, y)], self._slope)
-
-    def mean_gradient(self, e: Text, y: Sequence[str], z: Sequence[str]) -> list[Expression]:
+    def mean_casimir_gradient(self, y: Any, z: Any) -> Any:
         """∫₀¹∇C(y + τz)dτ."""
-        return printed(e, [(self.y, y), (self.z, z)], self._mean)
+        try:
+            return mean(self._recorded.tape.symbol(self._nambu.casimir(y)), y, z).value
+        except NoClosedForm:
+            if self._nambu.mean_gradient is None:
+                raise
+            return self._nambu.mean_gradient(y, y + z)
 
-    def mean_hessian(self, e: Text, y: Sequence[str], z: Sequence[str]) -> Table:
-        """Its derivative by z."""
-        return _table(printed(e, [(self.y, y), (self.z, z)], self._mean_hessian.ravel()), 3)
+    @property
+    def _nambu(self) -> Nambu:
+        assert self._problem.nambu is not None
+        return self._problem.nambu
 
 
 def printed(e: Text, inputs: Sequence[tuple[Any, Sequence[str]]], outputs: Any) -> list[Expression]:

@@ -1,4 +1,4 @@
-"""The formulas of the schemes as code: R and K = ∂R/∂z of y1 = y0 + R(y0, z), z = y1 − y0, or R itself.
+"""How the engine takes the step of each scheme: by the record of its formula, or by code for explicit and staged ones.
 
 R and K share what they have in common, since an expression written twice has one name: see `sepv.engine.text`.
 """
@@ -9,10 +9,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from sepv import formula
 from sepv.engine.code import ProblemCode, Table, skew
-from sepv.engine.linear import cross
 from sepv.engine.text import Expression, Text
 from sepv.explicit_tableaux import TABLEAUX
+from sepv.schemes.both_invariants import formula as both_invariants
+from sepv.schemes.energy_preserving import formula as energy_preserving
+from sepv.schemes.midpoint import formula as midpoint
 from sepv.tableaux import MAX_STAGES, gauss_tableau
 
 
@@ -22,9 +25,9 @@ class Formula:
 
     Attributes
     ----------
-    increment : (text, problem, y, z, delta) -> R
+    increment : (text, problem, y, z, delta) -> R of an explicit scheme
         `delta` is the name of the random step Δ.
-    jacobian : (text, problem, y, z, delta) -> K = ∂R/∂z, where Newton's iteration solves for z
+    recorded : of a scheme whose equation z = R Newton's iteration solves, from its file
     gradients, structures : evaluations of ∇H and of B in an iteration.
     averaged : whether a gradient is an averaged one, which may take several evaluations of ∇H.
     """
@@ -35,7 +38,7 @@ class Formula:
     structures: int
     averaged: bool = False
     stages: int = 1
-    jacobian: Callable[[Text, ProblemCode, Sequence[str], Sequence[str], str], Table] | None = None
+    recorded: formula.Formula | None = None
 
     def update(self, e: Text, z: Sequence[str]) -> list[str]:
         """y1 − y0."""
@@ -74,70 +77,6 @@ def scaled(e: Text, factor: str, table: Table) -> Table:
 def middle(e: Text, y: Sequence[str], z: Sequence[str]) -> list[str]:
     """ȳ = y + z/2."""
     return [a if b == "0.0" else str(e.plus("(0.5)", b, a)) for a, b in zip(y, z, strict=True)]
-
-
-def energy_preserving(
-    e: Text, problem: ProblemCode, y: Sequence[str], z: Sequence[str], delta: str
-) -> list[Expression]:
-    """(2.1): R = Δ B(ȳ) ∇̄H."""
-    B = problem.structure(e, middle(e, y, z))
-    return field(e, scaled(e, delta, B), problem.mean_gradient(e, y, z))
-
-
-def energy_preserving_jacobian(
-    e: Text, problem: ProblemCode, y: Sequence[str], z: Sequence[str], delta: str
-) -> Table:
-    """K = Δ(½ B′(ȳ)[·]∇̄H + B(ȳ) ∫τH″dτ)."""
-    mid, half = middle(e, y, z), e.let(f"0.5 * {delta}")
-    B = scaled(e, delta, problem.structure(e, mid))
-    halves = [e.product(half, v) for v in problem.mean_gradient(e, y, z)]
-    return slope(e, B, problem.structure_derivative(e, mid), halves, problem.mean_hessian(e, y, z))
-
-
-def midpoint(
-    e: Text, problem: ProblemCode, y: Sequence[str], z: Sequence[str], delta: str
-) -> list[Expression]:
-    """(3.4): R = Δ f(ȳ)."""
-    mid = middle(e, y, z)
-    return field(e, scaled(e, delta, problem.structure(e, mid)), problem.gradient(e, mid))
-
-
-def midpoint_jacobian(e: Text, problem: ProblemCode, y: Sequence[str], z: Sequence[str], delta: str) -> Table:
-    """K = ½ Δ f′(ȳ)."""
-    mid, half = middle(e, y, z), e.let(f"0.5 * {delta}")
-    B = scaled(e, half, problem.structure(e, mid))
-    halves = [e.product(half, v) for v in problem.gradient(e, mid)]
-    return slope(e, B, problem.structure_derivative(e, mid), halves, problem.hessian(e, mid))
-
-
-def both_invariants(
-    e: Text, problem: ProblemCode, y: Sequence[str], z: Sequence[str], delta: str
-) -> list[Expression]:
-    """R = Δ g(ȳ)(∇̄H × ∇̄C)."""
-    assert problem.nambu is not None
-    factor = e.product(delta, problem.nambu.factor(e, middle(e, y, z)))
-    normal = cross(e, problem.mean_gradient(e, y, z), problem.nambu.mean_gradient(e, y, z))
-    return [e.product(factor, v) for v in normal]
-
-
-def both_invariants_jacobian(
-    e: Text, problem: ProblemCode, y: Sequence[str], z: Sequence[str], delta: str
-) -> Table:
-    """K = Δ(½(∇̄H × ∇̄C)∇gᵀ + g(∫τH″ × ∇̄C + ∇̄H × ∫τC″))."""
-    assert problem.nambu is not None
-    mid, half = middle(e, y, z), e.let(f"0.5 * {delta}")
-    H, C = problem.mean_gradient(e, y, z), problem.nambu.mean_gradient(e, y, z)
-    dH, dC = problem.mean_hessian(e, y, z), problem.nambu.mean_hessian(e, y, z)
-    factor = e.product(delta, problem.nambu.factor(e, mid))
-    turn, normal = problem.nambu.factor_gradient(e, mid), cross(e, H, C)
-    K: Table = [[None] * 3 for _ in range(3)]
-    for k in range(3):
-        first = cross(e, [row[k] for row in dH], C)
-        second = cross(e, H, [row[k] for row in dC])
-        for i in range(3):
-            turned = e.product(factor, e.total([first[i], second[i]]))
-            K[i][k] = e.plus(e.product(half, turn[k]), normal[i], turned)
-    return K
 
 
 def rate(e: Text, problem: ProblemCode, y: Sequence[str], delta: str = "(1.0)") -> list[Expression]:
@@ -248,11 +187,11 @@ class Projected(Formula):
     """An explicit increment, projected on the invariants; `gradients` and `structures` are those of the increment."""
 
 
-EP = Formula(energy_preserving, True, 1, 1, averaged=True, jacobian=energy_preserving_jacobian)
+EP = Formula(None, True, 1, 1, averaged=True, recorded=energy_preserving)
 FORMULAS: dict[str, Formula] = {
     "energy-preserving": EP,
-    "midpoint": Formula(midpoint, True, 1, 1, jacobian=midpoint_jacobian),
-    "both-invariants": Formula(both_invariants, True, 1, 1, averaged=True, jacobian=both_invariants_jacobian),
+    "midpoint": Formula(None, True, 1, 1, recorded=midpoint),
+    "both-invariants": Formula(None, True, 1, 1, averaged=True, recorded=both_invariants),
     "euler-heun": Formula(euler_heun, False, 2, 2),
     "milstein": Formula(milstein, False, 1, 1),
     "explicit-4": Formula(runge_kutta(4), False, 4, 4),

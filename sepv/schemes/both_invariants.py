@@ -14,6 +14,7 @@ import numpy as np
 
 from sepv.average import average_gradient, average_hessian
 from sepv.errors import Skipped
+from sepv.formula import Fields, counted
 from sepv.implicit import Increment, Solution
 from sepv.implicit import solve as solve_implicit
 from sepv.nambu import Nambu, cross
@@ -36,12 +37,16 @@ def required(problem: Problem) -> Nambu:
     return problem.nambu
 
 
+def formula(fields: Fields, y: Any, z: Any, delta: Any) -> Any:
+    """Δ g(ȳ)(∇̄H × ∇̄C), ȳ = y + z/2."""
+    normal = cross(fields.mean_gradient(y, z), fields.mean_casimir_gradient(y, z))
+    return delta * fields.factor(y + 0.5 * z) * normal
+
+
 def increment(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
-    """Δ g(ȳ)(∇̄H × ∇̄C); `step` is (1, M), holding Δ. Counts are those of ∇H, and of g and ∇C for B."""
-    nambu = required(problem)
-    H, C = average_gradient(problem, y0, y1), average_gradient(cast(Any, nambu), y0, y1)
-    value = step[0] * nambu.factor(y0 + 0.5 * (y1 - y0)) * cross(H.value, C.value)
-    return Increment(value, H.evaluations, C.evaluations, H.reliable & C.reliable)
+    """The formula with its counts, those of ∇C as evaluations of a structure; `step` is (1, M), holding Δ."""
+    required(problem)
+    return counted(formula, problem, y0, y1, step[0])
 
 
 def jacobian(problem: Problem, y0: Array, y1: Array, step: Array) -> Array | None:

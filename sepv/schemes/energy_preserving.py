@@ -5,22 +5,25 @@ y1 = y0 + B((y0 + y1)/2) ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ · Δ,  Δ = h + 
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
 from sepv.average import average_gradient, average_hessian
 from sepv.fields import contract, matmul, matvec
+from sepv.formula import Fields, counted
 from sepv.implicit import Increment, Solution
 from sepv.implicit import solve as solve_implicit
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme, as_lanes, step_by
 
 
+def formula(fields: Fields, y: Any, z: Any, delta: Any) -> Any:
+    """Δ B(ȳ) ∇̄H, ȳ = y + z/2: the right side of (2.1) without y0, for z = y1 − y0."""
+    return delta * matvec(fields.structure(y + 0.5 * z), fields.mean_gradient(y, z))
+
+
 def increment(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
-    """Δ B(ȳ) ∇̄H: the right side of (2.1) without y0; `step` is (1, M), holding Δ."""
-    mean = average_gradient(problem, y0, y1)
-    B = problem.structure(y0 + 0.5 * (y1 - y0))
-    value, once = step[0] * matvec(B, mean.value), np.ones_like(mean.evaluations)
-    return Increment(value, mean.evaluations, once, mean.reliable, parts=(mean.value, B))
+    """The formula with its counts; `step` is (1, M), holding Δ."""
+    return counted(formula, problem, y0, y1, step[0], parts=True)
 
 
 def jacobian(

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
-from sepv.fields import field_jacobian, vector_field
+from sepv.fields import field_jacobian, matvec
+from sepv.formula import Fields, counted
 from sepv.implicit import Increment, Solution
 from sepv.implicit import solve as solve_implicit
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme, as_lanes, step_by
 
 
+def formula(fields: Fields, y: Any, z: Any, delta: Any) -> Any:
+    """Δ f(ȳ), ȳ = y + z/2."""
+    middle = y + 0.5 * z
+    return delta * matvec(fields.structure(middle), fields.gradient(middle))
+
+
 def increment(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
-    """Δ f(ȳ); `step` is (1, M), holding Δ."""
-    once = np.ones(y0.shape[1], dtype=np.int64)
-    return Increment(step[0] * vector_field(problem, y0 + 0.5 * (y1 - y0)), once, once, once.astype(bool))
+    """The formula with its counts; `step` is (1, M), holding Δ."""
+    return counted(formula, problem, y0, y1, step[0])
 
 
 def jacobian(problem: Problem, y0: Array, y1: Array, step: Array) -> Array | None:
