@@ -178,6 +178,19 @@ def coefficients(draw: st.DrawFn, count: int, low: float, high: float) -> list[f
     return [v + 0.001 * (i + 1) / 7 for i, v in enumerate(drawn)]
 
 
+def test_systems_that_differ_in_coefficients_share_one_kernel() -> None:
+    """Of either sign: a kernel takes seconds to compile."""
+    from sepv.engine.compile import _written, code_of, formula_of
+
+    rng, formula = np.random.default_rng(0), formula_of(EP)
+    quartics = [
+        quartic([v + 0.001 * (i + 1) / 7 for i, v in enumerate(rng.uniform(-0.4, 0.4, 8))]) for _ in range(8)
+    ]
+    bodies = [problems.rigid_body(inertia=rng.uniform(0.4, 2.0, 3)) for _ in range(4)]
+    for family in (quartics, bodies):
+        assert len({_written(code_of(p), formula, 1, 128, False)[0] for p in family}) == 1
+
+
 @given(data=st.data())
 def test_engines_agree_and_bits_depend_on_nothing_but_the_path(data: st.DataObject) -> None:
     seed, c = data.draw(st.integers(0, 2**32 - 1)), data.draw(st.floats(0.0, 0.5))

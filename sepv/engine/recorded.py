@@ -15,12 +15,13 @@ from sepv.engine.text import Expression, Text, shown
 from sepv.formula import Formula
 from sepv.nambu import Nambu
 from sepv.polynomial import Polynomial
-from sepv.problem import Problem
+from sepv.problem import PolynomialSystem, Problem
 from sepv.record import CannotRecord, NoClosedForm, Symbol, Tape, gradient, jacobian
 from sepv.record.derivative import hessian, reachable
 from sepv.record.expand import expand
 from sepv.record.means import Mean, degree, mean
 from sepv.record.replay import substitute
+from sepv.record.symbols import array
 
 # Where the value of a function comes from in lanes: a call, and the place in what it returns, if that is several.
 _CALLS: dict[str, tuple[str, int | None]] = {
@@ -139,12 +140,21 @@ class RecordedProblem:
         self.y, self.z = self.tape.vector(d), self.tape.vector(d)
         self._H = self._call("hamiltonian", self.y)
         self.slope = gradient(self._H, self.y)
-        self._B = self.tape.symbols(self._call("structure", self.y))
+        self._B = self.skew(self._call("structure", self.y))
         if self._B.shape != (d, d):
             raise CannotRecord(f"structure(y) has the shape {self._B.shape} for a single state")
         self._inside = None if problem.domain is None else self._call("domain", self.y)
         self.degree = max(degree(self._H, self.y) or 0, 1) if degree(self._H, self.y) is not None else 0
         self._equations: dict[Formula, tuple[Any, Any, Any]] = {}
+
+    def skew(self, B: Any) -> Any:
+        """B as symbols; polynomial data say what is above the diagonal, and what is below is its negative."""
+        if not isinstance(self.problem.data, PolynomialSystem):
+            return self.tape.symbols(B)
+        d, zero = self.dimension, self.tape.constant(0.0)
+        upper = {(i, j): self.tape.symbol(B[i, j]) for i in range(d) for j in range(i + 1, d)}
+        found = (upper[i, j] if i < j else -upper.get((j, i), zero) for i in range(d) for j in range(d))
+        return array(found, (d, d))
 
     def _call(self, key: str, *arguments: Any) -> Any:
         """A function of the problem called with symbols; whatever it makes of them is its author's."""
@@ -274,7 +284,7 @@ class _Fields:
 
     def structure(self, y: Any) -> Any:
         """B(y)."""
-        return self._recorded.tape.symbols(self._problem.structure(y))
+        return self._recorded.skew(self._problem.structure(y))
 
     def gradient(self, y: Any) -> Any:
         """∇H(y)."""

@@ -2,7 +2,9 @@
 
 An operation on symbols is a line of the tape. The same operation on the same arguments is one line, constants fold, 0
 and ±1 vanish, a division by a constant is a product with its reciprocal, and signs move outward, so that −a + b, b − a
-and b + (−1)a are one line too. What folds away a factor 0 takes the other factor for finite.
+and b + (−1)a are one line too. Beyond 0, ±1 and powers of two no rule looks at the value of a constant: systems that
+differ in their coefficients have the same lines, and share one compiled kernel. What folds away a factor 0 takes the
+other factor for finite.
 """
 
 from __future__ import annotations
@@ -294,10 +296,10 @@ def _multiply(a: Symbol, b: Symbol) -> Symbol:  # noqa: PLR0911 - a rule a line
         return a.tape.constant(x * y)
     if y is not None:
         a, b, x, y = b, a, y, x
-    if x is not None and x <= 0:
-        return a if x == 0 else -_multiply(a.tape.constant(-x), b)
-    if x == 1:
-        return b
+    if x == 0:
+        return a
+    if x is not None and abs(x) == 1:
+        return b if x > 0 else -b
     minus_a, minus_b = _negated(a), _negated(b)
     if minus_a is not None:
         return -_multiply(minus_a, b)
@@ -324,8 +326,6 @@ def _divide(a: Symbol, b: Symbol) -> Symbol:
         raise CannotRecord(f"it divides by the constant {y!r}")
     if x == 0:
         return a
-    if x is not None and x < 0:
-        return -_divide(a.tape.constant(-x), b)
     minus_a, minus_b = _negated(a), _negated(b)
     if minus_a is not None:
         return -_divide(minus_a, b)
