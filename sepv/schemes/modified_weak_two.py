@@ -32,7 +32,7 @@ from __future__ import annotations
 import numpy as np
 
 from sepv.average import average_gradient
-from sepv.fields import matmul, matvec
+from sepv.fields import dot, matmul, matvec
 from sepv.implicit import Increment, Solution
 from sepv.implicit import solve as solve_implicit
 from sepv.problem import Array, Problem
@@ -115,7 +115,9 @@ def correction(problem: Problem, middle: Array, mean: Array, variance: Array) ->
 
 def limited(change: Array, structure: Array) -> Array:
     """The change (d, d, M) divided by 1 + θ², θ = |change|/|structure|: at most half as large as the structure."""
-    size, whole = (np.sqrt(np.sum(M * M, axis=(0, 1))) for M in (change, structure))
+    # Summed entry by entry: `np.sum` adds in another order where there is one lane alone.
+    rows = [M.reshape(-1, M.shape[-1]) for M in (change, structure)]
+    size, whole = (np.sqrt(dot(entries, entries)) for entries in rows)
     theta = size / np.where(whole > 0, whole, 1.0)
     return np.asarray(change / (1 + theta * theta))
 
