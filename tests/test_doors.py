@@ -12,7 +12,9 @@ import time
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
+from sepv.cli import main
 from sepv.external import load_program
 from sepv.law import Effort
 from sepv.suite import LAWS, verify
@@ -115,3 +117,10 @@ def test_ctrl_c_keeps_what_was_decided(tmp_path: Path) -> None:
     assert sum(report["counts"].values()) == len(report["laws"])
     assert (tmp_path / "r.xml").exists()
     assert (tmp_path / "b.json").exists()
+
+
+def test_laws_are_listed_with_commas_as_claims_are() -> None:
+    result = CliRunner().invoke(
+        main, ["verify", "midpoint", "--law", "identity,contract", "--law", "truncation"]
+    )
+    assert "3 laws: 3 holds" in result.output

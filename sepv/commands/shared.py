@@ -92,6 +92,11 @@ def complete_schemes(_context: click.Context, _parameter: click.Parameter, incom
     return [name for name in schemes.ALL if name.startswith(incomplete)]
 
 
+def listed(_context: click.Context, _parameter: click.Parameter, values: tuple[str, ...]) -> tuple[str, ...]:
+    """Names that were separated by commas, by repeating the option, or both."""
+    return tuple(name.strip() for value in values for name in value.split(",") if name.strip())
+
+
 def complete_laws(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
     """Laws, for shell completion."""
     from sepv.suite import LAWS

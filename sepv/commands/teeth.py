@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import click
 
-from sepv.commands.shared import FILE, friendly
+from sepv.commands.shared import FILE, friendly, listed
 
 
 @click.command(short_help="Does the suite bite? Saboteurs and laws.")
 @click.argument("names", nargs=-1, metavar="[SABOTEUR]...")
-@click.option("--law", "laws", multiple=True, metavar="NAME", help="Only this law; may be repeated.")
+@click.option(
+    "--law", "laws", multiple=True, metavar="NAME,…", help="Only these laws; may be repeated.", callback=listed
+)  # fmt: skip
 @click.option("--seeds", type=click.IntRange(min=1), help="How many seeds. [default: 10; bare 1]")
 @click.option("--matrix", is_flag=True, help="Every saboteur by every law: an hour or more.")
 @click.option("--first", is_flag=True, help="Stop each saboteur at the first law that kills it.")

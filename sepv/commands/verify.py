@@ -7,14 +7,15 @@ from typing import Any
 
 import click
 
-from sepv.commands.shared import EXIT_CODES, FILE, Workers, complete_laws, complete_schemes, friendly
+from sepv.commands.shared import EXIT_CODES, FILE, Workers, complete_laws, complete_schemes, friendly, listed
 from sepv.errors import UsageError
 
 
 @click.command(epilog=EXIT_CODES, short_help="Measure every law on a scheme.")
 @click.argument("targets", nargs=-1, metavar="TARGET...", shell_complete=complete_schemes)
 @click.option(
-    "--law", "laws", multiple=True, metavar="NAME", help="Only this law; may be repeated.", shell_complete=complete_laws
+    "--law", "laws", multiple=True, metavar="NAME,…", help="Only these laws; may be repeated.", callback=listed,
+    shell_complete=complete_laws,
 )  # fmt: skip
 @click.option(
     "--problem", "-p", "problems", multiple=True, metavar="PROBLEM",
