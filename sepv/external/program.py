@@ -27,6 +27,7 @@ from sepv.external.errors import (
 from sepv.external.messages import MOST_STEPS, PROTOCOL, Hello, decode, read_hello, row, states, travelling
 from sepv.external.text import clean, shown
 from sepv.problem import Array, Problem
+from sepv.problems import NAMED
 from sepv.scheme import Scheme, as_lanes
 
 
@@ -150,6 +151,8 @@ class Program:
             truncation=said.truncation,
             increments=said.increments,
             batched=True,
+            # Else a search would spend its cases on polynomials that the program has already refused.
+            problems=() if said.polynomial else tuple(name for name in said.problems if name in NAMED),
         )
 
     def step(self, problem: Problem, y: Array, h: float, dW: Array) -> Array:
