@@ -407,6 +407,16 @@ def test_a_program_that_skips_everything_violates_nothing_and_holds_nothing(chil
     assert all("not today" in f.message for f in report.findings)
 
 
+def test_a_program_without_polynomial_data_is_judged_on_the_problems_that_it_names(child):
+    # A search over polynomials would be skipped 117 times and ask 8 cases. The child stays where it is.
+    command = child("hello(problems=['rigid-body', 'unheard-of'])\nwhile m := read(): states(m)")
+    with load_program(command, **QUICK) as scheme:
+        assert scheme.problems == ("rigid-body",)
+        (finding,) = verify(scheme, laws=["casimir"], effort=Effort(examples=5, paths=64)).findings
+    assert finding.skipped == 0
+    assert finding.checks >= 20
+
+
 # ---- check_protocol ----
 
 
