@@ -37,23 +37,24 @@ def fitted(table: Table, width: int, dropped: Sequence[str], wrapped: Sequence[s
     """
     heads = [str(c.header) for c in table.columns]
     cells = [list(map(str, c.cells)) for c in table.columns]
-    least = {
-        head: max(
-            longest(head.split()), longest(w for cell in column for w in _pieces(cell, head in wrapped))
-        )
-        for head, column in zip(heads, cells, strict=True)
-    }
+    # Columns of one heading go together, and are as wide as the widest of them.
+    least: dict[str, int] = {}
+    for head, column in zip(heads, cells, strict=True):
+        own = longest(w for cell in column for w in _pieces(cell, head in wrapped))
+        least[head] = max(least.get(head, 0), longest(head.split()), own)
     _, right, _, left = table.padding
+    between = left + right + (table.box is not None)
+    needed = {head: least[head] * heads.count(head) + between * (heads.count(head) - 1) for head in least}
     # rich counts the blank after the last column, and does not print it.
-    left_over = kept(least, width - left - right, dropped, left + right + (table.box is not None))
+    left_over = kept(needed, width - left - right, dropped, between)
     table.columns = [c for c in table.columns if str(c.header) in left_over]
-    for number, column in enumerate(table.columns):
-        head = str(column.header)
-        column._index = number  # where rich looks for the column's cells in a row that it styles
-        column.no_wrap = False
-        column.overflow = "fold"
+    for number, shown in enumerate(table.columns):
+        head = str(shown.header)
+        shown._index = number  # where rich looks for the column's cells in a row that it styles
+        shown.no_wrap = False
+        shown.overflow = "fold"
         if head not in wrapped:
-            column.width = least[head]
+            shown.width = least[head]
     return table
 
 

@@ -183,7 +183,9 @@ SCHEMES: dict[str, Check] = {
     ),
     "step: prints": scheme("print('noise')\n    return y.copy()", 0, "holds"),
     "step: warns": scheme("import warnings; warnings.warn('odd')\n    return y.copy()", 0, "holds"),
-    "step: sets NumPy's error state": scheme("np.seterr(all='raise')\n    return y.copy()", 0, "holds"),
+    "step: sets NumPy's error state": scheme(
+        "np.seterr(all='raise')\n    return y.copy()", 1, "NumPy's error handling"
+    ),
     "step: wrong arguments": cli(
         "verify mine:step", 3, "(problem, y, h, dW)", files={"mine.py": b"def step(y): return y"}
     ),

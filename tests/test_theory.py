@@ -11,7 +11,8 @@ from sepv.exact_structures import heun
 from sepv.reproduce import deterministic, extensions, lemma, local, remarks
 from sepv.schemes.areas import step_with_areas
 
-SOURCES = {"§2", "Lemma 3.2", "(3.2)", "(3.8)", "(3.9)", "Lemma 2.1 of [16], as (3.8) and (3.9)"}
+SOURCES = {"§2", "Lemma 3.2", "(3.2)", "(3.8)", "(3.9)", "Lemma 2.1 of [16], as (3.8) and (3.9)",
+           "proof of Theorem 3.3"}  # fmt: skip
 
 
 @pytest.mark.parametrize("section", [deterministic, lemma, local], ids=lambda m: m.__name__.split(".")[-1])
