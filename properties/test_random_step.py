@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 from hypothesis import strategies as st
-from sepv.reference.more_equations import equation_for
-from sepv.reference.steps import step_condition
 
+from sepv.amplification import amplification
 from sepv.candidate import ask
 from sepv.case import Case
 from sepv.corners import corners
@@ -17,7 +16,7 @@ from sepv.law import Effort, Measurement, require
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.scheme import Scheme
 from sepv.search import searched
-from sepv.strategies import CONTRACTION, casimir_systems, noises, paper_steps, poisson_systems, steps
+from sepv.strategies import casimir_systems, noises, paper_steps, poisson_systems, steps
 from sepv.tolerance import state_ulp, step_residual
 
 
@@ -45,7 +44,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         raise Skipped("a problem without noise has one split of Δ only")
     y1 = ask(scheme, problem, y, h, dW)
     own = step_residual(problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages)
-    amplified = _condition(scheme, case)
+    amplified = amplification(scheme, case)
     unit, worst = state_ulp(y, y1), Measurement(0.0, 0.0)
     for name, other_h, other_dW in others:
         answer = ask(scheme, problem, y, other_h, other_dW)
@@ -61,15 +60,6 @@ def check(scheme: Scheme, case: Case) -> Measurement:
             worst, Measurement(distance / unit, allowed / unit, detail), key=lambda m: (m.ratio, m.bound)
         )
     return worst
-
-
-def _condition(scheme: Scheme, case: Case) -> float:
-    """A bound of ‖(I − ∂R/∂y1)⁻¹‖_∞."""
-    if isinstance(case.problem, PolynomialSystem):
-        return 1 / (1 - CONTRACTION)
-    method = equation_for(scheme.systems, scheme.stages)
-    rows = step_condition(method, case.problem, case.y, case.h, case.dW, CONTRACTION)
-    return max(sum(row) for row in rows)
 
 
 def splits(problem: Problem, h: float, dW: Array) -> list[tuple[str, float, Array]]:

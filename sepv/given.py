@@ -383,11 +383,6 @@ def _meets(item: Item, turn: Turn) -> bool:
     return False
 
 
-def silence(law: str) -> str:
-    """Why a law may say nothing about the problems that a scheme is for; empty for one that speaks of all."""
-    return TURNS.get(law, (_as_it_is, ""))[1]
-
-
 def _some(item: Item, turn: Turn) -> bool:
     """Whether a law says something about the one problem of an item: asked of a step at its initial state."""
     assert item.fixed is not None

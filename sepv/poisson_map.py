@@ -14,16 +14,15 @@ from __future__ import annotations
 import numpy as np
 
 from sepv import poisson
+from sepv.amplification import amplification
 from sepv.candidate import ask
 from sepv.case import Case
 from sepv.errors import Skipped
 from sepv.law import Measurement
 from sepv.polynomial import PolynomialMap
-from sepv.problem import Array, PolynomialSystem, Problem
-from sepv.reference.more_equations import equation_for
-from sepv.reference.steps import step_condition
+from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
-from sepv.strategies import CONTRACTION, contraction_ball
+from sepv.strategies import contraction_ball
 from sepv.tolerance import EPS, TINY, operations, step_residual, structure_majorant
 
 # Steps with a derivative known to fewer digits say nothing about the structure.
@@ -39,7 +38,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     y1 = answers[:, 0]
     # Majorants at the shifted states are larger by far less than a factor of two.
     residual = 2 * step_residual(problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages)
-    error = _condition(scheme, case) * float(residual.max())
+    error = amplification(scheme, case) * float(residual.max())
     slope, doubt = poisson.derivative(answers, widths)
     if rho:
         doubt = np.full_like(slope, poisson.TRUNCATION * float((widths[0] / rho) ** 6))
@@ -87,12 +86,3 @@ def _blind(problem: Problem, y: Array) -> Array:
 def _power_of_two(x: float) -> float:
     """At most x: multiples of it are exact, and so is a division by it."""
     return float(2.0 ** np.floor(np.log2(x)))
-
-
-def _condition(scheme: Scheme, case: Case) -> float:
-    """A bound of ‖(I − ∂R/∂y1)⁻¹‖_∞."""
-    if isinstance(case.problem, PolynomialSystem):
-        return 1 / (1 - CONTRACTION)
-    method = equation_for(scheme.systems, scheme.stages)
-    rows = step_condition(method, case.problem, case.y, case.h, case.dW, CONTRACTION)
-    return max(sum(row) for row in rows)

@@ -64,6 +64,7 @@ class NamedProblem:
 
 
 def _to_be_derived(y: Array) -> Array:
+    """Stands for a gradient that was not given, until it is derived from H: never called."""
     raise NotImplementedError("a mark for a gradient that was not given")
 
 

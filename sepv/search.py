@@ -22,7 +22,7 @@ from hypothesis.errors import Unsatisfiable
 from sepv import case as cases
 from sepv.case import Case
 from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure
-from sepv.given import cases_for, silence
+from sepv.given import cases_for
 from sepv.law import Effort, Finding, Law, Measurement, Verdict
 from sepv.same_draws import without_local_constants
 from sepv.scheme import Scheme
@@ -160,13 +160,7 @@ def searched(
         asked = not_applicable(scheme) or question(scheme)
         if isinstance(asked, str):
             return law.finding(Verdict.NOT_APPLICABLE, message=asked)
-        try:
-            return _search(law, scheme, effort, asked)
-        except Unsatisfiable:
-            if not (reason := silence(name)):
-                raise
-            # The law says nothing about any problem of a family or of a user's strategy.
-            return law.finding(Verdict.NOT_APPLICABLE, message=reason)
+        return _search(law, scheme, effort, asked)
 
     def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
         log = _Log()

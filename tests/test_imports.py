@@ -62,6 +62,7 @@ LAYERS = [
     "sepv.coverage",
     "sepv.same_draws",
     "sepv.reference",
+    "sepv.amplification",
     "sepv.poisson_map",
     "sepv.search sepv.sequential sepv.local_errors sepv.local_orders sepv.weak_trees",
     "sepv.properties",

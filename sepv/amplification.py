@@ -1,0 +1,19 @@
+"""How far an error of the right side may move the solution of a step, for the laws that compare two answers."""
+
+from __future__ import annotations
+
+from sepv.case import Case
+from sepv.problem import PolynomialSystem
+from sepv.reference.more_equations import equation_for
+from sepv.reference.steps import step_condition
+from sepv.scheme import Scheme
+from sepv.strategies import CONTRACTION
+
+
+def amplification(scheme: Scheme, case: Case) -> float:
+    """A bound of ‖(I − ∂R/∂y1)⁻¹‖_∞: 1/(1 − κ) inside the contraction radius, computed for the paper's problems."""
+    if isinstance(case.problem, PolynomialSystem):
+        return 1 / (1 - CONTRACTION)
+    method = equation_for(scheme.systems, scheme.stages)
+    rows = step_condition(method, case.problem, case.y, case.h, case.dW, CONTRACTION)
+    return max(sum(row) for row in rows)
