@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,8 +24,9 @@ from sepv.errors import Skipped
 from sepv.fields import vector_field
 from sepv.law import Effort, Verdict
 from sepv.problem import PolynomialSystem, Problem
+from sepv.scheme import Scheme
 from sepv.strategies import any_steps
-from sepv.suite import verify
+from sepv.suite import load_laws, verify
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 QUICK = Effort(examples=20, paths=256, shrink_checks=30)
@@ -249,16 +252,57 @@ def test_the_page_has_a_cell_for_every_law_and_marks_what_is_contradicted() -> N
     assert "### lib heun: no" in page
 
 
+def absent(name: str) -> ModuleType:
+    raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+
 def test_a_missing_library_is_left_out_and_said_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compliance, "scheme_cells", lambda *_: [])
     monkeypatch.setattr(compliance, "scheme_row", lambda *_: _row())
-
-    def absent(name: str) -> ModuleType:
-        raise ModuleNotFoundError(f"No module named {name!r}", name=name)
-
     monkeypatch.setattr(compliance, "import_module", absent)
     result = CliRunner().invoke(compliance.main, ["--library", "torchsde"])
     assert result.exit_code == 0
     assert "torchsde left out" in result.stderr
+
+
+def test_an_interrupted_table_goes_on_where_it_was_and_is_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    laws = ("identity", "truncation", "mean-square-order")
+    measured: list[str] = []
+    original = compliance._finding
+
+    def finding(scheme: Scheme, law: str, effort: Effort) -> dict[str, Any]:
+        measured.append(law)
+        if measured == ["identity", "truncation"]:
+            raise KeyboardInterrupt
+        return original(scheme, law, replace(effort, examples=3, paths=64))
+
+    monkeypatch.setattr(compliance, "import_module", absent)
+    monkeypatch.setattr(compliance, "LAWS", laws)
+    monkeypatch.setattr(compliance, "load_laws", lambda: load_laws(laws))
+    monkeypatch.setattr(compliance, "_finding", finding)
+    keep, out = tmp_path / "kept", tmp_path / "table.md"
+    arguments = ["--library", "sdeint", "--keep", str(keep), "--out", str(out)]
+
+    stopped = CliRunner().invoke(compliance.main, arguments)
+    assert (stopped.exit_code, out.exists()) == (130, False)
+    assert f"interrupted: what was measured is in {keep}" in stopped.stderr
+    assert CliRunner().invoke(compliance.main, arguments).exit_code == 0
+    assert measured == ["identity", "truncation", "truncation", "mean-square-order"]
+    first = out.read_text("utf-8")
+    assert "| sepv energy-preserving | holds + | holds + | " in first
+    assert CliRunner().invoke(compliance.main, arguments).exit_code == 0
+    assert len(measured) == 4
+    assert out.read_text("utf-8") == first
+    # Another seed is another measurement.
+    assert CliRunner().invoke(compliance.main, [*arguments, "--seed", "1"]).exit_code == 0
+    assert len(measured) == 7
+    (file,) = keep.iterdir()
+    file.write_text("[]")
+    damaged = CliRunner().invoke(compliance.main, arguments)
+    assert damaged.exit_code != 0
+    assert "remove it" in damaged.stderr + str(damaged.exception)
 
 
 def test_only_scripts_that_still_show_a_deviation_are_quoted(tmp_path: Path) -> None:

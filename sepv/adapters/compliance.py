@@ -8,11 +8,13 @@ not do what its documentation says: each ends with exit code 1 while that is so,
 from __future__ import annotations
 
 import ast
+import hashlib
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib import import_module
+from functools import partial
+from importlib import import_module, resources
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -22,17 +24,19 @@ import numpy as np
 
 from sepv import problems, wiener
 from sepv._version import __version__
+from sepv.adapters.cells import Cell, measured
 from sepv.adapters.multistep import PathSolver
 from sepv.convergence import StrongErrors, log_decay, slope
 from sepv.engine.ensemble import ensemble
+from sepv.errors import SepvError
 from sepv.exact import exact_flow
-from sepv.law import Effort, Verdict
+from sepv.law import Effort, Law, Verdict
 from sepv.problem import Array, Problem
 from sepv.progress import Shown, showing
 from sepv.scheme import Scheme
 from sepv.schemes import energy_preserving
 from sepv.sequential import FALSE_ALARM, FIRST_LOOK, Setup, setups
-from sepv.suite import LAWS, Report, verify
+from sepv.suite import LAWS, load_laws, verify
 from sepv.tolerance import energy_ulp
 
 LIBRARIES = ("diffrax", "torchsde", "sdeint")
@@ -86,57 +90,73 @@ class Deviation:
     text: str
 
 
-def scheme_row(library: str, scheme: Scheme, effort: Effort) -> Row:
+def scheme_cells(library: str, scheme: Scheme, effort: Effort) -> Iterator[Cell]:
     """Every law on one scheme, and its energy defects."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        report = verify(scheme, effort=effort)
-        if report.interrupted:
-            raise KeyboardInterrupt
-        energy = tuple(_energy_of_scheme(scheme, problems.by_name(s.problem), s.T) for s in SETUPS)
-    notes = tuple(
-        f"{scheme.name}, {f.law}: {f.message.splitlines()[0]}"
-        for f in report.findings
-        if f.verdict is Verdict.ERROR and f.message
-    )
+    release = _release(library)
+    for law in load_laws():
+        yield Cell(
+            scheme.name,
+            law.name,
+            (release, *_suite_key(effort), law.statement, law.source, _text_of(law), *_claimed(scheme)),
+            partial(_finding, scheme, law.name, effort),
+        )
+    for setup in SETUPS:
+        problem = problems.by_name(setup.problem)
+        yield Cell(
+            scheme.name,
+            f"energy defect, {setup.problem}",
+            (release, *_suite_key(effort), setup.T, PATHS, ENERGY_STEPS),
+            partial(_energy_of_scheme, scheme, problem, setup.T),
+        )
+
+
+def scheme_row(library: str, scheme: Scheme, cells: Mapping[tuple[str, str], Any]) -> Row:
+    """The line of a scheme whose cells are measured."""
+    findings = {name: cells[scheme.name, name] for name in LAWS}
     return Row(
         library=library,
         release=_release(library),
         solver=scheme.name.removeprefix(f"{library} "),
         source=scheme.source,
         claimed=" / ".join(f"{o:g}" for o in (scheme.mean_square_order, scheme.weak_order) if o is not None),
-        orders=_orders(report),
-        energy=energy,
-        verdicts={f.law: _MARKS[f.verdict] + (" +" if f.claimed else "") for f in report.findings},
-        notes=notes,
+        orders=_orders(findings["mean-square-order"]["measured"]),
+        energy=tuple(cells[scheme.name, f"energy defect, {s.problem}"] for s in SETUPS),
+        verdicts={
+            name: _MARKS[Verdict(f["verdict"])] + (" +" if f["claimed"] else "")
+            for name, f in findings.items()
+        },
+        notes=tuple(
+            f"{scheme.name}, {name}: {f['message'].splitlines()[0]}"
+            for name, f in findings.items()
+            if Verdict(f["verdict"]) is Verdict.ERROR and f["message"]
+        ),
     )
 
 
-def path_row(library: str, solver: PathSolver, effort: Effort) -> Row:
-    """The two laws about whole paths and the energy defects of a solver that hands state on."""
-    alpha = FALSE_ALARM / len(SETUPS)
-    orders, falls, energy, notes = [], [], [], []
+def path_cells(library: str, solver: PathSolver, effort: Effort) -> Iterator[Cell]:
+    """The error of whole paths and the energy defect of a solver that hands state on, problem by problem."""
     for setup in SETUPS:
-        problem = problems.by_name(setup.problem)
-        errors = _path_errors(solver, problem, setup, effort.seed)
-        if any(errors.failures):
-            counts = ", ".join(str(n) for n in errors.failures)
-            notes.append(
-                f"{solver.name}, {setup.problem}: {counts} of {PATHS} paths failed with "
-                f"{', '.join(str(n) for n in errors.steps)} steps and are left out at every number of steps"
-            )
-        orders.append(slope(errors, alpha))
-        decay = log_decay(errors, alpha)
-        falls.append(replace(decay, value=-decay.value))
-        energy.append(_energy_of_paths(solver, problem, setup.T))
-    # The thresholds of the laws of these names.
+        yield Cell(
+            solver.name,
+            f"whole paths, {setup.problem}",
+            (_release(library), *_suite_key(effort), setup.T, setup.steps, PATHS, ENERGY_STEPS),
+            partial(_paths, solver, setup, effort.seed),
+        )
+
+
+def path_row(library: str, solver: PathSolver, cells: Mapping[tuple[str, str], Any]) -> Row:
+    """The line of such a solver whose cells are measured: two laws, by the thresholds of the laws of these names."""
+    found = [cells[solver.name, f"whole paths, {s.problem}"] for s in SETUPS]
     span = min(s.steps[-1] / s.steps[0] for s in SETUPS)
     limits = (
-        ("mean-square-order", orders, solver.mean_square_order - 0.25),
-        ("right-limit", falls, 0.25 * np.log(span)),
+        ("mean-square-order", "order", solver.mean_square_order - 0.25),
+        ("right-limit", "fall", 0.25 * np.log(span)),
     )
     verdicts = {}
-    for law, found, limit in limits:
-        above, below = all(e.low > limit for e in found), any(e.high < limit for e in found)
+    for law, number, limit in limits:
+        intervals = [cell[number] for cell in found]
+        above = all(low > limit for _, low, _ in intervals)
+        below = any(high < limit for _, _, high in intervals)
         verdict = Verdict.HOLDS if above else Verdict.VIOLATED if below else Verdict.INCONCLUSIVE
         verdicts[law] = f"{_MARKS[verdict]} +"
     return Row(
@@ -145,11 +165,60 @@ def path_row(library: str, solver: PathSolver, effort: Effort) -> Row:
         solver=solver.name.removeprefix(f"{library} "),
         source=solver.source,
         claimed=f"{solver.mean_square_order:g}",
-        orders=tuple(_interval(e.value, e.low, e.high) for e in orders),
-        energy=tuple(energy),
+        orders=tuple(_interval(*cell["order"]) for cell in found),
+        energy=tuple(cell["energy"] for cell in found),
         verdicts=verdicts,
-        notes=tuple(notes),
+        notes=tuple(cell["note"] for cell in found if cell["note"]),
     )
+
+
+def _suite_key(effort: Effort) -> tuple[Any, ...]:
+    return (__version__, effort.seed, effort.examples, effort.paths, effort.designs)
+
+
+def _text_of(law: Law) -> str:
+    """A digest of the law's own file, so that a law that measures something else is measured anew."""
+    file = resources.files("sepv.properties") / f"test_{law.name.replace('-', '_')}.py"
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def _claimed(scheme: Scheme) -> tuple[Any, ...]:
+    return (sorted(scheme.claims), scheme.mean_square_order, scheme.weak_order)
+
+
+def _finding(scheme: Scheme, law: str, effort: Effort) -> dict[str, Any]:
+    """What the table needs of one law's finding."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        report = verify(scheme, laws=[law], effort=effort)
+    if report.interrupted:
+        raise KeyboardInterrupt
+    finding = report.finding(law)
+    return {
+        "verdict": finding.verdict.value,
+        "claimed": finding.claimed,
+        "message": finding.message,
+        "measured": (finding.witness or {}).get("measured", ()) if law == "mean-square-order" else (),
+    }
+
+
+def _paths(solver: PathSolver, setup: Setup, seed: int) -> dict[str, Any]:
+    """Order and fall of the error as (estimate, low, high), the energy defect, and paths that failed."""
+    alpha = FALSE_ALARM / len(SETUPS)
+    problem, note = problems.by_name(setup.problem), ""
+    errors = _path_errors(solver, problem, setup, seed)
+    if any(errors.failures):
+        counts = ", ".join(str(n) for n in errors.failures)
+        note = (
+            f"{solver.name}, {setup.problem}: {counts} of {PATHS} paths failed with "
+            f"{', '.join(str(n) for n in errors.steps)} steps and are left out at every number of steps"
+        )
+    order, decay = slope(errors, alpha), log_decay(errors, alpha)
+    return {
+        "order": (order.value, order.low, order.high),
+        "fall": (-decay.value, decay.low, decay.high),
+        "energy": _energy_of_paths(solver, problem, setup.T),
+        "note": note,
+    }
 
 
 def _path_errors(solver: PathSolver, problem: Problem, setup: Setup, seed: int) -> StrongErrors:
@@ -172,7 +241,8 @@ def _path_errors(solver: PathSolver, problem: Problem, setup: Setup, seed: int) 
 
 
 def _energy_of_scheme(scheme: Scheme, problem: Problem, T: float) -> str:
-    result = ensemble(scheme, problem, h=T / ENERGY_STEPS, T=T, paths=PATHS, engine="numpy")
+    with np.errstate(over="ignore", invalid="ignore"):
+        result = ensemble(scheme, problem, h=T / ENERGY_STEPS, T=T, paths=PATHS, engine="numpy")
     failed = int(np.count_nonzero(result.status))
     return f"{failed} paths failed" if failed else _energy(problem, result.energy_defect)
 
@@ -190,10 +260,9 @@ def _energy(problem: Problem, defects: Array) -> str:
     return f"{float(np.max(defects)) / energy_ulp(problem, start, start):.2g}"
 
 
-def _orders(report: Report) -> tuple[str, ...]:
+def _orders(measured: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
     """The cells of the measured order, from the law's witness; a dash where it measured none."""
-    witness = report.finding("mean-square-order").witness or {}
-    found = {m["problem"]: m for m in witness.get("measured", ())}
+    found = {m["problem"]: m for m in measured}
     cells = []
     for setup in SETUPS:
         m = found.get(setup.problem)
@@ -209,7 +278,7 @@ def _release(library: str) -> str:
     return __version__ if library == "sepv" else version(library)
 
 
-def rows(libraries: Sequence[str], effort: Effort, shown: Shown) -> Iterator[Row]:
+def rows(libraries: Sequence[str], effort: Effort, folder: Path | None, shown: Shown) -> list[Row]:
     """The rows of the libraries that are installed, after one of sepv's own for comparison."""
     jobs: list[tuple[str, Any]] = [("sepv", replace(energy_preserving, name="energy-preserving"))]
     for library in libraries:
@@ -219,9 +288,16 @@ def rows(libraries: Sequence[str], effort: Effort, shown: Shown) -> Iterator[Row
             click.echo(f"{library} left out: no module named {error.name!r}", err=True)
             continue
         jobs += [(library, solver) for solver in (*adapter.SCHEMES, *adapter.PATHS)]
-    for n, (library, solver) in enumerate(jobs):
-        shown.update(solver.name, n / len(jobs))
-        yield (path_row if isinstance(solver, PathSolver) else scheme_row)(library, solver, effort)
+    cells = [
+        cell
+        for library, solver in jobs
+        for cell in (path_cells if isinstance(solver, PathSolver) else scheme_cells)(library, solver, effort)
+    ]
+    found = measured(cells, folder, shown)
+    return [
+        (path_row if isinstance(solver, PathSolver) else scheme_row)(library, solver, found)
+        for library, solver in jobs
+    ]
 
 
 def document(found: Sequence[Row], deviations: Sequence[Deviation], command: str) -> str:
@@ -305,17 +381,31 @@ def deviations_shown_by(folder: Path) -> list[Deviation]:
 
 @click.command()
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="Write the page to this file.")
+@click.option(
+    "--keep",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="A folder for what is measured: what it holds is not measured again, so that an interrupted run goes on.",
+)
 @click.option("--library", "libraries", multiple=True, type=click.Choice(LIBRARIES), help="Only this one.")
 @click.option(
     "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths."
 )
-def main(out: Path | None, libraries: tuple[str, ...], seed: int) -> None:
+def main(out: Path | None, keep: Path | None, libraries: tuple[str, ...], seed: int) -> None:
     """Measure every law on every solver that the adapters cover, and write the table as Markdown."""
     # Counterexamples are not shown here, so that little is spent on simplifying them.
     effort = Effort(seed=seed, shrink_checks=50)
-    with showing() as line:
-        found = list(rows(libraries or LIBRARIES, effort, line))
-    shown = deviations_shown_by(out.parent / "peers") if out else []
+    if keep is not None:
+        keep.mkdir(parents=True, exist_ok=True)
+    try:
+        with showing() as line:
+            found = rows(libraries or LIBRARIES, effort, keep, line)
+            line.update("the scripts that show deviations", 1.0)
+            shown = deviations_shown_by(out.parent / "peers") if out else []
+    except SepvError as error:
+        raise click.ClickException(str(error)) from None
+    except KeyboardInterrupt:
+        click.echo(f"interrupted: what was measured is in {keep}" if keep else "interrupted", err=True)
+        raise SystemExit(130) from None
     chosen = "".join(f" --library {name}" for name in libraries) + (f" --seed {seed}" if seed else "")
     target = f" --out {out}" if out else ""
     page = document(found, shown, f"python -m sepv.adapters.compliance{target}{chosen}")
