@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache, wraps
 from itertools import combinations, combinations_with_replacement, count, permutations
 from random import Random
 
@@ -43,6 +44,32 @@ GENERIC = 1 / 64
 TRIES = 24
 
 
+Make = Callable[[Levels, int], Case]
+
+
+def drawn(make: Callable[[Levels, Random], Case]) -> Make:
+    """`make` with its random numbers from seed and strata: the same strata have the same content, made once."""
+
+    @cache
+    def known(strata: tuple[tuple[str, Stratum], ...], seed: int) -> Case:
+        return make(dict(strata), _random(dict(strata), seed))
+
+    @wraps(make)
+    def made(levels: Levels, seed: int) -> Case:
+        return known(tuple(levels.items()), seed)
+
+    return made
+
+
+def _random(levels: Levels, seed: int) -> Random:
+    return Random(f"{seed} {[(axis, stratum.name) for axis, stratum in levels.items()]}")
+
+
+def _without(axis: str, levels: Levels) -> Levels:
+    return {name: stratum for name, stratum in levels.items() if name != axis}
+
+
+@drawn
 def single(levels: Levels, random: Random) -> Case:
     """A case of class (1.1)."""
     for attempt in count():
@@ -57,8 +84,6 @@ def single(levels: Levels, random: Random) -> Case:
         )
         H = hamiltonian(d, n, terms, unit, random)
         c = noise(levels["m"], random)
-        if "reduced" in levels and levels["reduced"].name == "c = 0":
-            c = (0.0,) * len(c)
         system = PolynomialSystem(d, H, B, c, quadratic, linear)
         found = placed(system, y, levels, random)
         if found is not None and (attempt >= TRIES or tells(found, levels)):
@@ -66,6 +91,7 @@ def single(levels: Levels, random: Random) -> Case:
     raise AssertionError("unreachable")
 
 
+@drawn
 def nambu(levels: Levels, random: Random) -> Case:
     """A case with B(y)v = g(y)(v × ∇C(y)) in dimension three."""
     for attempt in count():
@@ -78,14 +104,13 @@ def nambu(levels: Levels, random: Random) -> Case:
         most = monomials(3, degree) - monomials(3, least - 1)
         C = hamiltonian(3, degree, min(random.randint(2, 6), most), unit, random, least=least)
         c = noise(levels["m"], random)
-        if "reduced" in levels and levels["reduced"].name == "c = 0":
-            c = (0.0,) * len(c)
         found = placed(problems.nambu_system(H, g, C, c), y, levels, random)
         if found is not None and (attempt >= TRIES or tells(found, levels)):
             return found
     raise AssertionError("unreachable")
 
 
+@drawn
 def several(levels: Levels, random: Random) -> Case:
     """A case with a structure for each noise."""
     for attempt in count():
@@ -110,11 +135,11 @@ def several(levels: Levels, random: Random) -> Case:
     raise AssertionError("unreachable")
 
 
-def still(levels: Levels, random: Random) -> Case:
+def still(levels: Levels, seed: int) -> Case:
     """A case whose step must not move: Δ = 0 exactly, or ∇H = 0 at y."""
     if levels["why"].name == "∇H = 0":
-        return at_rest(levels, random)
-    case = single(levels, random)
+        return at_rest(_without("why", levels), seed)
+    case = single(_without("why", levels), seed)
     assert isinstance(case.problem, PolynomialSystem)
     c = case.problem.noise
     if not c:
@@ -124,6 +149,7 @@ def still(levels: Levels, random: Random) -> Case:
     return replace(case, dW=(-case.h / c[0], *others))
 
 
+@drawn
 def at_rest(levels: Levels, random: Random) -> Case:
     """A critical point of H: each monomial has degree ≥ 2 in the components of y that are zero."""
     for attempt in count():
@@ -191,23 +217,36 @@ def at_origin(share: float, levels: Levels, random: Random) -> Case:
         return Case(scaled, (0.0,) * d, step, dW, given=levels["given as"].name)
 
 
-def same_structures(levels: Levels, random: Random) -> Case:
+def same_structures(levels: Levels, seed: int) -> Case:
     """Several structures, all of them B: (2.1)."""
-    case = single(levels, random)
+    case = single(levels, seed)
     assert isinstance(case.problem, PolynomialSystem)
     copies = (case.problem.structure,) * len(case.problem.noise)
     return replace(case, problem=replace(case.problem, noise_structures=copies))
 
 
-def unmoved(make: Callable[[Levels, Random], Case], levels: Levels, random: Random) -> Case:
+def reduced(make: Make, levels: Levels, seed: int) -> Case:
+    """A case with constant B, or with c = 0: then h alone is as long as the step was."""
+    case = make(_without("reduced", levels), seed)
+    if levels["reduced"].name == "constant B":
+        return case
+    assert isinstance(case.problem, PolynomialSystem)
+    silent = replace(case.problem, noise=(0.0,) * len(case.problem.noise))
+    found = placed(silent, case.y, levels, _random(levels, seed))
+    assert found is not None  # whether it moves is a matter of H and B alone
+    return found
+
+
+def unmoved(make: Make, levels: Levels, seed: int) -> Case:
     """h = 0 and no increments."""
-    case = make(levels, random)
+    case = make(levels, seed)
     return replace(case, h=0.0, dW=(0.0,) * len(case.dW))
 
 
-def batched(make: Callable[[Levels, Random], Case], levels: Levels, random: Random) -> Case:
+def batched(make: Make, levels: Levels, seed: int) -> Case:
     """A case that is asked about in a batch."""
-    return replace(make(levels, random), batch=_integer(levels["batch"], random))
+    case = make(_without("batch", levels), seed)
+    return replace(case, batch=_integer(levels["batch"], _random(levels, seed)))
 
 
 def placed(

@@ -18,6 +18,9 @@ Partial = list[int | None]
 Pair = tuple[tuple[int, int], tuple[int, int]]
 # Ways of breaking ties.
 ATTEMPTS = 4
+# Open pairs that a row must meet to be taken because it is offered: where fewer are left, one row made for them meets
+# more of them.
+LEAST = 4
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,7 @@ def pairwise(
     levels: Sequence[int],
     allowed: Callable[[Partial], bool],
     hiding: frozenset[tuple[int, int]] = frozenset(),
+    offered: Sequence[Row] = (),
 ) -> Design:
     """A design for factors with so many levels each.
 
@@ -43,8 +47,11 @@ def pairwise(
     hiding : set of (factor, level)
         Levels beside which a fault of other factors may not show: pairs of others are not met in such a row, unless
         they are possible in no other.
+    offered : rows
+        Cheaper than others, allowed: those that meet many pairs are taken first.
     """
-    designs = [_Greedy(levels, allowed, hiding, shift).design() for shift in range(ATTEMPTS)]
+    taken = _Greedy(levels, allowed, hiding, 0).taken(offered)
+    designs = [_Greedy(levels, allowed, hiding, shift).design(taken) for shift in range(ATTEMPTS)]
     return min(designs, key=lambda design: len(design.rows))
 
 
@@ -72,8 +79,11 @@ class _Greedy:
             [everything & ~(((1 << size) - 1) << self.first[f])] * size for f, size in enumerate(levels)
         ]
 
-    def design(self) -> Design:
-        rows, impossible = [], set()
+    def design(self, taken: Sequence[Row]) -> Design:
+        """`taken` and the rows that it lacks."""
+        rows, impossible = [*taken], set[Pair]()
+        for known in taken:
+            self._meet(known)
         for pair in combinations([(f, k) for f, size in enumerate(self.levels) for k in range(size)], 2):
             (f, k), second = pair
             if f == second[0] or not self.open[f][k] >> self._number(second) & 1:
@@ -84,9 +94,31 @@ class _Greedy:
                 self._close(pair)
                 continue
             rows.append(row)
-            for met in [pair, *shown_pairs(row, self.hiding)]:
-                self._close(met)
+            self._close(pair)
+            self._meet(row)
         return Design(tuple(rows), frozenset(impossible))
+
+    def taken(self, offered: Sequence[Row]) -> list[Row]:
+        """Of the rows offered those that meet the most open pairs each, down to LEAST."""
+        rows: list[Row] = []
+        masks = {row: sum(1 << self._number(level) for level in enumerate(row)) for row in offered}
+        while masks:
+            best = max(masks, key=lambda row: self._gain(row, masks[row]))
+            if self._gain(best, masks.pop(best)) < LEAST:
+                break
+            rows.append(best)
+            self._meet(best)
+        return rows
+
+    def _gain(self, row: Row, mask: int) -> int:
+        """How many open pairs are met in a row."""
+        hidden = [level for level in enumerate(row) if level in self.hiding]
+        if len(hidden) > 1:
+            return sum(
+                self.open[f][k] >> self._number(other) & 1 for (f, k), other in shown_pairs(row, self.hiding)
+            )
+        meeting = sum((self.open[f][k] & mask).bit_count() for f, k in hidden or enumerate(row))
+        return meeting if hidden else meeting // 2
 
     def _number(self, level: tuple[int, int]) -> int:
         return self.first[level[0]] + level[1]
@@ -94,6 +126,10 @@ class _Greedy:
     def _close(self, pair: Pair) -> None:
         for (f, k), other in (pair, pair[::-1]):
             self.open[f][k] &= ~(1 << self._number(other))
+
+    def _meet(self, row: Row) -> None:
+        for pair in shown_pairs(row, self.hiding):
+            self._close(pair)
 
     def _row(self, goal: Pair) -> Row | None:
         """A row with the pair `goal` and many other open pairs, by a greedy choice; None where there is none."""

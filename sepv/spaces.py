@@ -5,12 +5,15 @@ Laws without one here are searched at random only.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 from sepv.content import (
     at_origin,
     batched,
+    drawn,
     nambu,
+    reduced,
     same_structures,
     several,
     single,
@@ -65,15 +68,21 @@ _SINGLE: dict[str, Space] = {
         Casimirs=("linear", "quadratic", "two"), d=("3", "4–6", "7–9", "10–12")
     ).without_faults(**_CONSTANT, Casimirs=("linear",)),
     "midpoint": SINGLE.restricted(degree_of_H=("1–2",)).without_faults(**_CONSTANT),
-    "reduction": Space((REDUCED, *SINGLE.axes), single),
+    "reduction": Space((REDUCED, *SINGLE.axes), partial(reduced, single)),
     "noise-sum": SINGLE.restricted(m=_SEVERAL_NOISES),
     "random-step": SINGLE.restricted(m=_SOME_NOISE).without_faults(**_CONSTANT),
-    "expansion": Space((*_SYSTEM, STEP, GIVEN), partial(at_origin, ORIGIN_SHARE)).restricted(
+    "expansion": Space((*_SYSTEM, STEP, GIVEN), drawn(partial(at_origin, ORIGIN_SHARE))).restricted(
         m=_SOME_NOISE, **{"|Δ|": _SHORT}
     ),
     "equivariance": SINGLE.restricted(
         d=("2", "3", "4–6", "7–9"), degree_of_B=("0", "1", "2–3"), **_SUBSTITUTED
     ),
+}
+# All but "expansion" ask for the same axes: they take their rows from the design in which least is hidden by others.
+_POOL = _SINGLE["reference"]
+_POOLED = {
+    law: replace(space, pool=_POOL) if law not in ("reference", "expansion") else space
+    for law, space in _SINGLE.items()
 }
 
 NAMBU = Space((DIMENSION, DEGREE, TERMS, CASIMIR_DEGREE, FACTOR, NOISES, *_STEPS), nambu).restricted(d=("3",))
@@ -85,7 +94,7 @@ _NAMBU: dict[str, Space] = {
     "identity": Space(NAMBU.axes, partial(unmoved, nambu)),
     "casimir": NAMBU.restricted(degree_of_C=("1", "2")),
     "midpoint": NAMBU.restricted(degree_of_H=("1–2",), terms_of_H=("1–2", "3–9"), degree_of_C=("2",)),
-    "reduction": Space((REDUCED, *NAMBU.axes), nambu),
+    "reduction": Space((REDUCED, *NAMBU.axes), partial(reduced, nambu)),
     "noise-sum": NAMBU.restricted(m=_SEVERAL_NOISES),
     "random-step": NAMBU.restricted(m=_SOME_NOISE),
     "equivariance": NAMBU.restricted(degree_of_C=("1", "2", "3–4"), degree_of_g=("0", "1–2"), **_SUBSTITUTED),
@@ -110,4 +119,4 @@ _SEVERAL: dict[str, Space] = {
 }
 
 # By class of systems and law.
-SPACES: dict[str, dict[str, Space]] = {"single": _SINGLE, "nambu": _NAMBU, "several": _SEVERAL}
+SPACES: dict[str, dict[str, Space]] = {"single": _POOLED, "nambu": _NAMBU, "several": _SEVERAL}

@@ -1,17 +1,17 @@
 """The space of cases: axes, the strata of each, what cannot be combined and why, and designs that cover it.
 
 A law has the space that it speaks of; `Space.cases` are its cases by design: each possible pair of strata occurs,
-with random content inside. What a stratum means is in `sepv.content`, which makes the cases.
+with random content inside. What a stratum means is in `sepv.content`, which makes the cases: once for all laws that
+ask for the same strata. So that many do, a design may take its rows from another one, its pool.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from itertools import product
-from random import Random
 from typing import NamedTuple
 
 from sepv.case import Case
@@ -144,17 +144,20 @@ class Space:
 
     Attributes
     ----------
-    make : (levels, random) -> Case
-        A case inside the strata, random otherwise.
+    make : (levels, seed) -> Case
+        A case inside the strata, random otherwise: the same for the same seed.
     beside : set of (axis, stratum)
         Beside these a fault of other axes may not show: of what the law is about nothing can be wrong there, such as
         the quadrature where H is quadratic. What is met there only is not met.
+    pool : Space, optional
+        One whose rows the design takes where they serve: their content is made already.
     """
 
     axes: tuple[Axis, ...]
-    make: Callable[[Levels, Random], Case]
+    make: Callable[[Levels, int], Case]
     rules: tuple[Rule, ...] = field(default=RULES)
     beside: frozenset[tuple[str, str]] = field(default=frozenset({HIDING}))
+    pool: Space | None = field(default=None)
 
     def restricted(self, **strata: tuple[str, ...]) -> Space:
         """The part with these strata only; axes by name with _ for spaces."""
@@ -166,11 +169,11 @@ class Space:
             Axis(a.name, tuple(s for s in a.strata if s.name in wanted.get(a.name, (s.name,))))
             for a in self.axes
         )
-        return Space(kept, self.make, self.rules, self.beside)
+        return replace(self, axes=kept)
 
     def with_axes(self, *axes: Axis) -> Space:
         """The space with further axes."""
-        return Space((*self.axes, *axes), self.make, self.rules, self.beside)
+        return replace(self, axes=(*self.axes, *axes))
 
     def without_faults(self, **strata: tuple[str, ...]) -> Space:
         """The space where no fault shows in these strata; axes by name with _ for spaces."""
@@ -178,13 +181,13 @@ class Space:
         unknown = named - {(axis.name, s.name) for axis in self.axes for s in axis.strata}
         if unknown:
             raise KeyError(f"no strata {unknown}")
-        return Space(self.axes, self.make, self.rules, self.beside | named)
+        return replace(self, beside=self.beside | named)
 
     def levels(self, row: Row) -> Levels:
         """The strata of a row, by axis."""
         return {axis.name: axis.strata[k] for axis, k in zip(self.axes, row, strict=True)}
 
-    def forbidden(self, row: Partial) -> str:
+    def forbidden(self, row: Partial | Row) -> str:
         """Why the strata chosen so far cannot go together; empty where they can."""
         for rule, axes, refused in self._refusals:
             if tuple([row[a] for a in axes]) in refused:
@@ -219,11 +222,25 @@ class Space:
 
     def design(self) -> Design:
         """Rows in which every possible pair of strata occurs."""
-        return _design(self.axes, self.rules, self.beside)
+        return _design(replace(self, make=_none))
 
     def cases(self, seed: int) -> list[tuple[Row, Case]]:
         """A case for each row of the design; another seed gives other content in the same strata."""
         return _cases(self, seed)
+
+    def offered(self) -> list[Row]:
+        """The rows of the pool's design that have their strata here, with any of the axes that the pool lacks."""
+        found: list[Row] = []
+        if self.pool is None:
+            return found
+        for row in self.pool.design().rows:
+            levels = self.pool.levels(row)
+            numbers = [
+                [k for k, stratum in enumerate(axis.strata) if levels.get(axis.name, stratum) == stratum]
+                for axis in self.axes
+            ]
+            found += [own for own in product(*numbers) if not self.forbidden(own)]
+        return found
 
     def impossible(self, pair: Pair) -> str:
         """Why no case has both strata."""
@@ -237,12 +254,16 @@ class Space:
         return shown_pairs(row, self.hiding)
 
 
+def _none(_levels: Levels, _seed: int) -> Case:
+    raise AssertionError("a design has rows only")
+
+
 @cache
-def _design(axes: tuple[Axis, ...], rules: tuple[Rule, ...], beside: frozenset[tuple[str, str]]) -> Design:
-    space = Space(axes, lambda _levels, _random: Case(None, ()), rules, beside)  # type: ignore[arg-type]  # rows only
-    return pairwise([len(axis.strata) for axis in axes], lambda row: not space.forbidden(row), space.hiding)
+def _design(space: Space) -> Design:
+    sizes = [len(axis.strata) for axis in space.axes]
+    return pairwise(sizes, lambda row: not space.forbidden(row), space.hiding, space.offered())
 
 
 @cache
 def _cases(space: Space, seed: int) -> list[tuple[Row, Case]]:
-    return [(row, space.make(space.levels(row), Random(f"{seed} {row}"))) for row in space.design().rows]
+    return [(row, space.make(space.levels(row), seed)) for row in space.design().rows]
