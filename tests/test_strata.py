@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -266,3 +267,21 @@ def test_a_counterexample_is_simplified_with_so_many_checks_and_no_more() -> Non
 
     as_found = checks(0)
     assert as_found < checks(5) <= as_found + 6 < checks(50)
+
+
+def test_laws_that_ask_for_the_same_strata_are_asked_about_the_same_case() -> None:
+    pool = {case for _, case in SPACES["single"]["reference"].cases(5)}
+    for law in ("contract", "energy", "symmetry", "random-step"):
+        cases_of_law = [case for _, case in SPACES["single"][law].cases(5)]
+        assert len(pool.intersection(cases_of_law)) > len(cases_of_law) / 2
+    batches = [replace(case, batch=0) for _, case in SPACES["single"]["reproducibility"].cases(5)]
+    assert len(pool.intersection(batches)) > len(batches) / 2
+
+
+def test_rows_that_are_offered_are_taken_while_they_meet_many_pairs() -> None:
+    offered = [(0, 0, 0), (1, 1, 1), (1, 1, 0)]
+    design = pairwise([2, 2, 2], lambda _: True, offered=offered)
+    assert design.rows[0] in offered
+    assert not design.impossible
+    met = {pair for row in design.rows for pair in shown_pairs(row)}
+    assert len(met) == 12
