@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,12 +12,16 @@ from sepv.candidate import ask
 from sepv.case import Case, with_noise
 from sepv.errors import Skipped
 from sepv.law import Effort, Measurement, require
+from sepv.polynomial import Polynomial
 from sepv.problem import PolynomialSystem
 from sepv.scheme import Scheme
 from sepv.search import searched
 from sepv.strategies import CONTRACTION, noises, poisson_systems, steps
 from sepv.structures import StructuresProblem
 from sepv.tolerance import state_ulp, step_residual
+
+# c_j, G_j and ΔW_j.
+Noise = tuple[float, tuple[tuple[int, int, Polynomial], ...], float]
 
 
 @st.composite
@@ -34,23 +39,36 @@ def cases() -> st.SearchStrategy[Case]:
 def check(scheme: Scheme, case: Case) -> Measurement:
     """The step with all noises, with the noises reversed, and with their sum as one noise of c = 1.
 
-    The three solve one equation, with residuals r; inside the contraction radius their distance is at
-    most 2r/(1 − CONTRACTION) in the largest component. The rounding of Δ is part of r.
+    Several structures cannot be summed: there the noises move on by one as well, and one with c = 0 comes before them.
+    What a scheme exchanges by place is exchanged otherwise then. An exchange that both permutations leave alone, as
+    that of two noises, the third does not. All solve one equation, with residuals r; inside the contraction radius
+    their distance is at most 2r/(1 − CONTRACTION) in the largest component. The rounding of Δ is part of r.
     """
     problem, _, _, dW = case.build()
     data, c = case.problem, tuple(float(v) for v in problem.c)
     if isinstance(problem, StructuresProblem):
         if not isinstance(data, PolynomialSystem):
             raise Skipped("its noises cannot be reversed: the problem is not data")
-        turned = replace(data, noise=data.noise[::-1], noise_structures=data.noise_structures[::-1])
-        others = {"reversed": replace(case, problem=turned, dW=case.dW[::-1])}
-        return _furthest(scheme, case, others)
+        noises = list(zip(data.noise, data.noise_structures, case.dW, strict=True))
+        still = (0.0, data.noise_structures[0], case.dW[0])
+        orders = {
+            "reversed": noises[::-1],
+            "moved on by one": [noises[-1], *noises[:-1]],
+            "after one of c = 0": [still, *noises],
+        }
+        return _furthest(scheme, case, {name: _ordered(case, data, order) for name, order in orders.items()})
     total = float(sum(c * w for c, w in zip(problem.c, dW, strict=True)))
     others = {
         "reversed": with_noise(case, c[::-1], case.dW[::-1]),
         "as one": with_noise(case, (1.0,), (total,)),
     }
     return _furthest(scheme, case, others)
+
+
+def _ordered(case: Case, data: PolynomialSystem, noises: Sequence[Noise]) -> Case:
+    """The step with these noises, each with its own structure and increment."""
+    c, structures, dW = zip(*noises, strict=True)
+    return replace(case, problem=replace(data, noise=c, noise_structures=structures), dW=dW)
 
 
 def _furthest(scheme: Scheme, case: Case, others: dict[str, Case]) -> Measurement:

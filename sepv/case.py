@@ -34,6 +34,8 @@ class Case:
         How the scheme sees the problem: one of `sepv.opaque.GIVEN`.
     batch : int
         For laws about batches: how many states are asked about together. 0 leaves it to the law.
+    times : int
+        For the contract: how often the question is asked in a row. 0 leaves it to the law.
     """
 
     problem: Description
@@ -42,6 +44,7 @@ class Case:
     dW: tuple[float, ...] = ()
     given: str = "data"
     batch: int = 0
+    times: int = 0
 
     def build(self) -> tuple[Problem, Array, float, Array]:
         """The arguments of ``step``. The problem is the whole one; `sepv.candidate.ask` shows it as it is given."""
@@ -61,6 +64,7 @@ class Case:
                 f"h = {self.h!r}, c = {_row(problem.c)}, dW = {_row(self.dW)}"
                 + ("" if several else f", so Δ = {step!r}"),
                 *([f"in a batch of {self.batch}"] if self.batch else []),
+                *([f"asked {self.times} times in a row"] if self.times else []),
             ]
         )
 
@@ -92,6 +96,7 @@ def to_json(case: Case) -> dict[str, Any]:
         "dW": [v.hex() for v in case.dW],
         **({} if case.given == "data" else {"given": case.given}),
         **({"batch": case.batch} if case.batch else {}),
+        **({"times": case.times} if case.times else {}),
     }
 
 
@@ -111,6 +116,7 @@ def from_json(data: Any) -> Case:
             dW=tuple(parse_float(v) for v in data["dW"]),
             given=_given(data.get("given", "data")),
             batch=int(data.get("batch", 0)),
+            times=int(data.get("times", 0)),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise UsageError(

@@ -97,6 +97,12 @@ def _structures_at_start(problem: Problem, y0: Array, y1: Array, step: Array) ->
     return matvec(drift + noise, mean(problem, y0, y1))
 
 
+def _exchanged(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    """The increments of the first and the last noise change places."""
+    rows = [0, len(step) - 1, *range(2, len(step) - 1), 1] if len(step) > 2 else range(len(step))
+    return matvec(combined(problem, middle(y0, y1), step[list(rows)]), mean(problem, y0, y1))
+
+
 def _rest_where_undefined(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
     """S_j = 0 where ∇H_0 = 0, though B∇H_j is not: y1 = y0 solves that."""
     return matvec(np.nan_to_num(combined(problem, middle(y0, y1), step)), mean(problem, y0, y1))
@@ -165,6 +171,12 @@ _TABLE = (
             "right-limit",
             "commutation",
         ),
+    ),
+    (
+        "structures-exchanged",
+        "the first noise is given to the last G_j, and the last one to the first",
+        _imitating(several_structures, implicit_step(_exchanged, parts), batched=True),
+        ("noise-sum", "expansion", "reference"),
     ),
     (
         "rests-where-undefined",

@@ -115,6 +115,17 @@ def _hundredth(step: Step) -> Step:
     return answering
 
 
+def _thousandth(step: Step) -> Step:
+    calls = [0]
+
+    def answering(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        calls[0] += 1
+        y1 = step(problem, y, h, dW)
+        return np.nextafter(y1, 0.0) if calls[0] % 1000 == 0 else y1
+
+    return answering
+
+
 def _reseeding(step: Step) -> Step:
     def answering(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         np.random.seed(20140203)  # noqa: NPY002 - the global generator is the point
@@ -281,6 +292,7 @@ _TABLE = (
     ),
     ("dithered", "the last bit is drawn at random", around(_dithered), _CONTRACT),
     ("hundredth-call", "each hundredth call returns y0", around(_hundredth), _CONTRACT),
+    ("thousandth-call", "each thousandth call is an ulp off", around(_thousandth), _CONTRACT),
     ("reseeds", "NumPy's global random numbers are seeded", around(_reseeding), _CONTRACT),
     (
         "changes-y-in-batches",

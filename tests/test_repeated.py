@@ -1,0 +1,103 @@
+"""Faults that come seldom are seen by the contract, and noises at each other's place by noise-sum."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sepv import StepFailure, schemes
+from sepv.law import Effort, Finding, Verdict
+from sepv.problem import Array, Problem
+from sepv.saboteurs import ALL
+from sepv.scheme import Scheme
+from sepv.suite import replay, verify
+
+FEW = Effort(examples=1, shrink_checks=0)
+
+
+def counting(period: int, spoil) -> Scheme:  # type: ignore[no-untyped-def]
+    """(2.1) with each so-manieth answer spoilt."""
+    calls = [0]
+
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        calls[0] += 1
+        y1 = schemes.energy_preserving.step(problem, y, h, dW)
+        return spoil(y, y1) if calls[0] % period == 0 else y1
+
+    return Scheme("seldom wrong", step)
+
+
+def contract(scheme: Scheme) -> Finding:
+    (finding,) = verify(scheme, laws="contract", effort=FEW).findings
+    return finding
+
+
+def refuse(y: Array, _: Array) -> Array:
+    raise StepFailure(problem="any", y=y, delta=1.0, residual=1.0, status="tired", iterations=1)
+
+
+@pytest.mark.parametrize("period", [200, 700, 1024])
+def test_an_ulp_in_one_of_a_thousand_calls_breaks_the_contract(period: int) -> None:
+    finding = contract(counting(period, lambda _, y1: np.nextafter(y1, 0.0)))
+    assert finding.verdict is Verdict.VIOLATED
+
+
+@pytest.mark.parametrize("spoil", [lambda y, _: y.copy(), refuse])
+def test_a_step_that_is_left_out_or_refused_now_and_then_breaks_it_too(spoil) -> None:  # type: ignore[no-untyped-def]
+    finding = contract(counting(1000, spoil))
+    assert finding.verdict is Verdict.VIOLATED
+    assert "asked 1024 times in a row" in finding.message
+
+
+def test_the_witness_of_a_seldom_fault_is_found_again() -> None:
+    saboteur = ALL["thousandth-call"]
+    finding = contract(saboteur.scheme)
+    assert finding.witness is not None
+    assert finding.witness["times"] == 1024
+    assert replay(saboteur.scheme, "contract", finding.witness).verdict is Verdict.VIOLATED
+    assert replay(schemes.energy_preserving, "contract", finding.witness).verdict is Verdict.HOLDS
+
+
+def test_a_scheme_too_slow_to_be_asked_so_often_is_asked_as_often_as_time_allows(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from sepv.properties import test_contract
+
+    monkeypatch.setattr(test_contract, "MOST_SECONDS", 0.0)
+    asked = [0]
+
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        asked[0] += 1
+        return schemes.energy_preserving.step(problem, y, h, dW)
+
+    assert contract(Scheme("slow", step)).verdict is Verdict.HOLDS
+    assert asked[0] < 1024
+
+
+@pytest.mark.parametrize("noises", [2, 3, 4])
+def test_increments_at_each_others_place_are_seen_whatever_their_number(noises: int) -> None:
+    """Reversing two noises, or turning four by two, leaves an exchange alone that the other questions change."""
+
+    def turned(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        m = problem.noises
+        order = np.roll(np.arange(m), m // 2) if m == noises else np.arange(m)
+        moved = replace(problem, noise=problem.c[order], check=False)
+        return schemes.several_structures.step(moved, y, h, dW[order])
+
+    scheme = replace(schemes.several_structures, name="turned", step=turned, solve=None)
+    (finding,) = verify(scheme, laws="noise-sum", effort=FEW).findings
+    assert finding.verdict is Verdict.VIOLATED
+
+
+def test_several_structures_summed_in_any_order_keep_noise_sum() -> None:
+    def backward(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        order = np.arange(problem.noises)[::-1]
+        structures = tuple(problem.noise_structures[j] for j in order)  # type: ignore[attr-defined]
+        moved = replace(problem, noise=problem.c[order], noise_structures=structures, check=False)
+        return schemes.several_structures.step(moved, y, h, dW[order])
+
+    scheme = replace(schemes.several_structures, name="backward", step=backward, solve=None)
+    (finding,) = verify(scheme, laws="noise-sum", effort=FEW).findings
+    assert finding.verdict is Verdict.HOLDS
