@@ -1,7 +1,8 @@
-"""A scheme's formula is written once, for arrays and for symbols: (fields, y, z, Δ) -> R of y1 = y0 + R, z = y1 − y0.
+"""A scheme's formula is written once, for arrays and symbols: (fields, y, z, step) -> R of y1 = y0 + R, z = y1 − y0.
 
 `fields` answers what the formula asks of a problem. `Asked` answers with arrays and counts; the compiled engine answers
-with symbols, and derives Newton's matrix from the record of R.
+with symbols, and derives Newton's matrix from the record of R. `step` (k, ...) is what the scheme wants to know of the
+step: see `sepv.one_step`.
 """
 
 from __future__ import annotations
@@ -12,27 +13,45 @@ from typing import Any, Protocol, cast
 import numpy as np
 
 from sepv.average import Average, average_gradient
+from sepv.fields import derivative_along, matvec
 from sepv.implicit import Increment
 from sepv.problem import Array, Problem
+from sepv.structures import combined
 
 
 class Fields(Protocol):
     """What a formula may ask of a problem, of arrays (d, M) or of symbols (d,)."""
 
+    @property
+    def problem(self) -> Problem:
+        """The problem, for its numbers: c, the degree of H."""
+
     def structure(self, y: Any) -> Any:
         """B(y), (d, d, ...)."""
+
+    def combined(self, y: Any, step: Any) -> Any:
+        """h B(y) + Σ c_jΔW_j G_j(y), (d, d, ...), for `step` holding h and the c_jΔW_j."""
 
     def gradient(self, y: Any) -> Any:
         """∇H(y), (d, ...)."""
 
+    def field(self, y: Any) -> Any:
+        """f(y) = B(y)∇H(y), (d, ...)."""
+
+    def derivative_along(self, y: Any, v: Any) -> Any:
+        """f′(y)v, (d, ...)."""
+
     def mean_gradient(self, y: Any, z: Any) -> Any:
-        """∫₀¹∇H(y + τz)dτ, (d, ...), for the formula's own y and z."""
+        """∫₀¹∇H(y + τz)dτ, (d, ...)."""
+
+    def edge_means(self, starts: Any, z: Any) -> Any:
+        """The means of ∂_iH from column i of `starts` (d, d, ...) over z_i along the i-th axis, (d, ...)."""
 
     def factor(self, y: Any) -> Any:
         """g(y) of B(y)v = g(y)(v × ∇C(y)), (...)."""
 
     def mean_casimir_gradient(self, y: Any, z: Any) -> Any:
-        """∫₀¹∇C(y + τz)dτ, (3, ...), for the formula's own y and z."""
+        """∫₀¹∇C(y + τz)dτ, (3, ...)."""
 
 
 Formula = Callable[[Fields, Any, Any, Any], Any]
@@ -52,7 +71,7 @@ class Asked:
     """
 
     def __init__(self, problem: Problem, y0: Array, y1: Array) -> None:
-        self._problem, self._y0, self._y1 = problem, y0, y1
+        self.problem, self._y0, self._y1 = problem, y0, y1
         self.gradients = np.zeros(y0.shape[1], dtype=np.int64)
         self.structures = np.zeros_like(self.gradients)
         self.reliable = np.ones(y0.shape[1], dtype=bool)
@@ -61,42 +80,64 @@ class Asked:
     def structure(self, y: Array) -> Array:
         """B(y)."""
         self.structures = self.structures + 1
-        self.B = self._problem.structure(y)
+        self.B = self.problem.structure(y)
+        return self.B
+
+    def combined(self, y: Array, step: Array) -> Array:
+        """h B(y) + Σ c_jΔW_j G_j(y), which counts as one evaluation."""
+        self.structures = self.structures + 1
+        self.B = combined(self.problem, y, step)
         return self.B
 
     def gradient(self, y: Array) -> Array:
         """∇H(y)."""
         self.gradients = self.gradients + 1
-        return self._problem.gradient(y)
+        return self.problem.gradient(y)
+
+    def field(self, y: Array) -> Array:
+        """B(y)∇H(y)."""
+        return matvec(self.structure(y), self.gradient(y))
+
+    def derivative_along(self, y: Array, v: Array) -> Array:
+        """f′(y)v; it is not counted."""
+        return derivative_along(self.problem, y, v)
 
     def mean_gradient(self, y: Array, z: Array) -> Array:  # noqa: ARG002 - y0 and y1 − y0, which y1 is not rounded from
-        """∫₀¹∇H(y + τz)dτ."""
-        found = average_gradient(self._problem, self._y0, self._y1)
-        self.gradients = self.gradients + found.evaluations
-        self.mean = self._trusted(found)
+        """∫₀¹∇H(y + τz)dτ for the formula's own y and z."""
+        self.mean = self._means(self._y0, self._y1)
         return self.mean
+
+    def edge_means(self, starts: Array, z: Array) -> Array:
+        """The means of ∂_iH along edges."""
+        d = len(z)
+        ends = starts.copy()
+        ends[range(d), range(d)] += z
+        return self._means(starts, ends)[range(d), range(d)]
 
     def factor(self, y: Array) -> Array:
         """g(y)."""
-        assert self._problem.nambu is not None
-        return self._problem.nambu.factor(y)
+        assert self.problem.nambu is not None
+        return self.problem.nambu.factor(y)
 
     def mean_casimir_gradient(self, y: Array, z: Array) -> Array:  # noqa: ARG002 - as for H
         """∫₀¹∇C(y + τz)dτ; its evaluations count as those of a structure."""
-        found = average_gradient(cast(Any, self._problem.nambu), self._y0, self._y1)
+        found = average_gradient(cast(Any, self.problem.nambu), self._y0, self._y1)
         self.structures = self.structures + found.evaluations
         return self._trusted(found)
 
+    def _means(self, y0: Array, y1: Array) -> Array:
+        """∇H averaged along segments (d, M), or several (d, n, M) for each lane."""
+        found = average_gradient(self.problem, y0, y1)
+        self.gradients = self.gradients + found.evaluations.sum(axis=tuple(range(y0.ndim - 2)))
+        return self._trusted(found)
+
     def _trusted(self, found: Average) -> Array:
-        self.reliable = self.reliable & found.reliable
+        self.reliable = self.reliable & found.reliable.all(axis=tuple(range(found.reliable.ndim - 1)))
         return found.value
 
 
-def counted(
-    formula: Formula, problem: Problem, y0: Array, y1: Array, delta: Array, *, parts: bool = False
-) -> Increment:
-    """R of arrays with its counts; with `parts` what Newton's matrix of (2.1) takes over, ∇̄H and B(ȳ)."""
+def counted(formula: Formula, problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
+    """R of arrays with its counts, and the last ∇̄H and structure, which Newton's matrix takes over."""
     asked = Asked(problem, y0, y1)
-    value = formula(asked, y0, y1 - y0, delta)
-    taken = (asked.mean, asked.B) if parts else ()
-    return Increment(value, asked.gradients, asked.structures, asked.reliable, parts=taken)
+    value = formula(asked, y0, y1 - y0, step)
+    return Increment(value, asked.gradients, asked.structures, asked.reliable, (asked.mean, asked.B))

@@ -93,7 +93,7 @@ def test_explicit_schemes_of_the_compiled_engine_are_counted() -> None:
 
 
 def test_a_scheme_that_the_engine_does_not_take_says_why() -> None:
-    method = from_scheme(replace(schemes.euler_maruyama, name="another"), problems.rigid_body())
+    method = from_scheme(schemes.splitting, problems.rigid_body())
     assert "NumPy batch" in method.source
 
 

@@ -180,7 +180,8 @@ def coefficients(draw: st.DrawFn, count: int, low: float, high: float) -> list[f
 
 def test_systems_that_differ_in_coefficients_share_one_kernel() -> None:
     """Of either sign: a kernel takes seconds to compile."""
-    from sepv.engine.compile import _written, code_of, formula_of
+    from sepv.engine.compile import _written, code_of
+    from sepv.engine.schemes import formula_of
 
     rng, formula = np.random.default_rng(0), formula_of(EP)
     quartics = [

@@ -34,6 +34,7 @@ LAYERS = [
     "sepv.formula",
     "sepv.point_laws",
     "sepv.scheme",
+    "sepv.one_step",
     "sepv.explicit_tableaux",
     "sepv.division",
     "sepv.continuation",

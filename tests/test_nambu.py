@@ -16,7 +16,8 @@ from sepv.case import Case, from_json, to_json
 from sepv.errors import ProblemError, Skipped, UsageError
 from sepv.nambu import Nambu
 from sepv.problem import PolynomialSystem
-from sepv.schemes.both_invariants import increment, jacobian
+from sepv.schemes.both_invariants import jacobian
+from sepv.schemes.both_invariants import step as both
 from sepv.strategies import steps
 from sepv.strategies_structures import nambu_steps, nambu_systems, quadratic_casimirs
 from sepv.tolerance import state_ulp
@@ -49,7 +50,7 @@ def test_newton_has_the_derivative_of_the_scheme(case: Case) -> None:
     for k in range(3):
         e = np.zeros((3, 1))
         e[k] = size
-        ahead, behind = (increment(problem, y0, y1 + s * e, step).value for s in (1, -1))
+        ahead, behind = (both.increment(problem, y0, y1 + s * e, step).value for s in (1, -1))
         column = (ahead - behind) / (2 * size)
         # Differences of second order: eps/size of the increment, and size² of its third derivative.
         scale = 1e-3 * (np.abs(found).max() + np.abs(column).max()) + 1e-6 * (1 + np.abs(ahead).max())
@@ -120,5 +121,5 @@ def test_what_no_quadrature_resolves_is_reported_for_either_factor(rough: str) -
         gradient=kink if rough == "gradient" else lambda y: np.stack([y[1], y[0], y[2]]), nambu=nambu, check=False,
     )  # fmt: skip
     y = np.array([[0.1, 1.1], [1.0, 1.0], [0.2, 0.2]])
-    ends = increment(problem, y, y - np.array([[0.3], [0.1], [0.0]]), np.array([[0.5, 0.5]]))
+    ends = both.increment(problem, y, y - np.array([[0.3], [0.1], [0.0]]), np.array([[0.5, 0.5]]))
     assert ends.reliable.tolist() == [False, True]

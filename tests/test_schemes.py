@@ -12,7 +12,9 @@ from sepv.reference.problem import exact_problem
 from sepv import problems, schemes, strategies
 from sepv.case import Case
 from sepv.fields import derivative_along, vector_field
-from sepv.schemes.discrete_gradient import coordinate_increments, increment
+from sepv.formula import Asked
+from sepv.schemes.discrete_gradient import coordinate_increments
+from sepv.schemes.discrete_gradient import step as discrete
 from sepv.tolerance import gradient_majorant
 
 
@@ -33,7 +35,8 @@ def test_discrete_gradient_is_the_quotient_where_that_can_be_computed(case: Case
     """Components of ∇̄₁H are quotients (H(…ȳ_i…) − H(…y_i…))/(ȳ_i − y_i), here taken at 60 digits."""
     problem, y, _, _ = case.build()
     y1 = y + 0.3 * np.cos(np.arange(y.size)) * np.array([1.0, 0.0, 1e-9])[np.arange(y.size) % 3]
-    found = coordinate_increments(problem, y[:, None], y1[:, None])[0][:, 0]
+    start, end = y[:, None], y1[:, None]
+    found = coordinate_increments(Asked(problem, start, end), start, end - start)[:, 0]
     exact = exact_problem(case.problem, 60)
     corner, bound = exact.state(y), gradient_majorant(problem, np.maximum(np.abs(y), np.abs(y1)))
     for i in range(y.size):
@@ -52,7 +55,7 @@ def test_discrete_gradient_counts_every_edge_and_trusts_none_that_is_rough() -> 
     """2d edges, along one of which ∇H has a kink: where y1 moves while y2 = 0, and not while y2 = 1."""
     y0, y1 = np.zeros((2, 2)), np.array([[1.0, 0.0], [1.0, 1.0]])
     smooth = problems.harmonic_oscillator()
-    found = increment(smooth, y0, y1, np.full((2, 2), 0.1))
+    found = discrete.increment(smooth, y0, y1, np.full((2, 2), 0.1))
     assert found.gradients.tolist() == [4, 4]
     assert found.structures.tolist() == [2, 2]
     assert found.reliable.tolist() == [True, True]
@@ -61,7 +64,7 @@ def test_discrete_gradient_counts_every_edge_and_trusts_none_that_is_rough() -> 
         gradient=lambda y: np.stack([np.sign(y[0] - 0.123) * (1 - y[1]), y[1]]),
     )  # fmt: skip
     for start, end in ((y0, y1), (y1, y0)):
-        assert increment(rough, start, end, np.full((2, 2), 0.1)).reliable.tolist() == [False, True]
+        assert discrete.increment(rough, start, end, np.full((2, 2), 0.1)).reliable.tolist() == [False, True]
 
 
 def test_the_ito_correction_has_the_squares_of_the_coefficients() -> None:

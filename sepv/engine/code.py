@@ -40,10 +40,18 @@ class ProblemCode(Protocol):
     def __hash__(self) -> int:
         """Records of code are compared by identity."""
 
+    def cost(self, formula: Formula, step: Sequence[str]) -> tuple[int, int]:
+        """Evaluations of ∇H, and of B or what stands for it, that R takes."""
+
+    def increment(
+        self, e: Text, formula: Formula, y: Sequence[str], z: Sequence[str], step: Sequence[str]
+    ) -> list[Expression]:
+        """R(y, z; step)."""
+
     def equation(
-        self, e: Text, formula: Formula, y: Sequence[str], z: Sequence[str], delta: str
+        self, e: Text, formula: Formula, y: Sequence[str], z: Sequence[str], step: Sequence[str]
     ) -> tuple[list[Expression], Table]:
-        """R of z = R(y, z; Δ) and K = ∂R/∂z."""
+        """R of z = R(y, z; step) and K = ∂R/∂z."""
 
     def hamiltonian(self, e: Text, y: Sequence[str]) -> Expression:
         """H(y)."""

@@ -9,19 +9,20 @@ from types import ModuleType
 
 import numpy as np
 
-from sepv import schemes
 from sepv.engine.code import ProblemCode
 from sepv.engine.explicit import ExplicitWriter
 from sepv.engine.newton import NewtonWriter
 from sepv.engine.projected import ProjectedWriter
 from sepv.engine.recorded import RecordedProblem
-from sepv.engine.schemes import FORMULAS, Collocation, Formula, Projected
+from sepv.engine.schemes import Collocation, Formula, Projected, formula_of
 from sepv.engine.stages import StagesWriter
 from sepv.engine.writer import Writer
+from sepv.errors import Skipped
+from sepv.one_step import each_noise
 from sepv.problem import Array, Problem
 from sepv.record import CannotRecord, NoClosedForm
 from sepv.scheme import Scheme
-from sepv.structures import StructuresProblem
+from sepv.structures import CommutingStructure, StructuresProblem, noise_structures
 
 # Paths side by side: sixteen registers of eight doubles, which hide latencies and cache lines far apart, still in L1.
 LANES = 128
@@ -56,26 +57,23 @@ def kernel(scheme: Scheme, problem: Problem, *, lanes: int = LANES, compensated:
     """
     if not _installed():
         raise CannotCompile("numba is not installed (pip install numba)")
-    formula, code = formula_of(scheme), code_of(problem)
-    if scheme.name == "both-invariants" and problem.nambu is None:
-        raise CannotCompile(f"{problem.name} has no factor and Casimir as code (see Problem.nambu)")
+    formula, code = taken(scheme, problem), code_of(problem)
     if formula.implicit and formula.stages * problem.dimension > LARGEST_SYSTEM:
         raise CannotCompile(
             f"{scheme.name} has {formula.stages * problem.dimension} unknowns, the engine takes {LARGEST_SYSTEM}"
         )
     try:
         text, parameters = _written(code, formula, problem.noises, lanes, compensated)
+        gradients, structures = code.cost(formula.recorded, formula.names(problem.noises))
     except NoClosedForm as error:
         raise CannotCompile(f"{problem.name} has no exact mean gradient: H contains {error}") from error
+    except CannotRecord as error:
+        raise CannotCompile(f"{scheme.name} cannot be recorded for {problem.name}: {error}") from error
     from sepv.engine.store import load
 
-    return Kernel(
-        load(text),
-        np.array([*problem.c, *parameters], dtype=np.float64),
-        lanes,
-        _gradients(formula, code),
-        formula.structures,
-    )
+    # Stages cost what the method of one stage does, and B at each.
+    read = np.array([*problem.c, *parameters], dtype=np.float64)
+    return Kernel(load(text), read, lanes, gradients, structures * formula.stages)
 
 
 @cache
@@ -97,24 +95,27 @@ def _written(
     return writer.text(), writer.parameters
 
 
-def _gradients(formula: Formula, code: ProblemCode) -> int:
-    """Evaluations of ∇H in an iteration."""
-    return formula.gradients * (code.gradient_evaluations if formula.averaged else 1)
-
-
-def formula_of(scheme: Scheme) -> Formula:
-    """The scheme's formula; a scheme of another author is never mistaken for ours of the same name."""
-    formula = FORMULAS.get(scheme.name)
-    own = schemes.by_name(scheme.name) if formula else None
-    if own is None or formula is None or own.step is not scheme.step or own.solve is not scheme.solve:
+def taken(scheme: Scheme, problem: Problem) -> Formula:
+    """The scheme's formula, where it takes the problem."""
+    formula = formula_of(scheme)
+    if formula is None:
         raise CannotCompile(f"the compiled engine has no code for the scheme {scheme.name!r}")
+    requires = getattr(scheme.step, "requires", None)
+    if requires is not None:
+        try:
+            requires(problem)
+        except Skipped as why:
+            raise CannotCompile(str(why)) from why
+    structures = noise_structures(problem)
+    if any(isinstance(G, CommutingStructure) for G in structures):
+        raise CannotCompile(f"{problem.name} has structures that are undefined at critical points of H")
+    if isinstance(problem, StructuresProblem) and formula.parts is not each_noise:
+        raise CannotCompile(f"{problem.name} has several structures, the scheme {scheme.name!r} takes one")
     return formula
 
 
 def code_of(problem: Problem) -> ProblemCode:
     """The problem's functions as code."""
-    if isinstance(problem, StructuresProblem):
-        raise CannotCompile(f"{problem.name} has several structures, the compiled engine one")
     if problem.dimension > LARGEST_DIMENSION:
         raise CannotCompile(
             f"{problem.name} has {problem.dimension} components, the compiled engine takes {LARGEST_DIMENSION}"

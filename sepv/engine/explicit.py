@@ -13,8 +13,7 @@ class ExplicitWriter(Writer):
         """The increment itself, and whether it leads anywhere."""
         e = Text(self.parameters)
         y = self.loaded(e, "Y", "y")
-        assert self.formula.increment is not None
-        z = [shown(v) for v in self.formula.increment(e, self.problem, y, y, "delta")]
+        z = [shown(v) for v in self.problem.increment(e, self.formula.recorded, y, [], self.known)]
         e.lines += [f"{self.at('Z', i)} = {v}" for i, v in enumerate(z)]
         there = [e.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)]
         e.lines.append(f"finite = ({' + '.join(f'abs({v})' for v in there)}) < INF")

@@ -78,7 +78,7 @@ class NewtonWriter(Writer):
         e.lines += ["busy = I[ALIVE + k] != 0", f"scale = {' + '.join(f'abs({v})' for v in y)}"]
         z = ["0.0"] * n
         for _ in range(self.sweeps):
-            z = [shown(v) for v in rate(e, self.problem, middle(e, y, z), "delta")]
+            z = [shown(v) for v in self.swept(e, y, z)]
         z = self.kept_inside(e, y, z) if self.sweeps else z
         e.lines += self.contraction(e, y, z) if self.sweeps else []
         inverse = None
@@ -94,19 +94,24 @@ class NewtonWriter(Writer):
         e.lines += [
             f"{self.at('P')} = m",
             f"{self.at('X')} = scale",
-            f"{self.at('D')} = delta",
+            *self.stored(),
             "left += pick(still, 1, 0)",
             "I[BUSY + k] = pick(still, 1, 0)",
         ]
         return e.lines
+
+    def swept(self, e: Text, y: list[str], z: list[str]) -> list[Expression]:
+        """Δ f(ȳ) for whatever schemes that see Δ; the right side itself for others."""
+        if self.known == ["delta"]:
+            return rate(e, self.problem, middle(e, y, z), "delta")
+        return self.problem.increment(e, self.formula.recorded, y, z, self.known)
 
     def contraction(self, e: Text, y: list[str], z: list[str]) -> list[str]:
         """Whether sweeps gain a factor of two: ‖K‖ ≤ ½, in the norm of Frobenius, which is never less than the others.
 
         There is one solution near zero then (Banach), the one that Newton's iteration finds from there.
         """
-        assert self.formula.recorded is not None
-        K = [v for row in self.problem.equation(e, self.formula.recorded, y, z, "delta")[1] for v in row]
+        K = [v for row in self.problem.equation(e, self.formula.recorded, y, z, self.known)[1] for v in row]
         return [f"contracts = {shown(e.dot(K, K))} <= 0.25"]
 
     def kept_inside(self, e: Text, y: list[str], z: list[str]) -> list[str]:
@@ -142,8 +147,7 @@ class NewtonWriter(Writer):
     def system(self, e: Text, y: list[str], z: list[str]) -> tuple[list[str], Table]:
         """F = z − R and 1 − K."""
         n = len(z)
-        assert self.formula.recorded is not None
-        R, K = self.problem.equation(e, self.formula.recorded, y, z, "delta")
+        R, K = self.problem.equation(e, self.formula.recorded, y, z, self.known)
         F = [_minus(e, z[i], R[i]) for i in range(n)]
         return F, [[_one_minus(e, i == j, K[i][j]) for j in range(n)] for i in range(n)]
 
@@ -153,7 +157,7 @@ class NewtonWriter(Writer):
         e = Text(self.parameters)
         y, z = [f"y{i}" for i in range(d)], [f"z{i}" for i in range(n)]
         e.lines += [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
-        e.lines += [f"before = {self.at('P')}", f"delta = {self.at('D')}"]
+        e.lines += [f"before = {self.at('P')}", *self.recalled()]
         e.lines += [f"{v} = pick(before < INF, {self.at('Z', i)}, 0.0)" for i, v in enumerate(z)]
         c, _ = self.newton(e, y, z)
         moved = self.kept_inside(e, y, [e.let(f"{a} - {b}") for a, b in zip(z, c, strict=True)])
@@ -205,7 +209,7 @@ class NewtonWriter(Writer):
         lines += [f"{z[i]} = {moved[i]}" for i in range(n)]
         lines += ["if done:", "    break"]
         head = [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
-        head += [*(f"{v} = 0.0" for v in z), f"delta = {self.at('D')}", "before = INF", "limit = FIRST"]
+        head += [*(f"{v} = 0.0" for v in z), *self.recalled(), "before = INF", "limit = FIRST"]
         body = [
             *head,
             "for iteration in range(MOST):",

@@ -50,9 +50,10 @@ class ProjectedWriter(Writer):
         """
         averages = self.problem.gradient_evaluations
         lines = ["left = 0", "for k in range(L):", *indent(1, [*self.random_step(), *self.first()])]
-        lines += [f"I[EVALUATIONS] += {self.formula.gradients + 1 + BLIND * averages} * I[LIVING]"]
+        gradients, structures = self.problem.cost(self.formula.recorded, self.known)
+        lines += [f"I[EVALUATIONS] += {gradients + 1 + BLIND * averages} * I[LIVING]"]
         lines += [
-            f"I[STRUCTURES] += {self.formula.structures} * I[LIVING]",
+            f"I[STRUCTURES] += {structures} * I[LIVING]",
             f"I[WORK] += {BLIND} * I[LIVING]",
         ]
         lines += [f"for sweep in range({MOST - BLIND}):", "    if left == 0:", "        break"]
@@ -64,8 +65,7 @@ class ProjectedWriter(Writer):
         """The explicit increment z*, the directions at its end, and the first iterations."""
         e = Text(self.parameters)
         y = self.loaded(e, "Y", "y")
-        assert self.formula.increment is not None
-        z = [shown(r) for r in self.formula.increment(e, self.problem, y, y, "delta")]
+        z = [shown(r) for r in self.problem.increment(e, self.formula.recorded, y, [], self.known)]
         found = self.directions(e, [e.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)])
         e.lines += [
             "busy = I[ALIVE + k] != 0",

@@ -12,6 +12,7 @@ import numpy as np
 from sepv import polynomial as poly
 from sepv.engine.code import Table
 from sepv.engine.text import Expression, Text, shown
+from sepv.fields import matvec
 from sepv.formula import Formula
 from sepv.nambu import Nambu
 from sepv.polynomial import Polynomial
@@ -22,6 +23,7 @@ from sepv.record.expand import expand
 from sepv.record.means import Mean, degree, mean
 from sepv.record.replay import substitute
 from sepv.record.symbols import array
+from sepv.structures import combined
 
 # Where the value of a function comes from in lanes: a call, and the place in what it returns, if that is several.
 _CALLS: dict[str, tuple[str, int | None]] = {
@@ -145,7 +147,8 @@ class RecordedProblem:
             raise CannotRecord(f"structure(y) has the shape {self._B.shape} for a single state")
         self._inside = None if problem.domain is None else self._call("domain", self.y)
         self.degree = max(degree(self._H, self.y) or 0, 1) if degree(self._H, self.y) is not None else 0
-        self._equations: dict[Formula, tuple[Any, Any, Any]] = {}
+        self._records: dict[Formula, tuple[Any, Any, _Fields]] = {}
+        self._slopes: dict[Formula, Any] = {}
 
     def skew(self, B: Any) -> Any:
         """B as symbols; polynomial data say what is above the diagonal, and what is below is its negative."""
@@ -205,17 +208,40 @@ class RecordedProblem:
             else [poly.polynomial(self.dimension, list(terms.items())) for terms in found]
         )
 
+    def _record(self, formula: Formula, count: int) -> tuple[Any, Any, _Fields]:
+        """R, the symbols of the step, and what was asked on the way."""
+        if formula not in self._records:
+            step, asked = self.tape.vector(count), _Fields(self)
+            try:
+                R = self.tape.symbols(formula(asked, self.y, self.z, step))
+            except (CannotRecord, NoClosedForm):
+                raise
+            except Exception as error:
+                raise CannotRecord(f"{type(error).__name__} with symbols: {error}") from error
+            self._records[formula] = R, step, asked
+        return self._records[formula]
+
+    def cost(self, formula: Formula, step: Sequence[str]) -> tuple[int, int]:
+        """Evaluations of ∇H, and of B or what stands for it, that R takes."""
+        asked = self._record(formula, len(step))[2]
+        return asked.gradients, asked.structures
+
+    def increment(
+        self, e: Text, formula: Formula, y: Sequence[str], z: Sequence[str], step: Sequence[str]
+    ) -> list[Expression]:
+        """R(y, z; step)."""
+        R, known, _ = self._record(formula, len(step))
+        return printed(e, [(self.y, y), (self.z, z), (known, step)], R)
+
     def equation(
-        self, e: Text, formula: Formula, y: Sequence[str], z: Sequence[str], delta: str
+        self, e: Text, formula: Formula, y: Sequence[str], z: Sequence[str], step: Sequence[str]
     ) -> tuple[list[Expression], Table]:
-        """R of z = R(y, z; Δ) and K = ∂R/∂z, from the record of the scheme's formula."""
-        if formula not in self._equations:
-            step = self.tape.vector(1)
-            R = self.tape.symbols(formula(_Fields(self), self.y, self.z, step[0]))
-            self._equations[formula] = R, jacobian(R, self.z), step
-        R, K, step = self._equations[formula]
-        d, inputs = self.dimension, [(self.y, y), (self.z, z), (step, [delta])]
-        entries = printed(e, inputs, [*R, *K.ravel()])
+        """R of z = R(y, z; step) and K = ∂R/∂z, from the record of the scheme's formula."""
+        R, known, _ = self._record(formula, len(step))
+        if formula not in self._slopes:
+            self._slopes[formula] = jacobian(R, self.z).ravel()
+        d, inputs = self.dimension, [(self.y, y), (self.z, z), (known, step)]
+        entries = printed(e, inputs, [*R, *self._slopes[formula]])
         return entries[:d], _table(entries[d:], d)
 
     def hamiltonian(self, e: Text, y: Sequence[str]) -> Expression:
@@ -277,22 +303,48 @@ class RecordedProblem:
 
 
 class _Fields:
-    """What a formula asks of a problem, answered with symbols."""
+    """What a formula asks of a problem, answered with symbols and counted."""
 
     def __init__(self, recorded: RecordedProblem) -> None:
-        self._recorded, self._problem = recorded, recorded.problem
+        self._recorded, self.problem = recorded, recorded.problem
+        self.gradients = self.structures = 0
 
     def structure(self, y: Any) -> Any:
         """B(y)."""
-        return self._recorded.skew(self._problem.structure(y))
+        self.structures += 1
+        return self._recorded.skew(self.problem.structure(y))
+
+    def combined(self, y: Any, step: Any) -> Any:
+        """h B(y) + Σ c_jΔW_j G_j(y)."""
+        self.structures += 1
+        return combined(self.problem, y, step)
 
     def gradient(self, y: Any) -> Any:
         """∇H(y)."""
-        return substitute(self._recorded.slope, self._recorded.y, y)
+        self.gradients += 1
+        return self._at(self._recorded.slope, y)
 
-    def mean_gradient(self, y: Any, z: Any) -> Any:  # noqa: ARG002 - those of the formula are those of the record
-        """∫₀¹∇H(y + τz)dτ."""
-        return self._recorded.mean.value
+    def field(self, y: Any) -> Any:
+        """B(y)∇H(y)."""
+        return matvec(self.structure(y), self.gradient(y))
+
+    def derivative_along(self, y: Any, v: Any) -> Any:
+        """f′(y)v."""
+        own = self._recorded
+        return matvec(self._at(jacobian(matvec(own._B, own.slope), own.y), y), v)
+
+    def mean_gradient(self, y: Any, z: Any) -> Any:
+        """∫₀¹∇H(y + τz)dτ; its declared derivatives are those by the formula's own z."""
+        found, nodes = self._recorded.mean
+        self.gradients += nodes
+        return found if z is self._recorded.z else self._at(found, y, z)
+
+    def edge_means(self, starts: Any, z: Any) -> Any:
+        """The means of ∂_iH along edges."""
+        found, nodes = self._recorded.mean
+        self.gradients += nodes * len(z)
+        moves = [[z[i] if i == k else 0.0 for k in range(len(z))] for i in range(len(z))]
+        return array(self._at(found[i : i + 1], starts[:, i], moves[i])[0] for i in range(len(z)))
 
     def factor(self, y: Any) -> Any:
         """g(y)."""
@@ -301,16 +353,23 @@ class _Fields:
     def mean_casimir_gradient(self, y: Any, z: Any) -> Any:
         """∫₀¹∇C(y + τz)dτ."""
         try:
-            return mean(self._recorded.tape.symbol(self._nambu.casimir(y)), y, z).value
+            found, nodes = mean(self._recorded.tape.symbol(self._nambu.casimir(y)), y, z)
         except NoClosedForm:
             if self._nambu.mean_gradient is None:
                 raise
-            return self._nambu.mean_gradient(y, y + z)
+            found, nodes = self._nambu.mean_gradient(y, y + z), 1
+        self.structures += nodes
+        return found
+
+    def _at(self, values: Any, y: Any, z: Any = ()) -> Any:
+        """The values with other symbols in the place of y and z."""
+        own = self._recorded
+        return substitute(values, [*own.y, *own.z[: len(z)]], [*y, *z])
 
     @property
     def _nambu(self) -> Nambu:
-        assert self._problem.nambu is not None
-        return self._problem.nambu
+        assert self.problem.nambu is not None
+        return self.problem.nambu
 
 
 def printed(e: Text, inputs: Sequence[tuple[Any, Sequence[str]]], outputs: Any) -> list[Expression]:

@@ -1,20 +1,20 @@
-"""How the engine takes the step of each scheme: by the record of its formula, or by code for explicit and staged ones.
+"""How the engine takes the step of each scheme: by the record of its formula, or by code for staged and projected ones.
 
 R and K share what they have in common, since an expression written twice has one name: see `sepv.engine.text`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
-from sepv import formula
+from sepv import formula, one_step, schemes
 from sepv.engine.code import ProblemCode, Table, skew
 from sepv.engine.text import Expression, Text
-from sepv.explicit_tableaux import TABLEAUX
-from sepv.schemes.both_invariants import formula as both_invariants
+from sepv.scheme import Scheme
 from sepv.schemes.energy_preserving import formula as energy_preserving
+from sepv.schemes.explicit import explicit
 from sepv.schemes.midpoint import formula as midpoint
 from sepv.tableaux import MAX_STAGES, gauss_tableau
 
@@ -25,20 +25,19 @@ class Formula:
 
     Attributes
     ----------
-    increment : (text, problem, y, z, delta) -> R of an explicit scheme
-        `delta` is the name of the random step Δ.
-    recorded : of a scheme whose equation z = R Newton's iteration solves, from its file
-    gradients, structures : evaluations of ∇H and of B in an iteration.
-    averaged : whether a gradient is an averaged one, which may take several evaluations of ∇H.
+    recorded : the formula of the scheme, from its file
+    implicit : whether it is an equation z = R, which Newton's iteration solves
+    parts : what the formula wants to know of the step
     """
 
-    increment: Callable[[Text, ProblemCode, Sequence[str], Sequence[str], str], list[Expression]] | None
-    implicit: bool
-    gradients: int
-    structures: int
-    averaged: bool = False
+    recorded: formula.Formula
+    implicit: bool = True
+    parts: one_step.Parts = one_step.random_step
     stages: int = 1
-    recorded: formula.Formula | None = None
+
+    def names(self, noises: int) -> list[str]:
+        """What the lanes call it."""
+        return _NAMES.get(self.parts) or ["span", *(f"noise{j}" for j in range(noises))]
 
     def update(self, e: Text, z: Sequence[str]) -> list[str]:
         """y1 − y0."""
@@ -49,22 +48,15 @@ class Formula:
         return [[e.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)]]
 
 
+_NAMES: dict[one_step.Parts, list[str]] = {
+    one_step.random_step: ["delta"],
+    one_step.drift_and_noise: ["span", "noise"],
+}
+
+
 def field(e: Text, B: Table, g: Sequence[Expression]) -> list[Expression]:
     """B g."""
     return [e.dot(row, g) for row in B]
-
-
-def slope(e: Text, B: Table, derivative: Sequence[Table], g: Sequence[Expression], hessian: Table) -> Table:
-    """B′[·]g + B·hessian."""
-    d = len(g)
-    table: Table = [[None] * d for _ in range(d)]
-    for i in range(d):
-        for k in range(d):
-            value = e.dot(derivative[k][i], g)
-            for j in range(d):
-                value = e.plus(B[i][j], hessian[j][k], value)
-            table[i][k] = value
-    return table
 
 
 def scaled(e: Text, factor: str, table: Table) -> Table:
@@ -86,56 +78,6 @@ def rate(e: Text, problem: ProblemCode, y: Sequence[str], delta: str = "(1.0)") 
     return [e.product(delta, v) for v in field(e, problem.structure(e, y), problem.gradient(e, y))]
 
 
-def along_itself(
-    e: Text, problem: ProblemCode, y: Sequence[str]
-) -> tuple[list[Expression], list[Expression]]:
-    """f and f′f."""
-    B, g = problem.structure(e, y), problem.gradient(e, y)
-    f = field(e, B, g)
-    K = slope(e, B, problem.structure_derivative(e, y), g, problem.hessian(e, y))
-    return f, [e.dot(row, f) for row in K]
-
-
-def euler_heun(
-    e: Text, problem: ProblemCode, y: Sequence[str], z: Sequence[str], delta: str
-) -> list[Expression]:
-    """h f(y0) + ½(f(ŷ) + f(y0)) S, ŷ = y0 + f(y0)(h + S)."""
-    f = rate(e, problem, y)
-    predicted = [str(e.plus(delta, v, a)) for v, a in zip(f, y, strict=True)]
-    mean = [e.product("(0.5)", e.total([a, b])) for a, b in zip(rate(e, problem, predicted), f, strict=True)]
-    return [e.plus(m, "noise", e.product("h", v)) for m, v in zip(mean, f, strict=True)]
-
-
-def milstein(
-    e: Text, problem: ProblemCode, y: Sequence[str], z: Sequence[str], delta: str
-) -> list[Expression]:
-    """f (h + S) + ½ f′f S²."""
-    f, second = along_itself(e, problem, y)
-    square = e.let("0.5 * noise * noise")
-    return [e.plus(square, b, e.product(delta, a)) for a, b in zip(f, second, strict=True)]
-
-
-def runge_kutta(order: int) -> Any:
-    """The explicit method of this order with the step Δ."""
-    tableau = TABLEAUX[order]
-
-    def increment(
-        e: Text, problem: ProblemCode, y: Sequence[str], z: Sequence[str], delta: str
-    ) -> list[Expression]:
-        moves: list[list[Expression]] = []
-        for row in tableau.A:
-            state: list[str] = list(y)
-            for j, a in row.items():
-                state = [str(e.plus(e.number(a), v, s)) for v, s in zip(moves[j], state, strict=True)]
-            moves.append(rate(e, problem, state, delta))
-        total: list[Expression] = [None] * len(y)
-        for i, b in tableau.b.items():
-            total = [e.plus(e.number(b), v, s) for v, s in zip(moves[i], total, strict=True)]
-        return total
-
-    return increment
-
-
 def at(e: Text, y: Sequence[str], z: Sequence[str], integrals: Any) -> list[str]:
     """u = y + Σ_j integrals_j z_j, the stages one after the other in z."""
     d = len(y)
@@ -149,7 +91,12 @@ def at(e: Text, y: Sequence[str], z: Sequence[str], integrals: Any) -> list[str]
 
 @dataclass(frozen=True)
 class Collocation(Formula):
-    """The s-stage method: z_i = Δ B(Y_i) g_i with g_i = b_i⁻¹∫ℓ_i∇H(u), y1 = y0 + Σ b_i z_i."""
+    """The s-stage method: z_i = Δ B(Y_i) g_i with g_i = b_i⁻¹∫ℓ_i∇H(u), y1 = y0 + Σ b_i z_i.
+
+    Without `averaged` g_i = ∇H(Y_i), the Gauss method. `recorded` is the method of one stage.
+    """
+
+    averaged: bool = True
 
     def sweep(
         self,
@@ -184,20 +131,33 @@ class Collocation(Formula):
 
 @dataclass(frozen=True)
 class Projected(Formula):
-    """An explicit increment, projected on the invariants; `gradients` and `structures` are those of the increment."""
+    """An explicit increment, projected on the invariants."""
 
 
-EP = Formula(None, True, 1, 1, averaged=True, recorded=energy_preserving)
+# Schemes that bring their own solver.
 FORMULAS: dict[str, Formula] = {
-    "energy-preserving": EP,
-    "midpoint": Formula(None, True, 1, 1, recorded=midpoint),
-    "both-invariants": Formula(None, True, 1, 1, averaged=True, recorded=both_invariants),
-    "euler-heun": Formula(euler_heun, False, 2, 2),
-    "milstein": Formula(milstein, False, 1, 1),
-    "explicit-4": Formula(runge_kutta(4), False, 4, 4),
-    "explicit-8": Formula(runge_kutta(8), False, 12, 12),
-    "projected-4": Projected(runge_kutta(4), True, 4, 4, averaged=True),
-    "projected-8": Projected(runge_kutta(8), True, 12, 12, averaged=True),
-    "collocation-1": EP,
-    **{f"collocation-{s}": Collocation(None, True, 1, s, True, s) for s in range(2, MAX_STAGES + 1)},
+    **{f"projected-{p}": Projected(cast(one_step.Explicit, explicit(p).step).formula) for p in (4, 8)},
+    "collocation-1": Formula(energy_preserving),
+    "gauss-1": Formula(midpoint),
+    **{
+        f"{family}-{s}": Collocation(energy_preserving, stages=s, averaged=family == "collocation")
+        for family in ("collocation", "gauss")
+        for s in range(2, MAX_STAGES + 1)
+    },
 }
+
+
+def formula_of(scheme: Scheme) -> Formula | None:
+    """How the engine takes the scheme's step, None where it does not.
+
+    A scheme is its step: what is put around the step of a formula, or around ours, is another scheme.
+    """
+    rule = scheme.step
+    if isinstance(rule, one_step.Explicit):
+        return Formula(rule.formula, False, rule.parts)
+    if isinstance(rule, one_step.Implicit):
+        known = rule.formula is not None and scheme.solve in (None, rule.solve)
+        return Formula(cast(formula.Formula, rule.formula), True, rule.parts) if known else None
+    found = FORMULAS.get(scheme.name)
+    own = None if found is None else schemes.by_name(scheme.name)
+    return None if own is None or own.step is not rule or own.solve is not scheme.solve else found

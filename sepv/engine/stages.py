@@ -45,12 +45,14 @@ class StagesWriter(Writer):
     def nodes(self) -> int:
         """Of the first rule: exact where H is a polynomial."""
         s, degree = self.formula.stages, self.problem.degree
+        if not self.formula.averaged:
+            return s
         return exact_nodes(s, degree) if degree else s + FIRST_NODES
 
     @property
     def exact(self) -> bool:
         """Whether the first rule is all there is."""
-        return bool(self.problem.degree)
+        return bool(self.problem.degree) or not self.formula.averaged
 
     @property
     def straight(self) -> bool:

@@ -26,14 +26,16 @@ class Writer(ABC):
         self.problem, self.formula, self.noises = problem, formula, noises
         self.lanes, self.compensated = lanes, compensated
         self.d = problem.dimension
+        self.known = formula.names(noises)
         self.parameters: list[float] = []
         d, L = self.d, lanes
         self.unknowns = formula.stages * d
         self.offset = {}
         base = 0
-        # State, unknowns of Newton's iteration, what Kahan's sum lost; Δ, the last correction, the size of the
-        # state, the energy at the start, the largest defects of energy and Casimirs.
-        rows = {"Y": d, "Z": self.unknowns, "E": d, **dict.fromkeys(("D", "P", "X", "H", "WH", "WC"), 1)}
+        # State, unknowns of Newton's iteration, what Kahan's sum lost; what is known of the step, the last correction,
+        # the size of the state, the energy at the start, the largest defects of energy and Casimirs.
+        rows = {"Y": d, "Z": self.unknowns, "E": d, "D": len(self.known)}
+        rows |= dict.fromkeys(("P", "X", "H", "WH", "WC"), 1)
         for name, count in {**rows, **self.more_rows()}.items():
             self.offset[name] = base
             base += count * L
@@ -104,15 +106,26 @@ class Writer(ABC):
 
     def random_step(self) -> list[str]:
         lines = ["delta = h", "noise = 0.0"]
+        lines += ["span = h"] if "span" in self.known else []
         for j in range(self.noises):
+            own = [f"noise{j} = c{j} * u"] if f"noise{j}" in self.known else []
             lines += [
                 f"u = buffer[n, {j}, k]",
                 "u = pick(u < -bound, -bound, u)",
                 "u = pick(u > bound, bound, u)",
                 f"delta = delta + c{j} * u",
                 f"noise = noise + c{j} * u",
+                *own,
             ]
         return lines
+
+    def stored(self) -> list[str]:
+        """What is known of the step, into its row."""
+        return [f"{self.at('D', i)} = {name}" for i, name in enumerate(self.known)]
+
+    def recalled(self) -> list[str]:
+        """The same from its row."""
+        return [f"{name} = {self.at('D', i)}" for i, name in enumerate(self.known)]
 
     def groups(self, mark: int, lines: list[str]) -> list[str]:
         """The lines for each group of lanes, one of which at least has this mark."""

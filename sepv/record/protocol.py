@@ -112,6 +112,8 @@ def array_function(self: Any, function: Any, types: Any, arguments: Any, options
         return (np.logical_and if function is np.all else np.logical_or).reduce(
             _as_array(arguments[0]), axis=options.get("axis", arguments[1] if len(arguments) > 1 else None)
         )
+    if function in (np.max, np.min):
+        return (np.maximum if function is np.max else np.minimum).reduce(_as_array(arguments[0]), **options)
     return _wrapped(function(*_unwrapped(arguments), **{k: _unwrapped(v) for k, v in options.items()}))
 
 

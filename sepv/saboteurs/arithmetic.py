@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from sepv.fields import matvec
+from sepv.formula import Fields, counted
+from sepv.one_step import random_step
 from sepv.problem import Array, Problem
 from sepv.saboteurs.formula import quadrature
-from sepv.saboteurs.record import Saboteur, around, implicit, mean, middle, random_step, right_side
+from sepv.saboteurs.record import Saboteur, around, implicit, middle, right_side
 from sepv.scheme import Step
-from sepv.schemes.energy_preserving import jacobian
+from sepv.schemes.energy_preserving import formula, jacobian
 
 _SEEN = ("energy", "casimir", "midpoint", "symmetry", "reference")
 
@@ -26,35 +29,36 @@ def _single(values: Array) -> Array:
     return values.astype(np.float32).astype(np.float64)
 
 
-def _single_structure(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    return step[0] * matvec(_single(problem.structure(middle(y0, y1))), mean(problem, y0, y1))
+def _single_structure(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    return step[0] * matvec(_single(fields.structure(middle(y, z))), fields.mean_gradient(y, z))
 
 
-def _off_skew(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    return right_side(problem, y0, y1, step) + 1e-9 * step[0] * mean(problem, y0, y1)
+def _off_skew(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    return formula(fields, y, z, step) + 1e-9 * step[0] * fields.mean_gradient(y, z)
 
 
-def _short_nodes(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    if problem.degree is None:
-        return right_side(problem, y0, y1, step)
-    average = quadrature(problem, y0, y1, max(1, -(-problem.degree // 2)), digits=8)
-    return step[0] * matvec(problem.structure(middle(y0, y1)), average)
+def _short_nodes(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    if fields.problem.degree is None:
+        return formula(fields, y, z, step)
+    average = quadrature(fields, y, z, max(1, -(-fields.problem.degree // 2)), digits=8)
+    return step[0] * matvec(fields.structure(middle(y, z)), average)
 
 
-def _differences(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+def _differences(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     def gradient(y: Array) -> Array:
         # Wide enough that the noise of the differences stays below what the solver takes for rounding.
-        width = 1e-3 * np.eye(problem.dimension).reshape(problem.dimension, -1, *(1,) * (y.ndim - 1))
-        H = problem.hamiltonian
+        d, H = fields.problem.dimension, fields.problem.hamiltonian
+        width = 1e-3 * np.eye(d).reshape(d, -1, *(1,) * (y.ndim - 1))
         return np.stack([(H(y + e) - H(y - e)) / 2e-3 for e in width])
 
-    return right_side(replace(problem, gradient=gradient, check=False), y0, y1, step)
+    changed = replace(fields.problem, gradient=gradient, check=False)
+    return counted(formula, changed, y, y + z, step).value
 
 
-def _shortcut(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    short = np.max(np.abs(y1 - y0), axis=0) < 1e-4 * np.max(np.abs(y0), axis=0)
-    average = np.where(short, problem.gradient(y0), mean(problem, y0, y1))
-    return step[0] * matvec(problem.structure(middle(y0, y1)), average)
+def _shortcut(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    short = np.max(np.abs(z), axis=0) < 1e-4 * np.max(np.abs(y), axis=0)
+    average = np.where(short, fields.gradient(y), fields.mean_gradient(y, z))
+    return step[0] * matvec(fields.structure(middle(y, z)), average)
 
 
 def _toward_zero(step: Step) -> Step:
@@ -96,7 +100,7 @@ _TABLE = (
     (
         "step-off-by-1e-10",
         "Δ has a relative error of 1e-10",
-        implicit(lambda problem, y0, y1, step: (1 + 1e-10) * right_side(problem, y0, y1, step)),
+        implicit(lambda fields, y, z, step: (1 + 1e-10) * formula(fields, y, z, step)),
         ("midpoint", "reference", "reduction"),
     ),
     (

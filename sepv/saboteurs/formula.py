@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from sepv import schemes
+from sepv import one_step, schemes
 from sepv.fields import matvec, vector_field
+from sepv.formula import Fields
 from sepv.problem import Array, Problem
 from sepv.quadrature import gauss_legendre
 from sepv.saboteurs.record import (
@@ -16,102 +18,97 @@ from sepv.saboteurs.record import (
     explicit,
     explicit_step,
     implicit,
-    implicit_step,
-    mean,
     middle,
-    right_side,
 )
 from sepv.scheme import Scheme, Step
 from sepv.schemes import energy_preserving as original
-from sepv.schemes.discrete_gradient import coordinate_increments
+from sepv.schemes.discrete_gradient import coordinate_increments, symmetrised
+from sepv.schemes.energy_preserving import formula
 
 _LOCAL = ("local-mean", "local-mean-square", "local-weak")
 _WRONG_LIMIT = ("expansion", *_LOCAL, "mean-square-order", "right-limit", "weak-order")
 
 
-def _b_at_y0(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    return step[0] * matvec(problem.structure(y0), mean(problem, y0, y1))
+def _b_at_y0(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    return step[0] * matvec(fields.structure(y), fields.mean_gradient(y, z))
 
 
-def _b_at_y1(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    return step[0] * matvec(problem.structure(y1), mean(problem, y0, y1))
+def _b_at_y1(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    return step[0] * matvec(fields.structure(y + z), fields.mean_gradient(y, z))
 
 
-def _b_averaged(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    return step[0] * matvec(0.5 * (problem.structure(y0) + problem.structure(y1)), mean(problem, y0, y1))
+def _b_averaged(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    return step[0] * matvec(0.5 * (fields.structure(y) + fields.structure(y + z)), fields.mean_gradient(y, z))
 
 
-def _b_predicted(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    predicted = y0 + 0.5 * step[0] * vector_field(problem, y0)
-    return step[0] * matvec(problem.structure(predicted), mean(problem, y0, y1))
+def _b_predicted(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    predicted = y + 0.5 * step[0] * fields.field(y)
+    return step[0] * matvec(fields.structure(predicted), fields.mean_gradient(y, z))
 
 
-def _one_point(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    return step[0] * vector_field(problem, middle(y0, y1))
+def _one_point(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    return step[0] * fields.field(middle(y, z))
 
 
-def _trapezoid(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    ends = 0.5 * (problem.gradient(y0) + problem.gradient(y1))
-    return step[0] * matvec(problem.structure(middle(y0, y1)), ends)
+def _trapezoid(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    ends = 0.5 * (fields.gradient(y) + fields.gradient(y + z))
+    return step[0] * matvec(fields.structure(middle(y, z)), ends)
 
 
-def _gradient_at_y0(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    return step[0] * matvec(problem.structure(middle(y0, y1)), problem.gradient(y0))
+def _gradient_at_y0(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    return step[0] * matvec(fields.structure(middle(y, z)), fields.gradient(y))
 
 
-def quadrature(problem: Problem, y0: Array, y1: Array, nodes: int, digits: int = 17) -> Array:
+def quadrature(fields: Fields, y: Any, z: Any, nodes: int, digits: int = 17) -> Any:
     """The averaged gradient by so many Gauss nodes, written with so many digits."""
     points, weights = gauss_legendre(nodes)
     terms = [
-        w * problem.gradient(y0 + round(float(t), digits) * (y1 - y0))
-        for t, w in zip(points, weights, strict=True)
+        w * fields.gradient(y + round(float(t), digits) * z) for t, w in zip(points, weights, strict=True)
     ]
     return np.sum(terms, axis=0)
 
 
-def _one_node_short(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    if problem.degree is None:
-        return right_side(problem, y0, y1, step)
-    nodes = max(1, -(-problem.degree // 2) - 1)
-    return step[0] * matvec(problem.structure(middle(y0, y1)), quadrature(problem, y0, y1, nodes))
+def _one_node_short(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    if fields.problem.degree is None:
+        return formula(fields, y, z, step)
+    nodes = max(1, -(-fields.problem.degree // 2) - 1)
+    return step[0] * matvec(fields.structure(middle(y, z)), quadrature(fields, y, z, nodes))
 
 
-def _two_nodes(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    if problem.degree is None:
-        return right_side(problem, y0, y1, step)
-    return step[0] * matvec(problem.structure(middle(y0, y1)), quadrature(problem, y0, y1, 2))
+def _two_nodes(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    if fields.problem.degree is None:
+        return formula(fields, y, z, step)
+    return step[0] * matvec(fields.structure(middle(y, z)), quadrature(fields, y, z, 2))
 
 
-def _four_nodes(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    if problem.mean_gradient is not None:
-        return right_side(problem, y0, y1, step)
-    return step[0] * matvec(problem.structure(middle(y0, y1)), quadrature(problem, y0, y1, 4))
+def _four_nodes(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    if fields.problem.mean_gradient is not None:
+        return formula(fields, y, z, step)
+    return step[0] * matvec(fields.structure(middle(y, z)), quadrature(fields, y, z, 4))
 
 
-def _cubic_as_quadratic(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    return (_one_point if problem.degree == 3 else right_side)(problem, y0, y1, step)
+def _cubic_as_quadratic(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    return (_one_point if fields.problem.degree == 3 else formula)(fields, y, z, step)
 
 
-def _asymmetric(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    discrete = coordinate_increments(problem, y0, y1)[0]
-    return step[0] * matvec(problem.structure(middle(y0, y1)), discrete)
+def _asymmetric(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    return step[0] * matvec(fields.structure(middle(y, z)), coordinate_increments(fields, y, z))
 
 
-def _symmetrised(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    forward, backward = coordinate_increments(problem, y0, y1)[0], coordinate_increments(problem, y1, y0)[0]
-    return step[0] * matvec(problem.structure(middle(y0, y1)), 0.5 * (forward + backward))
+def _symmetrised(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    return step[0] * matvec(fields.structure(middle(y, z)), symmetrised(fields, y, z))
 
 
-def _term_in_y(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    return right_side(problem, y0, y1, step) + 1e-9 * step[0] ** 2 * middle(y0, y1)
+def _term_in_y(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    return formula(fields, y, z, step) + 1e-9 * step[0] ** 2 * middle(y, z)
 
 
-def _two_dimensions_only(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    return (right_side if problem.dimension == 2 else _b_at_y0)(problem, y0, y1, step)
+def _two_dimensions_only(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    return (formula if fields.problem.dimension == 2 else _b_at_y0)(fields, y, z, step)
 
 
-def _three_components(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    B, g = problem.structure(middle(y0, y1)), mean(problem, y0, y1)
+def _three_components(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    B, g = fields.structure(middle(y, z)), fields.mean_gradient(y, z)
     return step[0] * matvec(B[:, :3], g[:3])
 
 
@@ -195,13 +192,13 @@ _TABLE = (
     (
         "b-transposed",
         "B is transposed",
-        implicit(lambda problem, y0, y1, step: -right_side(problem, y0, y1, step)),
+        implicit(lambda fields, y, z, step: -formula(fields, y, z, step)),
         ("midpoint", "reference", "reduction", *_WRONG_LIMIT),
     ),
     (
         "b-doubled",
         "B is doubled",
-        implicit(lambda problem, y0, y1, step: 2 * right_side(problem, y0, y1, step)),
+        implicit(lambda fields, y, z, step: 2 * formula(fields, y, z, step)),
         ("midpoint", "reference", "reduction", *_WRONG_LIMIT),
     ),
     (
@@ -303,7 +300,7 @@ _TABLE = (
     (
         "midpoint-projected",
         "the midpoint rule, then a projection on H",
-        around(lambda _: _projected(implicit_step(_one_point))),
+        around(lambda _: _projected(one_step.implicit(_one_point))),
         ("casimir", "symmetry", "reference", "equivariance"),
     ),
     (

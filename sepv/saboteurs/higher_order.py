@@ -8,17 +8,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
-from sepv.average import average_gradient
 from sepv.errors import StepFailure
 from sepv.fields import matvec
+from sepv.formula import Fields
 from sepv.nambu import cross
+from sepv.one_step import each_noise, implicit
 from sepv.point_laws import PointLaw
 from sepv.problem import Array, Problem
-from sepv.saboteurs.record import Saboteur, implicit_step, mean, middle
+from sepv.saboteurs.record import Saboteur, middle
 from sepv.scheme import Scheme, Step, as_lanes, weakly
 from sepv.schemes import (
     both_invariants,
@@ -28,8 +29,7 @@ from sepv.schemes import (
     several_structures,
 )
 from sepv.schemes.both_invariants import required
-from sepv.schemes.several_structures import parts
-from sepv.structures import combined, noise_structures
+from sepv.structures import noise_structures
 from sepv.tableaux import exact_nodes, gauss_tableau, moments
 
 # Corrections fall at least fourfold inside the contraction radius; 26 of them make 16 digits.
@@ -90,29 +90,28 @@ def _as_both(step: Step) -> Step:
     return restricted
 
 
-def _structures_at_start(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+def _structures_at_start(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     """[h B(ȳ) + Σ c_j ΔW_j G_j(y0)] ∇̄H."""
-    drift = step[0] * problem.structure(middle(y0, y1))
-    noise = sum(part * G(y0) for part, G in zip(step[1:], noise_structures(problem), strict=True))
-    return matvec(drift + noise, mean(problem, y0, y1))
+    drift = step[0] * fields.structure(middle(y, z))
+    structures = noise_structures(fields.problem)
+    noise = sum(part * G(y) for part, G in zip(step[1:], structures, strict=True))
+    return matvec(drift + noise, fields.mean_gradient(y, z))
 
 
-def _exchanged(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+def _exchanged(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     """The increments of the first and the last noise change places."""
     rows = [0, len(step) - 1, *range(2, len(step) - 1), 1] if len(step) > 2 else range(len(step))
-    return matvec(combined(problem, middle(y0, y1), step[list(rows)]), mean(problem, y0, y1))
+    return matvec(fields.combined(middle(y, z), step[list(rows)]), fields.mean_gradient(y, z))
 
 
-def _rest_where_undefined(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+def _rest_where_undefined(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     """S_j = 0 where ∇H_0 = 0, though B∇H_j is not: y1 = y0 solves that."""
-    return matvec(np.nan_to_num(combined(problem, middle(y0, y1), step)), mean(problem, y0, y1))
+    return matvec(np.nan_to_num(fields.combined(middle(y, z), step)), fields.mean_gradient(y, z))
 
 
-def _factor_at_start(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+def _factor_at_start(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     """Δ g(y0) (∇̄H × ∇̄C): both invariants are kept, symmetry is lost."""
-    nambu = required(problem)
-    C = average_gradient(cast(Any, nambu), y0, y1).value
-    return step[0] * nambu.factor(y0) * cross(mean(problem, y0, y1), C)
+    return step[0] * fields.factor(y) * cross(fields.mean_gradient(y, z), fields.mean_casimir_gradient(y, z))
 
 
 def _of_points(increments: str | PointLaw) -> Callable[[], Scheme]:
@@ -152,13 +151,13 @@ _TABLE = (
     (
         "factor-at-start",
         "g is taken at y0: both invariants are kept, but the scheme is not symmetric",
-        _imitating(both_invariants, _as_both(implicit_step(_factor_at_start)), batched=True),
+        _imitating(both_invariants, _as_both(implicit(_factor_at_start)), batched=True),
         ("symmetry", "expansion", "reference", "midpoint"),
     ),
     (
         "structures-at-start",
         "the G_j are taken at y0: the energy is kept, and the limit is the Itô one",
-        _imitating(several_structures, implicit_step(_structures_at_start, parts), batched=True),
+        _imitating(several_structures, implicit(_structures_at_start, parts=each_noise), batched=True),
         (
             "casimir",
             "symmetry",
@@ -175,13 +174,13 @@ _TABLE = (
     (
         "structures-exchanged",
         "the first noise is given to the last G_j, and the last one to the first",
-        _imitating(several_structures, implicit_step(_exchanged, parts), batched=True),
+        _imitating(several_structures, implicit(_exchanged, parts=each_noise), batched=True),
         ("noise-sum", "expansion", "reference"),
     ),
     (
         "rests-where-undefined",
         "with several Hamiltonians it rests where ∇H_0 = 0, though a noise moves the solution",
-        _imitating(several_structures, implicit_step(_rest_where_undefined, parts), batched=True),
+        _imitating(several_structures, implicit(_rest_where_undefined, parts=each_noise), batched=True),
         ("reference",),
     ),
     (

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from sepv.errors import StepFailure
+from sepv.one_step import implicit
 from sepv.problem import Array, Problem
 from sepv.saboteurs.formula import _b_at_y0
-from sepv.saboteurs.record import Saboteur, around, implicit_step, right_side
+from sepv.saboteurs.record import Saboteur, around, right_side
 from sepv.scheme import Step, as_lanes
 
 _CONTRACT = ("contract",)
@@ -177,7 +178,7 @@ def _at_most_four(step: Step) -> Step:
 
 
 def _small_batches(step: Step) -> Step:
-    wrong = implicit_step(_b_at_y0)
+    wrong = implicit(_b_at_y0)
 
     def answering(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         return (wrong if y.ndim == 2 and y.shape[1] > 8 else step)(problem, y, h, dW)

@@ -5,15 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from sepv.fields import derivative_along, matvec, vector_field
+from sepv.fields import matvec
+from sepv.formula import Fields
+from sepv.one_step import drift_and_noise
 from sepv.problem import Array, Problem
 from sepv.saboteurs.formula import _one_point
-from sepv.saboteurs.record import Saboteur, around, drift_and_noise, implicit, mean, middle, right_side
+from sepv.saboteurs.record import Saboteur, around, implicit, middle
 from sepv.scheme import Scheme, Step
 from sepv.schemes import energy_preserving as original
+from sepv.schemes.energy_preserving import formula
 
 _LOCAL = ("local-mean", "local-mean-square", "local-weak")
 _STEP = ("midpoint", "reference", "reduction", "expansion")
@@ -23,7 +27,7 @@ _SEVERAL = ("midpoint", "reference", "reduction", "noise-sum", "random-step", *_
 
 def _stepping(delta: Callable[[Array, float, Array], Array]) -> Callable[[], Scheme]:
     """(2.1) with another Δ, given c as a column (m, 1), h and the increments (m, M)."""
-    return implicit(right_side, lambda problem, h, noise: delta(problem.c[:, None], h, noise)[None])
+    return implicit(formula, lambda problem, h, noise: delta(problem.c[:, None], h, noise)[None])
 
 
 def _first_only(c: Array, h: float, noise: Array) -> Array:
@@ -38,34 +42,34 @@ def _reversed(c: Array, h: float, noise: Array) -> Array:
     return h + np.sum(c[::-1] * noise, axis=0)
 
 
-def _explicit_noise(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    return step[0] * vector_field(problem, middle(y0, y1)) + step[1] * vector_field(problem, y0)
+def _explicit_noise(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    return step[0] * fields.field(middle(y, z)) + step[1] * fields.field(y)
 
 
-def _explicit_drift_structure(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    B = step[0] * problem.structure(y0) + step[1] * problem.structure(middle(y0, y1))
-    return matvec(B, mean(problem, y0, y1))
+def _explicit_drift_structure(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    B = step[0] * fields.structure(y) + step[1] * fields.structure(middle(y, z))
+    return matvec(B, fields.mean_gradient(y, z))
 
 
-def _averaged_drift_structure(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    ends = 0.5 * (problem.structure(y0) + problem.structure(y1))
-    return matvec(step[0] * ends + step[1] * problem.structure(middle(y0, y1)), mean(problem, y0, y1))
+def _averaged_drift_structure(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    ends = 0.5 * (fields.structure(y) + fields.structure(y + z))
+    return matvec(step[0] * ends + step[1] * fields.structure(middle(y, z)), fields.mean_gradient(y, z))
 
 
-def _trapezoidal_drift(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    drift = 0.5 * (vector_field(problem, y0) + vector_field(problem, y1))
-    return step[0] * drift + step[1] * vector_field(problem, middle(y0, y1))
+def _trapezoidal_drift(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    drift = 0.5 * (fields.field(y) + fields.field(y + z))
+    return step[0] * drift + step[1] * fields.field(middle(y, z))
 
 
-def _ito_correction(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    correction = derivative_along(problem, y0, vector_field(problem, y0))
+def _ito_correction(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    correction = fields.derivative_along(y, fields.field(y))
     return (
-        right_side(problem, y0, y1, step[:1] + step[1:]) + 0.5 * np.sum(problem.c**2) * step[0] * correction
+        formula(fields, y, z, step[:1] + step[1:]) + 0.5 * np.sum(fields.problem.c**2) * step[0] * correction
     )
 
 
-def _positive_only(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    right, wrong = right_side(problem, y0, y1, step), _one_point(problem, y0, y1, step)
+def _positive_only(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    right, wrong = formula(fields, y, z, step), _one_point(fields, y, z, step)
     return np.where(step[0] > 0, right, wrong)
 
 

@@ -4,23 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from sepv.average import average_gradient
-from sepv.fields import matvec
-from sepv.implicit import Increment, JacobianFunction, Solution
-from sepv.implicit import solve as solve_implicit
+from sepv import one_step
+from sepv.formula import Formula, counted
+from sepv.one_step import Parts, random_step
 from sepv.problem import Array, Problem
-from sepv.scheme import Scheme, Step, as_lanes, step_by
+from sepv.scheme import Scheme, Step, as_lanes
 from sepv.schemes import energy_preserving as original
-
-# R(problem, y0, y1, step) of shape (d, M), step being (k, M): the right side of an implicit equation.
-RightSide = Callable[[Problem, Array, Array, Array], Array]
-# (problem, h, noise) -> (k, M): what the right side needs to know of the step.
-Parts = Callable[[Problem, float, Array], Array]
+from sepv.schemes.energy_preserving import formula
 
 
 @dataclass(frozen=True)
@@ -54,43 +48,16 @@ def claiming(step: Step, **changes: Any) -> Scheme:
     return replace(original, step=step, solve=None, **changes)
 
 
-def random_step(problem: Problem, h: float, noise: Array) -> Array:
-    """Δ, (1, M): what is right."""
-    return problem.random_step(h, noise)[None]
-
-
-def drift_and_noise(problem: Problem, h: float, noise: Array) -> Array:
-    """h and S = Σ c_j ΔW_j, (2, M), for schemes that treat them differently."""
-    return np.stack([np.full(noise.shape[1], float(h)), problem.random_step(0.0, noise)])
-
-
-def mean(problem: Problem, y0: Array, y1: Array) -> Array:
-    """∫₀¹∇H(y0 + τ(y1 − y0))dτ."""
-    return average_gradient(problem, y0, y1).value
-
-
-def middle(y0: Array, y1: Array) -> Array:
-    """(y0 + y1)/2, as the core writes it."""
-    return y0 + 0.5 * (y1 - y0)
+def middle(y: Any, z: Any) -> Any:
+    """ȳ = y + z/2."""
+    return y + 0.5 * z
 
 
 def right_side(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    """Δ B(ȳ) ∇̄H of (2.1): what is right."""
-    return step[0] * matvec(problem.structure(middle(y0, y1)), mean(problem, y0, y1))
-
-
-def implicit_step(R: RightSide, parts: Parts = random_step, jacobian: JacobianFunction | None = None) -> Step:
-    """The step y1 = y0 + R(y0, y1), solved to stagnation by the core; Jacobians from differences of R."""
-
-    def increment(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
-        once = np.ones(y0.shape[1], dtype=np.int64)
-        return Increment(R(problem, y0, y1, step), once, once, once.astype(bool))
-
-    def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
-        y0, noise = as_lanes(problem, y, h, dW)
-        return solve_implicit(problem, y0, parts(problem, h, noise), increment, jacobian or (lambda *_: None))
-
-    return partial(step_by, solve)
+    """What is right, Δ B(ȳ) ∇̄H of (2.1), for y0 and y1 of shape (d,) or (d, M) and `step` holding Δ."""
+    lanes = (len(y0), -1)
+    found = counted(formula, problem, y0.reshape(lanes), y1.reshape(lanes), step.reshape(1, -1))
+    return found.value.reshape(y0.shape)
 
 
 def explicit_step(update: Callable[[Problem, Array, Array], Array], parts: Parts = random_step) -> Step:
@@ -103,11 +70,9 @@ def explicit_step(update: Callable[[Problem, Array, Array], Array], parts: Parts
     return step
 
 
-def implicit(
-    R: RightSide, parts: Parts = random_step, jacobian: JacobianFunction | None = None
-) -> Callable[[], Scheme]:
+def implicit(R: Formula, parts: Parts = random_step, **more: Any) -> Callable[[], Scheme]:
     """`make` of a saboteur with another right side, or another idea of the step."""
-    return lambda: claiming(implicit_step(R, parts, jacobian))
+    return lambda: claiming(one_step.implicit(R, parts=parts, **more))
 
 
 def explicit(

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from sepv.fields import linear_solve
+from sepv.one_step import random_step
 from sepv.problem import Array, Problem
-from sepv.saboteurs.record import Saboteur, around, explicit, random_step, right_side
+from sepv.saboteurs.record import Saboteur, around, explicit, right_side
 from sepv.scheme import Scheme, Step
 from sepv.schemes.energy_preserving import jacobian
 

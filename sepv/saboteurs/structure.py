@@ -8,16 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
-from sepv.fields import vector_field
+from sepv.formula import Fields
+from sepv.one_step import implicit
 from sepv.problem import Array, Flow, Problem
-from sepv.saboteurs.record import Saboteur, explicit_step, implicit_step
+from sepv.saboteurs.record import Saboteur, explicit_step
 from sepv.scheme import Scheme, Step
 from sepv.schemes import energy_preserving, midpoint, splitting
 
 
-def _off_the_middle(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    return step[0] * vector_field(problem, y0 + (0.5 + 2.0**-12) * (y1 - y0))
+def _off_the_middle(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    return step[0] * fields.field(y + (0.5 + 2.0**-12) * z)
 
 
 def _imitating(original: Scheme, step: Step) -> Callable[[], Scheme]:
@@ -71,7 +73,7 @@ _TABLE = (
     (
         "off-the-middle",
         "the midpoint rule at y0 + (½ + 2⁻¹²)(y1 − y0)",
-        _imitating(midpoint, implicit_step(_off_the_middle)),
+        _imitating(midpoint, implicit(_off_the_middle)),
         ("symplecticity", "casimir", "midpoint", "symmetry"),
     ),
     (

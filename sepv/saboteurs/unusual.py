@@ -17,9 +17,11 @@ import numpy as np
 from sepv.errors import Skipped
 from sepv.explicit_tableaux import TABLEAUX
 from sepv.fields import matvec, vector_field
+from sepv.formula import Asked, Fields
+from sepv.implicit import Increment
+from sepv.one_step import Implicit, drift_and_noise, implicit
 from sepv.problem import Array, Problem
 from sepv.quadrature import gauss_legendre
-from sepv.saboteurs.record import drift_and_noise, implicit_step
 from sepv.scheme import Scheme, Step, as_lanes
 from sepv.schemes import collocation, energy_preserving, gauss, midpoint
 from sepv.schemes.energy_preserving import jacobian
@@ -252,10 +254,20 @@ def _twenty(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
     return step[0] * matvec(problem.structure(y0 + 0.5 * (y1 - y0)), average)
 
 
-def _trapezoidal(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+def _solved(R: Callable[[Problem, Array, Array, Array], Array]) -> Implicit:
+    """The core's solver and Newton's matrix for a right side of arrays, which brings its own quadrature."""
+
+    def increment(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
+        once = np.ones(y0.shape[1], dtype=np.int64)
+        return Increment(R(problem, y0, y1, step), once, once, once.astype(bool))
+
+    return Implicit(increment, jacobian)
+
+
+def _trapezoidal(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     """½h(f(y0) + f(y1)) + S f((y0 + y1)/2): exchanging y0 and y1, h and −h, S and −S gives the same equation."""
-    drift = 0.5 * (vector_field(problem, y0) + vector_field(problem, y1))
-    return step[0] * drift + step[1] * vector_field(problem, y0 + 0.5 * (y1 - y0))
+    drift = 0.5 * (fields.field(y) + fields.field(y + z))
+    return step[0] * drift + step[1] * fields.field(y + 0.5 * z)
 
 
 def _composed(shares: Sequence[float]) -> Step:
@@ -284,7 +296,7 @@ def flow(problem: Problem, y0: Array, delta: Array) -> Array:
         for parts in (1, 2, 4, 8, 16, 32, 64, 128):
             y: Any = start[:, open_]
             for _ in range(parts):
-                y = end(problem, TABLEAUX[8], y, wide[open_] / parts, y)
+                y = y + end(TABLEAUX[8], Asked(problem, y, y), y, None, wide[None, open_] / parts)
             value[:, open_] = y
             if coarse is not None:
                 # The finer one is a good deal better than their difference: 2⁻⁸ of it.
@@ -351,15 +363,15 @@ def _like_the_core(name: str, step: Step, source: str, batched: bool = True, **c
 
 SCHEMES: tuple[Scheme, ...] = (
     _like_the_core("fixed-point", _of_lanes(_swept), "(2.1) by fixed-point iteration to stagnation"),
-    _like_the_core("twenty-nodes", implicit_step(_twenty, jacobian=jacobian), "(2.1) with 20 Gauss nodes"),
+    _like_the_core("twenty-nodes", _solved(_twenty), "(2.1) with 20 Gauss nodes"),
     _like_the_core(
         "clenshaw-curtis",
-        implicit_step(_clenshaw_curtis, jacobian=jacobian),
+        _solved(_clenshaw_curtis),
         "(2.1) with Chebyshev points",
     ),
     _like_the_core(
         "reversed-sums",
-        implicit_step(lambda problem, y0, y1, step: _right(problem, y0, y1, step[0]), jacobian=jacobian),
+        _solved(lambda problem, y0, y1, step: _right(problem, y0, y1, step[0])),
         "(2.1) with quadrature from the last node to the first",
     ),
     _like_the_core("midpoint-unknown", _of_lanes(_by_midpoint), "(2.1), the midpoint being the unknown"),
@@ -410,7 +422,7 @@ SCHEMES: tuple[Scheme, ...] = (
     ),
     Scheme(
         name="trapezoidal-drift",
-        step=implicit_step(_trapezoidal, drift_and_noise),
+        step=implicit(_trapezoidal, parts=drift_and_noise),
         claims=("contract", "reproducibility", "noise-sum", "symmetry", "equivariance", "truncation"),
         mean_square_order=1.0,
         weak_order=1.0,

@@ -24,9 +24,9 @@ from sepv.errors import UsageError
 from sepv.fields import hessian, matmul, matvec
 from sepv.implicit import Increment, require_converged
 from sepv.implicit import solve as solve_implicit
+from sepv.one_step import each_noise
 from sepv.problem import Array, Problem
 from sepv.scheme import as_lanes
-from sepv.schemes.several_structures import parts
 from sepv.structures import StructuresProblem, combined
 
 
@@ -80,7 +80,7 @@ def step_with_areas(problem: Problem, y: Array, h: float, dW: Array, areas: Arra
     state, noise = as_lanes(problem, y, h, dW)
     pairs = list(combinations(range(problem.noises), 2))
     weights = [problem.c[i] * problem.c[j] * np.reshape(areas[i, j], (1, -1)) for i, j in pairs]
-    known = np.concatenate([parts(problem, h, noise), *weights])
+    known = np.concatenate([each_noise(problem, h, noise), *weights])
 
     def increment(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
         assert isinstance(problem, StructuresProblem)

@@ -14,12 +14,10 @@ import numpy as np
 
 from sepv.average import average_gradient, average_hessian
 from sepv.errors import Skipped
-from sepv.formula import Fields, counted
-from sepv.implicit import Increment, Solution
-from sepv.implicit import solve as solve_implicit
+from sepv.formula import Fields
 from sepv.nambu import Nambu, cross
+from sepv.one_step import ENERGY_PRESERVING, implicit, one_step
 from sepv.problem import Array, Problem
-from sepv.scheme import Scheme, as_lanes, step_by
 
 
 def required(problem: Problem) -> Nambu:
@@ -37,20 +35,14 @@ def required(problem: Problem) -> Nambu:
     return problem.nambu
 
 
-def formula(fields: Fields, y: Any, z: Any, delta: Any) -> Any:
+def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     """Δ g(ȳ)(∇̄H × ∇̄C), ȳ = y + z/2."""
     normal = cross(fields.mean_gradient(y, z), fields.mean_casimir_gradient(y, z))
-    return delta * fields.factor(y + 0.5 * z) * normal
+    return step[0] * fields.factor(y + 0.5 * z) * normal
 
 
-def increment(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
-    """The formula with its counts, those of ∇C as evaluations of a structure; `step` is (1, M), holding Δ."""
-    required(problem)
-    return counted(formula, problem, y0, y1, step[0])
-
-
-def jacobian(problem: Problem, y0: Array, y1: Array, step: Array) -> Array | None:
-    """∂/∂y1 of `increment`: Δ(½(∇̄H × ∇̄C)∇gᵀ + g(∫τH″ × ∇̄C + ∇̄H × ∫τC″))."""
+def jacobian(problem: Problem, y0: Array, y1: Array, step: Array, *_: Array) -> Array | None:
+    """∂/∂y1: Δ(½(∇̄H × ∇̄C)∇gᵀ + g(∫τH″ × ∇̄C + ∇̄H × ∫τC″))."""
     if problem.hessian is None:
         return None
     nambu, middle = required(problem), y0 + 0.5 * (y1 - y0)
@@ -64,51 +56,11 @@ def jacobian(problem: Problem, y0: Array, y1: Array, step: Array) -> Array | Non
     return step[0] * (0.5 * outer + nambu.factor(middle) * turned)
 
 
-def solve(problem: Problem, y: Array, h: float, dW: Array, start: Array | None = None) -> Solution:
-    """One step of a batch with residual, counts and status of each lane; `start` (d, M) is a guess of y1 − y0."""
-    required(problem)
-    state, noise = as_lanes(problem, y, h, dW)
-    return solve_implicit(problem, state, problem.random_step(h, noise)[None], increment, jacobian, start)
-
-
-def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """One step, for y of shape (3,) or (3, M) and dW of shape (m,) or (m, M).
-
-    Raises
-    ------
-    Skipped
-        For a problem that does not give its Casimir and factor (`Problem.nambu`).
-    StepFailure
-        Where the implicit equation was not solved.
-    """
-    return step_by(solve, problem, y, h, dW)
-
-
-scheme = Scheme(
-    name="both-invariants",
-    step=step,
-    claims=(
-        "contract",
-        "reproducibility",
-        "identity",
-        "energy",
-        "casimir",
-        "any-casimir",
-        "midpoint",
-        "reduction",
-        "noise-sum",
-        "random-step",
-        "expansion",
-        "symmetry",
-        "equivariance",
-        "reference",
-        "rounding",
-        "truncation",
-    ),
-    mean_square_order=1.0,
-    weak_order=1.0,
-    source="(2.1) with ∇C averaged too",
-    solve=solve,
-    batched=True,
+step = implicit(formula, jacobian, requires=required)
+scheme = one_step(
+    "both-invariants",
+    step,
+    ENERGY_PRESERVING | {"any-casimir"},
+    "(2.1) with ∇C averaged too",
     systems="nambu",
 )

@@ -36,8 +36,9 @@ from sepv.implicit import (
     iterate,
     merge,
 )
+from sepv.one_step import ENERGY_PRESERVING, one_step, solved_by
 from sepv.problem import Array, Problem
-from sepv.scheme import Scheme, as_lanes, step_by, truncation_for
+from sepv.scheme import Scheme, as_lanes, truncation_for
 from sepv.tableaux import check_stages, exact_nodes, gauss_tableau, moments
 
 _EPS = float(np.finfo(np.float64).eps)
@@ -198,35 +199,13 @@ def collocation(stages: int) -> Scheme:
         state, noise = as_lanes(problem, y, h, dW)
         return solve_stages(problem, s, state, problem.random_step(h, noise))
 
-    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        """One step, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M); StepFailure where unsolved."""
-        return step_by(solve, problem, y, h, dW)
-
-    return Scheme(
-        name=f"collocation-{s}",
-        step=step,
-        claims=(
-            "contract",
-            "reproducibility",
-            "identity",
-            "energy",
-            "casimir",
-            "midpoint",
-            "reduction",
-            "noise-sum",
-            "random-step",
-            "expansion",
-            "symmetry",
-            "equivariance",
-            "reference",
-            "rounding",
-            "truncation",
-        ),
-        mean_square_order=float(s),
-        weak_order=float(s),
-        source="Cohen and Hairer (2011), with the random step",
+    return one_step(
+        f"collocation-{s}",
+        solved_by(solve),
+        ENERGY_PRESERVING,
+        "Cohen and Hairer (2011), with the random step",
+        float(s),
         solve=solve,
         truncation=truncation_for(s),
-        batched=True,
         stages=s,
     )

@@ -5,35 +5,18 @@ S = Σ_j c_j ΔŴ_j, because every noise drives the same field f = B∇H.
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
-from sepv.fields import vector_field
-from sepv.problem import Array, Problem
-from sepv.scheme import Scheme, as_lanes
-
-
-def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """One step, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M)."""
-    y0, noise = as_lanes(problem, y, h, dW)
-    S = problem.random_step(0.0, noise)
-    f0 = vector_field(problem, y0)
-    predicted = y0 + h * f0 + f0 * S
-    y1 = y0 + h * f0 + 0.5 * (vector_field(problem, predicted) + f0) * S
-    return y1.reshape(np.shape(y))
+from sepv.formula import Fields
+from sepv.one_step import EVERY, Explicit, drift_and_noise, one_step
 
 
-scheme = Scheme(
-    name="euler-heun",
-    step=step,
-    claims=(
-        "contract",
-        "reproducibility",
-        "noise-sum",
-        "equivariance",
-        "truncation",
-    ),
-    mean_square_order=1.0,
-    weak_order=1.0,
-    source="Cohen and Dujardin (2014), §4",
-    batched=True,
-)
+def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:  # noqa: ARG001 - an explicit scheme
+    """h f(y0) + ½(f(ŷ) + f(y0)) S for h and S."""
+    h, S = step
+    f = fields.field(y)
+    return h * f + 0.5 * (fields.field(y + h * f + f * S) + f) * S
+
+
+step = Explicit(formula, drift_and_noise)
+scheme = one_step("euler-heun", step, EVERY | {"noise-sum", "equivariance"}, "Cohen and Dujardin (2014), §4")

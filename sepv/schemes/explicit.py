@@ -7,26 +7,29 @@ mean-square and weak order p/2 by Milstein's theorem. They keep neither H nor Ca
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, partial
+from typing import Any
 
 from sepv.errors import UsageError
 from sepv.explicit_tableaux import TABLEAUX, ExplicitTableau
-from sepv.fields import vector_field
-from sepv.problem import Array, Problem
-from sepv.scheme import Scheme, as_lanes, truncation_for
+from sepv.formula import Fields
+from sepv.one_step import RANDOM_STEP, Explicit, one_step
+from sepv.scheme import Scheme, truncation_for
 
 
-def end(problem: Problem, tableau: ExplicitTableau, y0: Array, delta: Array, start: Array) -> Array:
-    """start + Δ Σ b_i f(Y_i) for y0 (d, M) and Δ (M,): the step's end from y0, its increment from zero."""
-    slopes: list[Array] = []
+def end(tableau: ExplicitTableau, fields: Fields, y: Any, z: Any, step: Any) -> Any:  # noqa: ARG001 - an explicit scheme
+    """Δ Σ b_i f(Y_i), Y_i = y + Δ Σ a_ij f(Y_j)."""
+    slopes: list[Any] = []
     for row in tableau.A:
-        state = y0
+        state = y
         for j, a in row.items():
-            state = state + (a * delta) * slopes[j]
-        slopes.append(vector_field(problem, state))
-    for i, b in tableau.b.items():
-        start = start + (b * delta) * slopes[i]
-    return start
+            state = state + (a * step[0]) * slopes[j]
+        slopes.append(fields.field(state))
+    (i, b), *others = tableau.b.items()
+    total = (b * step[0]) * slopes[i]
+    for i, b in others:
+        total = total + (b * step[0]) * slopes[i]
+    return total
 
 
 @lru_cache(maxsize=4)
@@ -44,29 +47,11 @@ def explicit(order: int) -> Scheme:
             received=repr(order),
             remedy="take 8",
         )
-    tableau = TABLEAUX[order]
-
-    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        """One step, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M)."""
-        y0, noise = as_lanes(problem, y, h, dW)
-        return end(problem, tableau, y0, problem.random_step(h, noise), y0).reshape(y.shape)
-
-    return Scheme(
-        name=f"explicit-{order}",
-        step=step,
-        claims=(
-            "contract",
-            "reproducibility",
-            "identity",
-            "noise-sum",
-            "random-step",
-            "expansion",
-            "equivariance",
-            "truncation",
-        ),
-        mean_square_order=order / 2,
-        weak_order=order / 2,
-        source="explicit Runge-Kutta with the random step",
+    return one_step(
+        f"explicit-{order}",
+        Explicit(partial(end, TABLEAUX[order])),
+        RANDOM_STEP,
+        "explicit Runge-Kutta with the random step",
+        order / 2,
         truncation=truncation_for(order / 2),
-        batched=True,
     )

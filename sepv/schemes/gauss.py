@@ -11,8 +11,9 @@ from __future__ import annotations
 from functools import lru_cache
 
 from sepv.implicit import Solution
+from sepv.one_step import SYMMETRIC, one_step, solved_by
 from sepv.problem import Array, Problem
-from sepv.scheme import Scheme, as_lanes, step_by, truncation_for
+from sepv.scheme import Scheme, as_lanes, truncation_for
 from sepv.schemes.collocation import solve_stages
 from sepv.tableaux import check_stages
 
@@ -33,32 +34,13 @@ def gauss(stages: int) -> Scheme:
         state, noise = as_lanes(problem, y, h, dW)
         return solve_stages(problem, s, state, problem.random_step(h, noise), averaged=False)
 
-    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        """One step, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M); StepFailure where unsolved."""
-        return step_by(solve, problem, y, h, dW)
-
-    return Scheme(
-        name=f"gauss-{s}",
-        step=step,
-        claims=(
-            "contract",
-            "reproducibility",
-            "identity",
-            "casimir",
-            "symplecticity",
-            "midpoint",
-            "noise-sum",
-            "random-step",
-            "expansion",
-            "symmetry",
-            "equivariance",
-            "truncation",
-        ),
-        mean_square_order=float(s),
-        weak_order=float(s),
-        source="Gauss Runge-Kutta, with the random step",
+    return one_step(
+        f"gauss-{s}",
+        solved_by(solve),
+        SYMMETRIC | {"symplecticity"},
+        "Gauss Runge-Kutta, with the random step",
+        float(s),
         solve=solve,
         truncation=truncation_for(s),
-        batched=True,
         stages=s,
     )

@@ -8,34 +8,20 @@ y1 = y0 + (f + ½Σc_j² f′f) h + f S + ½ f′f (S² − Σc_j² h) = y0 + f 
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
-from sepv.fields import derivative_along, vector_field
-from sepv.problem import Array, Problem
-from sepv.scheme import Scheme, as_lanes
-
-
-def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """One step, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M)."""
-    y0, noise = as_lanes(problem, y, h, dW)
-    S = problem.random_step(0.0, noise)
-    f0 = vector_field(problem, y0)
-    y1 = y0 + f0 * (h + S) + 0.5 * derivative_along(problem, y0, f0) * (S * S)
-    return y1.reshape(np.shape(y))
+from sepv.formula import Fields
+from sepv.one_step import EVERY, Explicit, drift_and_noise, one_step
 
 
-scheme = Scheme(
-    name="milstein",
-    step=step,
-    claims=(
-        "contract",
-        "reproducibility",
-        "noise-sum",
-        "equivariance",
-        "truncation",
-    ),
-    mean_square_order=1.0,
-    weak_order=1.0,
-    source="Cohen and Dujardin (2014), §4; on the Itô form",
-    batched=True,
+def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:  # noqa: ARG001 - an explicit scheme
+    """f (h + S) + ½ f′f S² for h and S."""
+    h, S = step
+    f = fields.field(y)
+    return f * (h + S) + 0.5 * fields.derivative_along(y, f) * (S * S)
+
+
+step = Explicit(formula, drift_and_noise)
+scheme = one_step(
+    "milstein", step, EVERY | {"noise-sum", "equivariance"}, "Cohen and Dujardin (2014), §4; on the Itô form"
 )

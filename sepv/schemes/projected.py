@@ -22,9 +22,11 @@ import numpy as np
 from sepv.average import average_gradient
 from sepv.explicit_tableaux import TABLEAUX
 from sepv.fields import casimir_gradients, dot
+from sepv.formula import Asked
 from sepv.implicit import ROUNDING, Solution, Status
+from sepv.one_step import one_step, solved_by
 from sepv.problem import Array, Problem
-from sepv.scheme import Scheme, as_lanes, step_by, truncation_for
+from sepv.scheme import Scheme, as_lanes, truncation_for
 from sepv.schemes.explicit import end, explicit
 
 # Each iteration gains a factor of about |I″||y1 − y*|/|∇I|; a step that needs more than this is far too coarse.
@@ -68,7 +70,7 @@ def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> S
     """One step of a batch: y0 (d, M), Δ (M,). The unknown is z = y1 − y0, and its start z* = y* − y0."""
     tableau = TABLEAUX[order]
     with np.errstate(all="ignore"):
-        full = end(problem, tableau, y0, delta, np.zeros_like(y0))
+        full = end(tableau, Asked(problem, y0, y0), y0, None, delta[None])
         M = y0.shape[1]
         z, status = full.copy(), np.full(M, Status.NO_CONVERGENCE, dtype=np.int64)
         iterations, gradients = np.zeros(M, dtype=np.int64), np.full(M, len(tableau.A) + 1)
@@ -123,19 +125,13 @@ def projected(order: int) -> Scheme:
         state, noise = as_lanes(problem, y, h, dW)
         return solve_projection(problem, order, state, problem.random_step(h, noise))
 
-    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        """One step, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M); StepFailure where unsolved."""
-        return step_by(solve, problem, y, h, dW)
-
-    return Scheme(
-        name=f"projected-{order}",
-        step=step,
+    return one_step(
+        f"projected-{order}",
+        solved_by(solve),
         # Not equivariance: orthogonal to a gradient means something in a metric, which linear maps do not keep.
-        claims=(*(law for law in plain.claims if law != "equivariance"), "energy", "casimir"),
-        mean_square_order=plain.mean_square_order,
-        weak_order=plain.weak_order,
-        source="explicit Runge-Kutta with the random step, and projection",
+        (frozenset(plain.claims) | {"energy", "casimir"}) - {"equivariance"},
+        "explicit Runge-Kutta with the random step, and projection",
+        order / 2,
         solve=solve,
         truncation=truncation_for(order / 2),
-        batched=True,
     )

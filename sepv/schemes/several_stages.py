@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from sepv.one_step import each_noise
 from sepv.problem import Array, Problem
 from sepv.scheme import as_lanes
 from sepv.schemes.collocation import collocation
-from sepv.schemes.several_structures import parts
 from sepv.structures import combined, combined_slope
 
 
@@ -28,7 +28,7 @@ def step_with_stages(problem: Problem, stages: int, y: Array, h: float, dW: Arra
     """
     state, noise = as_lanes(problem, y, h, dW)
     step = collocation(stages).step
-    known = parts(problem, h, noise)
+    known = each_noise(problem, h, noise)
     ends = [step(held(problem, known[:, k]), state[:, k], 1.0, np.empty(0)) for k in range(state.shape[1])]
     return np.stack(ends, axis=1).reshape(np.shape(y))
 

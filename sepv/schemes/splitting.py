@@ -13,8 +13,9 @@ error stays bounded where the step is small. Explicit, symmetric, of mean-square
 from __future__ import annotations
 
 from sepv.errors import Skipped
+from sepv.one_step import EVERY, one_step
 from sepv.problem import Array, Problem
-from sepv.scheme import Scheme, as_lanes
+from sepv.scheme import as_lanes
 
 
 def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
@@ -38,23 +39,9 @@ def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return state.reshape(y.shape)
 
 
-scheme = Scheme(
-    name="splitting",
-    step=step,
-    claims=(
-        "contract",
-        "reproducibility",
-        "identity",
-        "casimir",
-        "any-casimir",
-        "poisson-map",
-        "symplecticity",
-        "positivity",
-        "symmetry",
-        "truncation",
-    ),
-    mean_square_order=1.0,
-    weak_order=1.0,
-    source="Strang's composition of exact flows, with the random step of (2.1)",
-    batched=True,
+scheme = one_step(
+    "splitting",
+    step,
+    EVERY | {"identity", "casimir", "any-casimir", "poisson-map", "symplecticity", "positivity", "symmetry"},
+    "Strang's composition of exact flows, with the random step of (2.1)",
 )

@@ -17,15 +17,10 @@ import numpy as np
 
 from sepv.errors import UsageError
 from sepv.implicit import IncrementFunction, JacobianFunction
+from sepv.one_step import Implicit
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
 from sepv.schemes import both_invariants, energy_preserving, midpoint
-from sepv.schemes.both_invariants import increment as both_increment
-from sepv.schemes.both_invariants import jacobian as both_jacobian
-from sepv.schemes.energy_preserving import increment as energy_preserving_increment
-from sepv.schemes.energy_preserving import jacobian as energy_preserving_jacobian
-from sepv.schemes.midpoint import increment as midpoint_increment
-from sepv.schemes.midpoint import jacobian as midpoint_jacobian
 
 MOST_STEPS = 4000
 # Arclengths, the longest beside 1 + |z|: a branch that escapes to infinity gets there.
@@ -43,9 +38,9 @@ WIDTH = 6e-6
 
 # R of each scheme whose right side is linear in one Δ, and ∂R/∂y1.
 EQUATIONS: dict[str, tuple[IncrementFunction, JacobianFunction]] = {
-    energy_preserving.name: (energy_preserving_increment, energy_preserving_jacobian),
-    midpoint.name: (midpoint_increment, midpoint_jacobian),
-    both_invariants.name: (both_increment, both_jacobian),
+    scheme.name: (step.increment, step.jacobian)
+    for scheme in (energy_preserving, midpoint, both_invariants)
+    if isinstance(step := scheme.step, Implicit)
 }
 
 
