@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from sepv.law import Effort, Finding, Law, pathwise, require
+from sepv.local_example import mean_example
 from sepv.local_orders import judge, mean_slope
 from sepv.scheme import Scheme
 
@@ -12,7 +13,14 @@ from sepv.scheme import Scheme
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
     """The slope against the claimed order, or against order 1 where none is claimed."""
     order = 1.0 if scheme.mean_square_order is None else scheme.mean_square_order
-    return judge(law, scheme, effort, lambda found: found.mean, lambda found: mean_slope(order, found))
+    return judge(
+        law,
+        scheme,
+        effort,
+        lambda found: found.mean,
+        lambda found: mean_slope(order, found),
+        example=mean_example,
+    )
 
 
 def replay(law: Law, scheme: Scheme, _witness: dict[str, Any]) -> Finding:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from sepv.law import Effort, Finding, Law, pathwise, require
+from sepv.local_example import step_example
 from sepv.local_orders import MARGIN, judge
 from sepv.scheme import Scheme
 
@@ -12,7 +13,8 @@ from sepv.scheme import Scheme
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
     """The slope against the claimed order, or against order 1 where none is claimed."""
     order = 1.0 if scheme.mean_square_order is None else scheme.mean_square_order
-    return judge(law, scheme, effort, lambda found: found.rms, lambda _: order + 0.5 - MARGIN)
+    least = order + 0.5 - MARGIN
+    return judge(law, scheme, effort, lambda found: found.rms, lambda _: least, example=step_example)
 
 
 def replay(law: Law, scheme: Scheme, _witness: dict[str, Any]) -> Finding:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from sepv.law import Effort, Finding, Law, require
+from sepv.local_example import weak_example
 from sepv.local_orders import judge, mean_slope
 from sepv.scheme import Scheme
 
@@ -15,7 +16,14 @@ from sepv.scheme import Scheme
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
     """The slope against the claimed order, or against order 1 where none is claimed."""
     order = 1.0 if scheme.weak_order is None else scheme.weak_order
-    return judge(law, scheme, effort, lambda found: found.weak, lambda found: mean_slope(order, found))
+    return judge(
+        law,
+        scheme,
+        effort,
+        lambda found: found.weak,
+        lambda found: mean_slope(order, found),
+        example=weak_example,
+    )
 
 
 def replay(law: Law, scheme: Scheme, _witness: dict[str, Any]) -> Finding:

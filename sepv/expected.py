@@ -1,6 +1,7 @@
 """What a scheme is held to from now on: a TOML file of claims and of known violations, strict both ways.
 
     claims = ["contract", "casimir"]   # laws that must hold; leave it out where the scheme states its own
+    measured = ["contract", "casimir", "energy", "weak-order"]   # all that were asked for when it was pinned
 
     [[expected]]                       # a law that it is known to break
     law = "energy"
@@ -9,7 +10,8 @@
 
 A known violation is checked by its witness and not by search, so that it costs one measurement and is never flaky.
 A violation that is not listed fails the run, and so does an entry that no longer fails. A file with ``claims`` is a
-pin: of the whole suite as it was measured (`pin`). There even a violation of a law that nobody claims must be listed.
+pin: of the laws as they were measured (`pin`). There even a violation of a law that nobody claims must be listed, and
+a law that was not measured then, because it is newer or was not asked for, is named in the report.
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ from sepv.errors import UsageError
 from sepv.law import Finding, Verdict
 
 _ENTRY = {"law", "reason", "witness"}
-_KEYS = {"expected", "claims", "scheme"}
+_KEYS = {"expected", "claims", "measured", "scheme"}
 _EXAMPLE = '[[expected]] with law = "…", reason = "…", witness = "…"; `--pin FILE` makes a first one'
 
 
@@ -40,15 +42,37 @@ class ExpectedFailure:
 
 @dataclass(frozen=True)
 class Expectations:
-    """A file: the laws that it claims, None where it says nothing of claims, and its entries by law."""
+    """A file: the laws that it claims and those that were measured for it, None where it does not say; its entries."""
 
     claims: frozenset[str] | None = None
     failures: dict[str, ExpectedFailure] = field(default_factory=dict)
+    measured: frozenset[str] | None = None
 
     @property
     def is_pin(self) -> bool:
         """Whether every violation must be listed, claimed or not."""
         return self.claims is not None
+
+    def unpinned(self, laws: Iterable[str]) -> tuple[str, ...]:
+        """Those of the laws that were not measured when the file was written; none where it does not say."""
+        if self.measured is None:
+            return ()
+        known = self.measured | set(self.failures) | (self.claims or frozenset())
+        return tuple(law for law in laws if law not in known)
+
+    def unasked(self, laws: Iterable[str]) -> tuple[str, ...]:
+        """What the file guards, and the laws leave out."""
+        left = {*self.failures, *(self.claims or ())} - set(laws)
+        return tuple(sorted(left))
+
+    def gaps(self, laws: Iterable[str]) -> list[str]:
+        """A sentence each for laws that the file does not know, and for those of a pin that were not asked for now."""
+        asked = list(laws)
+        kinds = (
+            ("Not in the pin, which was written without them", self.unpinned(asked)),
+            ("In the pin and not measured now", self.unasked(asked) if self.is_pin else ()),
+        )
+        return [f"{words}: {', '.join(which)}." for words, which in kinds if which]
 
 
 def load(path: str | Path, laws: Iterable[str]) -> Expectations:
@@ -83,7 +107,7 @@ def load(path: str | Path, laws: Iterable[str]) -> Expectations:
                 expected="each law once", received=f"{failure.law!r} twice in {path}", remedy="keep one entry"
             )
         found[failure.law] = failure
-    claims = _claims(data.get("claims"), str(path), known)
+    claims, measured = (_names(key, data.get(key), str(path), known) for key in ("claims", "measured"))
     both = sorted((claims or frozenset()) & set(found))
     if both:
         raise UsageError(
@@ -91,15 +115,15 @@ def load(path: str | Path, laws: Iterable[str]) -> Expectations:
             received=f"both: {', '.join(both)}",
             remedy="a law that the scheme breaks is no claim: take it out of claims",
         )
-    return Expectations(claims, found)
+    return Expectations(claims, found, measured)
 
 
-def _claims(value: Any, path: str, known: tuple[str, ...]) -> frozenset[str] | None:
+def _names(key: str, value: Any, path: str, known: tuple[str, ...]) -> frozenset[str] | None:
     if value is None:
         return None
     if not isinstance(value, list) or not all(name in known for name in value):
         raise UsageError(
-            expected=f"claims in {path}, a list of laws out of {', '.join(known)}",
+            expected=f"{key} in {path}, a list of laws out of {', '.join(known)}",
             received=f"{value!r}",
             remedy="correct the names, or write the file anew with --pin",
         )
@@ -146,14 +170,16 @@ def to_toml(scheme: str, findings: Iterable[Finding]) -> str:
 def pin(scheme: str, findings: Iterable[Finding]) -> str:
     """The whole of what was measured: what holds as claims, what is violated with its witness.
 
-    A law without a decision is in neither: it is not guarded until it is decided and pinned again.
+    A law without a decision is among those measured only: it is not guarded until it is decided and pinned again.
     """
-    found = list(findings)
+    found = [f for f in findings if f.verdict is not Verdict.NOT_MEASURED]
     held = [f.law for f in found if f.verdict is Verdict.HOLDS]
     lines = [
         f"# What sepv found of {_line(scheme)}: these laws must hold from now on, and the violations below stay as",
         "# they are. Both ways: a law that breaks turns the run red, and so does one that no longer fails.",
         f"claims = [{', '.join(_quoted(law) for law in held)}]",
+        "# All that were asked for: a law that is not here is named when it is measured.",
+        f"measured = [{', '.join(_quoted(f.law) for f in found)}]",
     ]
     return "\n".join([*lines, *_entries(f for f in found if f.verdict is Verdict.VIOLATED)]) + "\n"
 

@@ -177,8 +177,7 @@ def _measure(scheme: Scheme, problem: Problem) -> LocalErrors:
     strong = 1.0 if scheme.mean_square_order is None else scheme.mean_square_order
     weak = 1.0 if scheme.weak_order is None else scheme.weak_order
     asked, m = guarded(scheme), problem.noises
-    states = np.array(list(sample_states(problem))[: 3 if m <= 1 else 2]).T
-    degree = int(2 * max(strong, weak) + 2)
+    states, degree = local_states(problem), rule_degree(scheme)
     # A user's problem may be faster than ours: its steps are as much shorter.
     unit = reach(problem) if scheme.problems else 1.0
     sizes = [h * unit for h in _sizes(strong, weak)]
@@ -191,7 +190,7 @@ def _measure(scheme: Scheme, problem: Problem) -> LocalErrors:
     rows, failed, steps = [], [], 0
     for (h, nodes), ends in zip(rules, exact, strict=True):
         taken = nodes if law is None else point_rule(m, law)
-        y, ok = _step(asked, problem, states, h, taken)
+        y, ok = one_step(asked, problem, states, h, taken)
         steps += taken.zeta.shape[1] * states.shape[1]
         moved = y - states[..., None]
         if ok and known:
@@ -209,7 +208,18 @@ def _measure(scheme: Scheme, problem: Problem) -> LocalErrors:
     )  # fmt: skip
 
 
-def _step(scheme: Scheme, problem: Problem, states: Array, h: float, nodes: Rule) -> tuple[Array, bool]:
+def local_states(problem: Problem) -> Array:
+    """The states (d, S) from which steps are made."""
+    return np.array(list(sample_states(problem))[: 3 if problem.noises <= 1 else 2]).T
+
+
+def rule_degree(scheme: Scheme) -> int:
+    """The degree in √h of the terms that the quadrature over ΔW must see, for the orders that the scheme claims."""
+    strong, weak = (1.0 if p is None else p for p in (scheme.mean_square_order, scheme.weak_order))
+    return int(2 * max(strong, weak) + 2)
+
+
+def one_step(scheme: Scheme, problem: Problem, states: Array, h: float, nodes: Rule) -> tuple[Array, bool]:
     """y1 (d, S, n) from S states at the n nodes, and whether every step was made."""
     d, S = states.shape
     asked = nodes.zeta.shape[1]

@@ -104,6 +104,7 @@ def judge(
     least: Callable[[LocalErrors], float],
     measure: Callable[[Scheme, Problem, Effort], LocalErrors] = local_errors,
     enough: int = LEVELS // 2,
+    example: Callable[[Scheme, Problem, float], str] = lambda *_: "",
 ) -> Finding:
     """The law's finding: the worst slope over the problems.
 
@@ -113,8 +114,9 @@ def judge(
     least : the slope that they must have, half-way to the next lower order
     measure : what makes the errors of a problem
     enough : so many step sizes must be left
+    example : one step of this size in words, for a reader of a violation
     """
-    slopes, lines, measured, checks = [], [], [], 0
+    slopes, lines, measured, checks, shown = [], [], [], 0, []
     skipped: list[Skipped] = []
     for problem in problems_for(scheme):
         try:
@@ -140,6 +142,8 @@ def judge(
         slopes.append((seen, bound))
         measured.append(_measured(found, sizes, seen, bound))
         lines.append(f"{problem.name}: {seen.text}, {bound:g} needed")
+        if seen.verdict is Verdict.VIOLATED and not shown:
+            shown.append(example(scheme, problem, float(found.h[0])))
     if not slopes:
         raise skipped[0]
     verdicts = [seen.verdict for seen, _ in slopes]
@@ -150,6 +154,7 @@ def judge(
     )
     if verdict is not Verdict.HOLDS:
         lines += [_errors_text(m) for m in measured]
+    lines += filter(None, shown)
     return law.finding(
         verdict,
         defect=worst.value if np.isfinite(worst.value) else None,

@@ -206,3 +206,5 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
             if row["sepv_scheme"] == scheme:
                 claimed = " +" if row["sepv_claimed"] == "yes" else ""
                 terminalreporter.write_line(f"  {row['sepv_law']:<20}{row['sepv_verdict']}{claimed}")
+    for gap in _listed(config).gaps(dict.fromkeys(row["sepv_law"] for row in found)):
+        terminalreporter.write_line(gap, yellow=True)

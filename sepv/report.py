@@ -186,6 +186,8 @@ def summary(report: Report, target: str = "") -> Text:
     text = Text(f"{_count(len(report.findings), 'law')}: {counts}; {_count(checks, 'check')}{left_out}. ")
     if report.interrupted:
         return text.append("Interrupted: what was not measured is not judged.", style="bold")
+    for gap in report.gaps:
+        text.append(f"{gap} ", style="yellow")
     wrong = _complaints(report)
     if wrong:
         return text.append(" ".join(wrong), style="bold red")

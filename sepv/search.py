@@ -306,7 +306,10 @@ def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate
     except (SepvError, ArithmeticError) as error:
         if case.h < 0:
             # Time runs backwards in some of the cases. Who does not solve for it is told, and accused of nothing.
-            reason = f"h < 0 is not taken ({type(error).__name__})"
+            # One line for each kind of error, with what the first of them said.
+            kind = f"a step back in time, h < 0, ended in {type(error).__name__}"
+            said = str(error).partition("\n")[0]
+            reason = next((r for r in log.skipped if r.startswith(kind)), f"{kind}, the first: {said}")
             log.checks -= 1
             log.skipped[reason] = log.skipped.get(reason, 0) + 1
             raise Skipped(reason) from error

@@ -20,6 +20,7 @@ from sepv.law import Effort, Finding, Law, Verdict
 from sepv.problem import NamedProblem, Problem
 from sepv.scheme import Scheme
 from sepv.tilting import tilted_errors
+from sepv.worst_path import worst_path
 
 FALSE_ALARM = 1e-4
 # mean-square-order, weak-order, right-limit, commutation, rounding.
@@ -180,7 +181,11 @@ def judge(
         if assessment is None:
             return _failed(law, setup, errors)
         found.append((setup, errors, assessment))
-        lines.append(f"{setup.problem}: {assessment.text} from {errors.squared.shape[1]} paths")
+        needed = f"{law.unit} {'≥' if at_least else '≤'} {assessment.bound:.3g}"
+        lines.append(
+            f"{setup.problem}: {assessment.text} from {errors.squared.shape[1]} paths"
+            + ("" if assessment.verdict is Verdict.HOLDS else f", {needed} needed")
+        )
     if not found:
         raise skipped[0]
     order = (Verdict.VIOLATED, Verdict.INCONCLUSIVE, Verdict.HOLDS)
@@ -197,6 +202,8 @@ def judge(
             if a.verdict is Verdict.INCONCLUSIVE
         ]
     if verdict is not Verdict.HOLDS:
+        setup, errors = next((s, e) for s, e, a in found if a.verdict is verdict)
+        lines.append(worst_path(setup.build(), errors, effort.seed, drawn=not is_tilted(scheme)))
         lines.append(
             f"intervals miss with probability {alpha:.1e}; false alarms of a whole run ≤ {FALSE_ALARM:g}"
         )

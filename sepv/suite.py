@@ -83,6 +83,8 @@ class Report:
         Whether some laws were not measured.
     pinned : bool
         Whether the run was held to a pin (`sepv.expected`): every violation must be claimed or listed there.
+    gaps : tuple of str
+        Sentences about laws that the pin says nothing of, or that it guards and that were not measured now.
     target : str
         What stands for the scheme, and what it is for, in a command; empty where no words do.
     """
@@ -93,6 +95,7 @@ class Report:
     interrupted: bool = False
     pinned: bool = False
     target: str = ""
+    gaps: tuple[str, ...] = ()
 
     @property
     def counts(self) -> dict[str, int]:
@@ -317,6 +320,7 @@ def verify(
         interrupted,
         listed.is_pin,
         words_for(scheme, problems),
+        tuple(listed.gaps(law.name for law in chosen)),
     )
 
 

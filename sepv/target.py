@@ -20,6 +20,8 @@ from sepv.polynomial import parse_float
 from sepv.problem import NamedProblem, PolynomialSystem, Problem
 from sepv.scheme import Scheme, Step
 
+_UNCLAIMED = "a function of which nothing is claimed"
+
 
 def load_scheme(
     target: str | Scheme | Step, claims: Iterable[str] = (), problems: Iterable[Problem] = ()
@@ -44,7 +46,10 @@ def load_scheme(
     name = getattr(target, "__name__", "scheme")
     scheme = _named(target, problems) if isinstance(target, str) else as_scheme(target, name, problems)
     extra = frozenset(claims)
-    return replace(scheme, claims=frozenset(scheme.claims) | extra) if extra else scheme
+    if not extra:
+        return scheme
+    source = "a function" if scheme.source == _UNCLAIMED else scheme.source
+    return replace(scheme, claims=frozenset(scheme.claims) | extra, source=source)
 
 
 def as_scheme(value: Any, name: str, problems: Iterable[Problem] = ()) -> Scheme:
@@ -73,7 +78,7 @@ def as_scheme(value: Any, name: str, problems: Iterable[Problem] = ()) -> Scheme
     _check_signature(value, name)
     from sepv.candidate import takes_batches
 
-    scheme = Scheme(name=name, step=value, source="a function of which nothing is claimed")
+    scheme = Scheme(name=name, step=value, source=_UNCLAIMED)
     return replace(scheme, batched=takes_batches(scheme, problems))
 
 

@@ -15,6 +15,7 @@ import jsonschema
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from rich.text import Text
 
 import sepv
 from sepv import problems, schemes, wiener
@@ -371,3 +372,32 @@ def test_an_absent_library_is_named_with_its_remedy(
     result = call("compare diffrax-heun")
     assert result.exit_code == 3
     assert "pip install diffrax" in result.output
+
+
+def test_it_says_how_far_it_is_from_the_first_method_on(found: Comparison) -> None:
+    said: list[tuple[str, float]] = []
+    methods = [in_batches(schemes.energy_preserving), exact_time_change()]
+    compare(
+        methods, problems.rigid_body(), steps=(4, 8), paths=32, repeats=2,
+        progress=lambda text, share: said.append((text, share)),
+    )  # fmt: skip
+    shares = [share for _, share in said]
+    assert shares == sorted(shares)
+    assert (shares[0], said[0][0]) == (0.0, "energy-preserving, 4 steps")
+    assert shares[-1] < 1
+    # A first call and an errors' run for each of three cells, and three calls in each of two rounds.
+    assert len(said) == 3 + 3 + 6
+
+
+def test_one_round_has_no_spread_and_the_caption_says_so(found: Comparison) -> None:
+    several, once = (
+        [
+            str(part.plain if isinstance(part, Text) else [str(c.header) for c in part.columns])
+            for part in parts
+        ]
+        for parts in (table.point_tables(found), table.point_tables(replace(found, repeats=1)))
+    )
+    assert "median of 2 rounds ± half the distance of the quartiles" in several[0]
+    assert "±%" in several[1]
+    assert once[0].endswith("of one round")
+    assert "±%" not in once[1]

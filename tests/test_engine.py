@@ -352,7 +352,8 @@ def test_a_long_path_runs_without_the_compiled_engine_and_stops_at_a_failure() -
     assert np.array_equal(plain.states, one.y[:, [16, 32]])
     failed = sepv.long_path(EP, problems.lotka_volterra(), h=1 / 4, T=400.0, seed=0, engine="numpy")
     assert failed.status != Status.CONVERGED
-    assert 0 <= failed.failed_step < failed.steps
+    assert 0 <= failed.failed_step == failed.steps < failed.planned
+    assert failed.t == failed.steps / 4
 
 
 STIFFNESS = 0.75

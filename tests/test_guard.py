@@ -67,6 +67,33 @@ def test_a_pin_is_strict_both_ways(pinned: Path) -> None:
     assert "Violated and not in the pin: any-casimir." in other.output
 
 
+def test_a_pin_names_the_laws_that_it_was_written_without(pinned: Path) -> None:
+    assert tomllib.loads((pinned / "pin.toml").read_text())["measured"] == ["contract", "energy", "casimir"]
+    more = call("my_rule:step", "--law", "identity", "--expected", "pin.toml", "-q")
+    assert more.exit_code == 0, more.output
+    assert "Not in the pin, which was written without them: identity. All 2 claimed laws hold." in more.output
+    fewer = CliRunner().invoke(
+        main, ["verify", "my_rule:step", "--law", "casimir", "--expected", "pin.toml", "-q"]
+    )
+    assert fewer.exit_code == 0
+    assert "In the pin and not measured now: contract, energy. The 1 claimed law holds." in fewer.output
+    file = pinned / "pin.toml"
+    # One of an older sepv says nothing of what it measured.
+    file.write_text("\n".join(line for line in file.read_text().splitlines() if "measured" not in line))
+    assert (
+        "Not in the pin"
+        not in call("my_rule:step", "--law", "identity", "--expected", "pin.toml", "-q").output
+    )
+
+
+def test_the_title_does_not_say_that_nothing_is_claimed_beside_a_claim() -> None:
+    bare = verify(midpoint, laws=["casimir"], effort=Effort(5, 64, 0, 5))
+    assert "a function of which nothing is claimed" in str(bare)
+    held = verify(midpoint, laws=["casimir"], claims=["casimir"], effort=Effort(5, 64, 0, 5))
+    assert "a function of which nothing" not in str(held)
+    assert str(held).startswith("step · a function")
+
+
 def test_a_law_is_either_claimed_or_expected_to_fail(pinned: Path) -> None:
     file = pinned / "pin.toml"
     file.write_text(file.read_text().replace('"casimir"]', '"energy"]'))

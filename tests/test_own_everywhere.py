@@ -35,6 +35,15 @@ def fails_late(problem, y, h, dW):
         raise RuntimeError("no noise, please")
     return y.copy()
 
+steps = []
+
+def tires(problem, y, h, dW):
+    if h == 0.125:
+        steps.append(h)
+    if len(steps) > 21:  # one is asked beforehand, whether it answers with a state at all
+        raise ArithmeticError("the inner iteration missed 1e-12")
+    return step(problem, y, h, dW)
+
 def pendulum():
     """Functions alone, without data."""
     return sepv.Problem(
@@ -76,6 +85,27 @@ def test_it_takes_a_scheme_and_a_problem_by_module_and_attribute(folder: Path, c
     done = sepv_(*COMMANDS[command])
     assert done.exit_code == 0, done.output
     assert "own" in done.output or "everywhere" in done.output
+
+
+def test_a_path_of_a_black_box_says_what_is_known_and_no_more(folder: Path) -> None:
+    done = sepv_("run", *OWN, "--steps", "50", "--json", "path.json")
+    assert "iterations" not in done.output
+    assert "Casimir" not in done.output
+    found = json.loads((folder / "path.json").read_text())
+    assert (found["iterations"], found["casimir_defect"]) == (None, None)
+    assert sepv_("run", *OWN, "--steps", "50", "-q").output.startswith("50 steps: energy ")
+    solved = sepv_("run", "energy-preserving", "--steps", "50").output
+    assert "iterations a step" in solved
+    assert "Casimirs" in solved
+
+
+def test_a_path_that_ends_early_names_one_step_and_what_the_scheme_said(folder: Path) -> None:
+    done = sepv_("run", "everywhere:tires", "-p", "everywhere:pendulum", "--h", "0.125", "--steps", "50")
+    assert done.exit_code == 2
+    assert "20 of 50" in done.output
+    assert "Received 20 steps; the next one, from y = [" in done.output
+    assert "failed: the scheme raised ArithmeticError: the inner iteration missed 1e-12." in done.output
+    assert "--seed" not in done.output
 
 
 EXEC = {
@@ -166,3 +196,47 @@ def test_laws_about_many_steps_fit_the_problems_beyond_the_paper(problem: str) -
         "energy-preserving", problems=[problem], laws=laws, effort=sepv.Effort(paths=512, examples=8)
     )
     assert {f.verdict for f in report.findings} <= {sepv.Verdict.HOLDS, sepv.Verdict.INCONCLUSIVE}, report
+
+
+NARROW = '''
+import numpy as np
+import sepv
+from sepv.fields import vector_field
+
+def ring():
+    """States within 1 % of the circle; what is outside has no meaning."""
+    return sepv.Problem(
+        2,
+        lambda y: np.stack([np.stack([0 * y[0], 0 * y[0] - 1]), np.stack([0 * y[0] + 1, 0 * y[0]])]),
+        lambda y: 0.5 * (y[0] ** 2 + y[1] ** 2),
+        lambda y: 1.0 * y,
+        noise=(0.5,),
+        initial=(0.0, 1.0),
+        domain=DOMAIN,
+    )
+
+def step(problem, y, h, dW):
+    if np.any(np.abs(np.sqrt(np.sum(y**2, axis=0)) - 1) > 0.01):
+        raise ArithmeticError("no such state")
+    delta = problem.random_step(h, dW)
+    f = vector_field(problem, y)
+    return y + delta * vector_field(problem, y + 0.5 * delta * f)
+
+def first_lane(problem, y, h, dW):
+    start = y if y.ndim == 1 else np.repeat(y[:, :1], y.shape[1], axis=1)
+    return y + problem.random_step(h, dW) * vector_field(problem, start)
+'''
+
+
+@pytest.mark.parametrize("domain", ["None", "lambda y: np.abs(np.sqrt(np.sum(y**2, axis=0)) - 1) < 0.01"])
+def test_a_step_on_a_narrow_domain_is_seen_to_take_batches(folder: Path, domain: str) -> None:
+    module = f"narrow_{len(domain)}"
+    (folder / f"{module}.py").write_text(NARROW.replace("DOMAIN", domain))
+    from sepv.target import load_problem, load_scheme
+
+    ring = load_problem(f"{module}:ring")
+    assert load_scheme(f"{module}:step", problems=[ring]).batched
+    assert not load_scheme(f"{module}:first_lane", problems=[ring]).batched
+    if ring.domain is not None:  # without one a law may ask about any state
+        report = sepv.verify(f"{module}:step", problems=ring, laws="contract", effort=sepv.Effort(examples=5))
+        assert report.finding("contract").verdict is sepv.Verdict.HOLDS, report

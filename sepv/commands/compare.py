@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -106,7 +107,7 @@ def compare(
                 received="none",
                 remedy=f"a built-in, module:attribute, exact-flow or a peer ({', '.join(PEERS)})",
             )
-        methods, failed = _methods(names, system)
+        methods, failed = _methods(names, system, line.update)
         block: Any = candidates((), programs) if programs else nullcontext([])
         with block as others:
             methods += [replace(from_scheme(own, system), name=name) for name, own in others]
@@ -147,12 +148,15 @@ def compare(
         raise SystemExit(3)
 
 
-def _methods(names: list[str], problem: Any) -> tuple[list[Any], dict[str, SepvError]]:
+def _methods(
+    names: list[str], problem: Any, progress: Callable[[str], None]
+) -> tuple[list[Any], dict[str, SepvError]]:
     """The methods that can be loaded and take a step, and what went wrong with the others."""
     from sepv.compare.choose import load_method
 
     methods, failed = [], {}
     for name in names:
+        progress(f"loading {name}")
         try:
             methods.append(load_method(name, problem))
         except SepvError as error:

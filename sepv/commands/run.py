@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import click
@@ -66,22 +67,58 @@ def run(
                 expected="one scheme", received=f"{len(found)}", remedy="sepv run, once for each of them"
             )
         scheme, own = found[0]
+        said: list[BaseException] = []
+        if own.solve is None and not own.step.__module__.startswith("sepv."):
+            own = replace(own, step=_remembering(own.step, said))
         path = long_path(
             own, system, h=h, steps=count, seed=seed, every=kept,
             compensated=compensated, increments=increments, engine=engine, progress=progress,
         )  # fmt: skip
-    _show(scheme, problem, path, quiet)
+    counted = own.solve is not None
+    casimirs = bool(system.casimirs or system.linear_casimirs)
+    _show(scheme, problem, path, quiet, counted=counted, casimirs=casimirs)
     if json_file:
+        record = _record(scheme, problem, h, seed, path)
+        if not casimirs:
+            record["casimir_defect"] = None
+        if not counted:
+            record["iterations"] = None
         with open(json_file, "w", encoding="utf-8") as out:
-            json.dump(_record(scheme, problem, h, seed, path), out)
+            json.dump(record, out)
     if path.interrupted:
         raise SystemExit(130)
     if path.status:
         raise UsageError(
-            expected=f"a path of {count} steps",
-            received=f"step {path.failed_step}, which was not solved: {path.status.text}, at y = {path.y.tolist()}",
-            remedy="a smaller --h, or another --seed",
+            expected=f"a path of {count:,} steps",
+            received=f"{path.steps:,} steps; the next one, from y = {path.y.tolist()} with h = {h!r}, failed: "
+            + (_words(said[-1]) if said else path.status.text if counted else _UNCOUNTED[path.status.name]),
+            remedy="a smaller --h",
         )
+
+
+# What is known of a step that says nothing but its answer.
+_UNCOUNTED = {
+    "NO_CONVERGENCE": "the scheme refused it",
+    "OVERFLOW": "its answer, or B or ∇H there, is not finite",
+    "LEFT_DOMAIN": "its answer is outside the problem's domain",
+}
+
+
+def _words(error: BaseException) -> str:
+    return f"the scheme raised {type(error).__name__}: {error}".partition("\n")[0]
+
+
+def _remembering(step: Callable[..., Any], said: list[BaseException]) -> Callable[..., Any]:
+    """The step; the last of its own exceptions is kept, which the status of a path does not tell."""
+
+    def asked(problem: Any, y: Any, h: float, dW: Any) -> Any:
+        try:
+            return step(problem, y, h, dW)
+        except Exception as error:
+            said[:] = [error]
+            raise
+
+    return asked
 
 
 def _whole(name: str, value: float) -> int:
@@ -102,16 +139,15 @@ def _bar(total: int, quiet: bool) -> Iterator[Callable[[int, int], None]]:
         yield lambda done, _total: shown.update(f"{done:,} of {total:,} steps", done / total)
 
 
-def _show(scheme: str, problem: str, path: Any, quiet: bool) -> None:
+def _show(scheme: str, problem: str, path: Any, quiet: bool, *, counted: bool, casimirs: bool) -> None:
     from rich.table import Table
 
     from sepv.report import console
 
     unit = 2.0**-52 * max(path.steps, 1) ** 0.5
     if quiet:
-        console().print(
-            f"{path.steps:,} steps: energy {path.energy_defect:.3g}, Casimirs {path.casimir_defect:.3g} at most"
-        )
+        second = f", Casimirs {path.casimir_defect:.3g}" if casimirs else ""
+        console().print(f"{path.steps:,} steps: energy {path.energy_defect:.3g}{second} at most")
         return
     table = Table(box=None, pad_edge=False, show_header=False)
     rows = [
@@ -123,9 +159,16 @@ def _show(scheme: str, problem: str, path: Any, quiet: bool) -> None:
         ("time", f"{path.seconds:.3g} s, {path.seconds / max(path.steps, 1) * 1e9:.3g} ns a step"),
         ("end", f"t = {path.t:g}, y = {[float(v) for v in path.y]}"),
         ("energy", f"largest defect {path.energy_defect:.3g} = {path.energy_defect / unit:.3g} eps·√N"),
-        ("Casimirs", f"largest defect {path.casimir_defect:.3g} = {path.casimir_defect / unit:.3g} eps·√N"),
-        ("work", f"{path.iterations / max(path.steps, 1):.3g} iterations a step"),
     ]
+    if casimirs:
+        rows.append(
+            (
+                "Casimirs",
+                f"largest defect {path.casimir_defect:.3g} = {path.casimir_defect / unit:.3g} eps·√N",
+            )
+        )
+    if counted:
+        rows.append(("work", f"{path.iterations / max(path.steps, 1):.3g} iterations a step"))
     for row in rows:
         table.add_row(*row)
     console().print(table)

@@ -32,7 +32,8 @@ SINGLE_PATHS = 64
 # A job shorter than this is repeated within one reading of the clock.
 SHORTEST = 2e-3
 
-Progress = Callable[[str], None]
+# What is being done, and how much of all is done, 0 to 1.
+Progress = Callable[[str, float], None]
 
 
 def compare(
@@ -46,7 +47,7 @@ def compare(
     seed: int = 0,
     targets: Sequence[float] = (),
     workers: Any = 1,
-    progress: Progress = lambda _: None,
+    progress: Progress = lambda *_: None,
 ) -> Comparison:
     """Strong and weak error, defects, time and work of each method for each number of steps.
 
@@ -59,6 +60,8 @@ def compare(
         Timed rounds; in each round every method runs once at every step size, in a rotating order.
     targets : strong errors
         For which the time is wanted, see `Comparison.times_to_error`.
+    progress : callable (text, share), optional
+        Called before each piece of work with what it is and the share of all that is done, 0 to 1.
     workers : int, executor, map-like callable, Dask client or its address
         For the errors and defects (an int: threads). Times are always taken here, where all methods take turns.
 
@@ -79,11 +82,15 @@ def compare(
     first: list[float] = []  # processor seconds of the very first call
     watched: list[tuple[Any, ...]] = []
     failed: dict[str, str] = {}
+    # Pieces of work: the first call of each cell, its errors, and its timed rounds. A first call may compile.
+    sizes = {method.name: tuple(steps) if method.steps_matter else tuple(steps[-1:]) for method in methods}
+    total, done = (2 + repeats) * sum(map(len, sizes.values())), 0
     for method in methods:
         lane = []
         try:
-            for count in steps if method.steps_matter else steps[-1:]:
-                progress(f"{method.name}, {count} steps")
+            for count in sizes[method.name]:
+                progress(f"{method.name}, {count} steps", done / total)
+                done += 1
                 dW = coarse[count] if method.batched else coarse[count][:, :, :SINGLE_PATHS]
                 job = method.prepare(problem, start, T / count, dW)
                 once = _time(job)[0]
@@ -99,8 +106,10 @@ def compare(
     followed: list[Followed | str] = [""] * len(watched)
 
     def take(number: int, run: Followed | str) -> None:
+        nonlocal done
         followed[number] = run
-        progress(f"errors of {cells[number][0].name}, {cells[number][1]} steps")
+        done += 1
+        progress(f"errors of {cells[number][0].name}, {cells[number][1]} steps", done / total)
 
     run_all(_follow, watched, workers, threads=True, receive=take)
     failed |= {cell[0].name: run for cell, run in zip(cells, followed, strict=True) if isinstance(run, str)}
@@ -111,7 +120,7 @@ def compare(
             received="; ".join(f"{name}: {text.splitlines()[0]}" for name, text in failed.items()),
             remedy="make one of them run on this problem first",
         )
-    times = _alternate([jobs[n] for n in there], repeats, progress)
+    times = _alternate([jobs[n] for n in there], repeats, progress, done / total)
     points = [
         replace(
             _point(*cells[n], T, done, exact.y, np.array(row), first[n]),
@@ -145,11 +154,12 @@ def _follow(watched: tuple[Any, ...]) -> Followed | str:
 
 
 def _alternate(
-    jobs: Sequence[Callable[[], Ends]], repeats: int, progress: Progress
+    jobs: Sequence[Callable[[], Ends]], repeats: int, progress: Progress, begin: float
 ) -> list[list[tuple[float, float]]]:
     """(processor, clock) seconds of each job in each round.
 
-    Rounds begin at another job each, so that no one always follows the same.
+    Rounds begin at another job each, so that no one always follows the same. `begin` is the share of all work that is
+    done before.
     """
     inner = [max(1, int(SHORTEST / max(_time(job)[1], 1e-9))) for job in jobs]
     times: list[list[tuple[float, float]]] = [[] for _ in jobs]
@@ -157,7 +167,9 @@ def _alternate(
         offset = round_ * len(jobs) // repeats
         for k in range(len(jobs)):
             n = (k + offset) % len(jobs)
-            progress(f"timing, round {round_ + 1} of {repeats}: {k + 1} of {len(jobs)}")
+            share = (round_ + k / len(jobs)) / repeats
+            text = f"timing, round {round_ + 1} of {repeats}: {k + 1} of {len(jobs)}"
+            progress(text, begin + (1 - begin) * share)
             times[n].append(_time(jobs[n], inner[n]))
     return times
 

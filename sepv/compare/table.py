@@ -36,14 +36,22 @@ DROPPED = ("±%", "B", "∇H", "Newton", "|ΔC|", "ns/step", "weak error", "|ΔH
 
 def point_tables(comparison: Comparison, width: int = 120) -> list[Text | Table]:
     """One table for each method under its name, one row for each step size; the columns stand under each other."""
+    rounds = comparison.repeats
     title = (
-        f"{comparison.problem}, T = {comparison.T:g}: errors ± {comparison.confidence:.0%} intervals, processor time "
-        f"on one core, median of {comparison.repeats} ± half the distance of the quartiles"
+        f"{comparison.problem}, T = {comparison.T:g}: errors with {comparison.confidence:.0%} intervals, the largest "
+        "defects; ns of processor time for a step of one path on one core, "
+        + (
+            f"median of {rounds} rounds ± half the distance of the quartiles"
+            if rounds > 1
+            else "of one round"
+        )
     )
     parts: list[Text | Table] = [Text(title, style="bold")]
     columns = dict(COLUMN_WIDTHS)
     if not any(p.failures for p in comparison.points):
         del columns["failed"]
+    if rounds == 1:
+        del columns["±%"]  # of one number
     rows = [dict(zip(COLUMN_WIDTHS, _cells(comparison, p), strict=True)) for p in comparison.points]
     columns = {
         name: max(least, cell_len(name), longest(row[name] for row in rows))

@@ -34,7 +34,7 @@ class LongPath:
     Attributes
     ----------
     steps, planned : int
-        Steps done, and asked for.
+        Steps done, not counting one that was not solved, and asked for.
     t : float
     y : (d,), W : (m,)
         The state and W at t.
@@ -44,7 +44,7 @@ class LongPath:
         Largest |H(y_n) − H(y_0)| and the same over the Casimirs, over all steps done.
     energy_defects : (K,)
         H(y) − H(y_0) at `times`: how it walks.
-    status, failed_step : how a step that was not solved ended, and which it was (−1: none).
+    status, failed_step : how a step that was not solved ended, and how many were done before it (−1: none).
     iterations, gradient_evaluations : work done.
     seconds : float
         Wall time, compilation not counted.
@@ -146,7 +146,7 @@ def long_path(
     interrupted = False
     try:
         for kept in _pieces(chunk, count, every):
-            if kept:
+            if kept and not chunk.failed():
                 times.append(chunk.done * h)
                 states.append(chunk.states()[:, 0])
             if progress is not None:
@@ -156,11 +156,12 @@ def long_path(
     except KeyboardInterrupt:
         interrupted = True
     ends = chunk.result(np.empty((0, problem.dimension, 1)))
+    done = chunk.done if ends.failed_step[0] < 0 else int(ends.failed_step[0])
     table = np.array(states).reshape(-1, problem.dimension).T
     return LongPath(
-        steps=chunk.done,
+        steps=done,
         planned=count,
-        t=chunk.done * h,
+        t=done * h,
         y=ends.y[:, 0],
         W=ends.W[:, 0],
         times=np.array(times),
