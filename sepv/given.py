@@ -181,6 +181,10 @@ def _inside(problem: Problem, y: Array) -> bool:
     return problem.domain is None or bool(np.all(problem.domain(y)))
 
 
+# Balls of radius 2⁻¹ to 2⁻⁵ of a state are looked at; in a narrow domain smaller ones, until one lies inside.
+USUAL, NARROWEST = 5, 20
+
+
 def measured_radius(problem: Problem, y: Array) -> float:
     """As `sepv.strategies.contraction_radius`, with maxima over some states of the ball in place of majorants, halved.
 
@@ -191,7 +195,10 @@ def measured_radius(problem: Problem, y: Array) -> float:
     d = problem.dimension
     directions = np.concatenate([np.eye(d), -np.eye(d), rng.uniform(-1, 1, (8, d))])
     best, size = 0.0, 1 + float(np.max(np.abs(y)))
-    for r in (size / 2, size / 4, size / 8, size / 16, size / 32):
+    for halvings in range(1, NARROWEST + 1):
+        if best and halvings > USUAL:
+            break
+        r = size / 2**halvings
         points = [y, *(y + r * e for e in directions)]
         if not all(_inside(problem, p) for p in points):
             continue

@@ -116,7 +116,8 @@ def judge(
     enough : so many step sizes must be left
     example : one step of this size in words, for a reader of a violation
     """
-    slopes, lines, measured, checks, shown = [], [], [], 0, []
+    slopes, lines, measured, checks = [], [], [], 0
+    shown: list[str] = []
     skipped: list[Skipped] = []
     for problem in problems_for(scheme):
         try:

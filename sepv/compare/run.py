@@ -123,11 +123,11 @@ def compare(
     times = _alternate([jobs[n] for n in there], repeats, progress, done / total)
     points = [
         replace(
-            _point(*cells[n], T, done, exact.y, np.array(row), first[n]),
+            _point(*cells[n], T, ran, exact.y, np.array(row), first[n]),
             clipping=clipping_error(problem, T=T, steps=cells[n][1], k=cells[n][0].truncation),
         )
         for n, row in zip(there, times, strict=True)
-        if not isinstance(done := followed[n], str)
+        if not isinstance(ran := followed[n], str)
     ]
     return Comparison(
         problem=problem.name,
