@@ -49,6 +49,8 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         )
         worst = found if n == 0 or found.ratio > worst.ratio else worst
         y = y1
+        if n + 1 == STEPS:
+            break
         length = abs(h) + float(abs(problem.c * dW).sum())
         # Beyond the contraction radius of the state reached a next step need not exist.
         if isinstance(case.problem, PolynomialSystem) and contraction_radius(problem, y) < length:

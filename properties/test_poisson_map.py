@@ -29,5 +29,5 @@ law = searched(
     check=check,
     corners=lambda: tuple(case for case in corners() if is_short(case)),
     admits=is_short,
-    undesigned=2,
+    undesigned=4,
 )

@@ -68,7 +68,7 @@ law = searched(
     unit="states outside",
     cases=lotka_volterra_steps,
     check=check,
-    undesigned=1,
+    undesigned=2,
 )
 
 

@@ -28,5 +28,5 @@ law = searched(
     check=check,
     corners=lambda: tuple(case for case in with_constant_structure() if is_short(case)),
     admits=is_short,
-    undesigned=1,
+    undesigned=2,
 )

@@ -83,7 +83,16 @@ def step_condition(
     """
     if isinstance(data, GivenProblem):
         return [[1 / (1 - contraction)] * len(y)] * len(y)
-    return reference_step(scheme, data, y, h, dW, 20).condition
+    equation = find_equation(scheme) if isinstance(scheme, str) else scheme
+    problem = binary64_problem(data)
+    scale = max(map(abs, y), default=0.0)
+    if equation.residual is not None and not equation.nodes and scale and all(map(isfinite, (*y, h, *dW))):
+        # The inverse matrix is that of the root in binary64, also where the root itself is wanted to more digits.
+        root = _guess(equation, data, y, h, dW, scale, None)
+        y0, step = problem.state(y), make_step(problem, h, dW)
+        if isinstance(root, Root) and problem.inside(equation.result(problem, y0, step, root.x)):
+            return _condition(equation, problem, root.inverse)
+    return reference_step(equation, data, y, h, dW, 20).condition
 
 
 def reference_step(

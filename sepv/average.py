@@ -72,14 +72,22 @@ def _on_segment(y0: Array, y1: Array, points: Array) -> Array:
 
 
 def _quadrature(problem: Problem, y0: Array, y1: Array, nodes: int) -> tuple[Array, Array]:
-    """The rule's value (d, ...), and the size of its terms (...), to which rounding is relative."""
+    """The rule's value (d, ...), and its terms (d, nodes, ...)."""
     points, weights = gauss_legendre(nodes)
     terms = problem.gradient(_on_segment(y0, y1, points))
     terms = terms * weights.reshape(1, -1, *(1,) * (y0.ndim - 1))
-    value, size = terms[:, 0], np.abs(terms[:, 0])
+    value = terms[:, 0]
     for n in range(1, nodes):
-        value, size = value + terms[:, n], size + np.abs(terms[:, n])
-    return value, np.max(size, axis=0)
+        value = value + terms[:, n]
+    return value, terms
+
+
+def _size(terms: Array) -> Array:
+    """The sum of the absolute values of a quadrature's terms (d, nodes, ...): the largest component."""
+    size = np.abs(terms[:, 0])
+    for n in range(1, terms.shape[1]):
+        size = size + np.abs(terms[:, n])
+    return np.asarray(np.max(size, axis=0))
 
 
 def argument_rounding(problem: Problem, *states: Array) -> Array:
@@ -104,12 +112,12 @@ def _adaptive(problem: Problem, y0: Array, y1: Array) -> Average:
     error = np.full(value.shape[1], np.inf)
     open_ = np.arange(value.shape[1])
     for nodes in _LADDER[1:]:
-        finer, size = _quadrature(problem, a[:, open_], b[:, open_], nodes)
+        finer, terms = _quadrature(problem, a[:, open_], b[:, open_], nodes)
         difference = np.max(np.abs(finer - value[:, open_]), axis=0)
         value[:, open_], error[open_] = finer, difference
         evaluations[open_] += nodes
         # Both rules sum `nodes` terms with a rounding error each: below that they agree.
-        open_ = open_[~(difference <= nodes * _EPS * size)]
+        open_ = open_[~(difference <= nodes * _EPS * _size(terms))]
         if not open_.size:
             break
     else:

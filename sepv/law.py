@@ -117,7 +117,7 @@ class Effort:
         What the laws of one run hand on to each other. Leave it alone.
     """
 
-    examples: int = 25
+    examples: int = 12
     paths: int = 8192
     seed: int = 0
     shrink_checks: int = 500

@@ -35,7 +35,7 @@ Check = Callable[[Scheme, Case], Measurement]
 
 
 # Without a design there are so many times as many random examples, unless a law says otherwise.
-UNDESIGNED = 4
+UNDESIGNED = 8
 # A search ends where the scheme has not taken so many cases for each that it did.
 MOST_SKIPPED = 20
 # Where a check takes longer than a fifth of a second, simplifying ends by the clock: a law may be given up after ten

@@ -124,6 +124,15 @@ RULES = (
         lambda batch, terms: batch.low > 4096 and terms.low > 9,
         "cost: a step of thousands of states takes seconds",
     ),
+    # Three strata together: each two of them still meet.
+    Rule(
+        ("batch", "given as", "degree of H"),
+        lambda batch, given, degree: (
+            given.name == "bare functions"
+            and degree.high > {"500–2000": 4, "4097–9000": 2}.get(batch.name, 10)
+        ),
+        "cost: quadrature and Jacobian by many evaluations for thousands of states take seconds",
+    ),
     Rule(
         ("reduced", "degree of B"),
         lambda reduced, degree: reduced.name == "constant B" and degree.high > 0,

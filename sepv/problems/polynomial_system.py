@@ -19,7 +19,7 @@ from sepv.structures import StructuresProblem, commuting_hamiltonians
 MAX_DIMENSION = 64
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=512)
 def polynomial_problem(data: PolynomialSystem) -> Problem:
     """The problem of a `PolynomialSystem`, with analytic derivatives and exact quadrature degree.
 
@@ -47,7 +47,7 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
         structure=structure,
         hamiltonian=H,
         gradient=PolynomialMap((d,), gradient),
-        hessian=PolynomialMap((d, d), tuple(poly.differentiate(g, k) for g in gradient for k in range(d))),
+        hessian=PolynomialMap((d, d), _hessian(gradient)),
         structure_derivative=derivative,
         noise=np.array(data.noise),
         casimirs=data.casimirs,
@@ -61,7 +61,14 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
     return _with_more_noise(problem, data) if data.noise_structures or data.noise_hamiltonians else problem
 
 
-@lru_cache(maxsize=256)
+def _hessian(gradient: tuple[Polynomial, ...]) -> tuple[Polynomial, ...]:
+    """∂²H/∂y_i∂y_k row by row; the half below the diagonal is the one above it."""
+    d = len(gradient)
+    above = {(i, k): poly.differentiate(gradient[i], k) for i in range(d) for k in range(i, d)}
+    return tuple(above[min(i, k), max(i, k)] for i in range(d) for k in range(d))
+
+
+@lru_cache(maxsize=512)
 def _structure_maps(
     d: int, structure: tuple[tuple[int, int, Polynomial], ...]
 ) -> tuple[PolynomialMap, PolynomialMap]:
@@ -69,9 +76,13 @@ def _structure_maps(
     zero = poly.polynomial(d, {})
     above = {(i, j): entry for i, j, entry in structure}
     below = {(j, i): poly.scale(-1.0, entry) for i, j, entry in structure}
-    flat = tuple((above | below).get((i, j), zero) for i in range(d) for j in range(d))
-    slopes = tuple(poly.differentiate(b, k) if b.terms else zero for b in flat for k in range(d))
-    return PolynomialMap((d, d), flat), PolynomialMap((d, d, d), slopes)
+    entries, none = above | below, (zero,) * d
+    slopes = {place: poly.gradient(entry) for place, entry in entries.items()}
+    places = [(i, j) for i in range(d) for j in range(d)]
+    flat = tuple(entries.get(place, zero) for place in places)
+    return PolynomialMap((d, d), flat), PolynomialMap(
+        (d, d, d), tuple(p for place in places for p in slopes.get(place, none))
+    )
 
 
 def _with_more_noise(drift: Problem, data: PolynomialSystem) -> StructuresProblem:
