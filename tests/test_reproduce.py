@@ -259,3 +259,16 @@ def test_a_short_run_does_not_say_whether_the_energy_walks() -> None:
             assert pendulum._walk(_walking(7.0, kind, seed))[0].verdict == "open"
     decided = [pendulum._walk(_walking(500.0, "walk", seed))[0].verdict for seed in range(40)]
     assert decided.count("fails") >= 36
+
+
+def test_a_quick_figure_4_4_refutes_nothing_that_the_paper_says(tmp_path: Path) -> None:
+    """A share of 1/32 of the time, t ≤ 15.6: what it is too short for is open, and exponents of it decide nothing."""
+    file = tmp_path / "quick.json"
+    words = ["reproduce", "4.4", "--quick", "--engine", "numpy", "--workers", "1", "--json", str(file)]
+    assert CliRunner().invoke(main, words).exit_code == 0
+    panels = json.loads(file.read_text())["panels"]
+    found = {s["text"]: s for panel in panels for s in panel["statements"]}
+    assert {s["verdict"] for s in found.values()} == {"holds", "open"}
+    (walk,) = [s for text, s in found.items() if "symplecticity" in text]
+    assert walk["verdict"] == "open"
+    assert "too short to tell" in walk["measured"]

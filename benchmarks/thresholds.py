@@ -1,0 +1,66 @@
+"""From what size on does each law name a wrong noise or drift? ``python -m benchmarks.thresholds``.
+
+The scheme is (2.1) with the random step h(1 + d) + (1 + n) Σ c_jΔW_j: n is the error of the noise, d that of the drift.
+Neither moves an invariant. Each law is asked at the default budget, with n or d falling by tens, until it no longer
+says `violated`; printed are the smallest size that it names and what it says of the next.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+from benchmarks import over, start
+from sepv.law import Effort, Verdict
+from sepv.problem import Array, Problem
+from sepv.saboteurs.record import claiming, implicit_step, right_side
+from sepv.scheme import Scheme
+from sepv.suite import LAWS, verify
+
+# Below an ulp of Δ nothing is left of a fault.
+LEAST = -16
+
+
+def wrong(noise: float, drift: float) -> Scheme:
+    """(2.1) with a noise and a drift that are too large by these shares."""
+
+    def parts(problem: Problem, h: float, dW: Array) -> Array:
+        return (h * (1 + drift) + (1 + noise) * problem.random_step(0.0, dW))[None]
+
+    return claiming(implicit_step(right_side, parts), name="wrong noise or drift")
+
+
+def verdict(law: str, of: str, size: float) -> Verdict:
+    """What a law says of an error of this size in the noise or in the drift."""
+    scheme = wrong(size, 0.0) if of == "noise" else wrong(0.0, size)
+    return verify(scheme, laws=[law], effort=Effort(shrink_checks=0)).findings[0].verdict
+
+
+def smallest(law: str, of: str) -> tuple[int | None, Verdict]:
+    """The smallest power of ten that a law names, None where it names none, and its verdict on the next."""
+    named = None
+    for power in range(-1, LEAST - 1, -1):
+        found = verdict(law, of, 10.0**power)
+        if found is not Verdict.VIOLATED:
+            return named, found
+        named = power
+    return named, Verdict.VIOLATED
+
+
+def main() -> None:
+    """Print the table as Markdown."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--law", action="append", choices=LAWS)
+    options = parser.parse_args()
+    print(
+        "| law | noise too large by | below that | drift too large by | below that |\n|---|---|---|---|---|"
+    )
+    for law in over(options.law or LAWS):
+        cells = []
+        for of in ("noise", "drift"):
+            named, below = smallest(law, of)
+            cells += ["–" if named is None else f"1e{named}", below.text]
+        print(f"| {law} | {' | '.join(cells)} |", flush=True)
+
+
+if __name__ == "__main__":
+    start(main)

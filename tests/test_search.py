@@ -1,0 +1,45 @@
+"""The random search is driven towards large defects: what chance alone would miss is found."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import strategies as st
+
+from sepv import problems, schemes, search
+from sepv.case import Case
+from sepv.law import Effort, Law, Measurement, Verdict
+from sepv.scheme import Scheme
+from sepv.search import searched
+
+# A violation lies in a thousandth of the states, on a slope of the defect that is seen from all of them.
+MOST, BEST, NEAR = 10**4, 6_543, 4
+
+
+def states() -> st.SearchStrategy[Case]:
+    data = problems.harmonic_oscillator().data
+    assert data is not None
+    return st.integers(0, MOST).map(lambda n: Case(data, (float(n), 0.0), 0.5, (0.0,)))
+
+
+def slope(_: Scheme, case: Case) -> Measurement:
+    away = abs(case.y[0] - BEST)
+    return Measurement(1.0 + 1.0 / MOST if away <= NEAR else 1.0 - away / MOST, 1.0)
+
+
+def law() -> Law:
+    return searched(name="slope", statement="", source="", unit="1", cases=states, check=slope)
+
+
+def verdicts() -> list[Verdict]:
+    tried = [Effort(examples=25, seed=seed, shrink_checks=0) for seed in range(8)]
+    return [law().run(law(), schemes.energy_preserving, effort).verdict for effort in tried]
+
+
+def test_a_violation_at_the_top_of_a_slope_is_climbed_to() -> None:
+    """A hundred examples of chance alone would meet it with one seed of ten."""
+    assert verdicts() == [Verdict.VIOLATED] * 8
+
+
+def test_without_the_target_it_is_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(search, "target", lambda *_, **__: None)
+    assert verdicts().count(Verdict.VIOLATED) <= 2
