@@ -18,7 +18,7 @@ from sepv.problem import PolynomialSystem
 from sepv.scheme import Scheme
 from sepv.search import searched
 from sepv.strategies import coefficients, hamiltonians, noises, poisson_systems, steps
-from sepv.tolerance import state_error
+from sepv.tolerance import DIGITS, state_error
 
 
 @st.composite
@@ -38,23 +38,23 @@ def cases() -> st.SearchStrategy[Case]:
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Distance from (2.2), or from the deterministic step, at 50 digits."""
+    """Distance from (2.2), or from the deterministic step, at 30 digits."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     if scheme.systems == "several" and isinstance(case.problem, PolynomialSystem):
         single = replace(case.problem, noise_structures=())
-        exact = reference_step("energy-preserving", single, case.y, h, case.dW)
+        exact = reference_step("energy-preserving", single, case.y, h, case.dW, DIGITS)
         error, bound = state_error(
             exact.y1, exact.condition, problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages
         )
         return Measurement(error, bound, f"y1 = {y1.tolist()}, {error:.3g} ulp from (2.1), all G_j = B")
     method = equation_for(scheme.systems, scheme.stages)
     if problem.c.any() and scheme.stages == 1:
-        exact = reference_step("averaged-vector-field", case.problem, case.y, h, case.dW)
+        exact = reference_step("averaged-vector-field", case.problem, case.y, h, case.dW, DIGITS)
         name = "(2.2)"
     elif problem.c.any():
         # Constant B, s stages: the equations are those of any B, with one matrix at all stages.
-        exact = reference_step(method, case.problem, case.y, h, case.dW)
+        exact = reference_step(method, case.problem, case.y, h, case.dW, DIGITS)
         name = "the method for constant B"
     else:
         quiet = ask(scheme, problem, y, h, np.zeros_like(dW))
@@ -62,7 +62,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
             return Measurement(
                 float("inf"), 0.0, f"c = 0, but dW changes y1 from {quiet.tolist()} to {y1.tolist()}"
             )
-        exact = reference_step(method, case.problem, case.y, h, case.dW)
+        exact = reference_step(method, case.problem, case.y, h, case.dW, DIGITS)
         name = "the deterministic method"
     error, bound = state_error(
         exact.y1, exact.condition, problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages

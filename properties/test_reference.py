@@ -29,7 +29,7 @@ from sepv.problem import Array
 from sepv.scheme import Scheme
 from sepv.search import searched
 from sepv.strategies import any_steps
-from sepv.tolerance import EPS, TINY, quadrature_rounding, state_error, state_ulp
+from sepv.tolerance import DIGITS, EPS, TINY, quadrature_rounding, state_error, state_ulp
 
 # A vector's `rounding` is what one evaluation of the equation in binary64 may be off by. As in
 # sepv.tolerance, a factor of 4 covers implementations that order the same operations differently.
@@ -70,7 +70,7 @@ def _against_mpmath(scheme: Scheme, case: Case, near: Array | None = None) -> Me
     # Stages are not to be told from y1: their equation is solved from y all the same.
     try:
         exact = reference_step(
-            method, case.problem, case.y, h, case.dW, start=start if scheme.stages == 1 else None
+            method, case.problem, case.y, h, case.dW, DIGITS, start=start if scheme.stages == 1 else None
         )
     except StepFailure as failure:
         if failure.status.startswith(UNDEFINED):

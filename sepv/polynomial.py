@@ -216,13 +216,18 @@ class _Sums:
         return CALL * calls / (one + made.top * made.variables + 20)
 
     @cached_property
+    def _numbers(self) -> NDArray[np.intp]:
+        """Those of the rows."""
+        return np.array([r for r, _ in self.rows], dtype=np.intp)
+
+    @cached_property
     def _layers(self) -> tuple[list[tuple[Any, Any]], Any]:
         """In arrays: the n-th terms of all rows, (coefficients, monomials), and the numbers of the rows."""
         terms = []
         for n in range(len(self.rows[0][1]) if self.rows else 0):
             layer = [row[n] for _, row in self.rows if n < len(row)]
             terms.append((np.array([[c] for c, _ in layer]), np.array([t for _, t in layer])))
-        return terms, np.array([r for r, _ in self.rows], dtype=np.intp)
+        return terms, self._numbers
 
     def absolute(self) -> _Sums:
         """With the absolute values of the coefficients."""
@@ -246,11 +251,13 @@ class _Sums:
             for so_far, factor in steps:
                 values.append(values[so_far] * values[factor])
             monomials = [values[place] for place in places]
-            for r, terms in self.rows:
+            totals = []
+            for _, terms in self.rows:
                 total = 0.0
                 for c, t in terms:
                     total += c * monomials[t]
-                sums[r, lane] = total
+                totals.append(total)
+            sums[self._numbers, lane] = totals
         return sums
 
     def _by_arrays(self, y: NDArray[Any]) -> NDArray[Any]:

@@ -189,6 +189,11 @@ def state_ulp(*states: Array) -> float:
     return EPS * max(TINY, *(float(np.max(np.abs(y))) for y in states))
 
 
+# Of the references that `state_error` compares with: fourteen more than a binary64 number has, relative to the largest
+# component, to which the bound is relative too.
+DIGITS = 30
+
+
 def state_error(
     exact: Sequence[Any],
     condition: Sequence[Sequence[float]],
