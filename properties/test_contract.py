@@ -189,6 +189,8 @@ def _searched(check: Check) -> Law:
         corners=corners,
         faults_violate=True,
         always_claimed=True,
+        level=1,
+        needed=True,
     )
 
 

@@ -72,6 +72,7 @@ law = searched(
     cases=cases,
     check=check,
     admits=admits,
+    level=1,
 )
 
 

@@ -35,6 +35,7 @@ law = Law(
     unit="slope",
     run=pathwise(run),
     replay=replay,
+    level=2,
 )
 
 

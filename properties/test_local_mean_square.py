@@ -29,6 +29,7 @@ law = Law(
     unit="slope",
     run=pathwise(run),
     replay=replay,
+    level=2,
 )
 
 

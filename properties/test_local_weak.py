@@ -38,6 +38,7 @@ law = Law(
     unit="slope",
     run=run,
     replay=replay,
+    level=2,
 )
 
 

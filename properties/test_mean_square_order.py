@@ -75,6 +75,7 @@ law = Law(
     unit="slope",
     run=pathwise(run),
     replay=replay,
+    level=2,
 )
 
 

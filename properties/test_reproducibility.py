@@ -70,6 +70,8 @@ law = searched(
     check=check,
     corners=corners,
     not_applicable=one_at_a_time,
+    level=1,
+    needed=True,
 )
 
 

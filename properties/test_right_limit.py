@@ -86,6 +86,8 @@ law = Law(
     unit="share",
     run=pathwise(run),
     replay=replay,
+    level=1,
+    needed=True,
 )
 
 

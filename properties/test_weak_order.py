@@ -106,6 +106,7 @@ law = Law(
     unit="slope",
     run=run,
     replay=replay,
+    level=2,
 )
 
 

@@ -28,6 +28,8 @@ COMMANDS = {
     "step": "sepv.commands.step:step",
     "teeth": "sepv.commands.teeth:teeth",
     "reproduce": "sepv.commands.reproduce:reproduce",
+    "submit": "sepv.commands.submit:submit",
+    "check": "sepv.commands.check:check",
     "report": "sepv.commands.report:report",
     "hard": "sepv.commands.hard:hard",
     "ulps": "sepv.commands.ulps:ulps",

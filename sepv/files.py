@@ -90,12 +90,16 @@ def _junit_kind(report: Report, f: Finding) -> str:
 
 
 def badge_json(report: Report) -> str:
-    """What a badge service that takes endpoints shows: how many of the claimed laws hold."""
+    """What a badge service that takes endpoints shows: the level, the suite's version, how many claimed laws hold."""
     vacuous = (Verdict.NOT_APPLICABLE, Verdict.NOT_MEASURED)
     claimed = [f for f in report.findings if f.claimed and (f.verdict not in vacuous or f in report.failing)]
     held = sum(f.verdict is Verdict.HOLDS for f in claimed)
     color = "brightgreen" if report.exit_code == 0 else "red"
     message = f"{held}/{len(claimed)} claimed laws hold" if claimed else "no claims"
+    reached = report.conformance
+    if reached is not None:
+        waived = f", {len(reached.waived)} waived" if reached.waived else ""
+        message = f"level {reached.level} of suite {reached.suite}{waived}: {message}"
     return json.dumps({"schemaVersion": 1, "label": "sepv", "message": message, "color": color}) + "\n"
 
 

@@ -150,6 +150,10 @@ class Law:
         Measure one witness.
     always_claimed : bool
         For the contract of ``step``, which whoever hands over a scheme has signed.
+    level : int
+        Of conformance (`sepv.levels`): 1 for what makes a one-step method, 2 for orders, 3 for all else.
+    needed : bool
+        Whether the level needs it even of a scheme that does not claim it.
     """
 
     name: str
@@ -159,6 +163,8 @@ class Law:
     run: Callable[[Law, Scheme, Effort], Finding]
     replay: Callable[[Law, Scheme, dict[str, Any]], Finding]
     always_claimed: bool = False
+    level: int = 3
+    needed: bool = False
 
     def claimed_by(self, scheme: Scheme) -> bool:
         """Whether the scheme says that it obeys this law."""

@@ -173,13 +173,17 @@ def _law_row(report: Report, f: Finding) -> dict[str, str | Text]:
 
 
 def summary(report: Report, target: str = "") -> Text:
-    """One line: the counts, what the claims came to, and what would guard a scheme that claims nothing.
+    """One line: the counts, what the claims came to, the level; and what would guard a scheme that claims nothing.
 
     Parameters
     ----------
     target : str
         As the scheme was named on the command line, for the command that guards it.
     """
+    return _outcome(report, target).append(_level(report))
+
+
+def _outcome(report: Report, target: str) -> Text:
     counts = ", ".join(f"{n} {Verdict(k).text}" for k, n in report.counts.items() if n)
     checks, skipped = (sum(getattr(f, what) for f in report.findings) for what in ("checks", "skipped"))
     left_out = f", {skipped} skipped" if skipped else ""
@@ -211,6 +215,15 @@ def summary(report: Report, target: str = "") -> Text:
     if vacuous:
         text.append(f" Claimed, but not about this scheme: {', '.join(vacuous)}.", style="yellow")
     return text
+
+
+def _level(report: Report) -> Text:
+    """The level of conformance, where the run can say one."""
+    reached = report.conformance
+    if report.interrupted or (reached is None and report.level is None):
+        return Text("")
+    short = f" Level {report.level} was asked for." if report.short_of_level else ""
+    return Text(f" {reached}{short}", style="bold red" if short else "")
 
 
 def _complaints(report: Report) -> list[str]:

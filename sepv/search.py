@@ -119,6 +119,8 @@ def searched(
     corners: Callable[[], Iterable[Case]] = tuple,
     admits: Callable[[Case], bool] = lambda _: True,
     undesigned: int = UNDESIGNED,
+    level: int = 3,
+    needed: bool = False,
 ) -> Law:
     """A law whose cases are drawn by a design and by a strategy, and measured one by one.
 
@@ -139,6 +141,8 @@ def searched(
         Which cases the law speaks of, where not all: a counterexample is simplified to such a case only.
     undesigned : int
         How many times as many random examples there are where there is no design.
+    level, needed
+        As for `sepv.law.Law`.
     """
 
     def question(scheme: Scheme) -> _Question | str:
@@ -168,7 +172,7 @@ def searched(
             _measure(log, scheme, _from_json(witness), check, faults_violate)
         return _conclude(law, log)
 
-    return Law(name, statement, source, unit, run, replay, always_claimed)
+    return Law(name, statement, source, unit, run, replay, always_claimed, level, needed)
 
 
 def _from_json(witness: dict[str, Any]) -> Case:

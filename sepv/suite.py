@@ -23,6 +23,7 @@ from sepv.expected import Expectations, ExpectedFailure
 from sepv.expected import load as load_expected
 from sepv.given import items
 from sepv.law import Effort, Finding, Law, Verdict
+from sepv.levels import LEVELS, SUITE, Conformance, conformance
 from sepv.point_laws import NORMAL, point_law
 from sepv.scheme import Scheme, Step
 from sepv.target import load_scheme, words_for
@@ -87,6 +88,8 @@ class Report:
         Sentences about laws that the pin says nothing of, or that it guards and that were not measured now.
     target : str
         What stands for the scheme, and what it is for, in a command; empty where no words do.
+    level : int or None
+        The level of conformance that was asked for.
     """
 
     scheme: Scheme
@@ -96,6 +99,18 @@ class Report:
     pinned: bool = False
     target: str = ""
     gaps: tuple[str, ...] = ()
+    level: int | None = None
+
+    @property
+    def conformance(self) -> Conformance | None:
+        """The level that the scheme reaches (`sepv.levels`); None where laws of level 1 were not measured."""
+        return conformance(self.findings, load_laws())
+
+    @property
+    def short_of_level(self) -> bool:
+        """Whether the level that was asked for is not reached."""
+        reached = self.conformance if self.level is not None else None
+        return self.level is not None and (reached is None or reached.level < self.level)
 
     @property
     def counts(self) -> dict[str, int]:
@@ -113,11 +128,11 @@ class Report:
         """0: every claimed law holds. 1: one does not, or an expected failure passes. 3: an error. 130: interrupted.
 
         A claimed law that is inconclusive, or whose cases the scheme skipped, was not shown to hold: 1. Nothing
-        measured at all: 1.
+        measured at all: 1. A level of conformance that was asked for and is not reached: 1.
         """
         if self.interrupted:
             return 130
-        if self.failing:
+        if self.failing or self.short_of_level:
             return 1
         if any(f.verdict is Verdict.ERROR for f in self.findings):
             return 3
@@ -171,6 +186,7 @@ class Report:
             "suite": {
                 "name": "sepv",
                 "version": __version__,
+                "laws_version": SUITE,
                 "laws": len(self.findings),
                 "seed": self.effort.seed,
                 "examples": self.effort.examples,
@@ -187,9 +203,21 @@ class Report:
                 "truncation": self.scheme.truncation,
                 "increments": NORMAL if points is None else points.name,
             },
+            "conformance": _conformance_json(self.conformance),
             "counts": self.counts,
             "laws": [_finding_json(f) for f in self.findings],
         }
+
+
+def _conformance_json(reached: Conformance | None) -> dict[str, Any] | None:
+    if reached is None:
+        return None
+    return {
+        "level": reached.level,
+        "laws": {str(level): list(names) for level, names in reached.laws.items()},
+        "waived": list(reached.waived),
+        "why_not_more": reached.why,
+    }
 
 
 def load_laws(names: Iterable[str] | None = None) -> list[Law]:
@@ -212,6 +240,25 @@ def load_laws(names: Iterable[str] | None = None) -> list[Law]:
     return [import_module(f"sepv.properties.test_{name.replace('-', '_')}").law for name in ordered]
 
 
+def laws_of(names: Iterable[str] | None = None, level: int | None = None) -> list[Law]:
+    """The laws that a run is asked for: by name, or up to a level of conformance.
+
+    Raises
+    ------
+    UsageError
+        For both, an unknown name or level.
+    """
+    if level is None:
+        return load_laws(names)
+    if level not in LEVELS or isinstance(level, bool) or names is not None:
+        raise UsageError(
+            expected="a level of 1, 2 or 3, without a list of laws",
+            received=f"level {level!r}" + ("" if names is None else " and laws"),
+            remedy="level 2 takes the laws of levels 1 and 2; leave out one or the other",
+        )
+    return [law for law in load_laws() if law.level <= level]
+
+
 def _listed(names: str | Iterable[str]) -> Iterable[str]:
     """The names of a list, or of one string with commas between them."""
     return names.split(",") if isinstance(names, str) else names
@@ -229,6 +276,7 @@ def verify(
     jobs: int = 1,
     problems: Any = None,
     workers: Any = None,
+    level: int | None = None,
 ) -> Report:
     """Measure every law on a scheme, claimed or not.
 
@@ -260,6 +308,8 @@ def verify(
         cluster is lost, the laws that were not decided are not measured, and the report counts as interrupted.
     effort : Effort, optional
         How hard to look; ``Effort().deeper()`` for a night.
+    level : 1, 2 or 3, optional
+        Only the laws up to this level of conformance (`sepv.levels`), which must be reached; not beside `laws`.
 
     Returns
     -------
@@ -280,7 +330,7 @@ def verify(
     >>> report.finding("energy").verdict.text  # its message has the counterexample
     'violated'
     """
-    chosen, effort = load_laws(laws), effort or Effort()
+    chosen, effort = laws_of(laws, level), effort or Effort()
     if not isinstance(jobs, int) or isinstance(jobs, bool) or jobs < 1:
         raise UsageError(expected="jobs, an integer ≥ 1", received=repr(jobs), remedy="jobs=2 for two cores")
     listed = load_expected(expected, LAWS) if expected is not None else Expectations()
@@ -321,6 +371,7 @@ def verify(
         listed.is_pin,
         words_for(scheme, problems),
         tuple(listed.gaps(law.name for law in chosen)),
+        level,
     )
 
 

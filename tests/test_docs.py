@@ -20,7 +20,7 @@ from sepv.cli import main
 from sepv.suite import load_laws
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = ("ten-minutes", "laws", "choosing", "ci", "extending", "beyond", "hard-cases", "speed")
+PAGES = ("ten-minutes", "laws", "choosing", "ci", "extending", "beyond", "hard-cases", "speed", "levels")
 
 
 # Pages whose blocks are run elsewhere, by what; or are output, and shown to be so.

@@ -21,6 +21,9 @@ from sepv.errors import UsageError
     "--problem", "-p", "problems", multiple=True, metavar="PROBLEM",
     help="What it is for: name, family, file.json or module:attribute; may be repeated.",
 )  # fmt: skip
+@click.option(
+    "--level", type=click.IntRange(1, 3), help="Only the laws up to this level, which must be reached."
+)
 @click.option("--claim", "claims", multiple=True, metavar="LAW,…", help="Hold the scheme to these laws too.")
 @click.option("--json", "json", type=FILE, help="Write the report to this file.")
 @click.option("--junit", "junit", type=FILE, help="Write JUnit XML to this file.")
@@ -123,6 +126,7 @@ def _arguments(laws: tuple[str, ...], claims: tuple[str, ...], **options: Any) -
         "jobs": options["jobs"],
         "problems": options["problems"] or None,
         "workers": options["workers"],
+        "level": options["level"],
     }
 
 
@@ -167,14 +171,14 @@ def _verify(
 
     from sepv import report as page
     from sepv.progress import watching
-    from sepv.suite import load_laws
+    from sepv.suite import laws_of
     from sepv.suite import verify as run
 
     out, reports = page.console(), []
     for target in targets:
         asked = "".join(f" -p {shlex.quote(p)}" for p in options["problems"] or ())
         named = (shown or shlex.quote(target)) + asked
-        with watching(quiet, len(load_laws(options["laws"]))) as progress:
+        with watching(quiet, len(laws_of(options["laws"], options["level"]))) as progress:
             report = replace(run(target, progress=progress, **options), target=named)
         reports.append(report)
         if quiet:

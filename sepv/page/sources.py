@@ -63,10 +63,7 @@ def _read(path: Path) -> Any:
 
 
 def _check(kind: str, data: dict[str, Any], path: str | Path) -> None:
-    """The file obeys the schema in the package, as far as a page needs it.
-
-    The schemas are checked by a small reader of our own: jsonschema is not needed to make a page.
-    """
+    """The file obeys the schema in the package."""
     from sepv import schemas
 
     if kind == "bench":
@@ -79,50 +76,10 @@ def _check(kind: str, data: dict[str, Any], path: str | Path) -> None:
         "compare": schemas.comparison_schema,
         "reproduce": schemas.reproduction_schema,
     }[kind]()
-    fault = _fault(data, schema, schema, "")
+    fault = schemas.fault(data, schema)
     if fault:
         raise UsageError(
             expected=f"the JSON of sepv {kind}, as its schema describes it",
             received=f"{path}: {fault}",
             remedy="write the file anew with this version of sepv",
         )
-
-
-_TYPES: dict[str, tuple[type, ...]] = {
-    "object": (dict,), "array": (list,), "string": (str,), "number": (int, float), "integer": (int,),
-    "boolean": (bool,), "null": (type(None),),
-}  # fmt: skip
-
-
-def _fault(value: Any, schema: dict[str, Any], root: dict[str, Any], where: str) -> str:
-    """The first place where value is not what the schema says; types, enums, required keys and items."""
-    if "$ref" in schema:
-        schema = root["$defs"][schema["$ref"].rsplit("/", 1)[1]]
-    kinds = schema.get("type", [])
-    kinds = [kinds] if isinstance(kinds, str) else kinds
-    if kinds and not any(
-        isinstance(value, _TYPES[k]) and (k == "boolean" or not isinstance(value, bool)) for k in kinds
-    ):
-        return f"{where or 'the file'} is {type(value).__name__}, not {' or '.join(kinds)}"
-    if "enum" in schema and value not in schema["enum"]:
-        return f"{where} is {value!r:.60}, not one of {schema['enum']}"
-    if isinstance(value, dict):
-        properties = schema.get("properties", {})
-        for key in schema.get("required", []):
-            if key not in value:
-                return f"{where or 'the file'} has no {key!r}"
-        for key, item in value.items():
-            inner = properties.get(key) or schema.get("additionalProperties")
-            fault = (
-                _fault(item, inner, root, f"{where}.{key}"[:120].lstrip("."))
-                if isinstance(inner, dict)
-                else ""
-            )
-            if fault:
-                return fault
-    if isinstance(value, list) and isinstance(schema.get("items"), dict):
-        for n, item in enumerate(value):
-            fault = _fault(item, schema["items"], root, f"{where}[{n}]")
-            if fault:
-                return fault
-    return ""

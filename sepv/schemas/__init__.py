@@ -17,6 +17,11 @@ def hard_schema() -> dict[str, Any]:
     return _schema("hard.schema.json")
 
 
+def manifest_schema() -> dict[str, Any]:
+    """The JSON Schema of ``manifest.json`` in a bundle of ``sepv submit``."""
+    return _schema("manifest.schema.json")
+
+
 def report_schema() -> dict[str, Any]:
     """The JSON Schema of ``sepv verify --json``."""
     return _schema("report.schema.json")
@@ -35,6 +40,15 @@ def solvability_schema() -> dict[str, Any]:
 def ulps_schema() -> dict[str, Any]:
     """The JSON Schema of ``sepv ulps --json``."""
     return _schema("ulps.schema.json")
+
+
+def fault(data: Any, schema: dict[str, Any]) -> str:
+    """The fault that says most of what is wrong, with its place; empty where data obey the schema."""
+    from jsonschema import Draft202012Validator
+    from jsonschema.exceptions import best_match
+
+    error = best_match(Draft202012Validator(schema).iter_errors(data))
+    return "" if error is None else f"{error.json_path}: {error.message:.200}"
 
 
 def _schema(name: str) -> dict[str, Any]:
