@@ -195,6 +195,8 @@ def read(path: str | Path) -> Bundle:
         report = json.loads(texts[REPORT])
         if wrong := fault(report, report_schema()):
             raise _no_bundle(path, f"{REPORT}, {wrong}")
+    except UsageError:
+        raise
     except OSError as error:
         raise _no_bundle(path, f"{error.strerror or error}") from error
     except (zipfile.BadZipFile, KeyError, ValueError, RuntimeError) as error:

@@ -22,7 +22,13 @@ loaded here, so that nothing was measured again; 130 interrupted."""
 @click.option("--seed", type=click.IntRange(min=0), help="Of the choice. [default: another one each time]")
 @click.option("--no-run", is_flag=True, help="Schema, hashes and counts alone; no code of the scheme is run.")
 @friendly
-def check(path: str, share: float, seed: int | None, no_run: bool) -> None:
+def check(
+    path: str,
+    share: float,
+    seed: int | None,
+    no_run: bool,
+    debug: bool,  # noqa: ARG001  (every command takes it)
+) -> None:
     """Check schema, hashes, counts and level of BUNDLE; then measure counterexamples and a random share of laws again.
 
     The scheme is loaded as it was named when the bundle was made, and its code runs: start this where it can be found.
