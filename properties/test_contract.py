@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from sepv.candidate import ask, check_answer, raw_answer
-from sepv.case import Case, to_json
+from sepv.case import Case, to_json, to_token
 from sepv.corners import corners
 from sepv.errors import SchemeFault, StepFailure
 from sepv.given import may_ask
@@ -213,11 +213,23 @@ def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
     finding = _searched(remembered).run(law, scheme, effort)
     if finding.verdict is not Verdict.HOLDS or not measured:
         return finding
-    simplest = min(measured, key=lambda case: _unfit(scheme, case))
-    again = law.replay(law, scheme, to_json(replace(simplest, times=TIMES)))
-    if again.verdict is Verdict.HOLDS:
-        return replace(finding, checks=finding.checks + again.checks)
-    return replace(again, checks=finding.checks + again.checks, seconds=finding.seconds)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the scheme's own warnings are not findings
+        simplest = min(measured, key=lambda case: _unfit(scheme, case))
+        asked = replace(simplest, times=TIMES)
+        try:
+            _repeats(scheme, asked)
+        except SchemeFault as fault:
+            return replace(
+                finding,
+                verdict=Verdict.VIOLATED,
+                defect=1.0,
+                message=f"{asked.describe()}\n{fault}",
+                witness=to_json(asked),
+                replay=f"--law {law.name} --replay {to_token(asked)}",
+                checks=finding.checks + 1,
+            )
+    return replace(finding, checks=finding.checks + 1)
 
 
 law = replace(_searched(check), run=run)

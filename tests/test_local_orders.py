@@ -15,6 +15,7 @@ from sepv.law import Effort, Verdict
 from sepv.local_errors import LEVELS, cases, local_errors, step_sizes
 from sepv.local_orders import judge_slope
 from sepv.problem import Array, Problem
+from sepv.saboteurs import ALL
 from sepv.scheme import Scheme, Step, as_lanes
 from sepv.schemes import energy_preserving
 from sepv.suite import Report, verify
@@ -104,6 +105,15 @@ def test_a_noise_too_large_shows_in_all_three(excess: float) -> None:
     report = measured(factors(1.0, 1 + excess))
     assert [f.verdict.value for f in report.findings] == ["violated"] * 3
     assert report.finding("local-mean-square").defect == pytest.approx(0.5, abs=0.02)
+
+
+@pytest.mark.parametrize("name", ["ito-correction", "fifth-noise-dropped"])
+def test_an_ito_correction_and_a_fifth_noise_that_is_dropped_show(name: str) -> None:
+    saboteur = ALL[name]
+    said = {f.law: f.verdict for f in measured(saboteur.scheme).findings}
+    named = [law for law in LOCAL if law in saboteur.caught_by]
+    assert named
+    assert [said[law] for law in named] == [Verdict.VIOLATED] * len(named)
 
 
 @pytest.mark.parametrize("excess", [1e-2, 1e-3, 1e-4])
