@@ -41,9 +41,13 @@ class Shown:
     def line(self) -> str:
         """42 %, about 17 s left: energy."""
         left = self.seconds_left
-        known = f"{self.share:.0%}, about {max(1.0, left):.0f} s left" if left is not None else ""
+        known = f"{self.share:.0%}, {_about(left)}" if left is not None else ""
         elapsed = f"{time.monotonic() - self.started:.0f} s"
         return f"{known or elapsed}: {self.text}" if self.text else known or elapsed
+
+
+def _about(left: float) -> str:
+    return f"about {max(1.0, left):.0f} s left" if left > 0 else "ending"
 
 
 @contextmanager
@@ -84,7 +88,7 @@ def _bar(shown: Shown, out: Console, done: threading.Event) -> None:
         task = bar.add_task("", total=1.0)
         while not done.wait(0.2):
             left = shown.seconds_left
-            text = f"about {max(1.0, left):.0f} s left  {shown.text}" if left is not None else shown.text
+            text = f"{_about(left)}  {shown.text}" if left is not None else shown.text
             # No square bracket is markup here.
             bar.update(task, completed=shown.share, description=text.replace("[", r"\["))
 

@@ -156,7 +156,7 @@ def _methods(
 
     methods, failed = [], {}
     for name in names:
-        progress(f"loading {name}")
+        progress(f"loading {name}, compiled where it is new")
         try:
             methods.append(load_method(name, problem))
         except SepvError as error:

@@ -166,10 +166,15 @@ def _summary(seen: Sequence[Seen]) -> str:
     wrong = sum(sum(s.wrong.values()) for s in seen)
     nan = sum(s.wrong.get("not finite", 0) for s in seen)
     return (
-        f"{len(seen)} cases, {steps} steps: {solved} solved, {steps - solved - crashed} refused, {crashed} crashed; "
+        f"{_cases(len(seen))}, {steps} steps: {solved} solved, {steps - solved - crashed} refused, "
+        f"{crashed} crashed; "
         f"{nan} not finite, {wrong} wrong values passed for solutions; "
-        f"{sum(s.as_expected for s in seen)} cases as expected."
+        f"{_cases(sum(s.as_expected for s in seen))} as expected."
     )
+
+
+def _cases(number: int) -> str:
+    return f"{number} case" + "s" * (number != 1)
 
 
 def _middle(values: Any) -> float:

@@ -90,13 +90,22 @@ def _scheme(report: dict[str, Any], laws: list[str], budget: int) -> SchemeView:
         unsettled=_unsettled(report["laws"]),
         summary=f"{len(report['laws'])} laws: {counts}",
         command=plain(
-            f"sepv verify {target} --seed {suite['seed']} --examples {suite['examples']} --paths {suite['paths']}"
-            " --json FILE"
+            f"sepv verify {target}{_asked(report)} --seed {suite['seed']} --examples {suite['examples']} "
+            f"--paths {suite['paths']} --json FILE"
             if target
             else f"# {name(report['scheme']['name'])} was handed over as an object in Python: no command names it",
             1500,
         ),
     )
+
+
+def _asked(report: dict[str, Any]) -> str:
+    """The options that a run was given beside its effort: laws, where not all, and claims that no built-in makes."""
+    laws = [law["law"] for law in report["laws"]]
+    only = f" --law {','.join(laws)}" if set(laws) < set(LAWS) else ""
+    claims = [law for law in report["scheme"]["claims"] if law in LAWS and law != "contract"]
+    own = ":" in _target(report["scheme"]) or "--exec" in _target(report["scheme"])
+    return only + (f" --claim {','.join(claims)}" if own and claims else "")
 
 
 def _cell(law: dict[str, Any]) -> Cell:
