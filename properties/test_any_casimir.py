@@ -51,6 +51,7 @@ law = searched(
     statement="in dimension 3 every Casimir is kept, quadratic or not",
     source="§5",
     unit="ulp of C",
+    cost=0.6,
     cases=nambu_steps,
     check=check,
 )

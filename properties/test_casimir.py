@@ -50,6 +50,7 @@ law = searched(
     statement="yᵀAy and bᵀy are kept for every quadratic and linear Casimir",
     source="Prop. 3.2",
     unit="ulp of C",
+    cost=0.9,
     cases=cases,
     check=check,
     corners=with_casimirs,

@@ -65,6 +65,7 @@ law = Law(
     statement="several structures: mean-square order 1 where the noises commute, ½ where they do not",
     source="§1",
     unit="off slope",
+    cost=0.1,
     run=pathwise(run),
     replay=replay,
 )

@@ -184,6 +184,7 @@ def _searched(check: Check) -> Law:
         statement="step is pure, deterministic, keeps shape and dtype, and changes nothing around it",
         source="contract",
         unit="faults",
+        cost=3.0,
         cases=any_steps,
         check=check,
         corners=corners,

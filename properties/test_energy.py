@@ -63,6 +63,7 @@ law = searched(
     statement="H(y1) = H(y0) for every skew B, polynomial H and every step",
     source="Prop. 3.1",
     unit="ulp of H",
+    cost=2.0,
     cases=any_steps,
     check=check,
     corners=for_energy,

@@ -145,6 +145,7 @@ law = searched(
     statement="y → Py + b, with B and H in the new variables, commutes with the step",
     source="(2.1)",
     unit="ulp of y",
+    cost=1.4,
     cases=cases,
     check=check,
 )

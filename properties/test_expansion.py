@@ -205,6 +205,7 @@ law = searched(
     statement="y1 − y0 = aΔ + bΔ² + O(Δ³), a = f, b = f′f/2 (order p: as the flow up to Δ^2p)",
     source="Lemma 3.2",
     unit="r/ϱ^k",
+    cost=0.6,
     cases=at_origin,
     check=check,
     admits=admits,

@@ -69,6 +69,7 @@ law = searched(
     statement="Δ = 0 gives y1 = y0 exactly, and so does ∇H(y0) = 0",
     source="(2.1)",
     unit="ulp of y",
+    cost=0.8,
     cases=cases,
     check=check,
     admits=admits,

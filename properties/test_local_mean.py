@@ -33,6 +33,7 @@ law = Law(
     statement="|E[y1 − φ]| after one step is O(h^(p+1)) for the claimed mean-square order p (else: 1)",
     source="(3.8)",
     unit="slope",
+    cost=0.2,
     run=pathwise(run),
     replay=replay,
     level=2,

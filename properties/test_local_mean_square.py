@@ -27,6 +27,7 @@ law = Law(
     statement="(E|y1 − φ|²)^½ after one step is O(h^(p+½)) for the claimed mean-square order p (else: 1)",
     source="(3.9)",
     unit="slope",
+    cost=0.1,
     run=pathwise(run),
     replay=replay,
     level=2,

@@ -36,6 +36,7 @@ law = Law(
     statement="|E g(y1) − E g(φ)| after one step is O(h^(q+1)) for the claimed weak order q (else: 1)",
     source="§5",
     unit="slope",
+    cost=0.1,
     run=run,
     replay=replay,
     level=2,

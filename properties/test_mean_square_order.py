@@ -73,6 +73,7 @@ law = Law(
     statement="the rms error against the exact flow decreases with the claimed order (else: order 1)",
     source="Thm 3.3, 3.4",
     unit="slope",
+    cost=0.8,
     run=pathwise(run),
     replay=replay,
     level=2,

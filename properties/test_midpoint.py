@@ -41,6 +41,7 @@ law = searched(
     statement="for quadratic H the step is that of the midpoint rule (s stages: Gauss)",
     source="§3.3",
     unit="ulp of y",
+    cost=0.7,
     cases=cases,
     check=check,
     corners=with_quadratic_hamiltonian,

@@ -91,6 +91,7 @@ law = searched(
     statement="m noises act only through Σ c_j ΔW_j; permuting them changes nothing",
     source="§1, (2.1)",
     unit="ulp of y",
+    cost=0.8,
     cases=cases,
     check=check,
     admits=lambda case: len(case.dW) > 1,

@@ -25,6 +25,7 @@ law = searched(
     statement="Φ′(y0) B(y0) Φ′(y0)ᵀ = B(y1) wherever B satisfies Jacobi's identity",
     source="GNI VII.2",
     unit="ulp of B",
+    cost=0.4,
     cases=poisson_steps,
     check=check,
     corners=lambda: tuple(case for case in corners() if is_short(case)),

@@ -66,6 +66,7 @@ law = searched(
     statement="y1 is inside the problem's domain: all components positive for Lotka-Volterra",
     source="§1, [23]",
     unit="states outside",
+    cost=0.3,
     cases=lotka_volterra_steps,
     check=check,
     undesigned=2,

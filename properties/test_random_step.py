@@ -89,6 +89,7 @@ law = searched(
     statement="h and the increments act only through Δ = h + Σ c_j ΔW_j",
     source="(2.1)",
     unit="ulp of y",
+    cost=1.2,
     cases=cases,
     check=check,
     corners=corners,

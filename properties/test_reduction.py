@@ -81,6 +81,7 @@ law = searched(
     statement="constant B: the step is that of (2.2); c = 0: that of the deterministic method",
     source="§2",
     unit="ulp of y",
+    cost=1.2,
     cases=cases,
     check=check,
     corners=with_constant_structure,

@@ -150,6 +150,7 @@ def _law(seen: list[tuple[Case, Measurement]], extra: Iterable[Case] = ()) -> La
         statement="the step solves (2.1) (s stages: its collocation equations)",
         source="(2.1)",
         unit="ulp of y",
+        cost=1.7,
         cases=any_steps,
         check=measured,
         corners=lambda: (*corners(), *extra),

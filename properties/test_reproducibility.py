@@ -66,6 +66,7 @@ law = searched(
     statement="the same bits for any batch size and any place in the batch",
     source="contract",
     unit="ulp of y",
+    cost=3.0,
     cases=any_steps,
     check=check,
     corners=corners,

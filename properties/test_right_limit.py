@@ -84,6 +84,7 @@ law = Law(
     statement="the rms error against the Stratonovich solution vanishes with h: drift and noise are right to 1 %",
     source="(1.1)",
     unit="share",
+    cost=0.1,
     run=pathwise(run),
     replay=replay,
     level=1,

@@ -197,6 +197,7 @@ law = Law(
     statement="over many steps the energy walks like √n roundings, and does not drift",
     source="Prop. 3.1",
     unit="ulp H·√n",
+    cost=1.3,
     run=run,
     replay=replay,
 )

@@ -91,6 +91,7 @@ law = searched(
     statement="Φ(−h, −ΔW) ∘ Φ(h, ΔW) = id: the step with −h and −ΔW from y1 returns to y0",
     source="(2.1)",
     unit="ulp of y",
+    cost=1.2,
     cases=cases,
     check=check,
     corners=corners,

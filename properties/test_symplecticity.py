@@ -24,6 +24,7 @@ law = searched(
     statement="Φ′(y0) B Φ′(y0)ᵀ = B for constant B",
     source="GNI VI.4",
     unit="ulp of B",
+    cost=1.5,
     cases=constant_structure_steps,
     check=check,
     corners=lambda: tuple(case for case in with_constant_structure() if is_short(case)),

@@ -139,6 +139,7 @@ law = Law(
     statement="|ζ| ≤ A_h, the moment bounds, k ≥ 2p for mean-square order p, and a step that takes all |ζ| ≤ A_h",
     source="Rem. 2.1",
     unit="share",
+    cost=0.1,
     run=run,
     replay=replay,
 )

@@ -104,6 +104,7 @@ law = Law(
     statement="the errors of E y_i and E y_i y_j decrease with the claimed weak order (else: order 1)",
     source="§5",
     unit="slope",
+    cost=0.1,
     run=run,
     replay=replay,
     level=2,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -94,20 +94,20 @@ def _bar(shown: Shown, out: Console, done: threading.Event) -> None:
 
 
 @contextmanager
-def watching(quiet: bool = False, laws: int = 1) -> Iterator[Progress]:
-    """A progress callback for `sepv.suite.verify` of so many laws."""
+def watching(quiet: bool = False, laws: Sequence[Law] = ()) -> Iterator[Progress]:
+    """A progress callback for `sepv.suite.verify` of these laws, each of which counts by its cost."""
+    whole = sum(law.cost for law in laws)
     with showing(quiet) as shown:
         running: list[str] = []
-        finished: set[str] = set()
+        finished: dict[str, float] = {}
 
         def step(law: Law, finding: Finding | None) -> None:
             if finding is None:
                 running.append(law.name)
             else:
                 running[:] = [name for name in running if name != law.name]
-                finished.add(law.name)
-            shown.update(
-                f"{len(finished)} of {laws} laws, {', '.join(running)}".rstrip(", "), len(finished) / laws
-            )
+                finished[law.name] = law.cost
+            text = f"{len(finished)} of {len(laws)} laws, {', '.join(running)}".rstrip(", ")
+            shown.update(text, min(1.0, sum(finished.values()) / whole))
 
         yield step

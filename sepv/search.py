@@ -121,6 +121,7 @@ def searched(
     undesigned: int = UNDESIGNED,
     level: int = 3,
     needed: bool = False,
+    cost: float = 1.0,
 ) -> Law:
     """A law whose cases are drawn by a design and by a strategy, and measured one by one.
 
@@ -141,7 +142,7 @@ def searched(
         Which cases the law speaks of, where not all: a counterexample is simplified to such a case only.
     undesigned : int
         How many times as many random examples there are where there is no design.
-    level, needed
+    level, needed, cost
         As for `sepv.law.Law`.
     """
 
@@ -172,7 +173,7 @@ def searched(
             _measure(log, scheme, _from_json(witness), check, faults_violate)
         return _conclude(law, log)
 
-    return Law(name, statement, source, unit, run, replay, always_claimed, level, needed)
+    return Law(name, statement, source, unit, run, replay, always_claimed, level, needed, cost)
 
 
 def _from_json(witness: dict[str, Any]) -> Case:

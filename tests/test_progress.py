@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -28,7 +29,8 @@ def test_lines_say_the_share_and_the_seconds_left(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(progress, "console", lambda **_: console(written))
     monkeypatch.setattr(progress, "FIRST_LINES", (0.05, 0.1, 0.2))
     energy, casimir = load_laws(["energy", "casimir"])
-    with progress.watching(laws=2) as step:
+    energy, casimir = (replace(law, cost=cost) for law, cost in ((energy, 1.0), (casimir, 3.0)))
+    with progress.watching(laws=[energy, casimir]) as step:
         step(energy, None)
         time.sleep(0.07)
         step(energy, energy.finding(Verdict.HOLDS))
@@ -36,7 +38,14 @@ def test_lines_say_the_share_and_the_seconds_left(monkeypatch: pytest.MonkeyPatc
         time.sleep(0.3)
     first, *_, last = written.getvalue().splitlines()
     assert first.endswith("0 of 2 laws, energy")
-    assert last.startswith("50%, about 1 s left: 1 of 2 laws, casimir")
+    # Not half of it: a law counts by what it costs. The seconds left are at least one.
+    assert last.startswith("25%, about 1 s left: 1 of 2 laws, casimir")
+
+
+def test_every_law_states_what_it_costs() -> None:
+    costs = {law.name: law.cost for law in load_laws()}
+    assert all(0 < cost < 60 for cost in costs.values())
+    assert costs["contract"] > 10 * costs["truncation"]
 
 
 def test_what_is_quick_or_quiet_says_nothing(capfd: pytest.CaptureFixture[str]) -> None:

@@ -65,6 +65,8 @@ def measured(cells: Iterable[Cell], folder: Path | None, shown: Shown) -> dict[t
         # Through JSON, so that a value measured now and one read again are the same.
         kept[cell.solver][cell.digest] = json.loads(json.dumps(cell.measure()))
         if folder is not None:
+            # Another process may measure other cells of the same solver into the same folder.
+            kept[cell.solver] = {**_read(folder, cell.solver), **kept[cell.solver]}
             content = json.dumps(kept[cell.solver], indent=1) + "\n"
             write_atomically(str(_file(folder, cell.solver)), content)
     return {(cell.solver, cell.name): kept[cell.solver][cell.digest] for cell in listed}
