@@ -171,14 +171,14 @@ def _verify(
 
     from sepv import report as page
     from sepv.progress import watching
-    from sepv.suite import laws_of, load_laws
+    from sepv.suite import laws_of
     from sepv.suite import verify as run
 
     out, reports = page.console(), []
     for target in targets:
         asked = "".join(f" -p {shlex.quote(p)}" for p in options["problems"] or ())
         named = (shown or shlex.quote(target)) + asked
-        with watching(quiet, load_laws(laws_of(options["laws"], options["level"]))) as progress:
+        with watching(quiet, laws_of(options["laws"], options["level"])) as progress:
             report = replace(run(target, progress=progress, **options), target=named)
         reports.append(report)
         if quiet:
