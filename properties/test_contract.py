@@ -30,6 +30,8 @@ from sepv.strategies import any_steps
 
 # Of states that are asked about together. More than one, and few: what larger ones do is for "reproducibility".
 BATCH = 3
+# As a share of the answer: states nearer to each other may have one answer by rounding.
+APART = 2.0**-20
 # How often the last question is asked: a fault that comes back within so many calls is met for certain. A quarter of a
 # second of (2.1); a step of 200 µs for one state makes a hundred times as many calls in the sampled laws.
 TIMES = 1024
@@ -115,7 +117,7 @@ def _keeps(
     moved = np.where(y == 0, np.max(np.abs(y)) / 64, y)
     for factor in between:
         if may_ask(scheme, problem, factor * moved):
-            ask(scheme, problem, factor * moved, h, dW)
+            _tells_apart(y, factor * moved, first, ask(scheme, problem, factor * moved, h, dW))
         else:
             ask(scheme, problem, y, factor * h, factor * dW)
         if not np.array_equal(answer, first):
@@ -132,6 +134,26 @@ def _keeps(
                 remedy="remove state, caches and random numbers from the step; the noise comes in dW",
             )
     return first
+
+
+def _tells_apart(y: Array, other: Array, answer: Array, to_other: Array) -> None:
+    """Not one answer for two states: what is remembered by h and dW alone is the same however often it is asked.
+
+    Inside the radius where the equation is a contraction with factor κ a step leaves two states apart by at least
+    (1 − κ)/(1 + κ) of their distance. Where a state may be lost in the rounding of the answer nothing is said.
+
+    Raises
+    ------
+    SchemeFault
+    """
+    apart = np.max(np.abs(other - y), axis=0)
+    lane = np.all(answer == to_other, axis=0) & (apart > APART * np.max(np.abs(answer), axis=0))
+    if np.any(lane):
+        raise SchemeFault(
+            expected="another answer for another state",
+            received=f"{answer.tolist()} from y = {y.tolist()} and from y = {other.tolist()}",
+            remedy="what is remembered of a step must be remembered by y too, with all its bits",
+        )
 
 
 def _forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, first: Array) -> None:

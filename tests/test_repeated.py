@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sepv.properties import test_contract
 
 from sepv import StepFailure, schemes
 from sepv.law import Effort, Finding, Verdict
@@ -63,8 +64,6 @@ def test_the_witness_of_a_seldom_fault_is_found_again() -> None:
 def test_a_scheme_too_slow_to_be_asked_so_often_is_asked_as_often_as_time_allows(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    from sepv.properties import test_contract
-
     monkeypatch.setattr(test_contract, "MOST_SECONDS", 0.0)
     asked = [0]
 
@@ -101,3 +100,15 @@ def test_several_structures_summed_in_any_order_keep_noise_sum() -> None:
     scheme = replace(schemes.several_structures, name="backward", step=backward, solve=None)
     (finding,) = verify(scheme, laws="noise-sum", effort=FEW).findings
     assert finding.verdict is Verdict.HOLDS
+
+
+@pytest.mark.parametrize("name", ["remembers-without-y", "remembers-the-last"])
+def test_one_answer_for_two_states_breaks_the_contract(name: str) -> None:
+    finding = contract(ALL[name].scheme)
+    assert finding.verdict is Verdict.VIOLATED
+    assert "another answer for another state" in finding.message
+
+
+def test_a_state_that_is_lost_in_the_rounding_of_the_answer_is_no_second_question() -> None:
+    y, answer = np.array([1e-20, 0.0]), np.array([0.5, 0.25])
+    test_contract._tells_apart(y, 0.75 * y, answer, answer.copy())
