@@ -18,6 +18,7 @@ from hypothesis import given, settings
 from sepv import problems
 from sepv.adapters import compliance
 from sepv.adapters._lanes import in_blocks
+from sepv.adapters.multistep import PathSolver
 from sepv.adapters.posing import pose
 from sepv.case import Case
 from sepv.errors import Skipped
@@ -303,6 +304,46 @@ def test_an_interrupted_table_goes_on_where_it_was_and_is_the_same(
     damaged = CliRunner().invoke(compliance.main, arguments)
     assert damaged.exit_code != 0
     assert "remove it" in damaged.stderr + str(damaged.exception)
+
+
+def test_whole_paths_of_a_solver_of_order_one_have_their_order_and_their_limit() -> None:
+    """Heun's method as a solver of paths; and Euler's, whose limit is Itô's."""
+    verdicts = {}
+    for name, half in (("heun", 0.5), ("euler", 0.0)):
+
+        def path(
+            problem: Problem, y0: np.ndarray, h: float, dW: np.ndarray, half: float = half
+        ) -> np.ndarray:
+            states = [np.repeat(y0[:, None], dW.shape[2], axis=1)]
+            for row in dW:
+                y, delta = states[-1], problem.random_step(h, row)
+                f = vector_field(problem, y)
+                states.append(y + delta * ((1 - half) * f + half * vector_field(problem, y + delta * f)))
+            return np.array(states)
+
+        solver = PathSolver(f"own {name}", path, 1.0)
+        cells = {(c.solver, c.name): c.measure() for c in compliance.path_cells("sepv", solver, QUICK)}
+        verdicts[name] = compliance.path_row("sepv", solver, cells).verdicts
+    assert verdicts["heun"] == {"mean-square-order": "holds +", "right-limit": "holds +"}
+    assert verdicts["euler"] == {"mean-square-order": "– +", "right-limit": "– +"}
+
+
+def test_a_note_says_why_a_mark_is_not_what_it_seems() -> None:
+    order = {"verdict": "violated", "message": "", "measured": [{"interval": [0.45, 0.6]}]}
+    limit = {"verdict": "violated", "message": "wrong by 5 %", "measured": ()}
+    error = {
+        "verdict": "error",
+        "message": "not measured:\ny = 0\nThe scheme raised.\nExpected\nRemedy",
+        "measured": (),
+    }
+    scheme = Scheme("own", lambda problem, y, h, dW: y)
+    found = list(
+        compliance._notes(scheme, {"identity": error, "mean-square-order": order, "right-limit": limit})
+    )
+    assert found[0] == "own, identity: The scheme raised."
+    assert found[1].startswith("own, right-limit: the error itself falls")
+    order["measured"] = [{"interval": [-0.1, 0.2]}]  # the error stays: then it is a wrong limit
+    assert not list(compliance._notes(scheme, {"mean-square-order": order, "right-limit": limit}))
 
 
 def test_only_scripts_that_still_show_a_deviation_are_quoted(tmp_path: Path) -> None:

@@ -187,6 +187,8 @@ slow_rk = _scheme(diffrax.SlowRK(), 1.5, 2.0)
 # Its state is a second solution beside y. Started afresh it is Heun's method: whole paths are another thing.
 reversible_heun = _scheme(diffrax.ReversibleHeun(), 1.0, note=", one step afresh")
 
+# These draw an area beside the increment. A mean over ΔW alone is not the mean of their step.
+DRAWING = (spark, general_shark, slow_rk)
 SCHEMES = (euler_heun, heun, midpoint, ralston, milstein, spark, general_shark, slow_rk, reversible_heun)
 PATHS = (
     PathSolver(

@@ -20,6 +20,7 @@ import torchsde
 from sepv.adapters._lanes import LANES, in_blocks
 from sepv.adapters.multistep import PathSolver
 from sepv.adapters.posing import pose
+from sepv.errors import Skipped
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
 
@@ -91,6 +92,9 @@ def _integrate(
 
 def _step_by(method: str, options: dict[str, Any]) -> Callable[[Problem, Array, float, Array], Array]:
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        if not h > 0:
+            raise Skipped("torchsde wants times that increase: h > 0")
+
         def block(y: Array, dW: Array) -> Any:
             return _integrate(method, options, problem, y, h, dW[None])[-1]
 
