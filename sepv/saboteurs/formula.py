@@ -307,7 +307,7 @@ _TABLE = (
         "ito-limit",
         "Euler's method, which converges to the Itô solution, claims order ½",
         _ito_limit,
-        ("local-mean", "right-limit", "mean-square-order", "weak-order"),
+        ("local-mean", "right-limit", "mean-square-order"),
     ),
     (
         "half-claimed-as-one",

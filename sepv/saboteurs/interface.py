@@ -282,7 +282,8 @@ _TABLE = (
         "remembers-the-last",
         "the last answer is given again for the same h and dW, whatever y",
         around(_last_only),
-        ("contract", "energy", "reference"),
+        # Not energy: a step that repeats the last answer keeps it.
+        ("contract", "reference"),
     ),
     ("warm-started", "the iteration starts from where the last call ended", around(_warm_started), _CONTRACT),
     (

@@ -253,7 +253,7 @@ _TABLE = (
         "trapezoidal-drift",
         "trapezoidal rule for the drift, midpoint rule for the noise: symmetric, not a function of Δ",
         implicit(_trapezoidal_drift, drift_and_noise),
-        ("energy", "identity", "random-step", "reference"),
+        ("energy", "random-step", "reference"),
     ),
     (
         "absolute-h",

@@ -127,7 +127,8 @@ _TABLE = (
         "newton-thrice",
         "three iterations of Newton, whatever they leave",
         explicit(_iterated(_newton, 3)),
-        _SEEN,
+        # A Casimir and the midpoint rule are met to rounding inside the contraction radius.
+        tuple(law for law in _SEEN if law not in ("casimir", "midpoint")),
     ),
     (
         "newton-four-times",
@@ -157,7 +158,8 @@ _TABLE = (
         "silent-cap",
         "the fixed-point iteration stops silently after 60 times, converged or not",
         explicit(_iterated(_fixed_point, 60, 0.5 * _EPS)),
-        ("energy", "rounding"),
+        # Not energy: long steps overflow, which is an error of that law.
+        ("rounding",),
     ),
     (
         "lanes-stop-together",
