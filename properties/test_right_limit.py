@@ -29,8 +29,12 @@ LEAST = 0.001
 FALL = 0.25
 
 
-def assessing(tilted: bool) -> Assess:
-    """The shares, with half of alpha, and the fall of the error with the other half."""
+def assessing(tilted: bool, order: float = 1.0) -> Assess:
+    """The shares, with half of alpha, and the fall of the error with the other half.
+
+    Means of a scheme of order 1 or more have an expansion in whole powers of h. One that claims less may have h^½ in
+    them, as a difference over a length of √h has: they are extrapolated in powers of h^½, which takes more paths.
+    """
 
     def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
         if not above_floor(errors).any():
@@ -39,7 +43,7 @@ def assessing(tilted: bool) -> Assess:
         names, samples = limit_errors(errors, problem)
         if not names:
             raise Skipped(f"{problem.name} stands still at its initial state")
-        limit = leading(samples, errors.h, 0)
+        limit = leading(samples, errors.h if order >= 1 else np.sqrt(errors.h), 0)
         half, off = limit.half(alpha / 2, more), np.abs(limit.value)
         sure, most = off - half - limit.remainder, off + half + limit.remainder
         falls = stays = False
@@ -71,7 +75,8 @@ def assessing(tilted: bool) -> Assess:
 
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
     """The extrapolated shares on every problem."""
-    return judge(law, scheme, effort, assessing(is_tilted(scheme)), at_least=False)
+    order = 1.0 if scheme.mean_square_order is None else scheme.mean_square_order
+    return judge(law, scheme, effort, assessing(is_tilted(scheme), order), at_least=False)
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:

@@ -12,6 +12,7 @@ from sepv.properties import test_weak_order as weak
 
 from sepv import problems, schemes, verify
 from sepv.convergence import StrongErrors, mean_square_order, quantile_slope, strong_errors
+from sepv.fields import vector_field
 from sepv.law import Effort, Finding, Verdict
 from sepv.means import critical, decay, leading, limit_errors, moment_errors
 from sepv.problem import Array, Problem
@@ -184,3 +185,23 @@ def test_what_is_open_says_what_it_would_take() -> None:
 
 def test_students_quantile_is_two_sided() -> None:
     assert abs(critical(0.05, 10**6) - 1.959964) < 1e-4
+
+
+def _one_sided(loud: float) -> Scheme:
+    """Milstein's term by a difference over 4√h: the right limit where loud = 1, and a mean error of order ½."""
+
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        delta, f, length = problem.random_step(h, loud * dW), vector_field(problem, y), 4 * abs(h) ** 0.5
+        slope = (vector_field(problem, y + length * f) - f) / length
+        return np.asarray(y + delta * f + 0.5 * delta**2 * slope)
+
+    return Scheme(f"one-sided {loud}", step, mean_square_order=0.5, batched=True)
+
+
+def test_a_mean_error_of_order_one_half_is_no_wrong_limit_and_hides_none() -> None:
+    effort = Effort(paths=2048)
+    right = verify(_one_sided(1.0), laws=["right-limit", "mean-square-order"], effort=effort)
+    assert right.finding("mean-square-order").verdict is Verdict.HOLDS
+    assert right.finding("right-limit").verdict in (Verdict.HOLDS, Verdict.INCONCLUSIVE), right
+    wrong = verify(_one_sided(1.05), laws=["right-limit"], effort=effort)
+    assert wrong.finding("right-limit").verdict is Verdict.VIOLATED
