@@ -151,9 +151,9 @@ def linear_solve(A: Array, b: Array) -> Array:
     """
     if len(b) <= 3:
         if b.shape[1] == 1:  # over numbers: an operation of arrays of a few takes ten times as long
-            numerators, determinant = _cramer(A[..., 0].tolist(), b[:, 0].tolist())
+            numerators, determinant = cramer(A[..., 0].tolist(), b[:, 0].tolist())
             return np.array([[v / determinant if determinant else math.nan] for v in numerators])
-        numerators, determinant = _cramer(A, b)
+        numerators, determinant = cramer(A, b)
         return np.asarray(np.stack(numerators) / determinant)
     matrices, sides = np.moveaxis(A, -1, 0), b.T[..., None]
     try:
@@ -162,7 +162,7 @@ def linear_solve(A: Array, b: Array) -> Array:
         return np.stack([_solve_one(m, s) for m, s in zip(matrices, sides[..., 0], strict=True)], axis=1)
 
 
-def _cramer(A: Any, b: Any) -> tuple[list[Any], Any]:
+def cramer(A: Any, b: Any) -> tuple[list[Any], Any]:
     """The numerators and the determinant of Cramer's rule for d ≤ 3, over numbers or arrays of them alike."""
     if len(b) == 1:
         return [b[0]], A[0][0]

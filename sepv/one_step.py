@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from sepv.formula import Asked, Formula, counted
-from sepv.implicit import IncrementFunction, JacobianFunction, Solution
+from sepv.implicit import IncrementFunction, JacobianFunction, Solution, require_converged
 from sepv.implicit import solve as solve_implicit
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme, Solve, as_lanes, step_by
+from sepv.straight import iteration
 
 # (problem, h, noise) -> (k, M): what a formula wants to know of the step.
 Parts = Callable[[Problem, float, Array], Array]
@@ -75,11 +76,23 @@ class Implicit:
 
     def solve(self, problem: Problem, y: Array, h: float, dW: Array, start: Array | None = None) -> Solution:
         """A batch with residual, counts and status of each lane; `start` (d, M) is a guess of y1 − y0."""
+        return self._solved(problem, *as_lanes(problem, y, h, dW), h, start)
+
+    def _solved(
+        self, problem: Problem, state: Array, noise: Array, h: float, start: Array | None = None
+    ) -> Solution:
         if self.requires is not None:
             self.requires(problem)
-        state, noise = as_lanes(problem, y, h, dW)
         step = self.parts(problem, h, noise)
-        solution = solve_implicit(problem, state, step, self.increment, self.jacobian, start)
+
+        def directly(lanes: Any) -> Solution:
+            guess = None if start is None else start[:, lanes]
+            return solve_implicit(
+                problem, state[:, lanes], step[:, lanes], self.increment, self.jacobian, guess
+            )
+
+        record = None if self.formula is None else iteration(problem, self.formula, len(step))
+        solution = directly(slice(None)) if record is None else record.solve(state, step, start, directly)
         self.examine(problem, state, step, solution)
         return solution
 
@@ -93,7 +106,9 @@ class Implicit:
         StepFailure
             Where the equation was not solved.
         """
-        return step_by(self.solve, problem, y, h, dW)
+        state, noise = as_lanes(problem, y, h, dW)
+        solution = self._solved(problem, state, noise, h)
+        return require_converged(problem, state, h, noise, solution).reshape(np.shape(y))
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,8 @@ LAYERS = [
     "sepv.opaque",
     "sepv.implicit",
     "sepv.formula",
+    "sepv.recorded",
+    "sepv.straight",
     "sepv.point_laws",
     "sepv.scheme",
     "sepv.one_step",

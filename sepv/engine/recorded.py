@@ -1,4 +1,4 @@
-"""The code of a problem, from records of its functions: B and H as they are, everything else derived."""
+"""The code of a problem for compiled lanes, printed from its record."""
 
 from __future__ import annotations
 
@@ -12,18 +12,12 @@ import numpy as np
 from sepv import polynomial as poly
 from sepv.engine.code import Table
 from sepv.engine.text import Expression, Text, shown
-from sepv.fields import matvec
 from sepv.formula import Formula
-from sepv.nambu import Nambu
 from sepv.polynomial import Polynomial
-from sepv.problem import PolynomialSystem, Problem
-from sepv.record import CannotRecord, NoClosedForm, Symbol, Tape, gradient, jacobian
+from sepv.record import Symbol, Tape, gradient, jacobian
 from sepv.record.derivative import hessian, reachable
 from sepv.record.expand import expand
-from sepv.record.means import Mean, degree, mean
-from sepv.record.replay import substitute
-from sepv.record.symbols import array
-from sepv.structures import combined
+from sepv.recorded import Recorded
 
 # Where the value of a function comes from in lanes: a call, and the place in what it returns, if that is several.
 _CALLS: dict[str, tuple[str, int | None]] = {
@@ -126,7 +120,7 @@ _CONDITIONS = {
 }
 
 
-class RecordedProblem:
+class RecordedProblem(Recorded):
     """The functions of `sepv.engine.code.ProblemCode`, each printed from its record.
 
     Raises
@@ -135,53 +129,10 @@ class RecordedProblem:
         Where B, H or the domain cannot be recorded.
     """
 
-    def __init__(self, problem: Problem) -> None:
-        self.problem = problem
-        self.dimension = d = problem.dimension
-        self.tape = Tape()
-        self.y, self.z = self.tape.vector(d), self.tape.vector(d)
-        self._H = self._call("hamiltonian", self.y)
-        self.slope = gradient(self._H, self.y)
-        self._B = self.skew(self._call("structure", self.y))
-        if self._B.shape != (d, d):
-            raise CannotRecord(f"structure(y) has the shape {self._B.shape} for a single state")
-        self._inside = None if problem.domain is None else self._call("domain", self.y)
-        self.degree = max(degree(self._H, self.y) or 0, 1) if degree(self._H, self.y) is not None else 0
-        self._records: dict[Formula, tuple[Any, Any, _Fields]] = {}
-        self._slopes: dict[Formula, Any] = {}
-
-    def skew(self, B: Any) -> Any:
-        """B as symbols; polynomial data say what is above the diagonal, and what is below is its negative."""
-        if not isinstance(self.problem.data, PolynomialSystem):
-            return self.tape.symbols(B)
-        d, zero = self.dimension, self.tape.constant(0.0)
-        upper = {(i, j): self.tape.symbol(B[i, j]) for i in range(d) for j in range(i + 1, d)}
-        found = (upper[i, j] if i < j else -upper.get((j, i), zero) for i in range(d) for j in range(d))
-        return array(found, (d, d))
-
-    def _call(self, key: str, *arguments: Any) -> Any:
-        """A function of the problem called with symbols; whatever it makes of them is its author's."""
-        try:
-            return self.tape.symbols(getattr(self.problem, key)(*arguments))
-        except CannotRecord as error:
-            raise CannotRecord(f"{key}: {error}") from error
-        except Exception as error:
-            raise CannotRecord(f"{key}: {type(error).__name__} with symbols: {error}") from error
-
     @property
     def preamble(self) -> str:
         """Imports of the functions that were printed."""
         return imports(self.tape)
-
-    @cached_property
-    def mean(self) -> Mean:
-        """The mean gradient by rule, else the author's."""
-        try:
-            return mean(self._H, self.y, self.z)
-        except NoClosedForm:
-            if self.problem.mean_gradient is None:
-                raise
-            return Mean(self._call("mean_gradient", self.y, self.y + self.z), 1)
 
     @property
     def gradient_evaluations(self) -> int:
@@ -199,7 +150,7 @@ class RecordedProblem:
         """B∇H multiplied out, where that is no longer than the products."""
         f = [
             sum((b * g for b, g in zip(row, self.slope, strict=True)), self.tape.constant(0.0))
-            for row in self._B
+            for row in self.B
         ]
         found = expand(f, self.y, len(reachable(f))) if not self.degree > 2 else None
         return (
@@ -208,45 +159,30 @@ class RecordedProblem:
             else [poly.polynomial(self.dimension, list(terms.items())) for terms in found]
         )
 
-    def _record(self, formula: Formula, count: int) -> tuple[Any, Any, _Fields]:
-        """R, the symbols of the step, and what was asked on the way."""
-        if formula not in self._records:
-            step, asked = self.tape.vector(count), _Fields(self)
-            try:
-                R = self.tape.symbols(formula(asked, self.y, self.z, step))
-            except (CannotRecord, NoClosedForm):
-                raise
-            except Exception as error:
-                raise CannotRecord(f"{type(error).__name__} with symbols: {error}") from error
-            self._records[formula] = R, step, asked
-        return self._records[formula]
-
     def cost(self, formula: Formula, step: Sequence[str]) -> tuple[int, int]:
         """Evaluations of ∇H, and of B or what stands for it, that R takes."""
-        asked = self._record(formula, len(step))[2]
-        return asked.gradients, asked.structures
+        found = self.equation_of(formula, len(step))
+        return found.gradients, found.structures
 
     def increment(
         self, e: Text, formula: Formula, y: Sequence[str], z: Sequence[str], step: Sequence[str]
     ) -> list[Expression]:
         """R(y, z; step)."""
-        R, known, _ = self._record(formula, len(step))
-        return printed(e, [(self.y, y), (self.z, z), (known, step)], R)
+        found = self.equation_of(formula, len(step))
+        return printed(e, [(self.y, y), (self.z, z), (found.step, step)], found.R)
 
     def equation(
         self, e: Text, formula: Formula, y: Sequence[str], z: Sequence[str], step: Sequence[str]
     ) -> tuple[list[Expression], Table]:
         """R of z = R(y, z; step) and K = ∂R/∂z, from the record of the scheme's formula."""
-        R, known, _ = self._record(formula, len(step))
-        if formula not in self._slopes:
-            self._slopes[formula] = jacobian(R, self.z).ravel()
-        d, inputs = self.dimension, [(self.y, y), (self.z, z), (known, step)]
-        entries = printed(e, inputs, [*R, *self._slopes[formula]])
+        found = self.equation_of(formula, len(step))
+        d, inputs = self.dimension, [(self.y, y), (self.z, z), (found.step, step)]
+        entries = printed(e, inputs, [*found.R, *found.K.ravel()])
         return entries[:d], _table(entries[d:], d)
 
     def hamiltonian(self, e: Text, y: Sequence[str]) -> Expression:
         """H(y)."""
-        return self._printed(e, y, [self._H])[0]
+        return self._printed(e, y, [self.H])[0]
 
     def gradient(self, e: Text, y: Sequence[str]) -> list[Expression]:
         """∇H(y)."""
@@ -262,11 +198,11 @@ class RecordedProblem:
 
     def structure(self, e: Text, y: Sequence[str]) -> Table:
         """B(y)."""
-        return _table(self._printed(e, y, self._B.ravel()), self.dimension)
+        return _table(self._printed(e, y, self.B.ravel()), self.dimension)
 
     @cached_property
     def _structure_derivative(self) -> Any:
-        return jacobian(self._B.ravel(), self.y).reshape((*self._B.shape, -1))
+        return jacobian(self.B.ravel(), self.y).reshape((*self.B.shape, -1))
 
     def structure_derivative(self, e: Text, y: Sequence[str]) -> list[Table]:
         """∂B_ij/∂y_k at [k][i][j]."""
@@ -279,7 +215,7 @@ class RecordedProblem:
 
     def domain(self, e: Text, y: Sequence[str]) -> str | None:
         """Whether y is in the domain."""
-        return None if self._inside is None else shown(self._printed(e, y, [self._inside])[0])
+        return None if self.inside is None else shown(self._printed(e, y, [self.inside])[0])
 
     def casimirs(self, e: Text, y: Sequence[str]) -> list[Expression]:
         """The quadratic Casimirs, then the linear ones."""
@@ -300,76 +236,6 @@ class RecordedProblem:
 
     def _printed(self, e: Text, y: Sequence[str], outputs: Any, z: Sequence[str] = ()) -> list[Expression]:
         return printed(e, [(self.y, y), (self.z, z)], outputs)
-
-
-class _Fields:
-    """What a formula asks of a problem, answered with symbols and counted."""
-
-    def __init__(self, recorded: RecordedProblem) -> None:
-        self._recorded, self.problem = recorded, recorded.problem
-        self.gradients = self.structures = 0
-
-    def structure(self, y: Any) -> Any:
-        """B(y)."""
-        self.structures += 1
-        return self._recorded.skew(self.problem.structure(y))
-
-    def combined(self, y: Any, step: Any) -> Any:
-        """h B(y) + Σ c_jΔW_j G_j(y)."""
-        self.structures += 1
-        return combined(self.problem, y, step)
-
-    def gradient(self, y: Any) -> Any:
-        """∇H(y)."""
-        self.gradients += 1
-        return self._at(self._recorded.slope, y)
-
-    def field(self, y: Any) -> Any:
-        """B(y)∇H(y)."""
-        return matvec(self.structure(y), self.gradient(y))
-
-    def derivative_along(self, y: Any, v: Any) -> Any:
-        """f′(y)v."""
-        own = self._recorded
-        return matvec(self._at(jacobian(matvec(own._B, own.slope), own.y), y), v)
-
-    def mean_gradient(self, y: Any, z: Any) -> Any:
-        """∫₀¹∇H(y + τz)dτ; its declared derivatives are those by the formula's own z."""
-        found, nodes = self._recorded.mean
-        self.gradients += nodes
-        return found if z is self._recorded.z else self._at(found, y, z)
-
-    def edge_means(self, starts: Any, z: Any) -> Any:
-        """The means of ∂_iH along edges."""
-        found, nodes = self._recorded.mean
-        self.gradients += nodes * len(z)
-        moves = [[z[i] if i == k else 0.0 for k in range(len(z))] for i in range(len(z))]
-        return array(self._at(found[i : i + 1], starts[:, i], moves[i])[0] for i in range(len(z)))
-
-    def factor(self, y: Any) -> Any:
-        """g(y)."""
-        return self._nambu.factor(y)
-
-    def mean_casimir_gradient(self, y: Any, z: Any) -> Any:
-        """∫₀¹∇C(y + τz)dτ."""
-        try:
-            found, nodes = mean(self._recorded.tape.symbol(self._nambu.casimir(y)), y, z)
-        except NoClosedForm:
-            if self._nambu.mean_gradient is None:
-                raise
-            found, nodes = self._nambu.mean_gradient(y, y + z), 1
-        self.structures += nodes
-        return found
-
-    def _at(self, values: Any, y: Any, z: Any = ()) -> Any:
-        """The values with other symbols in the place of y and z."""
-        own = self._recorded
-        return substitute(values, [*own.y, *own.z[: len(z)]], [*y, *z])
-
-    @property
-    def _nambu(self) -> Nambu:
-        assert self.problem.nambu is not None
-        return self.problem.nambu
 
 
 def printed(e: Text, inputs: Sequence[tuple[Any, Sequence[str]]], outputs: Any) -> list[Expression]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,39 +26,74 @@ _TEXTS = {
     "greater": "{} > {}",
     "greater_equal": "{} >= {}",
     "equal": "{} == {}",
-    "and": "logical_and({}, {})",
-    "or": "logical_or({}, {})",
+    "and": "({}) & ({})",
+    "or": "({}) | ({})",
     "not": "logical_not({})",
     "select": "where({}, {}, {})",
 }
+
+
+def number_or_array(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function, which gives a number of Python's for one: sums and products of those are the quickest."""
+    return lambda x, *more: float(function(x, *more)) if isinstance(x, float) else function(x, *more)
+
+
 _NAMES: dict[str, Any] = {
-    **{name: function.value for name, function in FUNCTIONS.items()},
-    **{name: getattr(np, name) for name in ("where", "power", "logical_and", "logical_or", "logical_not")},
+    **{name: number_or_array(function.value) for name, function in FUNCTIONS.items()},
+    "power": number_or_array(np.power),
+    "where": lambda condition, a, b: (
+        (a if condition else b) if isinstance(condition, (bool, np.bool_)) else np.where(condition, a, b)
+    ),
+    "logical_not": np.logical_not,
     "inf": np.inf,
 }
 
 
-def source(inputs: Sequence[Any], outputs: Any, name: str = "evaluate") -> str:
-    """The function's text: an argument for each vector of inputs, the components of the outputs in a tuple."""
+# Constants that are written into the text; others are parameters: functions that differ in them alone share one text.
+_WRITTEN = {0.0, 0.5, 1.0, 2.0, 3.0, -0.5, -1.0, -2.0, -3.0, math.inf, -math.inf}
+
+
+class Source(NamedTuple):
+    """A function's text and the parameters that it takes last."""
+
+    text: str
+    parameters: tuple[float, ...]
+
+    @property
+    def function(self) -> Callable[..., tuple[Any, ...]]:
+        """The function itself, of a sequence for each vector of inputs and one of parameters."""
+        return _compiled(self.text)
+
+
+def source(inputs: Sequence[Any], outputs: Any) -> Source:
+    """A function with an argument for each vector of inputs, which returns the components of the outputs in a tuple."""
     tape = inputs[0][0].tape
     wanted = [tape.symbol(v) for v in np.asarray(outputs, dtype=object).ravel()]
     places = {x.index: f"x{n}[{i}]" for n, vector in enumerate(inputs) for i, x in enumerate(vector)}
-    lines = [f"def {name}({', '.join(f'x{n}' for n in range(len(inputs)))}):"]
+    lines = [f"def evaluate({', '.join(f'x{n}' for n in range(len(inputs)))}, p):"]
     shown: dict[int, str] = {}
-    for symbol in reachable(wanted):
+    parameters: dict[float, int] = {}
+    order = reachable(wanted)
+    last = {i: symbol.index for symbol in order for i in symbol.line.arguments}
+    last.update((symbol.index, -1) for symbol in wanted)
+    free: list[str] = []
+    for symbol in order:
         index, line = symbol.index, symbol.line
         if line.name == "constant":
-            shown[index] = repr(line.value) if line.value >= 0 else f"({line.value!r})"
+            number = parameters.setdefault(line.value, len(parameters)) if line.value not in _WRITTEN else 0
+            shown[index] = f"({line.value!r})" if line.value in _WRITTEN else f"p[{number}]"
             continue
         text = (
             places[index]
             if line.name == "input"
             else _text(line.name, line.value, [shown[i] for i in line.arguments])
         )
-        shown[index] = f"t{index}"
-        lines.append(f"    t{index} = {text}")
+        # A name that is used no more is given anew: what is kept alive without need leaves the cache.
+        free += sorted({shown[i] for i in line.arguments if last[i] == index and shown[i][0] == "t"})
+        shown[index] = free.pop() if free else f"t{index}"
+        lines.append(f"    {shown[index]} = {text}")
     lines.append(f"    return ({''.join(shown[s.index] + ', ' for s in wanted)})")
-    return "\n".join(lines)
+    return Source("\n".join(lines), tuple(parameters))
 
 
 def _text(name: str, value: float, arguments: list[str]) -> str:
@@ -80,14 +116,14 @@ def _compiled(text: str) -> Callable[..., tuple[Any, ...]]:
 class Evaluator:
     """Outputs of a shape as a function of arrays (d, ...): their text, so that it travels to other processes."""
 
-    text: str
+    source: Source
     shape: tuple[int, ...]
 
     def __call__(self, *arguments: Array) -> Array:
         """The outputs, of shape (*shape, ...)."""
         # Arrays, because a number of Python's divided by zero raises.
         given = [np.asarray(a) for a in arguments]
-        values = _compiled(self.text)(*given)
+        values = self.source.function(*given, self.source.parameters)
         batch = given[0].shape[1:]
         found = np.empty((len(values), *batch), dtype=np.result_type(*given, np.float64))
         for i, value in enumerate(values):

@@ -21,6 +21,8 @@ _TERMS = 18
 
 def sinc(x: Any) -> Any:
     """sin(x)/x, 1 at 0."""
+    if isinstance(x, float):
+        return float(np.sin(x)) / x if x else 1.0
     x = np.asarray(x, dtype=np.float64)
     safe = np.where(x == 0, 1.0, x)
     return np.where(x == 0, 1.0, np.sin(x) / safe)[()]
@@ -28,16 +30,13 @@ def sinc(x: Any) -> Any:
 
 def sinc_slope(x: Any) -> Any:
     """(cos x − sinc x)/x = Σ (−1)ⁿ 2n x²ⁿ⁻¹/(2n + 1)!."""
-    x = np.asarray(x, dtype=np.float64)
-    z, series = x * x, np.zeros_like(x)
-    for c in _SINC_SERIES:
-        series = series * z + c
-    safe = np.where(np.abs(x) < _SINC, 1.0, x)
-    return np.where(np.abs(x) < _SINC, series * x, (np.cos(x) - sinc(x)) / safe)[()]
+    return _slope(x, _SINC, _SINC_SERIES, lambda v: (np.cos(v) - sinc(v)) / v, lambda v: v * v, lambda v: v)
 
 
 def log1p_ratio(x: Any) -> Any:
     """log1p(x)/x for x > −1, 1 at 0."""
+    if isinstance(x, float):
+        return float(np.log1p(x)) / x if x else 1.0
     x = np.asarray(x, dtype=np.float64)
     safe = np.where(x == 0, 1.0, x)
     return np.where(x == 0, 1.0, np.log1p(x) / safe)[()]
@@ -50,6 +49,8 @@ def log1p_ratio_slope(x: Any) -> Any:
 
 def expm1_ratio(x: Any) -> Any:
     """expm1(x)/x, 1 at 0."""
+    if isinstance(x, float):
+        return float(np.expm1(x)) / x if x else 1.0
     x = np.asarray(x, dtype=np.float64)
     safe = np.where(x == 0, 1.0, x)
     return np.where(x == 0, 1.0, np.expm1(x) / safe)[()]
@@ -60,14 +61,29 @@ def expm1_ratio_slope(x: Any) -> Any:
     return _slope(x, _EXP, _EXP_SERIES, lambda v: (np.exp(v) - expm1_ratio(v)) / v)
 
 
-def _slope(x: Any, small: float, coefficients: list[float], quotient: Callable[[Array], Array]) -> Any:
+def _slope(
+    x: Any,
+    small: float,
+    coefficients: list[float],
+    quotient: Callable[[Any], Any],
+    variable: Callable[[Any], Any] = lambda v: v,
+    factor: Callable[[Any], Any] = lambda _: 1.0,
+) -> Any:
+    """factor(x) Σ c_n variable(x)ⁿ near 0, the quotient elsewhere."""
+
+    def series(v: Any) -> Any:
+        at, total = variable(v), 0.0 * v
+        for c in coefficients:
+            total = total * at + c
+        return total * factor(v)
+
+    if isinstance(x, float):
+        return series(x) if abs(x) < small else quotient(x)
     x = np.asarray(x, dtype=np.float64)
     near = np.abs(x) < small
-    series = np.zeros_like(x)
-    inside = np.where(near, x, 0.0)
-    for c in coefficients:
-        series = series * inside + c
-    return np.where(near, series, quotient(np.where(near, 1.0, x)))[()]
+    if near.all():
+        return series(x)[()]
+    return np.where(near, series(np.where(near, x, 0.0)), quotient(np.where(near, 1.0, x)))[()]
 
 
 def _factorials(count: int) -> list[float]:
