@@ -44,8 +44,8 @@ def average_gradient(problem: Problem, y0: Array, y1: Array) -> Average:
     return _adaptive(problem, y0, y1)
 
 
-def average_hessian(problem: Problem, y0: Array, y1: Array, *, weighted: bool = True) -> Array | None:
-    """∫₀¹ τ H″(y0 + τ(y1 − y0)) dτ, the derivative of the averaged gradient by y1 (or without the τ).
+def average_hessian(problem: Problem, y0: Array, y1: Array) -> Array | None:
+    """∫₀¹ τ H″(y0 + τ(y1 − y0)) dτ, the derivative of the averaged gradient by y1.
 
     It serves Newton's Jacobian only, so that three nodes are enough where H is not a polynomial: they
     change the speed of convergence, not its limit.
@@ -54,7 +54,7 @@ def average_hessian(problem: Problem, y0: Array, y1: Array, *, weighted: bool = 
         return None
     nodes = 3 if problem.degree is None else max(1, -(-problem.degree // 2))
     points, weights = gauss_legendre(nodes)
-    factors = weights * points if weighted else weights
+    factors = weights * points
     total = np.zeros((problem.dimension, *y0.shape))
     if y0.size <= FEW:  # all nodes in one call
         terms = problem.hessian(_on_segment(y0, y1, points))

@@ -23,8 +23,8 @@ class Nambu:
 
     Attributes
     ----------
-    factor, factor_gradient : callable, (3, ...) -> (...) and (3, ...) -> (3, ...)
-        g and ∇g.
+    factor : callable, (3, ...) -> (...)
+        g.
     casimir, gradient, hessian : callable
         C, ∇C and C″, with the shapes of H, ∇H and H″.
     mean_gradient : callable, optional
@@ -34,7 +34,6 @@ class Nambu:
     """
 
     factor: Function
-    factor_gradient: Function
     casimir: Function
     gradient: Function
     hessian: Function

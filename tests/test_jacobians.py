@@ -15,7 +15,7 @@ from sepv.problem import PolynomialSystem, Problem
 from sepv.schemes.collocation import _Stages
 from sepv.tableaux import exact_nodes
 
-MODULES = ("energy_preserving", "midpoint", "discrete_gradient", "several_structures")
+MODULES = ("energy_preserving", "midpoint", "several_structures")
 Y0 = np.array([[0.8, -0.3], [0.6, 0.9], [0.1, -0.7]])
 Y1 = Y0 + np.array([[0.2, 0.1], [-0.1, 0.3], [0.15, -0.2]])
 
@@ -50,7 +50,7 @@ def module_of(name: str):
 
 def known(name: str) -> np.ndarray:
     """What the equation takes of the step: Δ, or h and the noise."""
-    rows = {"discrete_gradient": 2, "several_structures": 2}.get(name, 1)
+    rows = {"several_structures": 2}.get(name, 1)
     return np.array([[0.3, -0.2], [0.25, 0.45]])[:rows]
 
 

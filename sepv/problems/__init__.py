@@ -11,6 +11,7 @@ from sepv.errors import UsageError
 from sepv.problem import Description, GivenProblem, PolynomialSystem, Problem
 from sepv.problems.kepler import kepler as kepler
 from sepv.problems.lotka_volterra import lotka_volterra as lotka_volterra
+from sepv.problems.maxwell_bloch import maxwell_bloch as maxwell_bloch
 from sepv.problems.nambu_system import nambu_system as nambu_system
 from sepv.problems.oscillator import harmonic_oscillator as harmonic_oscillator
 from sepv.problems.pendulum import pendulum as pendulum
@@ -28,8 +29,8 @@ NAMED: dict[str, Callable[..., Problem]] = {
     "pendulum": pendulum,
     "lotka-volterra": lotka_volterra,
 }
-# Not of the paper: they serve the hard cases.
-FURTHER: dict[str, Callable[..., Problem]] = {"kepler": kepler, "toda": toda}
+# Not of the paper: two of them serve the hard cases.
+FURTHER: dict[str, Callable[..., Problem]] = {"kepler": kepler, "maxwell-bloch": maxwell_bloch, "toda": toda}
 
 
 # With several structures or Hamiltonians.

@@ -104,7 +104,6 @@ def _nambu(b: float, d: float) -> Nambu:
 
     return Nambu(
         factor=lambda y: -y[0] * y[1] * y[2],
-        factor_gradient=lambda y: np.stack([-y[1] * y[2], -y[0] * y[2], -y[0] * y[1]]),
         casimir=lambda y: np.log(y[0]) + b * d * np.log(y[1]) - d * np.log(y[2]),
         gradient=lambda y: np.stack([1 / y[0], b * d / y[1], -d / y[2]]),
         hessian=hessian,

@@ -118,7 +118,6 @@ def _nambu(factor: Polynomial, casimir: Polynomial) -> Nambu:
     slope = poly.gradient(casimir)
     return Nambu(
         factor=PolynomialMap((), (factor,)),
-        factor_gradient=PolynomialMap((3,), poly.gradient(factor)),
         casimir=PolynomialMap((), (casimir,)),
         gradient=PolynomialMap((3,), slope),
         hessian=PolynomialMap((3, 3), tuple(poly.differentiate(g, k) for g in slope for k in range(3))),

@@ -72,7 +72,6 @@ def _rotation(k: int, moment: float) -> Flow:
 # hat(y)v = y × v = −(v × ∇C) with C = ½|y|².
 _NAMBU = Nambu(
     factor=lambda y: np.full_like(y[0], -1.0),
-    factor_gradient=np.zeros_like,
     casimir=lambda y: 0.5 * (y[0] * y[0] + y[1] * y[1] + y[2] * y[2]),
     gradient=lambda y: np.stack([y[0], y[1], y[2]]),
     hessian=lambda y: (

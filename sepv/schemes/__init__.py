@@ -16,6 +16,7 @@ from sepv.schemes.euler_maruyama import scheme as euler_maruyama
 from sepv.schemes.explicit import explicit as explicit
 from sepv.schemes.gauss import gauss as gauss
 from sepv.schemes.gonzalez import scheme as gonzalez
+from sepv.schemes.itoh_abe import scheme as itoh_abe
 from sepv.schemes.midpoint import scheme as midpoint
 from sepv.schemes.milstein import scheme as milstein
 from sepv.schemes.modified_weak_two import scheme as modified_weak_two
@@ -34,6 +35,7 @@ MORE: dict[str, Scheme] = {
         both_invariants,
         several_structures,
         gonzalez,
+        itoh_abe,
         modified_weak_two,
         splitting,
         explicit(4),
@@ -82,6 +84,7 @@ __all__ = [
     "explicit",
     "gauss",
     "gonzalez",
+    "itoh_abe",
     "midpoint",
     "milstein",
     "modified_weak_two",

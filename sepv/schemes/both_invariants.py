@@ -8,16 +8,13 @@ For quadratic C the average is ∇C at the midpoint, and the scheme is (2.1). Sy
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any
 
-import numpy as np
-
-from sepv.average import average_gradient, average_hessian
 from sepv.errors import Skipped
 from sepv.formula import Fields
 from sepv.nambu import Nambu, cross
 from sepv.one_step import ENERGY_PRESERVING, implicit, one_step
-from sepv.problem import Array, Problem
+from sepv.problem import Problem
 
 
 def required(problem: Problem) -> Nambu:
@@ -41,22 +38,7 @@ def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     return step[0] * fields.factor(y + 0.5 * z) * normal
 
 
-def jacobian(problem: Problem, y0: Array, y1: Array, step: Array, *_: Array) -> Array | None:
-    """∂/∂y1: Δ(½(∇̄H × ∇̄C)∇gᵀ + g(∫τH″ × ∇̄C + ∇̄H × ∫τC″))."""
-    if problem.hessian is None:
-        return None
-    nambu, middle = required(problem), y0 + 0.5 * (y1 - y0)
-    H, C = average_gradient(problem, y0, y1).value, average_gradient(cast(Any, nambu), y0, y1).value
-    dH, dC = average_hessian(problem, y0, y1), average_hessian(cast(Any, nambu), y0, y1)
-    assert dH is not None
-    assert dC is not None
-    # (∂H × C)_k column by column, and the same for C.
-    turned = np.stack([cross(dH[:, k], C) + cross(H, dC[:, k]) for k in range(3)], axis=1)
-    outer = cross(H, C)[:, None] * nambu.factor_gradient(middle)[None]
-    return step[0] * (0.5 * outer + nambu.factor(middle) * turned)
-
-
-step = implicit(formula, jacobian, requires=required)
+step = implicit(formula, requires=required)
 scheme = one_step(
     "both-invariants",
     step,

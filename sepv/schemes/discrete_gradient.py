@@ -12,11 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from sepv.average import average_hessian
-from sepv.fields import contract, matmul, matvec
-from sepv.formula import Asked, Fields
+from sepv.fields import matvec
+from sepv.formula import Fields
 from sepv.one_step import EVERY, drift_and_noise, implicit, one_step
-from sepv.problem import Array, Problem
 
 
 def corners(y: Any, z: Any) -> Any:
@@ -44,33 +42,7 @@ def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     return matvec(B, symmetrised(fields, y, z))
 
 
-def jacobian(problem: Problem, y0: Array, y1: Array, step: Array, *_: Array) -> Array | None:
-    """∂/∂y1."""
-    if problem.structure_derivative is None or problem.hessian is None:
-        return None
-    d, z = problem.dimension, y1 - y0
-    slope = np.zeros((d, *y0.shape))
-    for start, way, moves_first in ((y0, z, True), (y1, -z, False)):
-        first = corners(start, way)
-        last = first.copy()
-        last[range(d), range(d)] += way
-        plain = average_hessian(problem, first, last, weighted=False)
-        tilted = average_hessian(problem, first, last)
-        assert plain is not None
-        assert tilted is not None  # the problem has a Hessian
-        for i in range(d):
-            # On edge i the components before i are those of the end, those after i those of the start.
-            moved = range(i) if moves_first else range(i + 1, d)
-            for k in moved:
-                slope[i, k] += 0.5 * plain[i, k, i]
-            slope[i, i] += 0.5 * (tilted[i, i, i] if moves_first else plain[i, i, i] - tilted[i, i, i])
-    middle = y0 + 0.5 * z
-    B = step[0] * problem.structure(y0) + step[1] * problem.structure(middle)
-    mean = symmetrised(Asked(problem, y0, y1), y0, z)
-    return 0.5 * step[1] * contract(problem.structure_derivative(middle), mean) + matmul(B, slope)
-
-
-step = implicit(formula, jacobian, parts=drift_and_noise)
+step = implicit(formula, parts=drift_and_noise)
 scheme = one_step(
     "discrete-gradient",
     step,

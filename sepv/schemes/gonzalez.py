@@ -18,56 +18,25 @@ from typing import Any
 
 import numpy as np
 
-from sepv.average import average_hessian
-from sepv.fields import contract, dot, matmul, matvec
-from sepv.formula import Asked, Fields
+from sepv.fields import dot, matvec
+from sepv.formula import Fields
 from sepv.one_step import SYMMETRIC, implicit, one_step
-from sepv.problem import Array, Problem
-
-# Below this share of |y| the derivative of the correction, which is O(|δ|), is lost in the rounding of its terms.
-SHORT = 2.0**-20
-
-
-def correction(fields: Fields, y: Any, z: Any) -> tuple[Any, Any, Any]:
-    """∇H(ȳ) (d, M), the averaged less that, w, and e = δ/|δ|, which is 0 where nothing moves.
-
-    H(y1) − H(y0) is taken as ∇̄Hᵀδ with the averaged gradient of (2.1): the same number without cancellation. The
-    discrete gradient is then ∇H(ȳ) + e eᵀw, without a division by |δ|².
-    """
-    largest = np.max(np.abs(z), axis=0)
-    moves = largest > 0
-    scaled = z / np.where(moves, largest, 1.0)
-    g = fields.gradient(y + 0.5 * z)
-    return g, fields.mean_gradient(y, z) - g, scaled / np.sqrt(np.where(moves, dot(scaled, scaled), 1.0))
 
 
 def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    """Δ B(ȳ) ∇̄H."""
-    g, w, e = correction(fields, y, z)
-    return step[0] * matvec(fields.structure(y + 0.5 * z), g + e * dot(e, w))
+    """Δ B(ȳ) ∇̄H, ∇̄H = ∇H(ȳ) + e eᵀw with e = δ/|δ|, 0 where nothing moves, and w the mean of (2.1) less ∇H(ȳ).
+
+    H(y1) − H(y0) is the averaged gradient times δ: the same number without cancellation or division by |δ|².
+    """
+    middle, largest = y + 0.5 * z, np.max(np.abs(z), axis=0)
+    moves = largest > 0
+    scaled = z / np.where(moves, largest, 1.0)
+    e = scaled / np.sqrt(np.where(moves, dot(scaled, scaled), 1.0))
+    g = fields.gradient(middle)
+    return step[0] * matvec(fields.structure(middle), g + e * dot(e, fields.mean_gradient(y, z) - g))
 
 
-def jacobian(problem: Problem, y0: Array, y1: Array, step: Array, *_: Array) -> Array | None:
-    """∂/∂y1: with w′ = ∫τH″dτ − ½H″(ȳ), that of e eᵀw is eᵀw (1 − 2eeᵀ)/|δ| + e wᵀ/|δ| + e eᵀw′."""
-    if problem.structure_derivative is None or problem.hessian is None:
-        return None
-    middle, delta = y0 + 0.5 * (y1 - y0), y1 - y0
-    g, w, e = correction(Asked(problem, y0, y1), y0, delta)
-    curvature, mean_curvature = 0.5 * problem.hessian(middle), average_hessian(problem, y0, y1)
-    assert mean_curvature is not None  # the problem has a Hessian
-    size, reach = np.max(np.abs(delta), axis=0), np.max(np.abs(y0) + np.abs(y1), axis=0)
-    length = np.sqrt(dot(delta, delta))
-    moves = size > SHORT * reach
-    share = np.where(moves, 1.0 / np.where(moves, length, 1.0), 0.0)
-    along, outer = dot(e, w), e[:, None] * e[None]
-    eye = np.eye(problem.dimension)[..., None]
-    turned = share * (along * (eye - 2 * outer) + e[:, None] * w[None])
-    slope = curvature + turned + matmul(outer, mean_curvature - curvature)
-    bent = contract(problem.structure_derivative(middle), g + e * along)
-    return step[0] * (0.5 * bent + matmul(problem.structure(middle), slope))
-
-
-step = implicit(formula, jacobian)
+step = implicit(formula)
 scheme = one_step(
     "gonzalez",
     step,
