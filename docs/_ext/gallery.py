@@ -1,0 +1,111 @@
+"""Pages that are made when the site is built: a path of each problem, and H along a path of each scheme."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib import pyplot as plt
+
+import sepv
+from sepv.errors import SepvError
+
+STEPS, T = 1024, 16.0
+SIZE = (6.4, 3.0)
+
+
+def generate(app: Any) -> None:
+    """Write `_generated/problems.md` and `_generated/schemes.md`, and their pictures."""
+    folder = Path(app.srcdir) / "_generated"
+    folder.mkdir(exist_ok=True)
+    mpl.use("agg")
+    _write(folder / "example.txt", _example())
+    for name, title, entries in (
+        ("problems", "Gallery of problems", _problems(folder)),
+        ("schemes", "Gallery of schemes", _schemes(folder)),
+    ):
+        text = f"# {title}\n\n{INTRODUCTIONS[name]}\n\n" + "\n\n".join(entries) + "\n"
+        _write(folder / f"{name}.md", text)
+
+
+def _write(path: Path, text: str) -> None:
+    """Only what is new: Sphinx reads what has changed."""
+    if not path.exists() or path.read_text(encoding="utf-8") != text:
+        path.write_text(text, encoding="utf-8")
+
+
+def _example() -> str:
+    """The example of the first page, measured as it is built."""
+    report = sepv.verify("midpoint", laws="energy,casimir")
+    return f"$ sepv verify midpoint --law energy,casimir\n{report}\n"
+
+
+INTRODUCTIONS = {
+    "problems": f"One path of each problem that sepv brings, up to T = {T:g}: the exact solution, which is the "
+    "deterministic flow at the random time t + Σ c_j W_j(t).",
+    "schemes": f"The energy along one path of the pendulum, T = {T:g} in 512 steps, the same increments for each "
+    "scheme. What each keeps exactly, to rounding, is what `sepv verify NAME` says.",
+}
+
+
+def _problems(folder: Path) -> Iterator[str]:
+    for name in (*sepv.problems.NAMED, *sepv.problems.FURTHER):
+        problem = sepv.problems.by_name(name)
+        increments = np.random.default_rng(1).normal(scale=np.sqrt(T / STEPS), size=(problem.noises, STEPS))
+        times = np.linspace(0.0, T, STEPS + 1)
+        theta = times + np.concatenate([[0.0], np.cumsum(problem.c @ increments)])
+        path = sepv.exact_flow(problem, theta)
+        figure, axes = plt.subplots(figsize=SIZE, layout="constrained")
+        for i, component in enumerate(path.y):
+            axes.plot(times, component, label=f"y{i + 1}", linewidth=1)
+        axes.set(xlabel="t", ylabel="y")
+        axes.legend(loc="upper right", ncols=problem.dimension)
+        figure.savefig(folder / f"{name}.png", dpi=120)
+        plt.close(figure)
+        what = (inspect.getdoc(inspect.getmodule(_maker(name))) or "").splitlines()[0]
+        facts = f"d = {problem.dimension}, {problem.noises} noise" + ("s" if problem.noises > 1 else "")
+        yield f"## {name}\n\n{what} {facts}.\n\n![The components of one path of {name} against time]({name}.png)"
+
+
+def _maker(name: str) -> Any:
+    return {**sepv.problems.NAMED, **sepv.problems.FURTHER}[name]
+
+
+def _schemes(folder: Path) -> Iterator[str]:
+    problem = sepv.problems.by_name("pendulum")
+    for name, scheme in {**sepv.schemes.ALL, **sepv.schemes.MORE}.items():
+        heading = f"## {name}\n\n{scheme.source}."
+        try:
+            path = sepv.integrate(scheme, problem, h=T / 512, T=T, seed=1)
+        except SepvError as error:
+            yield f"{heading} Not shown: {str(error).splitlines()[0]}"
+            continue
+        energy = problem.hamiltonian(path.y)
+        figure, axes = plt.subplots(figsize=SIZE, layout="constrained")
+        axes.plot(path.t, energy - energy[0], linewidth=1)
+        axes.set(xlabel="t", ylabel="H(y) − H(y₀)")
+        figure.savefig(folder / f"{name}.png", dpi=120)
+        plt.close(figure)
+        largest = float(np.max(np.abs(energy - energy[0])))
+        yield (
+            f"{heading} Largest energy error here: {largest:.1e}.\n\n"
+            f"![The energy error of {name} against time]({name}.png)"
+        )
+
+
+def setup(app: Any) -> dict[str, bool]:
+    """Called by Sphinx."""
+    app.connect("builder-inited", generate)
+    app.connect("autodoc-process-docstring", _plain)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def _plain(_app: Any, _kind: str, _name: str, _object: Any, _options: Any, lines: list[str]) -> None:
+    """Docstrings write |y| and yᵀ as they are: a bar is no markup there."""
+    lines[:] = [
+        line.replace("|", r"\|") if "|" in line and not line.startswith(">>>") else line for line in lines
+    ]
