@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from docutils import nodes
 from latex2mathml.converter import convert
 
 
+def mathml(formula: str, display: str) -> str:
+    """An upright letter is text: the converter would make it italic."""
+    return str(convert(re.sub(r"\\mathrm\{(\w)\}", r"\\text{\1}", formula), display=display))
+
+
 def inline(translator: Any, node: nodes.math) -> None:
     """A formula in a line."""
-    translator.body.append(convert(node.astext()))
+    translator.body.append(mathml(node.astext(), "inline"))
     raise nodes.SkipNode
 
 
 def display(translator: Any, node: nodes.math_block) -> None:
     """A formula of its own, which scrolls where it is wider than the page, with the keyboard too."""
-    formula = convert(node.astext(), display="block")
+    formula = mathml(node.astext(), "block")
     translator.body.append(f'<div class="math-display" tabindex="0" role="math">{formula}</div>\n')
     raise nodes.SkipNode
 
