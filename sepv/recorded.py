@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
+from math import prod
 from typing import Any, NamedTuple
 
+from sepv import polynomial as poly
 from sepv.fields import matvec
 from sepv.formula import Formula
 from sepv.nambu import Nambu
+from sepv.polynomial import Polynomial
 from sepv.problem import PolynomialSystem, Problem
 from sepv.record import CannotRecord, NoClosedForm, Tape, gradient, jacobian
+from sepv.record.derivative import reachable
+from sepv.record.expand import expand
 from sepv.record.means import Mean, degree, mean
 from sepv.record.replay import substitute
 from sepv.record.symbols import array
@@ -47,7 +53,7 @@ class Recorded:
             raise CannotRecord(f"structure(y) has the shape {self.B.shape} for a single state")
         self.inside = None if problem.domain is None else self._call("domain", self.y)
         self.degree = max(degree(self.H, self.y) or 0, 1) if degree(self.H, self.y) is not None else 0
-        self._equations: dict[Formula, Equation] = {}
+        self._equations: dict[tuple[Formula, bool], Equation] = {}
 
     def skew(self, B: Any) -> Any:
         """B as symbols; polynomial data say what is above the diagonal, and what is below is its negative."""
@@ -77,15 +83,31 @@ class Recorded:
                 raise
             return Mean(self._call("mean_gradient", self.y, self.y + self.z), 1)
 
-    def equation_of(self, formula: Formula, count: int) -> Equation:
+    @cached_property
+    def field(self) -> Sequence[Polynomial] | None:
+        """B∇H multiplied out, where that is no longer than the products."""
+        f = [
+            sum((b * g for b, g in zip(row, self.slope, strict=True)), self.tape.constant(0.0))
+            for row in self.B
+        ]
+        found = expand(f, self.y, len(reachable(f))) if not self.degree > 2 else None
+        return (
+            None
+            if found is None
+            else [poly.polynomial(self.dimension, list(terms.items())) for terms in found]
+        )
+
+    def equation_of(self, formula: Formula, count: int, apart: bool = True) -> Equation:
         """The record of a scheme's formula, which sees `count` numbers of a step.
+
+        Where B and ∇H need not be kept `apart`, as in explicit steps, f is multiplied out if that makes it shorter.
 
         Raises
         ------
         CannotRecord, NoClosedForm
         """
-        if formula not in self._equations:
-            step, asked = self.tape.vector(count), _Fields(self)
+        if (formula, apart) not in self._equations:
+            step, asked = self.tape.vector(count), _Fields(self, apart)
             try:
                 R = self.tape.symbols(formula(asked, self.y, self.z, step))
             except (CannotRecord, NoClosedForm):
@@ -93,15 +115,15 @@ class Recorded:
             except Exception as error:
                 raise CannotRecord(f"{type(error).__name__} with symbols: {error}") from error
             K = jacobian(R, self.z)
-            self._equations[formula] = Equation(R, K, step, asked.gradients, asked.structures)
-        return self._equations[formula]
+            self._equations[formula, apart] = Equation(R, K, step, asked.gradients, asked.structures)
+        return self._equations[formula, apart]
 
 
 class _Fields:
     """What a formula asks of a problem, answered with symbols and counted."""
 
-    def __init__(self, recorded: Recorded) -> None:
-        self._recorded, self.problem = recorded, recorded.problem
+    def __init__(self, recorded: Recorded, apart: bool) -> None:
+        self._recorded, self.problem, self._apart = recorded, recorded.problem, apart
         self.gradients = self.structures = 0
 
     def structure(self, y: Any) -> Any:
@@ -121,7 +143,12 @@ class _Fields:
 
     def field(self, y: Any) -> Any:
         """B(y)∇H(y)."""
-        return matvec(self.structure(y), self.gradient(y))
+        sums = None if self._apart else self._recorded.field
+        if sums is None:
+            return matvec(self.structure(y), self.gradient(y))
+        self.structures, self.gradients = self.structures + 1, self.gradients + 1
+        terms = [[c * prod(v**k for v, k in zip(y, e, strict=True)) for e, c in p.terms] for p in sums]
+        return array(self._recorded.tape.symbol(sum(t)) for t in terms)
 
     def derivative_along(self, y: Any, v: Any) -> Any:
         """f′(y)v."""

@@ -9,7 +9,6 @@ from types import ModuleType
 
 import numpy as np
 
-from sepv.engine.code import ProblemCode
 from sepv.engine.explicit import ExplicitWriter
 from sepv.engine.newton import NewtonWriter
 from sepv.engine.projected import ProjectedWriter
@@ -83,7 +82,7 @@ def _installed() -> bool:
 
 @lru_cache(maxsize=256)
 def _written(
-    problem: ProblemCode, formula: Formula, noises: int, lanes: int, compensated: bool
+    problem: RecordedProblem, formula: Formula, noises: int, lanes: int, compensated: bool
 ) -> tuple[str, list[float]]:
     """A module's source, and the parameters that its kernel reads after the c_j."""
     kind: type[Writer] = NewtonWriter if formula.implicit else ExplicitWriter
@@ -114,7 +113,7 @@ def taken(scheme: Scheme, problem: Problem) -> Formula:
     return formula
 
 
-def code_of(problem: Problem) -> ProblemCode:
+def code_of(problem: Problem) -> RecordedProblem:
     """The problem's functions as code."""
     if problem.dimension > LARGEST_DIMENSION:
         raise CannotCompile(

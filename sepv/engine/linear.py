@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from sepv.engine.code import Table
-from sepv.engine.text import Expression, Text, shown
+from sepv.engine.text import Expression, Table, Text, shown
 
 
 def solve(e: Text, A: Table, b: list[Expression], near: str | None = None) -> tuple[list[str], str | None]:

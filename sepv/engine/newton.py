@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import re
 
-from sepv.engine.code import ProblemCode, Table
 from sepv.engine.linear import pivoted_solve, solve
 from sepv.engine.module import GROUP, LEFT
+from sepv.engine.recorded import RecordedProblem
 from sepv.engine.schemes import Formula, middle, rate
-from sepv.engine.text import Expression, Text, shown
+from sepv.engine.text import Expression, Table, Text, shown
 from sepv.engine.writer import Writer, indent
 
 # Sweeps z ← Δ f(ȳ) before Newton's iteration. Where H is at most quadratic they solve the equation itself and leave
@@ -31,7 +31,7 @@ class NewtonWriter(Writer):
     """The kernel of a scheme with z = R(z)."""
 
     def __init__(
-        self, problem: ProblemCode, formula: Formula, noises: int, lanes: int, compensated: bool
+        self, problem: RecordedProblem, formula: Formula, noises: int, lanes: int, compensated: bool
     ) -> None:
         super().__init__(problem, formula, noises, lanes, compensated)
         small = self.unknowns <= LARGE

@@ -9,14 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from sepv import polynomial as poly
-from sepv.engine.code import Table
-from sepv.engine.text import Expression, Text, shown
+from sepv.engine.text import Expression, Table, Text, shown
 from sepv.formula import Formula
-from sepv.polynomial import Polynomial
 from sepv.record import Symbol, Tape, gradient, jacobian
 from sepv.record.derivative import hessian, reachable
-from sepv.record.expand import expand
 from sepv.recorded import Recorded
 
 # Where the value of a function comes from in lanes: a call, and the place in what it returns, if that is several.
@@ -121,7 +117,7 @@ _CONDITIONS = {
 
 
 class RecordedProblem(Recorded):
-    """The functions of `sepv.engine.code.ProblemCode`, each printed from its record.
+    """A problem's functions, each written into a `Text` for given names of the components: d of y, d of z = y1 − y.
 
     Raises
     ------
@@ -145,20 +141,6 @@ class RecordedProblem(Recorded):
         jacobian(self.mean.value, self.z)
         return max(_RATES.get(line.name, _EXACT) for line in self.tape.lines)
 
-    @cached_property
-    def field(self) -> Sequence[Polynomial] | None:
-        """B∇H multiplied out, where that is no longer than the products."""
-        f = [
-            sum((b * g for b, g in zip(row, self.slope, strict=True)), self.tape.constant(0.0))
-            for row in self.B
-        ]
-        found = expand(f, self.y, len(reachable(f))) if not self.degree > 2 else None
-        return (
-            None
-            if found is None
-            else [poly.polynomial(self.dimension, list(terms.items())) for terms in found]
-        )
-
     def cost(self, formula: Formula, step: Sequence[str]) -> tuple[int, int]:
         """Evaluations of ∇H, and of B or what stands for it, that R takes."""
         found = self.equation_of(formula, len(step))
@@ -167,8 +149,8 @@ class RecordedProblem(Recorded):
     def increment(
         self, e: Text, formula: Formula, y: Sequence[str], z: Sequence[str], step: Sequence[str]
     ) -> list[Expression]:
-        """R(y, z; step)."""
-        found = self.equation_of(formula, len(step))
+        """R(y, z; step), of an explicit formula without z."""
+        found = self.equation_of(formula, len(step), apart=bool(z))
         return printed(e, [(self.y, y), (self.z, z), (found.step, step)], found.R)
 
     def equation(

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 from sepv import formula, one_step, schemes
-from sepv.engine.code import ProblemCode, Table, skew
-from sepv.engine.text import Expression, Text
+from sepv.engine.recorded import RecordedProblem
+from sepv.engine.text import Expression, Table, Text
 from sepv.scheme import Scheme
 from sepv.schemes.energy_preserving import formula as energy_preserving
 from sepv.schemes.explicit import explicit
@@ -63,7 +63,10 @@ def scaled(e: Text, factor: str, table: Table) -> Table:
     """factor·table for a skew table."""
     d = len(table)
     upper = {(i, j): e.product(factor, table[i][j]) for i in range(d) for j in range(i + 1, d)}
-    return skew(d, upper, e)
+    found: Table = [[None] * d for _ in range(d)]
+    for (i, j), value in upper.items():
+        found[i][j], found[j][i] = value, e.product("(-1.0)", value)
+    return found
 
 
 def middle(e: Text, y: Sequence[str], z: Sequence[str]) -> list[str]:
@@ -71,7 +74,7 @@ def middle(e: Text, y: Sequence[str], z: Sequence[str]) -> list[str]:
     return [a if b == "0.0" else str(e.plus("(0.5)", b, a)) for a, b in zip(y, z, strict=True)]
 
 
-def rate(e: Text, problem: ProblemCode, y: Sequence[str], delta: str = "(1.0)") -> list[Expression]:
+def rate(e: Text, problem: RecordedProblem, y: Sequence[str], delta: str = "(1.0)") -> list[Expression]:
     """Δ f(y), f = B∇H multiplied out where that is a few monomials: explicit steps do not need B and ∇H apart."""
     if problem.field is not None:
         return [e.polynomial(p, y, delta) for p in problem.field]
@@ -101,7 +104,7 @@ class Collocation(Formula):
     def sweep(
         self,
         e: Text,
-        problem: ProblemCode,
+        problem: RecordedProblem,
         y: Sequence[str],
         z: Sequence[str],
         delta: str,

@@ -16,10 +16,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sepv.engine.code import Table
 from sepv.engine.schemes import Collocation, at
 from sepv.engine.stages_newton import NEWTON
-from sepv.engine.text import Expression, Text, shown
+from sepv.engine.text import Expression, Table, Text, shown
 from sepv.engine.writer import Writer, indent
 from sepv.implicit import Status
 from sepv.problem import Array

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 from sepv.polynomial import Polynomial
 
 Expression = str | None
+Table = list[list[Expression]]
 
 # Coefficients that are written into the code; every other is a parameter, so that problems that differ
 # in their coefficients alone share one compiled kernel.

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
-from sepv.engine.code import ProblemCode
 from sepv.engine.module import DRIVER, GROUP, HEAD
+from sepv.engine.recorded import RecordedProblem
 from sepv.engine.schemes import Formula
 from sepv.engine.text import Expression, Text, shown
 
@@ -21,7 +21,7 @@ class Writer(ABC):
     imports = ""
 
     def __init__(
-        self, problem: ProblemCode, formula: Formula, noises: int, lanes: int, compensated: bool
+        self, problem: RecordedProblem, formula: Formula, noises: int, lanes: int, compensated: bool
     ) -> None:
         self.problem, self.formula, self.noises = problem, formula, noises
         self.lanes, self.compensated = lanes, compensated

@@ -19,16 +19,16 @@ from sepv.scheme import Scheme, truncation_for
 
 def end(tableau: ExplicitTableau, fields: Fields, y: Any, z: Any, step: Any) -> Any:  # noqa: ARG001 - an explicit scheme
     """Δ Σ b_i f(Y_i), Y_i = y + Δ Σ a_ij f(Y_j)."""
-    slopes: list[Any] = []
+    moves: list[Any] = []
     for row in tableau.A:
         state = y
         for j, a in row.items():
-            state = state + (a * step[0]) * slopes[j]
-        slopes.append(fields.field(state))
+            state = state + a * moves[j]
+        moves.append(step[0] * fields.field(state))
     (i, b), *others = tableau.b.items()
-    total = (b * step[0]) * slopes[i]
+    total = b * moves[i]
     for i, b in others:
-        total = total + (b * step[0]) * slopes[i]
+        total = total + b * moves[i]
     return total
 
 
