@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from hypothesis import strategies as st
 
 import sepv
 from sepv import problems, schemes, wiener
+from sepv.division import divided
 from sepv.implicit import Status
 
 pytest.importorskip("numba", reason="the extra `fast` is not installed")
@@ -131,11 +134,15 @@ def test_compensated_summation_keeps_the_energy_better() -> None:
 
 
 # Each kernel costs two to five seconds of compilation where the cache is cold: most wait for a deep run.
-LATER = ("euler-heun", "explicit-4", "explicit-8", "collocation-2", "collocation-3")
+LATER = (
+    "euler-heun", "euler-maruyama", "explicit-4", "explicit-8", "collocation-2", "collocation-3", "gauss-2",
+    "gonzalez", "itoh-abe", "several-structures",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize(
-    "scheme", ["midpoint", "milstein", *(pytest.param(s, marks=pytest.mark.deep) for s in LATER)]
+    "scheme",
+    ["midpoint", "milstein", "discrete-gradient", *(pytest.param(s, marks=pytest.mark.deep) for s in LATER)],
 )
 def test_other_schemes_agree_too(scheme: str) -> None:
     problem = problems.harmonic_oscillator(noise=(0.5, 1.0))
@@ -176,6 +183,41 @@ def quartic(values=(0.7, 0.4, 0.3, 0.1, -0.05, 1.0, 0.25, -0.125), noise=(0.5, 0
 def coefficients(draw: st.DrawFn, count: int, low: float, high: float) -> list[float]:
     drawn = [draw(st.floats(low, high, allow_subnormal=False)) for _ in range(count)]
     return [v + 0.001 * (i + 1) / 7 for i, v in enumerate(drawn)]
+
+
+def test_the_engine_takes_the_formula_of_any_scheme_and_nothing_that_is_around_one() -> None:
+    from sepv.engine.schemes import formula_of
+    from sepv.saboteurs import ALL as SABOTEURS
+    from sepv.schemes import energy_preserving
+
+    own = formula_of(energy_preserving)
+    assert own is not None
+    for scheme in (*schemes.ALL.values(), *schemes.MORE.values(), schemes.gauss(3), schemes.collocation(2)):
+        taken = scheme.name not in ("splitting", "modified-weak-2")
+        assert (formula_of(scheme) is not None) == taken, scheme.name
+    assert formula_of(replace(EP, name="another")) == own
+    broken = formula_of(SABOTEURS["b-at-y0"].scheme)
+    assert broken is not None
+    assert broken.recorded is not own.recorded
+    around = partial(EP.step)
+    for scheme in (divided(EP), replace(EP, step=around), replace(EP, solve=partial(EP.solve))):
+        assert formula_of(scheme) is None
+    assert formula_of(replace(schemes.projected(4), solve=around)) is None
+
+
+def test_several_structures_are_compiled_where_they_are_defined() -> None:
+    """Tops, with three structures linear in y; S_j of several Hamiltonians is none at critical points of H."""
+    fast, plain = both(
+        schemes.several_structures, problems.noncommuting_tops(), h=1 / 32, T=0.25, paths=9, seed=2
+    )
+    assert fast.engine == "compiled"
+    assert np.max(np.abs(fast.y - plain.y)) < 64 * 8 * 2.3e-16
+    assert fast.energy_defect.max() < 64 * 2.3e-16
+    oscillators = problems.commuting_oscillators()
+    refused = sepv.ensemble(schemes.several_structures, oscillators, h=1 / 32, T=1 / 32, paths=2)
+    assert "undefined at critical points" in refused.reason
+    with pytest.raises(sepv.UsageError, match="takes one"):
+        sepv.ensemble(EP, problems.noncommuting_tops(), h=1 / 32, T=1 / 32, paths=2, engine="compiled")
 
 
 def test_systems_that_differ_in_coefficients_share_one_kernel() -> None:
