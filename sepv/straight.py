@@ -30,8 +30,8 @@ from sepv.recorded import Recorded
 MOST = 7
 # Cramer's rule is written out up to here.
 LARGEST = 3
-# Lanes whose numbers stay in the cache.
-BLOCK = 2048
+# Lanes at a time: enough that calls of NumPy cost little beside their work, and all numbers stay in the cache.
+BLOCK = 8192
 _EPS = float(np.finfo(np.float64).eps)
 _TINY = float(np.finfo(np.float64).tiny)
 _QUANTA = 4 * float(np.finfo(np.float64).smallest_subnormal)

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sepv import problems, schemes
-from sepv.implicit import Solution, Status
+from sepv.implicit import Solution, Status, _difference_jacobian
 from sepv.one_step import Implicit
 from sepv.problem import Problem
 from sepv.scheme import Scheme
@@ -61,7 +61,9 @@ def test_solutions_agree_with_the_general_solver(
     assert np.array_equal(found.status, plain.status)
     # Both leave a residual of 256 roundings of y at most, which moves y1 by (1 − K)⁻¹ of it.
     step = scheme.step.parts(problem, size, size * dW)
-    K = scheme.step.jacobian(problem, y, plain.value, step)
+    increment = scheme.step.increment
+    base = increment(problem, y, plain.value, step).value
+    K = _difference_jacobian(problem, y, plain.value, step, increment, base)
     through = np.linalg.norm(np.linalg.inv(np.eye(len(y)) - np.moveaxis(K, 2, 0)), axis=(1, 2), ord=np.inf)
     allowed = 512 * 2.0**-52 * through * (np.abs(y) + np.abs(found.change)).max(axis=0)
     assert np.all(np.abs(found.value - plain.value).max(axis=0)[both] <= allowed[both])
