@@ -19,16 +19,16 @@ from sepv.scheme import Scheme, truncation_for
 
 def end(tableau: ExplicitTableau, fields: Fields, y: Any, z: Any, step: Any) -> Any:  # noqa: ARG001 - an explicit scheme
     """Δ Σ b_i f(Y_i), Y_i = y + Δ Σ a_ij f(Y_j)."""
-    moves: list[Any] = []
+    slopes: list[Any] = []
     for row in tableau.A:
         state = y
         for j, a in row.items():
-            state = state + a * moves[j]
-        moves.append(step[0] * fields.field(state))
+            state = state + (a * step[0]) * slopes[j]
+        slopes.append(fields.field(state))
     (i, b), *others = tableau.b.items()
-    total = b * moves[i]
+    total = (b * step[0]) * slopes[i]
     for i, b in others:
-        total = total + b * moves[i]
+        total = total + (b * step[0]) * slopes[i]
     return total
 
 
