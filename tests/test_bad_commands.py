@@ -245,10 +245,15 @@ def interrupted(folder: Path, arguments: str) -> None:
     child = subprocess.Popen(
         [sys.executable, "-m", "sepv", *arguments.split()],
         cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        # Tests that were started in the background ignore SIGINT, and their children would.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509  (no thread holds a lock)
     )  # fmt: skip
-    time.sleep(3)
-    child.send_signal(signal.SIGINT)
-    out, err = child.communicate(timeout=SECONDS)
+    try:
+        time.sleep(3)
+        child.send_signal(signal.SIGINT)
+        out, err = child.communicate(timeout=SECONDS)
+    finally:
+        child.kill()
     assert child.returncode == 130, f"{child.returncode}: {out} {err}"
     assert "Traceback" not in out + err
     assert [p.name for p in folder.iterdir() if p.name != "r.json"] == []
