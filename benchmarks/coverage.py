@@ -99,7 +99,7 @@ def rows(scheme: Scheme, problem: Problem, errors: StrongErrors) -> Iterator[Row
         yield _misses("slope of the quantile", batches, quantile_slope, quantile_slope(errors, 0.5).value)
     power = math.ceil(scheme.weak_order or 1.0) - 1
     yield _coefficients(f"coefficient of h^{power} of the means", moments, errors.h, power)
-    order = 1.0 if scheme.mean_square_order is None else scheme.mean_square_order
+    order = test_right_limit.mean_order(scheme)
     yield _coefficients("shares of the limit", limits, errors.h if order >= 1 else np.sqrt(errors.h), 0)
     truth = decay(moments, errors.h, 0.5)[0]
     below, above = [], []

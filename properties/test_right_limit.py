@@ -32,8 +32,8 @@ FALL = 0.25
 def assessing(tilted: bool, order: float = 1.0) -> Assess:
     """The shares, with half of alpha, and the fall of the error with the other half.
 
-    Means of a scheme of order 1 or more have an expansion in whole powers of h. One that claims less may have h^½ in
-    them, as a difference over a length of √h has: they are extrapolated in powers of h^½, which takes more paths.
+    Means of a scheme of weak order 1 or more have an expansion in whole powers of h. One that claims less may have h^½
+    in them, as a difference over a length of √h has: they are extrapolated in powers of h^½, which takes more paths.
     """
 
     def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
@@ -73,10 +73,15 @@ def assessing(tilted: bool, order: float = 1.0) -> Assess:
     return assess
 
 
+def mean_order(scheme: Scheme) -> float:
+    """The order that a scheme claims for its means: the weak one, else the mean-square one, else 1."""
+    claimed = (scheme.weak_order, scheme.mean_square_order, 1.0)
+    return next(order for order in claimed if order is not None)
+
+
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
     """The extrapolated shares on every problem."""
-    order = 1.0 if scheme.mean_square_order is None else scheme.mean_square_order
-    return judge(law, scheme, effort, assessing(is_tilted(scheme), order), at_least=False)
+    return judge(law, scheme, effort, assessing(is_tilted(scheme), mean_order(scheme)), at_least=False)
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
