@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache, reduce
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -32,6 +32,9 @@ MOST = 7
 LARGEST = 3
 # Lanes at a time: enough that calls of NumPy cost little beside their work, and all numbers stay in the cache.
 BLOCK = 8192
+# Records that are kept.
+MOST_KEPT = 128
+_KEPT: dict[Any, Iteration | None] = {}
 _EPS = float(np.finfo(np.float64).eps)
 _TINY = float(np.finfo(np.float64).tiny)
 _QUANTA = 4 * float(np.finfo(np.float64).smallest_subnormal)
@@ -147,14 +150,24 @@ class Iteration:
         return start, np.zeros(1), np.zeros(1, dtype=np.int64)
 
 
-@lru_cache(maxsize=128)
 def iteration(problem: Problem, formula: Formula, count: int) -> Iteration | None:
     """The record of a scheme's equation for a problem by name, None for others and where there is no such record.
 
-    `count` is how many numbers the formula sees of a step.
+    `count` is how many numbers the formula sees of a step. What is kept is known by the problem's data and holds no
+    record of a problem: one that the caller drops is gone.
     """
     if not _fixed(problem) or problem.dimension > LARGEST:
         return None
+    names = tuple(getattr(f, "__qualname__", "") for f in _functions(problem))
+    key = problem.data, names, formula, count
+    if key not in _KEPT:
+        if len(_KEPT) >= MOST_KEPT:
+            _KEPT.clear()
+        _KEPT[key] = _recorded(problem, formula, count)
+    return _KEPT[key]
+
+
+def _recorded(problem: Problem, formula: Formula, count: int) -> Iteration | None:
     try:
         recorded = Recorded(problem)
         found = recorded.equation_of(formula, count)
@@ -173,11 +186,15 @@ def iteration(problem: Problem, formula: Formula, count: int) -> Iteration | Non
 
 def _fixed(problem: Problem) -> bool:
     """Whether all functions are those that the problem has by its name: nobody counts, breaks or leaves out one."""
+    return (
+        type(problem) is Problem
+        and isinstance(problem.data, NamedProblem)
+        and all(str(getattr(f, "__module__", "")).startswith("sepv.problems.") for f in _functions(problem))
+    )
+
+
+def _functions(problem: Problem) -> list[Any]:
     functions: list[Any] = [problem.structure, problem.hamiltonian, problem.gradient, problem.hessian]
     functions += [problem.structure_derivative]
     functions += [f for f in (problem.mean_gradient, problem.domain) if f is not None]
-    functions += [] if problem.nambu is None else [problem.nambu.factor, problem.nambu.casimir]
-    home = "sepv.problems."
-    return isinstance(problem.data, NamedProblem) and all(
-        str(getattr(f, "__module__", "")).startswith(home) for f in functions
-    )
+    return functions + ([] if problem.nambu is None else [problem.nambu.factor, problem.nambu.casimir])

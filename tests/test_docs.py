@@ -20,7 +20,7 @@ from sepv.cli import main
 from sepv.suite import load_laws
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = ("ten-minutes", "laws", "choosing", "ci", "extending", "beyond", "hard-cases", "speed", "levels")
+PAGES = ("ten-minutes", "laws", "choosing", "ci", "extending", "beyond", "hard-cases", "speed")
 
 
 # Pages whose blocks are run elsewhere, by what; or are output, and shown to be so.
@@ -29,6 +29,9 @@ ELSEWHERE = {
     "protocol": "test_examples.py",
     "vectors": "test_vectors.py",
     "compliance": "test_peers.py",
+    "levels": "test_levels.py",
+    "index": "test_site.py",  # the first page of the site, whose example is measured as it is built
+    "api": "test_site.py",  # directives, no commands
     "mutation": "",  # below: it is minutes of two cores, its options are parsed
     "teeth": "",  # printed by `sepv teeth`; its commands are parsed below
 }
@@ -167,7 +170,7 @@ def test_the_steps_of_every_workflow_run(folder: Path) -> None:
     for command in dict.fromkeys(command for steps in jobs for _, command in steps):
         do(command + (" -k contract" if command.startswith("pytest") else ""))
     installed = (folder / "installed").read_text().splitlines()
-    assert set(installed) == {f"install . {ROOT}", "install pytest"}
+    assert set(installed) == {"install .", f"install . {ROOT}", "install pytest"}
 
 
 def test_every_page_with_a_block_is_run() -> None:

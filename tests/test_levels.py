@@ -9,8 +9,10 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from click.testing import CliRunner
 
 import sepv
+from sepv.cli import main
 from sepv.errors import UsageError
 from sepv.files import badge_json
 from sepv.law import Effort, Finding, Verdict
@@ -122,6 +124,16 @@ def test_a_level_measures_its_laws_alone() -> None:
 def test_a_wrong_level_is_refused(wrong: object, laws: object) -> None:
     with pytest.raises(UsageError, match="a level of 1, 2 or 3"):
         sepv.verify("midpoint", level=wrong, laws=laws)  # type: ignore[arg-type]  # refused on purpose
+
+
+def test_the_commands_of_the_page_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every line of docs/levels.md's sh blocks, as it stands."""
+    monkeypatch.chdir(tmp_path)
+    lines = "".join(re.findall(r"^```sh\n(.*?)^```$", DOC, flags=re.MULTILINE | re.DOTALL)).splitlines()
+    assert [line.split()[1] for line in lines] == ["verify", "submit", "check"]
+    for line in lines:
+        done = CliRunner().invoke(main, line.split()[1:])
+        assert done.exit_code == 0, done.output
 
 
 def test_the_page_lists_every_law_under_its_level() -> None:

@@ -125,8 +125,8 @@ BITES = [
     bite("b-at-y0", "casimir", 1, Verdict.HOLDS, 100),
     bite("changes-y", "energy", 0, Verdict.ERROR, 1),
     bite("changes-y", "energy", 1, Verdict.ERROR, 1),
-    bite("silent-cap", "energy", 0, Verdict.ERROR, 3),
-    bite("silent-cap", "energy", 1, Verdict.VIOLATED, 9, claimed=False),
+    bite("silent-cap", "rounding", 0, Verdict.ERROR, 3),
+    bite("silent-cap", "rounding", 1, Verdict.VIOLATED, 9, claimed=False),
 ]
 
 
@@ -134,14 +134,14 @@ def test_an_error_kills_only_where_the_interface_is_at_fault() -> None:
     assert teeth.survivors(BITES) == {"b-at-y0": [1], "silent-cap": [0, 1]}
     assert teeth.examples_to_kill(BITES) == {("b-at-y0", 0): 4, ("changes-y", 0): 1, ("changes-y", 1): 1}
     assert teeth.lone_keepers(BITES) == {"casimir": ["b-at-y0"], "energy": ["changes-y"]}
-    assert teeth.missed(BITES) == [("silent-cap", "energy")]
+    assert teeth.missed(BITES) == [("silent-cap", "rounding")]
 
 
 def test_the_matrix_names_what_survives() -> None:
     text = StringIO()
     teeth.show(BITES, console(text))
     lines = text.getvalue().splitlines()
-    assert lines[0].split() == ["saboteur", "ene", "cas", "killed"]
+    assert lines[0].split() == ["saboteur", "ene", "cas", "rou", "killed"]
     assert lines[1].split() == ["b-at-y0", "·", "(4)", "1/2"]
     assert lines[2].split() == ["changes-y", "e", "2/2"]
     assert "1 of 3 saboteurs killed with each of 2 seeds" in text.getvalue()

@@ -31,6 +31,10 @@ def check(
 ) -> None:
     """Check schema, hashes, counts and level of BUNDLE; then measure counterexamples and a random share of laws again.
 
+    \b
+    sepv check scheme.zip
+    sepv check scheme.zip --share 1
+
     The scheme is loaded as it was named when the bundle was made, and its code runs: start this where it can be found.
     """
     from sepv import report as page
