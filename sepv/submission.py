@@ -15,6 +15,7 @@ import math
 import platform
 import random
 import shlex
+import sys
 import zipfile
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields, replace
@@ -24,11 +25,12 @@ from pathlib import Path
 from typing import Any
 
 from sepv._version import __version__
-from sepv.errors import SepvError, TargetError, UsageError
+from sepv.errors import SepvError, UsageError
 from sepv.law import Effort, Finding, Verdict
 from sepv.levels import SUITE, conformance
 from sepv.schemas import fault, manifest_schema, report_schema
 from sepv.suite import Report, load_laws, measure, replay
+from sepv.target import load_object
 
 FORMAT = 1
 MANIFEST, REPORT, WAIVERS = "manifest.json", "report.json", "waivers.toml"
@@ -90,7 +92,7 @@ def source(asked: Asked) -> dict[str, str]:
     Raises
     ------
     TargetError
-        Where the module cannot be found.
+        Where the scheme cannot be loaded.
     """
     return {name: _hash(path.read_bytes()) for name, path in sorted(_files(asked))}
 
@@ -99,26 +101,21 @@ def _files(asked: Asked) -> Iterator[tuple[str, Path]]:
     if asked.program:
         yield from ((word, Path(word)) for word in shlex.split(asked.program) if Path(word).is_file())
         return
-    module = asked.target.partition(":")[0] if ":" in asked.target else "sepv"
-    top = module.partition(".")[0]
-    try:
-        spec = find_spec(top)
-    except (ImportError, ValueError):
-        spec = None
-    if spec is None or spec.origin is None:
-        raise TargetError(
-            expected="a scheme whose module can be found",
-            received=f"no files of {top}",
-            remedy="run it where the module can be imported",
-        )
-    for folder in map(Path, spec.submodule_search_locations or ()):
+    top = asked.target.partition(":")[0].partition(".")[0] if ":" in asked.target else "sepv"
+    if ":" in asked.target:
+        load_object(
+            asked.target
+        )  # it finds modules of the current folder, and says what is wrong with others
+    module = sys.modules[top]
+    folders = [Path(folder) for folder in getattr(module, "__path__", ())]
+    for folder in folders:
         yield from (
             (f"{top}/{path.relative_to(folder).as_posix()}", path)
             for path in folder.rglob("*")
             if path.suffix in _SOURCE and path.is_file()
         )
-    if spec.submodule_search_locations is None:
-        yield Path(spec.origin).name, Path(spec.origin)
+    if not folders and module.__file__:
+        yield Path(module.__file__).name, Path(module.__file__)
 
 
 def bundle(report: Report, asked: Asked, waivers: str | None = None) -> bytes:

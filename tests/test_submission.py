@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import subprocess
 import sys
 import zipfile
 from collections.abc import Callable, Iterator
@@ -150,6 +151,17 @@ def test_sources(tmp_path: Path) -> None:
     assert "sepv/schemes/midpoint.py" in source(Asked("midpoint"))
     with pytest.raises(TargetError, match="no_such_module"):
         source(Asked("no_such_module:step"))
+
+
+def test_a_scheme_of_the_current_folder_is_found(tmp_path: Path) -> None:
+    """As `sepv` is typed: its own script's folder is the first of sys.path, and not the current one."""
+    (tmp_path / "heun_here.py").write_text(HEUN)
+    code = "import sys; sys.path[0] = '/'; from sepv.submission import Asked, source; "
+    code += "print(list(source(Asked('heun_here:scheme'))))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.stdout.strip() == "['heun_here.py']", done.stderr
 
 
 def test_the_commands(made: tuple[Path, Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
