@@ -12,7 +12,6 @@ how often these intervals miss.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 
@@ -180,9 +179,3 @@ def weak_slope(errors: StrongErrors, alpha: float) -> Estimate:
         return float(x @ np.log(np.linalg.norm(mean.reshape(-1, d), axis=1)))
 
     return jackknife(samples, order, alpha)
-
-
-def names_of_moments(dimension: int) -> Sequence[str]:
-    """y1, …, y1 y1, …: the test functions of `moment_errors` in their order."""
-    pairs = combinations_with_replacement(range(1, dimension + 1), 2)
-    return [f"y{i}" for i in range(1, dimension + 1)] + [f"y{i} y{j}" for i, j in pairs]

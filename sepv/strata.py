@@ -180,10 +180,6 @@ class Space:
         )
         return replace(self, axes=kept)
 
-    def with_axes(self, *axes: Axis) -> Space:
-        """The space with further axes."""
-        return replace(self, axes=(*self.axes, *axes))
-
     def without_faults(self, **strata: tuple[str, ...]) -> Space:
         """The space where no fault shows in these strata; axes by name with _ for spaces."""
         named = {(axis.replace("_", " "), name) for axis, names in strata.items() for name in names}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from sepv.properties import test_contract
 
 from sepv import StepFailure, schemes
+from sepv.errors import SchemeFault
 from sepv.law import Effort, Finding, Verdict
 from sepv.problem import Array, Problem
 from sepv.saboteurs import ALL
@@ -109,6 +111,11 @@ def test_one_answer_for_two_states_breaks_the_contract(name: str) -> None:
     assert "another answer for another state" in finding.message
 
 
-def test_a_state_that_is_lost_in_the_rounding_of_the_answer_is_no_second_question() -> None:
-    y, answer = np.array([1e-20, 0.0]), np.array([0.5, 0.25])
-    test_contract._tells_apart(y, 0.75 * y, answer, answer.copy())
+@pytest.mark.parametrize(("size", "accused"), [(1e-20, False), (1e-3, True)])
+def test_a_state_that_is_lost_in_the_rounding_of_the_answer_is_no_second_question(
+    size: float, accused: bool
+) -> None:
+    y, answer = np.array([size, 0.0]), np.array([0.5, 0.25])
+    with pytest.raises(SchemeFault) if accused else nullcontext() as caught:
+        test_contract._tells_apart(y, 0.75 * y, answer, answer.copy())
+    assert (caught is not None) is accused
