@@ -55,7 +55,7 @@ LAYERS = [
     "sepv.tolerance",
     "sepv.case",
     "sepv.strategies",
-    "sepv.covering sepv.strata sepv.telling sepv.content sepv.spaces",
+    "sepv.covering sepv.strata sepv.telling sepv.ingredients sepv.content sepv.spaces",
     "sepv.strategies_structures",
     "sepv.corners",
     "sepv.shrink",
