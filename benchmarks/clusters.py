@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 import sepv
-from benchmarks import over, start
+from benchmarks import over, start, tell
 from sepv import problems, schemes
 from sepv.engine.workers import run_all
 
@@ -145,7 +145,12 @@ def scheduler(chunks: int) -> None:
 
 def _window(client: Any, count: int) -> None:
     got: list[int] = []
-    run_all(nothing, range(count), client, threads=False, receive=lambda n, _: got.append(n))
+
+    def receive(number: int, _: None) -> None:
+        got.append(number)
+        tell(f"{len(got):,} of {count:,} chunks", len(got) / count)
+
+    run_all(nothing, range(count), client, threads=False, receive=receive)
     assert sorted(got) == list(range(count))
 
 
