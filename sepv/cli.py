@@ -30,6 +30,8 @@ COMMANDS = {
     "reproduce": "sepv.commands.reproduce:reproduce",
     "submit": "sepv.commands.submit:submit",
     "check": "sepv.commands.check:check",
+    "peers": "sepv.commands.peers:peers",
+    "trend": "sepv.commands.trend:trend",
     "report": "sepv.commands.report:report",
     "hard": "sepv.commands.hard:hard",
     "ulps": "sepv.commands.ulps:ulps",

@@ -16,7 +16,7 @@ from click.testing import CliRunner
 from hypothesis import given, settings
 
 from sepv import problems
-from sepv.adapters import compliance
+from sepv.adapters import compliance, measurements, rows
 from sepv.adapters._lanes import in_blocks
 from sepv.adapters.multistep import PathSolver
 from sepv.adapters.posing import pose
@@ -271,7 +271,7 @@ def test_an_interrupted_table_goes_on_where_it_was_and_is_the_same(
 ) -> None:
     laws = ("identity", "truncation", "mean-square-order")
     measured: list[str] = []
-    original = compliance._finding
+    original = measurements._finding
 
     def finding(scheme: Scheme, law: str, effort: Effort) -> dict[str, Any]:
         measured.append(law)
@@ -282,7 +282,8 @@ def test_an_interrupted_table_goes_on_where_it_was_and_is_the_same(
     monkeypatch.setattr(compliance, "import_module", absent)
     monkeypatch.setattr(compliance, "LAWS", laws)
     monkeypatch.setattr(compliance, "load_laws", lambda: load_laws(laws))
-    monkeypatch.setattr(compliance, "_finding", finding)
+    monkeypatch.setattr(measurements, "_finding", finding)
+    monkeypatch.setattr(rows, "LAWS", laws)
     keep, out = tmp_path / "kept", tmp_path / "table.md"
     arguments = ["--library", "sdeint", "--keep", str(keep), "--out", str(out)]
 
@@ -322,8 +323,8 @@ def test_whole_paths_of_a_solver_of_order_one_have_their_order_and_their_limit()
             return np.array(states)
 
         solver = PathSolver(f"own {name}", path, 1.0)
-        cells = {(c.solver, c.name): c.measure() for c in compliance.path_cells("sepv", solver, QUICK)}
-        verdicts[name] = compliance.path_row("sepv", solver, cells).verdicts
+        cells = {(c.solver, c.name): c.measure() for c in measurements.path_cells("sepv", solver, QUICK)}
+        verdicts[name] = rows.path_row("sepv", solver, cells).verdicts
     assert verdicts["heun"] == {"mean-square-order": "holds +", "right-limit": "holds +"}
     assert verdicts["euler"] == {"mean-square-order": "– +", "right-limit": "– +"}
 
@@ -337,13 +338,11 @@ def test_a_note_says_why_a_mark_is_not_what_it_seems() -> None:
         "measured": (),
     }
     scheme = Scheme("own", lambda problem, y, h, dW: y)
-    found = list(
-        compliance._notes(scheme, {"identity": error, "mean-square-order": order, "right-limit": limit})
-    )
+    found = list(rows._notes(scheme, {"identity": error, "mean-square-order": order, "right-limit": limit}))
     assert found[0] == "own, identity: The scheme raised."
     assert found[1].startswith("own, right-limit: the error itself falls")
     order["measured"] = [{"interval": [-0.1, 0.2]}]  # the error stays: then it is a wrong limit
-    assert not list(compliance._notes(scheme, {"mean-square-order": order, "right-limit": limit}))
+    assert not list(rows._notes(scheme, {"mean-square-order": order, "right-limit": limit}))
 
 
 def test_only_scripts_that_still_show_a_deviation_are_quoted(tmp_path: Path) -> None:

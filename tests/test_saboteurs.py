@@ -11,7 +11,7 @@ from sepv.corners import for_energy
 from sepv.errors import UsageError
 from sepv.law import Effort, Verdict
 from sepv.report import console
-from sepv.saboteurs import ALL, FAMILIES
+from sepv.saboteurs import ALL, FAMILIES, historical
 from sepv.scheme import weakly
 from sepv.schemes import (
     both_invariants,
@@ -53,10 +53,18 @@ def test_each_law_has_a_saboteur_that_it_must_catch(law: str) -> None:
     assert any(law in s.caught_by for s in ALL.values())
 
 
-def test_there_are_seven_families_and_no_name_twice() -> None:
-    from sepv.saboteurs import arithmetic, formula, higher_order, interface, noise, solver, structure
+def test_there_are_eight_families_and_no_name_twice() -> None:
+    from sepv.saboteurs import (
+        arithmetic,
+        formula,
+        higher_order,
+        interface,
+        noise,
+        solver,
+        structure,
+    )
 
-    modules = (formula, noise, solver, arithmetic, interface, higher_order, structure)
+    modules = (formula, noise, solver, arithmetic, interface, higher_order, structure, historical)
     assert sum(len(m.SABOTEURS) for m in modules) == len(ALL) >= 36
     assert [m.SABOTEURS[0].family for m in modules] == list(FAMILIES)
 
@@ -70,6 +78,8 @@ def test_each_saboteur_claims_what_the_scheme_claims(name: str) -> None:
         assert saboteur.scheme.claims == weakly(modified_weak_two, "three-point").claims
     elif saboteur.family == "higher order":
         assert saboteur.scheme.claims == ORIGINALS[saboteur.scheme.systems].claims
+    elif saboteur.family == "historical":
+        assert saboteur.scheme.claims == historical.RIGHT[name].claims
     elif name in STRUCTURE:
         assert saboteur.scheme.claims == STRUCTURE[name].claims
     elif name not in WRONG_CLAIMS:

@@ -7,12 +7,15 @@ JAX computes in float64 only where its switch is on. It is turned on around each
 manager for one thread, and nowhere else: importing this module changes nothing in JAX.
 
 ShARK, SRA1 and SEA are for additive noise, which (1.1) has not; ALIGN, ShOULD and QUICSORT for Langevin dynamics.
+
+Older releases have fewer solvers: what a release lacks is None here, and its name is in `ABSENT`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache, partial
+from importlib import import_module
 from typing import Any
 
 import diffrax
@@ -25,6 +28,9 @@ from sepv.adapters.multistep import PathSolver
 from sepv.adapters.posing import Formulas, pose, size
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.scheme import Scheme
+
+# JAX has had this context manager at two places.
+enable_x64 = getattr(jax, "enable_x64", None) or import_module("jax.experimental").enable_x64
 
 
 class _Given(diffrax.AbstractPath):
@@ -74,7 +80,7 @@ def _one_step(
     solver: Any, formulas: Formulas, arrays: Any, c: Any, h: Any, y: Any, dW: Any, state: Any
 ) -> Any:
     """y_next and the solver's state after it; a state of None starts the solver afresh."""
-    levy = isinstance(solver, diffrax.AbstractSRK)
+    levy = isinstance(solver, getattr(diffrax, "AbstractSRK", ()))
     terms = _terms(formulas, arrays, c, _Given(dW, _space_time_area(h, dW) if levy else dW))
     t0 = jnp.zeros_like(h)
     if state is None:
@@ -138,7 +144,7 @@ def _call(program: Any, solver: Any, problem: Problem, y: Array, h: float, dW: A
     if formulas.kind == "polynomial":
         y, dW = _wide(y, numbers[0].shape[0]), _wide(dW, size(m, 4))
     c = _wide(problem.c, dW.shape[-2])
-    with jax.enable_x64(True):
+    with enable_x64(True):
         answer = program(solver, formulas, numbers, c, np.float64(h), y, dW)
         return np.asarray(answer)[..., :d, :]
 
@@ -164,10 +170,18 @@ def _source(order: float, weak: float) -> str:
     return f'diffrax, "SDE solver table": order {order:g} strong and {weak:g} weak for commutative noise'
 
 
-def _scheme(solver: Any, order: float, weak: float = 1.0, note: str = "") -> Scheme:
+ABSENT: list[str] = []
+
+
+def _scheme(name: str, order: float, weak: float = 1.0, note: str = "") -> Any:
+    """The solver of that name as a `Scheme`; None where this release has none."""
+    make = getattr(diffrax, name, None)
+    if make is None:
+        ABSENT.append(f"diffrax {name}{note}")
+        return None
     return Scheme(
-        name=f"diffrax {type(solver).__name__}{note}",
-        step=_step_by(solver),
+        name=f"diffrax {name}{note}",
+        step=_step_by(make()),
         mean_square_order=order,
         weak_order=weak,
         source=_source(order, weak),
@@ -176,20 +190,21 @@ def _scheme(solver: Any, order: float, weak: float = 1.0, note: str = "") -> Sch
     )
 
 
-euler_heun = _scheme(diffrax.EulerHeun(), 0.5)
-heun = _scheme(diffrax.Heun(), 1.0)
-midpoint = _scheme(diffrax.Midpoint(), 1.0)
-ralston = _scheme(diffrax.Ralston(), 1.0)
-milstein = _scheme(diffrax.StratonovichMilstein(), 1.0)
-spark = _scheme(diffrax.SPaRK(), 1.0)
-general_shark = _scheme(diffrax.GeneralShARK(), 1.0)
-slow_rk = _scheme(diffrax.SlowRK(), 1.5, 2.0)
+euler_heun = _scheme("EulerHeun", 0.5)
+heun = _scheme("Heun", 1.0)
+midpoint = _scheme("Midpoint", 1.0)
+ralston = _scheme("Ralston", 1.0)
+milstein = _scheme("StratonovichMilstein", 1.0)
+spark = _scheme("SPaRK", 1.0)
+general_shark = _scheme("GeneralShARK", 1.0)
+slow_rk = _scheme("SlowRK", 1.5, 2.0)
 # Its state is a second solution beside y. Started afresh it is Heun's method: whole paths are another thing.
-reversible_heun = _scheme(diffrax.ReversibleHeun(), 1.0, note=", one step afresh")
+reversible_heun = _scheme("ReversibleHeun", 1.0, note=", one step afresh")
 
+_ALL = (euler_heun, heun, midpoint, ralston, milstein, spark, general_shark, slow_rk, reversible_heun)
+SCHEMES = tuple(scheme for scheme in _ALL if scheme is not None)
 # These draw an area beside the increment. A mean over ΔW alone is not the mean of their step.
-DRAWING = (spark, general_shark, slow_rk)
-SCHEMES = (euler_heun, heun, midpoint, ralston, milstein, spark, general_shark, slow_rk, reversible_heun)
+DRAWING = tuple(scheme for scheme in (spark, general_shark, slow_rk) if scheme is not None)
 PATHS = (
     PathSolver(
         "diffrax ReversibleHeun, whole paths", _path_by(diffrax.ReversibleHeun()), 1.0, reversible_heun.source

@@ -6,13 +6,22 @@ that it does; `sepv.teeth` runs them all.
 
 from __future__ import annotations
 
-from sepv.saboteurs import arithmetic, formula, higher_order, interface, noise, solver, structure
+from sepv.saboteurs import arithmetic, formula, higher_order, historical, interface, noise, solver, structure
 from sepv.saboteurs.record import Saboteur as Saboteur
 
-FAMILIES = ("formula", "noise", "solver", "arithmetic", "interface", "higher order", "structure")
+FAMILIES = (
+    "formula",
+    "noise",
+    "solver",
+    "arithmetic",
+    "interface",
+    "higher order",
+    "structure",
+    "historical",
+)
 
 ALL: dict[str, Saboteur] = {
     s.name: s
-    for module in (formula, noise, solver, arithmetic, interface, higher_order, structure)
+    for module in (formula, noise, solver, arithmetic, interface, higher_order, structure, historical)
     for s in module.SABOTEURS
 }

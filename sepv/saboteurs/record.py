@@ -29,6 +29,8 @@ class Saboteur:
         A new scheme, which remembers nothing of the calls that another one has had.
     caught_by : tuple of law names
         The laws that must catch it, by theory.
+    thread : str
+        Where the fault was found in a real program; empty for one that was thought of.
     """
 
     name: str
@@ -36,6 +38,7 @@ class Saboteur:
     broken: str
     make: Callable[[], Scheme]
     caught_by: tuple[str, ...]
+    thread: str = ""
 
     @property
     def scheme(self) -> Scheme:

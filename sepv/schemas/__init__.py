@@ -22,6 +22,11 @@ def manifest_schema() -> dict[str, Any]:
     return _schema("manifest.schema.json")
 
 
+def peers_schema() -> dict[str, Any]:
+    """The JSON Schema of a record of ``sepv peers``."""
+    return _schema("peers.schema.json")
+
+
 def report_schema() -> dict[str, Any]:
     """The JSON Schema of ``sepv verify --json``."""
     return _schema("report.schema.json")

@@ -1,0 +1,109 @@
+"""Records of what each version of a library was found to do: ``results/LIBRARY/VERSION.json``. Append-only.
+
+A record is never overwritten. Where a version is measured again, by a newer suite say, the new record stands beside the
+old one and has its date in its name: ``VERSION@DATE.json``.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sepv.errors import UsageError
+from sepv.files import write_atomically
+from sepv.schemas import fault, peers_schema
+
+
+@dataclass(frozen=True)
+class Record:
+    """One record, as the schema `peers` describes its data."""
+
+    path: Path
+    data: dict[str, Any]
+
+    @property
+    def library(self) -> str:
+        """Whose it is."""
+        return str(self.data["library"])
+
+    @property
+    def version(self) -> str:
+        """Of the library."""
+        return str(self.data["version"])
+
+    @property
+    def solvers(self) -> dict[str, dict[str, Any]]:
+        """The entries by the solver's name."""
+        return {entry["name"]: entry for entry in self.data["solvers"]}
+
+
+def recorded(folder: Path, library: str, version: str) -> list[Path]:
+    """The records of one version that there are, the oldest first."""
+    own = folder / library
+    return [p for p in (own / f"{version}.json", *sorted(own.glob(f"{version}@*.json"))) if p.exists()]
+
+
+def add(folder: Path, data: dict[str, Any]) -> Path:
+    """Put a record there, under a new name.
+
+    Raises
+    ------
+    UsageError
+        For data that are no record, and where this version has one of today already.
+    """
+    if wrong := fault(data, peers_schema()):
+        raise UsageError(
+            expected="a record of a version", received=wrong, remedy="measure it with `sepv peers`"
+        )
+    own, version = folder / data["library"], data["version"]
+    first = own / f"{version}.json"
+    path = own / f"{version}@{data['date']}.json" if first.exists() else first
+    if path.exists():
+        raise UsageError(
+            expected=f"a version that has no record of {data['date']}",
+            received=str(path),
+            remedy="records are never overwritten; remove it yourself if it is wrong",
+        )
+    own.mkdir(parents=True, exist_ok=True)
+    write_atomically(str(path), json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+    return path
+
+
+def load(folder: Path) -> dict[str, list[Record]]:
+    """All records by library, in the order of versions and, within one, of dates.
+
+    Raises
+    ------
+    UsageError
+        For a folder without records, or a file that is none.
+    """
+    found: dict[str, list[Record]] = {}
+    for path in sorted(folder.glob("*/*.json")):
+        try:
+            data = json.loads(path.read_text(encoding="utf-8"))
+            wrong = fault(data, peers_schema())
+        except ValueError as error:
+            data, wrong = {}, str(error)
+        if wrong:
+            raise UsageError(
+                expected="records of versions", received=f"{path}: {wrong}", remedy="remove the file"
+            )
+        found.setdefault(data["library"], []).append(Record(path, data))
+    if not found:
+        raise UsageError(
+            expected="a folder of records, LIBRARY/VERSION.json",
+            received=f"{folder}, without any",
+            remedy="measure some: sepv peers sdeint 0.2.4 0.3.0",
+        )
+    for records in found.values():
+        records.sort(key=lambda r: (order(r.version), r.data["date"], r.path.name))
+    return found
+
+
+def order(version: str) -> tuple[Any, ...]:
+    """For sorting: numbers as numbers, and a pre-release before its release."""
+    numbers = tuple(int(n) for n in re.findall(r"\d+", re.split(r"[a-z@+]", version)[0]))
+    return (numbers, re.search(r"(a|b|rc|dev)\d", version) is None, version)
