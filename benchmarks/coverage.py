@@ -99,8 +99,8 @@ def rows(scheme: Scheme, problem: Problem, errors: StrongErrors) -> Iterator[Row
         yield _misses("slope of the quantile", batches, quantile_slope, quantile_slope(errors, 0.5).value)
     power = math.ceil(scheme.weak_order or 1.0) - 1
     yield _coefficients(f"coefficient of h^{power} of the means", moments, errors.h, power)
-    order = test_right_limit.mean_order(scheme)
-    yield _coefficients("shares of the limit", limits, errors.h if order >= 1 else np.sqrt(errors.h), 0)
+    orders = test_right_limit.mean_orders(scheme)
+    yield _coefficients("shares of the limit", limits, errors.h if orders[0] >= 1 else np.sqrt(errors.h), 0)
     truth = decay(moments, errors.h, 0.5)[0]
     below, above = [], []
     for alpha in ALPHAS:
@@ -114,7 +114,7 @@ def rows(scheme: Scheme, problem: Problem, errors: StrongErrors) -> Iterator[Row
             test_mean_square_order.assessing(scheme.mean_square_order or 1.0, tilted),
         ),
         ("verdict of weak-order", test_weak_order.assessing(scheme.weak_order or 1.0, tilted)),
-        ("verdict of right-limit", test_right_limit.assessing(tilted, order)),
+        ("verdict of right-limit", test_right_limit.assessing(tilted, orders)),
     )
     for name, assess in laws:
         shares = [

@@ -187,7 +187,7 @@ def test_students_quantile_is_two_sided() -> None:
     assert abs(critical(0.05, 10**6) - 1.959964) < 1e-4
 
 
-def _one_sided(loud: float) -> Scheme:
+def _one_sided(loud: float, claimed: float | None = 0.5) -> Scheme:
     """Milstein's term by a difference over 4√h: the right limit where loud = 1, and a mean error of order ½."""
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
@@ -195,7 +195,7 @@ def _one_sided(loud: float) -> Scheme:
         slope = (vector_field(problem, y + length * f) - f) / length
         return np.asarray(y + delta * f + 0.5 * delta**2 * slope)
 
-    return Scheme(f"one-sided {loud}", step, mean_square_order=0.5, batched=True)
+    return Scheme(f"one-sided {loud}", step, mean_square_order=claimed, batched=True)
 
 
 def test_a_mean_error_of_order_one_half_is_no_wrong_limit_and_hides_none() -> None:
@@ -205,3 +205,19 @@ def test_a_mean_error_of_order_one_half_is_no_wrong_limit_and_hides_none() -> No
     assert right.finding("right-limit").verdict in (Verdict.HOLDS, Verdict.INCONCLUSIVE), right
     wrong = verify(_one_sided(1.05), laws=["right-limit"], effort=effort)
     assert wrong.finding("right-limit").verdict is Verdict.VIOLATED
+
+
+def test_where_no_order_is_claimed_a_limit_is_wrong_only_if_each_order_says_so() -> None:
+    effort = Effort(paths=2048)
+    right = verify(_one_sided(1.0, None), laws=["right-limit"], effort=effort)
+    assert right.finding("right-limit").verdict is not Verdict.VIOLATED, right
+    for wrong in (_one_sided(1.05, None), Scheme("Itô", _unmended, batched=True)):
+        assert (
+            verify(wrong, laws=["right-limit"], effort=effort).finding("right-limit").verdict
+            is Verdict.VIOLATED
+        )
+
+
+def _unmended(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """Euler's method, as if (1.1) were an Itô equation."""
+    return np.asarray(y + problem.random_step(h, dW) * vector_field(problem, y))
