@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,11 +14,12 @@ from sepv.properties import test_weak_order as weak
 from sepv import problems, schemes, verify
 from sepv.convergence import StrongErrors, mean_square_order, quantile_slope, strong_errors
 from sepv.fields import vector_field
+from sepv.implicit import Solution, Status
 from sepv.law import Effort, Finding, Verdict
 from sepv.means import critical, decay, leading, limit_errors, moment_errors
 from sepv.problem import Array, Problem
 from sepv.saboteurs import unusual
-from sepv.scheme import Scheme
+from sepv.scheme import Scheme, step_by
 from sepv.sequential import FIRST_LOOK, budget, looks, setups
 
 SAMPLED = ("mean-square-order", "weak-order", "right-limit")
@@ -221,3 +223,30 @@ def test_where_no_order_is_claimed_a_limit_is_wrong_only_if_each_order_says_so()
 def _unmended(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """Euler's method, as if (1.1) were an Itô equation."""
     return np.asarray(y + problem.random_step(h, dW) * vector_field(problem, y))
+
+
+def _timid(limit: float) -> Scheme:
+    """(2.1), which refuses a step with |Δ| > limit."""
+
+    def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
+        solution = solve_all(problem, y, h, dW)
+        refused = np.abs(problem.random_step(h, dW)) > limit
+        return replace(solution, status=np.where(refused, Status.NO_CONVERGENCE, solution.status))
+
+    solve_all = schemes.energy_preserving.solve
+    assert solve_all is not None
+    return replace(schemes.energy_preserving, name="timid", step=partial(step_by, solve), solve=solve)
+
+
+def test_a_rare_refusal_halves_the_steps_and_accuses_nobody() -> None:
+    """One path of 512 of the pendulum has a coarse step with |Δ| > 1.4."""
+    found = verify(_timid(1.4), laws=["mean-square-order", "weak-order"], effort=Effort(seed=1)).findings
+    for finding in found:
+        assert finding.verdict is Verdict.HOLDS, finding.message
+        assert "domain: 1 with 4 steps; judged with 8, 32, 128 steps instead" in finding.message
+
+
+def test_frequent_refusals_are_an_error() -> None:
+    (finding,) = verify(_timid(0.5), laws=["mean-square-order"], effort=Effort(seed=1)).findings
+    assert finding.verdict is Verdict.ERROR
+    assert "of 512 paths, not solved, not finite or out of the domain: 2" in finding.message
