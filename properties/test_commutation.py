@@ -51,7 +51,7 @@ def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) ->
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
     """The slopes on commuting families, on noises that commute with a drift that does not, and on none that do."""
     if scheme.systems != "several":
-        return law.finding(Verdict.NOT_APPLICABLE, message="the scheme is for a single structure")
+        return law.finding(Verdict.NOT_APPLICABLE, message="the scheme is not for several structures")
     return judge(law, scheme, effort, assess, at_least=False, setups=SETUPS)
 
 

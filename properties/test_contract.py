@@ -181,10 +181,10 @@ def _watched(scheme: Scheme, handling: dict[str, str]) -> Scheme:
     `sepv.candidate` restores the error handling of the process after each call, whatever a scheme has made of it.
     """
 
-    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    def step(problem: Problem, y: Array, h: float, dW: Array, *further: Array) -> Array:
         with np.errstate(all="warn"), warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            answer = scheme.step(problem, y, h, dW)
+            answer: Array = scheme.step(problem, y, h, dW, *further)
             handling.update({kind: str(value) for kind, value in np.geterr().items()})
         return answer
 

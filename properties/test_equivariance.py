@@ -85,7 +85,8 @@ def transformed(system: PolynomialSystem, P: Array, inverse: Array, b: Array) ->
         g, C = (substitute(p, forms) for p in system.nambu)
         return nambu_system(H, poly.scale(float(round(np.linalg.det(P))), g), C, system.noise)
     B, *G = (_congruent(d, part, P, forms) for part in (system.structure, *system.noise_structures))
-    return PolynomialSystem(d, H, B, system.noise, noise_structures=tuple(G))
+    others = tuple(substitute(p, forms) for p in system.noise_hamiltonians)
+    return PolynomialSystem(d, H, B, system.noise, noise_structures=tuple(G), noise_hamiltonians=others)
 
 
 def _congruent(

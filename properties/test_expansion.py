@@ -11,6 +11,7 @@ have all the terms that f(0) and f′(0) need.
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -22,6 +23,7 @@ from sepv import problems
 from sepv.candidate import ask
 from sepv.case import Case
 from sepv.fields import derivative_along, vector_field
+from sepv.hamiltonians import HamiltoniansProblem, is_several
 from sepv.law import Effort, Measurement, require
 from sepv.polynomial import Polynomial
 from sepv.problem import Array, PolynomialSystem, Problem
@@ -81,7 +83,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     radius, r = contraction_ball(problem, y)
     radius = min(radius, 1.0)
     values, rounding = {}, 0.0
-    several = scheme.systems == "several"
+    several = is_several(problem)
     field, delta = frozen(problem, h, dW) if several else (problem, float(problem.random_step(h, dW)))
     for share in (1.0, 0.5):
         for sign in (1.0, -1.0):
@@ -119,9 +121,26 @@ def turned(problem: Problem, h: float, dW: Array) -> Array:
 
 
 def frozen(problem: Problem, h: float, dW: Array) -> tuple[Problem, float]:
-    """The system (1.1) that several structures are with the increments held fixed, and its Δ = |h| + Σ|c_j ΔW_j|."""
+    """The system (1.1) that several structures are with the increments held fixed, and its Δ = |h| + Σ|c_j ΔW_j|.
+
+    Several Hamiltonians are one with the structure B and the Hamiltonian (hH_0 + Σ c_j ΔW_j H_j)/Δ.
+    """
     parts = np.array([h, *(problem.c * dW)])
     length = float(np.abs(parts).sum())
+    if isinstance(problem, HamiltoniansProblem):
+        weights = parts / length
+        gradients, hessians = (
+            (problem.gradient, *problem.noise_gradients),
+            (problem.hessian, *problem.noise_hessians),
+        )
+
+        def summed(functions: tuple[Any, ...]) -> Any:
+            return lambda y: sum(w * f(y) for w, f in zip(weights, functions, strict=True))
+
+        return Problem(
+            problem.dimension, problem.structure, problem.hamiltonian, summed(gradients), hessian=summed(hessians),
+            structure_derivative=problem.structure_derivative, check=False,
+        ), length  # fmt: skip
 
     def slope(y: Array) -> Array:
         value = combined_slope(problem, y, parts / length)

@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 from sepv import polynomial as poly
 from sepv.candidate import ask
 from sepv.case import Case
+from sepv.hamiltonians import HamiltoniansProblem, is_several
 from sepv.law import Effort, Measurement, require
 from sepv.problem import NamedProblem, PolynomialSystem
 from sepv.scheme import Scheme
 from sepv.search import searched
 from sepv.strategies import components, hamiltonians, poisson_systems, skew_structures, steps
-from sepv.structures import StructuresProblem
 from sepv.tolerance import state_ulp
 
 
@@ -57,9 +57,10 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 def admits(case: Case) -> bool:
     """Δ = 0, with several structures all its parts, or ∇H = 0."""
     problem, y, h, dW = case.build()
-    if not problem.gradient(y).any():
+    others = problem.noise_gradients if isinstance(problem, HamiltoniansProblem) else ()
+    if not any(gradient(y).any() for gradient in (problem.gradient, *others)):
         return True
-    if isinstance(problem, StructuresProblem):
+    if is_several(problem):
         return h == 0 and not (problem.c * dW).any()
     return float(problem.random_step(h, dW)) == 0
 

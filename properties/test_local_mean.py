@@ -12,13 +12,12 @@ from sepv.scheme import Scheme
 
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
     """The slope against the claimed order, or against order 1 where none is claimed."""
-    order = 1.0 if scheme.mean_square_order is None else scheme.mean_square_order
     return judge(
         law,
         scheme,
         effort,
         lambda found: found.mean,
-        lambda found: mean_slope(order, found),
+        lambda found: mean_slope(scheme.mean_square_order, found),
         example=mean_example,
     )
 

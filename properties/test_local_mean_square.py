@@ -4,17 +4,25 @@ from __future__ import annotations
 
 from typing import Any
 
-from sepv.law import Effort, Finding, Law, pathwise, require
+from sepv.law import Effort, Finding, Law, Verdict, pathwise, require
+from sepv.local_errors import LocalErrors
 from sepv.local_example import step_example
-from sepv.local_orders import MARGIN, judge
+from sepv.local_orders import MARGIN, judge, unclaimed
+from sepv.orders import order_of
 from sepv.scheme import Scheme
 
 
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
     """The slope against the claimed order, or against order 1 where none is claimed."""
-    order = 1.0 if scheme.mean_square_order is None else scheme.mean_square_order
-    least = order + 0.5 - MARGIN
-    return judge(law, scheme, effort, lambda found: found.rms, lambda _: least, example=step_example)
+    claimed = scheme.mean_square_order
+
+    def least(found: LocalErrors) -> float:
+        return order_of(claimed, found.column, unclaimed(found.column)) + 0.5 - MARGIN
+
+    if claimed is not None and order_of(claimed, "additive") > 1 and scheme.systems == "hamiltonians":
+        text = "of several Hamiltonians the reference of this law is known up to order 1"
+        return law.finding(Verdict.NOT_APPLICABLE, message=text)
+    return judge(law, scheme, effort, lambda found: found.rms, least, example=step_example)
 
 
 def replay(law: Law, scheme: Scheme, _witness: dict[str, Any]) -> Finding:

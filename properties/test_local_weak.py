@@ -9,19 +9,18 @@ from typing import Any
 
 from sepv.law import Effort, Finding, Law, require
 from sepv.local_example import weak_example
-from sepv.local_orders import judge, mean_slope
+from sepv.local_orders import judge, weak_slope
 from sepv.scheme import Scheme
 
 
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
     """The slope against the claimed order, or against order 1 where none is claimed."""
-    order = 1.0 if scheme.weak_order is None else scheme.weak_order
     return judge(
         law,
         scheme,
         effort,
         lambda found: found.weak,
-        lambda found: mean_slope(order, found),
+        lambda found: weak_slope(scheme.weak_order, found),
         example=weak_example,
     )
 

@@ -10,7 +10,10 @@ import math
 from typing import Any
 
 from sepv.convergence import StrongErrors, above_floor, floors, mean_square_order
+from sepv.hamiltonians import column
 from sepv.law import Effort, Finding, Law, Verdict, pathwise, require
+from sepv.local_orders import unclaimed
+from sepv.orders import order_of
 from sepv.problem import Problem
 from sepv.scheme import Scheme
 from sepv.sequential import Assess, Assessment, is_tilted, judge
@@ -21,11 +24,12 @@ from sepv.sequential import Assess, Assessment, is_tilted, judge
 MARGIN = 0.25
 
 
-def assessing(order: float, tilted: bool) -> Assess:
+def assessing(claimed: float | None, tilted: bool) -> Assess:
     """Whether the slopes lie above the order less the margin; tilted samples carry weights and have no quantile."""
-    bound = order - MARGIN
 
-    def assess(_: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
+    def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
+        kind = column(problem)
+        bound = order_of(claimed, kind, unclaimed(kind)) - MARGIN
         kept = above_floor(errors)
         if kept.sum() < 2:
             return at_the_floor(errors, bound)
@@ -58,9 +62,8 @@ def at_the_floor(errors: StrongErrors, bound: float) -> Assessment:
 
 
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
-    """The slope against the claimed order, or against 1 where none is claimed."""
-    claimed = scheme.mean_square_order
-    return judge(law, scheme, effort, assessing(1.0 if claimed is None else claimed, is_tilted(scheme)))
+    """The slope against the claimed order; where none is claimed against 1, or ½ for noises that do not commute."""
+    return judge(law, scheme, effort, assessing(scheme.mean_square_order, is_tilted(scheme)))
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from hypothesis import strategies as st
@@ -11,17 +12,17 @@ from hypothesis import strategies as st
 from sepv.candidate import ask
 from sepv.case import Case, with_noise
 from sepv.errors import Skipped
+from sepv.hamiltonians import is_several
 from sepv.law import Effort, Measurement, require
 from sepv.polynomial import Polynomial
 from sepv.problem import PolynomialSystem
 from sepv.scheme import Scheme
 from sepv.search import searched
 from sepv.strategies import CONTRACTION, noises, poisson_systems, steps
-from sepv.structures import StructuresProblem
 from sepv.tolerance import state_ulp, step_residual
 
-# c_j, G_j and ΔW_j.
-Noise = tuple[float, tuple[tuple[int, int, Polynomial], ...], float]
+# c_j, G_j or H_j, and ΔW_j.
+Noise = tuple[float, tuple[tuple[int, int, Polynomial], ...] | Polynomial, float]
 
 
 @st.composite
@@ -39,18 +40,20 @@ def cases() -> st.SearchStrategy[Case]:
 def check(scheme: Scheme, case: Case) -> Measurement:
     """The step with all noises, with the noises reversed, and with their sum as one noise of c = 1.
 
-    Several structures cannot be summed: there the noises move on by one as well, and one with c = 0 comes before them.
-    What a scheme exchanges by place is exchanged otherwise then. An exchange that both permutations leave alone, as
-    that of two noises, the third does not. All solve one equation, with residuals r; inside the contraction radius
-    their distance is at most 2r/(1 − CONTRACTION) in the largest component. The rounding of Δ is part of r.
+    Several structures or Hamiltonians cannot be summed: there the noises move on by one as well, and one with c = 0
+    comes before them. What a scheme exchanges by place is exchanged otherwise then. An exchange that both
+    permutations leave alone, as that of two noises, the third does not. All solve one equation, with residuals r;
+    inside the contraction radius their distance is at most 2r/(1 − CONTRACTION) in the largest component. The rounding
+    of Δ is part of r.
     """
     problem, _, _, dW = case.build()
     data, c = case.problem, tuple(float(v) for v in problem.c)
-    if isinstance(problem, StructuresProblem):
+    if is_several(problem):
         if not isinstance(data, PolynomialSystem):
             raise Skipped("its noises cannot be reversed: the problem is not data")
-        noises = list(zip(data.noise, data.noise_structures, case.dW, strict=True))
-        still = (0.0, data.noise_structures[0], case.dW[0])
+        own = data.noise_structures or data.noise_hamiltonians
+        noises: list[Noise] = list(zip(data.noise, own, case.dW, strict=True))
+        still: Noise = (0.0, own[0], case.dW[0])
         orders = {
             "reversed": noises[::-1],
             "moved on by one": [noises[-1], *noises[:-1]],
@@ -66,9 +69,11 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def _ordered(case: Case, data: PolynomialSystem, noises: Sequence[Noise]) -> Case:
-    """The step with these noises, each with its own structure and increment."""
-    c, structures, dW = zip(*noises, strict=True)
-    return replace(case, problem=replace(data, noise=c, noise_structures=structures), dW=dW)
+    """The step with these noises, each with its own structure or Hamiltonian and its increment."""
+    c, own, dW = zip(*noises, strict=True)
+    key = "noise_structures" if data.noise_structures else "noise_hamiltonians"
+    changes: dict[str, Any] = {"noise": c, key: own}
+    return replace(case, problem=replace(data, **changes), dW=dW)
 
 
 def _furthest(scheme: Scheme, case: Case, others: dict[str, Case]) -> Measurement:

@@ -25,7 +25,8 @@ from sepv.reference.problem import exact_problem
 from sepv import problems, wiener
 from sepv.candidate import guarded
 from sepv.errors import Skipped
-from sepv.given import describe, problems_of, reach
+from sepv.given import NOT_OF_HAMILTONIANS, describe, problems_of, reach
+from sepv.hamiltonians import HamiltoniansProblem
 from sepv.implicit import Status
 from sepv.law import Effort, Finding, Law, Verdict, require
 from sepv.problem import Array, Problem
@@ -142,6 +143,10 @@ def judge(defects: Array, predicted: float, solver_tolerance: float = 0.0) -> li
 def runs_for(scheme: Scheme) -> list[tuple[Problem, float, int]]:
     """(problem, h, steps): the problems that the scheme is for, with steps that their slopes allow, or its class's."""
     own = problems_of(scheme)
+    if own is not None:
+        own = tuple(problem for problem in own if not isinstance(problem, HamiltoniansProblem))
+    if scheme.systems == "hamiltonians" or own == ():
+        raise Skipped(NOT_OF_HAMILTONIANS["rounding"])
     if own is None:
         known = {"nambu": NAMBU_RUNS, "several": SEVERAL_RUNS}.get(scheme.systems, RUNS)
         return [(problems.by_name(name), h, steps) for name, h, steps in known]

@@ -27,8 +27,10 @@ import numpy as np
 
 from sepv import local_orders
 from sepv.convergence import StrongErrors, above_floor, mean_square_order
+from sepv.hamiltonians import column
 from sepv.law import Effort, Finding, Law, Verdict, require
 from sepv.means import Coefficient, decay, leading, moment_errors
+from sepv.orders import order_of
 from sepv.point_laws import point_law
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
@@ -43,11 +45,12 @@ SMALL = 0.15
 STRONG_MARGIN = 0.25
 
 
-def assessing(order: float, tilted: bool) -> Assess:
+def assessing(claimed: float | None, tilted: bool) -> Assess:
     """The three statements, a third of alpha each."""
-    bound = order - MARGIN
 
-    def assess(_: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
+    def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
+        order = order_of(claimed, column(problem))
+        bound = order - MARGIN
         if not above_floor(errors).any():
             text = "errors at the rounding floor at every step size"
             return Assessment(Verdict.HOLDS, math.inf, math.inf, math.inf, bound, text)
@@ -85,12 +88,12 @@ def _small(samples: Array, h: Array, lower: Coefficient, alpha: float, more: flo
 
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
     """The weak order against the claimed one, or against 1 where none is claimed."""
-    order = 1.0 if scheme.weak_order is None else scheme.weak_order
+    order = order_of(scheme.weak_order, "general")
     if point_law(scheme.increments) is not None:
         return local_orders.judge(
             law, scheme, effort, lambda found: found.weak, lambda _: order - MARGIN, tree_errors, ENOUGH
         )
-    return judge(law, scheme, effort, assessing(order, is_tilted(scheme)))
+    return judge(law, scheme, effort, assessing(scheme.weak_order, is_tilted(scheme)))
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from sepv.case import Case
+from sepv.hamiltonians import HamiltoniansProblem
 from sepv.problem import PolynomialSystem
 from sepv.reference.more_equations import equation_for
 from sepv.reference.steps import step_condition
@@ -12,7 +13,10 @@ from sepv.strategies import CONTRACTION
 
 def amplification(scheme: Scheme, case: Case) -> float:
     """A bound of ‖(I − ∂R/∂y1)⁻¹‖_∞: 1/(1 − κ) inside the contraction radius, computed for the paper's problems."""
-    if isinstance(case.problem, PolynomialSystem):
+    several = isinstance(case.build()[0], HamiltoniansProblem)
+    if (
+        isinstance(case.problem, PolynomialSystem) or several
+    ):  # cases of functions stay inside a measured radius
         return 1 / (1 - CONTRACTION)
     method = equation_for(scheme.systems, scheme.stages)
     rows = step_condition(method, case.problem, case.y, case.h, case.dW, CONTRACTION)

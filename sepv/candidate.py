@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 
 from sepv.errors import SchemeFault, SepvError, StepFailure
+from sepv.further import answer, joined
+from sepv.hamiltonians import is_several
 from sepv.opaque import shown
 from sepv.problem import Array, Problem
 from sepv.scheme import REFUSALS, Scheme
-from sepv.structures import StructuresProblem
 
 
 class Refusal(StepFailure):
@@ -26,7 +27,7 @@ class Refusal(StepFailure):
     def __init__(self, error: BaseException, problem: Problem, y: Array, h: float, dW: Array) -> None:
         self.problem, self.y, self.status = problem.name, y, "refused"
         # A batch has many Δ, and several structures have none.
-        whole = y.ndim == 1 and not isinstance(problem, StructuresProblem)
+        whole = y.ndim == 1 and not is_several(problem)
         self.delta = float(problem.random_step(h, dW)) if whole else float(h)
         self.residual, self.iterations = float("nan"), 0
         self.traceback = "".join(traceback.format_exception(error))
@@ -90,7 +91,7 @@ def raw_answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) 
     """What the scheme returns, unchecked, for these very arrays."""
     try:
         with np.errstate(all="ignore"):
-            return scheme.step(shown(problem), y, h, dW)
+            return answer(scheme, shown(problem), y, h, dW)
     except StepFailure:
         raise
     except REFUSALS as error:
@@ -138,11 +139,12 @@ def guarded(scheme: Scheme) -> Scheme:
     Only `step` is asked: a scheme's `solve` is its own affair, `step` is what it is verified by.
     """
 
-    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        answer = raw_answer(scheme, problem, y.copy(), h, dW.copy())
-        finite = np.nan_to_num(answer) if isinstance(answer, np.ndarray) else answer
+    def step(problem: Problem, y: Array, h: float, dW: Array, further: Array | None = None) -> Array:
+        noise = dW.copy() if further is None else joined(scheme.asks, dW, further)
+        found = raw_answer(scheme, problem, y.copy(), h, noise)
+        finite = np.nan_to_num(found) if isinstance(found, np.ndarray) else found
         check_answer(finite, y)
-        return np.asarray(answer)
+        return np.asarray(found)
 
     return replace(scheme, step=step, solve=None)
 

@@ -14,10 +14,10 @@ import numpy as np
 from sepv import problems
 from sepv.description import problem_from_json, problem_to_json
 from sepv.errors import UsageError
+from sepv.hamiltonians import is_several
 from sepv.opaque import GIVEN, as_given
 from sepv.polynomial import parse_float
 from sepv.problem import Array, Description, GivenProblem, NamedProblem, PolynomialSystem, Problem
-from sepv.structures import StructuresProblem
 from sepv.target import load_problem
 
 # A witness of sixty-four dimensions is a tenth of it.
@@ -54,7 +54,7 @@ class Case:
     def describe(self) -> str:
         """The case for a reader; `to_json` keeps every bit."""
         problem = problems.build(self.problem)
-        several = isinstance(problem, StructuresProblem)
+        several = is_several(problem)
         step = 0.0 if several else float(problem.random_step(self.h, np.array(self.dW, dtype=np.float64)))
         return "\n".join(
             [
@@ -135,7 +135,7 @@ def _given_problem(data: dict[str, Any]) -> GivenProblem:
         For one that had no name a command can load.
     """
     target = str(data["given"])
-    if ":" not in target and target not in problems.FURTHER:
+    if ":" not in target and target not in problems.FURTHER | problems.HAMILTONIANS:
         raise UsageError(
             expected="a witness whose problem can be loaded: a name, data, or module:attribute",
             received=f"the problem {target!r}, which was handed over as an object",

@@ -19,6 +19,7 @@ from sepv import polynomial as poly
 from sepv import problems
 from sepv.case import Case
 from sepv.fields import vector_field
+from sepv.hamiltonians import HamiltoniansProblem
 from sepv.ingredients import (
     Matrix,
     coefficient,
@@ -139,6 +140,24 @@ def several(levels: Levels, random: Random, attempt: int) -> Case | None:
     H = hamiltonian(d, n, terms, unit, random)
     system = PolynomialSystem(d, H, parts[0], c, quadratic, noise_structures=tuple(parts[1:]))
     return _telling(placed(system, y, levels, random), levels, attempt)
+
+
+@drawn
+def hamiltonians(levels: Levels, random: Random, attempt: int) -> Case | None:  # noqa: ARG001  (of `drawn`)
+    """A case with a Hamiltonian for each noise, of the degree of H at most, some of which do not commute with H."""
+    d, n, terms = sizes(levels, random)
+    y, unit = state(d, levels["|y|"], random)
+    B, quadratic, linear = structure(levels["Casimirs"].name, d, levels["degree of B"], unit, random)
+    H, c = hamiltonian(d, n, terms, unit, random), noise(levels["m"], random)
+    others = []
+    for _ in c:
+        degree = random.randint(1, n)
+        count = random.randint(1, min(terms, monomials(d, degree)))
+        others.append(hamiltonian(d, degree, count, unit, random))
+    system = PolynomialSystem(d, H, B, c, quadratic, linear, noise_hamiltonians=tuple(others))
+    return (
+        placed(system, y, levels, random) if isinstance(problems.build(system), HamiltoniansProblem) else None
+    )
 
 
 def still(levels: Levels, seed: int) -> Case:
@@ -276,7 +295,11 @@ def placed(
     for j, part in zip(loud, parts[1:], strict=True):
         dW[j] = part / c[j]
     power = math.floor(math.log2(radius * levels["step/radius"].high / length))
-    scaled = replace(system, hamiltonian=poly.scale(2.0**power, system.hamiltonian))
+    scaled = replace(
+        system,
+        hamiltonian=poly.scale(2.0**power, system.hamiltonian),
+        noise_hamiltonians=tuple(poly.scale(2.0**power, p) for p in system.noise_hamiltonians),
+    )
     return Case(scaled, y, parts[0], tuple(dW), given=levels["given as"].name)
 
 

@@ -11,9 +11,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sepv import wiener
+from sepv import areas, wiener
 from sepv.exact_structures import ends as exact_ends
-from sepv.exact_structures import finer
+from sepv.exact_structures import finer, refined
+from sepv.hamiltonians import HamiltoniansProblem
 from sepv.implicit import Status
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
@@ -27,6 +28,8 @@ FLOOR = 1e4
 # High enough to see the bulk of the errors of few steps, whose median is small beside their mean square, low enough
 # for an interval of it from some hundred paths.
 QUANTILE = 0.8
+# Fine steps in the finest, whose areas add up for a scheme that asks for them.
+MORE = 8
 # Wide enough to hide what NumPy takes for a call: 1024 paths at once cost half of four times 256.
 _CHUNK = 1024
 
@@ -104,16 +107,22 @@ def strong_errors(
         here = slice(first, min(first + _CHUNK, len(paths)))
         numbers = paths[here]
         fine = wiener.increments(seed, T=T, steps=finest, noises=problem.noises, paths=numbers)
-        known = exact_ends(problem, start, T, fine.sum(axis=0))
-        if known is None:
+        known, rough = exact_ends(problem, start, T, fine.sum(axis=0)), None
+        if known is not None:
+            exact = known
+        elif isinstance(problem, HamiltoniansProblem):
+            rough, exact, apart = refined(problem, start, T, finest, numbers, seed)
+            fine, reference = rough.coarse(finest).dW, max(reference, apart)
+        else:
             fine, exact, apart = finer(problem, start, T, finest, numbers, seed)
             reference = max(reference, apart)
-        else:
-            exact = known
+        if scheme.asks and rough is None:
+            rough = areas.drawn(seed, T=T, steps=MORE * finest, noises=problem.noises, paths=numbers)
+            fine = rough.coarse(finest).dW
         largest = max(largest, float(np.max(np.abs(exact))))
         ends[:, here], W[:, here] = exact, fine.sum(axis=0)
         for row, count in enumerate(steps):
-            raw = wiener.coarsen(fine, finest // count)
+            raw = rough.rows(count, scheme.asks) if rough else wiener.coarsen(fine, finest // count)
             result = run_chunk(scheme, problem, start, T / count, raw, scheme.truncation, track=False)
             failures[row] += np.count_nonzero(result.status != Status.CONVERGED)
             errors[row, :, here] = result.y - exact

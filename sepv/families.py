@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from hypothesis import assume
 from hypothesis import strategies as st
 
 from sepv import polynomial as poly
+from sepv import problems
+from sepv.hamiltonians import HamiltoniansProblem
 from sepv.polynomial import Polynomial
 from sepv.problem import PolynomialSystem
-from sepv.strategies import hamiltonians, noises
+from sepv.strategies import coefficients, hamiltonians, noises
 
 Row = tuple[float, ...]
 Constants = tuple[tuple[int, int, int, float], ...]
@@ -82,6 +85,45 @@ def rigid_bodies(draw: st.DrawFn) -> PolynomialSystem:
     return PolynomialSystem(d, H, B, draw(noises()), quadratic, linear)
 
 
+def general(system: PolynomialSystem) -> bool:
+    """Whether some bracket {H_0, H_j} of several Hamiltonians does not vanish."""
+    return isinstance(problems.build(system), HamiltoniansProblem)
+
+
+@st.composite
+def so3_hamiltonians(draw: st.DrawFn, *, degree: int = 4) -> PolynomialSystem:
+    """B of the rigid body, any H_0, …, H_m that do not all commute with H_0. Examples shrink towards ½|y|²."""
+    d, B, quadratic, linear = algebra("so(3)")
+    c = draw(noises(least=1, most=3).filter(any))
+    H = draw(hamiltonians(d, degree))
+    others = tuple(draw(hamiltonians(d, degree)) for _ in c)
+    system = PolynomialSystem(d, H, B, c, quadratic, linear, noise_hamiltonians=others)
+    assume(general(system))
+    return system
+
+
+@st.composite
+def separable_hamiltonians(draw: st.DrawFn, *, pairs: int = 2, degree: int = 4) -> PolynomialSystem:
+    """H_0 = ½ Σ w_k p_k² + V(q), B = J⁻¹ and H_j = −Σ_k σ_jk q_k. Examples shrink towards the oscillator, pushed."""
+    n = draw(st.integers(1, pairs))
+    kinetic = [
+        (tuple(2 * int(i == k) for i in range(2 * n)), draw(st.sampled_from([0.5, 0.25, 1.0])))
+        for k in range(n)
+    ]
+    potential = _placed(draw(hamiltonians(n, degree)), 2 * n, n)
+    B = tuple((k, n + k, poly.constant(2 * n, -1.0)) for k in range(n))
+    c = draw(noises(least=1, most=2).filter(all))
+    pushes = [draw(st.lists(coefficients(), min_size=n, max_size=n)) for _ in c]
+    others = tuple(
+        poly.polynomial(
+            2 * n, [(tuple(int(i == n + k) for i in range(2 * n)), -s) for k, s in enumerate(row)]
+        )
+        for row in pushes
+    )
+    H = poly.add(poly.polynomial(2 * n, kinetic), potential)
+    return PolynomialSystem(2 * n, H, B, c, noise_hamiltonians=others)
+
+
 # name: (what it is, the strategy, problems for the laws about many steps)
 FAMILIES: dict[str, tuple[str, Callable[[], st.SearchStrategy[PolynomialSystem]], tuple[str, ...]]] = {
     "canonical-separable": (
@@ -91,4 +133,14 @@ FAMILIES: dict[str, tuple[str, Callable[[], st.SearchStrategy[PolynomialSystem]]
     ),
     "lie-poisson": ("B linear in y, from a Lie algebra", lie_poisson, ("rigid-body",)),
     "rigid-bodies": ("the rigid body with random inertia", rigid_bodies, ("rigid-body",)),
+    "so3-hamiltonians": (
+        "B of the rigid body, several Hamiltonians",
+        so3_hamiltonians,
+        ("random-inertia", "two-spins"),
+    ),
+    "separable-hamiltonians": (
+        "H = ½|p|² + V(q), additive noise in p",
+        separable_hamiltonians,
+        ("noisy-henon-heiles",),
+    ),
 }

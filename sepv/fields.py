@@ -74,15 +74,15 @@ def structure_slope(problem: Problem, y: Array, v: Array) -> Array:
     """The derivative of B(y)v with v held fixed, (d, d, ...): analytic, else by differences for Newton's use."""
     if problem.structure_derivative is not None:
         return contract(problem.structure_derivative(y), v)
-    return _differences(problem, lambda at: matvec(problem.structure(at), v), y)
+    return differences(problem, lambda at: matvec(problem.structure(at), v), y)
 
 
 def hessian(problem: Problem, y: Array) -> Array:
     """H″(y), (d, d, ...): analytic, else by differences of ∇H for Newton's use."""
-    return problem.hessian(y) if problem.hessian is not None else _differences(problem, problem.gradient, y)
+    return problem.hessian(y) if problem.hessian is not None else differences(problem, problem.gradient, y)
 
 
-def _differences(problem: Problem, function: Callable[[Array], Array], y: Array) -> Array:
+def differences(problem: Problem, function: Callable[[Array], Array], y: Array) -> Array:
     """function′(y) by forward differences, backward ones next to the boundary of the domain.
 
     The error of about √eps costs Newton's method an iteration, not accuracy.

@@ -28,7 +28,7 @@ _REACH = 12.7
 # Nodes of a tail, which cost no step of the scheme.
 TAIL = 8
 # Points in each variable of the product rules for three, four and five noises.
-FEW = {3: 6, 4: 4, 5: 3}
+FEW = {1: 8, 2: 6, 3: 6, 4: 4, 5: 3}
 
 
 @dataclass(frozen=True)
@@ -41,6 +41,8 @@ class Rule:
     weights : (n,), positive, of sum 1
     zeta : (m, u) the different nodes that the scheme sees, u ≤ n
     index : (n,) which of them belongs to each node
+    areas : (k, n), optional
+        Lévy areas with i < j over a step h = 1, which the exact solution sees too.
     degree : int
         Polynomials of ξ up to this degree in every variable (in total for m ≥ 6) are integrated exactly.
     """
@@ -50,24 +52,30 @@ class Rule:
     zeta: Array
     index: np.ndarray
     degree: int
+    areas: Array | None = None
 
 
 @lru_cache(maxsize=256)
-def rule(noises: int, h: float, truncation: int | None, degree: int) -> Rule:
+def rule(
+    noises: int, h: float, truncation: int | None, degree: int, panels: bool = True, fewer: int = 0
+) -> Rule:
     """The rule for m noises and a step h of a scheme with truncation k, exact to this degree at least where m ≤ 2.
 
-    Without truncation the panels are those of k = 2, and the scheme sees the tails too.
+    Without `panels` two variables take a product of small rules too, which do not see where a scheme clips; with
+    `fewer` they have so many nodes less. Without truncation the panels are those of k = 2, and the scheme sees the
+    tails too.
     """
     if noises == 0:
         return Rule(np.zeros((0, 1)), np.ones(1), np.zeros((0, 1)), np.zeros(1, dtype=np.intp), degree)
-    if noises <= 2:
+    if noises <= 2 and panels:
         x, w, inside = _panels(
             h, truncation, degree, (1,) if noises == 2 else range(1, (truncation or 2) + 1)
         )
         return _product(x, w, inside, noises, degree)
     if noises in FEW:
-        x, w = _hermite(FEW[noises])
-        return _product(x, w, _clip(x, h, truncation), noises, 2 * FEW[noises] - 1)
+        n = FEW[noises] - fewer
+        x, w = _hermite(n)
+        return _product(x, w, _clip(x, h, truncation), noises, 2 * n - 1)
     x = np.sqrt(noises) * np.concatenate([np.eye(noises), -np.eye(noises)], axis=1)
     return Rule(x, np.full(2 * noises, 0.5 / noises), _clip(x, h, truncation), np.arange(2 * noises), 3)
 

@@ -22,9 +22,11 @@ from sepv.case import Case, with_noise
 from sepv.checks import sample_states
 from sepv.errors import Skipped, UsageError
 from sepv.families import FAMILIES
+from sepv.hamiltonians import HamiltoniansProblem, is_several, noise_hessian
 from sepv.poisson import derivative_of_structure, is_poisson
 from sepv.problem import Array, Description, GivenProblem, NamedProblem, PolynomialSystem, Problem
-from sepv.strategies import CONTRACTION, components, contraction_radius, halved, steps_within
+from sepv.problems.polynomial_system import drift_of_energy
+from sepv.strategies import CONTRACTION, components, contraction_radius, halved, in_the_mean, steps_within
 from sepv.structures import StructuresProblem
 from sepv.target import load_object, load_problem
 from sepv.tolerance import slopes
@@ -92,7 +94,7 @@ def _item(asked: Any) -> Item:
     try:
         problem = load_problem(asked)
     except UsageError as error:
-        known = [*FAMILIES, *named.NAMED, *named.FURTHER, *named.SEVERAL]
+        known = [*FAMILIES, *named.NAMED, *named.FURTHER, *named.SEVERAL, *named.HAMILTONIANS]
         raise UsageError(
             expected=f"{error.expected}; or a family, one of {', '.join(FAMILIES)}; or a Hypothesis strategy of them",
             received=did_you_mean(text, known) if text and ":" not in text else error.received,
@@ -113,7 +115,10 @@ def describe(problem: Problem, text: str = "") -> Description:
     """Its data, where they say the same as its functions and the references know them; else the problem itself."""
     data = problem.data
     known = isinstance(data, PolynomialSystem) or (data is not None and data.name in EXACT_NAMES)
-    return data if data is not None and known and _agrees(problem, data) else GivenProblem(problem, text)
+    # Flows of parts of H and H_j are no data: what is made of the data again would lack them.
+    lacks = isinstance(data, PolynomialSystem) and bool(problem.flows)
+    whole = data is not None and known and not lacks and _agrees(problem, data)
+    return data if whole and data is not None else GivenProblem(problem, text)
 
 
 def _agrees(problem: Problem, data: PolynomialSystem | NamedProblem) -> bool:
@@ -220,7 +225,12 @@ def _sizes(problem: Problem, y: Array) -> tuple[Array, Array, Array, Array]:
         H = slopes(problem.gradient, problem.hessian, y)
         structures = [problem.structure, *getattr(problem, "noise_structures", ())]
         B = np.max([np.abs(G(y)) for G in structures], axis=0)
-        return B, np.abs(problem.gradient(y)), np.abs(dB), np.abs(H)
+        g = np.abs(problem.gradient(y))
+        if isinstance(problem, HamiltoniansProblem):
+            g = np.max([g, *(np.abs(f(y)) for f in problem.noise_gradients)], axis=0)
+            curved = [np.abs(noise_hessian(problem, j, y)) for j in range(problem.noises)]
+            H = np.max([np.abs(H), *curved], axis=0)
+        return B, g, np.abs(dB), np.abs(H)
 
 
 # What a law makes of a case, or None where it says nothing about it.
@@ -238,7 +248,10 @@ def _has_casimirs(case: Case) -> Case | None:
 
 def _no_step(case: Case) -> Case | None:
     """h = c_1 2^-n and ΔW_1 = −2^-n: Δ = 0 exactly, whatever c_1 is, the other increments being zero."""
-    c = named.build(case.problem).c
+    problem = named.build(case.problem)
+    if is_several(problem):  # no noise cancels h
+        return replace(case, h=0.0, dW=(0.0,) * problem.noises)
+    c = problem.c
     if not c.size or not c[0]:
         return None
     unit = 2.0 ** np.floor(np.log2(max(abs(case.h), 2.0**-30)))
@@ -258,7 +271,7 @@ def _constant_or_silent(case: Case) -> Case | None:
     if _functions(case):
         return None
     problem = named.build(case.problem)
-    if isinstance(problem, StructuresProblem):
+    if is_several(problem):
         return None
     rng = np.random.default_rng(1)
     states = np.array(case.y)[:, None] * (1 + 0.25 * rng.uniform(-1, 1, (len(case.y), 4)))
@@ -271,7 +284,7 @@ def _constant_or_silent(case: Case) -> Case | None:
 def _several_noises(case: Case) -> Case | None:
     """Two noises at least; a second one, half of the first, where there is one only."""
     c = tuple(float(v) for v in named.build(case.problem).c)
-    if len(c) > 1 or isinstance(named.build(case.problem), StructuresProblem):
+    if len(c) > 1 or is_several(named.build(case.problem)):
         return case if len(c) > 1 else None
     first = c[0] if c and c[0] else 1.0
     share = case.dW[0] if case.dW and c[0] else case.h
@@ -309,6 +322,25 @@ def _bounded(case: Case) -> Case | None:
     return case if named.build(case.problem).domain is not None else None
 
 
+def _steady_drift(case: Case) -> Case | None:
+    """Of a system whose E[H_0] changes at a constant rate, a step over which all likely increments have a solution."""
+    data = case.problem
+    if isinstance(data, GivenProblem) and isinstance(data.problem.data, PolynomialSystem):
+        data = data.problem.data
+    if not isinstance(data, PolynomialSystem) or not isinstance(named.build(data), HamiltoniansProblem):
+        return None
+    return None if drift_of_energy(data) is None else in_the_mean(replace(case, problem=data))
+
+
+def _of_one_hamiltonian(turn: Turn) -> Turn:
+    """The turn for laws that say nothing of several Hamiltonians."""
+
+    def turned(case: Case) -> Case | None:
+        return None if isinstance(named.build(case.problem), HamiltoniansProblem) else turn(case)
+
+    return turned
+
+
 _NEEDS_DATA = "it compares with a solution in extended precision, which needs the problem as data"
 # law: (what it makes of a case, why it says nothing where that is None)
 TURNS: dict[str, tuple[Turn, str]] = {
@@ -317,6 +349,10 @@ TURNS: dict[str, tuple[Turn, str]] = {
     "poisson-map": (_poisson, "B of the problems does not satisfy Jacobi's identity"),
     "symplecticity": (_constant, "B of the problems is not constant"),
     "positivity": (_bounded, "the problems have no domain to leave"),
+    "energy-drift": (
+        _steady_drift,
+        "the generator makes no constant of H_0, or the problems are not given as data",
+    ),
     "identity": (_no_step, "the problems have no noise that could cancel h"),
     "midpoint": (_quadratic, "the problems have no quadratic H given as data"),
     "reduction": (_constant_or_silent, _NEEDS_DATA),
@@ -324,6 +360,20 @@ TURNS: dict[str, tuple[Turn, str]] = {
     "symmetry": (_noisy, "the problems have no noise"),
     "random-step": (_noisy, "the problems have no noise"),
     "reference": (_data, _NEEDS_DATA),
+}
+_NOT_KEPT = "with several Hamiltonians that do not commute with H_0 the exact flow does not keep H_0"
+_NO_STEP = "with several Hamiltonians there is no random step Δ"
+_OTHER = "it is about the equation of (2.1), which several Hamiltonians do not have"
+# What laws cannot say of several Hamiltonians {H_0, H_j} ≠ 0.
+NOT_OF_HAMILTONIANS = {
+    "energy": _NOT_KEPT,
+    "rounding": _NOT_KEPT,
+    "random-step": _NO_STEP,
+    "midpoint": _OTHER,
+    "reduction": _OTHER,
+    "reference": _OTHER,
+    "any-casimir": "its cases have one Hamiltonian: see casimir, and poisson-map",
+    "positivity": "polynomial systems have no domain to leave: name a problem that has one with -p",
 }
 # Laws whose cases are systems of their own.
 OUTSIDE = {
@@ -357,9 +407,15 @@ def cases_for(law: str, scheme: Any) -> st.SearchStrategy[Case] | str | None:
     if law in OUTSIDE:
         return OUTSIDE[law]
     turn, reason = TURNS.get(law, (_as_it_is, ""))
+    why = NOT_OF_HAMILTONIANS.get(law, "") if law not in ("any-casimir", "positivity") else ""
+    if why:
+        if all(isinstance(item.fixed, HamiltoniansProblem) for item in own):
+            return why
+        if any(item.fixed is None or isinstance(item.fixed, HamiltoniansProblem) for item in own):
+            turn = _of_one_hamiltonian(turn)
     usable = [item for item in own if (_meets if item.fixed is None else _some)(item, turn)]
     if not usable:
-        return reason
+        return why or reason
     drawn: st.SearchStrategy[Any] = st.one_of(*(item.values.flatmap(of_case) for item in usable))
     if turn is not _as_it_is:
         drawn = drawn.map(turn).filter(lambda case: case is not None)

@@ -28,10 +28,15 @@ from sepv.checks import sample_states
 from sepv.dense import FlowFailure
 from sepv.errors import Skipped
 from sepv.exact import exact_flow
-from sepv.gaussian import Rule, point_rule, rule
+from sepv.explicit_tableaux import CLASSICAL
+from sepv.gaussian import Rule, point_rule
 from sepv.given import problems_of, reach
+from sepv.hamiltonians import HamiltoniansProblem, column, commutes
 from sepv.implicit import Status
 from sepv.law import Effort
+from sepv.local_rules import rule_for
+from sepv.log_flow import explicit, log_flow
+from sepv.orders import order_of
 from sepv.point_laws import point_law
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.reference.generator import is_linear, moments
@@ -45,6 +50,9 @@ LEVELS = 10
 FULL_DEGREE = 3
 # Terms of the generator's series: h^9/9! is far below rounding for h ≤ 2⁻⁶.
 SERIES = 8
+_UNKNOWN = (float("nan"),) * 3
+# And at least so many of fields that are not linear: orders up to 2 are seen through an error of h⁵.
+SHORT = 4
 
 
 def five_noises() -> Problem:
@@ -69,13 +77,20 @@ CASES: dict[str, tuple[Callable[[], Problem], ...]] = {
     "single": (problems.rigid_body, problems.pendulum, five_noises),
     "nambu": (problems.rigid_body, problems.lotka_volterra, five_noises),
     "several": (problems.commuting_rotations, problems.commuting_oscillators, problems.noncommuting_tops),
+    # In general, commutative, additive, and one noise that does not commute with the drift.
+    "hamiltonians": (
+        problems.random_inertia,
+        problems.two_spins,
+        problems.noisy_henon_heiles,
+        problems.random_maxwell_bloch,
+    ),
 }
 
 
-@lru_cache(maxsize=1)
-def cases() -> dict[str, tuple[Problem, ...]]:
-    """The problems on which schemes for each class of systems are judged, made once."""
-    return {systems: tuple(make() for make in makers) for systems, makers in CASES.items()}
+@lru_cache(maxsize=8)
+def cases(systems: str) -> tuple[Problem, ...]:
+    """The problems on which schemes for a class of systems are judged, made once."""
+    return tuple(make() for make in CASES[systems])
 
 
 def problems_for(scheme: Scheme) -> tuple[Problem, ...]:
@@ -87,7 +102,7 @@ def problems_for(scheme: Scheme) -> tuple[Problem, ...]:
         Where it is for problems none of which has an initial state.
     """
     own = problems_of(scheme)
-    return cases()[scheme.systems] if own is None else own
+    return cases(scheme.systems) if own is None else own
 
 
 @dataclass(frozen=True)
@@ -99,7 +114,8 @@ class LocalErrors:
     h : (L,)
     mean, rms, weak : (L,)
         The largest over states of |E[y1 − φ]|, of (E|y1 − φ|²)^½ and over test functions too of |E g(y1) − E g(φ)|;
-        `rms` is NaN where only moments of the exact solution are known.
+        `rms` is NaN where only moments of the exact solution are known. Of several Hamiltonians that do not commute it
+        is the distance from the log-ODE of step two (`sepv.log_flow`), which is O(h^{3/2}) from the solution.
     exact_order : int
         The quadrature leaves an error of this power of h in `mean` and `weak`: no larger slope can be seen.
     scale : float
@@ -108,6 +124,8 @@ class LocalErrors:
         The error of the exact solution.
     steps : int
         Steps of the scheme.
+    column : str
+        The kind of noise (`sepv.orders.COLUMNS`).
     failed : tuple of h at which a step was not solved, not finite or out of the domain; they are not among `h`.
     """
 
@@ -121,6 +139,7 @@ class LocalErrors:
     flow: float
     steps: int
     failed: tuple[float, ...]
+    column: str = "one"
 
 
 def step_sizes(order: float) -> Array:
@@ -158,6 +177,7 @@ def local_errors(scheme: Scheme, problem: Problem, effort: Effort) -> LocalError
     key = (
         "local errors",
         id(scheme.step),
+        scheme.asks,
         scheme.truncation,
         scheme.increments,
         scheme.mean_square_order,
@@ -174,17 +194,23 @@ def local_errors(scheme: Scheme, problem: Problem, effort: Effort) -> LocalError
 
 
 def _measure(scheme: Scheme, problem: Problem) -> LocalErrors:
-    strong = 1.0 if scheme.mean_square_order is None else scheme.mean_square_order
-    weak = 1.0 if scheme.weak_order is None else scheme.weak_order
+    kind = column(problem)
+    strong, weak = order_of(scheme.mean_square_order, kind), order_of(scheme.weak_order, kind)
     asked, m = guarded(scheme), problem.noises
     states, degree = local_states(problem), rule_degree(scheme)
     # A user's problem may be faster than ours: its steps are as much shorter.
     unit = reach(problem) if scheme.problems else 1.0
     sizes = [h * unit for h in _sizes(strong, weak)]
-    rules = [(h, rule(m, h, scheme.truncation, degree)) for h in sizes]
+    rules = [(h, rule_for(scheme, problem, h, degree)) for h in sizes]
     law = point_law(scheme.increments)
-    known = isinstance(problem, StructuresProblem) and problem.closed_form is None
-    exact, flow = (moments_at(problem, states, sizes), 0.0) if known else ends_at(problem, states, rules)
+    known = moments_only(problem)
+    top = max(FULL_DEGREE, int(2 * weak + 1)) if isinstance(problem, HamiltoniansProblem) else FULL_DEGREE
+    if known and isinstance(problem, HamiltoniansProblem) and not isinstance(problem.data, PolynomialSystem):
+        exact, flow = [np.empty(0)] * len(sizes), 0.0  # no moments of functions, but the log-ODE
+    elif known:
+        exact, flow = moments_at(problem, states, sizes, top), 0.0
+    else:
+        exact, flow = ends_at(problem, states, rules)
     seen = (rules[0][1].degree + 1) // 2
     rules = rules[len(rules) - len(exact) :]
     rows, failed, steps = [], [], 0
@@ -194,7 +220,8 @@ def _measure(scheme: Scheme, problem: Problem) -> LocalErrors:
         steps += taken.zeta.shape[1] * states.shape[1]
         moved = y - states[..., None]
         if ok and known:
-            rows.append((h, *against_moments(moved, ends, taken.weights)))
+            first, _, second = against_moments(moved, ends, taken.weights, top) if ends.size else _UNKNOWN
+            rows.append((h, first, from_log_flow(problem, states, h, taken, y), second))
         elif ok and law is not None:
             rows.append((h, *apart(moved, taken.weights, ends - states[..., None], nodes.weights, weak)))
         elif ok:
@@ -204,8 +231,33 @@ def _measure(scheme: Scheme, problem: Problem) -> LocalErrors:
             rows = []  # only what is finer than every failure
     kept, mean, rms, weakly = np.array(rows).reshape(-1, 4).T
     return LocalErrors(
-        problem.name, kept, mean, rms, weakly, seen, float(np.max(np.abs(states))), flow, steps, tuple(failed),
+        problem.name, kept, mean, rms, weakly, seen, float(np.max(np.abs(states))), flow, steps, tuple(failed), kind,
     )  # fmt: skip
+
+
+def moments_only(problem: Problem) -> bool:
+    """Whether the exact solution has no formula, so that its moments alone are known, from the generator."""
+    if isinstance(problem, HamiltoniansProblem):
+        return problem.closed_form is None and not commutes(problem)
+    return isinstance(problem, StructuresProblem) and problem.closed_form is None
+
+
+def from_log_flow(problem: Problem, states: Array, h: float, nodes: Rule, y: Array) -> float:
+    """(E|y1 − φ|²)^½ with φ the log-ODE of step two, the largest over states; NaN where nothing gives it.
+
+    One step of order four of it: what that leaves is of the order of h^{5/2}, and φ is O(h^{3/2}) from the solution.
+    """
+    general = column(problem) == "general"
+    if not isinstance(problem, HamiltoniansProblem) or (general and nodes.areas is None):
+        return float("nan")
+    n = nodes.weights.size
+    areas = h * nodes.areas if general and nodes.areas is not None else np.zeros((0, n))
+    parts = np.concatenate([np.full((1, n), h), problem.c[:, None] * np.sqrt(h) * nodes.xi])
+    worst = 0.0
+    for s, start in enumerate(states.T):
+        found = explicit(problem, np.repeat(start[:, None], n, axis=1), parts, areas, 1, CLASSICAL)
+        worst = max(worst, float(np.sum((y[:, s] - found) ** 2, axis=0) @ nodes.weights))
+    return float(np.sqrt(worst))
 
 
 def local_states(problem: Problem) -> Array:
@@ -215,8 +267,7 @@ def local_states(problem: Problem) -> Array:
 
 def rule_degree(scheme: Scheme) -> int:
     """The degree in √h of the terms that the quadrature over ΔW must see, for the orders that the scheme claims."""
-    strong, weak = (1.0 if p is None else p for p in (scheme.mean_square_order, scheme.weak_order))
-    return int(2 * max(strong, weak) + 2)
+    return int(2 * max(order_of(p, "additive") for p in (scheme.mean_square_order, scheme.weak_order)) + 2)
 
 
 def one_step(scheme: Scheme, problem: Problem, states: Array, h: float, nodes: Rule) -> tuple[Array, bool]:
@@ -231,9 +282,10 @@ def one_step(scheme: Scheme, problem: Problem, states: Array, h: float, nodes: R
 
 def ends_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) -> tuple[list[Array], float]:
     """The exact solutions (d, S, n) at each step size, and their error; from the coarsest that all states reach."""
-    if isinstance(problem, StructuresProblem):
-        form = problem.closed_form
-        assert form is not None
+    form = getattr(problem, "closed_form", None)
+    if isinstance(problem, HamiltoniansProblem) and form is None:
+        return _flows_at(problem, states, rules)
+    if form is not None:
         scale = float(np.max(np.abs(states)))
         return [
             np.stack([form(y, h, np.sqrt(h) * r.xi) for y in states.T], axis=1) for h, r in rules
@@ -252,40 +304,61 @@ def ends_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) ->
     return [], 0.0
 
 
-def _exponents(dimension: int) -> tuple[tuple[int, ...], ...]:
-    """Of all monomials up to FULL_DEGREE."""
+def _flows_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) -> tuple[list[Array], float]:
+    """As `ends_at` for Hamiltonians that commute: the flow of h f_0 + Σ c_j ΔW_j f_j at the time 1."""
+    found, worst = [], 0.0
+    for h, nodes in rules:
+        n = nodes.weights.size
+        parts = np.concatenate([np.full((1, n), h), problem.c[:, None] * np.sqrt(h) * nodes.xi])
+        ends = [
+            log_flow(problem, np.repeat(y[:, None], n, axis=1), parts, np.zeros((0, n))) for y in states.T
+        ]
+        found.append(np.stack([y for y, _ in ends], axis=1))
+        worst = max(worst, *(error for _, error in ends))
+    return found, worst
+
+
+def exponents(dimension: int, degree: int = FULL_DEGREE) -> tuple[tuple[int, ...], ...]:
+    """Of all monomials up to this degree."""
     return tuple(
         tuple(chosen.count(i) for i in range(dimension))
-        for k in range(1, FULL_DEGREE + 1)
+        for k in range(1, degree + 1)
         for chosen in combinations_with_replacement(range(dimension), k)
     )
 
 
-def moments_at(problem: Problem, states: Array, sizes: list[float]) -> list[Array]:
+def moments_at(problem: Problem, states: Array, sizes: list[float], degree: int = FULL_DEGREE) -> list[Array]:
     """E (φ − y0)^α (A, S) at each step size, for A monomials, by the series of the generator.
 
-    For linear fields L keeps degrees and the series is short work; for others it is not, and they are left out.
+    For linear fields L keeps degrees and the series is short work. For others it has fewer terms, which leave an error
+    of h^(SHORT + 1): for several Hamiltonians, at steps that are small enough for that.
 
     Raises
     ------
     Skipped
-        Where the fields are not linear, or not given as data.
+        Where the fields are not given as data; where those of several structures are not linear.
     """
     data = problem.data
-    if not isinstance(data, PolynomialSystem) or not is_linear(data):
+    if not isinstance(data, PolynomialSystem):
+        raise Skipped(f"{problem.name} has no closed form, and is not given as data")
+    linear = is_linear(data)
+    if not linear and not isinstance(problem, HamiltoniansProblem):
         raise Skipped(
             f"{problem.name} has several structures, no closed form, and fields that are not linear"
         )
-    exponents = _exponents(problem.dimension)
-    series = [moments(data, tuple(y.tolist()), exponents, SERIES) for y in states.T]
+    terms = SERIES if linear else max(SHORT, degree // 2 + 2)
+    asked = exponents(problem.dimension, degree)
+    series = [moments(data, tuple(y.tolist()), asked, terms) for y in states.T]
     rows = np.array([[[float(v) for v in row] for row in one] for one in series])
-    return [np.asarray(rows @ h ** np.arange(SERIES + 1.0)).T for h in sizes]
+    return [np.asarray(rows @ h ** np.arange(terms + 1.0)).T for h in sizes]
 
 
-def against_moments(moved: Array, exact: Array, weights: Array) -> tuple[float, float, float]:
+def against_moments(
+    moved: Array, exact: Array, weights: Array, degree: int = FULL_DEGREE
+) -> tuple[float, float, float]:
     """As `_norms`, where only the moments (A, S) of the exact solution are known, and no rms error."""
     found = []
-    for alpha, value in zip(_exponents(moved.shape[0]), exact, strict=True):
+    for alpha, value in zip(exponents(moved.shape[0], degree), exact, strict=True):
         powers = np.prod([moved[i] ** a for i, a in enumerate(alpha)], axis=0)
         found.append((powers @ weights - value) / factorial(sum(alpha)))
     differences = np.array(found)

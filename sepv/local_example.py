@@ -7,12 +7,12 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from sepv.candidate import guarded
-from sepv.gaussian import point_rule, rule
-from sepv.local_errors import ends_at, local_states, moments_at, one_step, rule_degree
+from sepv.gaussian import point_rule
+from sepv.local_errors import ends_at, local_states, moments_at, moments_only, one_step, rule_degree
+from sepv.local_rules import rule_for
 from sepv.point_laws import point_law
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
-from sepv.structures import StructuresProblem
 from sepv.worst_path import row
 
 
@@ -49,11 +49,11 @@ def weak_example(scheme: Scheme, problem: Problem, h: float) -> str:
 def _means(scheme: Scheme, problem: Problem, h: float) -> tuple[Array, Array, Array]:
     """States (d, S), and the means (A, S) of monomials in y1 − y0 and in φ − y0: y_1, …, y_d, y_1², y_1y_2, …"""
     states, m, law = local_states(problem), problem.noises, point_law(scheme.increments)
-    nodes = rule(m, h, scheme.truncation, rule_degree(scheme))
+    nodes = rule_for(scheme, problem, h, rule_degree(scheme))
     taken = nodes if law is None else point_rule(m, law)
     y, ok = one_step(guarded(scheme), problem, states, h, taken)
     came = _monomials(y - states[..., None]) @ taken.weights
-    if isinstance(problem, StructuresProblem) and problem.closed_form is None:
+    if moments_only(problem):
         (expected,) = moments_at(problem, states, [h])
         return states, came, expected[: len(came)]
     found, _ = ends_at(problem, states, [(h, nodes)])
@@ -71,8 +71,10 @@ def _monomials(z: Array) -> Array:
 def step_example(scheme: Scheme, problem: Problem, h: float) -> str:
     """y1 − y0 and φ − y0 for the increment that contributes most to E|y1 − φ|², at the state where that is largest."""
     states = local_states(problem)
-    nodes = rule(problem.noises, h, scheme.truncation, rule_degree(scheme))
+    nodes = rule_for(scheme, problem, h, rule_degree(scheme))
     y, ok = one_step(guarded(scheme), problem, states, h, nodes)
+    if moments_only(problem):
+        return ""
     found, _ = ends_at(problem, states, [(h, nodes)])
     if not ok or not found:
         return ""

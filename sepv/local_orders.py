@@ -16,6 +16,7 @@ import numpy as np
 from sepv.errors import Skipped
 from sepv.law import Effort, Finding, Law, Verdict
 from sepv.local_errors import LEVELS, LocalErrors, local_errors, problems_for
+from sepv.orders import order_of
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
 
@@ -90,9 +91,23 @@ def _over(x: Array, y: Array) -> Slope:
     return Slope(Verdict.INCONCLUSIVE, value, text)
 
 
-def mean_slope(order: float, found: LocalErrors) -> float:
+def unclaimed(column: str) -> float:
+    """The mean-square order against which a scheme is measured that claims none: what increments alone allow."""
+    return 0.5 if column == "general" else 1.0
+
+
+def mean_slope(order: float | None, found: LocalErrors) -> float:
     """The least slope of a mean error for the claimed order: half-way below p + 1, or what the quadrature can show."""
-    power = min(order + 1, found.exact_order)
+    return _half_way_below(order_of(order, found.column, unclaimed(found.column)) + 1, found)
+
+
+def weak_slope(order: float | None, found: LocalErrors) -> float:
+    """The same for a weak order: 1 where none is claimed."""
+    return _half_way_below(order_of(order, found.column) + 1, found)
+
+
+def _half_way_below(slope: float, found: LocalErrors) -> float:
+    power = min(slope, found.exact_order)
     return power - (MARGIN if power <= SHARP else 2 * MARGIN)
 
 
@@ -131,7 +146,10 @@ def judge(
             return _failed(law, found)
         sizes = errors(found)
         if np.all(np.isnan(sizes)):
-            skipped.append(Skipped(f"of {problem.name} only moments are known, and no solution for each ΔW"))
+            lacks = (
+                "no moments of the solution are known" if np.any(found.rms > 0) else "only moments are known"
+            )
+            skipped.append(Skipped(f"of {problem.name} {lacks}"))
             lines.append(f"{problem.name}: skipped, {skipped[-1].reason}")
             continue
         bound = least(found)

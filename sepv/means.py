@@ -18,9 +18,8 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from sepv.convergence import Estimate, StrongErrors, jackknife
-from sepv.fields import matvec
+from sepv.hamiltonians import combined_field
 from sepv.problem import Array, Problem
-from sepv.structures import combined
 
 # Means that stand less than this many standard errors out of the noise show no slope.
 SIGNAL = 5.0
@@ -103,7 +102,7 @@ def _directions(problem: Problem, y: Array, T: float, W: Array) -> tuple[list[st
     def field(j: int, y: Array) -> Array:
         parts = np.zeros((1 + problem.noises, y.shape[1]))
         parts[j] = 1.0
-        return np.asarray(matvec(combined(problem, y, parts), problem.gradient(y)))
+        return np.asarray(combined_field(problem, y, parts))
 
     noises = [c * W[j] * field(j + 1, y) for j, c in enumerate(problem.c)]
     correction = np.zeros_like(y)

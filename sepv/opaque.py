@@ -14,7 +14,6 @@ from weakref import WeakKeyDictionary
 
 from sepv import problems
 from sepv.problem import Description, Problem
-from sepv.structures import StructuresProblem
 
 GIVEN = {
     "data": "all that is known of it",
@@ -44,8 +43,10 @@ def as_given(data: Description, given: str) -> Problem:
 
 def _view(problem: Problem, *, bare: bool) -> Problem:
     """The same functions behind plain ones, under another name."""
-    functions = {"structure", "hamiltonian", "gradient", "domain", "noise_structures"}
-    derived = {"hessian", "structure_derivative", "mean_gradient", "noise_structure_derivatives", "flows"}
+    functions = {"structure", "hamiltonian", "gradient", "domain"}
+    functions |= {"noise_structures", "noise_hamiltonians", "noise_gradients"}
+    derived = {"hessian", "structure_derivative", "mean_gradient", "flows"}
+    derived |= {"noise_structure_derivatives", "noise_hessians", "noise_flows"}
     kept: dict[str, Any] = {}
     for entry in fields(problem):
         value = getattr(problem, entry.name)
@@ -57,8 +58,7 @@ def _view(problem: Problem, *, bare: bool) -> Problem:
             kept[entry.name] = _plain_record(value, bare=bare)
         elif entry.name not in derived and not (bare and entry.name == "degree"):
             kept[entry.name] = value
-    kind = StructuresProblem if isinstance(problem, StructuresProblem) else Problem
-    return kind(**kept, name="system", check=False)
+    return type(problem)(**kept, name="system", check=False)
 
 
 def _plain(value: Any) -> Any:

@@ -41,7 +41,7 @@ class PolynomialSystem:
     noise_structures : tuple of structures, optional
         G_1, …, G_m, each like `structure`: several structures. The Casimirs are then those common to all.
     noise_hamiltonians : tuple of polynomials, optional
-        H_1, …, H_m with {H, H_j} = 0: several Hamiltonians. At most one of the two.
+        H_1, …, H_m: several Hamiltonians (`sepv.hamiltonians`), whether or not {H, H_j} = 0. At most one of the two.
     """
 
     dimension: int

@@ -15,13 +15,19 @@ from sepv.implicit import Solution, require_converged
 from sepv.point_laws import PointLaw, point_law
 from sepv.problem import Array, Problem
 
+# What a step may ask for beside h and the increments.
+ASKS = ("", "areas", "halves")
 # The classes of systems that a scheme may be for; `sepv.strategies_structures` has cases for each.
-SYSTEMS = ("single", "nambu", "several", "canonical-separable", "lie-poisson", "rigid-bodies")
+SYSTEMS = (
+    "single", "nambu", "several", "hamiltonians", "canonical-separable", "lie-poisson", "rigid-bodies",
+    "so3-hamiltonians", "separable-hamiltonians",
+)  # fmt: skip
 # How a scheme says that it did not solve a step, when it does not know `sepv.StepFailure` (an ArithmeticError too).
 REFUSALS = (ArithmeticError, np.linalg.LinAlgError)
 # What speaks of paths, and says nothing of increments that only have the law of some moments.
 PATHWISE = frozenset(("mean-square-order", "right-limit", "local-mean", "local-mean-square", "commutation"))
-Step = Callable[[Problem, Array, float, Array], Array]
+# (problem, y, h, dW) -> y_next, with a fifth argument for a scheme that asks for more.
+Step = Callable[..., Array]
 Solve = Callable[[Problem, Array, float, Array], Solution]
 
 
@@ -48,9 +54,10 @@ class Scheme:
         The laws it says it obeys. Laws that are not claimed are measured and printed all the same.
     source : str
         Where the formula comes from.
-    mean_square_order, weak_order : float, optional
-        Claimed orders: with the first, the laws "local-mean", "local-mean-square", "mean-square-order" and
-        "right-limit" are claimed, with the second "local-weak" and "weak-order".
+    mean_square_order, weak_order : float or `sepv.orders.Orders`, optional
+        Claimed orders, in general or for each kind of noise: with the first, the laws "local-mean",
+        "local-mean-square", "mean-square-order" and "right-limit" are claimed, with the second "local-weak" and
+        "weak-order".
     solve : callable (problem, y, h, dW) -> Solution, optional
         For implicit schemes: the same step for a batch, with residual, counts and status of each lane.
     solver_tolerance : float
@@ -66,11 +73,17 @@ class Scheme:
     systems : str
         The class of systems it takes, from which laws draw their cases: "single" for every (1.1), "nambu" for
         those in dimension three with a Casimir and a factor (`Problem.nambu`), "several" for several structures
-        or Hamiltonians (`sepv.structures`). Narrower than "single", and random as well: "canonical-separable"
-        for H = T(p) + V(q) with y = (p, q), "lie-poisson" for B linear in y, "rigid-bodies" for random inertia.
+        or Hamiltonians that keep H (`sepv.structures`), "hamiltonians" for several Hamiltonians that need not
+        (`sepv.hamiltonians`). Narrower than "single", and random as well: "canonical-separable"
+        for H = T(p) + V(q) with y = (p, q), "lie-poisson" for B linear in y, "rigid-bodies" for random inertia;
+        others are those of `sepv.families`.
     problems : sequence of problems or strategies
         What it is for, where that is narrower still: names, ``module:attribute``, `Problem` records, families,
         Hypothesis strategies of `PolynomialSystem` or `Problem`. Laws draw their cases from them and nothing else.
+    asks : str
+        What the step takes as a fifth argument: "areas" for the Lévy areas A_ij = ½∫(W_i dW_j − W_j dW_i) of its
+        increments, (m, m) or (m, m, M), skew; "halves" for the increments over the first half of the step, (m,) or
+        (m, M). By default nothing.
     stages : int
         s of the collocation family: laws that compare with (2.1) compare with its s-stage method
         (Cohen and Hairer), those that compare with the midpoint rule with the s-stage Gauss method.
@@ -102,6 +115,7 @@ class Scheme:
     batched: bool = False
     stages: int = 1
     systems: str = "single"
+    asks: str = ""
     problems: Iterable[Any] = ()
 
     def __post_init__(self) -> None:
@@ -129,6 +143,12 @@ class Scheme:
                 expected=f"systems, one of {', '.join(SYSTEMS)}",
                 received=repr(self.systems),
                 remedy="leave it out for a scheme for (1.1)",
+            )
+        if self.asks not in ASKS:
+            raise UsageError(
+                expected='asks, "areas" or "halves"',
+                received=repr(self.asks),
+                remedy="leave it out for a step(problem, y, h, dW)",
             )
         listed = isinstance(self.problems, Iterable) and not isinstance(self.problems, str)
         object.__setattr__(self, "problems", tuple(self.problems) if listed else (self.problems,))

@@ -22,13 +22,14 @@ from hypothesis.errors import Unsatisfiable
 from sepv import case as cases
 from sepv.case import Case
 from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure
-from sepv.given import cases_for
+from sepv.given import NOT_OF_HAMILTONIANS, cases_for
 from sepv.law import Effort, Finding, Law, Measurement, Verdict
 from sepv.same_draws import without_local_constants
 from sepv.scheme import Scheme
 from sepv.shrink import shrunk
 from sepv.spaces import SPACES
 from sepv.strata import Space
+from sepv.strategies_hamiltonians import HAMILTONIANS
 from sepv.strategies_structures import CASES
 
 Check = Callable[[Scheme, Case], Measurement]
@@ -156,9 +157,10 @@ def searched(
         space = SPACES[scheme.systems].get(name)
         if scheme.systems == "single":
             return _Question(space, cases(), corners, check, faults_violate, admits, undesigned)
-        special = CASES[scheme.systems].get(name)
+        special = (HAMILTONIANS if scheme.systems == "hamiltonians" else CASES[scheme.systems]).get(name)
         if special is None:
-            return f"the law is not about the systems that the scheme takes ({scheme.systems})"
+            why = NOT_OF_HAMILTONIANS.get(name) if scheme.systems == "hamiltonians" else None
+            return why or f"the law is not about the systems that the scheme takes ({scheme.systems})"
         return _Question(space, special(), tuple, check, faults_violate, admits, undesigned)
 
     def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:

@@ -85,6 +85,7 @@ def setups(
     names = {
         "nambu": ("rigid-body", "lotka-volterra"),
         "several": ("commuting-rotations", "commuting-oscillators"),
+        "hamiltonians": ("random-inertia", "kubo-oscillator"),
     }.get(systems, ("rigid-body", "pendulum"))
     return tuple(_setup(name, truncation, order) for name in names)
 

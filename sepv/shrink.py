@@ -93,6 +93,12 @@ def _smaller_systems(case: Case, system: PolynomialSystem) -> Iterator[Case]:
         yield replace(case, problem=replace(system, casimirs=(), linear_casimirs=()))
     for H in _simpler(system.hamiltonian):
         yield replace(case, problem=replace(system, hamiltonian=H))
+    for n, H in enumerate(system.noise_hamiltonians):
+        others = system.noise_hamiltonians
+        for H_n in _simpler(H):
+            yield replace(
+                case, problem=replace(system, noise_hamiltonians=(*others[:n], H_n, *others[n + 1 :]))
+            )
     if system.nambu is not None:
         g, C = system.nambu
         simpler = [(g, p) for p in _simpler(C)] + [(p, C) for p in _simpler(g)]
@@ -103,9 +109,9 @@ def _smaller_systems(case: Case, system: PolynomialSystem) -> Iterator[Case]:
         yield replace(case, problem=replace(system, structure=B))
     for n, G in enumerate(system.noise_structures):
         for simple in _simpler_structures(G):
-            others = system.noise_structures
+            parts = system.noise_structures
             yield replace(
-                case, problem=replace(system, noise_structures=(*others[:n], simple, *others[n + 1 :]))
+                case, problem=replace(system, noise_structures=(*parts[:n], simple, *parts[n + 1 :]))
             )
 
 
@@ -133,9 +139,15 @@ def _simpler_structures(B: Entries) -> Iterator[Entries]:
 
 
 def _quieter(system: PolynomialSystem, j: int) -> PolynomialSystem:
-    G = system.noise_structures
-    fewer = (*G[:j], *G[j + 1 :]) if G else G
-    return replace(system, noise=(*system.noise[:j], *system.noise[j + 1 :]), noise_structures=fewer)
+    def fewer(parts: tuple[Any, ...]) -> tuple[Any, ...]:
+        return (*parts[:j], *parts[j + 1 :])
+
+    return replace(
+        system,
+        noise=fewer(system.noise),
+        noise_structures=fewer(system.noise_structures),
+        noise_hamiltonians=fewer(system.noise_hamiltonians),
+    )
 
 
 def _without(system: PolynomialSystem, k: int) -> PolynomialSystem:
@@ -159,4 +171,5 @@ def _without(system: PolynomialSystem, k: int) -> PolynomialSystem:
         casimirs=tuple(tuple(shorter(row) for row in shorter(A)) for A in system.casimirs),
         linear_casimirs=tuple(shorter(b) for b in system.linear_casimirs),
         noise_structures=tuple(cut(G) for G in system.noise_structures),
+        noise_hamiltonians=tuple(restricted(H) for H in system.noise_hamiltonians),
     )

@@ -14,6 +14,7 @@ from sepv import wiener
 from sepv.arguments import floats, is_number
 from sepv.candidate import ask
 from sepv.errors import StepFailure, TruncationWarning, UsageError
+from sepv.further import answer
 from sepv.implicit import Status
 from sepv.point_laws import PointLaw
 from sepv.problem import Array, Problem
@@ -252,12 +253,15 @@ def run_chunk(
 ) -> Ensemble:
     """Paths from y0 (d,) over the Wiener increments raw (N, m, M), truncated with k or as the scheme wants them.
 
+    Further rows are what the scheme asks for beside them (`sepv.further`).
+
     Without `track` the invariants are not followed, and their defects are zero.
     """
     batch = Batch(scheme, problem, y0, raw.shape[2], track=track)
-    for increment in wiener.seen(raw, h, k, scheme.increments):
-        batch.step(h, increment)
-    return batch.result(raw.sum(axis=0))
+    m = problem.noises
+    for increment, further in zip(wiener.seen(raw[:, :m], h, k, scheme.increments), raw[:, m:], strict=True):
+        batch.step(h, np.concatenate([increment, further]) if len(further) else increment)
+    return batch.result(raw[:, :m].sum(axis=0))
 
 
 class Batch:
@@ -360,13 +364,13 @@ def _batch_step(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array)
     with np.errstate(all="ignore"):
         if scheme.batched:
             try:
-                return scheme.step(problem, y, h, dW), code
+                return answer(scheme, problem, y, h, dW), code
             except REFUSALS:
                 pass
         value = np.full_like(y, np.nan)
         for lane in range(y.shape[1]):
             try:
-                value[:, lane] = scheme.step(problem, y[:, lane].copy(), h, dW[:, lane].copy())
+                value[:, lane] = answer(scheme, problem, y[:, lane].copy(), h, dW[:, lane].copy())
             except REFUSALS:
                 code[lane] = Status.NO_CONVERGENCE
     return value, code

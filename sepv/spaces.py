@@ -12,6 +12,7 @@ from sepv.content import (
     at_origin,
     batched,
     drawn,
+    hamiltonians,
     nambu,
     reduced,
     same_structures,
@@ -118,5 +119,27 @@ _SEVERAL: dict[str, Space] = {
     "equivariance": SEVERAL.restricted(structures=("any",), degree_of_B=("0", "1", "2–3"), **_SUBSTITUTED),
 }
 
+HAMILTONIANS = Space((CASIMIRS, *_SYSTEM, *_STEPS), hamiltonians).restricted(
+    m=_SOME_NOISE,
+    d=("2", "3", "4–6", "7–9"),
+    degree_of_H=("1–2", "3–4", "5–6"),
+    terms_of_H=("1–2", "3–9", "10–19"),
+)
+_HAMILTONIANS: dict[str, Space] = {
+    **dict.fromkeys(("contract", "symmetry"), HAMILTONIANS),
+    "noise-sum": HAMILTONIANS.restricted(m=_SEVERAL_NOISES),
+    "reproducibility": Space((*HAMILTONIANS.axes, BATCH), partial(batched, hamiltonians)),
+    "identity": Space(HAMILTONIANS.axes, partial(unmoved, hamiltonians)),
+    "casimir": HAMILTONIANS.restricted(
+        Casimirs=("linear", "quadratic", "two"), d=("3", "4–6", "7–9")
+    ).without_faults(**_CONSTANT, Casimirs=("linear",)),
+    "equivariance": HAMILTONIANS.restricted(degree_of_B=("0", "1", "2–3"), m=("1", "2")),
+}
+
 # By class of systems and law.
-SPACES: dict[str, dict[str, Space]] = {"single": _POOLED, "nambu": _NAMBU, "several": _SEVERAL}
+SPACES: dict[str, dict[str, Space]] = {
+    "single": _POOLED,
+    "nambu": _NAMBU,
+    "several": _SEVERAL,
+    "hamiltonians": _HAMILTONIANS,
+}

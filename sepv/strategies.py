@@ -18,6 +18,7 @@ from sepv import polynomial as poly
 from sepv import problems
 from sepv.case import Case
 from sepv.fields import contract, matmul, matvec
+from sepv.hamiltonians import HamiltoniansProblem
 from sepv.polynomial import Polynomial, PolynomialMap
 from sepv.problem import Array, Description, NamedProblem, PolynomialSystem, Problem
 from sepv.structures import StructuresProblem
@@ -249,6 +250,14 @@ def halved(case: Case) -> Case:
     return replace(case, h=case.h / 2, dW=tuple(v / 2 for v in case.dW))
 
 
+def in_the_mean(case: Case) -> Case:
+    """h with h + 4√h Σ c_j inside the contraction radius, and no increments."""
+    problem, y, _, _ = case.build()
+    radius, noise = min(contraction_ball(problem, y)[0], 1.0), 4 * float(problem.c.sum())
+    root = (-noise + (noise * noise + 4 * radius) ** 0.5) / 2
+    return replace(case, h=root * root, dW=(0.0,) * problem.noises)
+
+
 def is_short(case: Case) -> bool:
     """Whether a step of polynomial data is inside half its contraction radius; True for other problems."""
     problem, y, h, dW = case.build()
@@ -286,6 +295,9 @@ def contraction_ball(problem: Problem, y: Array) -> tuple[float, float]:
     if isinstance(problem, StructuresProblem) and problem.noise_structure_derivatives:
         B = np.max([B, *(_majorant(G, reach) for G in problem.noise_structures)], axis=0)
         dB = np.max([dB, *(_majorant(D, reach) for D in problem.noise_structure_derivatives)], axis=0)
+    if isinstance(problem, HamiltoniansProblem):
+        g = np.max([g, *(_majorant(f, reach) for f in problem.noise_gradients)], axis=0)
+        H = np.max([H, *(_majorant(f, reach) for f in problem.noise_hessians)], axis=0)
     field = np.max(matvec(B, g), axis=0)
     slope = np.max(np.sum(contract(dB, g) + matmul(B, H), axis=1), axis=0)
     with np.errstate(all="ignore"):

@@ -34,6 +34,7 @@ LAWS = (
     "reproducibility",
     "identity",
     "energy",
+    "energy-drift",
     "casimir",
     "any-casimir",
     "poisson-map",

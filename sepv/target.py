@@ -61,7 +61,7 @@ def as_scheme(value: Any, name: str, problems: Iterable[Problem] = ()) -> Scheme
         For anything that cannot be called with (problem, y, h, dW).
     """
     if isinstance(value, Scheme):
-        _check_signature(value.step, name)
+        _check_signature(value.step, name, 5 if value.asks else 4)
         return value
     if not callable(value):
         raise TargetError(
@@ -82,13 +82,13 @@ def as_scheme(value: Any, name: str, problems: Iterable[Problem] = ()) -> Scheme
     return replace(scheme, batched=takes_batches(scheme, problems))
 
 
-def _check_signature(step: Any, name: str) -> None:
+def _check_signature(step: Any, name: str, count: int = 4) -> None:
     try:
         signature = inspect.signature(step)
     except (TypeError, ValueError):
         return  # a compiled callable: the contract law asks it
     try:
-        signature.bind(None, None, None, None)
+        signature.bind(*(None,) * count)
     except TypeError as error:
         raise TargetError(
             expected="a function that takes (problem, y, h, dW)",

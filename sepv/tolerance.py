@@ -34,6 +34,7 @@ from typing import Any
 import numpy as np
 
 from sepv.fields import matvec
+from sepv.hamiltonians import HamiltoniansProblem
 from sepv.polynomial import PolynomialMap
 from sepv.problem import Array, Function, Problem
 from sepv.structures import StructuresProblem
@@ -48,14 +49,13 @@ def gradient_majorant(problem: Problem, *states: Array) -> Array:
 
     The second form is what one rounding of y does to a well-written ∇H.
     """
-    rows = []
-    for y in states:
-        if isinstance(problem.gradient, PolynomialMap):
-            rows.append(problem.gradient.majorant(y))
-        else:
-            rows.append(np.abs(problem.gradient(y)))
-            rows[-1] = rows[-1] + matvec(np.abs(slopes(problem.gradient, problem.hessian, y)), np.abs(y))
-    return np.max(rows, axis=0)
+    return np.asarray(np.max([_slope_majorant(problem.gradient, problem.hessian, y) for y in states], axis=0))
+
+
+def _slope_majorant(gradient: Function, hessian: Function | None, y: Array) -> Array:
+    if isinstance(gradient, PolynomialMap):
+        return gradient.majorant(y)
+    return np.asarray(np.abs(gradient(y)) + matvec(np.abs(slopes(gradient, hessian, y)), np.abs(y)))
 
 
 def structure_majorant(problem: Problem, *states: Array) -> Array:
@@ -95,8 +95,10 @@ def operations(problem: Problem, stages: int = 1) -> float:
     """K of the module's docstring."""
     terms, degree, nodes = 6, 2, 2 * (stages + 4)  # of a quadrature that is refined until it is exact
     if isinstance(problem.gradient, PolynomialMap) and isinstance(problem.structure, PolynomialMap):
-        terms = max(len(p.terms) for p in (*problem.gradient.rows, *problem.structure.rows))
-        degree = max(p.degree for p in (*problem.gradient.rows, *problem.structure.rows)) + 1
+        rows = [*problem.gradient.rows, *problem.structure.rows]
+        if isinstance(problem, HamiltoniansProblem):
+            rows += [p for g in problem.noise_gradients if isinstance(g, PolynomialMap) for p in g.rows]
+        terms, degree = max(len(p.terms) for p in rows), max(p.degree for p in rows) + 1
         nodes = exact_nodes(stages, degree)
     single = 4.0 * (2 * degree + terms + problem.dimension + 8)
     if stages == 1:
@@ -119,8 +121,18 @@ def step_residual(
     B = structure_majorant(problem, y0, y1)
     if isinstance(problem, StructuresProblem):
         B = np.max([B, *(_largest(G, y0, y1) for G in problem.noise_structures)], axis=0)
-    flow = matvec(B, gradient_majorant(problem, y0, y1))
+    flow = matvec(B, _any_gradient(problem, y0, y1))
     return 0.5 * EPS * operations(problem, stages) * (scale + length * flow) + solver_tolerance * scale + TINY
+
+
+def _any_gradient(problem: Problem, y0: Array, y1: Array) -> Array:
+    """M_g of H, and of all H_j where there are several Hamiltonians."""
+    own = gradient_majorant(problem, y0, y1)
+    if not isinstance(problem, HamiltoniansProblem):
+        return own
+    hessians = problem.noise_hessians or (None,) * problem.noises
+    alike = zip(problem.noise_gradients, hessians, strict=True)
+    return np.max([own, *(_slope_majorant(g, H, y) for g, H in alike for y in (y0, y1))], axis=0)
 
 
 # As many nodes as a quadrature that is exact to rounding may take: 33 Chebyshev points, 20 Gauss nodes, …

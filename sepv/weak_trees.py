@@ -16,12 +16,11 @@ from sepv.gaussian import point_rule, rule
 from sepv.given import reach
 from sepv.implicit import Status
 from sepv.law import Effort
-from sepv.local_errors import LocalErrors, against_moments, apart, ends_at, moments_at
+from sepv.local_errors import LocalErrors, against_moments, apart, ends_at, moments_at, moments_only
 from sepv.point_laws import PointLaw, point_law
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
 from sepv.simulation import advance
-from sepv.structures import StructuresProblem
 
 # The end time: short enough for slopes within 0.1 of their limits, on Lotka-Volterra within 0.25, and long enough for
 # errors far above rounding.
@@ -68,7 +67,7 @@ def tree_errors(scheme: Scheme, problem: Problem, _effort: Effort) -> LocalError
     start = np.array(problem.initial, dtype=np.float64)
     end = T * (reach(problem) if scheme.problems else 1.0)
     nodes = rule(problem.noises, end, None, int(2 * weak + 8))
-    known = isinstance(problem, StructuresProblem) and problem.closed_form is None
+    known = moments_only(problem)
     exact, flow = (
         (moments_at(problem, start[:, None], [end]), 0.0)
         if known

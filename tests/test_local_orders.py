@@ -226,8 +226,8 @@ def test_step_sizes_fall_and_leave_high_orders_above_rounding() -> None:
 
 
 def test_states_are_several_and_problems_have_one_two_and_five_noises() -> None:
-    assert [p.noises for p in cases()["single"]] == [1, 2, 5]
-    assert len({float(c) for c in cases()["single"][2].c}) == 5
+    assert [p.noises for p in cases("single")] == [1, 2, 5]
+    assert len({float(c) for c in cases("single")[2].c}) == 5
     assert local_errors(energy_preserving, problems.pendulum(), Effort()).steps > 0
 
 

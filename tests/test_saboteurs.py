@@ -12,6 +12,7 @@ from sepv.errors import UsageError
 from sepv.law import Effort, Verdict
 from sepv.report import console
 from sepv.saboteurs import ALL, FAMILIES, historical
+from sepv.saboteurs.hamiltonians import ORIGINALS as IMITATED
 from sepv.scheme import weakly
 from sepv.schemes import (
     both_invariants,
@@ -28,7 +29,7 @@ from sepv.suite import LAWS
 # What these claim is what is wrong with them; all others claim exactly what (2.1) claims.
 ORIGINALS = {"single": collocation(2), "nambu": both_invariants, "several": several_structures}
 WRONG_CLAIMS = {"ito-limit", "half-claimed-as-one", "averaged-and-symplectic"}
-STRUCTURE = {"off-the-middle": midpoint, "time-of-place": splitting, "tangent-of-first": splitting}
+STRUCTURE = {"off-the-middle": midpoint, "time-of-place": splitting, "tangent-of-first": splitting} | IMITATED
 
 
 def expected(name: str) -> list[str]:
@@ -53,10 +54,11 @@ def test_each_law_has_a_saboteur_that_it_must_catch(law: str) -> None:
     assert any(law in s.caught_by for s in ALL.values())
 
 
-def test_there_are_eight_families_and_no_name_twice() -> None:
+def test_there_are_nine_families_and_no_name_twice() -> None:
     from sepv.saboteurs import (
         arithmetic,
         formula,
+        hamiltonians,
         higher_order,
         interface,
         noise,
@@ -64,7 +66,17 @@ def test_there_are_eight_families_and_no_name_twice() -> None:
         structure,
     )
 
-    modules = (formula, noise, solver, arithmetic, interface, higher_order, structure, historical)
+    modules = (
+        formula,
+        noise,
+        solver,
+        arithmetic,
+        interface,
+        higher_order,
+        structure,
+        historical,
+        hamiltonians,
+    )
     assert sum(len(m.SABOTEURS) for m in modules) == len(ALL) >= 36
     assert [m.SABOTEURS[0].family for m in modules] == list(FAMILIES)
 

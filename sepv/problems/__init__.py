@@ -10,17 +10,24 @@ from sepv.description import to_json as to_json
 from sepv.errors import UsageError
 from sepv.problem import Description, GivenProblem, PolynomialSystem, Problem
 from sepv.problems.kepler import kepler as kepler
+from sepv.problems.kubo import kubo_oscillator as kubo_oscillator
 from sepv.problems.lotka_volterra import lotka_volterra as lotka_volterra
 from sepv.problems.maxwell_bloch import maxwell_bloch as maxwell_bloch
 from sepv.problems.nambu_system import nambu_system as nambu_system
+from sepv.problems.noisy_oscillators import noisy_henon_heiles as noisy_henon_heiles
 from sepv.problems.oscillator import harmonic_oscillator as harmonic_oscillator
 from sepv.problems.pendulum import pendulum as pendulum
+from sepv.problems.point_vortices import point_vortices as point_vortices
 from sepv.problems.polynomial_system import polynomial_problem as polynomial_problem
+from sepv.problems.random_lotka_volterra import random_lotka_volterra as random_lotka_volterra
+from sepv.problems.random_maxwell_bloch import random_maxwell_bloch as random_maxwell_bloch
 from sepv.problems.rigid_body import rigid_body as rigid_body
 from sepv.problems.several import commuting_oscillators as commuting_oscillators
 from sepv.problems.several import commuting_rotations as commuting_rotations
 from sepv.problems.several import noncommuting_drift as noncommuting_drift
 from sepv.problems.several import noncommuting_tops as noncommuting_tops
+from sepv.problems.spins import random_inertia as random_inertia
+from sepv.problems.spins import two_spins as two_spins
 from sepv.problems.toda import toda as toda
 
 NAMED: dict[str, Callable[..., Problem]] = {
@@ -39,16 +46,27 @@ SEVERAL: dict[str, Callable[..., Problem]] = {
     "commuting-oscillators": commuting_oscillators,
     "noncommuting-drift": noncommuting_drift,
     "noncommuting-tops": noncommuting_tops,
+    "kubo-oscillator": kubo_oscillator,
+}
+# With several Hamiltonians that do not commute.
+HAMILTONIANS: dict[str, Callable[..., Problem]] = {
+    "noisy-henon-heiles": noisy_henon_heiles,
+    "point-vortices": point_vortices,
+    "random-inertia": random_inertia,
+    "random-lotka-volterra": random_lotka_volterra,
+    "random-maxwell-bloch": random_maxwell_bloch,
+    "two-spins": two_spins,
 }
 
 
 def by_name(name: str) -> Problem:
     """A problem with its default parameters, the paper's for the paper's; hyphens and underscores are the same."""
-    factory = (NAMED | FURTHER | SEVERAL).get(name.replace("_", "-"))
+    known = NAMED | FURTHER | SEVERAL | HAMILTONIANS
+    factory = known.get(name.replace("_", "-"))
     if factory is None:
         raise UsageError(
-            expected=f"a problem, one of {', '.join(NAMED | FURTHER | SEVERAL)}, a .json file, or module:attribute",
-            received=did_you_mean(name, NAMED | FURTHER | SEVERAL),
+            expected=f"a problem, one of {', '.join(known)}, a .json file, or module:attribute",
+            received=did_you_mean(name, known),
             remedy="see `sepv list`",
         )
     return factory()

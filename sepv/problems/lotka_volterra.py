@@ -31,7 +31,7 @@ def lotka_volterra(
             received=f"{(a, b, d, nu, mu)!r}",
             remedy="those of §4.4 are −2, −1, −0.5, 1, 2",
         )
-    pairs = ((0, 1, d), (0, 2, b * d), (1, 2, -1.0))  # B[i, j] = factor · y[i] · y[j]
+    pairs = pairs_of(b, d)
 
     def structure(y: Array) -> Array:
         B = np.zeros((3, 3, *y.shape[1:]), dtype=y.dtype)
@@ -73,7 +73,7 @@ def lotka_volterra(
         mean_gradient=mean_gradient,
         domain=_positive,
         initial=(1.0, 1.9, 0.5),
-        flows=tuple(_exponential(k, pairs, slopes[k]) for k in range(3)),
+        flows=tuple(exponential(k, pairs, slopes[k]) for k in range(3)),
         name="lotka-volterra",
         data=NamedProblem("lotka-volterra", tuple((k, tuple(map(float, v))) for k, v in parameters.items())),
         nambu=_nambu(b, d),
@@ -81,7 +81,12 @@ def lotka_volterra(
     )
 
 
-def _exponential(k: int, pairs: tuple[tuple[int, int, float], ...], slope: Function) -> Flow:
+def pairs_of(b: float = -1.0, d: float = -0.5) -> tuple[tuple[int, int, float], ...]:
+    """(i, j, factor) with B_ij = factor · y_i · y_j."""
+    return (0, 1, d), (0, 2, b * d), (1, 2, -1.0)
+
+
+def exponential(k: int, pairs: tuple[tuple[int, int, float], ...], slope: Function) -> Flow:
     """The flow of the part H_k(y_k): y_k stays, and y_i′ = B_ik ∂_kH = ±factor y_i (y_k ∂_kH) is linear in y_i."""
     rates = [sum(f * (i == n and j == k) - f * (j == n and i == k) for i, j, f in pairs) for n in range(3)]
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from sepv import polynomial as poly
 from sepv.errors import ProblemError
+from sepv.hamiltonians import HamiltoniansProblem
 from sepv.nambu import Nambu
 from sepv.polynomial import Polynomial, PolynomialMap
 from sepv.problem import PolynomialSystem, Problem
@@ -85,8 +87,11 @@ def _structure_maps(
     )
 
 
-def _with_more_noise(drift: Problem, data: PolynomialSystem) -> StructuresProblem:
-    """Several structures, or several Hamiltonians, over the system of the drift."""
+def _with_more_noise(drift: Problem, data: PolynomialSystem) -> Problem:
+    """Several structures, or several Hamiltonians, over the system of the drift.
+
+    Hamiltonians all of whose brackets {H, H_j} vanish keep H: they are posed by structures, which say so.
+    """
     d, count = data.dimension, len(data.noise_structures or data.noise_hamiltonians)
     if (data.noise_structures and data.noise_hamiltonians) or len(data.noise) != count:
         raise ProblemError(
@@ -96,8 +101,19 @@ def _with_more_noise(drift: Problem, data: PolynomialSystem) -> StructuresProble
             remedy="give as many coefficients c_j as there are G_j or H_j",
         )
     if data.noise_hamiltonians:
-        gradients = [PolynomialMap((d,), poly.gradient(p)) for p in data.noise_hamiltonians]
-        return commuting_hamiltonians(drift, gradients, noise=data.noise, name=drift.name, data=data)
+        slopes = [poly.gradient(p) for p in data.noise_hamiltonians]
+        gradients = [PolynomialMap((d,), slope) for slope in slopes]
+        if not all(vanishes(bracket(data, data.hamiltonian, p)) for p in data.noise_hamiltonians):
+            return HamiltoniansProblem(
+                **_shared(drift),
+                noise_hamiltonians=tuple(PolynomialMap((), (p,)) for p in data.noise_hamiltonians),
+                noise_gradients=tuple(gradients),
+                noise_hessians=tuple(PolynomialMap((d, d), _hessian(slope)) for slope in slopes),
+                check=False,
+            )
+        return commuting_hamiltonians(
+            drift, gradients, noise=data.noise, name=drift.name, data=data, check=False
+        )
     for G in data.noise_structures:
         _check_indices(replace(data, structure=G))
         if data.casimirs or data.linear_casimirs:
@@ -105,13 +121,45 @@ def _with_more_noise(drift: Problem, data: PolynomialSystem) -> StructuresProble
             for name, slope in _casimir_gradients(data):
                 _check_casimir(name, slope, table)
     maps = [_structure_maps(d, G) for G in data.noise_structures]
-    keys = [f.name for f in fields(Problem) if f.init]
     return StructuresProblem(
-        **{key: getattr(drift, key) for key in keys},
+        **_shared(drift),
         noise_structures=tuple(G for G, _ in maps),
         noise_structure_derivatives=tuple(slope for _, slope in maps),
         check=False,
     )
+
+
+def _shared(drift: Problem) -> dict[str, Any]:
+    """What the drift's record gives to one of more noise."""
+    return {f.name: getattr(drift, f.name) for f in fields(Problem) if f.init}
+
+
+def bracket(data: PolynomialSystem, F: Polynomial, G: Polynomial) -> tuple[Polynomial, list[Polynomial]]:
+    """{F, G} = ∇FᵀB∇G, and the products that it is the sum of."""
+    left, right = poly.gradient(F), poly.gradient(G)
+    terms = []
+    for i, j, entry in data.structure:
+        terms.append(poly.multiply(entry, poly.multiply(left[i], right[j])))
+        terms.append(poly.scale(-1.0, poly.multiply(entry, poly.multiply(left[j], right[i]))))
+    return poly.add(poly.polynomial(data.dimension, {}), *terms), terms
+
+
+def vanishes(found: tuple[Polynomial, list[Polynomial]]) -> bool:
+    """Whether all coefficients are rounding beside those of the products."""
+    total, terms = found
+    size = max((abs(c) for p in terms for _, c in p.terms), default=0.0)
+    return all(abs(c) <= 64 * np.finfo(np.float64).eps * size for _, c in total.terms)
+
+
+def drift_of_energy(data: PolynomialSystem) -> float | None:
+    """σ with LH_0 = ½ Σ_j c_j² {{H_0, H_j}, H_j} = σ for all y, L the generator; None where it is not constant."""
+    parts = []
+    for c, H in zip(data.noise, data.noise_hamiltonians, strict=True):
+        once, _ = bracket(data, data.hamiltonian, H)
+        twice, _ = bracket(data, once, H)
+        parts.append(poly.scale(0.5 * c * c, twice))
+    total = poly.add(poly.polynomial(data.dimension, {}), *parts)
+    return None if total.degree else sum((c for _, c in total.terms), 0.0)
 
 
 def _nambu(factor: Polynomial, casimir: Polynomial) -> Nambu:

@@ -6,7 +6,17 @@ that it does; `sepv.teeth` runs them all.
 
 from __future__ import annotations
 
-from sepv.saboteurs import arithmetic, formula, higher_order, historical, interface, noise, solver, structure
+from sepv.saboteurs import (
+    arithmetic,
+    formula,
+    hamiltonians,
+    higher_order,
+    historical,
+    interface,
+    noise,
+    solver,
+    structure,
+)
 from sepv.saboteurs.record import Saboteur as Saboteur
 
 FAMILIES = (
@@ -18,10 +28,21 @@ FAMILIES = (
     "higher order",
     "structure",
     "historical",
+    "hamiltonians",
 )
 
 ALL: dict[str, Saboteur] = {
     s.name: s
-    for module in (formula, noise, solver, arithmetic, interface, higher_order, structure, historical)
+    for module in (
+        formula,
+        noise,
+        solver,
+        arithmetic,
+        interface,
+        higher_order,
+        structure,
+        historical,
+        hamiltonians,
+    )
     for s in module.SABOTEURS
 }

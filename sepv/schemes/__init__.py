@@ -7,15 +7,19 @@ from collections.abc import Callable
 from sepv.arguments import did_you_mean
 from sepv.errors import UsageError
 from sepv.scheme import Scheme
+from sepv.schemes.area_midpoint import scheme as area_midpoint
 from sepv.schemes.both_invariants import scheme as both_invariants
 from sepv.schemes.collocation import collocation as collocation
+from sepv.schemes.darboux_lie import scheme as darboux_lie
 from sepv.schemes.discrete_gradient import scheme as discrete_gradient
+from sepv.schemes.drift_preserving import scheme as drift_preserving
 from sepv.schemes.energy_preserving import scheme as energy_preserving
 from sepv.schemes.euler_heun import scheme as euler_heun
 from sepv.schemes.euler_maruyama import scheme as euler_maruyama
 from sepv.schemes.explicit import explicit as explicit
 from sepv.schemes.gauss import gauss as gauss
 from sepv.schemes.gonzalez import scheme as gonzalez
+from sepv.schemes.isospectral_midpoint import scheme as isospectral_midpoint
 from sepv.schemes.itoh_abe import scheme as itoh_abe
 from sepv.schemes.midpoint import scheme as midpoint
 from sepv.schemes.milstein import scheme as milstein
@@ -23,6 +27,8 @@ from sepv.schemes.modified_weak_two import scheme as modified_weak_two
 from sepv.schemes.projected import projected as projected
 from sepv.schemes.several_structures import scheme as several_structures
 from sepv.schemes.splitting import scheme as splitting
+from sepv.schemes.stochastic_midpoint import scheme as stochastic_midpoint
+from sepv.schemes.stochastic_splitting import scheme as stochastic_splitting
 from sepv.tableaux import MAX_STAGES
 
 ALL: dict[str, Scheme] = {
@@ -38,6 +44,12 @@ MORE: dict[str, Scheme] = {
         itoh_abe,
         modified_weak_two,
         splitting,
+        stochastic_midpoint,
+        area_midpoint,
+        stochastic_splitting,
+        isospectral_midpoint,
+        darboux_lie,
+        drift_preserving,
         explicit(4),
         explicit(8),
         projected(4),
@@ -74,16 +86,20 @@ __all__ = [
     "ALL",
     "FAMILIES",
     "MORE",
+    "area_midpoint",
     "both_invariants",
     "by_name",
     "collocation",
+    "darboux_lie",
     "discrete_gradient",
+    "drift_preserving",
     "energy_preserving",
     "euler_heun",
     "euler_maruyama",
     "explicit",
     "gauss",
     "gonzalez",
+    "isospectral_midpoint",
     "itoh_abe",
     "midpoint",
     "milstein",
@@ -91,4 +107,6 @@ __all__ = [
     "projected",
     "several_structures",
     "splitting",
+    "stochastic_midpoint",
+    "stochastic_splitting",
 ]

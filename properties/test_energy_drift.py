@@ -1,0 +1,96 @@
+"""E[H_0(y1)] = H_0(y0) + hσ where LH_0 = ½ Σ_j c_j² {{H_0, H_j}, H_j} is a constant σ: the trace formula.
+
+L is the generator. Where LH_0 = σ everywhere, d/dt E[H_0] = σ for the exact solution, over any time: additive noise
+along which H_0 is quadratic, σ = ½ Σ c_j² f_jᵀH_0″f_j (D. Cohen and G. Vilmart, Int. J. Comput. Math. 99, 2022). The
+expectation is by quadrature over what the step sees; nothing is sampled.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sepv.candidate import ask
+from sepv.case import Case
+from sepv.errors import Skipped
+from sepv.hamiltonians import HamiltoniansProblem
+from sepv.law import Effort, Measurement, require
+from sepv.local_rules import rule_for
+from sepv.polynomial import PolynomialMap
+from sepv.problem import Array, PolynomialSystem, Problem
+from sepv.problems.polynomial_system import drift_of_energy
+from sepv.scheme import Scheme
+from sepv.search import searched
+from sepv.strategies_hamiltonians import additive_steps
+from sepv.tolerance import EPS, TINY, energy_bound, energy_ulp, operations, step_residual
+
+
+def check(scheme: Scheme, case: Case) -> Measurement:
+    """|E[H_0(y1)] − H_0(y0) − hσ|. The bound: that of energy at each node, H_0's own rounding, the quadrature's error.
+
+    A second rule with a node less in each variable says what the quadrature may err by: nothing, where H_0(y1) is a
+    polynomial of the noise, as for schemes that obey this law. h > 0.
+    """
+    problem, y, h, _ = case.build()
+    if (
+        not isinstance(case.problem, PolynomialSystem)
+        or not isinstance(problem, HamiltoniansProblem)
+        or h <= 0
+    ):
+        raise Skipped("the law needs several Hamiltonians as data, and h > 0")
+    rate = drift_of_energy(case.problem)
+    if rate is None:
+        raise Skipped("LH_0 is not constant")
+    found, allowed = _mean(scheme, problem, y, h, 0)
+    coarser, _ = _mean(scheme, problem, y, h, 1)
+    start = float(problem.hamiltonian(y))
+    defect = abs(found - start - h * rate)
+    rounding = EPS * (operations(problem) * float(_size(problem, y)) + abs(h * rate))
+    unit = float(energy_ulp(problem, y, y)) + EPS * (float(_size(problem, y)) + abs(h * rate)) + TINY
+    bound = allowed + rounding + 2 * abs(found - coarser)
+    detail = f"E[H(y1)] − H(y0) = {found - start!r}, expected hσ = {h * rate!r} with σ = {rate!r}"
+    return Measurement(defect / unit, bound / unit, detail)
+
+
+def _mean(scheme: Scheme, problem: Problem, y: Array, h: float, fewer: int) -> tuple[float, float]:
+    """E[H_0(y1)], and what rounding may change in it."""
+    nodes = rule_for(scheme, problem, h, 4, fewer)
+    noise = np.sqrt(h) * nodes.zeta
+    states = np.repeat(y[:, None], noise.shape[1], axis=1)
+    if scheme.batched:
+        ends = ask(scheme, problem, states, h, noise)
+    else:
+        ends = np.stack([ask(scheme, problem, y, h, w) for w in noise.T], axis=1)
+    dW = noise[: problem.noises]
+    residual = step_residual(problem, states, ends, h, dW, scheme.solver_tolerance, scheme.stages)
+    wrong = energy_bound(problem, states, ends, residual) + EPS * operations(problem) * _size(problem, ends)
+    weights = nodes.weights
+    return float(problem.hamiltonian(ends)[nodes.index] @ weights), float(wrong[nodes.index] @ weights)
+
+
+def _size(problem: Problem, y: Array) -> Array:
+    """Σ |terms| of H_0, to which its rounding is relative."""
+    assert isinstance(problem.hamiltonian, PolynomialMap)
+    return problem.hamiltonian.majorant(y)
+
+
+def keeps_energy(scheme: Scheme) -> str:
+    """Why the law does not apply."""
+    if scheme.systems in ("single", "nambu", "several") and not scheme.problems:
+        return "the exact flow keeps H: see the law energy"
+    return ""
+
+
+law = searched(
+    name="energy-drift",
+    statement="E[H(y1)] = H(y0) + hσ where the generator makes of H a constant σ (trace formula)",
+    source="trace formula",
+    unit="ulp of H",
+    cases=additive_steps,
+    check=check,
+    not_applicable=keeps_energy,
+    undesigned=2,
+)
+
+
+def test_energy_drift(scheme: Scheme, effort: Effort) -> None:
+    require(law, scheme, effort)

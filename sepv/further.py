@@ -1,0 +1,64 @@
+"""What a step may ask for beside h and ΔW: Lévy areas, or the increments over its first half (`Scheme.asks`).
+
+Laws that draw them (`sepv.areas`) keep them in further rows of dW (m, ...): (m + k, ...) with the A_ij for i < j, or
+the increments W(h/2) − W(0). `answer` takes them apart and calls the step with a fifth argument.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from sepv.problem import Array, Problem
+from sepv.scheme import Scheme
+
+
+def further_rows(asks: str, noises: int) -> int:
+    """How many rows follow those of dW."""
+    return {"": 0, "areas": noises * (noises - 1) // 2, "halves": noises}[asks]
+
+
+def answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> Any:
+    """The scheme's step for dW (m, ...), or with its further rows; without them it is given `some`."""
+    if not scheme.asks:
+        return scheme.step(problem, y, h, dW)
+    own = dW[: problem.noises]
+    rows = dW[problem.noises :] if len(dW) > problem.noises else some(scheme.asks, h, own)
+    further = as_matrix(rows, problem.noises) if scheme.asks == "areas" else np.array(rows)
+    return scheme.step(problem, y, h, np.array(own), further)
+
+
+def joined(asks: str, dW: Array, further: Array) -> Array:
+    """dW with its further rows, from what `answer` handed over."""
+    return np.concatenate([dW, as_rows(further) if asks == "areas" else further])
+
+
+def some(asks: str, h: float, dW: Array) -> Array:
+    """Further rows of a path with these increments, for laws that speak of every path: of no law, and no zeros.
+
+    With u_i = ΔW_i/(1 + ΔW_i²/|h|) the areas are an eighth of u ∧ ΔW, and the first half goes to ½ΔW ± ¼u. Exchanging
+    noises exchanges them, and the way back, with −h and −ΔW, has −A, and minus the second half first.
+    """
+    size = abs(h) if h else 1.0
+    u = dW / (1 + dW * dW / size)
+    if asks == "halves":
+        return np.asarray(0.5 * dW + np.sign(h) * 0.25 * u)
+    sign = -1.0 if h < 0 else 1.0
+    rows = [0.125 * sign * (u[i] * dW[j] - u[j] * dW[i]) for i, j in combinations(range(len(dW)), 2)]
+    return np.array(rows).reshape(len(rows), *dW.shape[1:])
+
+
+def as_matrix(rows: Array, noises: int) -> Array:
+    """Skew A (m, m, ...) from its entries with i < j, (k, ...)."""
+    found = np.zeros((noises, noises, *rows.shape[1:]))
+    for row, (i, j) in zip(rows, combinations(range(noises), 2), strict=True):
+        found[i, j], found[j, i] = row, -row
+    return found
+
+
+def as_rows(areas: Array) -> Array:
+    """Its entries with i < j, (k, ...)."""
+    pairs = list(combinations(range(areas.shape[0]), 2))
+    return np.array([areas[i, j] for i, j in pairs]).reshape(len(pairs), *areas.shape[2:])

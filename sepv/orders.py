@@ -1,0 +1,81 @@
+"""An order that depends on the noise: what a scheme that sees increments alone can claim of several Hamiltonians.
+
+A number is a claim for every kind of noise. `Orders` says more where fewer terms of the stochastic Taylor expansion are
+missing (P. Kloeden and E. Platen, Numerical Solution of Stochastic Differential Equations, 1992, §10.3 and §11): the
+iterated integrals ∫W_i∘dW_j of two noises are multiplied by brackets of their fields.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sepv.errors import UsageError
+
+COLUMNS = ("general", "commutative", "one", "additive")
+
+
+class Orders(float):
+    """The order in general, a float, with those of special noise.
+
+    Parameters
+    ----------
+    general : float
+        For any noises: the float itself.
+    commutative, one, additive : float, optional
+        Where the fields of the noises commute, for one noise, and where they are constant. What is left out is that
+        of the next wider kind: one noise commutes with itself, and constant fields commute.
+
+    Examples
+    --------
+    >>> order = Orders(0.5, commutative=1.0)
+    >>> order, order.of("general"), order.of("one"), order.of("additive")
+    (Orders(0.5, commutative=1, one=1, additive=1), 0.5, 1.0, 1.0)
+    """
+
+    commutative: float
+    one: float
+    additive: float
+
+    def __new__(
+        cls,
+        general: float,
+        *,
+        commutative: float | None = None,
+        one: float | None = None,
+        additive: float | None = None,
+    ) -> Orders:
+        """A float with three more."""
+        self = super().__new__(cls, general)
+        self.commutative = float(general if commutative is None else commutative)
+        self.one = float(self.commutative if one is None else one)
+        self.additive = float(self.commutative if additive is None else additive)
+        if not self <= self.commutative <= min(self.one, self.additive):
+            raise UsageError(
+                expected="general ≤ commutative ≤ one and additive: the wider claim is the weaker one",
+                received=repr(self),
+                remedy="a claim for any noises holds for special ones too",
+            )
+        return self
+
+    def of(self, column: str) -> float:
+        """The order for noises of this kind, one of `COLUMNS`."""
+        return float(self) if column == "general" else float(getattr(self, column))
+
+    def __repr__(self) -> str:
+        """As it is made."""
+        return f"Orders({float(self):g}, " + ", ".join(f"{k}={getattr(self, k):g}" for k in COLUMNS[1:]) + ")"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For processes beside this one."""
+        return _made, (float(self), self.commutative, self.one, self.additive)
+
+
+def _made(general: float, commutative: float, one: float, additive: float) -> Orders:
+    return Orders(general, commutative=commutative, one=one, additive=additive)
+
+
+def order_of(claimed: float | None, column: str, unclaimed: float = 1.0) -> float:
+    """What a claim says of noises of this kind; what is measured against where nothing is claimed."""
+    if claimed is None:
+        return unclaimed
+    return claimed.of(column) if isinstance(claimed, Orders) else float(claimed)

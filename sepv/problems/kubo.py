@@ -1,0 +1,24 @@
+"""Kubo's oscillator: H_0 = ½a(p² + q²) and σH_1 = ½σ(p² + q²), and the exact solution is a rotation by aT + σW(T).
+
+R. Kubo, M. Toda and N. Hashitsume, Statistical Physics II (1991), §2.1; G. N. Milstein, Yu. M. Repin and M. V.
+Tretyakov (SIAM J. Numer. Anal. 40, 2002), §5.1, use it for symplectic methods with multiplicative noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from sepv import polynomial as poly
+from sepv.problem import Problem
+from sepv.problems.polynomial_system import polynomial_problem
+from sepv.problems.several import closed_form, commuting_actions
+from sepv.structures import StructuresProblem
+
+
+def kubo_oscillator(a: float = 2.0, sigma: float = 0.5) -> Problem:
+    """The oscillator from (1, 0)."""
+    H, one = poly.scale(a, poly.variable(1, 0)), poly.variable(1, 0)
+    problem = polynomial_problem(commuting_actions(H, [one], (sigma,)))
+    exact = closed_form(H, (sigma,), [list(poly.gradient(one))])
+    assert isinstance(problem, StructuresProblem)
+    return replace(problem, closed_form=exact, initial=(1.0, 0.0), name="kubo-oscillator", check=False)

@@ -1,0 +1,57 @@
+"""Additive noise: a separable Hamiltonian of Hénon and Heiles whose momenta are pushed.
+
+H_0 = ½|p|² + ½|q|² + κ(q_1²q_2 − q_2³/3) with y = (p, q), and H_j = −q_j, so that c_j B∇H_j ∘dW_j is c_j dW_j in p_j.
+E[H_0] then grows at the constant rate ½Σc_j² (trace formula: D. Cohen and G. Vilmart, Int. J. Comput. Math. 99, 2022,
+for Poisson systems). M. Hénon and C. Heiles, Astron. J. 69 (1964).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sepv import polynomial as poly
+from sepv.hamiltonians import HamiltoniansProblem
+from sepv.problem import Array, Flow, PolynomialSystem, Problem
+from sepv.problems.polynomial_system import polynomial_problem
+
+
+def noisy_henon_heiles(coupling: float = 0.5, noise: Sequence[float] = (0.5, 0.25)) -> Problem:
+    """The system from p = (0.2, −0.1), q = (0.3, 0.2)."""
+    terms = [(tuple(2 * int(i == k) for i in range(4)), 0.5) for k in range(4)]
+    terms += [((0, 0, 2, 1), coupling), ((0, 0, 0, 3), -coupling / 3)]
+    others = tuple(poly.scale(-1.0, poly.variable(4, 2 + j)) for j in range(len(tuple(noise))))
+    B = tuple((k, 2 + k, poly.constant(4, -1.0)) for k in range(2))
+    data = PolynomialSystem(4, poly.polynomial(4, terms), B, tuple(noise), noise_hamiltonians=others)
+    problem = polynomial_problem(data)
+    assert isinstance(problem, HamiltoniansProblem)
+    return replace(
+        problem, initial=np.array((0.2, -0.1, 0.3, 0.2)), name="noisy-henon-heiles",
+        flows=(_drift, _kick(problem)), noise_flows=tuple(_push(j) for j in range(len(others))), check=False,
+    )  # fmt: skip
+
+
+def _drift(y: Array, t: Array) -> Array:
+    """The flow of ½|p|²."""
+    return np.stack([y[0], y[1], y[2] + t * y[0], y[3] + t * y[1]])
+
+
+def _kick(problem: Problem) -> Flow:
+    """The flow of H_0 − ½|p|²: ṗ = −∇V(q)."""
+
+    def flow(y: Array, t: Array) -> Array:
+        slope = problem.gradient(y)
+        return np.stack([y[0] - t * slope[2], y[1] - t * slope[3], y[2], y[3]])
+
+    return flow
+
+
+def _push(j: int) -> Flow:
+    """The flow of −q_j: p_j moves by t."""
+
+    def flow(y: Array, t: Array) -> Array:
+        return np.stack([y[k] + t if k == j else y[k] + 0 * t for k in range(4)])
+
+    return flow

@@ -1,0 +1,390 @@
+"""Several Hamiltonians: the record, its brackets and Itô form, data, areas, references, and the orders of schemes."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sepv.reference.generator import moments
+
+import sepv
+from sepv import areas, problems, schemes
+from sepv import polynomial as poly
+from sepv.candidate import ask
+from sepv.case import Case, from_token, to_token
+from sepv.checks import check_problem
+from sepv.errors import ProblemError, Skipped, UsageError
+from sepv.exact_structures import ends, refined
+from sepv.families import separable_hamiltonians, so3_hamiltonians
+from sepv.further import as_matrix, as_rows, some
+from sepv.hamiltonians import (
+    HamiltoniansProblem,
+    bracket,
+    column,
+    commutes,
+    ito_drift,
+    noise_field,
+    noise_slope,
+)
+from sepv.law import Effort, Verdict
+from sepv.local_errors import exponents, local_errors
+from sepv.local_rules import rule_for
+from sepv.log_flow import log_flow
+from sepv.orders import Orders, order_of
+from sepv.problem import Array, PolynomialSystem, Problem
+from sepv.problems.polynomial_system import drift_of_energy
+from sepv.shrink import shrunk
+from sepv.strategies import contraction_ball
+from sepv.strategies_hamiltonians import any_hamiltonians, hamiltonian_steps
+from sepv.structures import StructuresProblem
+
+QUICK = Effort(examples=4, shrink_checks=0)
+KEPT = (
+    ("stochastic-midpoint", "symplecticity"),
+    ("area-midpoint", "symplecticity"),
+    ("stochastic-splitting", "poisson-map,positivity"),
+    ("isospectral-midpoint", "casimir,poisson-map"),
+    ("darboux-lie", "any-casimir,poisson-map,positivity"),
+    ("drift-preserving", "energy-drift"),
+)
+
+
+@pytest.mark.parametrize("name", [*problems.HAMILTONIANS, "kubo-oscillator"])
+def test_problems_agree_with_themselves_and_their_flows_with_their_fields(name: str) -> None:
+    problem = problems.by_name(name)
+    check_problem(problem)
+    y, t = np.asarray(problem.initial), 1e-5
+    for j, flow in enumerate(getattr(problem, "noise_flows", ())):
+        slope = (flow(y, np.array(t)) - flow(y, np.array(-t))) / (2 * t)
+        assert np.allclose(slope, noise_field(problem, j, y), atol=1e-9)
+    if problem.flows:
+        total = sum((flow(y, np.array(t)) - flow(y, np.array(-t))) / (2 * t) for flow in problem.flows)
+        assert np.allclose(total, problem.structure(y) @ problem.gradient(y), atol=1e-9)
+
+
+def test_the_kind_of_noise_is_told_by_brackets() -> None:
+    expected = {
+        "random-inertia": "general", "two-spins": "commutative", "noisy-henon-heiles": "additive",
+        "random-maxwell-bloch": "one", "point-vortices": "general", "random-lotka-volterra": "general",
+        "kubo-oscillator": "one", "rigid-body": "one", "pendulum": "one",
+    }  # fmt: skip
+    assert {name: column(problems.by_name(name)) for name in expected} == expected
+    assert commutes(problems.kubo_oscillator())
+    assert not commutes(problems.two_spins())
+
+
+def test_what_is_derived_is_what_was_given() -> None:
+    given_ = problems.random_inertia()
+    assert isinstance(given_, HamiltoniansProblem)
+    derived = HamiltoniansProblem(
+        3, given_.structure, lambda y: (y[0] ** 2 / 0.345 + y[1] ** 2 / 0.653 + y[2] ** 2) / 2, noise=given_.c,
+        noise_hamiltonians=(lambda y: y[0] ** 2 / 2, lambda y: y[1] ** 2), initial=given_.initial,
+    )  # fmt: skip
+    y = np.array([0.3, -0.7, 1.1])
+    assert np.allclose(ito_drift(derived, y), ito_drift(given_, y), rtol=1e-14)
+    assert np.allclose(bracket(derived, 0, 1, y), bracket(given_, 0, 1, y), rtol=1e-14)
+    bare = replace(given_, noise_hessians=(), hessian=None, structure_derivative=None, check=False)
+    assert np.allclose(noise_slope(bare, 1, y), noise_slope(given_, 1, y), atol=1e-6)
+
+
+@settings(max_examples=15)
+@given(any_hamiltonians(degree=3), st.integers(0, 99))
+def test_the_ito_form_is_the_drift_of_the_generator(system: PolynomialSystem, seed: int) -> None:
+    # E[y − y0] = h L y + O(h²), by exact arithmetic.
+    problem = problems.build(system)
+    y = np.random.default_rng(seed).uniform(-1, 1, system.dimension).round(3)
+    first = moments(system, tuple(y.tolist()), exponents(system.dimension, 1), 1)
+    rate = np.array([float(row[1]) for row in first])
+    assert np.allclose(ito_drift(problem, y), rate, rtol=1e-10, atol=1e-10 * (1 + np.abs(rate).max()))
+
+
+@settings(max_examples=30)
+@given(any_hamiltonians(), st.integers(0, 99))
+def test_casimirs_are_common(system: PolynomialSystem, seed: int) -> None:
+    problem = problems.build(system)
+    y = np.random.default_rng(seed).uniform(-1, 1, system.dimension)
+    for j in range(problem.noises):
+        slope = noise_field(problem, j, y)
+        for A in problem.casimirs:
+            assert abs(y @ A @ slope) <= 1e-12 * (1 + np.abs(slope).sum() * np.abs(A).sum())
+
+
+def test_systems_travel_as_json_and_tokens_and_shrink() -> None:
+    data = problems.random_inertia().data
+    assert isinstance(data, PolynomialSystem)
+    assert problems.from_json(problems.to_json(data)) == data
+    steps: list[Case] = []
+
+    @settings(max_examples=20)
+    @given(hamiltonian_steps())
+    def draw(case: Case) -> None:
+        assert from_token(to_token(case)) == case
+        steps.append(case)
+
+    draw()
+    case = max(steps, key=lambda c: len(c.describe()))
+    assert "H1(y) = " in case.describe()
+    simple = shrunk(case, lambda c: isinstance(c.build()[0], HamiltoniansProblem))
+    assert len(simple.describe()) < len(case.describe())
+    assert isinstance(simple.build()[0], HamiltoniansProblem)
+
+
+def test_records_say_what_is_missing() -> None:
+    body = problems.rigid_body()
+    with pytest.raises(ProblemError, match="2 noise_hamiltonians"):
+        HamiltoniansProblem(
+            3, body.structure, body.hamiltonian, body.gradient, noise=(1.0, 1.0),
+            noise_hamiltonians=(lambda y: y[0],), initial=body.initial,
+        )  # fmt: skip
+    with pytest.raises(ProblemError, match="gradient to be that of hamiltonian"):
+        HamiltoniansProblem(
+            3, body.structure, body.hamiltonian, body.gradient, noise=(1.0,), noise_hamiltonians=(lambda y: y[0],),
+            noise_gradients=(lambda y: 0 * y,), initial=body.initial,
+        )  # fmt: skip
+    with pytest.raises(UsageError, match="no such step"):
+        problems.two_spins().random_step(0.1, np.zeros(2))
+    with pytest.raises(UsageError, match="areas"):
+        sepv.Scheme("x", schemes.midpoint.step, asks="all")
+
+
+def test_orders_are_floats_that_know_more() -> None:
+    order = Orders(0.5, commutative=1.0, additive=2.0)
+    assert order == 0.5
+    assert [order.of(k) for k in ("general", "commutative", "one", "additive")] == [0.5, 1.0, 1.0, 2.0]
+    assert pickle.loads(pickle.dumps(order)).additive == 2.0
+    assert order_of(1.5, "general") == 1.5
+    assert order_of(None, "general", 0.5) == 0.5
+    with pytest.raises(UsageError, match="weaker"):
+        Orders(1.0, commutative=0.5)
+
+
+# Areas.
+
+
+def test_areas_have_the_moments_of_levys() -> None:
+    """Each mean of M samples is within 6 standard errors: seven statements, false alarm below 1e-8."""
+    M = 20000
+    path = areas.drawn(1, T=1.0, steps=16, noises=3, paths=M)
+    whole = path.coarse(1)
+    A, W = whole.areas[0], whole.dW[0]
+
+    def near(samples: Array, expected: float) -> bool:
+        return abs(samples.mean() - expected) < 6 * samples.std() / np.sqrt(M)
+
+    assert near(A[0], 0.0)
+    assert near(A[0] ** 2, 1 / 4)
+    # E[A² | ΔW] = 1/12 + (ΔW_1² + ΔW_2²)/12, against a function of ΔW that is not constant.
+    g = W[0] ** 2
+    assert near(g * (A[0] ** 2 - 1 / 12 - (W[0] ** 2 + W[1] ** 2) / 12), 0.0)
+    assert near(A[0] * W[2], 0.0)
+    assert near(A[0] * A[1], 0.0)
+    # A_12 and A_13 given ΔW: ΔW_2 ΔW_3/12.
+    assert near(A[0] * A[1] * W[1] * W[2] - (W[1] * W[2]) ** 2 / 12, 0.0)
+    # P. Lévy: E A⁴ = 5/16.
+    assert near(A[0] ** 4, 5 / 16)
+
+
+def test_areas_add_up_by_chens_relation() -> None:
+    path = areas.drawn(2, T=1.0, steps=24, noises=3, paths=3)
+    assert np.allclose(path.coarse(6).coarse(2).areas, path.coarse(2).areas, atol=1e-14)
+    a, b = path.coarse(2).dW
+    before, after = path.coarse(2).areas
+    joined = before + after + 0.5 * np.stack([a[i] * b[j] - a[j] * b[i] for i, j in ((0, 1), (0, 2), (1, 2))])
+    assert np.allclose(path.coarse(1).areas[0], joined, atol=1e-14)
+    halves = path.rows(3, "halves")
+    assert np.allclose(halves[:, 3:], path.coarse(6).dW[::2])
+    with pytest.raises(UsageError, match="finer"):
+        path.rows(24, "halves")
+
+
+def test_the_rule_for_areas_has_their_second_moments() -> None:
+    problem = problems.random_inertia()
+    nodes = rule_for(schemes.area_midpoint, problem, 0.25, 4)
+    assert nodes.areas is not None
+    w, (A,), (x, _) = nodes.weights, nodes.areas, nodes.xi
+    assert w.sum() == pytest.approx(1)
+    assert w @ A == pytest.approx(0, abs=1e-14)
+    assert w @ A**2 == pytest.approx(1 / 4)
+    assert w @ (x * x * A**2) == pytest.approx(1 / 12 + (3 + 1) / 12)
+    assert w @ (x * A) == pytest.approx(0, abs=1e-14)
+    # A = √h · row.
+    assert np.allclose(nodes.zeta[2], 0.5 * A)
+
+
+def test_what_a_step_asks_for_reverses_with_the_path_and_moves_with_the_noises() -> None:
+    dW = np.array([0.3, -0.2, 0.5])
+    A = as_matrix(some("areas", 0.25, dW), 3)
+    back = as_matrix(some("areas", -0.25, -dW), 3)
+    assert np.array_equal(back, -A)
+    order = [2, 0, 1]
+    assert np.allclose(as_matrix(some("areas", 0.25, dW[order]), 3), A[np.ix_(order, order)])
+    assert np.array_equal(as_matrix(as_rows(A), 3), A)
+    first = some("halves", 0.25, dW)
+    assert np.allclose(some("halves", -0.25, -dW), -(dW - first))
+
+
+# References.
+
+
+def test_the_log_flow_is_exact_where_fields_commute() -> None:
+    problem = problems.kubo_oscillator()
+    assert isinstance(problem, StructuresProblem)
+    assert problem.closed_form is not None
+    y0, W = np.asarray(problem.initial), np.array([[0.7, -1.3]])
+    exact = problem.closed_form(y0, 0.5, W)
+    free = replace(problem, closed_form=None, check=False)
+    assert ends(free, y0, 0.5, W) is None  # several structures: a scheme may not take them as Hamiltonians
+    parts = np.concatenate([np.full((1, 2), 0.5), problem.c[:, None] * W])
+    found, error = log_flow(problem, np.repeat(y0[:, None], 2, axis=1), parts, np.zeros((0, 2)))
+    assert np.max(np.abs(found - exact)) <= 1e-13
+    assert error < 1e-12
+
+
+def test_the_reference_agrees_with_another_one_to_what_it_says() -> None:
+    """Twice as fine: both are off by what they say at most, three times for the root mean square of 64 paths."""
+    problem = problems.random_inertia()
+    y0 = np.asarray(problem.initial)
+    rough, y, apart = refined(problem, y0, 0.5, 32, range(64), 7)
+    fine = areas.drawn(7, T=0.5, steps=1024, noises=2, paths=range(64))
+    # The increments are the same path's; its areas over 256 steps are drawn again, so that of this one only a coarse
+    # reference is made.
+    assert np.allclose(fine.coarse(256).dW, rough.dW, atol=1e-15)
+    from sepv.log_flow import path
+
+    half = path(problem, y0, 0.5 / 64, rough.coarse(64).dW, rough.coarse(64).areas)
+    distance = float(np.sqrt(np.mean(np.sum((half - y) ** 2, axis=0))))
+    assert apart < 2e-3
+    assert distance < 3 * 3 * apart
+
+
+# Orders of the schemes, by quadrature.
+
+
+@pytest.mark.parametrize(
+    ("name", "problem", "slopes"),
+    [
+        ("stochastic-midpoint", "random-inertia", (2.0, 1.0, 2.0)),
+        ("stochastic-midpoint", "two-spins", (2.0, 1.5, 2.0)),
+        ("stochastic-midpoint", "random-maxwell-bloch", (2.0, 1.5, 2.0)),
+        ("area-midpoint", "random-inertia", (2.0, 1.5, 2.0)),
+        ("stochastic-splitting", "random-inertia", (2.0, 1.0, 2.0)),
+        ("isospectral-midpoint", "random-inertia", (2.0, 1.0, 2.0)),
+        ("isospectral-midpoint", "two-spins", (2.0, 1.5, 2.0)),
+        ("darboux-lie", "lotka-volterra", (2.0, 1.5, 2.0)),
+        ("drift-preserving", "noisy-henon-heiles", (3.0, 1.5, 3.0)),
+    ],
+)
+def test_local_errors_have_the_slopes_of_the_theory(
+    name: str, problem: str, slopes: tuple[float, float, float]
+) -> None:
+    found = local_errors(schemes.by_name(name), problems.by_name(problem), Effort())
+    # Above rounding, at fine steps: a slope within 0.1.
+    for errors, expected in zip((found.mean, found.rms, found.weak), slopes, strict=True):
+        real = np.flatnonzero(errors > 1e-11)[-3:]
+        slope = np.polyfit(np.log(found.h[real]), np.log(errors[real]), 1)[0]
+        assert slope == pytest.approx(expected, abs=0.1)
+
+
+@pytest.mark.parametrize(("name", "laws"), KEPT)
+def test_schemes_of_the_class_keep_what_they_claim(name: str, laws: str) -> None:
+    report = sepv.verify(name, laws=laws, effort=QUICK)
+    assert {f.verdict for f in report.findings} == {Verdict.HOLDS}, str(report)
+    assert all(f.claimed for f in report.findings)
+
+
+def test_laws_about_h_say_that_it_is_not_kept() -> None:
+    report = sepv.verify(
+        "stochastic-midpoint", laws="energy,rounding,midpoint,reference,random-step", effort=QUICK
+    )
+    assert {f.verdict for f in report.findings} == {Verdict.NOT_APPLICABLE}
+    assert "does not keep H_0" in report.finding("energy").message
+
+
+def test_schemes_refuse_what_they_do_not_take() -> None:
+    body, spins = problems.random_inertia(), problems.two_spins()
+    y, none = np.asarray(spins.initial), np.zeros(2)
+    with pytest.raises(Skipped, match="noise_flows"):
+        schemes.stochastic_splitting.step(spins, y, 0.1, none)
+    with pytest.raises(Skipped, match="not additive"):
+        schemes.drift_preserving.step(spins, y, 0.1, none, none)
+    with pytest.raises(Skipped, match="b_ij y_i y_j"):
+        schemes.darboux_lie.step(body, np.asarray(body.initial), 0.1, none)
+    with pytest.raises(Skipped, match="so"):
+        schemes.isospectral_midpoint.step(problems.random_lotka_volterra(), np.ones(3), 0.1, np.zeros(3))
+    with pytest.raises(Skipped, match="several structures"):
+        schemes.stochastic_midpoint.step(problems.noncommuting_tops(), np.ones(3), 0.1, none)
+
+
+def test_the_midpoint_rule_of_one_hamiltonian_is_the_midpoint_rule() -> None:
+    problem = problems.rigid_body()
+    y, dW = np.asarray(problem.initial), np.array([0.2])
+    found = schemes.stochastic_midpoint.step(problem, y, 0.1, dW)
+    assert np.allclose(found, schemes.midpoint.step(problem, y, 0.1, dW), atol=4e-16)
+
+
+# The trace formula.
+
+
+@settings(max_examples=30)
+@given(separable_hamiltonians())
+def test_additive_noise_along_a_quadratic_energy_makes_it_grow_at_a_constant_rate(
+    system: PolynomialSystem,
+) -> None:
+    rate = drift_of_energy(system)
+    assert rate is not None
+    y = np.full(system.dimension, 0.375)
+    series = moments(
+        system, tuple(y.tolist()), exponents(system.dimension, max(system.hamiltonian.degree, 1)), 2
+    )
+    names = exponents(system.dimension, max(system.hamiltonian.degree, 1))
+    # H(y0 + x) by its Taylor coefficients, E of each monomial by the generator: h σ and nothing of h².
+    problem = problems.build(system)
+    shifted = _taylor(problem, system, y)
+    first, second = (
+        sum(shifted[a] * float(row[k]) for a, row in zip(names, series, strict=True)) for k in (1, 2)
+    )
+    assert first == pytest.approx(rate, rel=1e-12)
+    assert second == pytest.approx(0.0, abs=1e-10 * (1 + abs(rate)))
+
+
+def _taylor(problem: Problem, system: PolynomialSystem, y: Array) -> dict[tuple[int, ...], float]:
+    del problem
+    found: dict[tuple[int, ...], float] = {}
+    for alpha in exponents(system.dimension, max(system.hamiltonian.degree, 1)):
+        p, factor = system.hamiltonian, 1.0
+        for i, k in enumerate(alpha):
+            for n in range(k):
+                p, factor = poly.differentiate(p, i), factor * (n + 1)
+        found[alpha] = float(np.sum([c * np.prod(y ** np.array(e)) for e, c in p.terms])) / factor
+    return found
+
+
+def test_a_drift_that_is_not_constant_is_not_taken_for_one() -> None:
+    data = problems.random_inertia().data
+    assert isinstance(data, PolynomialSystem)
+    assert drift_of_energy(data) is None
+
+
+@settings(max_examples=30)
+@given(so3_hamiltonians())
+def test_balls_bound_all_hamiltonians(system: PolynomialSystem) -> None:
+    problem = problems.build(system)
+    y = np.array([0.5, -0.25, 1.0])
+    radius, r = contraction_ball(problem, y)
+    for j in range(problem.noises):
+        assert radius * np.max(np.abs(noise_field(problem, j, y))) <= r
+
+
+def test_the_contract_holds_with_and_without_areas() -> None:
+    problem = problems.random_inertia()
+    y, dW = np.asarray(problem.initial), np.array([0.1, -0.2])
+    scheme = schemes.area_midpoint
+    without, with_rows = ask(scheme, problem, y, 0.1, dW), ask(scheme, problem, y, 0.1, np.append(dW, 0.0))
+    assert without.shape == with_rows.shape == (3,)
+    # No area is the midpoint rule; some is not.
+    assert np.allclose(with_rows, schemes.stochastic_midpoint.step(problem, y, 0.1, dW), atol=1e-15)
+    assert np.max(np.abs(without - with_rows)) > 1e-5
