@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from sepv.law import Effort, Verdict
 from sepv.saboteurs import ALL, historical
 from sepv.suite import verify
 
+PAGE = (Path(__file__).resolve().parents[1] / "docs" / "teeth.md").read_text(encoding="utf-8")
 NAMES = [s.name for s in historical.SABOTEURS]
 
 
@@ -25,6 +28,10 @@ def test_the_law_that_states_the_fault_finds_it_with_each_of_ten_seeds(name: str
 @pytest.mark.parametrize("name", NAMES)
 def test_each_names_its_thread(name: str) -> None:
     assert ALL[name].thread.startswith(("https://github.com/", "docs/peers/"))
+    (row,) = [line for line in PAGE.splitlines() if line.startswith(f"| {name} | ")]
+    assert ALL[name].broken in row
+    assert f"*{ALL[name].caught_by[0]}*" in row
+    assert ALL[name].thread.split()[0].rstrip(",;:") in row
 
 
 @pytest.mark.parametrize(
