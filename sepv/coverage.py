@@ -9,6 +9,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from sepv import corpus
 from sepv.law import Law
 from sepv.spaces import SPACES
 from sepv.strata import Space
@@ -49,14 +50,16 @@ def show(laws: Iterable[Law], systems: str, out: Console) -> None:
     spaces = {name: space for name, space in SPACES[systems].items() if name in chosen}
     order = [name for name in chosen if name in spaces]
     summary = Table(box=box.SIMPLE_HEAD, title="Cases by design, and pairs of strata that they meet")
-    for column in ("law", "cases", "pairs met", "possible", "impossible"):
+    for column in ("law", "witnesses", "cases", "pairs met", "possible", "impossible"):
         summary.add_column(column, justify="left" if column == "law" else "right")
     counts = {name: cases_by_stratum(spaces[name]) for name in order}
     for name in order:
         met, possible = pairs(spaces[name])
         design = spaces[name].design()
-        summary.add_row(name, *map(str, (len(design.rows), met, possible, len(design.impossible))))
+        known = len(corpus.cases(name, systems))
+        summary.add_row(name, *map(str, (known, len(design.rows), met, possible, len(design.impossible))))
     out.print(summary)
+    out.print("witnesses: cases that caught a fault once (docs/vectors.md), asked before the design")
     strata = Table(box=box.SIMPLE_HEAD, title="Cases in each stratum")
     for column in ("axis", "stratum", "all"):
         strata.add_column(column, justify="right" if column == "all" else "left")

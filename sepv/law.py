@@ -113,6 +113,9 @@ class Effort:
     shrink_checks : int
         How many checks a counterexample may be simplified with; 0 leaves it as it was found. A number and not a time,
         so that a finding does not depend on what else the machine does.
+    corpus : bool
+        Whether known witnesses (`sepv.corpus`) are asked before a law's design. Without them a count of examples says
+        what the search alone can do.
     cache : dict
         What the laws of one run hand on to each other. Leave it alone.
     """
@@ -122,6 +125,7 @@ class Effort:
     seed: int = 0
     shrink_checks: int = 500
     designs: int = 1
+    corpus: bool = True
     cache: dict[Any, Any] = field(default_factory=dict, compare=False, repr=False)
 
     def __post_init__(self) -> None:

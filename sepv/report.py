@@ -260,7 +260,7 @@ def _unguarded(report: Report, target: str) -> str:
         else ("To guard what is violated")
     )
     return (
-        f"Nothing is claimed, so nothing is guarded but the contract of a step. {guard}: {named} --pin FILE"
+        f"Nothing is claimed, so nothing is guarded but the contract of a step. {guard}: {named} --pin FILE."
     )
 
 

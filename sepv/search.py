@@ -1,7 +1,8 @@
 """Laws about single steps: a design visits every stratum of the cases, then Hypothesis looks for one that violates.
 
-The design comes first, since it misses no pair of strata (`sepv.strata`). Where a case of it violates, Hypothesis looks
-for a simpler one; where it finds none, the case itself is simplified (`sepv.shrink`).
+Witnesses of the corpus come first (`sepv.corpus`), then the design, since it misses no pair of strata (`sepv.strata`).
+Where a case of it violates, Hypothesis looks for a simpler one; where it finds none, the case itself is simplified
+(`sepv.shrink`).
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import warnings
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import chain
 from random import Random
 from typing import Any
 
@@ -20,6 +22,7 @@ from hypothesis import strategies as st
 from hypothesis.errors import Unsatisfiable
 
 from sepv import case as cases
+from sepv import corpus
 from sepv.case import Case
 from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure
 from sepv.given import NOT_OF_HAMILTONIANS, cases_for
@@ -95,6 +98,8 @@ class _Question:
     ----------
     admits : case -> bool
         Which cases the law speaks of, among those inside the contraction radius: simplifying must not leave them.
+    known : tuple of Case
+        Witnesses of the corpus, which are asked first.
     """
 
     space: Space | None
@@ -104,6 +109,7 @@ class _Question:
     faults_violate: bool
     admits: Callable[[Case], bool]
     share: int
+    known: tuple[Case, ...] = ()
 
 
 def searched(
@@ -154,14 +160,14 @@ def searched(
             return own
         if own is not None:
             return _Question(None, own, tuple, check, faults_violate, lambda _: False, undesigned)
-        space = SPACES[scheme.systems].get(name)
+        space, known = SPACES[scheme.systems].get(name), corpus.cases(name, scheme.systems)
         if scheme.systems == "single":
-            return _Question(space, cases(), corners, check, faults_violate, admits, undesigned)
+            return _Question(space, cases(), corners, check, faults_violate, admits, undesigned, known)
         special = (HAMILTONIANS if scheme.systems == "hamiltonians" else CASES[scheme.systems]).get(name)
         if special is None:
             why = NOT_OF_HAMILTONIANS.get(name) if scheme.systems == "hamiltonians" else None
             return why or f"the law is not about the systems that the scheme takes ({scheme.systems})"
-        return _Question(space, special(), tuple, check, faults_violate, admits, undesigned)
+        return _Question(space, special(), tuple, check, faults_violate, admits, undesigned, known)
 
     def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
         asked = not_applicable(scheme) or question(scheme)
@@ -184,11 +190,14 @@ def _from_json(witness: dict[str, Any]) -> Case:
 
 def _search(law: Law, scheme: Scheme, effort: Effort, asked: _Question) -> Finding:
     log, start = _Log(), time.perf_counter()
-    visited = [case for n in range(effort.designs) for case in _designed(asked.space, effort.seed, n)]
-    _visit(log, scheme, (*visited, *asked.corners()), asked)
+    known = asked.known if effort.corpus else ()
+    visited = (case for n in range(effort.designs) for case in _designed(asked.space, effort.seed, n))
+    _visit(log, scheme, chain(known, visited, asked.corners()), asked)
     if not (log.failed and effort.shrink_checks == 0):
         violation, fault = log.violation, log.fault
-        _explore(log, scheme, effort, asked)
+        # A witness was shrunk when it was found: a search for a simpler one would come back to it.
+        if violation is None or violation[0] not in known:
+            _explore(log, scheme, effort, asked)
         if (log.violation or log.fault) in (violation, fault) and log.failed:
             _simplify(log, scheme, effort, asked)
     return replace(_conclude(law, log), seconds=time.perf_counter() - start)

@@ -91,7 +91,8 @@ def run(
     progress : callable (done, total, bites), optional
         Called in this process after each saboteur and seed.
     effort : Effort, optional
-        Examples and paths; the default budget of `sepv verify` by default. Nothing is shrunk.
+        Examples and paths; the default budget of `sepv verify` by default, without the corpus of witnesses: many of
+        these are the saboteurs' own, and would say nothing of what the search finds. Nothing is shrunk.
     first : bool
         Stop at the first law that kills, expected ones first; the matrix then has holes.
     workers : int
@@ -103,8 +104,12 @@ def run(
     """
     chosen = [find(name) for name in (ALL if names is None else names)]
     asked = [law.name for law in load_laws(laws)]
-    budget = effort or Effort()
-    jobs = [(s.name, seed, asked, budget.examples, budget.paths, first) for seed in seeds for s in chosen]
+    budget = effort or Effort(corpus=False)
+    jobs = [
+        (s.name, seed, asked, budget.examples, budget.paths, first, budget.corpus)
+        for seed in seeds
+        for s in chosen
+    ]
     bites: list[Bite] = []
     # spawn: a saboteur may have left anything in this process's memory.
     context = multiprocessing.get_context("spawn")
@@ -119,11 +124,17 @@ def run(
 
 
 def bite(
-    name: str, seed: int, laws: Sequence[str], examples: int = 100, paths: int = 4096, first: bool = False
+    name: str,
+    seed: int,
+    laws: Sequence[str],
+    examples: int = 100,
+    paths: int = 4096,
+    first: bool = False,
+    corpus: bool = False,
 ) -> list[Bite]:
     """One saboteur, one seed: the laws in turn on a new copy of it, in this process."""
     saboteur = find(name)
-    scheme, effort = saboteur.scheme, Effort(examples, paths, seed, _NO_SHRINKING)
+    scheme, effort = saboteur.scheme, Effort(examples, paths, seed, _NO_SHRINKING, corpus=corpus)
     if first:
         laws = sorted(laws, key=lambda law: (law not in saboteur.caught_by, LAWS.index(law)))
     bites: list[Bite] = []

@@ -66,6 +66,7 @@ LAYERS = [
     "sepv.given sepv.strategies_poisson sepv.strategies_hamiltonians",
     "sepv.law",
     "sepv.levels",
+    "sepv.corpus",
     "sepv.coverage",
     "sepv.same_draws",
     "sepv.reference",

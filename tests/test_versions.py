@@ -41,7 +41,7 @@ def record(version: str, limit: str = "holds", date: str = "2026-01-01", **chang
         "absent": [],
         "solvers": [
             {
-                "name": "heun", "source": "its manual", "mean_square_order": 1.0, "weak_order": None, "level": 1,
+                "name": "heun", "source": "its manual", "mean_square_order": 1.0, "weak_order": None,
                 "laws": {"right-limit": law(limit), "identity": law("violated", claimed=False)},
             }
         ],
@@ -98,7 +98,7 @@ def test_a_changed_verdict_is_named_with_its_version_and_with_what_else_changed(
     assert (mended.version, mended.after, mended.besides) == ("0.3.0", "holds", ("numpy 2.0 → 2.1",))
     (deviation,) = trend.deviations(records)
     assert (deviation.seen, deviation.mended) == (("0.2.4",), "0.3.0")
-    assert [trend.cell(r, "heun") for r in records] == ["level 1", "level 1; not right-limit", "level 1"]
+    assert [trend.cell(r, "heun") for r in records] == ["holds", "not right-limit", "holds"]
     text = page({"sdeint": records})
     assert "| 0.2.4 | 0.2.0 | heun | *right-limit* | holds | violated | none |" in text
     assert "| [`s.py`](peers/s.py) | sdeint heun: no | 0.2.4 | 0.3.0 |" in text

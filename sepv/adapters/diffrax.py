@@ -30,7 +30,7 @@ from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.scheme import Scheme
 
 # JAX has had this context manager at two places.
-enable_x64 = getattr(jax, "enable_x64", None) or import_module("jax.experimental").enable_x64
+enable_x64 = jax.enable_x64 if hasattr(jax, "enable_x64") else import_module("jax.experimental").enable_x64
 
 
 class _Given(diffrax.AbstractPath):

@@ -1,7 +1,7 @@
 """One library as it is installed here, measured and recorded: ``python -m sepv.adapters.peer LIBRARY --out FILE``.
 
-`sepv peers` calls this inside the environment of each version. Laws of conformance levels 1 and 2 are asked, which
-decide what a general library claims of a solver, and two about the noise. Laws of level 3 would not be about its word.
+`sepv peers` calls this inside the environment of each version. It asks the few laws that decide what a general library
+claims of a solver: its orders and its limit. The compliance table has all laws.
 """
 
 from __future__ import annotations
@@ -27,20 +27,21 @@ from sepv.adapters.multistep import PathSolver
 from sepv.errors import SepvError
 from sepv.files import write_atomically
 from sepv.law import Effort, Law, Verdict
-from sepv.levels import SUITE, conformance
+from sepv.levels import SUITE
 from sepv.progress import showing
 from sepv.suite import load_laws
 
 FORMAT = 1
-# Beside levels 1 and 2: noises read in another order or as one matrix's diagonal, and coordinates that are mixed up.
-BESIDES = ("noise-sum", "equivariance")
+# Those that are quick enough for many versions. The local laws, by quadrature over several noises, see most faults
+# of a formula; laws that search ask a compiled step about systems of every size, which is compiled anew for each.
+ASKED = ("local-mean", "local-mean-square", "local-weak", "mean-square-order", "right-limit")
 # Of a law's message; the whole is in the output of `sepv verify`.
 LONGEST = 600
 
 
 def laws() -> list[Law]:
     """Those that are asked of each version."""
-    return [law for law in load_laws() if law.level <= 2 or law.name in BESIDES]
+    return load_laws(ASKED)
 
 
 def record(
@@ -97,16 +98,11 @@ def _scheme_entry(
 ) -> dict[str, Any]:
     unasked = silent(library, scheme)
     said = {law.name: unasked.get(law.name) or found[scheme.name, law.name] for law in asked}
-    findings = [
-        law.finding(Verdict(said[law.name]["verdict"]), claimed=said[law.name]["claimed"]) for law in asked
-    ]
-    reached = conformance(findings, load_laws())
     return {
         "name": scheme.name.removeprefix(f"{library} "),
         "source": scheme.source,
         "mean_square_order": scheme.mean_square_order,
         "weak_order": scheme.weak_order,
-        "level": None if reached is None else reached.level,
         "laws": {
             law.name: {
                 "verdict": said[law.name]["verdict"],
@@ -134,7 +130,6 @@ def _path_entry(library: str, solver: PathSolver, found: dict[tuple[str, str], A
         "source": solver.source,
         "mean_square_order": solver.mean_square_order,
         "weak_order": None,
-        "level": None,
         "laws": {
             law: {
                 "verdict": verdict.value,

@@ -108,8 +108,7 @@ def cell(record: Record, solver: str) -> str:
     if entry is None:
         return ABSENT
     wrong = broken(entry)
-    level = "" if entry["level"] is None else f"level {entry['level']}"
-    return "; ".join(part for part in (level, f"not {', '.join(wrong)}" if wrong else "") if part) or "holds"
+    return f"not {', '.join(wrong)}" if wrong else "holds"
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,10 @@ from sepv.adapters.trend import ABSENT, cell, changes, deviations, latest, solve
 from sepv.law import Verdict
 
 INTRODUCTION = """What each recorded version of these libraries was found to do: its Stratonovich solvers, through the
-library's own code, in a fresh environment with that version. Asked are the laws of [levels](levels.md) 1 and 2,
-*noise-sum* and *equivariance*. A solver claims the contract of a step, and the order that its documentation states for
-noise that commutes ([all laws, of the newest versions](compliance.md)). The records are `results/LIBRARY/VERSION.json`,
-with every verdict, defect, seed and package; nothing in them is overwritten.
+library's own code, in a fresh environment with that version. Asked are *local-mean*, *local-mean-square*, *local-weak*,
+*mean-square-order* and *right-limit*. A solver claims the orders that its documentation states for noise
+that commutes ([all laws, of the newest versions](compliance.md)); a cell names the claimed laws that do not hold. The
+records are `results/LIBRARY/VERSION.json`, with every verdict, defect, seed and package; none is ever overwritten.
 
 ```sh
 sepv peers sdeint 0.2.4 0.3.0

@@ -15,6 +15,7 @@ from sepv.commands.shared import FILE, friendly, listed
 @click.option("--seeds", type=click.IntRange(min=1), help="How many seeds. [default: 10; bare 1]")
 @click.option("--matrix", is_flag=True, help="Every saboteur by every law: an hour or more.")
 @click.option("--first", is_flag=True, help="Stop each saboteur at the first law that kills it.")
+@click.option("--corpus", is_flag=True, help="Ask known witnesses first, as `verify` does: counts mean less.")
 @click.option("--workers", type=click.IntRange(min=1), default=2, show_default=True, help="Processes.")
 @click.option("--json", "json_file", type=FILE, help="Write every single finding to this file.")
 @click.option("-q", "--quiet", is_flag=True, help="Only the last line.")
@@ -25,6 +26,7 @@ def teeth(
     seeds: int | None,
     matrix: bool,
     first: bool,
+    corpus: bool,
     workers: int,
     json_file: str | None,
     quiet: bool,
@@ -43,6 +45,7 @@ def teeth(
 
     from sepv import teeth as suite
     from sepv.files import require_folder, write_atomically
+    from sepv.law import Effort
     from sepv.progress import showing
     from sepv.report import console, line
 
@@ -56,6 +59,7 @@ def teeth(
             lambda done, total, _: shown.update(f"{done} of {total}", done / total),
             laws=laws or None,
             first=first or bare,
+            effort=Effort(corpus=corpus),
             workers=workers,
         )
     if json_file:

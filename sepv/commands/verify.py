@@ -38,6 +38,7 @@ from sepv.errors import UsageError
 @click.option("--examples", type=click.IntRange(min=1), help="Random examples for each law. [default: 25]")
 @click.option("--paths", type=click.IntRange(min=64), help="Most paths for a law. [default: 8192]")
 @click.option("--deep", is_flag=True, help="The nightly effort: 1000 examples, 20 designs, 16384 paths.")
+@click.option("--no-corpus", is_flag=True, help="Leave out the known witnesses, which are asked first.")
 @click.option(
     "--timeout", type=click.FloatRange(min=0.1), default=600.0, show_default=True, help="Seconds a law."
 )
@@ -150,13 +151,21 @@ def _verify_program(laws: tuple[str, ...], claims: tuple[str, ...], **options: A
         )
 
 
-def _effort(*, seed: int, examples: int | None, paths: int | None, deep: bool, **_: Any) -> Any:
+def _effort(
+    *, seed: int, examples: int | None, paths: int | None, deep: bool, no_corpus: bool, **_: Any
+) -> Any:
     from dataclasses import replace
 
     from sepv.law import Effort
 
     effort = Effort().deeper() if deep else Effort()
-    return replace(effort, seed=seed, examples=examples or effort.examples, paths=paths or effort.paths)
+    return replace(
+        effort,
+        seed=seed,
+        examples=examples or effort.examples,
+        paths=paths or effort.paths,
+        corpus=not no_corpus,
+    )
 
 
 def _verify(

@@ -1,0 +1,141 @@
+"""Make the corpus of witnesses anew: ``python -m benchmarks.witnesses [--law NAME]... [-j N]``.
+
+Each saboteur that no witness has caught yet is shown to the searched laws that theory names for it, and its
+counterexample is simplified. Each case is then shown to all saboteurs of its law and class, and a few are kept: the one
+that catches most (ties: the quicker, then the shorter), then the one that catches most of the rest. A case that a right
+scheme fails would be a defect of the law, and ends the run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+import warnings
+from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from sepv.reference.vector import digest
+
+from sepv import corpus, schemes
+from sepv.case import Case, from_json, to_json
+from sepv.errors import SchemeFault, SepvError
+from sepv.law import Effort, Law, Verdict
+from sepv.saboteurs import ALL, Saboteur
+from sepv.scheme import Scheme
+from sepv.spaces import SPACES
+from sepv.suite import load_laws
+
+FOLDER = Path(__file__).resolve().parents[1] / "reference" / "witnesses"
+# Of a law and a class of systems: what is caught by more than these is left to the search.
+MOST = 6
+# Simplifying ends after so many checks.
+SHRINK = 200
+
+
+def made(name: str) -> dict[str, Any]:
+    """The file of one law."""
+    (law,) = load_laws([name])
+    found = [entry for systems in SPACES if name in SPACES[systems] for entry in _of_class(law, systems)]
+    entries = []
+    for number, entry in enumerate(found, 1):
+        numbered = {"id": f"{name}/{number:02}", **entry}
+        entries.append({**numbered, "hash": digest(numbered)})
+    return {"format": corpus.FORMAT, "law": name, "witnesses": entries}
+
+
+def _of_class(law: Law, systems: str) -> list[dict[str, Any]]:
+    """The witnesses of one class of systems, in the order in which they are to be asked."""
+    suspects = [s for s in ALL.values() if law.name in s.caught_by and s.scheme.systems == systems]
+    candidates: dict[Case, str] = {}
+    for suspect in suspects:
+        scheme = suspect.scheme
+        if not law.claimed_by(scheme) or any(accused(law, suspect.scheme, case) for case in candidates):
+            continue
+        finding = law.run(law, scheme, Effort(shrink_checks=SHRINK, corpus=False))
+        if finding.verdict is Verdict.VIOLATED and finding.witness is not None:
+            candidates.setdefault(from_json(finding.witness), suspect.name)
+    caught, seconds = {}, {}
+    for case in candidates:
+        start = time.perf_counter()
+        _must_hold(law, systems, case)
+        seconds[case] = time.perf_counter() - start
+        caught[case] = frozenset(s.name for s in suspects if accused(law, s.scheme, case))
+    kept: list[Case] = []
+    left = set().union(*caught.values()) if caught else set()
+    while left and len(kept) < MOST:
+        best = max(caught, key=lambda c: (len(caught[c] & left), -round(seconds[c], 2), -_size(c)))
+        kept.append(best)
+        left -= caught[best]
+    return [
+        {"systems": systems, "found": candidates[c], "caught": sorted(caught[c]), "case": to_json(c)}
+        for c in kept
+    ]
+
+
+def accused(law: Law, scheme: Scheme, case: Case) -> bool:
+    """Whether the law finds this case alone to violate."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            return law.replay(law, scheme, to_json(case)).verdict is Verdict.VIOLATED
+        except (SchemeFault, SepvError):
+            return False
+
+
+def _must_hold(law: Law, systems: str, case: Case) -> None:
+    for scheme in right(law, systems):
+        finding = law.replay(law, scheme, to_json(case))
+        if finding.verdict is Verdict.VIOLATED:
+            raise SystemExit(f"{law.name} accuses {scheme.name}:\n{finding.message}")
+
+
+def right(law: Law, systems: str) -> list[Scheme]:
+    """Built-in schemes of the class that claim the law."""
+    every = {**schemes.ALL, **schemes.MORE}.values()
+    return [s for s in every if s.systems == systems and law.claimed_by(s)]
+
+
+def _size(case: Case) -> int:
+    return len(json.dumps(to_json(case)))
+
+
+def searched_laws() -> list[str]:
+    """Laws with a design, which are those that search cases of one step."""
+    names = {name for spaces in SPACES.values() for name in spaces}
+    return [law.name for law in load_laws() if law.name in names]
+
+
+def suspects_of(law: str) -> Iterable[Saboteur]:
+    """The saboteurs that theory names for the law."""
+    return (s for s in ALL.values() if law in s.caught_by)
+
+
+def text_of(data: dict[str, Any]) -> str:
+    """A file: a head, then a witness a line."""
+    head = json.dumps({k: v for k, v in data.items() if k != "witnesses"}, indent=1)[:-2]
+    lines = ",\n".join(json.dumps(w, separators=(",", ":")) for w in data["witnesses"])
+    return f'{head},\n "witnesses": [\n{lines}\n ]\n}}\n'
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Write the files."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--law", action="append", choices=searched_laws())
+    parser.add_argument("-j", type=int, default=1, help="processes")
+    options = parser.parse_args(arguments)
+    FOLDER.mkdir(exist_ok=True)
+    names = options.law or searched_laws()
+    with ProcessPoolExecutor(options.j) as pool:
+        for name, data in zip(names, pool.map(made, names), strict=True):
+            if data["witnesses"]:
+                (FOLDER / f"{name}.json").write_text(text_of(data), encoding="utf-8")
+            print(f"{name}: {len(data['witnesses'])} witnesses", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Stochastic flows in JAX."""

@@ -1,0 +1,102 @@
+"""The corpus of witnesses: what is in the files, that right schemes pass them, and that they are asked first."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from sepv.reference.vector import digest
+
+from benchmarks import witnesses as maker
+from sepv import corpus, teeth
+from sepv.case import to_json, to_token
+from sepv.cli import main
+from sepv.law import Effort, Verdict
+from sepv.saboteurs import ALL
+from sepv.schemas import fault
+from sepv.search import _Question
+from sepv.suite import load_laws, verify
+
+FOLDER = Path(__file__).resolve().parents[1] / "reference" / "witnesses"
+SCHEMA = json.loads((FOLDER / "witnesses.schema.json").read_text())
+LAWS = sorted(p.stem for p in FOLDER.glob("*.json") if p.name != "witnesses.schema.json")
+
+
+def test_every_searched_law_that_a_saboteur_breaks_has_witnesses() -> None:
+    assert sorted(n for n in maker.searched_laws() if list(maker.suspects_of(n))) == LAWS
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_files_are_as_the_schema_says_and_small(law: str) -> None:
+    path = FOLDER / f"{law}.json"
+    data = json.loads(path.read_text(encoding="utf-8"))
+    assert fault(data, SCHEMA) == ""
+    assert path.stat().st_size < 20_000
+    assert maker.text_of(data) == path.read_text(encoding="utf-8")
+    assert data["law"] == law
+    for number, witness in enumerate(data["witnesses"], 1):
+        assert witness["id"] == f"{law}/{number:02}"
+        assert witness["hash"] == digest({k: v for k, v in witness.items() if k != "hash"})
+        assert witness["found"] in witness["caught"]
+        assert set(witness["caught"]) <= set(ALL)
+    per_class = [w["systems"] for w in data["witnesses"]]
+    assert all(per_class.count(systems) <= maker.MOST for systems in per_class)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_right_schemes_pass_every_witness_and_the_saboteur_it_came_from_does_not(law: str) -> None:
+    (asked,) = load_laws([law])
+    for witness in corpus.witnesses(law):
+        for scheme in maker.right(asked, witness.systems):
+            finding = asked.replay(asked, scheme, to_json(witness.case))
+            assert finding.verdict in (Verdict.HOLDS, Verdict.ERROR), (
+                witness.id,
+                scheme.name,
+                finding.message,
+            )
+        assert maker.accused(asked, ALL[witness.found].scheme, witness.case), witness.id
+
+
+def test_a_fault_that_is_known_is_found_at_once_and_simplified_from_there() -> None:
+    scheme = ALL["b-at-y0"].scheme
+    with_it = verify(scheme, laws=["casimir"]).findings[0]
+    without = verify(scheme, laws=["casimir"], effort=Effort(corpus=False)).findings[0]
+    assert with_it.verdict is without.verdict is Verdict.VIOLATED
+    quick = verify(scheme, laws=["casimir"], effort=Effort(shrink_checks=0)).findings[0]
+    assert quick.checks == 1
+    assert quick.replay.endswith(to_token(corpus.witnesses("casimir", "single")[0].case))
+    # Simplified from there: never to a longer one.
+    assert len(with_it.replay) <= len(quick.replay)
+
+
+def test_teeth_leave_the_corpus_out_unless_asked() -> None:
+    (found,) = teeth.bite("four-nodes", 0, ["energy"], 12)
+    (known,) = teeth.bite("four-nodes", 0, ["energy"], 12, corpus=True)
+    assert known.kills
+    assert known.examples <= 2 * maker.MOST < found.examples
+
+
+def test_where_a_user_names_problems_only_these_are_asked() -> None:
+    report = verify("midpoint", laws=["energy"], problems=["pendulum"], effort=Effort(shrink_checks=0))
+    assert report.finding("energy").witness["problem"]["name"] == "pendulum"
+    assert _Question.__dataclass_fields__["known"].default == ()
+
+
+def test_the_coverage_table_counts_witnesses(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["verify", "energy-preserving", "--coverage", "--law", "energy"])
+    assert ended.value.code == 0
+    out = capsys.readouterr().out
+    assert "witnesses" in out
+    assert f" {len(corpus.cases('energy', 'single'))} " in out
+
+
+def test_no_corpus_is_an_option_of_verify(capsys: pytest.CaptureFixture[str]) -> None:
+    counts = []
+    for more in ([], ["--no-corpus"]):
+        with pytest.raises(SystemExit) as ended:
+            main(["verify", "energy-preserving", "--law", "noise-sum", "-q", *more])
+        assert ended.value.code == 0
+        counts.append(int(capsys.readouterr().out.split("; ")[1].split(" check")[0]))
+    assert counts[0] - counts[1] == len(corpus.cases("noise-sum", "single"))

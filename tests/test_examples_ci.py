@@ -1,0 +1,90 @@
+"""The projects of examples/ci: each is built, and the step of its workflow run as the action runs it, green and red.
+
+What a workflow does beside the action (checkout, interpreters, `pip install .`) is the runner's; here the folder is on
+the path instead. Everything else is taken from the workflow's own file.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).resolve().parents[1]
+PROJECTS = ROOT / "examples" / "ci"
+
+
+class Project(NamedTuple):
+    """A folder, the tool that it needs, and a fault: text of a file, and what is put in its place."""
+
+    folder: str
+    needs: str
+    file: str
+    right: str
+    wrong: str
+
+
+# Each fault is one sign or factor in the scheme itself.
+ALL = (
+    Project("numpy-package", "numpy", "spinning/midpoint.py", "middle = (y + y1) / 2", "middle = y + 0.49 * (y1 - y)"),
+    Project("jax-package", "jax", "flowing/heun.py", "y + 0.5 * delta * (first", "y + 0.49 * delta * (first"),
+    Project("cpp-program", "c++", "scheme.hpp", "0.5 * (y[i] + next[i])", "y[i] + 0.49 * (next[i] - y[i])"),
+    Project("node-program", "node", "heun.js", "0.5 * delta * (first[i]", "0.49 * delta * (first[i]"),
+)  # fmt: skip
+
+
+def test_every_folder_is_tested_and_listed() -> None:
+    folders = {p.name for p in PROJECTS.iterdir() if p.is_dir()}
+    assert folders == {project.folder for project in ALL}
+    text = (PROJECTS / "README.md").read_text(encoding="utf-8")
+    assert all(f"[{name}]({name})" in text for name in folders)
+
+
+def ran(project: Project, home: Path) -> subprocess.CompletedProcess[str]:
+    """The workflow's own commands, then the action's step with the workflow's inputs."""
+    workflow = yaml.safe_load((home / ".github" / "workflows" / "laws.yml").read_text(encoding="utf-8"))
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    environment = {**os.environ, "PATH": path, "PYTHONPATH": str(home)}
+    inputs: dict[str, Any] = {}
+    for step in workflow["jobs"]["verify"]["steps"]:
+        if "run" in step and not step["run"].startswith("pip install"):
+            subprocess.run(step["run"], shell=True, cwd=home, env=environment, check=True)
+        if step.get("uses", "").startswith("OWNER/sepv@"):
+            inputs = step["with"]
+    action = yaml.safe_load((ROOT / "action.yml").read_text(encoding="utf-8"))
+    assert set(inputs) <= set(action["inputs"])
+    values = {name: str(inputs.get(name, about["default"])) for name, about in action["inputs"].items()}
+    step = action["runs"]["steps"][1]
+    for key, text in step["env"].items():
+        environment[key] = values[text.removeprefix("${{ inputs.").removesuffix(" }}")]
+    return subprocess.run(
+        ["bash", "--noprofile", "--norc", "-eo", "pipefail", "-c", step["run"]],
+        cwd=home, env=environment, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("project", ALL, ids=lambda project: project.folder)
+def test_a_project_is_green_and_with_a_fault_red(project: Project, tmp_path: Path) -> None:
+    found = shutil.which(project.needs) or importlib.util.find_spec(project.needs.replace("c++", "cxx"))
+    if not found:
+        pytest.skip(f"{project.needs} is not installed")
+    home = tmp_path / project.folder
+    shutil.copytree(PROJECTS / project.folder, home)
+    green = ran(project, home)
+    assert green.returncode == 0, green.stdout + green.stderr
+    assert json.loads((home / "sepv-report" / "laws.json").read_text())["counts"]["holds"] >= 3
+    file = home / project.file
+    text = file.read_text(encoding="utf-8")
+    assert text.count(project.right) == 1
+    file.write_text(text.replace(project.right, project.wrong), encoding="utf-8")
+    red = ran(project, home)
+    assert red.returncode == 1, red.stdout + red.stderr
+    assert "not found to hold" in red.stdout
