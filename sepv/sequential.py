@@ -262,11 +262,12 @@ def _look(
 def _wanted(scheme: Scheme, setup: Setup, assess: Assess, errors: StrongErrors, alpha: float) -> str:
     """How many paths would settle it, were the means what they are seen to be."""
     paths, problem = errors.squared.shape[1], setup.build()
-    for more in _MORE:
-        if assess(problem, errors, alpha, more).verdict is not Verdict.INCONCLUSIVE:
-            wanted = paths * more
+    for factor in _MORE:
+        if assess(problem, errors, alpha, factor).verdict is not Verdict.INCONCLUSIVE:
+            wanted = paths * factor
             steps, option = wanted * sum(setup.steps), wanted if scheme.batched else wanted * SINGLE
-            return f"{setup.problem}: about {wanted} paths, {steps} steps, would settle it (--paths {option})"
+            more = "" if scheme.batched else "; a step that takes batches, (d, M), gets so many by itself"
+            return f"{setup.problem}: about {wanted} paths, {steps} steps, would settle it (--paths {option}{more})"
     return f"{setup.problem}: more paths would not settle it, at these steps it is too near the bound"
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 VERSIONS: dict[str, dict[str, tuple[str, ...]]] = {
     "diffrax": {
+        "0.5.1": ("jax==0.4.38", "jaxlib==0.4.38", "equinox==0.11.12"),
         "0.6.2": (),
         "0.7.2": (),
     },
