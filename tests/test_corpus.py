@@ -50,11 +50,7 @@ def test_right_schemes_pass_every_witness_and_the_saboteur_it_came_from_does_not
     for witness in corpus.witnesses(law):
         for scheme in maker.right(asked, witness.systems):
             finding = asked.replay(asked, scheme, to_json(witness.case))
-            assert finding.verdict in (Verdict.HOLDS, Verdict.ERROR), (
-                witness.id,
-                scheme.name,
-                finding.message,
-            )
+            assert finding.verdict is not Verdict.VIOLATED, (witness.id, scheme.name, finding.message)
         assert maker.accused(asked, ALL[witness.found].scheme, witness.case), witness.id
 
 
