@@ -17,27 +17,34 @@ from sepv.arguments import did_you_mean
 from sepv.commands.shared import EXIT_CODES
 from sepv.plain_text import cannot_show, never_fail
 
-# The name of a command, and where it is: in the order in which --help shows them.
-COMMANDS = {
-    "verify": "sepv.commands.verify:verify",
-    "compare": "sepv.commands.compare:compare",
-    "bench": "sepv.commands.bench:bench",
-    "run": "sepv.commands.run:run",
-    "list": "sepv.commands.listing:list_",
-    "exact": "sepv.commands.exact:exact",
-    "step": "sepv.commands.step:step",
-    "teeth": "sepv.commands.teeth:teeth",
-    "reproduce": "sepv.commands.reproduce:reproduce",
-    "submit": "sepv.commands.submit:submit",
-    "check": "sepv.commands.check:check",
-    "peers": "sepv.commands.peers:peers",
-    "trend": "sepv.commands.trend:trend",
-    "report": "sepv.commands.report:report",
-    "hard": "sepv.commands.hard:hard",
-    "ulps": "sepv.commands.ulps:ulps",
-    "solvability": "sepv.commands.solvability:solvability",
-    "completion": "sepv.commands.completion:completion",
+# By heading, in the order in which --help shows them: the name of a command, and where it is.
+GROUPS = {
+    "Commands": {
+        "verify": "sepv.commands.verify:verify",
+        "compare": "sepv.commands.compare:compare",
+        "bench": "sepv.commands.bench:bench",
+        "run": "sepv.commands.run:run",
+        "reproduce": "sepv.commands.reproduce:reproduce",
+        "report": "sepv.commands.report:report",
+        "list": "sepv.commands.listing:list_",
+        "completion": "sepv.commands.completion:completion",
+    },
+    "Submissions, and other libraries": {
+        "submit": "sepv.commands.submit:submit",
+        "check": "sepv.commands.check:check",
+        "peers": "sepv.commands.peers:peers",
+        "trend": "sepv.commands.trend:trend",
+    },
+    "For specialists": {
+        "exact": "sepv.commands.exact:exact",
+        "step": "sepv.commands.step:step",
+        "ulps": "sepv.commands.ulps:ulps",
+        "hard": "sepv.commands.hard:hard",
+        "solvability": "sepv.commands.solvability:solvability",
+        "teeth": "sepv.commands.teeth:teeth",
+    },
 }
+COMMANDS = {name: place for group in GROUPS.values() for name, place in group.items()}
 
 
 class _Commands(click.Group):
@@ -52,6 +59,20 @@ class _Commands(click.Group):
         module, name = COMMANDS[cmd_name].split(":")
         command: click.Command = getattr(import_module(module), name)
         return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The commands under their headings, in one column."""
+        width = max(map(len, COMMANDS))
+        limit = formatter.width - 6 - width
+        for heading, names in GROUPS.items():
+            with formatter.section(heading):
+                found = ((name, self.get_command(ctx, name)) for name in names)
+                rows = [
+                    (name.ljust(width), command.get_short_help_str(limit))
+                    for name, command in found
+                    if command
+                ]
+                formatter.write_dl(rows)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from sepv.stability import Seen
 
 
-@click.command(short_help="A scheme where schemes break.")
+@click.command(short_help="A scheme on hard cases: large steps, stiff, near singular.")
 @click.argument("target", metavar="[TARGET]", required=False)
 @EXEC
 @click.option(

@@ -7,7 +7,7 @@ import click
 from sepv.commands.shared import FILE, friendly, listed
 
 
-@click.command(short_help="Does the suite bite? Saboteurs and laws.")
+@click.command(short_help="Which planted faults each law finds.")
 @click.argument("names", nargs=-1, metavar="[SABOTEUR]...")
 @click.option(
     "--law", "laws", multiple=True, metavar="NAME,…", help="Only these laws; may be repeated.", callback=listed
@@ -32,7 +32,7 @@ def teeth(
     quiet: bool,
     debug: bool,  # noqa: ARG001  (every command takes it)
 ) -> None:
-    """Does the suite bite? Saboteurs × laws, with the examples to the first violation.
+    """Which planted faults each law finds: saboteurs × laws, with the examples to the first violation.
 
     Exit code 0 if every saboteur is killed with every seed, else 1.
 
