@@ -26,9 +26,10 @@ from benchmarks import start, tell
 from sepv import schemes
 from sepv.engine.workers import run_all
 from sepv.law import Effort, Verdict
+from sepv.laws import load_laws
 from sepv.saboteurs import unusual
 from sepv.scheme import Scheme
-from sepv.suite import load_laws, verify
+from sepv.suite import verify
 
 GROUPS: dict[str, dict[str, Scheme]] = {
     "built-in": {**schemes.ALL, **schemes.MORE, "collocation-2": schemes.collocation(2)},

@@ -11,10 +11,11 @@ import argparse
 
 from benchmarks import over, start
 from sepv.law import Effort, Verdict
+from sepv.laws import LAWS
 from sepv.problem import Array, Problem
 from sepv.saboteurs.record import claiming, implicit_step, right_side
 from sepv.scheme import Scheme
-from sepv.suite import LAWS, verify
+from sepv.suite import verify
 
 # Below an ulp of Δ nothing is left of a fault.
 LEAST = -16

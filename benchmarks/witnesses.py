@@ -24,10 +24,10 @@ from sepv import corpus, schemes
 from sepv.case import Case, from_json, to_json
 from sepv.errors import SchemeFault, SepvError
 from sepv.law import Effort, Law, Verdict
+from sepv.laws import load_laws
 from sepv.saboteurs import ALL, Saboteur
 from sepv.scheme import Scheme
 from sepv.spaces import SPACES
-from sepv.suite import load_laws
 
 FOLDER = Path(__file__).resolve().parents[1] / "reference" / "witnesses"
 # Of a law and a class of systems: what is caught by more than these is left to the search.

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from sepv.exact import exact_flow as exact_flow
     from sepv.law import Effort as Effort
     from sepv.law import Verdict as Verdict
+    from sepv.outcome import Report as Report
     from sepv.point_laws import PointLaw as PointLaw
     from sepv.problem import PolynomialSystem as PolynomialSystem
     from sepv.problem import Problem as Problem
@@ -50,7 +51,6 @@ if TYPE_CHECKING:
     from sepv.simulation import Ensemble as Ensemble
     from sepv.simulation import Trajectory as Trajectory
     from sepv.simulation import integrate as integrate
-    from sepv.suite import Report as Report
     from sepv.suite import verify as verify
 
 _HOME = {
@@ -63,7 +63,7 @@ _HOME = {
     "long_path": "sepv.engine.long",
     "exact_flow": "sepv.exact",
     "verify": "sepv.suite",
-    "Report": "sepv.suite",
+    "Report": "sepv.outcome",
     "Effort": "sepv.law",
     "Verdict": "sepv.law",
     "Ensemble": "sepv.simulation",

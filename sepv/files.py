@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 from sepv.errors import UsageError
 from sepv.law import Finding, Verdict
-from sepv.suite import Report
+from sepv.outcome import Report
 
 # What XML 1.0 cannot hold, not even escaped.
 _NOT_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")

@@ -73,7 +73,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def _expectations(config: pytest.Config) -> Expectations:
     from sepv.expected import load
-    from sepv.suite import LAWS
+    from sepv.laws import LAWS
 
     file = config.getoption("sepv_expected") or config.getini("sepv_expected")
     if not file:
@@ -156,14 +156,14 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
 
 
 def _conclude(finding: Finding, target: str, pinned: bool) -> None:
-    from sepv import suite
+    from sepv.outcome import fails
 
     __tracebackhide__ = True
     replay = f"replay: sepv verify {target} {finding.replay}" if finding.replay else ""
     text = "\n".join(part for part in (_words(finding), finding.message, replay) if part)
     if finding.expected is not None and finding.verdict is Verdict.VIOLATED:
         pytest.xfail(f"{_words(finding)}; expected: {finding.expected}")
-    if suite.fails(finding, pinned) or finding.verdict is Verdict.ERROR:
+    if fails(finding, pinned) or finding.verdict is Verdict.ERROR:
         unlisted = not finding.claimed and finding.expected is None and finding.verdict is not Verdict.ERROR
         pytest.fail(text + ("\nneither claimed nor in the pin" if unlisted else ""), pytrace=False)
     if finding.verdict is Verdict.NOT_APPLICABLE:

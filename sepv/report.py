@@ -15,8 +15,8 @@ from rich.table import Table
 from rich.text import Text
 
 from sepv.law import Finding, Verdict
+from sepv.outcome import Report
 from sepv.plain_text import ascii_text, cannot_show
-from sepv.suite import Report
 from sepv.widths import kept
 
 _STYLES = {

@@ -266,7 +266,7 @@ def _laws(scheme: Scheme, case: HardCase, sample: Sample, count: int) -> dict[st
     """
     from sepv import case as cases
     from sepv.law import Verdict
-    from sepv.suite import load_laws
+    from sepv.laws import load_laws
 
     wanted = [law for law in load_laws(case.laws) if law.claimed_by(scheme)] if case.laws else []
     found = {}

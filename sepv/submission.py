@@ -27,9 +27,11 @@ from typing import Any
 from sepv._version import __version__
 from sepv.errors import SepvError, UsageError
 from sepv.law import Effort, Finding, Verdict
+from sepv.laws import load_laws
 from sepv.levels import SUITE, conformance
+from sepv.outcome import Report
 from sepv.schemas import fault, manifest_schema, report_schema
-from sepv.suite import Report, load_laws, measure, replay
+from sepv.suite import measure, replay
 from sepv.target import load_object
 
 FORMAT = 1

@@ -21,8 +21,9 @@ from rich.text import Text
 from sepv.engine.workers import ended_at_once
 from sepv.errors import UsageError
 from sepv.law import Effort, Verdict
+from sepv.laws import LAWS, load_laws
 from sepv.saboteurs import ALL, Saboteur
-from sepv.suite import LAWS, load_laws, verify
+from sepv.suite import verify
 
 SEEDS = tuple(range(10))
 # A law takes one to ten seconds; a saboteur that is slower than this is an error of its own.

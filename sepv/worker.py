@@ -35,7 +35,8 @@ def main() -> None:
 
 def answer(say: Any) -> None:
     """Load the scheme once, then measure group after group."""
-    from sepv.suite import load_candidate, load_laws, measure
+    from sepv.laws import load_laws
+    from sepv.suite import load_candidate, measure
 
     task = _task(sys.stdin.buffer)
     scheme = load_candidate(task.scheme, task.claims, task.problems)

@@ -13,10 +13,11 @@ from sepv.case import Case
 from sepv.exact import exact_flow
 from sepv.fields import vector_field
 from sepv.law import Effort, Finding, Verdict
+from sepv.laws import load_laws
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
 from sepv.schemes.energy_preserving import step as exact_step
-from sepv.suite import load_laws, verify
+from sepv.suite import verify
 
 QUICK = Effort(examples=5, paths=512, shrink_checks=30)
 

@@ -13,10 +13,11 @@ from sepv import corpus, teeth
 from sepv.case import to_json, to_token
 from sepv.cli import main
 from sepv.law import Effort, Verdict
+from sepv.laws import load_laws
 from sepv.saboteurs import ALL
 from sepv.schemas import fault
 from sepv.search import _Question
-from sepv.suite import load_laws, verify
+from sepv.suite import verify
 
 FOLDER = Path(__file__).resolve().parents[1] / "reference" / "witnesses"
 SCHEMA = json.loads((FOLDER / "witnesses.schema.json").read_text())

@@ -17,7 +17,7 @@ import click
 import pytest
 
 from sepv.cli import main
-from sepv.suite import load_laws
+from sepv.laws import load_laws
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = ("ten-minutes", "laws", "choosing", "ci", "extending", "beyond", "hard-cases", "speed")

@@ -17,7 +17,8 @@ from click.testing import CliRunner
 from sepv.cli import main
 from sepv.external import load_program
 from sepv.law import Effort
-from sepv.suite import LAWS, verify
+from sepv.laws import LAWS
+from sepv.suite import verify
 
 ROOT = Path(__file__).resolve().parent.parent
 EXAMPLES, PATHS, SEED = 10, 256, 4

@@ -15,9 +15,10 @@ import pytest
 from sepv import external, problems, schemes
 from sepv.external import Program, check_protocol, load_program
 from sepv.law import Effort
+from sepv.laws import LAWS
 from sepv.polynomial import polynomial
 from sepv.problem import PolynomialSystem
-from sepv.suite import LAWS, verify
+from sepv.suite import verify
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -14,9 +14,10 @@ from sepv import schemes
 from sepv.cli import main
 from sepv.files import badge_json, junit_xml, report_json, write_atomically
 from sepv.law import Effort
+from sepv.outcome import Report
 from sepv.schemas import report_schema
 from sepv.scheme import Scheme
-from sepv.suite import Report, verify
+from sepv.suite import verify
 
 FEW = Effort(examples=15, paths=256)
 

@@ -17,11 +17,11 @@ from sepv.checks import check_problem
 from sepv.cli import main
 from sepv.errors import ProblemError, StepFailure
 from sepv.implicit import Solution, Status
+from sepv.laws import LAWS
 from sepv.problem import Problem
 from sepv.problems import hard
 from sepv.schemas import hard_schema
 from sepv.stability import Seen, run
-from sepv.suite import LAWS
 
 
 @pytest.mark.parametrize("case", hard.CATALOGUE, ids=lambda c: c.name)

@@ -14,11 +14,12 @@ from sepv.fields import vector_field
 from sepv.law import Effort, Verdict
 from sepv.local_errors import LEVELS, cases, local_errors, step_sizes
 from sepv.local_orders import judge_slope
+from sepv.outcome import Report
 from sepv.problem import Array, Problem
 from sepv.saboteurs import ALL
 from sepv.scheme import Scheme, Step, as_lanes
 from sepv.schemes import energy_preserving
-from sepv.suite import Report, verify
+from sepv.suite import verify
 
 LOCAL = ("local-mean", "local-mean-square", "local-weak")
 H = 2.0 ** -np.arange(6.0, 27.0, 2.0)

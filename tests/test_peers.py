@@ -24,10 +24,11 @@ from sepv.case import Case
 from sepv.errors import Skipped
 from sepv.fields import vector_field
 from sepv.law import Effort, Verdict
+from sepv.laws import load_laws
 from sepv.problem import PolynomialSystem, Problem
 from sepv.scheme import Scheme
 from sepv.strategies import any_steps
-from sepv.suite import load_laws, verify
+from sepv.suite import verify
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 QUICK = Effort(examples=20, paths=256, shrink_checks=30)

@@ -10,8 +10,9 @@ import pytest
 
 from sepv.expected import pin
 from sepv.law import Effort
+from sepv.laws import LAWS
 from sepv.schemes import midpoint
-from sepv.suite import LAWS, verify
+from sepv.suite import verify
 
 pytest_plugins = ["pytester"]
 

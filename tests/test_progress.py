@@ -18,8 +18,8 @@ import pytest
 import benchmarks
 from sepv import progress
 from sepv.law import Verdict
+from sepv.laws import load_laws
 from sepv.report import console
-from sepv.suite import load_laws
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -10,6 +10,7 @@ from sepv import teeth
 from sepv.corners import for_energy
 from sepv.errors import UsageError
 from sepv.law import Effort, Verdict
+from sepv.laws import LAWS
 from sepv.report import console
 from sepv.saboteurs import ALL, FAMILIES, historical
 from sepv.saboteurs.hamiltonians import ORIGINALS as IMITATED
@@ -24,7 +25,6 @@ from sepv.schemes import (
     splitting,
 )
 from sepv.spaces import SPACES
-from sepv.suite import LAWS
 
 # What these claim is what is wrong with them; all others claim exactly what (2.1) claims.
 ORIGINALS = {"single": collocation(2), "nambu": both_invariants, "several": several_structures}

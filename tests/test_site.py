@@ -18,7 +18,7 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
-from sepv.suite import LAWS
+from sepv.laws import LAWS
 
 ROOT = Path(__file__).resolve().parents[1]
 CHROMIUM = next((p for p in ("chromium", "chromium-browser", "google-chrome") if shutil.which(p)), None)

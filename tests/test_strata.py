@@ -17,6 +17,7 @@ from sepv.corners import for_energy
 from sepv.covering import pairwise, shown_pairs
 from sepv.errors import UsageError
 from sepv.law import Effort, Verdict
+from sepv.laws import LAWS
 from sepv.opaque import GIVEN, shown
 from sepv.problem import NamedProblem, PolynomialSystem
 from sepv.problem import Problem as ProblemRecord
@@ -27,7 +28,7 @@ from sepv.shrink import shrunk
 from sepv.spaces import SINGLE, SPACES
 from sepv.strata import Levels
 from sepv.strategies import contraction_radius
-from sepv.suite import LAWS, verify
+from sepv.suite import verify
 
 ALL = [(kind, law) for kind, laws in SPACES.items() for law in laws]
 

@@ -21,8 +21,8 @@ from sepv.bench import store
 from sepv.bench.table import record_table
 from sepv.cli import COMMANDS, main
 from sepv.law import Verdict
+from sepv.laws import LAWS
 from sepv.report import console
-from sepv.suite import LAWS
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -7,7 +7,8 @@ import pytest
 
 from sepv import schemes
 from sepv.law import Effort, Verdict
-from sepv.suite import load_laws, verify
+from sepv.laws import load_laws
+from sepv.suite import verify
 
 ALWAYS = {"contract", "reproducibility", "truncation"}
 KEPT = {

@@ -190,7 +190,7 @@ def test_a_library_that_is_installed_here_is_recorded_as_the_schema_says(
 ) -> None:
     sdeint = pytest.importorskip("sdeint", reason="sdeint is not installed")
     from sepv.adapters import sdeint as adapter
-    from sepv.suite import load_laws
+    from sepv.laws import load_laws
 
     monkeypatch.setattr(adapter, "SCHEMES", adapter.SCHEMES[:1])
     monkeypatch.setattr(adapter, "PATHS", ())

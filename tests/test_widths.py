@@ -11,9 +11,9 @@ from rich.console import Console
 
 from sepv.cli import main
 from sepv.law import Effort, Finding, Verdict
+from sepv.outcome import Report
 from sepv.report import law_table
 from sepv.schemes import midpoint
-from sepv.suite import Report
 from sepv.widths import kept
 
 FOUND = tuple(

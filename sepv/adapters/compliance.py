@@ -23,10 +23,10 @@ from sepv.adapters.multistep import PathSolver
 from sepv.adapters.rows import Row, path_row, scheme_row
 from sepv.errors import SepvError
 from sepv.law import Effort
+from sepv.laws import LAWS, load_laws
 from sepv.progress import Shown, showing
 from sepv.schemes import energy_preserving
 from sepv.sequential import FALSE_ALARM, FIRST_LOOK
-from sepv.suite import LAWS, load_laws
 
 
 @dataclass(frozen=True)

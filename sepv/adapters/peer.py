@@ -27,9 +27,9 @@ from sepv.adapters.multistep import PathSolver
 from sepv.errors import SepvError
 from sepv.files import write_atomically
 from sepv.law import Effort, Law, Verdict
+from sepv.laws import load_laws
 from sepv.levels import SUITE
 from sepv.progress import showing
-from sepv.suite import load_laws
 
 FORMAT = 1
 # Those that are quick enough for many versions. The local laws, by quadrature over several noises, see most faults

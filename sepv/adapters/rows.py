@@ -9,8 +9,8 @@ from typing import Any
 from sepv.adapters.measurements import NO_AREAS, SETUPS, path_verdicts, release, silent
 from sepv.adapters.multistep import PathSolver
 from sepv.law import Verdict
+from sepv.laws import LAWS
 from sepv.scheme import Scheme
-from sepv.suite import LAWS
 
 MARKS = {
     Verdict.HOLDS: "holds",

@@ -23,8 +23,8 @@ def list_(debug: bool) -> None:  # noqa: ARG001  (every command takes it)
     from rich.table import Table
 
     from sepv import problems, schemes
+    from sepv.laws import load_laws
     from sepv.report import console
-    from sepv.suite import load_laws
     from sepv.widths import fitted
 
     out = console()

@@ -99,7 +99,7 @@ def listed(_context: click.Context, _parameter: click.Parameter, values: tuple[s
 
 def complete_laws(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
     """Laws, for shell completion."""
-    from sepv.suite import LAWS
+    from sepv.laws import LAWS
 
     return [name for name in LAWS if name.startswith(incomplete)]
 

@@ -40,9 +40,10 @@ def submit(target: str | None, program: str | None, out: str, quiet: bool, **opt
     from sepv.external import load_program
     from sepv.files import require_folder, write_atomically
     from sepv.law import Effort
+    from sepv.laws import load_laws
     from sepv.progress import watching
     from sepv.submission import Asked, bundle, source
-    from sepv.suite import load_laws, verify
+    from sepv.suite import verify
 
     if bool(target) == bool(program):
         raise UsageError(

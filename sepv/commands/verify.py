@@ -99,7 +99,7 @@ def _coverage(targets: tuple[str, ...], laws: tuple[str, ...]) -> int:
     """``--coverage``: the designs for the class of systems that each target takes."""
     from sepv import report as page
     from sepv.coverage import show
-    from sepv.suite import load_laws
+    from sepv.laws import load_laws
     from sepv.target import load_scheme
 
     for target in targets:
@@ -134,7 +134,7 @@ def _arguments(laws: tuple[str, ...], claims: tuple[str, ...], **options: Any) -
 def _verify_program(laws: tuple[str, ...], claims: tuple[str, ...], **options: Any) -> int:
     """``sepv verify --exec``: the same laws, asked of a child process."""
     from sepv.external import check_protocol, describe, load_program
-    from sepv.suite import LAWS
+    from sepv.laws import LAWS
 
     command, seconds = options["program"], options["call_timeout"]
     if options["check_protocol"]:
@@ -179,8 +179,8 @@ def _verify(
     from dataclasses import replace
 
     from sepv import report as page
+    from sepv.laws import laws_of
     from sepv.progress import watching
-    from sepv.suite import laws_of
     from sepv.suite import verify as run
 
     out, reports = page.console(), []

@@ -53,7 +53,7 @@ def fingerprint() -> str:
     A committed page whose fingerprint is another is older than what it shows.
     """
     from sepv import schemes
-    from sepv.suite import load_laws
+    from sepv.laws import load_laws
 
     laws = [(law.name, law.statement, law.source) for law in load_laws()]
     built_in = [

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from sepv.errors import UsageError
+from sepv.laws import LAWS, load_laws
 from sepv.page import plot as drawing
 from sepv.page.text import name, number, plain, power
-from sepv.suite import LAWS, load_laws
 
 # Characters of counterexamples on a page; the JSON files have them all.
 BUDGET = 17_000
