@@ -29,6 +29,7 @@ ELSEWHERE = {
     "protocol": "test_examples.py",
     "vectors": "test_vectors.py",
     "compliance": "test_peers.py",
+    "trend": "test_versions.py",
     "levels": "test_levels.py",
     "index": "test_site.py",  # the first page of the site, whose example is measured as it is built
     "api": "test_site.py",  # directives, no commands
@@ -189,11 +190,13 @@ def test_the_commands_about_mutants_can_be_parsed() -> None:
 
 
 def test_the_vector_that_is_shown_is_one() -> None:
-    (block,) = blocks("vectors", "json")
+    block, witness = blocks("vectors", "json")
     fields = set(re.findall(r'"(\w+)":', block[1])) - {"name", "parameters", "inertia", "noise"}
     file = ROOT / "reference" / "vectors" / "energy-preserving.json"
     one = next(v for v in json.loads(file.read_text())["cases"] if v["id"] == "energy-preserving/paper-07")
     assert fields <= set(one)
+    schema = json.loads((ROOT / "reference" / "witnesses" / "witnesses.schema.json").read_text())
+    assert list(json.loads(witness[1])) == schema["$defs"]["witness"]["required"]
 
 
 def commands() -> list[tuple[str, str]]:
