@@ -26,6 +26,8 @@ from sepv import wiener
 from sepv.errors import UsageError
 from sepv.problem import Array
 
+# Fine steps in each step of a scheme that asks for areas, so that the shape of their law hardly depends on the a_ij.
+MORE = 8
 # A stream of its own: far from the seeds that are given by hand.
 _SECOND = 2**40
 

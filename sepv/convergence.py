@@ -28,8 +28,6 @@ FLOOR = 1e4
 # High enough to see the bulk of the errors of few steps, whose median is small beside their mean square, low enough
 # for an interval of it from some hundred paths.
 QUANTILE = 0.8
-# Fine steps in the finest, whose areas add up for a scheme that asks for them.
-MORE = 8
 # Wide enough to hide what NumPy takes for a call: 1024 paths at once cost half of four times 256.
 _CHUNK = 1024
 
@@ -117,7 +115,7 @@ def strong_errors(
             fine, exact, apart = finer(problem, start, T, finest, numbers, seed)
             reference = max(reference, apart)
         if scheme.asks and rough is None:
-            rough = areas.drawn(seed, T=T, steps=MORE * finest, noises=problem.noises, paths=numbers)
+            rough = areas.drawn(seed, T=T, steps=areas.MORE * finest, noises=problem.noises, paths=numbers)
             fine = rough.coarse(finest).dW
         largest = max(largest, float(np.max(np.abs(exact))))
         ends[:, here], W[:, here] = exact, fine.sum(axis=0)

@@ -47,7 +47,7 @@ def _strata(space: Space) -> list[tuple[str, str]]:
 def show(laws: Iterable[Law], systems: str, out: Console) -> None:
     """Print the tables for these laws and this class of systems."""
     chosen = [law.name for law in laws]
-    spaces = {name: space for name, space in SPACES[systems].items() if name in chosen}
+    spaces = {name: space for name, space in SPACES.get(systems, {}).items() if name in chosen}
     order = [name for name in chosen if name in spaces]
     summary = Table(box=box.SIMPLE_HEAD, title="Cases by design, and pairs of strata that they meet")
     for column in ("law", "witnesses", "cases", "pairs met", "possible", "impossible"):

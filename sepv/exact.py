@@ -18,8 +18,8 @@ from sepv.closed_forms import CLOSED_FORMS
 from sepv.dense import solve_dense
 from sepv.errors import UsageError
 from sepv.fields import vector_field
+from sepv.hamiltonians import is_several
 from sepv.problem import Array, NamedProblem, Problem
-from sepv.structures import StructuresProblem
 from sepv.target import load_problem
 
 _EPS = float(np.finfo(np.float64).eps)
@@ -74,10 +74,10 @@ def exact_flow(
     [1.0, -1.0]
     """
     problem = load_problem(problem)
-    if isinstance(problem, StructuresProblem):
+    if is_several(problem):
         raise UsageError(
             expected="a problem of class (1.1): one structure, one random time",
-            received=f"{problem.name}, with several structures",
+            received=f"{problem.name}, with several structures or Hamiltonians",
             remedy="its closed_form, where the flows commute; no formula is known where they do not",
         )
     times = floats("theta", theta)

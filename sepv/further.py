@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from sepv.errors import UsageError
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
 
@@ -20,12 +21,31 @@ def further_rows(asks: str, noises: int) -> int:
     return {"": 0, "areas": noises * (noises - 1) // 2, "halves": noises}[asks]
 
 
-def answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> Any:
-    """The scheme's step for dW (m, ...), or with its further rows; without them it is given `some`."""
+def answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, *, any_path: bool = False) -> Any:
+    """The scheme's step for dW (m, ...), or for (m + k, ...) with the further rows that it asks for.
+
+    Parameters
+    ----------
+    any_path : whether it is given `some` where they are missing, by a law that speaks of every path.
+
+    Raises
+    ------
+    UsageError
+        Where they are missing otherwise: without them the noise would be of another law.
+    """
     if not scheme.asks:
         return scheme.step(problem, y, h, dW)
-    own = dW[: problem.noises]
-    rows = dW[problem.noises :] if len(dW) > problem.noises else some(scheme.asks, h, own)
+    own, count = dW[: problem.noises], further_rows(scheme.asks, problem.noises)
+    if len(dW) == problem.noises and any_path:
+        rows = some(scheme.asks, h, own)
+    elif len(dW) == problem.noises + count:
+        rows = dW[problem.noises :]
+    else:
+        raise UsageError(
+            expected=f"increments with {count} further rows, the {scheme.asks} that {scheme.name} asks for",
+            received=f"{len(dW)} rows for {problem.noises} noises",
+            remedy="sepv.areas.drawn(…).rows(steps, asks) draws both; sepv.integrate does where dW is not given",
+        )
     further = as_matrix(rows, problem.noises) if scheme.asks == "areas" else np.array(rows)
     return scheme.step(problem, y, h, np.array(own), further)
 

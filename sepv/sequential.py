@@ -11,6 +11,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from sepv import problems
 from sepv.candidate import guarded
 from sepv.convergence import StrongErrors, first, join, strong_errors
@@ -110,7 +112,17 @@ def _given(problem: Problem, truncation: int | None, order: float | None) -> Set
     if problem.data in [known.data for known in map(problems.by_name, problems.NAMED)]:
         assert isinstance(problem.data, NamedProblem)
         return replace(_setup(problem.data.name, truncation, order), given=problem)
+    if problem.name in problems.HAMILTONIANS and _built_in(problem):
+        return replace(_setup(problem.name, truncation, order), given=problem)
     return replace(_setup(problem.name, truncation, order), T=reach(problem), given=problem)
+
+
+def _built_in(problem: Problem) -> bool:
+    """Whether it is the one of its name, from its own initial state."""
+    known = problems.by_name(problem.name)
+    return problem.dimension == known.dimension and all(
+        np.array_equal(getattr(problem, key), getattr(known, key)) for key in ("c", "initial")
+    )
 
 
 def is_tilted(scheme: Scheme) -> bool:

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sepv import wiener
+from sepv import areas, wiener
 from sepv.arguments import floats, is_number
 from sepv.candidate import ask
 from sepv.errors import StepFailure, TruncationWarning, UsageError
-from sepv.further import answer
+from sepv.further import answer, further_rows
 from sepv.implicit import Status
 from sepv.point_laws import PointLaw
 from sepv.problem import Array, Problem
@@ -36,7 +36,7 @@ class Trajectory:
     t : (N + 1,)
     y : (d, N + 1)
     dW : (N, m)
-        The increments that were used.
+        The increments that were used, with areas or halves in further columns for a scheme that asks for them.
     gradient_evaluations, divisions, continuations : int
         Evaluations of ∇H; steps that were divided, and followed from Δ = 0, because they had no solution otherwise.
     """
@@ -169,18 +169,15 @@ def integrate(
     scheme, k = prepared(load_scheme(scheme, problems=(problem,)), truncation, increments)
     count = step_count(h, T, steps)
     start = initial_state(problem, y0)
-    raw = (
-        wiener.increments(seed, T=h * count, steps=count, noises=problem.noises, refine=None)[:, :, 0]
-        if dW is None
-        else floats("dW", dW)
-    )
-    if raw.shape != (count, problem.noises):
+    m = problem.noises
+    raw = _drawn(scheme, problem, seed, h * count, count) if dW is None else floats("dW", dW)
+    if raw.shape != (count, m + further_rows(scheme.asks, m)):
         raise UsageError(
-            expected=f"dW of shape {(count, problem.noises)}",
+            expected=f"dW of shape {(count, m + further_rows(scheme.asks, m))}",
             received=f"shape {raw.shape}",
-            remedy="one row a step",
+            remedy=f"one row a step{', with the ' + scheme.asks + ' that the scheme asks for' if scheme.asks else ''}",
         )
-    used = wiener.seen(raw, h, k, scheme.increments)
+    used = np.concatenate([wiener.seen(raw[:, :m], h, k, scheme.increments), raw[:, m:]], axis=1)
     y = np.empty((problem.dimension, count + 1))
     y[:, 0] = start
     evaluations = divisions = continuations = 0
@@ -205,6 +202,14 @@ def integrate(
     return Trajectory(
         np.arange(count + 1, dtype=np.float64) * h, y, used, evaluations, divisions, continuations
     )
+
+
+def _drawn(scheme: Scheme, problem: Problem, seed: int, T: float, steps: int) -> Array:
+    """Path 0 of this seed (N, m), with what the scheme asks for in further columns."""
+    if scheme.asks:
+        fine = areas.drawn(seed, T=T, steps=areas.MORE * steps, noises=problem.noises, paths=1)
+        return fine.rows(steps, scheme.asks)[:, :, 0]
+    return wiener.increments(seed, T=T, steps=steps, noises=problem.noises, refine=None)[:, :, 0]
 
 
 def prepared(

@@ -151,9 +151,21 @@ def combined_slope(problem: Problem, y: Array, parts: Array) -> Array | None:
 
 
 def noise_structures(problem: Problem) -> Sequence[Function]:
-    """G_1, …, G_m; for a single structure B itself, m times."""
+    """G_1, …, G_m; for a single structure B itself, m times.
+
+    Raises
+    ------
+    UsageError
+        For several Hamiltonians that do not commute with H_0: they have no such structures.
+    """
     if isinstance(problem, StructuresProblem):
         return problem.noise_structures
+    if getattr(problem, "noise_hamiltonians", ()):
+        raise UsageError(
+            expected="a scheme for several Hamiltonians, such as stochastic-midpoint",
+            received=f"a scheme that takes the structures of noises, which {problem.name} does not have",
+            remedy="use a scheme with systems='hamiltonians': with {H_0, H_j} ≠ 0 no scheme keeps H_0",
+        )
     return (problem.structure,) * problem.noises
 
 

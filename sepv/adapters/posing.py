@@ -20,10 +20,10 @@ from sepv import polynomial as poly
 from sepv.adapters._lanes import in_blocks
 from sepv.adapters.multistep import PathSolver
 from sepv.errors import Skipped
+from sepv.hamiltonians import is_several
 from sepv.polynomial import Polynomial
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
 from sepv.problems.polynomial_system import structure_entries
-from sepv.structures import StructuresProblem
 from sepv.target import load_problem
 
 __all__ = ["Formulas", "PathSolver", "field_in", "in_blocks", "pose"]
@@ -124,7 +124,7 @@ def pose(problem: str | Problem, *, padded: bool = True) -> tuple[Formulas, tupl
     """
     found = load_problem(problem)
     known = isinstance(found.data, PolynomialSystem) or getattr(found.data, "name", "") in _NAMED
-    if found.data is None or not known or isinstance(found, StructuresProblem):
+    if found.data is None or not known or is_several(found):
         raise Skipped(
             f"{found.name} is not (1.1) given as data, and no other library can run NumPy functions: write it with "
             "sepv.problems.polynomial_problem, or its functions in your library (docs/extending.md)"

@@ -17,6 +17,7 @@ from sepv.engine.schemes import Collocation, Formula, Projected, formula_of
 from sepv.engine.stages import StagesWriter
 from sepv.engine.writer import Writer
 from sepv.errors import Skipped
+from sepv.hamiltonians import HamiltoniansProblem
 from sepv.one_step import each_noise
 from sepv.problem import Array, Problem
 from sepv.record import CannotRecord, NoClosedForm
@@ -105,6 +106,8 @@ def taken(scheme: Scheme, problem: Problem) -> Formula:
             requires(problem)
         except Skipped as why:
             raise CannotCompile(str(why)) from why
+    if isinstance(problem, HamiltoniansProblem):
+        raise CannotCompile(f"{problem.name} has several Hamiltonians")
     structures = noise_structures(problem)
     if any(isinstance(G, CommutingStructure) for G in structures):
         raise CannotCompile(f"{problem.name} has structures that are undefined at critical points of H")

@@ -148,6 +148,12 @@ def ensemble(
     raw, paths = _increments(dW, count, problem, paths)
     start = initial_state(problem, y0)
     scheme, k = prepared(scheme, truncation, increments)
+    if scheme.asks:
+        raise UsageError(
+            expected="a scheme that sees increments alone: an ensemble draws nothing else",
+            received=f"{scheme.name}, which asks for {scheme.asks}",
+            remedy="sepv.integrate for one path, or sepv.areas.drawn and the scheme's step for many",
+        )
     if k is not None:
         wiener.truncate(np.zeros(1), h, k)  # refuses h and k that Remark 2.1 does not cover
     wiener.validate(seed, h * count, count, problem.noises, range(paths))

@@ -18,7 +18,7 @@ from sepv.problems.lotka_volterra import exponential, lotka_volterra, pairs_of
 
 
 def random_lotka_volterra(
-    beta: Sequence[float] = (0.5, -0.5, 0.25), noise: Sequence[float] = (0.25, 0.125, 0.25)
+    beta: Sequence[float] = (0.5, -0.5, 0.25), noise: Sequence[float] = (0.125, 0.0625, 0.125)
 ) -> Problem:
     """The system from (1, 1.9, 0.5) with the parameters of §4.4 and a noise for each species."""
     base = lotka_volterra()

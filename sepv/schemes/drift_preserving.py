@@ -61,7 +61,7 @@ def pushed(problem: Problem, y: Array, dW: Array) -> Array:
 scheme = Scheme(
     "drift-preserving",
     step,
-    EVERY | {"casimir", "symmetry", "energy-drift"},
+    EVERY | {"symmetry", "energy-drift"},
     "Cohen and Vilmart (2022)",
     mean_square_order=1.0,
     weak_order=2.0,

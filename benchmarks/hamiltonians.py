@@ -1,0 +1,188 @@
+"""Schemes for several Hamiltonians and their papers: ``python -m benchmarks.hamiltonians > docs/class.md``.
+
+Three tables: each law's verdict on each scheme, with what the scheme claims; the slopes that were measured, by
+quadrature and on paths, with their intervals; and the saboteurs of the class, by the law that states their fault, with
+ten seeds. Some six minutes of one core.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterable, Sequence
+
+import sepv
+from sepv import problems, teeth
+from sepv.hamiltonians import column
+from sepv.law import Finding, Verdict
+from sepv.saboteurs import ALL
+from sepv.suite import LAWS, Report
+
+SCHEMES = (
+    "stochastic-midpoint",
+    "area-midpoint",
+    "stochastic-splitting",
+    "isospectral-midpoint",
+    "darboux-lie",
+    "drift-preserving",
+)
+SLOPES = ("local-mean", "local-mean-square", "local-weak", "mean-square-order", "weak-order")
+# What a saboteur is asked besides the law that states its fault: it should lose nothing else.
+KEPT = (
+    "identity", "energy-drift", "casimir", "any-casimir", "poisson-map", "symplecticity", "positivity", "symmetry",
+    "local-mean", "local-mean-square", "local-weak",
+)  # fmt: skip
+SEEDS = tuple(range(10))
+WORDS = {Verdict.HOLDS: "holds", Verdict.VIOLATED: "violated", Verdict.NOT_APPLICABLE: "–", Verdict.ERROR: "error",
+         Verdict.INCONCLUSIVE: "inconclusive", Verdict.NOT_MEASURED: "not measured"}  # fmt: skip
+# (scheme, where it comes from, what is claimed there, what is claimed here beyond that)
+CLAIMS = (
+    (
+        "stochastic-midpoint",
+        "Milstein, Repin and Tretyakov 2002, constant B",
+        "symplectic; mean-square order ½, 1 for noises that commute",
+        "for any B: quadratic Casimirs, weak order 1; no Poisson map where B is not constant",
+    ),
+    (
+        "area-midpoint",
+        "the midpoint rule with the areas of Kloeden and Platen 1992, §10.3",
+        "– (no paper)",
+        "mean-square order 1 for any noises, quadratic Casimirs, symplectic for constant B",
+    ),
+    (
+        "stochastic-splitting",
+        "Bréhier, Cohen and Jahnke 2023, composed as Lie's and Trotter's",
+        "Poisson map, all Casimirs; mean-square order ½, weak order 1",
+        "symmetry (composed as Strang's); order 1 for noises that commute",
+    ),
+    (
+        "isospectral-midpoint",
+        "Ephrati, Jansson, Lang and Luesink, arXiv 2408.16701",
+        "Poisson map, Casimirs almost surely; strong order ½, weak order 1",
+        "order 1 for noises that commute",
+    ),
+    (
+        "darboux-lie",
+        "Hong, Ruan, Sun and Wang 2021; Liu and Wang 2024",
+        "Poisson map, Casimirs; mean-square order 1",
+        "positivity; order 1 for noises that commute, ½ otherwise",
+    ),
+    (
+        "drift-preserving",
+        "Cohen and Vilmart 2022",
+        "E[H] grows at the exact rate, quadratic Casimirs too; mean-square order 1, weak order 2",
+        "that, for noise B∇H_j with constant fields",
+    ),
+)
+TITLE = """# Several Hamiltonians: what schemes claim, and what was found
+
+dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j) with {H_0, H_j} ≠ 0: see `sepv.hamiltonians`. This page is what
+`python -m benchmarks.hamiltonians` prints.
+"""
+DIFFERENCES = """## Where a verdict differs from a paper
+
+*darboux-lie*: Liu and Wang state mean-square order 1 for their integrator of stochastic Lotka-Volterra systems. The
+midpoint rule in logarithms, which sees increments alone, has that order for one noise (`lotka-volterra`), and order ½
+for three independent noises whose fields do not commute: the local slope on `random-lotka-volterra` is 1.0, where
+order 1 needs 1.5. No scheme that sees increments alone can do better (J. Clark and R. Cameron 1980). How their scheme
+sees the noise was not looked up. Over paths the noise of that problem is so small that the order of the drift's error
+shows.
+
+The other statements hold where they were measured. The law *poisson-map* is violated by both midpoint rules, which do
+not claim it, and *energy-drift* by every scheme but *drift-preserving*: E[H] is right up to h² a step only. A dash: the
+law does not speak of the class, or not of what the scheme is for; laws about H speak of *darboux-lie* on
+`lotka-volterra`, which is (1.1).
+"""
+
+
+def cell(finding: Finding) -> str:
+    """The verdict, in bold where the scheme claims the law."""
+    word = WORDS[finding.verdict]
+    return f"**{word}**" if finding.claimed else word
+
+
+def table(heading: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table of Markdown."""
+    lines = ["| " + " | ".join(heading) + " |", "|" + "---|" * len(heading)]
+    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)]) + "\n"
+
+
+def verdicts(reports: dict[str, Report]) -> str:
+    """Law by law."""
+    names = list(next(iter(reports.values())).findings)
+    rows = [[f.law, *(cell(r.finding(f.law)) for r in reports.values())] for f in names]
+    return table(["law", *reports], [row for row in rows if any(c != "–" for c in row[1:])])
+
+
+def slopes(reports: dict[str, Report]) -> str:
+    """Problem by problem: slopes of one step and orders of paths, the latter with the interval that judged them."""
+    rows = []
+    for name, report in reports.items():
+        seen: dict[str, dict[str, str]] = {}
+        for law in SLOPES:
+            for m in (report.finding(law).witness or {}).get("measured", ()):
+                row = seen.setdefault(m["problem"], {})
+                if "slope" in m:
+                    row[law] = (
+                        f"{m['slope']:.2f} (≥ {m['needed']:g})" if m["slope"] is not None else "rounding"
+                    )
+                else:
+                    low, high = m["interval"]
+                    row[law] = f"{m['estimate']:.2f} [{low:.2f}, {high:.2f}], {m['paths']}"
+        for problem, row in seen.items():
+            kind = column(problems.by_name(problem))
+            rows.append([name, problem, kind, *(row.get(law, "") for law in SLOPES)])
+    return table(["scheme", "problem", "noises", *SLOPES], rows)
+
+
+def bites(names: Sequence[str], seeds: Sequence[int]) -> str:
+    """Each saboteur: the law that states its fault, how often that kills it, and what else is lost with seed 0."""
+    rows = []
+    for name in names:
+        saboteur = ALL[name]
+        first = saboteur.caught_by[0]
+        killed = sum(b.kills for seed in seeds for b in teeth.bite(name, seed, [first], first=True))
+        claimed = [law for law in KEPT if law in saboteur.scheme.claims and law != first]
+        others = {b.law: b.verdict for b in teeth.bite(name, 0, claimed)}
+        lost = [law for law, verdict in others.items() if verdict is Verdict.VIOLATED]
+        kept = str(sum(verdict is Verdict.HOLDS for verdict in others.values()))
+        rows.append([name, saboteur.broken, first, f"{killed}/{len(seeds)}", ", ".join(lost) or "–", kept])
+    return table(["saboteur", "broken", "law", "killed", "lost besides", "kept"], rows)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", nargs="*", default=list(SCHEMES), help="schemes")
+    parser.add_argument("--laws", nargs="*", default=list(LAWS), help="laws")
+    parser.add_argument("--seeds", type=int, default=len(SEEDS), help="of the saboteurs")
+    chosen = parser.parse_args(arguments)
+    reports = {}
+    for name in chosen.only:
+        reports[name] = sepv.verify(name, laws=chosen.laws)
+        print(f"{name}: {reports[name].counts}", file=sys.stderr, flush=True)
+    print(TITLE)
+    print(table(["scheme", "source", "claimed there", "claimed here besides"], CLAIMS))
+    print(DIFFERENCES)
+    print("## Verdicts\n\nIn bold what the scheme claims.\n")
+    print(verdicts(reports))
+    if set(SLOPES) <= set(chosen.laws):
+        print("## Slopes\n")
+        print(
+            "Of one step by quadrature, with the least slope that the claim needs: half-way below p + 1 for means,\n"
+            "p + ½ for mean squares, q + 1 for weak errors. Of paths with the interval that judged it, and the\n"
+            "number of paths. *local-mean-square* is the distance from the log-ODE of step two where fields do not\n"
+            "commute: it shows no more than order 1.\n"
+        )
+        print(slopes(reports))
+    print("## Saboteurs\n")
+    print(
+        "Each imitates one of the schemes and claims what that claims. Killed: by the law that states its fault, of\n"
+        "so many seeds. Lost besides, and how many it kept: of the other laws about structure and steps that it\n"
+        "claims, with one seed.\n"
+    )
+    print(bites([n for n, s in ALL.items() if s.family == "hamiltonians"], range(chosen.seeds)), end="")
+
+
+if __name__ == "__main__":
+    main()
