@@ -388,3 +388,31 @@ def test_the_contract_holds_with_and_without_areas() -> None:
     # No area is the midpoint rule; some is not.
     assert np.allclose(with_rows, schemes.stochastic_midpoint.step(problem, y, 0.1, dW), atol=1e-15)
     assert np.max(np.abs(without - with_rows)) > 1e-5
+
+
+@pytest.mark.parametrize("name", schemes.HAMILTONIANS)
+def test_each_scheme_of_the_class_says_what_it_is(name: str) -> None:
+    scheme = schemes.by_name(name)
+    assert scheme.source
+    assert scheme.mean_square_order is not None
+    assert scheme.weak_order is not None
+    assert scheme.truncation is None or scheme.truncation >= 2 * scheme.mean_square_order
+
+
+def test_areas_are_drawn_with_their_law_or_not_at_all() -> None:
+    path = sepv.integrate("area-midpoint", "random-inertia", h=0.125, T=1.0, seed=3)
+    assert path.dW.shape == (8, 3)
+    again = sepv.integrate("area-midpoint", "random-inertia", h=0.125, T=1.0, dW=path.dW)
+    assert np.array_equal(path.y, again.y)
+    with pytest.raises(UsageError, match=r"dW of shape \(8, 3\)"):
+        sepv.integrate("area-midpoint", "random-inertia", h=0.125, T=1.0, dW=path.dW[:, :2])
+    with pytest.raises(UsageError, match="asks for halves"):
+        sepv.ensemble("drift-preserving", "noisy-henon-heiles", h=0.125, T=1.0, paths=3)
+
+
+@pytest.mark.parametrize("name", ["energy-preserving", "several-structures", "euler-heun", "modified-weak-2"])
+def test_schemes_for_one_hamiltonian_refuse_several(name: str) -> None:
+    with pytest.raises(UsageError, match="several Hamiltonians"):
+        sepv.ensemble(name, "random-inertia", h=0.125, T=1.0, paths=3)
+    with pytest.raises(UsageError, match="several structures or Hamiltonians"):
+        sepv.exact_flow("random-inertia", [1.0])

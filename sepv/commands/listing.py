@@ -32,7 +32,10 @@ def list_(debug: bool) -> None:  # noqa: ARG001  (every command takes it)
         (
             "Schemes",
             ("scheme", "order", "source"),
-            [(s.name, _order(s), s.source) for s in (schemes.ALL | schemes.MORE).values()]
+            [
+                (s.name, _order(s), s.source)
+                for s in (schemes.ALL | schemes.MORE | schemes.HAMILTONIANS).values()
+            ]
             + _families(schemes),
         ),
         ("Problems", ("problem", "d, m", "what"), [_problem_row(n, f) for n, f in problems.NAMED.items()]),

@@ -44,16 +44,22 @@ MORE: dict[str, Scheme] = {
         itoh_abe,
         modified_weak_two,
         splitting,
+        explicit(4),
+        explicit(8),
+        projected(4),
+        projected(8),
+    )
+}
+# For several Hamiltonians that need not commute.
+HAMILTONIANS: dict[str, Scheme] = {
+    s.name: s
+    for s in (
         stochastic_midpoint,
         area_midpoint,
         stochastic_splitting,
         isospectral_midpoint,
         darboux_lie,
         drift_preserving,
-        explicit(4),
-        explicit(8),
-        projected(4),
-        projected(8),
     )
 }
 # Families: NAME-s is their member with s stages, s = 1 … MAX_STAGES.
@@ -61,14 +67,14 @@ FAMILIES: dict[str, Callable[[int], Scheme]] = {"collocation": collocation, "gau
 
 
 def by_name(name: str) -> Scheme:
-    """A scheme of `ALL` or `MORE`, or a member of a family, such as "collocation-3"; "_" and "-" are the same.
+    """A scheme of `ALL`, `MORE` or `HAMILTONIANS`, or a member of a family: "collocation-3"; "_" and "-" are the same.
 
     Raises
     ------
     UsageError
     """
     wanted = name.replace("_", "-")
-    for schemes in (ALL, MORE):
+    for schemes in (ALL, MORE, HAMILTONIANS):
         if wanted in schemes:
             return schemes[wanted]
     family, _, stages = wanted.rpartition("-")
@@ -76,8 +82,8 @@ def by_name(name: str) -> Scheme:
         return FAMILIES[family](int(stages))
     families = ", ".join(f"{f}-1 … {f}-{MAX_STAGES}" for f in FAMILIES)
     raise UsageError(
-        expected=f"a built-in scheme: {', '.join([*ALL, *MORE])}, {families}",
-        received=did_you_mean(name, [*ALL, *MORE]),
+        expected=f"a built-in scheme: {', '.join([*ALL, *MORE, *HAMILTONIANS])}, {families}",
+        received=did_you_mean(name, [*ALL, *MORE, *HAMILTONIANS]),
         remedy="see `sepv list`",
     )
 
@@ -85,6 +91,7 @@ def by_name(name: str) -> Scheme:
 __all__ = [
     "ALL",
     "FAMILIES",
+    "HAMILTONIANS",
     "MORE",
     "area_midpoint",
     "both_invariants",
