@@ -11,7 +11,7 @@ from sepv.adapters.history import Record
 from sepv.law import Verdict
 
 # What a record says of a solver that the version has not.
-ABSENT = "absent"
+ABSENT, THERE = "absent", "there"
 
 
 @dataclass(frozen=True)
@@ -63,9 +63,9 @@ def _between(before: Record, after: Record) -> Iterator[Change]:
             return Change(after.library, name, law, before.version, after.version, was, now, besides)
 
         if name not in old:
-            yield change("", ABSENT, _summary(new[name]))
+            yield change("", ABSENT, THERE)
         elif name not in new:
-            yield change("", _summary(old[name]), ABSENT)
+            yield change("", THERE, ABSENT)
         else:
             for law, said in new[name]["laws"].items():
                 was = old[name]["laws"].get(law)
@@ -87,18 +87,13 @@ def _besides(before: Record, after: Record) -> Iterator[str]:
             yield f"{name} {was.get(name, 'none')} → {now.get(name, 'none')}"
 
 
-def _summary(entry: dict[str, Any]) -> str:
-    wrong = broken(entry)
-    return "there" + (f", with {', '.join(wrong)}" if wrong else "")
-
-
-def broken(entry: dict[str, Any]) -> list[str]:
-    """The claimed laws of a solver that do not hold, each with its verdict where that is not a violation."""
-    found = []
+def broken(entry: dict[str, Any]) -> dict[str, list[str]]:
+    """The claimed laws of a solver that are not found to hold, by verdict."""
+    found: dict[str, list[str]] = {}
     for law, said in entry["laws"].items():
         verdict = Verdict(said["verdict"])
         if said["claimed"] and verdict not in (Verdict.HOLDS, Verdict.NOT_APPLICABLE):
-            found.append(law if verdict is Verdict.VIOLATED else f"{law} {verdict.text}")
+            found.setdefault(verdict.text, []).append(law)
     return found
 
 
@@ -107,8 +102,7 @@ def cell(record: Record, solver: str) -> str:
     entry = record.solvers.get(solver)
     if entry is None:
         return ABSENT
-    wrong = broken(entry)
-    return f"not {', '.join(wrong)}" if wrong else "holds"
+    return "; ".join(f"{verdict}: {', '.join(laws)}" for verdict, laws in broken(entry).items()) or "holds"
 
 
 @dataclass(frozen=True)

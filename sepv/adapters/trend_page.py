@@ -10,8 +10,8 @@ from sepv.law import Verdict
 
 INTRODUCTION = """What each recorded version of these libraries was found to do: its Stratonovich solvers, through the
 library's own code, in a fresh environment with that version. Asked are *local-mean*, *local-mean-square*, *local-weak*,
-*mean-square-order* and *right-limit*. A solver claims the orders that its documentation states for noise
-that commutes ([all laws, of the newest versions](compliance.md)); a cell names the claimed laws that do not hold. The
+*mean-square-order* and *right-limit*. A solver claims the orders that its documentation states for noise that commutes
+([all laws, of the newest versions](compliance.md)); a cell names the claimed laws that are not found to hold. The
 records are `results/LIBRARY/VERSION.json`, with every verdict, defect, seed and package; none is ever overwritten.
 
 ```sh
