@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 from sepv.adapters.history import Record
 from sepv.adapters.trend import ABSENT, cell, changes, deviations, latest, solvers
 from sepv.law import Verdict
+
+# Half of the lowest order that a consistent scheme has, ½: an error that falls so has a limit of 0.
+LEAST_SLOPE = 0.25
 
 INTRODUCTION = """What each recorded version of these libraries was found to do: its Stratonovich solvers, through the
 library's own code, in a fresh environment with that version. Asked are *local-mean*, *local-mean-square*, *local-weak*,
@@ -44,6 +48,12 @@ def _library(records: Sequence[Record]) -> Iterator[str]:
         ["solver", *(r.version for r in last)],
         [(name, *(cell(r, name) for r in last)) for name in solvers(records)],
     )
+    slow = [name for name, entry in last[-1].solvers.items() if _falls_slowly(entry)]
+    if slow:
+        yield (
+            f"{', '.join(slow)}: *right-limit* extrapolates means by the order that is claimed. The error itself falls "
+            "with h, by a lower order: the limit is not shown to be another one."
+        )
     yield "Measured with: " + "; ".join(_with(r) for r in last) + "."
     found = changes(records)
     if found:
@@ -75,6 +85,13 @@ def _library(records: Sequence[Record]) -> Iterator[str]:
                 for d in shown
             ],
         )
+
+
+def _falls_slowly(entry: dict[str, Any]) -> bool:
+    """Whether a violated right limit may be but the lower order that *mean-square-order* found, well above 0."""
+    limit, order = (entry["laws"].get(law) for law in ("right-limit", "mean-square-order"))
+    both = limit and order and limit["verdict"] == order["verdict"] == Verdict.VIOLATED.value
+    return bool(both and order["defect"] is not None and order["defect"] > LEAST_SLOPE)
 
 
 def _with(record: Record) -> str:
