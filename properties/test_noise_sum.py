@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from sepv.candidate import ask
 from sepv.case import Case, with_noise
 from sepv.errors import Skipped
-from sepv.hamiltonians import is_several
+from sepv.hamiltonians import HamiltoniansProblem, is_several
 from sepv.law import Effort, Measurement, require
 from sepv.polynomial import Polynomial
-from sepv.problem import PolynomialSystem
+from sepv.problem import GivenProblem, PolynomialSystem
 from sepv.scheme import Scheme
 from sepv.search import searched
 from sepv.strategies import CONTRACTION, noises, poisson_systems, steps
@@ -49,6 +49,8 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     problem, _, _, dW = case.build()
     data, c = case.problem, tuple(float(v) for v in problem.c)
     if is_several(problem):
+        if isinstance(problem, HamiltoniansProblem) and isinstance(data, GivenProblem):
+            return _furthest(scheme, case, _given_orders(case, data))
         if not isinstance(data, PolynomialSystem):
             raise Skipped("its noises cannot be reversed: the problem is not data")
         own = data.noise_structures or data.noise_hamiltonians
@@ -74,6 +76,21 @@ def _ordered(case: Case, data: PolynomialSystem, noises: Sequence[Noise]) -> Cas
     key = "noise_structures" if data.noise_structures else "noise_hamiltonians"
     changes: dict[str, Any] = {"noise": c, key: own}
     return replace(case, problem=replace(data, **changes), dW=dW)
+
+
+def _given_orders(case: Case, given: GivenProblem) -> dict[str, Case]:
+    """The same for several Hamiltonians that are functions."""
+    m = given.problem.noises
+    orders = {"reversed": [*range(m)][::-1], "moved on by one": [m - 1, *range(m - 1)]}
+    found = {}
+    for name, order in orders.items():
+        changes: dict[str, Any] = {"noise": given.problem.c[order]}
+        for key in ("noise_hamiltonians", "noise_gradients", "noise_hessians", "noise_flows"):
+            parts = getattr(given.problem, key)
+            changes[key] = tuple(parts[j] for j in order) if parts else ()
+        other = GivenProblem(replace(given.problem, check=False, **changes), given.target)
+        found[name] = replace(case, problem=other, dW=tuple(case.dW[j] for j in order))
+    return found
 
 
 def _furthest(scheme: Scheme, case: Case, others: dict[str, Case]) -> Measurement:

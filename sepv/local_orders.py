@@ -66,9 +66,13 @@ def judge_slope(  # noqa: PLR0911  (one return for each thing that a slope may m
     real = max(far, int(np.argmin([*(errors > rounding), False])))
     # Fewer than three above rounding: with the first below it, counted as rounding, the slope is a lower bound.
     used = real if real >= POINTS else min(real + 1, errors.size)
-    if used < POINTS:
-        return Slope(Verdict.INCONCLUSIVE, float("nan"), f"{used} step sizes are not enough for a slope")
     x, y = np.log(h), np.log(np.maximum(errors, rounding))
+    if used < POINTS:
+        # From the coarsest error to rounding at the next size: a lower bound, where errors fall faster than claimed.
+        bound = _over(x[:used], y[:used]) if used > 1 else None
+        if bound is not None and bound.value >= least:
+            return replace(bound, verdict=Verdict.HOLDS)
+        return Slope(Verdict.INCONCLUSIVE, float("nan"), f"{used} step sizes are not enough for a slope")
     fine = _over(x[:used], y[:used])
     if fine.value >= least:
         return replace(fine, verdict=Verdict.HOLDS)
@@ -134,6 +138,7 @@ def judge(
     slopes, lines, measured, checks = [], [], [], 0
     shown: list[str] = []
     skipped: list[Skipped] = []
+    unknown = ""
     for problem in problems_for(scheme):
         try:
             found = measure(scheme, problem, effort)
@@ -149,8 +154,8 @@ def judge(
             lacks = (
                 "no moments of the solution are known" if np.any(found.rms > 0) else "only moments are known"
             )
-            skipped.append(Skipped(f"of {problem.name} {lacks}"))
-            lines.append(f"{problem.name}: skipped, {skipped[-1].reason}")
+            unknown = f"of {problem.name} {lacks}"
+            lines.append(f"{problem.name}: skipped, {unknown}")
             continue
         bound = least(found)
         tolerance = scheme.solver_tolerance
@@ -163,6 +168,8 @@ def judge(
         lines.append(f"{problem.name}: {seen.text}, {bound:g} needed")
         if seen.verdict is Verdict.VIOLATED and not shown:
             shown.append(example(scheme, problem, float(found.h[0])))
+    if not slopes and unknown and not skipped:  # it is the law that can say nothing
+        return law.finding(Verdict.NOT_APPLICABLE, message=unknown)
     if not slopes:
         raise skipped[0]
     verdicts = [seen.verdict for seen, _ in slopes]
