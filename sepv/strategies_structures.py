@@ -77,7 +77,7 @@ def nambu_systems(
 
 def quadratic_casimirs() -> st.SearchStrategy[Polynomial]:
     """Homogeneous quadratic C, which (2.1) keeps too. Examples shrink towards ½|y|²."""
-    more = polynomials(3, 2, least=2)
+    more = polynomials(3, 2, least=2).filter(lambda p: p.terms)  # terms may cancel
     return st.one_of(
         st.just(sphere()), more, more.map(lambda p: poly.add(sphere(), p)).filter(lambda p: p.terms)
     )
@@ -85,7 +85,7 @@ def quadratic_casimirs() -> st.SearchStrategy[Polynomial]:
 
 def linear_casimirs() -> st.SearchStrategy[Polynomial]:
     """C = bᵀy: a constant B where g is one."""
-    return polynomials(3, 1, least=1)
+    return polynomials(3, 1, least=1).filter(lambda p: p.terms)
 
 
 def nambu_paper_steps() -> st.SearchStrategy[Case]:

@@ -62,6 +62,7 @@ def test_with_one_noise_and_one_law_the_faults_of_several_noises_do_not_show() -
     y, dW = np.array([0.3, 0.5, 0.7]), np.array([0.2])
     for name in (
         "friction-inverted",
+        "variance-for-deviation",
         "noises-crossed",
         "cross-terms-dropped",
         "as-many-noises-as-components",

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import find, given, settings
+from hypothesis.errors import NoSuchExample
 from sepv.reference.implicit import energy_preserving
 from sepv.reference.more_equations import BOTH_INVARIANTS
 from sepv.reference.steps import reference_step
@@ -18,7 +19,7 @@ from sepv.nambu import Nambu
 from sepv.problem import PolynomialSystem
 from sepv.schemes.both_invariants import step as both
 from sepv.strategies import steps
-from sepv.strategies_structures import nambu_steps, nambu_systems, quadratic_casimirs
+from sepv.strategies_structures import linear_casimirs, nambu_steps, nambu_systems, quadratic_casimirs
 from sepv.tolerance import state_ulp
 
 
@@ -49,6 +50,12 @@ def test_for_a_quadratic_casimir_it_is_the_energy_preserving_scheme(case: Case) 
     assert np.max(np.abs(found - schemes.energy_preserving.step(problem, y, h, dW))) <= 2 * state_ulp(
         y, found
     )
+
+
+@pytest.mark.parametrize("strategy", [quadratic_casimirs, linear_casimirs])
+def test_a_casimir_does_not_vanish_where_its_terms_cancel(strategy) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(NoSuchExample):
+        find(strategy(), lambda p: not p.terms, settings=settings(max_examples=500, database=None))
 
 
 def test_lotka_volterra_keeps_both_where_the_paper_keeps_one() -> None:

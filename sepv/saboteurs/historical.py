@@ -86,6 +86,10 @@ def _inverted(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return _heun(problem, y, h, np.sum(np.where(c > 0, dW / np.where(c > 0, c, 1.0), 0.0), axis=0))
 
 
+def _variances(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return _heun(problem, y, h, np.sum(problem.c[:, None] ** 2 * dW, axis=0))
+
+
 def _milstein(problem: Problem, y: Array, h: float, S: Array, square: Array) -> Array:
     """(h + S)f + ½ square f′f."""
     f = vector_field(problem, y)
@@ -189,6 +193,14 @@ _TABLE: tuple[tuple[str, str, Scheme, Move, tuple[str, ...], str], ...] = (
         _inverted,
         ("noise-sum", *_LIMIT, *_LOCAL),
         "https://github.com/lammps/lammps/issues/2970 and 2948, mended in pull 2991: fix brownian had √γ for 1/√γ",
+    ),
+    (
+        "variance-for-deviation",
+        "the noise is scaled by c_j² and not by c_j",
+        euler_heun,
+        _variances,
+        ("noise-sum", *_LIMIT, *_LOCAL),
+        "https://github.com/lammps/lammps/issues/5097: 1/μ of the variance of spin noise stood for the amplitude 1/√μ",
     ),
     (
         "noises-crossed",
