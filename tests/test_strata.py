@@ -145,11 +145,12 @@ def test_a_token_of_an_unknown_kind_is_refused() -> None:
 
 @pytest.mark.parametrize("kind", SPACES)
 def test_bare_functions_say_nothing_of_themselves(kind: str) -> None:
-    case = next(c for _, c in SPACES[kind]["energy"].cases(0) if c.given == "bare functions")
+    case = next(c for _, c in SPACES[kind]["contract"].cases(0) if c.given == "bare functions")
     whole, y, _, _ = case.build()
     seen = shown(whole)
     for name in ("data", "degree", "hessian", "structure_derivative", "mean_gradient"):
         assert getattr(seen, name) is None
+    assert not getattr(seen, "noise_hessians", ())
     assert type(seen.gradient).__name__ == "function"
     assert seen.name != problems.build(case.problem).name
     for name in ("structure", "hamiltonian", "gradient"):
