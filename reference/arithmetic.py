@@ -55,12 +55,15 @@ class Arithmetic:
     gauss: Callable[[int], Rule]
     nudged: Callable[[Number, Number], Number]
     slope: Function
-    dot: Callable[[Iterable[Number], Iterable[Number]], Number] = lambda a, b: sum(map(mul, a, b))
+    dot: Callable[[Iterable[Number], Iterable[Number]], Number] = lambda a, b: total(map(mul, a, b))
     tables: tuple[Arithmetic, Function] | None = None
 
 
 def total(terms: Iterable[Number]) -> Number:
-    """The sum of at least one number, in order; no zero to start from, which would be a number of another kind."""
+    """The sum of at least one number, in order; no zero to start from, which would be a number of another kind.
+
+    Of floats the built-in `sum` compensates roundings, from Python 3.12 on: other digits than before.
+    """
     iterator = iter(terms)
     result = next(iterator)
     for term in iterator:

@@ -60,7 +60,7 @@ class Equation:
 def make_step(problem: ExactProblem, h: float, dW: tuple[float, ...]) -> Step:
     """The step of these increments, each taken as the binary64 number that it is."""
     exact = problem.number(h)
-    S = sum((c * problem.number(w) for c, w in zip(problem.noise, dW, strict=True)), problem.number(0.0))
+    S = total([problem.number(0.0), *(c * problem.number(w) for c, w in zip(problem.noise, dW, strict=True))])
     return Step(exact, S, exact + S, tuple(problem.number(w) for w in dW))
 
 
@@ -131,7 +131,7 @@ def _milstein(problem: ExactProblem, y0: Vector, step: Step, _: Vector) -> Vecto
 def _euler_maruyama(problem: ExactProblem, y0: Vector, step: Step, _: Vector) -> Vector:
     """§4, on the Itô form: y0 + (f + ½Σc_j² f′f)h + f S."""
     f0 = problem.field(y0)
-    correction = problem.number(0.5) * sum(c * c for c in problem.noise) * step.h
+    correction = problem.number(0.5) * total([problem.number(0.0), *(c * c for c in problem.noise)]) * step.h
     return _plus(y0, _times(step.delta, f0), _times(correction, problem.field_slope(y0, f0)))
 
 

@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from sepv.reference.arithmetic import total
 from sepv.reference.branch import follow
 from sepv.reference.equations import EQUATIONS
 from sepv.reference.problem import Description, binary64_problem
@@ -242,7 +243,7 @@ def lipschitz(problem: Description, y: tuple[float, ...]) -> float:
     p = binary64_problem(problem)
     state = p.state(y)
     columns = [p.field_slope(state, [float(i == k) for i in range(len(y))]) for k in range(len(y))]
-    return max(sum(abs(v) for v in row) for row in zip(*columns, strict=True))
+    return max(total(abs(v) for v in row) for row in zip(*columns, strict=True))
 
 
 _SHARES = (0.4, -0.2, 0.05, -0.4, 0.01, 0.2)

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from operator import mul
 from typing import Any, NamedTuple
 
-from sepv.reference.arithmetic import Arithmetic, Number, Vector
+from sepv.reference.arithmetic import Arithmetic, Number, Vector, total
 
 Residual = Callable[[Vector], Vector]
 Matrix = list[Vector]
@@ -81,7 +81,7 @@ def inverse(A: Matrix) -> Matrix:
 
 def times(A: Matrix, v: Vector) -> Vector:
     """A v."""
-    return [sum(map(mul, row, v)) for row in A]
+    return [total(map(mul, row, v)) for row in A]
 
 
 def largest(v: Vector) -> Number:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from math import isfinite
 from typing import Any, NamedTuple
 
-from sepv.reference.arithmetic import Vector
+from sepv.reference.arithmetic import Vector, total
 from sepv.reference.branch import Branch, follow
 from sepv.reference.equations import EQUATIONS, FEWEST_NODES, Equation, Step, collocation, make_step
 from sepv.reference.problem import Description, ExactProblem, binary64_problem, exact_problem
@@ -278,4 +278,4 @@ def _condition(equation: Equation, problem: ExactProblem, inverse: Matrix) -> li
     # y1 is linear in the stages: its result for y0 = 0 is Σ b_i K_i.
     step = Step(zero[0], zero[0], zero[0])
     columns = [equation.result(problem, zero, step, list(column)) for column in zip(*inverse, strict=True)]
-    return [[sum(abs(float(columns[j * d + l][k])) for j in range(s)) for l in range(d)] for k in range(d)]
+    return [[total(abs(float(columns[j * d + l][k])) for j in range(s)) for l in range(d)] for k in range(d)]
