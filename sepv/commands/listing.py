@@ -38,7 +38,12 @@ def list_(debug: bool) -> None:  # noqa: ARG001  (every command takes it)
             ]
             + _families(schemes),
         ),
-        ("Problems", ("problem", "d, m", "what"), [_problem_row(n, f) for n, f in problems.NAMED.items()]),
+        ("Problems", ("problem", "d, m", "what"), _problem_rows(problems.NAMED | problems.FURTHER)),
+        (
+            "Problems with several structures or Hamiltonians",
+            ("problem", "d, m", "what"),
+            _problem_rows(problems.SEVERAL | problems.HAMILTONIANS),
+        ),
         ("Laws", ("law", "source", "statement"), [(x.name, x.source, x.statement) for x in load_laws()]),
     ):
         table = Table(title=title, title_justify="left", box=None, pad_edge=False)
@@ -67,10 +72,13 @@ def _families(schemes: Any) -> list[tuple[str, str, str]]:
     ]
 
 
-def _problem_row(name: str, factory: Any) -> tuple[str, str, str]:
-    problem = factory()
-    return (
-        name,
-        f"{problem.dimension}, {problem.noises}",
-        (sys.modules[factory.__module__].__doc__ or "").splitlines()[0],
-    )
+def _problem_rows(factories: dict[str, Any]) -> list[tuple[str, str, str]]:
+    """What a problem is says its file, or its function where the file has several."""
+    modules = [factory.__module__ for factory in factories.values()]
+    rows = []
+    for name, factory in factories.items():
+        alone = modules.count(factory.__module__) == 1
+        words = (sys.modules[factory.__module__] if alone else factory).__doc__ or ""
+        problem = factory()
+        rows.append((name, f"{problem.dimension}, {problem.noises}", words.splitlines()[0]))
+    return rows
