@@ -17,7 +17,7 @@ from sepv import problems
 from sepv.case import Case
 from sepv.polynomial import Polynomial
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
-from sepv.strategies import contraction_radius
+from sepv.strategies import contraction_radius, paper_reach
 
 # |Δ| at which every problem of the paper was solved from thousands of states near its initial one: 1/2, and
 # 1/32 for Lotka-Volterra, which has states with no solution at |Δ| = 0.26.
@@ -48,6 +48,14 @@ def long_steps() -> tuple[Case, ...]:
         start = y or tuple(float(v) for v in np.asarray(problem.initial))
         found += [_split(problem.data, start, length, sign) for length in lengths for sign in (1.0, -1.0)]
     return tuple(found)
+
+
+def may_be_refused(case: Case) -> bool:
+    """Whether it is such a long step: of a problem by name, and longer than each scheme must take."""
+    if not isinstance(case.problem, NamedProblem):
+        return False
+    problem, _, h, dW = case.build()
+    return abs(h) + float(np.abs(problem.c * dW).sum()) > paper_reach(case.problem.name)
 
 
 def with_quadratic_hamiltonian() -> tuple[Case, ...]:

@@ -24,6 +24,7 @@ from hypothesis.errors import Unsatisfiable
 from sepv import case as cases
 from sepv import corpus
 from sepv.case import Case
+from sepv.corners import may_be_refused
 from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure
 from sepv.given import NOT_OF_HAMILTONIANS, cases_for
 from sepv.law import Effort, Finding, Law, Measurement, Verdict
@@ -320,6 +321,11 @@ def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate
         log.skipped[skipped.reason] = log.skipped.get(skipped.reason, 0) + 1
         raise
     except (SepvError, ArithmeticError) as error:
+        if isinstance(error, StepFailure) and may_be_refused(case):
+            reason = "a longer step than every scheme must take was refused"
+            log.checks -= 1
+            log.skipped[reason] = log.skipped.get(reason, 0) + 1
+            raise Skipped(reason) from error
         if case.h < 0:
             # Time runs backwards in some of the cases. Who does not solve for it is told, and accused of nothing.
             # One line for each kind of error, with what the first of them said.
