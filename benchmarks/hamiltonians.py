@@ -12,6 +12,7 @@ import sys
 from collections.abc import Iterable, Sequence
 
 import sepv
+from benchmarks import over, start
 from sepv import problems, teeth
 from sepv.hamiltonians import column
 from sepv.law import Finding, Verdict
@@ -161,7 +162,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seeds", type=int, default=len(SEEDS), help="of the saboteurs")
     chosen = parser.parse_args(arguments)
     reports = {}
-    for name in chosen.only:
+    for name in over(chosen.only):
         reports[name] = sepv.verify(name, laws=chosen.laws)
         print(f"{name}: {reports[name].counts}", file=sys.stderr, flush=True)
     print(TITLE)
@@ -188,4 +189,4 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    start(main)

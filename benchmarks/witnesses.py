@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 import time
 import warnings
 from collections.abc import Iterable
@@ -20,6 +19,7 @@ from typing import Any
 
 from sepv.reference.vector import digest
 
+from benchmarks import over, start
 from sepv import corpus, schemes
 from sepv.case import Case, from_json, to_json
 from sepv.errors import SchemeFault, SepvError
@@ -121,21 +121,22 @@ def text_of(data: dict[str, Any]) -> str:
     return f'{head},\n "witnesses": [\n{lines}\n ]\n}}\n'
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main() -> None:
     """Write the files."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--law", action="append", choices=searched_laws())
     parser.add_argument("-j", type=int, default=1, help="processes")
-    options = parser.parse_args(arguments)
+    options = parser.parse_args()
     FOLDER.mkdir(exist_ok=True)
     names = options.law or searched_laws()
     with ProcessPoolExecutor(options.j) as pool:
-        for name, data in zip(names, pool.map(made, names), strict=True):
+        results = pool.map(made, names)
+        for name in over(names):
+            data = next(results)
             if data["witnesses"]:
                 (FOLDER / f"{name}.json").write_text(text_of(data), encoding="utf-8")
             print(f"{name}: {len(data['witnesses'])} witnesses", flush=True)
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(main)

@@ -110,7 +110,7 @@ def test_quiet_prints_one_line(call) -> None:
         ("verify midpiont", None, 3, ["did you mean 'midpoint'"]),
         ("verify midpoint --law enrgy", None, 2, ["did you mean 'energy'"]),
         ("compare midpoint -p rigid-bdy", None, 2, ["did you mean 'rigid-body'"]),
-        ("compair midpoint", None, 2, ["did you mean 'compare'", "solvability, completion"]),
+        ("compair midpoint", None, 2, ["did you mean 'compare'", "solvability, teeth"]),
         ("verify mine:stp", "step = correct", 3, ["did you mean 'step'"]),
         ("verify mine:step", "step = 3", 3, ["step(problem, y, h, dW)", "int"]),
         ("verify mine:step", "def step(y, h): return y", 3, ["(problem, y, h, dW)", "(y, h)"]),
@@ -189,7 +189,7 @@ def test_a_raising_scheme_is_an_error_of_every_law_and_debug_shows_it(call) -> N
 
     # Truncation is about the increments that the scheme asks for, a function of one state has no batch, and some
     # laws are for schemes of another class of systems.
-    assert f"2 not applicable, {len(LAWS) - 2} error" in result.output
+    assert f"3 not applicable, {len(LAWS) - 3} error" in result.output
     assert "out of order" in result.output
     shown = call("verify mine:step --examples 10 --law energy --debug", code)
     assert "Traceback" in shown.output or isinstance(shown.exception, RuntimeError)

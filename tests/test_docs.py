@@ -252,6 +252,7 @@ def test_every_law_has_a_section_with_its_file_and_what_breaks_it() -> None:
         "What the designs find",
         "How often intervals miss",
         "Do they bite?",
+        "Several Hamiltonians",
     }
 
 

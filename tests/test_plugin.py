@@ -19,7 +19,7 @@ pytest_plugins = ["pytester"]
 ROOT = Path(__file__).resolve().parents[1]
 DOOR = ("-p", "sepv.pytest_plugin", "-p", "no:cacheprovider", "--sepv-examples", "15", "--sepv-paths", "256")
 STEPS = "energy or test_casimir or identity or contract"
-OTHERS = len(LAWS) - 4
+OTHERS = len(LAWS) - 5
 
 MINE = """
 import sepv
@@ -46,7 +46,7 @@ def test_it_never_loads_itself(pytester: pytest.Pytester) -> None:
 
 def test_a_scheme_that_keeps_its_claims_passes(pytester: pytest.Pytester) -> None:
     result = laws(pytester, "--scheme", "mine:honest")
-    result.assert_outcomes(passed=3, skipped=1, deselected=OTHERS)
+    result.assert_outcomes(passed=3, skipped=2, deselected=OTHERS)
     result.stdout.fnmatch_lines(
         ["*laws (+ claimed)*", "mine:honest", "*casimir*holds +*", "*energy*violated*"]
     )
@@ -54,7 +54,7 @@ def test_a_scheme_that_keeps_its_claims_passes(pytester: pytest.Pytester) -> Non
 
 def test_a_scheme_that_breaks_a_claim_fails_with_a_counterexample(pytester: pytest.Pytester) -> None:
     result = laws(pytester, "--scheme", "mine:liar", "--scheme", "mine:honest")
-    result.assert_outcomes(passed=4, failed=1, skipped=3, deselected=2 * OTHERS)
+    result.assert_outcomes(passed=4, failed=1, skipped=5, deselected=2 * OTHERS)
     shown = result.stdout.str()
     result.stdout.fnmatch_lines(
         [
@@ -96,9 +96,9 @@ def test_a_pin_is_strict_both_ways_here_too(pytester: pytest.Pytester) -> None:
     finding = verify(midpoint, laws=["energy"], effort=Effort(15, 64, 0, 0.1)).finding("energy")
     (pytester.path / "pin.toml").write_text(pin("honest", [finding]))
     known = laws(pytester, "--scheme", "mine:honest", "--expected", "pin.toml")
-    known.assert_outcomes(passed=3, xfailed=1, deselected=OTHERS)
+    known.assert_outcomes(passed=3, xfailed=1, skipped=1, deselected=OTHERS)
     gained = laws(pytester, "--scheme", "mine:gained", "--expected", "pin.toml")
-    gained.assert_outcomes(passed=1, skipped=2, failed=1, deselected=OTHERS)
+    gained.assert_outcomes(passed=1, skipped=3, failed=1, deselected=OTHERS)
     gained.stdout.fnmatch_lines(["*expected to be violated*remove the entry*"])
 
 
@@ -117,13 +117,13 @@ def test_schemes_of_the_ini_file_run_beside_the_own_tests(pytester: pytest.Pytes
 def test_an_error_fails_claimed_or_not(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(broken="def step(problem, y, h, dW):\n    raise RuntimeError('out of order')\n")
     result = laws(pytester, "--scheme", "broken:step")
-    result.assert_outcomes(failed=4, deselected=OTHERS)
+    result.assert_outcomes(failed=4, skipped=1, deselected=OTHERS)
     result.stdout.fnmatch_lines(["*energy (Prop. 3.1) error*", "*out of order*"])
 
 
 def test_schemes_can_be_named_in_the_configuration(pytester: pytest.Pytester) -> None:
     pytester.makeini("[pytest]\nsepv_schemes =\n    mine:honest\n    euler-heun\n")
-    laws(pytester).assert_outcomes(passed=4, skipped=4, deselected=2 * OTHERS)
+    laws(pytester).assert_outcomes(passed=4, skipped=6, deselected=2 * OTHERS)
 
 
 def test_two_lines_in_a_test_file_do_as_well(pytester: pytest.Pytester) -> None:
@@ -137,7 +137,7 @@ def test_two_lines_in_a_test_file_do_as_well(pytester: pytest.Pytester) -> None:
 
 def test_it_works_with_xdist_and_junitxml(pytester: pytest.Pytester) -> None:
     result = laws(pytester, "--scheme", "mine:honest", "-n", "2", "--junitxml", "out.xml")
-    result.assert_outcomes(passed=3, skipped=1)
+    result.assert_outcomes(passed=3, skipped=2)
     assert 'tests="4"' in (pytester.path / "out.xml").read_text()
     result.stdout.fnmatch_lines(["*laws (+ claimed)*", "  casimir * holds +"])
 
@@ -189,7 +189,7 @@ def test_a_third_party_package_runs_the_laws_from_an_installed_wheel(tmp_path: P
         check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "3 passed, 1 skipped" in done.stdout
+    assert "3 passed, 2 skipped" in done.stdout
 
 
 def copy_source(target: Path) -> None:

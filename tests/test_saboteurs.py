@@ -104,7 +104,11 @@ def test_what_a_saboteur_remembers_ends_with_it(name: str) -> None:
 
 
 def test_workers_find_what_one_process_finds() -> None:
-    names, laws, effort = ["b-at-y0", "two-half-steps"], ["casimir", "midpoint"], Effort(examples=20)
+    names, laws, effort = (
+        ["b-at-y0", "two-half-steps"],
+        ["casimir", "midpoint"],
+        Effort(examples=20, corpus=False),
+    )
     seen: list[int] = []
     found = teeth.run(names, [0], lambda done, total, _: seen.append(total - done), laws=laws, effort=effort)
     alone = [b for name in names for b in teeth.bite(name, 0, laws, 20)]

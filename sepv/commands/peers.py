@@ -54,7 +54,7 @@ def peers(
     \b
     sepv peers                              the records that there are
     sepv peers sdeint 0.2.4 0.3.0           two versions
-    sepv peers --versions -j 2              every version that was tried, of every library
+    sepv peers --versions -j 2              each that was tried
     sepv peers diffrax 0.5.1 --with "jax<0.5" --keep /tmp/peers
     sepv trend                              which verdict changed, in which version
 
