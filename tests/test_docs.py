@@ -33,7 +33,6 @@ ELSEWHERE = {
     "levels": "test_levels.py",
     "index": "test_site.py",  # the first page of the site, whose example is measured as it is built
     "api": "test_site.py",  # directives, no commands
-    "class": "",  # printed by `python -m benchmarks.hamiltonians`, ten minutes; its tables are tested in parts
     "mutation": "",  # below: it is minutes of two cores, its options are parsed
     "teeth": "",  # printed by `sepv teeth`; its commands are parsed below
 }
