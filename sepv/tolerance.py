@@ -125,6 +125,22 @@ def step_residual(
     return 0.5 * EPS * operations(problem, stages) * (scale + length * flow) + solver_tolerance * scale + TINY
 
 
+def correction_rounding(problem: Problem, y0: Array, y1: Array, h: float) -> Array:
+    """What rounding may change in Itô's correction ½ Σ c_j² h f′f, (d,), for polynomial data.
+
+    A scheme that treats drift and noise apart may have it; where the increments are small beside √h it is more than
+    what they move. f errs by K u M_f and f′ by K u M_f′, so that the sum errs by Σ c_j² |h| K u M_f′ M_f.
+    """
+    reach = np.maximum(np.abs(y0), np.abs(y1))
+    B, g, dB, H = (
+        f.majorant(reach) if isinstance(f, PolynomialMap) else np.zeros(())
+        for f in (problem.structure, problem.gradient, problem.structure_derivative, problem.hessian)
+    )
+    slope = np.einsum("ijk,j->ik", dB, g) + B @ H
+    factor = 0.5 * EPS * operations(problem) * abs(h) * float(problem.c @ problem.c)
+    return np.asarray(factor * (slope @ (B @ g)))
+
+
 def _any_gradient(problem: Problem, y0: Array, y1: Array) -> Array:
     """M_g of H, and of all H_j where there are several Hamiltonians."""
     own = gradient_majorant(problem, y0, y1)

@@ -43,3 +43,14 @@ def test_the_transformed_system_is_the_same_system_in_other_variables() -> None:
 def test_methods_of_the_field_alone_are_affine(scheme) -> None:  # type: ignore[no-untyped-def]
     (finding,) = verify(scheme, laws=["equivariance"], effort=Effort(examples=15)).findings
     assert finding.verdict is Verdict.HOLDS, finding.message
+
+
+def test_the_rounding_of_itos_correction_accuses_nobody() -> None:
+    """ΔW far below √h: ½c²hf′f moves y by 1 and Δf by 0.01, and H has terms that cancel in moved coordinates."""
+    H = poly.polynomial(4, [((0, 0, 0, 2), -98304.0), ((1, 1, 1, 0), 262144.0)])
+    system = PolynomialSystem(4, H, ((1, 3, poly.constant(4, 1.0)),), (2.0,))
+    y = (1.0, -0.7017122627277087, 0.00034158379798636206, 0.9723055064388266)
+    case = Case(system, y, 2.976779282863654e-08, (2.0656965763279653e-08,))
+    measured = equivariance.check(schemes.euler_maruyama, case)
+    assert not measured.violates
+    assert measured.defect > 1000  # ulp of y
