@@ -27,7 +27,7 @@ _STYLES = {
     Verdict.ERROR: "bold magenta",
     Verdict.NOT_MEASURED: "dim",
 }
-_LETTERS = {
+MARKS = {
     Verdict.HOLDS: "holds",
     Verdict.VIOLATED: "–",
     Verdict.INCONCLUSIVE: "?",
@@ -277,9 +277,7 @@ def matrix(reports: Sequence[Report]) -> Table:
     for report in reports:
         table.add_column(Text(report.scheme.name, overflow="fold"))
     for row in zip(*(r.findings for r in reports), strict=True):
-        cells = [
-            Text(_LETTERS[f.verdict] + (" +" if f.claimed else ""), style=_STYLES[f.verdict]) for f in row
-        ]
+        cells = [Text(MARKS[f.verdict] + (" +" if f.claimed else ""), style=_STYLES[f.verdict]) for f in row]
         table.add_row(row[0].law, *cells)
     return table
 

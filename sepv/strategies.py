@@ -18,10 +18,9 @@ from sepv import polynomial as poly
 from sepv import problems
 from sepv.case import Case
 from sepv.fields import contract, matmul, matvec
-from sepv.hamiltonians import HamiltoniansProblem
 from sepv.polynomial import Polynomial, PolynomialMap
 from sepv.problem import Array, Description, NamedProblem, PolynomialSystem, Problem
-from sepv.structures import StructuresProblem
+from sepv.tolerance import majorants
 
 # A contraction factor of 1/4 leaves a unique solution near y0 for every scheme that evaluates B and ∇H
 # between y0 and y1, and makes |(I − ∂R/∂y1)⁻¹| at most 4/3.
@@ -295,16 +294,7 @@ def contraction_ball(problem: Problem, y: Array) -> tuple[float, float]:
     sizes = [(1 + largest) * 2.0**-k for k in range(6)] + [largest * 2.0**-k for k in range(-1, 6) if largest]
     balls = np.array(sizes)
     reach = np.abs(y)[:, None] + balls
-    B, g, dB, H = (
-        _majorant(f, reach)
-        for f in (problem.structure, problem.gradient, problem.structure_derivative, problem.hessian)
-    )
-    if isinstance(problem, StructuresProblem) and problem.noise_structure_derivatives:
-        B = np.max([B, *(_majorant(G, reach) for G in problem.noise_structures)], axis=0)
-        dB = np.max([dB, *(_majorant(D, reach) for D in problem.noise_structure_derivatives)], axis=0)
-    if isinstance(problem, HamiltoniansProblem):
-        g = np.max([g, *(_majorant(f, reach) for f in problem.noise_gradients)], axis=0)
-        H = np.max([H, *(_majorant(f, reach) for f in problem.noise_hessians)], axis=0)
+    B, g, dB, H = majorants(problem, reach)
     field = np.max(matvec(B, g), axis=0)
     slope = np.max(np.sum(contract(dB, g) + matmul(B, H), axis=1), axis=0)
     with np.errstate(all="ignore"):
@@ -314,11 +304,6 @@ def contraction_ball(problem: Problem, y: Array) -> tuple[float, float]:
         )
     best = int(np.argmax(np.nan_to_num(radii, nan=0.0, posinf=np.inf)))
     return float(radii[best]), float(balls[best])
-
-
-def _majorant(function: object, y: Array) -> Array:
-    assert isinstance(function, PolynomialMap)
-    return function.majorant(y)
 
 
 def linear_forms(A: tuple[tuple[float, ...], ...]) -> list[Polynomial]:

@@ -33,7 +33,7 @@ from typing import Any
 
 import numpy as np
 
-from sepv.fields import matvec
+from sepv.fields import contract, matmul, matvec
 from sepv.hamiltonians import HamiltoniansProblem
 from sepv.polynomial import PolynomialMap
 from sepv.problem import Array, Function, Problem
@@ -125,20 +125,38 @@ def step_residual(
     return 0.5 * EPS * operations(problem, stages) * (scale + length * flow) + solver_tolerance * scale + TINY
 
 
+def majorants(problem: Problem, reach: Array) -> tuple[Array, Array, Array, Array]:
+    """M_B, M_g and those of their derivatives for |y| ≤ `reach` (d, ...), of polynomial data.
+
+    The largest over all structures, or over all Hamiltonians, where there are several.
+    """
+    B, g, dB, H = (
+        _of_polynomials(f, reach)
+        for f in (problem.structure, problem.gradient, problem.structure_derivative, problem.hessian)
+    )
+    if isinstance(problem, StructuresProblem) and problem.noise_structure_derivatives:
+        B = np.max([B, *(_of_polynomials(G, reach) for G in problem.noise_structures)], axis=0)
+        dB = np.max([dB, *(_of_polynomials(D, reach) for D in problem.noise_structure_derivatives)], axis=0)
+    if isinstance(problem, HamiltoniansProblem):
+        g = np.max([g, *(_of_polynomials(f, reach) for f in problem.noise_gradients)], axis=0)
+        H = np.max([H, *(_of_polynomials(f, reach) for f in problem.noise_hessians)], axis=0)
+    return B, g, dB, H
+
+
+def _of_polynomials(function: object, reach: Array) -> Array:
+    assert isinstance(function, PolynomialMap)
+    return function.majorant(reach)
+
+
 def correction_rounding(problem: Problem, y0: Array, y1: Array, h: float) -> Array:
     """What rounding may change in Itô's correction ½ Σ c_j² h f′f, (d,), for polynomial data.
 
     A scheme that treats drift and noise apart may have it; where the increments are small beside √h it is more than
     what they move. f errs by K u M_f and f′ by K u M_f′, so that the sum errs by Σ c_j² |h| K u M_f′ M_f.
     """
-    reach = np.maximum(np.abs(y0), np.abs(y1))
-    B, g, dB, H = (
-        f.majorant(reach) if isinstance(f, PolynomialMap) else np.zeros(())
-        for f in (problem.structure, problem.gradient, problem.structure_derivative, problem.hessian)
-    )
-    slope = np.einsum("ijk,j->ik", dB, g) + B @ H
+    B, g, dB, H = majorants(problem, np.maximum(np.abs(y0), np.abs(y1)))
     factor = 0.5 * EPS * operations(problem) * abs(h) * float(problem.c @ problem.c)
-    return np.asarray(factor * (slope @ (B @ g)))
+    return np.asarray(factor * matvec(contract(dB, g) + matmul(B, H), matvec(B, g)))
 
 
 def _any_gradient(problem: Problem, y0: Array, y1: Array) -> Array:

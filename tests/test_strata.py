@@ -63,14 +63,15 @@ def test_what_rules_forbid_is_impossible_and_nothing_else() -> None:
 
 @pytest.mark.parametrize("seed", [0, 7])
 def test_cases_lie_in_their_strata_and_inside_the_contraction_radius(seed: int) -> None:
-    for row, case in SINGLE.cases(seed):
-        inside(SINGLE.levels(row), case)
+    assert [wrong for row, case in SINGLE.cases(seed) for wrong in outside(SINGLE.levels(row), case)] == []
 
 
-def inside(levels: Levels, case: Case) -> None:
+def outside(levels: Levels, case: Case) -> list[tuple[str, object, Case]]:
+    """Of which axes a case is not in its strata."""
     system = case.problem
     assert isinstance(system, PolynomialSystem)
     problem, y, h, dW = case.build()
+    length = abs(h) + float(np.abs(problem.c * dW).sum())
     measured = {
         "d": system.dimension,
         "degree of H": system.hamiltonian.degree,
@@ -80,22 +81,20 @@ def inside(levels: Levels, case: Case) -> None:
         "|y|": float(np.max(np.abs(y))),
         "|Δ|": abs(float(problem.random_step(h, dW))),
         "h": float(np.sign(h)),
+        "step/radius": length / contraction_radius(problem, y),
     }
-    for axis, value in measured.items():
-        slack = 1 + 1e-12
-        assert levels[axis].low / slack <= value * (1 if value > 0 else slack) or value < 0, (
-            axis,
-            levels,
-            case,
-        )
-        assert value <= levels[axis].high * slack or value < 0, (axis, levels, case)
-    assert len(system.casimirs) + len(system.linear_casimirs) == {"none": 0, "two": 2}.get(
-        levels["Casimirs"].name, 1
-    )
-    assert case.given == levels["given as"].name
-    length = abs(h) + float(np.abs(problem.c * dW).sum())
-    share = length / contraction_radius(problem, y)
-    assert levels["step/radius"].low * 0.999 <= share <= levels["step/radius"].high * 1.001
+    slack = {"|y|": 1e-12, "|Δ|": 1e-12, "step/radius": 1e-3}
+    found: list[tuple[str, object, Case]] = [
+        (axis, value, case)
+        for axis, value in measured.items()
+        if max(levels[axis].low - value, value - levels[axis].high) > slack.get(axis, 0.0) * abs(value)
+    ]
+    casimirs = len(system.casimirs) + len(system.linear_casimirs)
+    if casimirs != {"none": 0, "two": 2}.get(levels["Casimirs"].name, 1):
+        found.append(("Casimirs", casimirs, case))
+    if case.given != levels["given as"].name:
+        found.append(("given as", case.given, case))
+    return found
 
 
 def test_the_coverage_table_counts_what_the_designs_visit() -> None:

@@ -10,16 +10,8 @@ from sepv.adapters.measurements import NO_AREAS, SETUPS, path_verdicts, release,
 from sepv.adapters.multistep import PathSolver
 from sepv.law import Verdict
 from sepv.laws import LAWS
+from sepv.report import MARKS
 from sepv.scheme import Scheme
-
-MARKS = {
-    Verdict.HOLDS: "holds",
-    Verdict.VIOLATED: "–",
-    Verdict.INCONCLUSIVE: "?",
-    Verdict.NOT_APPLICABLE: "n/a",
-    Verdict.ERROR: "error",
-    Verdict.NOT_MEASURED: "",
-}
 
 
 @dataclass(frozen=True)

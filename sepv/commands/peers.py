@@ -55,7 +55,7 @@ def peers(
     sepv peers                              the records that there are
     sepv peers sdeint 0.2.4 0.3.0           two versions
     sepv peers --versions -j 2              each that was tried
-    sepv peers diffrax 0.5.1 --with "jax<0.5" --keep /tmp/peers
+    sepv peers diffrax 0.5.1 --with "jax<0.5" --keep peers
     sepv trend                              which verdict changed, and when
 
     Exit codes: 0 every version is recorded; 2 wrong usage; 3 a version could not be installed or measured.
