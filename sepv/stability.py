@@ -273,7 +273,8 @@ def _laws(scheme: Scheme, case: HardCase, sample: Sample, count: int) -> dict[st
     for law in wanted:
         witnesses = [_as_case(case, sample, lane) for lane in range(count)]
         verdicts = [law.replay(law, scheme, cases.to_json(w)).verdict for w in witnesses if w is not None]
-        measured = [v for v in verdicts if v is not Verdict.ERROR or not case.refusals]
+        silent = (Verdict.ERROR, Verdict.NOT_APPLICABLE) if case.refusals else ()
+        measured = [v for v in verdicts if v not in silent]
         found[law.name] = (sum(v is Verdict.HOLDS for v in measured), len(measured))
     return found
 
