@@ -16,9 +16,9 @@ from rich.table import Table
 
 from benchmarks import over, start
 from sepv import large, wiener
-from sepv.implicit import Status
 from sepv.large.problem import LargeProblem
 from sepv.large.schemes import LargeStep
+from sepv.solution import Status
 
 H, STEPS = 0.01, 20
 # Components for one element of each chain: sizes are those of d.

@@ -27,11 +27,11 @@ from sepv.candidate import guarded
 from sepv.errors import Skipped
 from sepv.given import NOT_OF_HAMILTONIANS, describe, problems_of, reach
 from sepv.hamiltonians import HamiltoniansProblem
-from sepv.implicit import Status
 from sepv.law import Effort, Finding, Law, Verdict, require
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
 from sepv.simulation import advance
+from sepv.solution import Status
 from sepv.tolerance import EPS, TINY, energy_ulp, rounding_walk
 
 PATHS = 60

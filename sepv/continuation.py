@@ -15,9 +15,9 @@ from dataclasses import replace
 import numpy as np
 
 from sepv.errors import UsageError
-from sepv.implicit import Solution, Status, merge
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme, as_lanes, step_by
+from sepv.solution import Solution, Status, merge
 
 # The first share, at which the iteration from y converges wherever it ever does, and the least growth of a share.
 FIRST, LEAST = 2.0**-8, 2.0**-14

@@ -15,10 +15,10 @@ from sepv import areas, wiener
 from sepv.exact_structures import ends as exact_ends
 from sepv.exact_structures import finer, refined
 from sepv.hamiltonians import HamiltoniansProblem
-from sepv.implicit import Status
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
 from sepv.simulation import run_chunk
+from sepv.solution import Status
 
 # Paths are split into this many groups for the jackknife: enough for a t-quantile with 31 degrees of
 # freedom, few enough that the mean square over a group is nearly normal.

@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from sepv.errors import UsageError
-from sepv.implicit import Solution, Status, merge
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme, as_lanes, step_by
+from sepv.solution import Solution, Status, merge
 
 MAX_DEPTH = 20
 

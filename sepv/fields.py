@@ -17,6 +17,8 @@ from sepv.problem import Array, Problem
 
 _ROOT = float(np.sqrt(np.finfo(np.float64).eps))
 _TINY = float(np.finfo(np.float64).tiny)
+# Differences are taken for so many states at a time: beyond, memory grows and nothing is gained.
+LANES = 256
 
 
 def matvec(A: Array, v: Array) -> Array:
@@ -74,30 +76,53 @@ def structure_slope(problem: Problem, y: Array, v: Array) -> Array:
     """The derivative of B(y)v with v held fixed, (d, d, ...): analytic, else by differences for Newton's use."""
     if problem.structure_derivative is not None:
         return contract(problem.structure_derivative(y), v)
-    return differences(problem, lambda at: matvec(problem.structure(at), v), y)
+    flat = v.reshape(len(v), -1)
+    return differences(problem, lambda at, lanes: matvec(problem.structure(at), flat[:, lanes]), y)
 
 
 def hessian(problem: Problem, y: Array) -> Array:
     """H″(y), (d, d, ...): analytic, else by differences of ∇H for Newton's use."""
-    return problem.hessian(y) if problem.hessian is not None else differences(problem, problem.gradient, y)
+    if problem.hessian is not None:
+        return problem.hessian(y)
+    return differences(problem, lambda at, _: problem.gradient(at), y)
 
 
-def differences(problem: Problem, function: Callable[[Array], Array], y: Array) -> Array:
-    """function′(y) by forward differences, backward ones next to the boundary of the domain.
+def differences(problem: Problem, function: Callable[[Array, NDArray[np.intp]], Array], y: Array) -> Array:
+    """function′(y), (n, d, ...), by differences; the function is told the numbers of the states, flattened."""
+    flat, domain = y.reshape(len(y), -1), problem.domain
+    inside = None if domain is None else lambda at, _: domain(at)
+    base = function(flat, np.arange(flat.shape[1]))
+    found = forward_differences(function, inside, flat, base, np.abs(flat).max(axis=0))
+    return found.reshape(*found.shape[:2], *y.shape[1:])
 
-    The error of about √eps costs Newton's method an iteration, not accuracy.
+
+def forward_differences(
+    R: Callable[[Array, NDArray[np.intp]], Array],
+    inside: Callable[[Array, NDArray[np.intp]], Any] | None,
+    z: Array,
+    base: Array,
+    reach: Array,
+) -> Array:
+    """∂R/∂z by forward differences, backward ones where those leave the domain; `reach` (M,) is the size of z.
+
+    R and `inside` are asked for several components at once, as lanes, for few lanes; they are told the lanes' numbers.
     """
-    base = function(y)
-    width = _ROOT * np.maximum(np.abs(y).max(axis=0), _TINY)
-    columns = []
-    for k in range(y.shape[0]):
-        shifted = y.copy()
-        shifted[k] += width
-        if problem.domain is not None:
-            outside = ~np.asarray(problem.domain(shifted), dtype=bool)
-            shifted[k] = np.where(outside, y[k] - width, shifted[k])
-        columns.append((function(shifted) - base) / (shifted[k] - y[k]))
-    return np.stack(columns, axis=1)
+    n, M = z.shape
+    width = _ROOT * np.maximum(reach, _TINY)
+    found = np.empty((len(base), n, M))
+    together = max(1, LANES // max(M, 1))
+    for first in range(0, n, together):
+        columns = np.arange(first, min(first + together, n))
+        count = len(columns)
+        own, lanes = (columns, np.arange(count)), np.tile(np.arange(M), count)
+        shifted = np.repeat(z[:, None], count, axis=1)
+        shifted[own] += width
+        if inside is not None:
+            within = np.reshape(inside(shifted.reshape(n, count * M), lanes), (count, M))
+            shifted[own] = np.where(within, shifted[own], z[columns] - width)
+        values = R(shifted.reshape(n, count * M), lanes).reshape(len(base), count, M)
+        found[:, columns] = (values - base[:, None]) / (shifted[own] - z[columns])
+    return found
 
 
 # Widths of differences, as powers of |y| up to 1: whether |y| is the scale of f near y, or 1, only f can tell.

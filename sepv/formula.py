@@ -14,8 +14,8 @@ import numpy as np
 
 from sepv.average import Average, average_gradient
 from sepv.fields import derivative_along, matvec
-from sepv.implicit import Increment
 from sepv.problem import Array, Problem
+from sepv.solution import Increment
 from sepv.structures import combined
 
 

@@ -175,7 +175,7 @@ def noise_hessian(problem: Problem, j: int, y: Array) -> Array:
         return hessian(problem, y)
     if isinstance(problem, HamiltoniansProblem) and problem.noise_hessians:
         return problem.noise_hessians[j](y)
-    return differences(problem, noise_gradients(problem)[j], y)
+    return differences(problem, lambda at, _: noise_gradients(problem)[j](at), y)
 
 
 def noise_field(problem: Problem, j: int, y: Array) -> Array:

@@ -9,17 +9,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from enum import IntEnum
-from typing import Any, NamedTuple
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sepv.errors import StepFailure
+from sepv.damped import approach
+from sepv.differences import difference_jacobian, slopes
 from sepv.fields import linear_solve, matvec
 from sepv.polynomial import PolynomialMap
 from sepv.problem import Array, Problem
+from sepv.solution import Equations, Evaluation, IncrementFunction, JacobianFunction, Solution, Status, merge
 
 _EPS = float(np.finfo(np.float64).eps)
 _TINY = float(np.finfo(np.float64).tiny)
@@ -28,127 +29,13 @@ _QUANTA = 4 * float(np.finfo(np.float64).smallest_subnormal)
 # Newton needs 3 to 5 iterations for steps that make sense; 40 leave room for damped starts.
 MAX_ITERATIONS = 40
 MAX_HALVINGS = 40
-# Damped iterations of a solve that failed undamped, and the smallest share of a correction that they take.
-MAX_DAMPED = 100
-SMALLEST_SHARE = 2.0**-20
 # Corrections that stop shrinking are rounding, not divergence, only when they are small: √eps.
 STAGNATION = float(np.sqrt(_EPS))
 # … and when the residual is rounding too: a few hundred operations stand behind R, each rounded at the scale of y.
 # Without this, corrections that shrink slowly (Newton's matrix is approximate for some H) pass for stagnation.
 ROUNDING = 256 * _EPS
-# Differences of R are taken for so many lanes at a time: beyond, memory grows and nothing is gained.
-LANES = 256
 # The rounding of a sum of a dozen terms, beside their absolute values: far below the K of `sepv.tolerance`.
 TERMS = 16 * _EPS
-
-
-class Status(IntEnum):
-    """How a solve ended."""
-
-    CONVERGED = 0
-    NO_CONVERGENCE = 1
-    LEFT_DOMAIN = 2
-    OVERFLOW = 3
-    SINGULAR = 4
-    QUADRATURE = 5
-    UNDEFINED = 6
-
-    @property
-    def text(self) -> str:
-        """The status in words."""
-        return _TEXTS[self]
-
-
-_TEXTS = {
-    Status.CONVERGED: "converged",
-    Status.NO_CONVERGENCE: "no convergence",
-    Status.LEFT_DOMAIN: "left the domain of the problem",
-    Status.OVERFLOW: "overflow or NaN in B or ∇H",
-    Status.SINGULAR: "singular Jacobian",
-    Status.QUADRATURE: "the adaptive quadrature of ∇H did not reach rounding",
-    Status.UNDEFINED: "a structure is undefined: ∇H_0 vanishes or nearly so, and B∇H_j does not",
-}
-
-
-class Increment(NamedTuple):
-    """R(y0, y1) of shape (d, M), evaluations of ∇H and of B (M,), and where the quadrature is reliable.
-
-    `parts` are what the Jacobian takes over instead of computing it again, as further arguments.
-    """
-
-    value: Array
-    gradients: np.ndarray
-    structures: np.ndarray
-    reliable: np.ndarray
-    parts: tuple[Array, ...] = ()
-
-
-@dataclass(frozen=True)
-class Solution:
-    """What happened in a solve, lane by lane.
-
-    Attributes
-    ----------
-    value : (d, M)
-        y1 where converged; the last iterate elsewhere.
-    residual : (M,)
-        Largest component of |y1 − y0 − R(y0, y1)|, at `value`.
-    iterations, gradient_evaluations, structure_evaluations : (M,)
-        Newton iterations, and evaluations of ∇H and B (those of Newton's Jacobian not counted).
-    status : (M,)
-        `Status` of each lane.
-    change : (d, M), optional
-        y1 − y0 before it was rounded into `value`: compensated summation needs it.
-    divisions : (M,), optional
-        Steps and parts of steps that were divided, for schemes that do (`sepv.division.divided`).
-    continuations : (M,), optional
-        Shares of steps that were solved on the way to failed ones (`sepv.continuation.continued`).
-    """
-
-    value: Array
-    residual: Array
-    iterations: NDArray[np.int64]
-    gradient_evaluations: NDArray[np.int64]
-    structure_evaluations: NDArray[np.int64]
-    status: NDArray[np.int64]
-    change: Array | None = None
-    divisions: NDArray[np.int64] | None = None
-    continuations: NDArray[np.int64] | None = None
-
-
-IncrementFunction = Callable[[Problem, Array, Array, Array], Increment]
-JacobianFunction = Callable[..., Array | None]
-
-
-class Evaluation(NamedTuple):
-    """R(z) for some lanes, and on demand ∂R/∂z (n, n, M) with the evaluations that cost, in units of R's."""
-
-    right_side: Increment
-    jacobian: Callable[[], tuple[Array, int]]
-
-
-@dataclass(frozen=True)
-class Equations:
-    """z = R(z) for n unknowns in every lane; `lanes` are the numbers of the lanes asked about.
-
-    Attributes
-    ----------
-    size : (n, M)
-        |y| of the state that each unknown is added to: corrections are small or not beside |y| + |z|.
-    evaluate : (z, lanes) -> Evaluation
-    inside : (z, lanes) -> (M,) of bool, optional
-        Whether the states that belong to z lie in the domain of the problem.
-    exact : bool
-        Whether the Jacobian is that of R, and not of R with H″ averaged by a few nodes.
-    magnitude : (z, lanes) -> (M,), optional
-        The sum of the absolute values of the terms of R, to which its rounding is relative whatever cancels.
-    """
-
-    size: Array
-    evaluate: Callable[[Array, NDArray[np.intp]], Evaluation]
-    inside: Callable[[Array, NDArray[np.intp]], NDArray[np.bool_]] | None = None
-    exact: bool = False
-    magnitude: Callable[[Array, NDArray[np.intp]], Array] | None = None
 
 
 def solve(
@@ -189,7 +76,7 @@ def solve(
             K = jacobian(problem, y, y1, s, *R.parts)
             if K is not None:
                 return K, 0
-            return _difference_jacobian(problem, y, y1, s, increment, R.value), y.shape[0]
+            return difference_jacobian(problem, y, y1, s, increment, R.value), y.shape[0]
 
         return Evaluation(R, slope)
 
@@ -231,7 +118,7 @@ def iterate(equations: Equations, start: Array, lanes: NDArray[np.intp] | None =
         near = solution.residual[failed] <= STAGNATION * (size + np.abs(z)).max(axis=0)
         _finish(equations, solution, numbers, failed[near])
         failed = failed[solution.status[failed] != Status.CONVERGED]
-        merge(solution, _approach(equations, numbers[failed]), failed)
+        merge(solution, approach(equations, numbers[failed]), failed)
         _finish(equations, solution, numbers, failed[solution.status[failed] == Status.CONVERGED])
     return solution
 
@@ -246,16 +133,6 @@ def _finish(
             _newton(equations, solution.value[:, lanes], numbers[lanes], differences=True),
             lanes,
         )
-
-
-def merge(whole: Solution, part: Solution, lanes: NDArray[np.intp]) -> None:
-    """Write lanes that were solved anew into a solution; counts add up."""
-    whole.value[:, lanes], whole.residual[lanes], whole.status[lanes] = part.value, part.residual, part.status
-    whole.iterations[lanes] += part.iterations
-    whole.gradient_evaluations[lanes] += part.gradient_evaluations
-    whole.structure_evaluations[lanes] += part.structure_evaluations
-    if whole.continuations is not None and part.continuations is not None:
-        whole.continuations[lanes] += part.continuations
 
 
 def _newton(equations: Equations, start: Array, numbers: NDArray[np.intp], *, differences: bool) -> Solution:
@@ -297,7 +174,7 @@ def _newton_of_many(
             F = z - R.value
             residual[at] = rest = np.abs(F).max(axis=0)
             iterations[at] += 1
-            K, further = _slopes(equations, z, lanes, R.value) if differences else jacobian()
+            K, further = slopes(equations, z, lanes, R.value) if differences else jacobian()
             gradients[at] += (1 + further) * R.gradients
             structures[at] += (1 + further) * R.structures
             correction = linear_solve(identity - K, F)
@@ -372,7 +249,7 @@ def _newton_of_one(
             F = z - R.value
             rest = residual = _largest(F.ravel().tolist())
             iterations += 1
-            K, further = _slopes(equations, z, number, R.value) if differences else jacobian()
+            K, further = slopes(equations, z, number, R.value) if differences else jacobian()
             gradients += (1 + further) * int(R.gradients[0])
             structures += (1 + further) * int(R.structures[0])
             if not math.isfinite(rest):
@@ -441,107 +318,6 @@ def _is_rounding(
     return rounding
 
 
-def _approach(equations: Equations, numbers: NDArray[np.intp]) -> Solution:
-    """Damped Newton from z = 0 up to where full steps contract; CONVERGED means that they do.
-
-    In the limit of small shares it follows the path on which all of F shrinks alike, which ends in a solution
-    or where the Jacobian is singular.
-    """
-    n, count = equations.size.shape[0], numbers.size
-    none = np.zeros(count, dtype=np.int64)
-    state = Solution(
-        np.zeros((n, count)), np.full(count, np.inf), none, none.copy(), none.copy(),
-        np.full(count, Status.NO_CONVERGENCE, dtype=np.int64),
-    )  # fmt: skip
-    share, active = np.ones(count), np.arange(count)
-    with np.errstate(all="ignore"):
-        for _ in range(MAX_DAMPED):
-            z = state.value[:, active]
-            R, _ = equations.evaluate(z, numbers[active])
-            K, further = _slopes(equations, z, numbers[active], R.value)
-            F, A = z - R.value, np.eye(n)[..., None] - K
-            state.residual[active] = np.abs(F).max(axis=0)
-            state.iterations[active] += 1
-            state.gradient_evaluations[active] += (1 + further) * R.gradients
-            state.structure_evaluations[active] += (1 + further) * R.structures
-            correction = linear_solve(A, F)
-            regular = np.isfinite(correction).all(axis=0)
-            finite = np.isfinite(state.residual[active]) & np.isfinite(K).all(axis=(0, 1))
-            failed = np.where(finite, Status.SINGULAR, Status.OVERFLOW)
-            state.status[active[~regular]] = failed[~regular]
-            active, A, correction = active[regular], A[:, :, regular], correction[:, regular]
-            share[active] = np.minimum(1.0, 4 * share[active])
-            moved = _take_share(equations, numbers, state, share, active, A, correction)
-            active = active[moved & (state.status[active] != Status.CONVERGED)]
-            if not active.size:
-                break
-    return state
-
-
-def _take_share(
-    equations: Equations,
-    numbers: NDArray[np.intp],
-    state: Solution,
-    share: Array,
-    active: NDArray[np.intp],
-    A: Array,
-    p: Array,
-) -> NDArray[np.bool_]:
-    """Move the active lanes by a share λ of the correction p = A⁻¹F, halved until it passes; whether it did.
-
-    A share passes where z − λp is in the domain, R is finite there, and the simplified correction A⁻¹F(z − λp)
-    is at most (1 − λ/4)|p|: a test that no linear change of the equations changes (P. Deuflhard, Newton
-    Methods for Nonlinear Problems, 2004, §3.3).
-    """
-    z, length = state.value[:, active], np.abs(p).max(axis=0)
-    moved = np.zeros(active.size, dtype=bool)
-    open_ = np.arange(active.size)
-    while open_.size:
-        where = active[open_]
-        trial = z[:, open_] - share[where] * p[:, open_]
-        inside = np.ones(open_.size, dtype=bool)
-        if equations.inside is not None:
-            inside = equations.inside(trial, numbers[where])
-        R, _ = equations.evaluate(trial, numbers[where])
-        state.gradient_evaluations[where] += R.gradients
-        state.structure_evaluations[where] += R.structures
-        after = np.abs(linear_solve(A[:, :, open_], trial - R.value)).max(axis=0)
-        good = inside & (after <= (1 - share[where] / 4) * length[open_])
-        state.value[:, where[good]] = trial[:, good]
-        moved[open_[good]] = True
-        arrived = good & (share[where] == 1.0) & (after <= 0.25 * length[open_])
-        state.status[where[arrived]] = Status.CONVERGED
-        obstacle = np.where(np.isfinite(after), Status.NO_CONVERGENCE, Status.OVERFLOW)
-        obstacle = np.where(inside, obstacle, Status.LEFT_DOMAIN)
-        share[where[~good]] *= 0.5
-        blocked = ~good & (share[where] < SMALLEST_SHARE)
-        state.status[where[blocked]] = obstacle[blocked]
-        open_ = open_[~good & ~blocked]
-    return moved
-
-
-def require_converged(problem: Problem, y: Array, h: float, dW: Array, solution: Solution) -> Array:
-    """The value of a solution whose lanes all converged; y (d, M) and dW (m, M) are what was solved for.
-
-    Raises
-    ------
-    StepFailure
-        For the first lane that did not.
-    """
-    failed = np.flatnonzero(solution.status != Status.CONVERGED)
-    if failed.size:
-        lane = int(failed[0])
-        raise StepFailure(
-            problem=problem.name,
-            y=y[:, lane],
-            delta=float(h + problem.c @ dW[:, lane]),
-            residual=float(solution.residual[lane]),
-            status=Status(int(solution.status[lane])).text,
-            iterations=int(solution.iterations[lane]),
-        )
-    return solution.value
-
-
 def into_domain(
     equations: Equations, z: Array, correction: Array, lanes: NDArray[np.intp]
 ) -> tuple[Array, NDArray[np.bool_]]:
@@ -559,53 +335,3 @@ def into_domain(
         moved = z - factor * correction
         inside = equations.inside(moved, lanes)
     return moved, inside
-
-
-def _slopes(equations: Equations, z: Array, numbers: NDArray[np.intp], base: Array) -> tuple[Array, int]:
-    """∂R/∂z by differences, and their n evaluations."""
-    reach, domain = (equations.size[:, numbers] + np.abs(z)).max(axis=0), equations.inside
-    inside = None if domain is None else lambda at, lanes: domain(at, numbers[lanes])
-    R = lambda at, lanes: equations.evaluate(at, numbers[lanes]).right_side.value  # noqa: E731
-    return _differences(R, inside, z, base, reach), z.shape[0]
-
-
-def _difference_jacobian(
-    problem: Problem, y0: Array, y1: Array, step: Array, increment: IncrementFunction, base: Array
-) -> Array:
-    """∂R/∂y1 by differences. Their error of about √eps costs Newton one iteration, not accuracy.
-
-    Their width follows the larger of y and the step: from y0 = 0 a width of nothing would divide roundings of R by it.
-    """
-    reach, domain = np.max([np.abs(y0), np.abs(y1), np.abs(base)], axis=0).max(axis=0), problem.domain
-    inside = None if domain is None else lambda at, _: domain(at)
-    R = lambda at, lanes: increment(problem, y0[:, lanes], at, step[:, lanes]).value  # noqa: E731
-    return _differences(R, inside, y1, base, reach)
-
-
-def _differences(
-    R: Callable[[Array, NDArray[np.intp]], Array],
-    inside: Callable[[Array, NDArray[np.intp]], Any] | None,
-    z: Array,
-    base: Array,
-    reach: Array,
-) -> Array:
-    """∂R/∂z by forward differences, backward ones where those leave the domain; `reach` (M,) is the size of z.
-
-    R and `inside` are asked for several components at once, as lanes, for few lanes; they are told the lanes' numbers.
-    """
-    n, M = z.shape
-    width = STAGNATION * np.maximum(reach, _TINY)
-    found = np.empty((len(base), n, M))
-    together = max(1, LANES // max(M, 1))
-    for first in range(0, n, together):
-        columns = np.arange(first, min(first + together, n))
-        count = len(columns)
-        own, lanes = (columns, np.arange(count)), np.tile(np.arange(M), count)
-        shifted = np.repeat(z[:, None], count, axis=1)
-        shifted[own] += width
-        if inside is not None:
-            within = np.reshape(inside(shifted.reshape(n, count * M), lanes), (count, M))
-            shifted[own] = np.where(within, shifted[own], z[columns] - width)
-        values = R(shifted.reshape(n, count * M), lanes).reshape(len(base), count, M)
-        found[:, columns] = (values - base[:, None]) / (shifted[own] - z[columns])
-    return found

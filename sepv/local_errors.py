@@ -32,7 +32,6 @@ from sepv.explicit_tableaux import CLASSICAL
 from sepv.gaussian import Rule, point_rule
 from sepv.given import problems_of, reach
 from sepv.hamiltonians import HamiltoniansProblem, column, commutes
-from sepv.implicit import Status
 from sepv.law import Effort
 from sepv.local_rules import rule_for
 from sepv.log_flow import explicit, log_flow
@@ -42,6 +41,7 @@ from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.reference.generator import is_linear, moments
 from sepv.scheme import Scheme
 from sepv.simulation import advance
+from sepv.solution import Status
 from sepv.structures import StructuresProblem
 
 _EPS = float(np.finfo(np.float64).eps)

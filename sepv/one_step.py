@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from sepv.formula import Asked, Formula, counted
-from sepv.implicit import IncrementFunction, JacobianFunction, Solution, require_converged
 from sepv.implicit import solve as solve_implicit
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme, Solve, as_lanes, step_by
+from sepv.solution import IncrementFunction, JacobianFunction, Solution, require_converged
 from sepv.straight import iteration
 
 # (problem, h, noise) -> (k, M): what a formula wants to know of the step.

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 
 from sepv.arguments import floats, is_number
 from sepv.errors import UsageError
-from sepv.implicit import Solution, require_converged
 from sepv.point_laws import PointLaw, point_law
 from sepv.problem import Array, Problem
+from sepv.solution import Solution, require_converged
 
 # What a step may ask for beside h and the increments.
 ASKS = ("", "areas", "halves")

@@ -15,12 +15,12 @@ from sepv.arguments import floats, is_number
 from sepv.candidate import ask
 from sepv.errors import StepFailure, TruncationWarning, UsageError
 from sepv.further import answer, further_rows
-from sepv.implicit import Status
 from sepv.point_laws import PointLaw
 from sepv.problem import Array, Problem
 from sepv.results.labelled import to_xarray
 from sepv.results.reductions import Summary
 from sepv.scheme import REFUSALS, Scheme, Step, weakly
+from sepv.solution import Status
 from sepv.target import load_problem, load_scheme
 
 # Paths computed together: enough to hide NumPy's cost a call, few enough that increments stay small.
@@ -60,7 +60,7 @@ class Ensemble:
     W : (m, M)
         W(T), untruncated: θ(T) = T + Σ c_j W_j(T) gives the exact solution.
     status : (M,)
-        `sepv.implicit.Status` of each path: 0 where every step converged.
+        `sepv.solution.Status` of each path: 0 where every step converged.
     failed_step : (M,)
         The number of the step that failed, −1 where none did.
     energy_defect, casimir_defect : (M,)

@@ -16,13 +16,13 @@ import numpy as np
 from sepv.case import Case
 from sepv.errors import SepvError, StepFailure
 from sepv.fields import matvec
-from sepv.implicit import Status
 from sepv.problem import Array, GivenProblem, Problem
 from sepv.problems.hard import CATALOGUE, HardCase, Sample
 from sepv.reference.hard import exact_energy
 from sepv.reference.problem import exact_problem
 from sepv.scheme import Scheme
 from sepv.simulation import initial_state
+from sepv.solution import Status
 from sepv.tableaux import amplification
 from sepv.tolerance import energy_bound, energy_ulp, step_residual
 

@@ -20,11 +20,12 @@ from numpy.typing import NDArray
 
 from sepv.fields import cramer
 from sepv.formula import Formula
-from sepv.implicit import ROUNDING, STAGNATION, Solution
+from sepv.implicit import ROUNDING, STAGNATION
 from sepv.problem import Array, NamedProblem, Problem
 from sepv.record import CannotRecord, NoClosedForm
 from sepv.record.arrays import Source, source
 from sepv.recorded import Recorded
+from sepv.solution import Solution
 
 # Steps that make sense take three to five. Longer ones may have several solutions, or none: the general solver knows.
 MOST = 7

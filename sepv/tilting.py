@@ -26,10 +26,10 @@ import numpy as np
 from sepv import wiener
 from sepv.convergence import StrongErrors
 from sepv.exact import exact_flow
-from sepv.implicit import Status
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
 from sepv.simulation import run_chunk
+from sepv.solution import Status
 
 _CHUNK = 256
 # Errors below this many eps·scale are rounding. Rare paths count little here, and common ones have small errors,

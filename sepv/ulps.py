@@ -18,12 +18,12 @@ from sepv.candidate import raw_answer
 from sepv.errors import SepvError
 from sepv.exact import exact_flow
 from sepv.given import describe
-from sepv.implicit import Status
 from sepv.problem import Array, Problem
 from sepv.problems import FURTHER
 from sepv.reference.hard import exact_energy
 from sepv.reference.problem import exact_problem
 from sepv.scheme import Scheme
+from sepv.solution import Status
 from sepv.tolerance import casimir_ulp, energy_ulp
 
 # One of each kind of solver that a library has; its adapter is loaded where the library is installed.

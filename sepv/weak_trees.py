@@ -14,13 +14,13 @@ from sepv.candidate import guarded
 from sepv.errors import Skipped
 from sepv.gaussian import point_rule, rule
 from sepv.given import reach
-from sepv.implicit import Status
 from sepv.law import Effort
 from sepv.local_errors import LocalErrors, against_moments, apart, ends_at, moments_at, moments_only
 from sepv.point_laws import PointLaw, point_law
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
 from sepv.simulation import advance
+from sepv.solution import Status
 
 # The end time: short enough for slopes within 0.1 of their limits, on Lotka-Volterra within 0.25, and long enough for
 # errors far above rounding.

@@ -19,10 +19,10 @@ from sepv import schemes
 from sepv.bench import cases, gate, measure, pairs, store
 from sepv.cli import main
 from sepv.errors import StepFailure, TargetError, UsageError
-from sepv.implicit import Solution
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
 from sepv.schemes import energy_preserving
+from sepv.solution import Solution
 
 COUNTERS = Path(__file__).resolve().parents[1] / "benchmarks" / "counters.json"
 CASE = cases.choose(("rigid-body",), portable=False)

@@ -18,8 +18,8 @@ import sepv
 from sepv import problems, schemes, strategies
 from sepv.case import Case
 from sepv.errors import StepFailure, UsageError
-from sepv.implicit import Status
 from sepv.scheme import truncation_for
+from sepv.solution import Status
 from sepv.tableaux import amplification, exact_nodes, gauss_tableau, lagrange, moments
 from sepv.tolerance import state_ulp
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 import sepv
 from sepv import problems, schemes, wiener
 from sepv.division import divided
-from sepv.implicit import Status
+from sepv.solution import Status
 
 pytest.importorskip("numba", reason="the extra `fast` is not installed")
 

@@ -16,11 +16,11 @@ from sepv.average import average_gradient
 from sepv.checks import check_problem
 from sepv.cli import main
 from sepv.errors import ProblemError, StepFailure
-from sepv.implicit import Solution, Status
 from sepv.laws import LAWS
 from sepv.problem import Problem
 from sepv.problems import hard
 from sepv.schemas import hard_schema
+from sepv.solution import Solution, Status
 from sepv.stability import Seen, run
 
 

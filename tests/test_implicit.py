@@ -15,12 +15,13 @@ from sepv import polynomial as poly
 from sepv.average import average_gradient
 from sepv.case import Case
 from sepv.fields import linear_solve, matvec
-from sepv.implicit import Equations, Solution, Status, iterate
+from sepv.implicit import iterate
 from sepv.polynomial import PolynomialMap
 from sepv.problem import PolynomialSystem, Problem
 from sepv.quadrature import gauss_legendre
 from sepv.schemes.energy_preserving import jacobian
 from sepv.schemes.energy_preserving import step as preserving
+from sepv.solution import Equations, Solution, Status
 
 increment = preserving.increment
 

@@ -31,6 +31,8 @@ LAYERS = [
     "sepv.tableaux",
     "sepv.problems",
     "sepv.opaque",
+    "sepv.solution",
+    "sepv.differences sepv.damped",
     "sepv.implicit",
     "sepv.formula",
     "sepv.recorded",

@@ -9,8 +9,8 @@ import pytest
 
 from sepv import polynomial as poly
 from sepv import problems
+from sepv.differences import difference_jacobian
 from sepv.fields import derivative_along, field_jacobian, hessian, structure_slope, vector_field
-from sepv.implicit import _difference_jacobian
 from sepv.problem import PolynomialSystem, Problem
 from sepv.schemes.collocation import _Stages
 from sepv.tableaux import exact_nodes
@@ -67,7 +67,7 @@ def test_the_jacobian_is_the_derivative_of_the_increment(name: str) -> None:
         column = scheme.increment(problem, Y0.astype(complex), moved, step).value.imag / 1e-30
         # Some 200 terms of size ≤ |K|, each rounded a few times.
         assert np.max(np.abs(K[:, k] - column)) <= 1e-13 * np.abs(K).max()
-        differences = _difference_jacobian(
+        differences = difference_jacobian(
             problem, Y0, Y1, step, scheme.increment, scheme.increment(problem, Y0, Y1, step).value
         )
         # Forward differences of width √eps: an error of √eps |∂²R|, which is of the size of K here.
@@ -149,7 +149,7 @@ def test_differences_stay_inside_the_domain(side: int) -> None:
     assert np.max(np.abs(hessian(problem, y) - base.hessian(y))) <= 1e-6 * np.abs(base.hessian(y)).max()
     scheme, step = module_of("midpoint"), known("midpoint")
     found, exact = (
-        _difference_jacobian(p, y, y, step, scheme.increment, scheme.increment(p, y, y, step).value)
+        difference_jacobian(p, y, y, step, scheme.increment, scheme.increment(p, y, y, step).value)
         for p in (problem, base)
     )
     assert np.max(np.abs(found - exact)) <= 1e-6 * np.abs(exact).max()
@@ -174,7 +174,7 @@ def test_differences_are_as_good_for_states_of_any_size() -> None:
     assert np.all(np.abs(hessian(plain, SPREAD) - exact) <= 1e-6 * np.abs(exact).max(axis=(0, 1)))
     scheme, step = module_of("midpoint"), np.array([0.1 / SIZES**3])
     exact = scheme.jacobian(problem, SPREAD, 1.5 * SPREAD, step)
-    found = _difference_jacobian(
+    found = difference_jacobian(
         plain,
         SPREAD,
         1.5 * SPREAD,
@@ -186,7 +186,7 @@ def test_differences_are_as_good_for_states_of_any_size() -> None:
     # Of the size of |y|, where y1 is small and where y0 is.
     for y0, y1 in ((SPREAD, 1e-9 * SPREAD), (1e-9 * SPREAD, SPREAD)):
         exact = scheme.jacobian(problem, y0, y1, step)
-        found = _difference_jacobian(
+        found = difference_jacobian(
             plain, y0, y1, step, scheme.increment, scheme.increment(plain, y0, y1, step).value
         )
         assert np.all(np.abs(found - exact) <= 1e-6 * np.abs(exact).max(axis=(0, 1)))

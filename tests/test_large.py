@@ -14,9 +14,9 @@ import pytest
 import sepv
 from sepv import large, schemes
 from sepv.errors import ProblemError, StepFailure, UsageError
-from sepv.implicit import Status
 from sepv.large import LargeProblem, newton
 from sepv.problem import Array
+from sepv.solution import Status
 
 EPS = float(np.finfo(np.float64).eps)
 CHAINS: dict[str, Callable[[int], LargeProblem]] = {

@@ -8,19 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sepv import implicit, problems
+from sepv import damped, differences, implicit, problems
 from sepv.errors import StepFailure
-from sepv.implicit import (
-    MAX_HALVINGS,
-    Equations,
-    Evaluation,
-    Increment,
-    Solution,
-    Status,
-    into_domain,
-    iterate,
-    merge,
-)
+from sepv.implicit import MAX_HALVINGS, into_domain, iterate
+from sepv.solution import Equations, Evaluation, Increment, Solution, Status, merge, require_converged
 
 EPS = 2.0**-52
 
@@ -274,7 +265,7 @@ def test_an_approach_starts_from_zero_and_reports_each_lane_as_it_is() -> None:
 
     for order in (np.arange(6), np.arange(6)[::-1], np.array([0, 5]), np.array([3, 1]), np.array([4])):
         system = Counted(lambda z, lanes, n=order: R(z, lanes, n), lanes=order.size, unknowns=2)
-        found = implicit._approach(system.equations, np.arange(order.size))
+        found = damped.approach(system.equations, np.arange(order.size))
         assert found.status.tolist() == [expected[n] for n in order]
         assert found.status.dtype == np.int64
         for k, n in enumerate(order):
@@ -291,9 +282,9 @@ def test_an_approach_starts_from_zero_and_reports_each_lane_as_it_is() -> None:
 def test_damped_iterations_are_counted_to_their_end() -> None:
     """z = z + 1 + z² has no solution: the smallest share, or the last of 100 iterations, ends it."""
     system = Counted(lambda z, _: z + 1 + z * z + 0.1 * z, lanes=2)
-    found = implicit._approach(system.equations, np.arange(2))
+    found = damped.approach(system.equations, np.arange(2))
     assert found.status.tolist() in ([Status.NO_CONVERGENCE] * 2, [Status.SINGULAR] * 2)
-    assert 2 <= found.iterations[0] == found.iterations[1] <= implicit.MAX_DAMPED
+    assert 2 <= found.iterations[0] == found.iterations[1] <= damped.MAX_DAMPED
     assert np.all(found.gradient_evaluations == 3 * system.calls)
     # The only place where the slope 1 − R′ = −(2z + 0.1) vanishes.
     assert found.value == pytest.approx(np.full((1, 2), -0.05), abs=1e-2)
@@ -309,7 +300,7 @@ def test_a_share_passes_where_the_simplified_correction_has_shrunk_as_it_must() 
         ({1.0: 0.75}, 1.0, True, Status.NO_CONVERGENCE, 1),
         (table, 0.25, True, Status.NO_CONVERGENCE, 3),
         ({1.0: np.nan, 0.5: 0.1}, 0.5, True, Status.NO_CONVERGENCE, 2),
-        ({}, implicit.SMALLEST_SHARE / 2, False, Status.NO_CONVERGENCE, 21),
+        ({}, damped.SMALLEST_SHARE / 2, False, Status.NO_CONVERGENCE, 21),
     ]
     after = [{2.0**-k: row[0].get(2.0**-k, 2.0) for k in range(40)} for row in rows]
     n = len(rows)
@@ -326,7 +317,7 @@ def test_a_share_passes_where_the_simplified_correction_has_shrunk_as_it_must() 
         np.zeros((2, n)), np.ones(n), none, none.copy(), none.copy(), np.full(n, int(Status.NO_CONVERGENCE))
     )
     share = np.ones(n)
-    moved = implicit._take_share(
+    moved = damped._take_share(
         system.equations,
         np.arange(n),
         state,
@@ -353,7 +344,7 @@ def test_what_blocks_a_share_is_said() -> None:
     )
     none = np.zeros(3, dtype=np.int64)
     state = Solution(np.zeros((1, 3)), np.ones(3), none, none.copy(), none.copy(), none.copy())
-    moved = implicit._take_share(
+    moved = damped._take_share(
         system.equations, np.arange(3), state, np.ones(3), np.arange(3), np.ones((1, 1, 3)), np.ones((1, 3))
     )
     assert not moved.any()
@@ -447,7 +438,7 @@ def test_slopes_are_differences_of_the_size_of_the_lane_on_the_side_that_is_insi
         inside=lambda z, lanes: side * z[0] <= size[lanes],
     )  # fmt: skip
     z, lanes = np.stack([side * size, -0.25 * size]), np.arange(3)
-    found, cost = implicit._slopes(system.equations, z, lanes, R(z, lanes))
+    found, cost = differences.slopes(system.equations, z, lanes, R(z, lanes))
     exact = np.array([[6.0 * side, 1.0], [-0.25, side]])[..., None]
     assert cost == 2
     assert np.all(np.abs(found - exact) <= 1e-6)
@@ -460,12 +451,12 @@ def test_the_first_lane_that_failed_is_the_failure() -> None:
     y, dW = np.arange(9.0).reshape(3, 3), np.array([[2.0, 4.0, 6.0]])
     solution = Solution(-y, np.array([0.0, 7.0, 8.0]), np.array([4, 5, 6]), status, status, status)
     with pytest.raises(StepFailure, match="singular") as caught:
-        implicit.require_converged(problem, y, 0.2, dW, solution)  # with c = 0.5
+        require_converged(problem, y, 0.2, dW, solution)  # with c = 0.5
     failure = caught.value
     assert failure.y.tolist() == [1.0, 4.0, 7.0]
     assert (failure.delta, failure.residual, failure.iterations) == (2.2, 7.0, 5)
     fine = Solution(-y, solution.residual, solution.iterations, status, status, 0 * status)
-    assert implicit.require_converged(problem, y, 0.2, dW, fine) is fine.value
+    assert require_converged(problem, y, 0.2, dW, fine) is fine.value
 
 
 def test_merging_adds_counts_and_replaces_the_rest() -> None:

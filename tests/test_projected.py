@@ -9,11 +9,12 @@ import pytest
 
 from sepv import StepFailure, UsageError, problems, schemes
 from sepv.fields import casimir_gradients
-from sepv.implicit import ROUNDING, Status
+from sepv.implicit import ROUNDING
 from sepv.law import Effort, Verdict
 from sepv.polynomial import constant, polynomial
 from sepv.problem import PolynomialSystem, Problem
 from sepv.schemes.projected import Directions, solve_projection
+from sepv.solution import Status
 from sepv.suite import verify
 
 EPS = 2.0**-52

@@ -15,8 +15,8 @@ from sepv import problems, schemes, wiener
 from sepv.continuation import continued
 from sepv.division import divided
 from sepv.errors import TruncationWarning
-from sepv.implicit import Solution, Status
 from sepv.simulation import CHUNK, Batch, advance, initial_state, prepared, run_chunk, step_count
+from sepv.solution import Solution, Status
 
 # These are about the NumPy batch; the compiled engine has its own file.
 ensemble = partial(sepv.ensemble, engine="numpy")

@@ -13,10 +13,10 @@ import sepv
 from sepv import polynomial as poly
 from sepv import problems, schemes
 from sepv.fields import linear_solve
-from sepv.implicit import Equations, Status
 from sepv.problem import PolynomialSystem
 from sepv.problems import hard
 from sepv.schemes.collocation import _Stages, solve_stages
+from sepv.solution import Equations, Status
 from sepv.tableaux import exact_nodes, gauss_tableau, moments
 from sepv.tolerance import EPS
 

@@ -14,13 +14,13 @@ from sepv.properties import test_weak_order as weak
 from sepv import problems, schemes, verify
 from sepv.convergence import StrongErrors, mean_square_order, quantile_slope, strong_errors
 from sepv.fields import vector_field
-from sepv.implicit import Solution, Status
 from sepv.law import Effort, Finding, Verdict
 from sepv.means import critical, decay, leading, limit_errors, moment_errors
 from sepv.problem import Array, Problem
 from sepv.saboteurs import unusual
 from sepv.scheme import Scheme, step_by
 from sepv.sequential import FIRST_LOOK, budget, looks, setups
+from sepv.solution import Solution, Status
 
 SAMPLED = ("mean-square-order", "weak-order", "right-limit")
 RIGID = problems.rigid_body()

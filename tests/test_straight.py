@@ -11,10 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sepv import problems, schemes
-from sepv.implicit import Solution, Status, _difference_jacobian
+from sepv.differences import difference_jacobian
 from sepv.one_step import Implicit
 from sepv.problem import Problem
 from sepv.scheme import Scheme
+from sepv.solution import Solution, Status
 from sepv.straight import BLOCK, MOST, iteration
 
 NAMED = [
@@ -63,7 +64,7 @@ def test_solutions_agree_with_the_general_solver(
     step = scheme.step.parts(problem, size, size * dW)
     increment = scheme.step.increment
     base = increment(problem, y, plain.value, step).value
-    K = _difference_jacobian(problem, y, plain.value, step, increment, base)
+    K = difference_jacobian(problem, y, plain.value, step, increment, base)
     through = np.linalg.norm(np.linalg.inv(np.eye(len(y)) - np.moveaxis(K, 2, 0)), axis=(1, 2), ord=np.inf)
     allowed = 512 * 2.0**-52 * through * (np.abs(y) + np.abs(found.change)).max(axis=0)
     assert np.all(np.abs(found.value - plain.value).max(axis=0)[both] <= allowed[both])

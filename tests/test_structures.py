@@ -18,9 +18,9 @@ from sepv import problems, schemes
 from sepv.case import Case, from_json, to_json
 from sepv.errors import ProblemError, StepFailure, UsageError
 from sepv.exact_structures import finer
-from sepv.implicit import Status
 from sepv.problem import PolynomialSystem
 from sepv.problems.several import closed_form, commuting_actions
+from sepv.solution import Status
 from sepv.strategies_structures import (
     commuting_hamiltonian_steps,
     critical_hamiltonian_steps,

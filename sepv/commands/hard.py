@@ -140,7 +140,7 @@ def _table(name: str, seen: Sequence[Seen], width: int) -> Table:
 
 
 def _endings(seen: Seen) -> str:
-    from sepv.implicit import Status
+    from sepv.solution import Status
 
     short = {"CONVERGED": "solved", "REFUSED": "refused", "CRASH": "crashed"}
     short |= {s.name: s.text.split(" of ")[0].split(" or ")[0] for s in Status if s.name not in short}

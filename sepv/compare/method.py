@@ -15,15 +15,15 @@ import numpy as np
 from sepv.candidate import SchemeCrash
 from sepv.errors import SepvError
 from sepv.exact import exact_flow
-from sepv.implicit import Status
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
 from sepv.simulation import CHUNK, Ensemble, run_chunk
+from sepv.solution import Status
 from sepv.work import Work, counted
 
 
 class Ends(NamedTuple):
-    """States y (d, M) at T, and `sepv.implicit.Status` of each path (M,)."""
+    """States y (d, M) at T, and `sepv.solution.Status` of each path (M,)."""
 
     y: Array
     status: np.ndarray

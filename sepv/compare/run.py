@@ -21,9 +21,9 @@ from sepv.convergence import GROUPS, Estimate, jackknife
 from sepv.engine.workers import run_all
 from sepv.errors import SepvError, TargetError, UsageError
 from sepv.exact import exact_flow
-from sepv.implicit import Status
 from sepv.problem import Array, Problem
 from sepv.simulation import step_count
+from sepv.solution import Status
 
 # Intervals are two-sided at this level, for each point by itself.
 ALPHA = 0.05

@@ -16,11 +16,11 @@ from sepv.candidate import ask_once
 from sepv.engine.ensemble import choose
 from sepv.engine.task import NumpyChunk, Task
 from sepv.errors import UsageError
-from sepv.implicit import Status
 from sepv.point_laws import PointLaw
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme, Step
 from sepv.simulation import initial_state, prepared, step_count
+from sepv.solution import Status
 from sepv.target import load_problem, load_scheme
 
 # Seconds between two looks at the clock, and steps before the first.

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from sepv.implicit import MAX_HALVINGS, MAX_ITERATIONS, ROUNDING, STAGNATION, Status
+from sepv.implicit import MAX_HALVINGS, MAX_ITERATIONS, ROUNDING, STAGNATION
+from sepv.solution import Status
 from sepv.wiener import STREAMS
 
 # The error that a lane may be left with, relative to its state: 2⁻¹⁰ of a rounding.

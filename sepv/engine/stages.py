@@ -20,10 +20,10 @@ from sepv.engine.schemes import Collocation, at
 from sepv.engine.stages_newton import NEWTON
 from sepv.engine.text import Expression, Table, Text, shown
 from sepv.engine.writer import Writer, indent
-from sepv.implicit import Status
 from sepv.problem import Array
 from sepv.quadrature import gauss_legendre
 from sepv.schemes.collocation import FIRST_NODES, MAX_NODES
+from sepv.solution import Status
 from sepv.tableaux import exact_nodes, gauss_tableau, moments
 
 # Sweeps before the first test, which costs half a sweep, and sweeps after it: while one lane of a block goes on, each

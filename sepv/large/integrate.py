@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike
 
 from sepv import wiener
 from sepv.errors import StepFailure, UsageError
-from sepv.implicit import Status
 from sepv.large.problem import LargeProblem
 from sepv.large.schemes import LargeStep
 from sepv.problem import Array
+from sepv.solution import Status
 
 
 @dataclass(frozen=True)

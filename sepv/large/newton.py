@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sepv.implicit import MAX_HALVINGS, MAX_ITERATIONS, ROUNDING, STAGNATION, Status
+from sepv.implicit import MAX_HALVINGS, MAX_ITERATIONS, ROUNDING, STAGNATION
 from sepv.large.problem import LargeProblem, Sparse
 from sepv.problem import Array
+from sepv.solution import Status
 
 _EPS = float(np.finfo(np.float64).eps)
 _TINY = float(np.finfo(np.float64).tiny)

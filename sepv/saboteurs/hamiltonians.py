@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from sepv.hamiltonians import hamiltonian_field
-from sepv.implicit import Increment
 from sepv.one_step import Implicit, each_noise
 from sepv.problem import Array, Problem
 from sepv.saboteurs.record import Saboteur
@@ -24,6 +23,7 @@ from sepv.schemes import (
 )
 from sepv.schemes.drift_preserving import pushed, quiet
 from sepv.schemes.isospectral_midpoint import require_spins
+from sepv.solution import Increment
 
 LOUDER = 1 + 2.0**-10
 PUSH = 2.0**-30

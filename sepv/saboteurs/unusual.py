@@ -18,7 +18,6 @@ from sepv.errors import Skipped
 from sepv.explicit_tableaux import TABLEAUX
 from sepv.fields import matvec, vector_field
 from sepv.formula import Asked, Fields
-from sepv.implicit import Increment
 from sepv.one_step import Implicit, drift_and_noise, implicit
 from sepv.problem import Array, Problem
 from sepv.quadrature import gauss_legendre
@@ -26,6 +25,7 @@ from sepv.scheme import Scheme, Step, as_lanes
 from sepv.schemes import collocation, energy_preserving, gauss, midpoint
 from sepv.schemes.energy_preserving import jacobian
 from sepv.schemes.explicit import end
+from sepv.solution import Increment
 
 _EPS = float(np.finfo(np.float64).eps)
 # Gauss nodes for an H of no stated degree: exact to degree 40.

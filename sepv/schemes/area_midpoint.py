@@ -17,11 +17,11 @@ import numpy as np
 from sepv.errors import Skipped
 from sepv.further import as_rows
 from sepv.hamiltonians import HamiltoniansProblem, bracket, hamiltonian_field
-from sepv.implicit import Increment, Solution, require_converged
 from sepv.implicit import solve as solve_implicit
 from sepv.one_step import EVERY, each_noise, no_jacobian
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme, as_lanes
+from sepv.solution import Increment, Solution, require_converged
 
 
 def solve(problem: Problem, y: Array, h: float, dW: Array, areas: Array) -> Solution:

@@ -22,11 +22,11 @@ import numpy as np
 from sepv.average import average_gradient
 from sepv.errors import UsageError
 from sepv.fields import hessian, matmul, matvec
-from sepv.implicit import Increment, require_converged
 from sepv.implicit import solve as solve_implicit
 from sepv.one_step import each_noise
 from sepv.problem import Array, Problem
 from sepv.scheme import as_lanes
+from sepv.solution import Increment, require_converged
 from sepv.structures import StructuresProblem, combined
 
 

@@ -26,19 +26,11 @@ import numpy as np
 
 from sepv.average import argument_rounding, average_gradient
 from sepv.fields import hessian, linear_solve, matmul, matvec, structure_slope
-from sepv.implicit import (
-    Equations,
-    Evaluation,
-    Increment,
-    Solution,
-    Status,
-    into_domain,
-    iterate,
-    merge,
-)
+from sepv.implicit import into_domain, iterate
 from sepv.one_step import ENERGY_PRESERVING, one_step, solved_by
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme, as_lanes, truncation_for
+from sepv.solution import Equations, Evaluation, Increment, Solution, Status, merge
 from sepv.tableaux import check_stages, exact_nodes, gauss_tableau, moments
 
 _EPS = float(np.finfo(np.float64).eps)

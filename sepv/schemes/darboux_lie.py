@@ -21,12 +21,12 @@ import numpy as np
 from sepv.checks import sample_states
 from sepv.errors import Skipped
 from sepv.hamiltonians import hamiltonian_field
-from sepv.implicit import Increment, Solution, Status
 from sepv.implicit import solve as solve_implicit
 from sepv.one_step import EVERY, each_noise, no_jacobian, one_step, solved_by
 from sepv.orders import Orders
 from sepv.problem import Array, Problem
 from sepv.scheme import as_lanes
+from sepv.solution import Increment, Solution, Status
 
 PROBLEMS = ("lotka-volterra", "random-lotka-volterra")
 

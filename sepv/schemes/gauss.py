@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from sepv.implicit import Solution
 from sepv.one_step import SYMMETRIC, one_step, solved_by
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme, as_lanes, truncation_for
 from sepv.schemes.collocation import solve_stages
+from sepv.solution import Solution
 from sepv.tableaux import check_stages
 
 

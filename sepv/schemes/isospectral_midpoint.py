@@ -23,12 +23,12 @@ import numpy as np
 
 from sepv.errors import Skipped
 from sepv.hamiltonians import noise_gradients
-from sepv.implicit import Increment, Solution
 from sepv.implicit import solve as solve_implicit
 from sepv.one_step import EVERY, each_noise, no_jacobian, one_step, solved_by
 from sepv.orders import Orders
 from sepv.problem import Array, Problem
 from sepv.scheme import as_lanes
+from sepv.solution import Increment, Solution
 
 _PLACES = ((0, 1, 2, -1.0), (0, 2, 1, 1.0), (1, 2, 0, -1.0))
 

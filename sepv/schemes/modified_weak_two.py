@@ -33,9 +33,9 @@ import numpy as np
 
 from sepv.average import average_gradient
 from sepv.fields import dot, matmul, matvec
-from sepv.implicit import Increment
 from sepv.one_step import EVERY, Implicit, one_step
 from sepv.problem import Array, Problem
+from sepv.solution import Increment
 
 # Central differences of order six, exact for polynomials of degree 7 (first: 6), whatever the width.
 FIRST = (45.0, -9.0, 1.0)

@@ -23,11 +23,12 @@ from sepv.average import average_gradient
 from sepv.explicit_tableaux import TABLEAUX
 from sepv.fields import casimir_gradients, dot
 from sepv.formula import Asked
-from sepv.implicit import ROUNDING, Solution, Status
+from sepv.implicit import ROUNDING
 from sepv.one_step import one_step, solved_by
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme, as_lanes, truncation_for
 from sepv.schemes.explicit import end, explicit
+from sepv.solution import Solution, Status
 
 # Each iteration gains a factor of about |I″||y1 − y*|/|∇I|; a step that needs more than this is far too coarse.
 MOST = 30

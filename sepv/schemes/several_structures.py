@@ -19,9 +19,9 @@ import numpy as np
 from sepv.average import average_gradient, average_hessian
 from sepv.fields import contract, matmul, matvec
 from sepv.formula import Fields
-from sepv.implicit import Solution, Status
 from sepv.one_step import ENERGY_PRESERVING, each_noise, implicit, one_step
 from sepv.problem import Array, Problem
+from sepv.solution import Solution, Status
 from sepv.structures import (
     CommutingStructure,
     combined,

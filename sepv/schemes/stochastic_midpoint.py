@@ -15,10 +15,10 @@ from __future__ import annotations
 import numpy as np
 
 from sepv.hamiltonians import hamiltonian_field, hamiltonian_field_jacobian
-from sepv.implicit import Increment
 from sepv.one_step import EVERY, Implicit, each_noise, one_step
 from sepv.orders import Orders
 from sepv.problem import Array, Problem
+from sepv.solution import Increment
 
 CLAIMS = EVERY | {
     "identity",

@@ -16,11 +16,11 @@ from enum import IntEnum
 import numpy as np
 
 from sepv.errors import UsageError
-from sepv.implicit import IncrementFunction, JacobianFunction
 from sepv.one_step import Implicit
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
 from sepv.schemes import both_invariants, energy_preserving, midpoint
+from sepv.solution import IncrementFunction, JacobianFunction
 
 MOST_STEPS = 4000
 # Arclengths, the longest beside 1 + |z|: a branch that escapes to infinity gets there.

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from sepv.exact import exact_flow
-from sepv.implicit import Status, solve
+from sepv.implicit import solve
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
 from sepv.schemes import energy_preserving
+from sepv.solution import Status
 from sepv.solvability.branch import EQUATIONS, Branch, End, follow
 from sepv.solvability.chance import chance_outside
 

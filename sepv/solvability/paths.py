@@ -17,9 +17,9 @@ import numpy as np
 
 from sepv.engine.ensemble import ensemble
 from sepv.errors import TruncationWarning
-from sepv.implicit import Status
 from sepv.problem import Array, Problem
 from sepv.scheme import Scheme
+from sepv.solution import Status
 
 # The first horizon is this many steps; each next one is twice as long, over new paths.
 FIRST = 256

@@ -13,7 +13,7 @@ from sepv import polynomial as poly
 from sepv.polynomial import Polynomial
 from sepv.problem import Array, Description, Problem
 
-# Names of `sepv.implicit.Status`: the ways in which a step without a solution may be refused. Which of them
+# Names of `sepv.solution.Status`: the ways in which a step without a solution may be refused. Which of them
 # it is depends on where the iteration happens to be when it gives up.
 REFUSALS = ("NO_CONVERGENCE", "LEFT_DOMAIN", "OVERFLOW", "SINGULAR")
 
