@@ -1,9 +1,10 @@
-"""What a problem need not give: ∇H, H″, B′ and the averaged gradient, derived from records of H and B."""
+"""What a problem need not give: ∇H, H″, B′, the mean of ∇H and flows of parts, derived from records of H and B."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,11 @@ from sepv.errors import ProblemError
 from sepv.record import CannotRecord, NoClosedForm, Tape, evaluator, gradient, jacobian
 from sepv.record.arrays import Evaluator
 from sepv.record.derivative import hessian
+from sepv.record.flows import flow
 from sepv.record.means import degree, mean
 
 Array = NDArray[np.float64]
+Function = Callable[[Any], Any]
 
 
 @dataclass(frozen=True)
@@ -30,20 +33,26 @@ class MeanGradient:
 
 
 @dataclass(frozen=True)
-class Derived:
-    """Functions of arrays with the shapes of `sepv.Problem`, and the degree of a polynomial H.
+class Derivatives:
+    """∇H and H″ as functions of arrays with the shapes of `sepv.Problem`, and the degree of a polynomial H.
 
     `mean_gradient` is None where H is a polynomial, whose degree is enough, and where there is no closed form.
     """
 
     gradient: Evaluator
     hessian: Evaluator
-    structure_derivative: Evaluator
     mean_gradient: MeanGradient | None
     degree: int | None
 
 
-def derive(dimension: int, structure: Callable[[Any], Any], hamiltonian: Callable[[Any], Any]) -> Derived:
+@dataclass(frozen=True)
+class Derived(Derivatives):
+    """The same with B′, of shape (d, d, d, ...)."""
+
+    structure_derivative: Evaluator
+
+
+def derive(dimension: int, structure: Function, hamiltonian: Function) -> Derived:
     """What follows from B and H.
 
     Raises
@@ -52,32 +61,68 @@ def derive(dimension: int, structure: Callable[[Any], Any], hamiltonian: Callabl
         Where one of them cannot be recorded; it says why.
     """
     tape = Tape()
-    y, z = tape.vector(dimension), tape.vector(dimension)
-    H = _recorded(tape, "hamiltonian", hamiltonian, y)
+    y = tape.vector(dimension)
     B = _recorded(tape, "structure", structure, y)
-    if np.shape(H) != () or np.shape(B) != (dimension, dimension):
-        raise ProblemError(
-            expected=f"hamiltonian(y) of shape () and structure(y) of shape {(dimension, dimension)} for y of shape "
-            f"({dimension},)",
-            received=f"shapes {np.shape(H)} and {np.shape(B)}",
-            remedy="component first: index y[0], y[1], … and build arrays with np.stack or np.array",
-        )
-    power = degree(H, y)
-    slope = gradient(H, y)
+    if np.shape(B) != (dimension, dimension):
+        raise _of_another_shape(f"structure(y) of shape {(dimension, dimension)}", dimension, np.shape(B))
+    return Derived(
+        **vars(derivatives(dimension, hamiltonian)),
+        structure_derivative=evaluator([y], jacobian(B.ravel(), y).reshape(*B.shape, dimension)),
+    )
+
+
+def derivatives(dimension: int, hamiltonian: Function, name: str = "hamiltonian") -> Derivatives:
+    """What follows from H alone.
+
+    Raises
+    ------
+    ProblemError
+    """
+    tape = Tape()
+    y, z = tape.vector(dimension), tape.vector(dimension)
+    H = _recorded(tape, name, hamiltonian, y)
+    if np.shape(H) != ():
+        raise _of_another_shape(f"{name}(y) of shape ()", dimension, np.shape(H))
+    power, slope = degree(H, y), gradient(H, y)
     try:
         closed = None if power is not None else MeanGradient(evaluator([y, z], mean(H, y, z).value))
     except NoClosedForm:
         closed = None
-    return Derived(
+    return Derivatives(
         gradient=evaluator([y], slope),
         hessian=evaluator([y], hessian(slope, y)),
-        structure_derivative=evaluator([y], jacobian(B.ravel(), y).reshape(*B.shape, dimension)),
         mean_gradient=closed,
         degree=None if power is None else max(power, 1),
     )
 
 
-def _recorded(tape: Tape, key: str, function: Callable[[Any], Any], y: Any) -> Any:
+@dataclass(frozen=True)
+class PartFlow:
+    """(y, t) -> (d, ...): the exact flow of B∇H_k at times t (...), for a part H_k of H.
+
+    Raises
+    ------
+    NoClosedForm, ProblemError
+        When it is called, where B∇H_k has no flow in closed form (`sepv.record.flows`) or cannot be recorded.
+    """
+
+    dimension: int
+    structure: Function
+    part: Function
+
+    def __call__(self, y: Array, t: Array) -> Array:
+        """The states at the times t from y (d, ...)."""
+        return self._evaluator(y, np.asarray(t)[None])
+
+    @cached_property
+    def _evaluator(self) -> Evaluator:
+        tape = Tape()
+        y, t = tape.vector(self.dimension), tape.vector(1)
+        H, B = _recorded(tape, "a part", self.part, y), _recorded(tape, "structure", self.structure, y)
+        return evaluator([y, t], flow(B @ gradient(H, y), y, t[0]))
+
+
+def _recorded(tape: Tape, key: str, function: Function, y: Any) -> Any:
     """The function's result; whatever it makes of symbols is its author's."""
     try:
         return tape.symbols(function(y))
@@ -88,3 +133,11 @@ def _recorded(tape: Tape, key: str, function: Callable[[Any], Any], y: Any) -> A
             received=f"{key}: {why}",
             remedy="give gradient=, and hessian= and structure_derivative= where you have them",
         ) from error
+
+
+def _of_another_shape(expected: str, dimension: int, shape: tuple[int, ...]) -> ProblemError:
+    return ProblemError(
+        expected=f"{expected} for y of shape ({dimension},)",
+        received=f"shape {shape}",
+        remedy="component first: index y[0], y[1], … and build arrays with np.stack or np.array",
+    )

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -198,6 +199,30 @@ def cramer(A: Any, b: Any) -> tuple[list[Any], Any]:
     cross = _cross(v, w), _cross(w, u), _cross(u, v)
     determinant = u[0] * cross[0][0] + u[1] * cross[0][1] + u[2] * cross[0][2]
     return [x * b[0] + y * b[1] + z * b[2] for x, y, z in zip(*cross, strict=True)], determinant
+
+
+class Algebra(NamedTuple):
+    """What Newton's iteration does with K = ∂R/∂z, however it is stored."""
+
+    # (K, F) -> (1 − K)⁻¹F, (n, M), not finite where 1 − K is singular.
+    correction: Callable[[Any, Array], Array]
+    # K -> (M,): whether all entries of a lane are finite.
+    finite: Callable[[Any], Any]
+    # (K, size (n, M)) -> |K| size, (n, M).
+    through: Callable[[Any, Array], Array]
+
+
+@lru_cache(maxsize=64)
+def _identity(n: int) -> Array:
+    return np.eye(n)[..., None]
+
+
+# K of shape (n, n, M).
+DENSE = Algebra(
+    lambda K, F: linear_solve(_identity(len(F)) - K, F),
+    lambda K: np.isfinite(K).all(axis=(0, 1)),
+    lambda K, size: matvec(np.abs(K), size),
+)
 
 
 def _cross(u: Any, v: Any) -> tuple[Any, Any, Any]:

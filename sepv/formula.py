@@ -32,6 +32,12 @@ class Fields(Protocol):
     def combined(self, y: Any, step: Any) -> Any:
         """h B(y) + Σ c_jΔW_j G_j(y), (d, d, ...), for `step` holding h and the c_jΔW_j."""
 
+    def apply(self, y: Any, v: Any) -> Any:
+        """B(y)v, (d, ...)."""
+
+    def apply_combined(self, y: Any, step: Any, v: Any) -> Any:
+        """[h B(y) + Σ c_jΔW_j G_j(y)]v, (d, ...)."""
+
     def gradient(self, y: Any) -> Any:
         """∇H(y), (d, ...)."""
 
@@ -66,8 +72,8 @@ class Asked:
         Evaluations of ∇H, and of B or of what stands for it.
     reliable : (M,)
         Where the quadratures are.
-    mean, B : (d, M), (d, d, M)
-        The last averaged gradient and structure, which Newton's matrix takes over.
+    means, asked : lists of (d, M) and of (d, d, M)
+        Averaged gradients and structures in the order in which they were asked for: Newton's matrix takes them over.
     """
 
     def __init__(self, problem: Problem, y0: Array, y1: Array) -> None:
@@ -75,19 +81,28 @@ class Asked:
         self.gradients = np.zeros(y0.shape[1], dtype=np.int64)
         self.structures = np.zeros_like(self.gradients)
         self.reliable = np.ones(y0.shape[1], dtype=bool)
-        self.mean = self.B = np.empty(0)
+        self.means: list[Array] = []
+        self.asked: list[Array] = []
 
     def structure(self, y: Array) -> Array:
         """B(y)."""
         self.structures = self.structures + 1
-        self.B = self.problem.structure(y)
-        return self.B
+        self.asked.append(self.problem.structure(y))
+        return self.asked[-1]
 
     def combined(self, y: Array, step: Array) -> Array:
         """h B(y) + Σ c_jΔW_j G_j(y), which counts as one evaluation."""
         self.structures = self.structures + 1
-        self.B = combined(self.problem, y, step)
-        return self.B
+        self.asked.append(combined(self.problem, y, step))
+        return self.asked[-1]
+
+    def apply(self, y: Array, v: Array) -> Array:
+        """B(y)v."""
+        return matvec(self.structure(y), v)
+
+    def apply_combined(self, y: Array, step: Array, v: Array) -> Array:
+        """[h B(y) + Σ c_jΔW_j G_j(y)]v."""
+        return matvec(self.combined(y, step), v)
 
     def gradient(self, y: Array) -> Array:
         """∇H(y)."""
@@ -96,7 +111,7 @@ class Asked:
 
     def field(self, y: Array) -> Array:
         """B(y)∇H(y)."""
-        return matvec(self.structure(y), self.gradient(y))
+        return self.apply(y, self.gradient(y))
 
     def derivative_along(self, y: Array, v: Array) -> Array:
         """f′(y)v; it is not counted."""
@@ -104,8 +119,8 @@ class Asked:
 
     def mean_gradient(self, y: Array, z: Array) -> Array:  # noqa: ARG002 - y0 and y1 − y0, which y1 is not rounded from
         """∫₀¹∇H(y + τz)dτ for the formula's own y and z."""
-        self.mean = self._means(self._y0, self._y1)
-        return self.mean
+        self.means.append(self._means(self._y0, self._y1))
+        return self.means[-1]
 
     def edge_means(self, starts: Array, z: Array) -> Array:
         """The means of ∂_iH along edges."""
@@ -137,7 +152,7 @@ class Asked:
 
 
 def counted(formula: Formula, problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
-    """R of arrays with its counts, and the last ∇̄H and structure, which Newton's matrix takes over."""
+    """R of arrays with its counts, and what Newton's matrix takes over (`sepv.linearised`)."""
     asked = Asked(problem, y0, y1)
     value = formula(asked, y0, y1 - y0, step)
-    return Increment(value, asked.gradients, asked.structures, asked.reliable, (asked.mean, asked.B))
+    return Increment(value, asked.gradients, asked.structures, asked.reliable, (asked.means, asked.asked))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from sepv.damped import approach
 from sepv.differences import difference_jacobian, slopes
-from sepv.fields import linear_solve, matvec
+from sepv.fields import Algebra, matvec
 from sepv.polynomial import PolynomialMap
 from sepv.problem import Array, Problem
 from sepv.solution import Equations, Evaluation, IncrementFunction, JacobianFunction, Solution, Status, merge
@@ -34,6 +34,8 @@ STAGNATION = float(np.sqrt(_EPS))
 # … and when the residual is rounding too: a few hundred operations stand behind R, each rounded at the scale of y.
 # Without this, corrections that shrink slowly (Newton's matrix is approximate for some H) pass for stagnation.
 ROUNDING = 256 * _EPS
+# Unknowns of a single lane up to which numbers are quicker than arrays.
+FEW = 64
 # The rounding of a sum of a dozen terms, beside their absolute values: far below the K of `sepv.tolerance`.
 TERMS = 16 * _EPS
 
@@ -111,7 +113,7 @@ def iterate(equations: Equations, start: Array, lanes: NDArray[np.intp] | None =
     converge at once see nothing of this. The fields of the solution have one entry for each lane, `value` being z.
     """
     numbers = np.arange(start.shape[1]) if lanes is None else lanes
-    solution = _newton(equations, start, numbers, differences=False)
+    solution = newton(equations, start, numbers, differences=False)
     failed = np.flatnonzero((solution.status != Status.CONVERGED) & (solution.status != Status.QUADRATURE))
     if failed.size:
         z, size = solution.value[:, failed], equations.size[:, numbers[failed]]
@@ -130,30 +132,30 @@ def _finish(
     if lanes.size:
         merge(
             solution,
-            _newton(equations, solution.value[:, lanes], numbers[lanes], differences=True),
+            newton(equations, solution.value[:, lanes], numbers[lanes], differences=True),
             lanes,
         )
 
 
-def _newton(equations: Equations, start: Array, numbers: NDArray[np.intp], *, differences: bool) -> Solution:
+def newton(equations: Equations, start: Array, numbers: NDArray[np.intp], *, differences: bool) -> Solution:
     """Newton's iteration with full steps, cut only where they leave the domain.
 
     With `differences` the Jacobian is that of R itself, and not of an approximation of R. Only with a Jacobian of
     R itself are corrections that do not shrink a sign of rounding, whatever the residual.
     """
-    newton = _newton_of_one if start.shape[1] == 1 else _newton_of_many
-    return newton(equations, start, numbers, differences=differences)
+    rule = _newton_of_one if start.shape[1] == 1 and len(start) <= FEW else _newton_of_many
+    return rule(equations, start, numbers, differences=differences)
 
 
 def _newton_of_many(
     equations: Equations, start: Array, numbers: NDArray[np.intp], *, differences: bool
 ) -> Solution:
-    """`_newton` for a batch: each lane goes on until it is done, whatever the others do.
+    """`newton` for a batch: each lane goes on until it is done, whatever the others do.
 
     What is seldom needed is asked for only where some lane needs it, and nothing is copied while all lanes go on.
     """
     exact = differences or equations.exact
-    n, count = start.shape
+    count = start.shape[1]
     z_all, size_all = start.copy(), equations.size[:, numbers]
     # Where y1 is 2^52 times y0 or more, an ulp of it says nothing about the components that stayed small. Where
     # y0 = 0 nothing says what small is: a component that cancels to zero would never settle.
@@ -163,7 +165,7 @@ def _newton_of_many(
     iterations, gradients, structures = np.zeros((3, count), dtype=np.int64)
     status = np.full(count, Status.NO_CONVERGENCE, dtype=np.int64)
     last_size = last_move = np.full(count, np.inf)
-    active, identity = np.arange(count), np.eye(n)[..., None]
+    active, algebra = np.arange(count), equations.algebra
     with np.errstate(all="ignore"):
         for _ in range(MAX_ITERATIONS):
             z, lanes, y = z_all, numbers, size_all
@@ -177,11 +179,11 @@ def _newton_of_many(
             K, further = slopes(equations, z, lanes, R.value) if differences else jacobian()
             gradients[at] += (1 + further) * R.gradients
             structures[at] += (1 + further) * R.structures
-            correction = linear_solve(identity - K, F)
+            correction = algebra.correction(K, F)
             reach, moves = y + np.abs(z), np.abs(correction)
             scale, move = reach.max(axis=0), moves.max(axis=0)
             size = (moves / (reach + _EPS * scale + _TINY)).max(axis=0)
-            solved, broken, singular = _stopped(rest, move, K)
+            solved, broken, singular = _stopped(rest, move, K, algebra)
             # Stagnation needs both measures to stop shrinking: a component near zero moves by a large share of
             # itself long before the others have arrived.
             stuck = (size >= 0.5 * last_size) & (move >= 0.5 * last_move)
@@ -218,7 +220,7 @@ def _small(size: Array, moves: Array, reach: Array, vast: NDArray[np.bool_]) -> 
 
 
 def _stopped(
-    rest: Array, move: Array, K: Array
+    rest: Array, move: Array, K: Any, algebra: Algebra
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
     """Which lanes are solved exactly, which overflow, and which have a singular Jacobian.
 
@@ -228,7 +230,7 @@ def _stopped(
     broken = ~np.isfinite(rest)
     singular = ~(broken | solved | np.isfinite(move))
     if singular.any():
-        overflowing = singular & ~np.isfinite(K).all(axis=(0, 1))
+        overflowing = singular & ~algebra.finite(K)
         broken, singular = broken | overflowing, singular & ~overflowing
     return solved, broken, singular
 
@@ -236,12 +238,12 @@ def _stopped(
 def _newton_of_one(
     equations: Equations, start: Array, number: NDArray[np.intp], *, differences: bool
 ) -> Solution:
-    """`_newton` for one lane, to the bits of `_newton_of_many`: decided over numbers, without a call of NumPy each."""
+    """`newton` for one lane, to the bits of `_newton_of_many`: decided over numbers, without a call of NumPy each."""
     exact = differences or equations.exact
     z, y = start, equations.size[:, number].ravel().tolist()
     before = _largest(y)
     residual, iterations, gradients, structures = math.inf, 0, 0, 0
-    identity = np.eye(len(start))[..., None]
+    algebra = equations.algebra
     status, last_size, last_move = Status.NO_CONVERGENCE, math.inf, math.inf
     with np.errstate(all="ignore"):
         for _ in range(MAX_ITERATIONS):
@@ -255,13 +257,13 @@ def _newton_of_one(
             if not math.isfinite(rest):
                 status = Status.OVERFLOW
                 break
-            correction = linear_solve(identity - K, F)
+            correction = algebra.correction(K, F)
             reach = [a + abs(b) for a, b in zip(y, z.ravel().tolist(), strict=True)]
             moves = [abs(v) for v in correction.ravel().tolist()]
             scale, move = _largest(reach), _largest(moves)
             solved = rest <= _QUANTA
             if not solved and not math.isfinite(move):
-                status = Status.SINGULAR if np.isfinite(K).all() else Status.OVERFLOW
+                status = Status.SINGULAR if np.all(algebra.finite(K)) else Status.OVERFLOW
                 break
             size = _largest([a / (b + _EPS * scale + _TINY) for a, b in zip(moves, reach, strict=True)])
             stuck = size >= 0.5 * last_size and move >= 0.5 * last_move
@@ -310,7 +312,7 @@ def _is_rounding(
     open_ = np.flatnonzero(asked & ~rounding)
     if open_.size:
         K, _ = equations.evaluate(np.zeros_like(z[:, open_]), numbers[open_]).jacobian()
-        through = matvec(np.abs(K), equations.size[:, numbers[open_]]).max(axis=0)
+        through = equations.algebra.through(K, equations.size[:, numbers[open_]]).max(axis=0)
         allowed = ROUNDING * (scale[open_] + 16 * through)
         if equations.magnitude is not None:
             allowed = np.fmax(allowed, TERMS * equations.magnitude(z[:, open_], numbers[open_]))

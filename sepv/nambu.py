@@ -12,9 +12,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sepv.derived import derivatives
+
 # As in `sepv.problem`, which is above this module.
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
+
+
+def _to_be_derived(y: Array) -> Array:
+    """Stands for what was not given, until it is derived: never called."""
+    raise NotImplementedError("a mark for what was not given")
 
 
 @dataclass(frozen=True)
@@ -25,8 +32,10 @@ class Nambu:
     ----------
     factor : callable, (3, ...) -> (...)
         g.
-    casimir, gradient, hessian : callable
-        C, ∇C and C″, with the shapes of H, ∇H and H″.
+    casimir : callable
+        C, with the shapes of H. What follows is derived from it where ∇C is not given, as for H.
+    gradient, hessian : callable, optional
+        ∇C and C″, with the shapes of ∇H and H″.
     mean_gradient : callable, optional
         (y0, y1) -> ∫₀¹∇C(y0 + τ(y1 − y0))dτ, exact to rounding.
     degree : int, optional
@@ -35,11 +44,16 @@ class Nambu:
 
     factor: Function
     casimir: Function
-    gradient: Function
-    hessian: Function
+    gradient: Function = _to_be_derived
+    hessian: Function = _to_be_derived
     mean_gradient: Callable[[Array, Array], Array] | None = None
     degree: int | None = None
     dimension: int = 3
+
+    def __post_init__(self) -> None:
+        if self.gradient is _to_be_derived:
+            for key, value in vars(derivatives(3, self.casimir, "casimir")).items():
+                object.__setattr__(self, key, value)
 
 
 def cross(u: Array, v: Array) -> Array:

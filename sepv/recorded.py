@@ -136,6 +136,14 @@ class _Fields:
         self.structures += 1
         return combined(self.problem, y, step)
 
+    def apply(self, y: Any, v: Any) -> Any:
+        """B(y)v."""
+        return matvec(self.structure(y), v)
+
+    def apply_combined(self, y: Any, step: Any, v: Any) -> Any:
+        """[h B(y) + Σ c_jΔW_j G_j(y)]v."""
+        return matvec(self.combined(y, step), v)
+
     def gradient(self, y: Any) -> Any:
         """∇H(y)."""
         self.gradients += 1
@@ -145,7 +153,7 @@ class _Fields:
         """B(y)∇H(y)."""
         sums = None if self._apart else self._recorded.field
         if sums is None:
-            return matvec(self.structure(y), self.gradient(y))
+            return self.apply(y, self.gradient(y))
         self.structures, self.gradients = self.structures + 1, self.gradients + 1
         terms = [[c * prod(v**k for v, k in zip(y, e, strict=True)) for e, c in p.terms] for p in sums]
         return array(self._recorded.tape.symbol(sum(t)) for t in terms)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sepv.errors import StepFailure
+from sepv.fields import DENSE, Algebra
 from sepv.problem import Array, Problem
 
 
@@ -52,7 +53,7 @@ class Increment(NamedTuple):
     gradients: np.ndarray
     structures: np.ndarray
     reliable: np.ndarray
-    parts: tuple[Array, ...] = ()
+    parts: tuple[Any, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,7 @@ class Evaluation(NamedTuple):
     """R(z) for some lanes, and on demand ∂R/∂z (n, n, M) with the evaluations that cost, in units of R's."""
 
     right_side: Increment
-    jacobian: Callable[[], tuple[Array, int]]
+    jacobian: Callable[[], tuple[Any, int]]
 
 
 @dataclass(frozen=True)
@@ -114,6 +115,8 @@ class Equations:
         Whether the Jacobian is that of R, and not of R with H″ averaged by a few nodes.
     magnitude : (z, lanes) -> (M,), optional
         The sum of the absolute values of the terms of R, to which its rounding is relative whatever cancels.
+    algebra : Algebra
+        What the Jacobian is: dense matrices (n, n, M) unless it says otherwise.
     """
 
     size: Array
@@ -121,6 +124,7 @@ class Equations:
     inside: Callable[[Array, NDArray[np.intp]], NDArray[np.bool_]] | None = None
     exact: bool = False
     magnitude: Callable[[Array, NDArray[np.intp]], Array] | None = None
+    algebra: Algebra = DENSE
 
 
 def merge(whole: Solution, part: Solution, lanes: NDArray[np.intp]) -> None:

@@ -36,6 +36,8 @@ BLOCK = 8192
 # Records that are kept.
 MOST_KEPT = 128
 _KEPT: dict[Any, Iteration | None] = {}
+# Where functions of problems by name are from: written there, or derived.
+_OWN = ("sepv.problems.", "sepv.record.", "sepv.derived")
 _EPS = float(np.finfo(np.float64).eps)
 _TINY = float(np.finfo(np.float64).tiny)
 _QUANTA = 4 * float(np.finfo(np.float64).smallest_subnormal)
@@ -190,7 +192,7 @@ def _fixed(problem: Problem) -> bool:
     return (
         type(problem) is Problem
         and isinstance(problem.data, NamedProblem)
-        and all(str(getattr(f, "__module__", "")).startswith("sepv.problems.") for f in _functions(problem))
+        and all(str(getattr(f, "__module__", "")).startswith(_OWN) for f in _functions(problem))
     )
 
 

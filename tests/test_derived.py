@@ -6,14 +6,18 @@ import pickle
 
 import numpy as np
 import pytest
+from sepv.reference.problem import exact_problem
 
 import sepv
 from sepv import problems
 from sepv.average import average_gradient
+from sepv.checks import check_problem
+from sepv.derived import PartFlow
 from sepv.errors import ProblemError
+from sepv.fields import vector_field
+from sepv.record import NoClosedForm
 
 EPS = 2.0**-52
-PAPERS = ["harmonic-oscillator", "rigid-body", "pendulum", "lotka-volterra", "kepler", "toda"]
 
 
 def bare(given: sepv.Problem, **changes) -> sepv.Problem:
@@ -30,33 +34,81 @@ def bare(given: sepv.Problem, **changes) -> sepv.Problem:
     return sepv.Problem(**parts | changes)
 
 
-@pytest.mark.parametrize("name", PAPERS)
-def test_what_is_derived_is_what_was_written_by_hand(name) -> None:
+@pytest.mark.parametrize(
+    "name", [*problems.NAMED, *problems.FURTHER, *problems.SEVERAL, *problems.HAMILTONIANS]
+)
+def test_the_parts_of_every_problem_by_name_belong_together(name) -> None:
+    """B skew, ∇H of H, H″ of ∇H, B′ of B, Casimirs: those that are derived, and those that are written."""
+    check_problem(problems.by_name(name))
+
+
+@pytest.mark.parametrize("name", problems.NAMED)
+def test_slopes_and_means_are_those_of_the_oracle(name) -> None:
+    """In 50 digits, for segments from nothing to several times the state."""
     given = problems.by_name(name)
-    derived = bare(given)
+    exact = exact_problem(given.data)
     rng = np.random.default_rng(3)
-    y = np.asarray(given.initial)[:, None] * (1 + 0.05 * rng.uniform(-1, 1, (given.dimension, 20)))
-    for key in ("gradient", "hessian", "structure_derivative"):
-        if getattr(given, key) is not None:
-            mine, theirs = getattr(derived, key)(y), getattr(given, key)(y)
-            assert mine.shape == theirs.shape
-            # Some ten operations, of terms that do not cancel here by more than a factor of ten.
-            assert np.allclose(mine, theirs, rtol=100 * EPS, atol=100 * EPS * np.abs(theirs).max())
-            assert np.array_equal(getattr(derived, key)(y[:, 4]), mine[..., 4])
+    for size in (0.0, 1e-300, 1e-12, 1e-3, 0.3, 3.0):
+        y = np.asarray(given.initial) * (1 + 0.05 * rng.uniform(-1, 1, given.dimension))
+        end = y * (1 + size * rng.uniform(0, 1, given.dimension))
+        at, to = exact.state(y), exact.state(end)
+        slope = np.array([float(v) for v in exact.gradient(at)])
+        average = np.array([float(v) for v in exact.mean_gradient(at, to)])
+        found = average_gradient(given, y[:, None], end[:, None])
+        # Sums of three terms, each of some four operations.
+        assert np.all(np.abs(given.gradient(y) - slope) <= 8 * EPS * np.abs(slope).max())
+        assert np.all(np.abs(found.value[:, 0] - average) <= 8 * EPS * np.abs(average).max())
+        assert (found.evaluations, found.reliable) == (1, True)
+        if given.nambu is not None:
+            casimir = np.array([float(v) for v in exact.mean_casimir_gradient(at, to)])
+            mine = average_gradient(given.nambu, y[:, None], end[:, None]).value[:, 0]
+            assert np.all(np.abs(mine - casimir) <= 8 * EPS * np.abs(casimir).max())
 
 
-@pytest.mark.parametrize("name", ["rigid-body", "pendulum", "lotka-volterra"])
-def test_a_step_and_its_work_are_those_of_the_problem_given_in_full(name) -> None:
+def test_means_of_exponentials_overflow_where_they_do_themselves() -> None:
+    """e^−300 … e^300 along a segment: (e^300 − e^−300)/600."""
+    chain = problems.toda(2)
+    start, end = np.array([0.0, 0.0, -150.0, 150.0]), np.array([0.0, 0.0, 150.0, -150.0])
+    for y0, y1 in ((start, end), (end, start)):
+        assert chain.mean_gradient(y0, y1)[2] == pytest.approx(np.exp(300.0) / 600, rel=600 * EPS)
+    far = np.array([0.0, 0.0, 350.0, -350.0])
+    mean = chain.mean_gradient(np.array([0.0, 0.0, -300.0, 300.0]), far)
+    assert mean[2] == pytest.approx(np.exp(700.0) / 1300, rel=2000 * EPS)
+
+
+def test_a_derived_function_of_one_state_divides_by_zero_as_arrays_do() -> None:
+    centre = problems.kepler()
+    with np.errstate(all="ignore"):
+        assert not np.isfinite(centre.gradient(np.zeros(4))).all()
+        assert np.array_equal(
+            centre.gradient(np.zeros(4)), centre.gradient(np.zeros((4, 2)))[:, 1], equal_nan=True
+        )
+
+
+@pytest.mark.parametrize("name", ["harmonic-oscillator", "rigid-body", "pendulum", "lotka-volterra"])
+def test_flows_of_parts_solve_their_equations(name) -> None:
+    """y′(t) = B∇H_k by the complex step, and the parts add up to f."""
     given = problems.by_name(name)
-    derived = bare(given)
-    y = np.asarray(given.initial)
-    mean, other = (average_gradient(p, y[:, None], 1.01 * y[:, None]) for p in (derived, given))
-    assert np.allclose(mean.value, other.value, rtol=8 * EPS)
-    assert mean.evaluations == other.evaluations
-    for dW in (0.1, -0.07):
-        arguments = (y, 0.05, np.full(given.noises, dW))
-        ends = [sepv.schemes.energy_preserving.step(p, *arguments) for p in (derived, given)]
-        assert np.allclose(*ends, rtol=16 * EPS, atol=16 * EPS)
+    y = np.asarray(given.initial) * 1.1 + 0.01
+    total = np.zeros(given.dimension)
+    for flow in given.flows:
+        there = flow(y, np.array(0.7))
+        speed = flow(y, np.array(0.7 + 1e-30j)).imag / 1e-30
+        again = flow(there, np.array(1e-30j)).imag / 1e-30
+        assert np.allclose(speed, again, rtol=16 * EPS, atol=16 * EPS)
+        assert np.array_equal(flow(y, np.array(0.0)), y)
+        total += flow(y, np.array(1e-30j)).imag / 1e-30
+    assert np.allclose(total, vector_field(given, y), rtol=16 * EPS, atol=16 * EPS)
+
+
+def test_a_part_whose_flow_no_rule_knows_says_so() -> None:
+    given = problems.pendulum()
+    coupled = PartFlow(2, given.structure, lambda y: y[0] * y[0] * y[1])
+    with pytest.raises(NoClosedForm, match="linear"):
+        coupled(np.ones(2), np.array(0.1))
+    hyperbolic = PartFlow(2, given.structure, lambda y: 0.5 * (y[0] * y[0] - y[1] * y[1]))
+    with pytest.raises(NoClosedForm, match="neither"):
+        hyperbolic(np.ones(2), np.array(0.1))
 
 
 def test_a_problem_of_b_and_h_keeps_its_energy() -> None:

@@ -35,6 +35,7 @@ LAYERS = [
     "sepv.differences sepv.damped",
     "sepv.implicit",
     "sepv.formula",
+    "sepv.linearised",
     "sepv.recorded",
     "sepv.straight",
     "sepv.point_laws sepv.orders",

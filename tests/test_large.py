@@ -175,7 +175,7 @@ def test_the_energy_difference_is_exact() -> None:
     [
         ({"gradient": lambda y: y * np.nan, "degree": 4, "mean_gradient": None}, Status.OVERFLOW),
         ({"domain": lambda _y: False}, Status.LEFT_DOMAIN),
-        ({"hessian": lambda y: large.toda_chain(5).hessian(y) * 1e300 * 1e300}, Status.SINGULAR),
+        ({"hessian": lambda y: large.toda_chain(5).hessian(y) * 1e300 * 1e300}, Status.OVERFLOW),
         ({"hessian": lambda y: -30 * large.toda_chain(5).hessian(y)}, Status.NO_CONVERGENCE),
     ],
 )
@@ -190,9 +190,14 @@ def test_failures_have_a_status_and_end_a_path(change: dict[str, Any], status: S
 def test_a_singular_matrix_is_no_solution() -> None:
     from scipy.sparse import eye_array
 
-    assert newton.newton_correction(eye_array(4).tocsr(), np.ones(4)) is None
+    ones = np.ones((200, 1))
+    assert np.isnan(newton.newton_correction(eye_array(4).tocsr(), ones[:4])).all()
     ring = eye_array(200, k=150) + eye_array(200, k=-50)  # I minus a permutation
-    assert newton.newton_correction(ring.tocsr(), np.ones(200)) is None
+    assert np.isnan(newton.newton_correction(ring.tocsr(), ones)).all()
+    # ½Δ B H″ = 1 where H″ is −4B, B² = −1 and Δ = ½.
+    chain = large.toda_chain(5)
+    singular = replace(chain, hessian=lambda y: -4 * chain.structure(y))
+    assert large.midpoint(singular, chain.initial, 0.5).status is Status.SINGULAR
 
 
 @pytest.mark.parametrize(

@@ -382,7 +382,7 @@ def test_each_lane_fails_in_its_own_way() -> None:
             inside=lambda z, lanes, n=order: (n[lanes] != 5),
         )  # fmt: skip
         start = np.zeros((2, order.size))
-        found = implicit._newton(system.equations, start, np.arange(order.size), differences=False)
+        found = implicit.newton(system.equations, start, np.arange(order.size), differences=False)
         assert found.status.tolist() == [expected[n] for n in order]
         assert found.status.dtype == np.int64
         assert found.iterations.tolist() == [2 if n == 4 else 1 for n in order]

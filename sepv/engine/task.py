@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import islice
 
 import numpy as np
@@ -56,13 +55,9 @@ def portable(problem: Problem) -> Problem | PolynomialSystem | NamedProblem:
     return problem
 
 
-# A worker is given chunk after chunk of the same problem, which is recorded once.
-_built = lru_cache(maxsize=16)(build)
-
-
 def run(task: Task) -> Ensemble:
     """The chunk's ends."""
-    problem = task.problem if isinstance(task.problem, Problem) else _built(task.problem)
+    problem = task.problem if isinstance(task.problem, Problem) else build(task.problem)
     if task.compiled:
         from sepv.engine.chunk import run_compiled
 

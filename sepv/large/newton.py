@@ -1,23 +1,26 @@
-"""Newton's method to stagnation for one large state, with a banded or a sparse factorisation.
+"""The step of a scheme's formula for one large state: Newton's method of `sepv.implicit`, with sparse matrices.
 
-The rules of `sepv.implicit` for when it has arrived, for one lane; the linear algebra is LAPACK's band solver where
-the band is narrow, SuperLU elsewhere. Both are linear in d for the neighbour couplings of a chain.
+The linear algebra is LAPACK's band solver where the band is narrow, SuperLU elsewhere. Both are linear in d for the
+neighbour couplings of a chain.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from sepv.implicit import MAX_HALVINGS, MAX_ITERATIONS, ROUNDING, STAGNATION
+from sepv.fields import Algebra
+from sepv.formula import Formula
+from sepv.implicit import newton
+from sepv.large.fields import Answers, Slopes
 from sepv.large.problem import LargeProblem, Sparse
+from sepv.linearised import Tangent
 from sepv.problem import Array
-from sepv.solution import Status
+from sepv.solution import Equations, Evaluation, Increment, Status
 
-_EPS = float(np.finfo(np.float64).eps)
-_TINY = float(np.finfo(np.float64).tiny)
 # A band solver touches 2l + u + 1 numbers a row, fill of pivoting included; wider than this, SuperLU is faster.
 WIDEST_BAND = 64
 
@@ -32,43 +35,33 @@ class LargeSolution:
     status: Status
 
 
-# (y0, y1) -> R(y0, y1) and, on demand, ∂R/∂y1
-Equation = Callable[[Array, Array], tuple[Array, Callable[[], Sparse]]]
+def solve(problem: LargeProblem, y0: Array, formula: Formula, delta: float) -> LargeSolution:
+    """y1 = y0 + R for the formula's R and the random step Δ; there is no second approach where Newton's fails."""
+    once = np.ones(1, dtype=np.int64)
+
+    def evaluate(z: Array, _: NDArray[np.intp]) -> Evaluation:
+        # Of `Fields` these answer what formulas of B(y)v, ∇H and its mean ask.
+        asked: Any = Answers(problem, y0, z[:, 0])
+        slopes: Any = Slopes(asked)
+        R = formula(asked, y0, z[:, 0], [delta])
+        slope = lambda: formula(slopes, y0, Tangent(z[:, 0], 1.0), [delta]).slope  # noqa: E731
+        return Evaluation(Increment(R[:, None], once, once, once == 1), lambda: (slope(), 0))
+
+    def inside(z: Array, _: NDArray[np.intp]) -> NDArray[np.bool_]:
+        assert problem.domain is not None
+        return np.array([problem.domain(y0 + z[:, 0])])
+
+    equations = Equations(
+        np.abs(y0)[:, None], evaluate, None if problem.domain is None else inside,
+        exact=problem.degree is not None, algebra=SPARSE,
+    )  # fmt: skip
+    found = newton(equations, np.zeros((y0.size, 1)), np.arange(1), differences=False)
+    status = Status(int(found.status[0]))
+    return LargeSolution(y0 + found.value[:, 0], float(found.residual[0]), int(found.iterations[0]), status)
 
 
-def solve(problem: LargeProblem, y0: Array, equation: Equation) -> LargeSolution:
-    """Solve y1 = y0 + R(y0, y1); the unknown is y1 − y0, see `sepv.implicit.solve`."""
-    delta = np.zeros_like(y0)
-    residual, previous = np.inf, (np.inf, np.inf)
-    with np.errstate(all="ignore"):
-        for iteration in range(1, MAX_ITERATIONS + 1):
-            R, slope = equation(y0, y0 + delta)
-            F = delta - R
-            residual = float(np.abs(F).max())
-            if not np.isfinite(residual):
-                return LargeSolution(y0 + delta, residual, iteration, Status.OVERFLOW)
-            if residual == 0:
-                return LargeSolution(y0 + delta, residual, iteration, Status.CONVERGED)
-            correction = newton_correction(slope(), F)
-            if correction is None or not np.all(np.isfinite(correction)):
-                return LargeSolution(y0 + delta, residual, iteration, Status.SINGULAR)
-            reach, moves = np.abs(y0) + np.abs(delta), np.abs(correction)
-            scale, largest = float(reach.max()), float(moves.max())
-            size = float((moves / (reach + _EPS * scale + _TINY)).max())
-            small = largest <= STAGNATION * scale and residual <= ROUNDING * scale
-            stuck = size >= 0.5 * previous[0] and largest >= 0.5 * previous[1]
-            if size <= 0.5 * _EPS or (small and stuck):
-                return LargeSolution(y0 + delta, residual, iteration, Status.CONVERGED)
-            previous = size, largest
-            moved = _into_domain(problem, y0, delta, correction)
-            if moved is None:
-                return LargeSolution(y0 + delta, residual, iteration, Status.LEFT_DOMAIN)
-            delta = moved
-    return LargeSolution(y0 + delta, residual, MAX_ITERATIONS, Status.NO_CONVERGENCE)
-
-
-def newton_correction(K: Sparse, F: Array) -> Array | None:
-    """(I − K)⁻¹F, or None where the matrix is singular."""
+def newton_correction(K: Sparse, F: Array) -> Array:
+    """(I − K)⁻¹F, (d, 1); NaN where the matrix is singular."""
     entries = K.tocoo()
     lower = int(max((entries.row - entries.col).max(initial=0), 0))
     upper = int(max((entries.col - entries.row).max(initial=0), 0))
@@ -87,20 +80,18 @@ def newton_correction(K: Sparse, F: Array) -> Array | None:
         try:
             return np.asarray(solve_banded((lower, upper), band, F, overwrite_ab=True, check_finite=False))
         except LinAlgError:
-            return None
+            return np.full_like(F, np.nan)
     from scipy.sparse import eye_array
     from scipy.sparse.linalg import splu
 
     try:
         return np.asarray(splu((eye_array(d) - K).tocsc()).solve(F))
     except RuntimeError:  # how SuperLU says "exactly singular"
-        return None
+        return np.full_like(F, np.nan)
 
 
-def _into_domain(problem: LargeProblem, y0: Array, delta: Array, correction: Array) -> Array | None:
-    """delta − λ·correction with the largest λ = 2⁻ⁿ that stays in the domain; None where there is none."""
-    for halvings in range(MAX_HALVINGS):
-        moved = delta - 0.5**halvings * correction
-        if problem.domain is None or problem.domain(y0 + moved):
-            return moved
-    return None
+SPARSE = Algebra(
+    newton_correction,
+    lambda K: np.isfinite(K.data).all(),
+    lambda K, size: abs(K) @ size,
+)

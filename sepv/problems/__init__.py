@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 
 from sepv.arguments import did_you_mean
 from sepv.description import from_json as from_json
 from sepv.description import to_json as to_json
 from sepv.errors import UsageError
-from sepv.problem import Description, GivenProblem, PolynomialSystem, Problem
+from sepv.problem import Description, GivenProblem, NamedProblem, PolynomialSystem, Problem
 from sepv.problems.kepler import kepler as kepler
 from sepv.problems.kubo import kubo_oscillator as kubo_oscillator
 from sepv.problems.lotka_volterra import lotka_volterra as lotka_volterra
@@ -78,6 +79,12 @@ def build(data: Description) -> Problem:
         return data.problem
     if isinstance(data, PolynomialSystem):
         return polynomial_problem(data)
+    return _named(data)
+
+
+@lru_cache(maxsize=128)
+def _named(data: NamedProblem) -> Problem:
+    """Recording takes as long as a few steps: once for a name and parameters."""
     factory = (NAMED | FURTHER).get(data.name)
     if factory is None:
         raise UsageError(

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sepv.errors import ProblemError
 from sepv.problem import Array, NamedProblem, Problem
-from sepv.problems._canonical import canonical, canonical_derivative
+from sepv.problems._canonical import structure
 
 
 def kepler(eccentricity: float = 0.6, noise: ArrayLike = 1.0) -> Problem:
@@ -29,12 +29,10 @@ def kepler(eccentricity: float = 0.6, noise: ArrayLike = 1.0) -> Problem:
     start = np.array([0.0, np.sqrt((1 + e) / (1 - e)), 1 - e, 0.0])
     return Problem(
         dimension=4,
-        structure=lambda y: canonical(2, y),
+        structure=structure,
         hamiltonian=lambda y: 0.5 * (y[0] * y[0] + y[1] * y[1]) - 1 / _radius(y),
-        gradient=lambda y: np.stack([y[0], y[1], y[2] / _radius(y) ** 3, y[3] / _radius(y) ** 3]),
         noise=c,
-        hessian=_hessian,
-        structure_derivative=lambda y: canonical_derivative(2, y),
+        # |q| is not affine in y: no rule derives it.
         mean_gradient=_mean_gradient,
         domain=_away_from_the_centre,
         initial=start,
@@ -52,16 +50,6 @@ def _radius(y: Array) -> Array:
 def _away_from_the_centre(y: Array) -> NDArray[np.bool_]:
     inside: NDArray[np.bool_] = _radius(y) > 0
     return inside
-
-
-def _hessian(y: Array) -> Array:
-    r = _radius(y)
-    H = np.zeros((4, 4, *y.shape[1:]), dtype=y.dtype)
-    H[0, 0] = H[1, 1] = 1.0
-    for i in (2, 3):
-        for k in (2, 3):
-            H[i, k] = (float(i == k) - 3 * (y[i] / r) * (y[k] / r)) / r**3
-    return H
 
 
 def _mean_gradient(y0: Array, y1: Array) -> Array:

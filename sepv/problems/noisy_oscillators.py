@@ -14,44 +14,24 @@ import numpy as np
 
 from sepv import polynomial as poly
 from sepv.hamiltonians import HamiltoniansProblem
-from sepv.problem import Array, Flow, PolynomialSystem, Problem
+from sepv.polynomial import PolynomialMap
+from sepv.problem import PolynomialSystem, Problem
+from sepv.problems._parts import flows
 from sepv.problems.polynomial_system import polynomial_problem
 
 
 def noisy_henon_heiles(coupling: float = 0.5, noise: Sequence[float] = (0.5, 0.25)) -> Problem:
     """The system from p = (0.2, −0.1), q = (0.3, 0.2)."""
-    terms = [(tuple(2 * int(i == k) for i in range(4)), 0.5) for k in range(4)]
-    terms += [((0, 0, 2, 1), coupling), ((0, 0, 0, 3), -coupling / 3)]
-    others = tuple(poly.scale(-1.0, poly.variable(4, 2 + j)) for j in range(len(tuple(noise))))
+    squares = [(tuple(2 * int(i == k) for i in range(4)), 0.5) for k in range(4)]
+    potential = [*squares[2:], ((0, 0, 2, 1), coupling), ((0, 0, 0, 3), -coupling / 3)]
+    parts = [poly.polynomial(4, terms) for terms in (squares[:2], potential)]
+    others = [poly.scale(-1.0, poly.variable(4, 2 + j)) for j in range(len(tuple(noise)))]
     B = tuple((k, 2 + k, poly.constant(4, -1.0)) for k in range(2))
-    data = PolynomialSystem(4, poly.polynomial(4, terms), B, tuple(noise), noise_hamiltonians=others)
+    data = PolynomialSystem(4, poly.add(*parts), B, tuple(noise), noise_hamiltonians=tuple(others))
     problem = polynomial_problem(data)
     assert isinstance(problem, HamiltoniansProblem)
+    known = flows(4, problem.structure, [PolynomialMap((), (p,)) for p in (*parts, *others)])
     return replace(
-        problem, initial=np.array((0.2, -0.1, 0.3, 0.2)), name="noisy-henon-heiles",
-        flows=(_drift, _kick(problem)), noise_flows=tuple(_push(j) for j in range(len(others))), check=False,
+        problem, initial=np.array((0.2, -0.1, 0.3, 0.2)), name="noisy-henon-heiles", flows=known[:2],
+        noise_flows=known[2:], check=False,
     )  # fmt: skip
-
-
-def _drift(y: Array, t: Array) -> Array:
-    """The flow of ½|p|²."""
-    return np.stack([y[0], y[1], y[2] + t * y[0], y[3] + t * y[1]])
-
-
-def _kick(problem: Problem) -> Flow:
-    """The flow of H_0 − ½|p|²: ṗ = −∇V(q)."""
-
-    def flow(y: Array, t: Array) -> Array:
-        slope = problem.gradient(y)
-        return np.stack([y[0] - t * slope[2], y[1] - t * slope[3], y[2], y[3]])
-
-    return flow
-
-
-def _push(j: int) -> Flow:
-    """The flow of −q_j: p_j moves by t."""
-
-    def flow(y: Array, t: Array) -> Array:
-        return np.stack([y[k] + t if k == j else y[k] + 0 * t for k in range(4)])
-
-    return flow

@@ -5,8 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sepv.problem import Array, NamedProblem, Problem
-from sepv.problems._canonical import kinetic_flow, structure, structure_derivative
+from sepv.problem import NamedProblem, Problem
+from sepv.problems._canonical import structure
+from sepv.problems._parts import flows, total
+
+# ½p² and −cos q.
+_PARTS = (lambda y: 0.5 * y[0] * y[0], lambda y: -np.cos(y[1]))
 
 
 def pendulum(noise: ArrayLike = (1.0, 0.5)) -> Problem:
@@ -18,27 +22,11 @@ def pendulum(noise: ArrayLike = (1.0, 0.5)) -> Problem:
     return Problem(
         dimension=2,
         structure=structure,
-        hamiltonian=lambda y: 0.5 * y[0] * y[0] - np.cos(y[1]),
-        gradient=lambda y: np.stack([y[0], np.sin(y[1])]),
+        hamiltonian=total(_PARTS),
         noise=c,
-        hessian=_hessian,
-        structure_derivative=structure_derivative,
-        mean_gradient=_mean_gradient,
         initial=(0.2, 1.0),
-        flows=(kinetic_flow, lambda y, t: np.stack([y[0] - t * np.sin(y[1]), y[1]])),
+        flows=flows(2, structure, _PARTS),
         name="pendulum",
         data=NamedProblem("pendulum", (("noise", tuple(c.tolist())),)),
         check=False,
     )
-
-
-def _hessian(y: Array) -> Array:
-    zero, one = np.zeros_like(y[0]), np.ones_like(y[0])
-    return np.stack([np.stack([one, zero]), np.stack([zero, np.cos(y[1])])])
-
-
-def _mean_gradient(y0: Array, y1: Array) -> Array:
-    """∫₀¹ sin(q0 + τδ)dτ = (cos q0 − cos q1)/δ = sin(q0 + δ/2) · sin(δ/2)/(δ/2): no 0/0 as δ → 0."""
-    half = 0.5 * (y1 - y0)
-    sinc = np.sinc(half[1] / np.pi)  # numpy's sinc(x) is sin(πx)/(πx)
-    return np.stack([y0[0] + half[0], np.sin(y0[1] + half[1]) * sinc])

@@ -13,8 +13,9 @@ from functools import partial
 import numpy as np
 
 from sepv.hamiltonians import HamiltoniansProblem
-from sepv.problem import Array, Flow, Function, Problem
-from sepv.problems.lotka_volterra import exponential, lotka_volterra, pairs_of
+from sepv.problem import Array, Problem
+from sepv.problems._parts import flows
+from sepv.problems.lotka_volterra import lotka_volterra
 
 
 def random_lotka_volterra(
@@ -22,43 +23,21 @@ def random_lotka_volterra(
 ) -> Problem:
     """The system from (1, 1.9, 0.5) with the parameters of §4.4 and a noise for each species."""
     base = lotka_volterra()
-    count = len(tuple(noise))
+    others = tuple(partial(_hamiltonian, k, beta[k]) for k in range(len(tuple(noise))))
     return HamiltoniansProblem(
         dimension=3,
         structure=base.structure,
         hamiltonian=base.hamiltonian,
-        gradient=base.gradient,
         noise=tuple(noise),
-        hessian=base.hessian,
-        structure_derivative=base.structure_derivative,
         domain=base.domain,
         initial=base.initial,
         flows=base.flows,
         name="random-lotka-volterra",
-        noise_hamiltonians=tuple(partial(_hamiltonian, k, beta[k]) for k in range(count)),
-        noise_gradients=tuple(partial(_gradient, k, beta[k]) for k in range(count)),
-        noise_hessians=tuple(partial(_hessian, k, beta[k]) for k in range(count)),
-        noise_flows=tuple(_flow(k, beta[k]) for k in range(count)),
+        noise_hamiltonians=others,
+        noise_flows=flows(3, base.structure, others),
         check=False,
     )
 
 
 def _hamiltonian(k: int, b: float, y: Array) -> Array:
     return np.asarray(y[k] + b * np.log(y[k]))
-
-
-def _gradient(k: int, b: float, y: Array) -> Array:
-    found = np.zeros_like(y)
-    found[k] = 1 + b / y[k]
-    return found
-
-
-def _hessian(k: int, b: float, y: Array) -> Array:
-    found = np.zeros((3, *y.shape), dtype=y.dtype)
-    found[k, k] = -b / (y[k] * y[k])
-    return found
-
-
-def _flow(k: int, b: float) -> Flow:
-    slope: Function = lambda x: x + b  # noqa: E731  (y_k ∂_kH_k)
-    return exponential(k, pairs_of(), slope)

@@ -121,9 +121,11 @@ class Evaluator:
 
     def __call__(self, *arguments: Array) -> Array:
         """The outputs, of shape (*shape, ...)."""
-        # Arrays, because a number of Python's divided by zero raises.
         given = [np.asarray(a) for a in arguments]
-        values = self.source.function(*given, self.source.parameters)
+        try:
+            values = self.source.function(*given, self.source.parameters)
+        except ZeroDivisionError:  # of a number of Python's, which functions of a single state are made of
+            return np.asarray(self(*(a[..., None] for a in given))[..., 0])
         batch = given[0].shape[1:]
         found = np.empty((len(values), *batch), dtype=np.result_type(*given, np.float64))
         for i, value in enumerate(values):

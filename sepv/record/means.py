@@ -4,7 +4,7 @@ A polynomial of degree ν is averaged by ⌈ν/2⌉ Gauss nodes, which are exact
 affine and G one of sin, cos, exp, log, 1/x, √, xᵃ, sinh, cosh has the mean ∇ℓ (G(ℓ₁) − G(ℓ₀))/(ℓ₁ − ℓ₀), in forms
 that lose nothing as z → 0: with δ = ℓ₁ − ℓ₀ and m = ℓ₀ + δ/2
 
-    sin: cos(m) sinc(δ/2)          exp: e^ℓ₀ expm1(δ)/δ              1/x: −1/(ℓ₀ℓ₁)
+    sin: cos(m) sinc(δ/2)          exp: e^max(ℓ₀, ℓ₁) E(−|δ|)        1/x: −1/(ℓ₀ℓ₁)
     cos: −sin(m) sinc(δ/2)         log: log1p(δ/ℓ₀)/δ                √: 1/(√ℓ₀ + √ℓ₁)
     xᵃ: a ℓ₀ᵃ⁻¹ L E(aL δ/ℓ₀) with L = log1p(δ/ℓ₀)/(δ/ℓ₀) and E(x) = expm1(x)/x.
 
@@ -21,7 +21,7 @@ import numpy as np
 from sepv.quadrature import gauss_legendre
 from sepv.record.derivative import gradient, hessian, jacobian, reachable
 from sepv.record.replay import substitute
-from sepv.record.symbols import Symbol
+from sepv.record.symbols import Symbol, select
 
 # Beyond so many nodes a rule written out is longer than the adaptive quadrature of most steps.
 MOST_NODES = 16
@@ -147,10 +147,16 @@ def _logarithm(x: Any, delta: Any) -> Any:
     return (delta * inverse).log1p_ratio() * inverse
 
 
+def _exponential(x: Any, delta: Any) -> Any:
+    """From the larger end, down: what overflows is the mean, and no factor of it."""
+    up = delta > 0
+    return (x + select(up, delta, 0.0)).exp() * select(up, -delta, delta).expm1_ratio()
+
+
 _RULES: dict[str, Callable[[Any, Any, Symbol], Any]] = {
     "sin": lambda x, delta, _: (x + 0.5 * delta).cos() * (0.5 * delta).sinc(),
     "cos": lambda x, delta, _: -((x + 0.5 * delta).sin() * (0.5 * delta).sinc()),
-    "exp": lambda x, delta, _: x.exp() * delta.expm1_ratio(),
+    "exp": lambda x, delta, _: _exponential(x, delta),
     "log": lambda x, delta, _: _logarithm(x, delta),
     "divide": lambda x, delta, _: -(1 / (x * (x + delta))),
     "sqrt": lambda x, delta, _: 1 / (x.sqrt() + (x + delta).sqrt()),

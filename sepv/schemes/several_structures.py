@@ -16,16 +16,15 @@ from typing import Any
 
 import numpy as np
 
-from sepv.average import average_gradient, average_hessian
-from sepv.fields import contract, matmul, matvec
+from sepv.average import average_gradient
 from sepv.formula import Fields
+from sepv.linearised import derivative
 from sepv.one_step import ENERGY_PRESERVING, each_noise, implicit, one_step
 from sepv.problem import Array, Problem
 from sepv.solution import Solution, Status
 from sepv.structures import (
     CommutingStructure,
     combined,
-    combined_slope,
     noise_structures,
     undefined,
 )
@@ -33,17 +32,7 @@ from sepv.structures import (
 
 def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     """[h B(ȳ) + Σ c_j ΔW_j G_j(ȳ)] ∇̄H for h and the c_j ΔW_j; B and all G_j count as one evaluation."""
-    return matvec(fields.combined(y + 0.5 * z, step), fields.mean_gradient(y, z))
-
-
-def jacobian(problem: Problem, y0: Array, y1: Array, step: Array, *_: Array) -> Array | None:
-    """∂/∂y1; None where the problem does not give all derivatives."""
-    middle = y0 + 0.5 * (y1 - y0)
-    slope, curvature = combined_slope(problem, middle, step), average_hessian(problem, y0, y1)
-    if slope is None or curvature is None:
-        return None
-    mean = average_gradient(problem, y0, y1)
-    return 0.5 * contract(slope, mean.value) + matmul(combined(problem, middle, step), curvature)
+    return fields.apply_combined(y + 0.5 * z, step, fields.mean_gradient(y, z))
 
 
 def mark_undefined(problem: Problem, y0: Array, step: Array, solution: Solution) -> None:
@@ -62,7 +51,7 @@ def mark_undefined(problem: Problem, y0: Array, step: Array, solution: Solution)
     solution.status[(solved & away) | (~solved & nowhere)] = Status.UNDEFINED
 
 
-step = implicit(formula, jacobian, parts=each_noise, examine=mark_undefined)
+step = implicit(formula, derivative(formula), parts=each_noise, examine=mark_undefined)
 scheme = one_step(
     "several-structures",
     step,
