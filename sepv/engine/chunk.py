@@ -8,6 +8,7 @@ import numpy as np
 
 from sepv import wiener
 from sepv.engine.compile import FEW, LANES, Kernel, kernel
+from sepv.engine.module import ALIVE, EVALUATIONS, FAILED, LIVING, STATUS, STRUCTURES, WORK
 from sepv.engine.task import Task
 from sepv.engine.workers import Halted, halted
 from sepv.point_laws import point_law
@@ -24,19 +25,33 @@ class Chunk:
     """The state of a chunk between two calls of its kernel; `advance` goes on where it was left."""
 
     def __init__(self, task: Task, problem: Problem) -> None:
+        from sepv.engine.store import driver
+
         lanes = 1 if task.count <= FEW else LANES
-        self.task, self.problem = task, problem
+        self.task, self.problem, self.driver = task, problem, driver()
         self.kernel: Kernel = kernel(task.scheme, problem, lanes=lanes, compensated=task.compensated)
-        module, m = self.kernel.module, problem.noises
-        blocks = -(-task.count // lanes)
+        module, m, blocks = self.kernel.module, problem.noises, -(-task.count // lanes)
         self.lanes = lanes
+        start = np.zeros(module.SIZE)
+        start[: problem.dimension * lanes] = np.repeat(np.asarray(task.y0, dtype=np.float64), lanes)
+        module.start(start, self.kernel.parameters)
         self.S = np.empty((blocks, module.SIZE))
-        self.I = np.empty((blocks, 4 * lanes + 5), dtype=np.int64)
-        self.W = np.empty((blocks, m, lanes))
+        self.S[:] = start
+        self.I = np.zeros((blocks, 4 * lanes + 5), dtype=np.int64)
+        living = (np.arange(blocks * lanes) < task.count).reshape(blocks, lanes)
+        for row, value in ((ALIVE, living), (STATUS, 0), (FAILED, -1)):
+            self._integers(row)[:] = value
+        self.I[:, 4 * lanes + LIVING] = living.sum(axis=1)
+        self.W = np.zeros((blocks, m, lanes))
         self.grid = wiener.grid(task.steps, task.refine)
         words = wiener.stream_words(task.seed, self.grid) if task.dW is None and m else _NO_STREAMS
         streams = len(words)
         self.rng = np.empty((blocks, streams, 4, lanes), dtype=np.uint64)
+        paths = np.arange(task.first, task.first + blocks * lanes, dtype=np.uint64).reshape(blocks, 1, lanes)
+        for place in range(3):
+            self.rng[:, :, place] = words[:, place, None]
+        self.rng[:, :, 2] += paths * np.uint64(wiener.STREAMS)
+        self.rng[:, :, 3] = 1
         self.stack = np.empty((blocks, streams, m, lanes))
         coarse = self.grid.base << self.grid.top if streams and self.grid.base <= wiener.TOP else 0
         self.top = np.empty((blocks, coarse, m, lanes))
@@ -45,18 +60,14 @@ class Chunk:
         self.bound = math.inf if k is None else wiener.truncation_bound(task.h, k) * math.sqrt(task.h)
         self.thresholds, self.values = wiener.points(task.h, point_law(task.scheme.increments))
         self.given = np.empty((0, m, 0)) if task.dW is None else np.ascontiguousarray(task.dW)
-        # All arrays are filled by the kernel, which holds no lock meanwhile.
-        module.begin(
-            self.S, self.I, self.W, self.rng, self.top, np.array(task.y0), words, self.spreads, self.grid.base,
-            self.grid.top, task.first, task.count, self.kernel.parameters,
-        )  # fmt: skip
+        self.driver.start_streams(self.rng, self.top, self.spreads, self.grid.base, self.grid.top)
 
     def advance(self, steps: int) -> None:
         """The next `steps` steps."""
-        self.kernel.module.run(
-            self.S, self.I, self.W, self.rng, self.stack, self.top, self.spreads, self.grid.top, self.given,
-            self.task.place, self.done, self.done + steps, self.task.h, self.bound, self.thresholds,
-            self.values, self.kernel.parameters,
+        self.driver.run(
+            self.kernel.module.advance, self.S, self.I, self.W, self.rng, self.stack, self.top, self.spreads,
+            self.grid.top, self.given, self.task.place, self.done, self.done + steps, self.task.h, self.bound,
+            self.thresholds, self.values, self.kernel.parameters,
         )  # fmt: skip
 
     @property
@@ -66,36 +77,42 @@ class Chunk:
 
     def failed(self) -> bool:
         """Whether no path goes on."""
-        return not bool(self._integers(1).any())
+        return not bool(self._integers(ALIVE).any())
 
     def _integers(self, row: int) -> np.ndarray:
         return self.I[:, row * self.lanes : (row + 1) * self.lanes]
 
+    def _paths(self, rows: np.ndarray) -> np.ndarray:
+        """Rows (blocks, ..., L) as (..., M)."""
+        moved = np.moveaxis(rows, 0, -2)
+        return moved.reshape(*moved.shape[:-2], -1)[..., : self.task.count].copy()
+
+    def _numbers(self, first: int, count: int) -> Array:
+        """Rows of the scratch buffer, (count, M)."""
+        L = self.lanes
+        return self._paths(self.S[:, first * L : (first + count) * L].reshape(-1, count, L))
+
     def states(self) -> Array:
         """(d, M)."""
-        d, L = self.problem.dimension, self.lanes
-        rows = self.S[:, : d * L].reshape(-1, d, L)
-        return rows.swapaxes(0, 1).reshape(d, -1)[:, : self.task.count].copy()
+        return self._numbers(0, self.problem.dimension)
 
     def result(self, kept: Array) -> Ensemble:
         """The ends so far."""
-        d, m, M = self.problem.dimension, self.problem.noises, self.task.count
-        y, W, energy, casimir = np.empty((d, M)), np.empty((m, M)), np.empty(M), np.empty(M)
-        status, failed, work = np.empty(M, np.int64), np.empty(M, np.int64), np.empty(3, np.int64)
-        self.kernel.module.ends(self.S, self.I, self.W, y, W, status, failed, energy, casimir, work)
-        gradients, structures, iterations = (int(count) for count in work)
+        module, L = self.kernel.module, self.lanes
+        counts = [int(self.I[:, 4 * L + place].sum()) for place in (EVALUATIONS, STRUCTURES, WORK)]
+        gradients, structures, iterations = counts
         return Ensemble(
-            y=y,
-            W=W,
-            status=status,
-            failed_step=failed,
-            energy_defect=energy,
-            casimir_defect=casimir,
+            y=self.states(),
+            W=self._paths(self.W),
+            status=self._paths(self._integers(STATUS)),
+            failed_step=self._paths(self._integers(FAILED)),
+            energy_defect=self._numbers(module.ENERGY, 1)[0],
+            casimir_defect=self._numbers(module.CASIMIR, 1)[0],
             gradient_evaluations=gradients or iterations * self.kernel.gradients,
             structure_evaluations=structures or iterations * self.kernel.structures,
-            iterations=iterations if self.kernel.module.IMPLICIT else 0,
+            iterations=iterations if module.IMPLICIT else 0,
             times=np.array(self.task.stops, dtype=np.float64) * self.task.h,
-            states=kept if kept.size else np.empty((0, d, M)),
+            states=kept if kept.size else np.empty((0, self.problem.dimension, self.task.count)),
             engine="compiled",
         )
 

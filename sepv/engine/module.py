@@ -1,11 +1,13 @@
-"""The text of a generated module around its kernel: imports and constants before it, its entries after it."""
+"""What generated modules have in common: their imports and constants, and the layout of what they work on."""
 
 from __future__ import annotations
 
 from sepv.implicit import MAX_HALVINGS, MAX_ITERATIONS, ROUNDING, STAGNATION
 from sepv.solution import Status
-from sepv.wiener import STREAMS
 
+# Rows of the integers of a block, then five numbers after them.
+BUSY, ALIVE, STATUS, FAILED = range(4)
+EVALUATIONS, STRUCTURES, LIVING, WORK, DONE = range(5)
 # The error that a lane may be left with, relative to its state: 2⁻¹⁰ of a rounding.
 LEFT = 2.0**-62
 # Before there are two corrections to compare, only one so small that its square is below that counts.
@@ -23,10 +25,9 @@ import numpy as np
 from numba import njit
 
 from sepv.engine.functions import fma, no, pick, pivoted, wide
-from sepv.engine.lanes import coarse, fill, mix
 {{imports}}{{preamble}}
 _kernel = njit(error_model="numpy", nogil=True, cache=True)
-L, SIZE, NOISES = {{lanes}}, {{size}}, {{noises}}
+L, SIZE = {{lanes}}, {{size}}
 INF = np.inf
 MOST, HALVINGS = {MAX_ITERATIONS}, {MAX_HALVINGS}
 STAGNATION, FIRST, LEFT, TINY, ROUNDING = {STAGNATION!r}, {FIRST!r}, {LEFT!r}, {TINY!r}, {ROUNDING!r}
@@ -34,118 +35,19 @@ FAST, GROUP = {FAST}, {{group}}
 NAN = np.nan
 NO_CONVERGENCE, LEFT_DOMAIN = {int(Status.NO_CONVERGENCE)}, {int(Status.LEFT_DOMAIN)}
 BROKEN, SINGULAR = {int(Status.OVERFLOW)}, {int(Status.SINGULAR)}
-PIECE, IMPLICIT = {{piece}}, {{implicit}}
+IMPLICIT = {{implicit}}
 # Rows of L in the scratch buffer.
 ENERGY, CASIMIR = {{energy}}, {{casimir}}
-STREAMS = {STREAMS}
-BUSY, ALIVE, STATUS, FAILED = 0, L, 2 * L, 3 * L
-EVALUATIONS, STRUCTURES, LIVING, WORK, DONE = 4 * L, 4 * L + 1, 4 * L + 2, 4 * L + 3, 4 * L + 4
+BUSY, ALIVE, STATUS, FAILED = {BUSY} * L, {ALIVE} * L, {STATUS} * L, {FAILED} * L
+EVALUATIONS, STRUCTURES, LIVING, WORK = (4 * L + n for n in ({EVALUATIONS}, {STRUCTURES}, {LIVING}, {WORK}))
 
 
 '''
-DRIVER = '''    return 0
 
-
-@njit(
-    "void(float64[:,::1], int64[:,::1], float64[:,:,::1], uint64[:,:,:,::1], float64[:,:,:,::1], float64[::1],"
-    " uint64[:,::1], float64[::1], int64, int64, int64, int64, float64[::1])",
-    error_model="numpy", nogil=True, cache=True,
-)
-def begin(S, I, W, rng, top, y0, words, factors, base, halvings, first, count, P):
-    """Paths first … first + count − 1 of a chunk of blocks from y0; their streams from `words`."""
-    raw = np.empty(L, np.uint64)
-    for b in range(S.shape[0]):
-        living = min(L, count - b * L)
-        for k in range(L):
-            I[b, BUSY + k], I[b, STATUS + k], I[b, FAILED + k] = 0, 0, -1
-            I[b, ALIVE + k] = 1 if k < living else 0
-        I[b, EVALUATIONS:] = 0
-        I[b, LIVING] = living
-        for i in range(y0.shape[0]):
-            S[b, i * L : (i + 1) * L] = y0[i]
-        W[b] = 0.0
-        _start(S[b], P)
-        for stream in range(rng.shape[1]):
-            state = rng[b, stream]
-            for k in range(L):
-                path = np.uint64(first + b * L + k)
-                state[0, k], state[1, k] = words[stream, 0], words[stream, 1]
-                state[2, k] = words[stream, 2] + path * np.uint64(STREAMS)
-                state[3, k] = np.uint64(1)
-            mix(rng[b], stream)
-        if top.shape[1] > 0:
-            coarse(rng[b], top[b], factors, base, halvings, np.empty((top.shape[1], NOISES, L)), raw)
-
-
-@njit(
-    "void(float64[:,::1], int64[:,::1], float64[:,:,::1], float64[:,::1], float64[:,::1], int64[::1], int64[::1],"
-    " float64[::1], float64[::1], int64[::1])",
-    error_model="numpy", nogil=True, cache=True,
-)
-def ends(S, I, W, y, total, status, failed, energy, casimir, work):
-    """What came of the paths: states (d, M), sums of the increments (m, M), statuses and so on."""
-    for path in range(y.shape[1]):
-        b, k = path // L, path % L
-        for i in range(y.shape[0]):
-            y[i, path] = S[b, i * L + k]
-        for j in range(NOISES):
-            total[j, path] = W[b, j, k]
-        status[path], failed[path] = I[b, STATUS + k], I[b, FAILED + k]
-        energy[path], casimir[path] = S[b, ENERGY * L + k], S[b, CASIMIR * L + k]
-    work[:] = 0
-    for b in range(S.shape[0]):
-        work[0] += I[b, EVALUATIONS]
-        work[1] += I[b, STRUCTURES]
-        work[2] += I[b, WORK]
-
-
-@njit(
-    "void(float64[:,::1], int64[:,::1], float64[:,:,::1], uint64[:,:,:,::1], float64[:,:,:,::1], float64[:,:,:,::1],"
-    " float64[::1], int64, float64[:,:,::1], int64, int64, int64, float64, float64, float64[::1], float64[::1],"
-    " float64[::1])",
-    error_model="numpy", nogil=True, cache=True,
-)
-def run(S, I, W, rng, stack, top, factors, halvings, given, place, n0, n1, h, bound, thresholds, values, P):
-    """Steps n0 … n1 − 1 of a chunk of blocks; S, I, W, rng, stack and top are its state.
-
-    Increments are drawn, or those of lanes `place` and on of `given` (N, m, M) where it is not empty; where there are
-    `values`, the scheme sees the one between whose thresholds the increment lies.
-    """
-    buffer = np.empty((PIECE, NOISES, L))
-    raw = np.empty(L, np.uint64)
-    for b in range(S.shape[0]):
-        alive = True
-        for n in range(n0, n1, PIECE):
-            count = min(PIECE, n1 - n)
-            if given.shape[0] == 0:
-                fill(buffer, n, count, rng[b], stack[b], top[b], factors, halvings, raw)
-            else:
-                lane = place + b * L
-                width = min(L, given.shape[2] - lane)
-                for i in range(count):
-                    for j in range(NOISES):
-                        row = given[n + i, j, lane : lane + width]
-                        if width == L:
-                            for k in range(L):
-                                buffer[i, j, k] = row[k]
-                        else:
-                            for k in range(L):
-                                buffer[i, j, k] = row[k] if k < width else 0.0
-            for i in range(count):
-                for j in range(NOISES):
-                    for k in range(L):
-                        W[b, j, k] += buffer[i, j, k]
-            if values.shape[0] > 0:
-                for i in range(count):
-                    for j in range(NOISES):
-                        for k in range(L):
-                            u = buffer[i, j, k]
-                            v = values[0]
-                            for t in range(thresholds.shape[0]):
-                                v = pick(u >= thresholds[t], values[t + 1], v)
-                            buffer[i, j, k] = v
-            if alive:
-                alive = _advance(S[b], I[b], buffer, count, n, h, bound, P) == 0
-        # Written here and not by the caller, so that an interrupt never finds states ahead of their number.
-        I[b, DONE] = n1
-'''
+_OPTIONS = 'error_model="numpy", nogil=True, cache=True'
+# start(S, P): the invariants of a block whose states are set.
+START = f'@njit("void(float64[::1], float64[::1])", {_OPTIONS})'
+# As `sepv.engine.driver.ADVANCE`.
+ADVANCE = f"""@njit(
+    "int64(float64[::1], int64[::1], float64[:,:,::1], int64, int64, float64, float64, float64[::1])", {_OPTIONS}
+)"""

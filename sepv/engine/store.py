@@ -46,6 +46,12 @@ def _linked() -> bytes:
 
 
 @cache
+def driver() -> ModuleType:
+    """`sepv.engine.driver`, compiled: known by its content, as everything that is linked with `lanes` is."""
+    return load((Path(__file__).parent / "driver.py").read_text(encoding="utf-8"))
+
+
+@cache
 def load(text: str) -> ModuleType:
     """The module with this source, compiled, or read from the cache where it was compiled before."""
     name = "sepv_kernel_" + hashlib.sha256(_linked() + text.encode()).hexdigest()[:24]

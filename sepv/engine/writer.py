@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
-from sepv.engine.module import DRIVER, GROUP, HEAD
+from sepv.engine.module import ADVANCE, GROUP, HEAD, START
 from sepv.engine.recorded import RecordedProblem
 from sepv.engine.schemes import Formula
 from sepv.engine.text import Expression, Text, shown
@@ -64,18 +64,16 @@ class Writer(ABC):
             lanes=self.lanes,
             size=self.size,
             group=min(GROUP, self.lanes),
-            noises=self.noises,
-            piece=max(16, 1024 // self.lanes),
             implicit=self.formula.implicit,
             energy=self.offset["WH"] // self.lanes,
             casimir=self.offset["WC"] // self.lanes,
         )
         lines = [head, *functions]
-        lines += ["@_kernel", "def _start(S, P):", *indent(1, loads), *indent(1, start), ""]
+        lines += [START, "def start(S, P):", *indent(1, loads), *indent(1, start), ""]
         lines += ["", "@_kernel", "def _carefully(S, I, k, P):", *indent(1, loads), *indent(1, careful), ""]
-        lines += ["", "@_kernel", "def _advance(S, I, buffer, count, first, h, bound, P):"]
+        lines += ["", ADVANCE, "def advance(S, I, buffer, count, first, h, bound, P):"]
         lines += indent(1, ["wide()", *c, *loads, "for n in range(count):", *indent(1, [*body, *update])])
-        return "\n".join(lines) + "\n" + DRIVER
+        return "\n".join([*lines, "    return 0"]) + "\n"
 
     @abstractmethod
     def step(self) -> list[str]:
