@@ -8,6 +8,7 @@ The record (`sepv.recorded`) gives the same matrix written out, and takes longer
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from sepv.average import average_gradient, average_hessian
@@ -99,22 +100,23 @@ def _turned(B: Array, slope: Array, y: Tangent, v: Tangent) -> Tangent:
 
 def derivative(formula: Formula) -> JacobianFunction:
     """∂R/∂y1 of a formula of those answers, as `sepv.implicit.solve` takes it; None where B′ or H″ is not given."""
+    return partial(_slope, formula)
 
-    def jacobian(
-        problem: Problem,
-        y0: Array,
-        y1: Array,
-        step: Array,
-        means: Sequence[Array] = (),
-        structures: Sequence[Array] = (),
-    ) -> Array | None:
-        if problem.hessian is None or problem.structure_derivative is None:
-            return None
-        asked: Any = Linearised(problem, y0, y1, means, structures)
-        try:
-            found: Array = formula(asked, y0, Tangent(y1 - y0, 1.0), step).slope
-        except NoDerivative:
-            return None
-        return found
 
-    return jacobian
+def _slope(
+    formula: Formula,
+    problem: Problem,
+    y0: Array,
+    y1: Array,
+    step: Array,
+    means: Sequence[Array] = (),
+    structures: Sequence[Array] = (),
+) -> Array | None:
+    if problem.hessian is None or problem.structure_derivative is None:
+        return None
+    asked: Any = Linearised(problem, y0, y1, means, structures)
+    try:
+        found: Array = formula(asked, y0, Tangent(y1 - y0, 1.0), step).slope
+    except NoDerivative:
+        return None
+    return found
