@@ -1,4 +1,4 @@
-"""Lévy areas: their moments given the increments of a step, and rough paths whose areas add up over steps.
+"""Lévy areas, space-time ones too: moments given the increments of a step, and rough paths that add up over steps.
 
 A_ij = ½∫(W_i dW_j − W_j dW_i) over the step. With the Brownian bridges b_i(t) = W_i(t) − (t/h)ΔW_i and B_i = ∫b_i dt,
 
@@ -6,7 +6,8 @@ A_ij = ½∫(W_i dW_j − W_j dW_i) over the step. With the Brownian bridges b_i
 
 because ∫t db_j = −B_j. Given ΔW all terms have mean zero, a_ij is odd in b_i and in b_j, so that no two of the B_i and
 a_ij are correlated, and Var a_ij = h²/12: E[A_ij² | ΔW] = h²/12 + h(ΔW_i² + ΔW_j²)/12, and h²/4 in all. Third moments
-vanish but for those of three a_ij around a triangle, which are of the order of h³.
+vanish but for those of three a_ij around a triangle, which are of the order of h³. The space-time areas are H_i = B_i/h
+(J. Foster, T. Lyons and H. Oberhauser, SIAM J. Numer. Anal. 58, 2020): ∫W_i ds − ½hΔW_i = hH_i over a step.
 
 **Areas that are drawn.** Over fine steps δ the B_i are drawn with their law, and the a_ij as normal numbers of their
 variance. Over a step of K fine ones areas add up by Chen's relation, A = Σ_k A_k + ½ Σ_{k<l} ΔW_k ∧ ΔW_l: what is not
@@ -46,6 +47,12 @@ def points(xi: Array) -> tuple[Array, Array]:
     return _from_normals(xi[..., None], normals[:, None], pairs, 1.0), np.full(2 * n, 0.5 / n)
 
 
+def bridges(noises: int) -> Array:
+    """The H_i (m, Q) of the nodes of `points`, for two noises at least."""
+    n = noises + noises * (noises - 1) // 2
+    return np.sqrt(n / 12) * np.concatenate([np.eye(noises, n), -np.eye(noises, n)], axis=1)
+
+
 def _from_normals(dW: Array, normals: Array, pairs: list[tuple[int, int]], h: float) -> Array:
     """A_ij (k, ...) from ΔW (m, ...) and uncorrelated numbers of variance one: m of the B_i, then one for each a_ij."""
     m = len(dW)
@@ -57,11 +64,12 @@ def _from_normals(dW: Array, normals: Array, pairs: list[tuple[int, int]], h: fl
 
 @dataclass(frozen=True)
 class RoughPath:
-    """Increments (N, m, M) and areas (N, k, M) over N fine steps of length h."""
+    """Increments and space-time areas H (N, m, M), and areas (N, k, M), over N fine steps of length h."""
 
     h: float
     dW: Array
     areas: Array
+    bridges: Array
 
     def coarse(self, steps: int) -> RoughPath:
         """Over `steps` steps, a divisor of N: Chen's relation."""
@@ -72,7 +80,9 @@ class RoughPath:
         areas = self.areas.reshape(steps, K, -1, M).sum(axis=1)
         for k, (i, j) in enumerate(combinations(range(m), 2)):
             areas[:, k] += 0.5 * np.sum(before[:, :, i] * dW[:, :, j] - before[:, :, j] * dW[:, :, i], axis=1)
-        return RoughPath(K * self.h, dW.sum(axis=1), areas)
+        # ∫W ds over the whole is the sum of what it is over the parts, each begun at W(kδ).
+        means = (before + 0.5 * dW + self.bridges.reshape(steps, K, m, M)).mean(axis=1)
+        return RoughPath(K * self.h, dW.sum(axis=1), areas, means - 0.5 * dW.sum(axis=1))
 
     def rows(self, steps: int, asks: str) -> Array:
         """(steps, m + k, M): what a scheme sees over each of `steps` steps.
@@ -85,6 +95,8 @@ class RoughPath:
         coarse = self.coarse(steps)
         if asks == "areas":
             return np.concatenate([coarse.dW, coarse.areas], axis=1)
+        if asks == "space-time":
+            return np.concatenate([coarse.dW, coarse.bridges], axis=1)
         if asks == "halves":
             if self.dW.shape[0] % (2 * steps):
                 raise UsageError(
@@ -98,14 +110,15 @@ class RoughPath:
 
 
 def drawn(seed: int, *, T: float, steps: int, noises: int, paths: int | range) -> RoughPath:
-    """The rough path of `wiener.increments` with the same arguments: the same increments, and areas beside them."""
+    """The rough path of `wiener.increments` with the same arguments: the same increments, and all areas beside them."""
     dW = wiener.increments(seed, T=T, steps=steps, noises=noises, paths=paths)
     pairs = list(combinations(range(noises), 2))
     h = T / steps
-    if not pairs:
-        return RoughPath(h, dW, np.zeros((steps, 0, dW.shape[2])))
     more = wiener.increments(
         seed + _SECOND, T=float(steps), steps=steps, noises=noises + len(pairs), paths=paths
     )
+    bridges = np.sqrt(h / 12) * more[:, :noises]
+    if not pairs:
+        return RoughPath(h, dW, np.zeros((steps, 0, dW.shape[2])), bridges)
     areas = _from_normals(np.moveaxis(dW, 1, 0), np.moveaxis(more, 1, 0), pairs, h)
-    return RoughPath(h, dW, np.moveaxis(areas, 0, 1))
+    return RoughPath(h, dW, np.moveaxis(areas, 0, 1), bridges)

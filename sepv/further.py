@@ -1,7 +1,7 @@
-"""What a step may ask for beside h and ΔW: Lévy areas, or the increments over its first half (`Scheme.asks`).
+"""What a step may ask for beside h and ΔW: Lévy areas, space-time ones, or increments of a half (`Scheme.asks`).
 
-Laws that draw them (`sepv.areas`) keep them in further rows of dW (m, ...): (m + k, ...) with the A_ij for i < j, or
-the increments W(h/2) − W(0). `answer` takes them apart and calls the step with a fifth argument.
+Laws that draw them (`sepv.areas`) keep them in further rows of dW (m, ...): (m + k, ...) with the A_ij for i < j, the
+H_i, or the increments W(h/2) − W(0). `answer` takes them apart and calls the step with a fifth argument.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from sepv.scheme import Scheme
 
 def further_rows(asks: str, noises: int) -> int:
     """How many rows follow those of dW."""
-    return {"": 0, "areas": noises * (noises - 1) // 2, "halves": noises}[asks]
+    return {"": 0, "areas": noises * (noises - 1) // 2, "halves": noises, "space-time": noises}[asks]
 
 
 def answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, *, any_path: bool = False) -> Any:
@@ -58,14 +58,17 @@ def joined(asks: str, dW: Array, further: Array) -> Array:
 def some(asks: str, h: float, dW: Array) -> Array:
     """Further rows of a path with these increments, for laws that speak of every path: of no law, and no zeros.
 
-    With u_i = ΔW_i/(1 + ΔW_i²/|h|) the areas are an eighth of u ∧ ΔW, and the first half goes to ½ΔW ± ¼u. Exchanging
-    noises exchanges them, and the way back, with −h and −ΔW, has −A, and minus the second half first.
+    With u_i = ΔW_i/(1 + ΔW_i²/|h|) the areas are an eighth of u ∧ ΔW, H is an eighth of ±u, and the first half goes to
+    ½ΔW ± ¼u. Exchanging noises exchanges them, and the way back, with −h and −ΔW, has −A, the same H, and minus the
+    second half first.
     """
     size = abs(h) if h else 1.0
     u = dW / (1 + dW * dW / size)
     if asks == "halves":
         return np.asarray(0.5 * dW + np.sign(h) * 0.25 * u)
     sign = -1.0 if h < 0 else 1.0
+    if asks == "space-time":
+        return np.asarray(0.125 * sign * u)
     rows = [0.125 * sign * (u[i] * dW[j] - u[j] * dW[i]) for i, j in combinations(range(len(dW)), 2)]
     return np.array(rows).reshape(len(rows), *dW.shape[1:])
 

@@ -43,6 +43,8 @@ class Rule:
     index : (n,) which of them belongs to each node
     areas : (k, n), optional
         Lévy areas with i < j over a step h = 1, which the exact solution sees too.
+    bridges : (m, n), optional
+        Space-time Lévy areas over a step h = 1.
     degree : int
         Polynomials of ξ up to this degree in every variable (in total for m ≥ 6) are integrated exactly.
     """
@@ -53,6 +55,7 @@ class Rule:
     index: np.ndarray
     degree: int
     areas: Array | None = None
+    bridges: Array | None = None
 
 
 @lru_cache(maxsize=256)

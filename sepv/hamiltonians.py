@@ -199,6 +199,14 @@ def bracket(problem: Problem, i: int, j: int, y: Array) -> Array:
     return first - matvec(noise_slope(problem, i, y), noise_field(problem, j, y))
 
 
+def drift_bracket(problem: Problem, j: int, y: Array) -> Array:
+    """[f_0, f_j] of the drift and a noise, without its c: what A_0j = ½∫(s dW_j − W_j ds) multiplies."""
+    drift = matvec(problem.structure(y), problem.gradient(y))
+    return matvec(noise_slope(problem, j, y), drift) - matvec(
+        _drift_slope(problem, y), noise_field(problem, j, y)
+    )
+
+
 def ito_drift(problem: Problem, y: Array) -> Array:
     """f_0 + ½ Σ_j c_j² f_j′f_j, (d, ...): the drift of the Itô form."""
     total = matvec(problem.structure(y), problem.gradient(y))
@@ -236,11 +244,7 @@ def commutes(problem: Problem) -> bool:
     """Whether all fields commute, f_0 among them: y(T) is then the flow of T f_0 + Σ c_j W_j(T) f_j at the time 1."""
 
     def brackets(y: Array) -> list[Array]:
-        drift, slope = matvec(problem.structure(y), problem.gradient(y)), _drift_slope(problem, y)
-        return [
-            matvec(noise_slope(problem, int(j), y), drift) - matvec(slope, noise_field(problem, int(j), y))
-            for j in np.flatnonzero(problem.c)
-        ]
+        return [drift_bracket(problem, int(j), y) for j in np.flatnonzero(problem.c)]
 
     return column(problem) != "general" and _vanish(problem, brackets)
 

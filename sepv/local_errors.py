@@ -26,19 +26,18 @@ from sepv import problems
 from sepv.candidate import guarded
 from sepv.checks import sample_states
 from sepv.dense import FlowFailure
-from sepv.errors import Skipped
 from sepv.exact import exact_flow
 from sepv.explicit_tableaux import CLASSICAL
 from sepv.gaussian import Rule, point_rule
 from sepv.given import problems_of, reach
 from sepv.hamiltonians import HamiltoniansProblem, column, commutes
 from sepv.law import Effort
+from sepv.local_moments import FULL_DEGREE, SPLIT, exponents, moments_at
 from sepv.local_rules import rule_for
 from sepv.log_flow import explicit, log_flow
 from sepv.orders import order_of
 from sepv.point_laws import point_law
 from sepv.problem import Array, PolynomialSystem, Problem
-from sepv.reference.generator import is_linear, moments
 from sepv.scheme import Scheme
 from sepv.simulation import advance
 from sepv.solution import Status
@@ -46,13 +45,6 @@ from sepv.structures import StructuresProblem
 
 _EPS = float(np.finfo(np.float64).eps)
 LEVELS = 10
-# All monomials up to this degree; beyond it powers of a few linear forms, which are small where these are.
-FULL_DEGREE = 3
-# Terms of the generator's series: h^9/9! is far below rounding for h ≤ 2⁻⁶.
-SERIES = 8
-_UNKNOWN = (float("nan"),) * 3
-# And at least so many of fields that are not linear: orders up to 2 are seen through an error of h⁵.
-SHORT = 4
 
 
 def five_noises() -> Problem:
@@ -205,13 +197,13 @@ def _measure(scheme: Scheme, problem: Problem) -> LocalErrors:
     law = point_law(scheme.increments)
     known = moments_only(problem)
     top = max(FULL_DEGREE, int(2 * weak + 1)) if isinstance(problem, HamiltoniansProblem) else FULL_DEGREE
-    if known and isinstance(problem, HamiltoniansProblem) and not isinstance(problem.data, PolynomialSystem):
-        exact, flow = [np.empty(0)] * len(sizes), 0.0  # no moments of functions, but the log-ODE
-    elif known:
-        exact, flow = moments_at(problem, states, sizes, top), 0.0
+    if known:
+        exact, flow = moments_at(problem, states, sizes, top)
     else:
         exact, flow = ends_at(problem, states, rules)
     seen = (rules[0][1].degree + 1) // 2
+    if known and not isinstance(problem.data, PolynomialSystem):
+        seen = min(seen, SPLIT)
     rules = rules[len(rules) - len(exact) :]
     rows, failed, steps = [], [], 0
     for (h, nodes), ends in zip(rules, exact, strict=True):
@@ -220,7 +212,7 @@ def _measure(scheme: Scheme, problem: Problem) -> LocalErrors:
         steps += taken.zeta.shape[1] * states.shape[1]
         moved = y - states[..., None]
         if ok and known:
-            first, _, second = against_moments(moved, ends, taken.weights, top) if ends.size else _UNKNOWN
+            first, _, second = against_moments(moved, ends, taken.weights, top)
             rows.append((h, first, from_log_flow(problem, states, h, taken, y), second))
         elif ok and law is not None:
             rows.append((h, *apart(moved, taken.weights, ends - states[..., None], nodes.weights, weak)))
@@ -246,6 +238,7 @@ def from_log_flow(problem: Problem, states: Array, h: float, nodes: Rule, y: Arr
     """(E|y1 − φ|²)^½ with φ the log-ODE of step two, the largest over states; NaN where nothing gives it.
 
     One step of order four of it: what that leaves is of the order of h^{5/2}, and φ is O(h^{3/2}) from the solution.
+    With space-time areas and noises that commute it has the brackets with the drift too, and is O(h²) from it.
     """
     general = column(problem) == "general"
     if not isinstance(problem, HamiltoniansProblem) or (general and nodes.areas is None):
@@ -253,9 +246,10 @@ def from_log_flow(problem: Problem, states: Array, h: float, nodes: Rule, y: Arr
     n = nodes.weights.size
     areas = h * nodes.areas if general and nodes.areas is not None else np.zeros((0, n))
     parts = np.concatenate([np.full((1, n), h), problem.c[:, None] * np.sqrt(h) * nodes.xi])
+    bridges = None if general or nodes.bridges is None else np.sqrt(h) * nodes.bridges
     worst = 0.0
     for s, start in enumerate(states.T):
-        found = explicit(problem, np.repeat(start[:, None], n, axis=1), parts, areas, 1, CLASSICAL)
+        found = explicit(problem, np.repeat(start[:, None], n, axis=1), parts, areas, 1, CLASSICAL, bridges)
         worst = max(worst, float(np.sum((y[:, s] - found) ** 2, axis=0) @ nodes.weights))
     return float(np.sqrt(worst))
 
@@ -316,41 +310,6 @@ def _flows_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) 
         found.append(np.stack([y for y, _ in ends], axis=1))
         worst = max(worst, *(error for _, error in ends))
     return found, worst
-
-
-def exponents(dimension: int, degree: int = FULL_DEGREE) -> tuple[tuple[int, ...], ...]:
-    """Of all monomials up to this degree."""
-    return tuple(
-        tuple(chosen.count(i) for i in range(dimension))
-        for k in range(1, degree + 1)
-        for chosen in combinations_with_replacement(range(dimension), k)
-    )
-
-
-def moments_at(problem: Problem, states: Array, sizes: list[float], degree: int = FULL_DEGREE) -> list[Array]:
-    """E (φ − y0)^α (A, S) at each step size, for A monomials, by the series of the generator.
-
-    For linear fields L keeps degrees and the series is short work. For others it has fewer terms, which leave an error
-    of h^(SHORT + 1): for several Hamiltonians, at steps that are small enough for that.
-
-    Raises
-    ------
-    Skipped
-        Where the fields are not given as data; where those of several structures are not linear.
-    """
-    data = problem.data
-    if not isinstance(data, PolynomialSystem):
-        raise Skipped(f"{problem.name} has no closed form, and is not given as data")
-    linear = is_linear(data)
-    if not linear and not isinstance(problem, HamiltoniansProblem):
-        raise Skipped(
-            f"{problem.name} has several structures, no closed form, and fields that are not linear"
-        )
-    terms = SERIES if linear else max(SHORT, degree // 2 + 2)
-    asked = exponents(problem.dimension, degree)
-    series = [moments(data, tuple(y.tolist()), asked, terms) for y in states.T]
-    rows = np.array([[[float(v) for v in row] for row in one] for one in series])
-    return [np.asarray(rows @ h ** np.arange(terms + 1.0)).T for h in sizes]
 
 
 def against_moments(

@@ -8,7 +8,8 @@ import numpy as np
 
 from sepv.candidate import guarded
 from sepv.gaussian import point_rule
-from sepv.local_errors import ends_at, local_states, moments_at, moments_only, one_step, rule_degree
+from sepv.local_errors import ends_at, local_states, moments_only, one_step, rule_degree
+from sepv.local_moments import moments_at
 from sepv.local_rules import rule_for
 from sepv.point_laws import point_law
 from sepv.problem import Array, Problem
@@ -54,8 +55,8 @@ def _means(scheme: Scheme, problem: Problem, h: float) -> tuple[Array, Array, Ar
     y, ok = one_step(guarded(scheme), problem, states, h, taken)
     came = _monomials(y - states[..., None]) @ taken.weights
     if moments_only(problem):
-        (expected,) = moments_at(problem, states, [h])
-        return states, came, expected[: len(came)]
+        known, _ = moments_at(problem, states, [h])
+        return (states, came, known[0][: len(came)]) if ok and known else (states, came[:, :0], came[:, :0])
     found, _ = ends_at(problem, states, [(h, nodes)])
     if not ok or not found:
         return states, came[:, :0], came[:, :0]

@@ -1,6 +1,6 @@
-"""Expectations over what a step sees: increments, and the areas or halves that it asks for.
+"""Expectations over what a step sees: increments, and the areas, space-time areas or halves that it asks for.
 
-Nodes are in units of √h, further rows of areas in units of √h too (A = √h · row), as `sepv.local_errors` scales them.
+Nodes are in units of √h, further rows too (A = √h · row, H = √h · row), as `sepv.local_errors` scales them.
 """
 
 from __future__ import annotations
@@ -43,6 +43,8 @@ def _rule(
 ) -> Rule:
     if asks == "halves":
         return _of_halves(m, h, degree, fewer)
+    if asks == "space-time" and not with_areas:
+        return _of_bridges(m, h, degree, fewer)
     own = rule(m, h, truncation, degree, panels, fewer)
     if not with_areas:
         return own
@@ -56,6 +58,10 @@ def _rule(
         index=np.repeat(own.index, Q),
         areas=flat,
     )
+    if asks == "space-time":
+        H = np.tile(areas.bridges(m), n)
+        rows = np.concatenate([own.zeta[:, seen.index], H])
+        return replace(seen, zeta=rows, index=np.arange(n * Q), bridges=H)
     if asks != "areas":
         return seen
     rows = np.concatenate([own.zeta[:, seen.index], np.sqrt(h) * flat])
@@ -68,3 +74,18 @@ def _of_halves(m: int, h: float, degree: int, fewer: int) -> Rule:
     xi = (two.xi[:m] + two.xi[m:]) / np.sqrt(2)
     zeta = np.concatenate([(two.zeta[:m] + two.zeta[m:]) / np.sqrt(2), two.zeta[:m] / np.sqrt(2)])
     return Rule(xi, two.weights, zeta, two.index, two.degree)
+
+
+def _of_bridges(m: int, h: float, degree: int, fewer: int) -> Rule:
+    """Increments, not truncated, and space-time areas of variance h/12, independent of them."""
+    two = rule(2 * m, h, None, degree, False, fewer)
+    H = two.xi[m:] / np.sqrt(12)
+    return Rule(
+        two.xi[:m],
+        two.weights,
+        np.concatenate([two.xi[:m], H]),
+        np.arange(two.weights.size),
+        two.degree,
+        None,
+        H,
+    )

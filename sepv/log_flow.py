@@ -9,12 +9,13 @@ reference and no scheme: nothing that is verified is used in it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import combinations
 
 import numpy as np
 
 from sepv.explicit_tableaux import CLASSICAL, DORMAND_PRINCE_8, ExplicitTableau
-from sepv.hamiltonians import bracket, combined_field
+from sepv.hamiltonians import bracket, combined_field, drift_bracket
 from sepv.problem import Array, Problem
 
 _EPS = float(np.finfo(np.float64).eps)
@@ -22,27 +23,44 @@ _EPS = float(np.finfo(np.float64).eps)
 FEWEST, MOST = 4, 64
 
 
-def field(problem: Problem, y: Array, parts: Array, areas: Array) -> Array:
-    """The right side at y (d, M), for parts (1 + m, M) of h and c_j ΔW_j, and areas (k, M) with i < j."""
+def field(problem: Problem, y: Array, parts: Array, areas: Array, bridges: Array | None = None) -> Array:
+    """The right side at y (d, M), for parts (1 + m, M) of h and c_j ΔW_j, and areas (k, M) with i < j.
+
+    With space-time areas H (m, M) it has the brackets with the drift too, Σ c_j A_0j [f_0, f_j] with A_0j = −hH_j. What
+    is left out where the noises commute has integrals of the order of h².
+    """
     total = combined_field(problem, y, parts)
     for area, (i, j) in zip(areas, combinations(range(problem.noises), 2), strict=False):
         factor = problem.c[i] * problem.c[j] * area
         if np.any(factor):
             total = total + factor * bracket(problem, i, j, y)
+    for j, H in enumerate(() if bridges is None else bridges):
+        total = total - problem.c[j] * parts[0] * H * drift_bracket(problem, j, y)
     return total
 
 
 def explicit(
-    problem: Problem, y: Array, parts: Array, areas: Array, steps: int, tableau: ExplicitTableau
+    problem: Problem,
+    y: Array,
+    parts: Array,
+    areas: Array,
+    steps: int,
+    tableau: ExplicitTableau,
+    bridges: Array | None = None,
 ) -> Array:
     """y(1) by so many steps of an explicit Runge-Kutta method."""
+    return runge_kutta(lambda at: field(problem, at, parts, areas, bridges), y, steps, tableau)
+
+
+def runge_kutta(field: Callable[[Array], Array], y: Array, steps: int, tableau: ExplicitTableau) -> Array:
+    """z(1) of ż = field(z) from y by so many steps."""
     for _ in range(steps):
         slopes: list[Array] = []
         for row in tableau.A:
             at = y
             for j, a in row.items():
                 at = at + (a / steps) * slopes[j]
-            slopes.append(field(problem, at, parts, areas))
+            slopes.append(field(at))
         for i, b in tableau.b.items():
             y = y + (b / steps) * slopes[i]
     return y

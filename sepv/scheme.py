@@ -16,7 +16,7 @@ from sepv.problem import Array, Problem
 from sepv.solution import Solution, require_converged
 
 # What a step may ask for beside h and the increments.
-ASKS = ("", "areas", "halves")
+ASKS = ("", "areas", "halves", "space-time")
 # The classes of systems that a scheme may be for; `sepv.strategies_structures` has cases for each.
 SYSTEMS = (
     "single", "nambu", "several", "hamiltonians", "canonical-separable", "lie-poisson", "rigid-bodies",
@@ -83,7 +83,8 @@ class Scheme:
     asks : str
         What the step takes as a fifth argument: "areas" for the Lévy areas A_ij = ½∫(W_i dW_j − W_j dW_i) of its
         increments, (m, m) or (m, m, M), skew; "halves" for the increments over the first half of the step, (m,) or
-        (m, M). By default nothing.
+        (m, M); "space-time" for the space-time Lévy areas H_i = (1/h)∫(W_i(s) − (s/h)ΔW_i) ds, (m,) or (m, M), of
+        variance h/12. By default nothing.
     stages : int
         s of the collocation family: laws that compare with (2.1) compare with its s-stage method
         (Cohen and Hairer), those that compare with the midpoint rule with the s-stage Gauss method.
@@ -146,7 +147,7 @@ class Scheme:
             )
         if self.asks not in ASKS:
             raise UsageError(
-                expected='asks, "areas" or "halves"',
+                expected='asks, "areas", "halves" or "space-time"',
                 received=repr(self.asks),
                 remedy="leave it out for a step(problem, y, h, dW)",
             )

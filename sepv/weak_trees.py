@@ -15,9 +15,10 @@ from sepv.errors import Skipped
 from sepv.gaussian import point_rule, rule
 from sepv.given import reach
 from sepv.law import Effort
-from sepv.local_errors import LocalErrors, against_moments, apart, ends_at, moments_at, moments_only
+from sepv.local_errors import LocalErrors, against_moments, apart, ends_at, moments_only
+from sepv.local_moments import moments_at
 from sepv.point_laws import PointLaw, point_law
-from sepv.problem import Array, Problem
+from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.scheme import Scheme
 from sepv.simulation import advance
 from sepv.solution import Status
@@ -68,8 +69,12 @@ def tree_errors(scheme: Scheme, problem: Problem, _effort: Effort) -> LocalError
     end = T * (reach(problem) if scheme.problems else 1.0)
     nodes = rule(problem.noises, end, None, int(2 * weak + 8))
     known = moments_only(problem)
+    if known and not isinstance(problem.data, PolynomialSystem):
+        raise Skipped(
+            f"{problem.name} has no closed form, and is not given as data: its means over a time are not known"
+        )
     exact, flow = (
-        (moments_at(problem, start[:, None], [end]), 0.0)
+        moments_at(problem, start[:, None], [end])
         if known
         else ends_at(problem, start[:, None], [(end, nodes)])
     )

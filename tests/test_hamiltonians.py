@@ -31,7 +31,8 @@ from sepv.hamiltonians import (
     noise_slope,
 )
 from sepv.law import Effort, Verdict
-from sepv.local_errors import exponents, local_errors
+from sepv.local_errors import local_errors
+from sepv.local_moments import exponents
 from sepv.local_rules import rule_for
 from sepv.log_flow import log_flow
 from sepv.orders import Orders, order_of

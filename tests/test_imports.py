@@ -76,7 +76,7 @@ LAYERS = [
     "sepv.amplification",
     "sepv.poisson_map",
     "sepv.worst_path",
-    "sepv.local_rules",
+    "sepv.local_rules sepv.local_moments",
     "sepv.search sepv.sequential sepv.local_errors sepv.local_example sepv.local_orders sepv.weak_trees",
     "sepv.properties",
     "sepv.expected sepv.side_by_side",

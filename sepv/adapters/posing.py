@@ -53,7 +53,7 @@ class Formulas:
         """B(y), of shape (d, d, ...)."""
         if self.kind == "polynomial":
             d = y.shape[0]
-            return self._values(xp, numbers, y, 0, d * d).reshape((d, d, *y.shape[1:]))
+            return self.values(xp, numbers, y, 0, d * d).reshape((d, d, *y.shape[1:]))
         B, d = _NAMED[self.kind].structure(numbers, y), y.shape[0]
         zero = xp.zeros_like(y[0])
         table = [[_entry(B, i, j, zero) + zero for j in range(d)] for i in range(d)]
@@ -63,28 +63,28 @@ class Formulas:
         """∇H(y), of shape (d, ...)."""
         if self.kind == "polynomial":
             d = y.shape[0]
-            return self._values(xp, numbers, y, d * d, d * d + d)
+            return self.values(xp, numbers, y, d * d, d * d + d)
         return xp.stack(_NAMED[self.kind].gradient(xp, numbers, y))
 
     def hamiltonian(self, xp: Any, numbers: Any, y: Any) -> Any:
         """H(y), of shape (...)."""
         if self.kind == "polynomial":
             d = y.shape[0]
-            return self._values(xp, numbers, y, d * d + d, d * d + d + 1)[0]
+            return self.values(xp, numbers, y, d * d + d, d * d + d + 1)[0]
         return _NAMED[self.kind].hamiltonian(xp, numbers, y)
 
     def field(self, xp: Any, numbers: Any, y: Any) -> Any:
         """f(y) = B(y)∇H(y), of shape (d, ...); entries of B that vanish everywhere cost nothing."""
         d = y.shape[0]
         if self.kind == "polynomial":
-            both = self._values(xp, numbers, y, 0, d * d + d)
+            both = self.values(xp, numbers, y, 0, d * d + d)
             B = both[: d * d].reshape((d, d, *y.shape[1:]))
             return xp.einsum("ij...,j...->i...", B, both[d * d :])
         B, g = _NAMED[self.kind].structure(numbers, y), _NAMED[self.kind].gradient(xp, numbers, y)
         pairs = [[(_entry(B, i, j, None), g[j]) for j in range(d)] for i in range(d)]
         return xp.stack([reduce(add, [b * slope for b, slope in row if b is not None]) for row in pairs])
 
-    def _values(self, xp: Any, numbers: Any, y: Any, first: int, last: int) -> Any:
+    def values(self, xp: Any, numbers: Any, y: Any, first: int, last: int) -> Any:
         """Rows of the table of polynomials at y."""
         exponents, coefficients = numbers
         # Products, not y**e: the derivative of 0**0 is not a number in either library.
@@ -166,7 +166,7 @@ def _pose(data: PolynomialSystem | NamedProblem, padded: bool) -> tuple[Formulas
     powers, count = max(max(e) for e in monomials), len(monomials)
     if padded:
         powers, count = size(powers, LEAST_POWER), size(count, LEAST_TERMS)
-    return Formulas("polynomial", powers), _table(data.dimension, rows, monomials, count)
+    return Formulas("polynomial", powers), table(data.dimension, rows, monomials, count)
 
 
 def size(needed: int, least: int) -> int:
@@ -176,7 +176,7 @@ def size(needed: int, least: int) -> int:
     return least
 
 
-def _table(
+def table(
     dimension: int, rows: list[Polynomial], monomials: list[tuple[int, ...]], count: int
 ) -> tuple[Any, Array]:
     """Exponents (d, T) of the monomials, and the coefficients (R, T) of the rows; T = count, the rest zeros."""
