@@ -14,6 +14,7 @@ import numpy as np
 
 from sepv.average import Average, average_gradient
 from sepv.fields import derivative_along, matvec
+from sepv.hamiltonians import combined_gradient
 from sepv.problem import Array, Problem
 from sepv.solution import Increment
 from sepv.structures import combined
@@ -40,6 +41,9 @@ class Fields(Protocol):
 
     def gradient(self, y: Any) -> Any:
         """∇H(y), (d, ...)."""
+
+    def combined_gradient(self, y: Any, step: Any) -> Any:
+        """h∇H_0(y) + Σ c_jΔW_j∇H_j(y), (d, ...), for `step` holding h and the c_jΔW_j."""
 
     def field(self, y: Any) -> Any:
         """f(y) = B(y)∇H(y), (d, ...)."""
@@ -108,6 +112,11 @@ class Asked:
         """∇H(y)."""
         self.gradients = self.gradients + 1
         return self.problem.gradient(y)
+
+    def combined_gradient(self, y: Array, step: Array) -> Array:
+        """h∇H_0(y) + Σ c_jΔW_j∇H_j(y), which counts as one evaluation."""
+        self.gradients = self.gradients + 1
+        return combined_gradient(self.problem, y, step)
 
     def field(self, y: Array) -> Array:
         """B(y)∇H(y)."""

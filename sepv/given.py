@@ -373,7 +373,6 @@ NOT_OF_HAMILTONIANS = {
     "reduction": _OTHER,
     "reference": _OTHER,
     "any-casimir": "its cases have one Hamiltonian: see casimir, and poisson-map",
-    "positivity": "polynomial systems have no domain to leave: name a problem that has one with -p",
 }
 # Laws whose cases are systems of their own.
 OUTSIDE = {
@@ -407,7 +406,7 @@ def cases_for(law: str, scheme: Any) -> st.SearchStrategy[Case] | str | None:
     if law in OUTSIDE:
         return OUTSIDE[law]
     turn, reason = TURNS.get(law, (_as_it_is, ""))
-    why = NOT_OF_HAMILTONIANS.get(law, "") if law not in ("any-casimir", "positivity") else ""
+    why = NOT_OF_HAMILTONIANS.get(law, "") if law != "any-casimir" else ""
     if why:
         if all(isinstance(item.fixed, HamiltoniansProblem) for item in own):
             return why

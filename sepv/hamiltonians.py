@@ -144,28 +144,28 @@ def noise_gradients(problem: Problem) -> Sequence[Function]:
 def combined_field(problem: Problem, y: Array, parts: Array) -> Array:
     """h f_0(y) + Σ_j c_j ΔW_j f_j(y), (d, M), for parts (1 + m, M) holding h and the c_j ΔW_j."""
     if isinstance(problem, HamiltoniansProblem):
-        return matvec(problem.structure(y), _combined_gradient(problem, y, parts))
+        return matvec(problem.structure(y), combined_gradient(problem, y, parts))
     return matvec(combined(problem, y, parts), problem.gradient(y))
 
 
 def hamiltonian_field(problem: Problem, y: Array, parts: Array) -> Array:
     """The same by one structure: B(y)(h∇H_0 + Σ c_j ΔW_j ∇H_j), for all problems that `noise_gradients` takes."""
-    return matvec(problem.structure(y), _combined_gradient(problem, y, parts))
+    return matvec(problem.structure(y), combined_gradient(problem, y, parts))
 
 
-def hamiltonian_field_jacobian(problem: Problem, y: Array, parts: Array) -> Array:
-    """Its derivative (d, d, M), by differences where the problem does not give second derivatives."""
-    slope = structure_slope(problem, y, _combined_gradient(problem, y, parts))
-    curved = parts[0] * hessian(problem, y)
-    for j, part in enumerate(parts[1:]):
-        curved = curved + part * noise_hessian(problem, j, y)
-    return slope + matmul(problem.structure(y), curved)
-
-
-def _combined_gradient(problem: Problem, y: Array, parts: Array) -> Array:
+def combined_gradient(problem: Problem, y: Array, parts: Array) -> Array:
+    """h∇H_0(y) + Σ_j c_j ΔW_j ∇H_j(y), (d, M), for parts (1 + m, M) holding h and the c_j ΔW_j."""
     total = parts[0] * problem.gradient(y)
     for part, gradient in zip(parts[1:], noise_gradients(problem), strict=True):
         total = total + part * gradient(y)
+    return np.asarray(total)
+
+
+def combined_hessian(problem: Problem, y: Array, parts: Array) -> Array:
+    """Its derivative (d, d, M), by differences where the problem does not give second derivatives."""
+    total = parts[0] * hessian(problem, y)
+    for j, part in enumerate(parts[1:]):
+        total = total + part * noise_hessian(problem, j, y)
     return np.asarray(total)
 
 

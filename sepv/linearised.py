@@ -14,6 +14,7 @@ from typing import Any
 from sepv.average import average_gradient, average_hessian
 from sepv.fields import contract, matmul
 from sepv.formula import Formula
+from sepv.hamiltonians import combined_gradient, combined_hessian
 from sepv.problem import Array, Problem
 from sepv.solution import JacobianFunction
 from sepv.structures import combined, combined_slope
@@ -82,6 +83,11 @@ class Linearised:
         """∇H(y)."""
         assert self.problem.hessian is not None
         return Tangent(self.problem.gradient(y.value), y.slope * self.problem.hessian(y.value))
+
+    def combined_gradient(self, y: Tangent, step: Array) -> Tangent:
+        """h∇H_0(y) + Σ c_jΔW_j∇H_j(y)."""
+        slope = y.slope * combined_hessian(self.problem, y.value, step)
+        return Tangent(combined_gradient(self.problem, y.value, step), slope)
 
     def field(self, y: Tangent) -> Tangent:
         """B(y)∇H(y)."""

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from sepv import polynomial as poly
 from sepv.fields import matvec
 from sepv.formula import Formula
+from sepv.hamiltonians import HamiltoniansProblem
 from sepv.nambu import Nambu
 from sepv.polynomial import Polynomial
 from sepv.problem import PolynomialSystem, Problem
@@ -84,6 +85,13 @@ class Recorded:
             return Mean(self._call("mean_gradient", self.y, self.y + self.z), 1)
 
     @cached_property
+    def noise_slopes(self) -> list[Any]:
+        """∇H_1, …, ∇H_m; of (1.1) ∇H itself, m times."""
+        if not isinstance(self.problem, HamiltoniansProblem):
+            return [self.slope] * self.problem.noises
+        return [gradient(self.tape.symbol(H(self.y)), self.y) for H in self.problem.noise_hamiltonians]
+
+    @cached_property
     def field(self) -> Sequence[Polynomial] | None:
         """B∇H multiplied out, where that is no longer than the products."""
         f = [
@@ -148,6 +156,14 @@ class _Fields:
         """∇H(y)."""
         self.gradients += 1
         return self._at(self._recorded.slope, y)
+
+    def combined_gradient(self, y: Any, step: Any) -> Any:
+        """h∇H_0(y) + Σ c_jΔW_j∇H_j(y)."""
+        self.gradients += 1
+        total = step[0] * self._at(self._recorded.slope, y)
+        for part, slope in zip(step[1:], self._recorded.noise_slopes, strict=True):
+            total = total + part * self._at(slope, y)
+        return total
 
     def field(self, y: Any) -> Any:
         """B(y)∇H(y)."""

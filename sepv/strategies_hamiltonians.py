@@ -11,13 +11,17 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from hypothesis import assume
 from hypothesis import strategies as st
 
 from sepv import polynomial as poly
 from sepv import problems
 from sepv.case import Case
 from sepv.families import general, separable_hamiltonians
-from sepv.problem import PolynomialSystem
+from sepv.fields import vector_field
+from sepv.hamiltonians import noise_field
+from sepv.problem import Array, NamedProblem, PolynomialSystem
+from sepv.schemes import stochastic_splitting
 from sepv.strategies import (
     casimir_systems,
     coefficients,
@@ -120,7 +124,43 @@ def additive_steps(draw: st.DrawFn) -> Case:
     return in_the_mean(Case(system, y))
 
 
+@st.composite
+def species_steps(draw: st.DrawFn) -> Case:
+    """Lotka-Volterra with any parameters and noises at its species, which has a domain: all components positive.
+
+    States from 2⁻¹⁰ to 6, and steps that move a logarithm by up to 4 with each of the fields. A case is left out where
+    the splitting with exact flows leaves 2^±64, and another right scheme might overflow or underflow.
+    """
+    c = draw(noises(least=1, most=3).filter(any))
+    names = ("a", "b", "d", "nu", "mu")
+    data = NamedProblem(
+        "random-lotka-volterra",
+        (
+            ("beta", tuple(draw(coefficients()) for _ in range(3))),
+            ("noise", c),
+            *((name, (draw(coefficients()),)) for name in names),
+        ),
+    )
+    y = tuple(draw(st.sampled_from([1.0, 1.5])) * 2.0 ** draw(st.integers(-10, 2)) for _ in range(3))
+    problem, state = problems.build(data), np.array(y)
+    length = draw(st.sampled_from([4.0, 2.0, 1.0, 0.25]))
+    h = length * draw(st.sampled_from([0.5, 0.0625])) / _rate(vector_field(problem, state), state)
+    shares = [draw(st.sampled_from([1.0, -1.0, 0.5, -0.25])) for _ in c]
+    rates = [_rate(v * noise_field(problem, j, state), state) for j, v in enumerate(c)]
+    dW = tuple(length * share / rate for share, rate in zip(shares, rates, strict=True))
+    with np.errstate(all="ignore"):
+        end = stochastic_splitting.step(problem, state, h, np.array(dW))
+    assume(bool(np.all((end > 2.0**-64) & (end < 2.0**64))))
+    return Case(data, y, h, dW)
+
+
+def _rate(field: Array, y: Array) -> float:
+    """How fast logarithms move, 1 at least."""
+    return max(1.0, float(np.max(np.abs(field) / y)))
+
+
 HAMILTONIANS: dict[str, Cases] = {
+    "positivity": species_steps,
     "energy-drift": additive_steps,
     **dict.fromkeys(("contract", "reproducibility", "symmetry"), hamiltonian_steps),
     "casimir": lambda: steps(with_hamiltonians(casimir_systems(degree=4)).filter(general)),

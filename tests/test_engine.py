@@ -220,6 +220,21 @@ def test_several_structures_are_compiled_where_they_are_defined() -> None:
         sepv.ensemble(EP, problems.noncommuting_tops(), h=1 / 32, T=1 / 32, paths=2, engine="compiled")
 
 
+@pytest.mark.parametrize("name", ["random-inertia", "random-lotka-volterra", "point-vortices"])
+def test_several_hamiltonians_are_compiled_from_the_record_of_the_formula(name: str) -> None:
+    """Polynomials, a domain with logarithms, and an H whose mean gradient has no closed form, and is not asked for."""
+    scheme, problem = schemes.stochastic_midpoint, problems.by_name(name)
+    fast, plain = both(scheme, problem, h=1 / 64, T=0.125, paths=9, seed=2)
+    assert fast.engine == "compiled"
+    assert np.array_equal(fast.status, plain.status)
+    # A step adds a dozen roundings of terms of the size of y, eight steps multiply by e at most.
+    size = np.max(np.abs(plain.y))
+    assert np.max(np.abs(fast.y - plain.y)) <= 8 * 12 * np.e * 2.3e-16 * size
+    for other in (EP, schemes.midpoint):
+        with pytest.raises(sepv.UsageError, match="several Hamiltonians"):
+            sepv.ensemble(other, problem, h=1 / 64, T=1 / 64, paths=2, engine="compiled")
+
+
 def test_systems_that_differ_in_coefficients_share_one_kernel() -> None:
     """Of either sign: a kernel takes seconds to compile."""
     from sepv.engine.compile import _written, code_of

@@ -13,6 +13,7 @@ from sepv.reference.generator import moments
 
 import sepv
 from sepv import areas, problems, schemes
+from sepv import case as cases
 from sepv import polynomial as poly
 from sepv.candidate import ask
 from sepv.case import Case, from_token, to_token
@@ -25,6 +26,7 @@ from sepv.hamiltonians import (
     HamiltoniansProblem,
     bracket,
     column,
+    combined_field,
     commutes,
     ito_drift,
     noise_field,
@@ -38,6 +40,7 @@ from sepv.log_flow import log_flow
 from sepv.orders import Orders, order_of
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.problems.polynomial_system import drift_of_energy
+from sepv.scheme import Scheme
 from sepv.shrink import shrunk
 from sepv.strategies import contraction_ball
 from sepv.strategies_hamiltonians import any_hamiltonians, hamiltonian_steps
@@ -303,6 +306,28 @@ def test_laws_about_h_say_that_it_is_not_kept() -> None:
     )
     assert {f.verdict for f in report.findings} == {Verdict.NOT_APPLICABLE}
     assert "does not keep H_0" in report.finding("energy").message
+
+
+def test_random_species_stay_positive_or_not() -> None:
+    """Exact flows and logarithms keep the octant of every Lotka-Volterra system, an explicit step does not."""
+    for scheme in (schemes.stochastic_splitting, schemes.darboux_lie):
+        whole = replace(scheme, name="for the class", problems=(), systems="hamiltonians")
+        finding = sepv.verify(whole, laws=["positivity"], effort=QUICK).finding("positivity")
+        assert finding.verdict is Verdict.HOLDS, finding.message
+        assert finding.checks >= QUICK.examples
+
+    def euler(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        parts = np.concatenate([[h], problem.c * dW])[:, None]
+        return y + combined_field(problem, y[:, None], parts)[:, 0]
+
+    found = sepv.verify(Scheme("euler", euler, systems="hamiltonians"), laws=["positivity"], effort=QUICK)
+    finding = found.finding("positivity")
+    assert finding.verdict is Verdict.VIOLATED
+    assert "random-lotka-volterra: beta" in finding.message
+    assert finding.witness is not None
+    case = cases.from_json(finding.witness)
+    assert from_token(to_token(case)) == case
+    assert not np.all(euler(case.build()[0], *case.build()[1:]) > 0)
 
 
 def test_schemes_refuse_what_they_do_not_take() -> None:

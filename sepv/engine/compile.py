@@ -107,7 +107,11 @@ def taken(scheme: Scheme, problem: Problem) -> Formula:
         except Skipped as why:
             raise CannotCompile(str(why)) from why
     if isinstance(problem, HamiltoniansProblem):
-        raise CannotCompile(f"{problem.name} has several Hamiltonians")
+        if scheme.systems != "hamiltonians" or formula.parts is not each_noise:
+            raise CannotCompile(
+                f"{problem.name} has several Hamiltonians, the scheme {scheme.name!r} takes one"
+            )
+        return formula
     structures = noise_structures(problem)
     if any(isinstance(G, CommutingStructure) for G in structures):
         raise CannotCompile(f"{problem.name} has structures that are undefined at critical points of H")

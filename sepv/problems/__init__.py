@@ -85,10 +85,11 @@ def build(data: Description) -> Problem:
 @lru_cache(maxsize=128)
 def _named(data: NamedProblem) -> Problem:
     """Recording takes as long as a few steps: once for a name and parameters."""
-    factory = (NAMED | FURTHER).get(data.name)
+    known = NAMED | FURTHER | HAMILTONIANS
+    factory = known.get(data.name)
     if factory is None:
         raise UsageError(
-            expected=f"a problem's name, one of {', '.join(NAMED | FURTHER)}",
+            expected=f"a problem's name, one of {', '.join(known)}",
             received=repr(data.name),
             remedy="correct the name, or give the problem as polynomial data",
         )

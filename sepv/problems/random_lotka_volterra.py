@@ -7,10 +7,10 @@ Poisson systems (J. Univ. Chin. Acad. Sci. 41, 2024). Each H_j has an exact flow
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sepv.hamiltonians import HamiltoniansProblem
 from sepv.problem import Array, Problem
@@ -19,16 +19,24 @@ from sepv.problems.lotka_volterra import lotka_volterra
 
 
 def random_lotka_volterra(
-    beta: Sequence[float] = (0.5, -0.5, 0.25), noise: Sequence[float] = (0.125, 0.0625, 0.125)
+    beta: ArrayLike = (0.5, -0.5, 0.25), noise: ArrayLike = (0.125, 0.0625, 0.125), **parameters: float
 ) -> Problem:
-    """The system from (1, 1.9, 0.5) with the parameters of §4.4 and a noise for each species."""
-    base = lotka_volterra()
-    others = tuple(partial(_hamiltonian, k, beta[k]) for k in range(len(tuple(noise))))
+    """The system from (1, 1.9, 0.5) with a noise for each of the first species.
+
+    Parameters
+    ----------
+    beta : β_j, for as many species at least as there are noises.
+    parameters : a, b, d, nu and mu of `lotka_volterra`; by default those of §4.4.
+    """
+    base = lotka_volterra(**parameters)
+    c = tuple(float(v) for v in np.atleast_1d(noise))
+    offsets = [float(v) for v in np.atleast_1d(beta)]
+    others = tuple(partial(_hamiltonian, k, offsets[k]) for k in range(len(c)))
     return HamiltoniansProblem(
         dimension=3,
         structure=base.structure,
         hamiltonian=base.hamiltonian,
-        noise=tuple(noise),
+        noise=c,
         domain=base.domain,
         initial=base.initial,
         flows=base.flows,

@@ -12,13 +12,12 @@ brackets of the noises: mean-square order ½ in general, 1 where the noises comm
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
-from sepv.hamiltonians import hamiltonian_field, hamiltonian_field_jacobian
-from sepv.one_step import EVERY, Implicit, each_noise, one_step
+from sepv.formula import Fields
+from sepv.linearised import derivative
+from sepv.one_step import EVERY, each_noise, implicit, one_step
 from sepv.orders import Orders
-from sepv.problem import Array, Problem
-from sepv.solution import Increment
 
 CLAIMS = EVERY | {
     "identity",
@@ -31,19 +30,13 @@ CLAIMS = EVERY | {
 }
 
 
-def increment(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
+def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     """B(ȳ)(h∇H_0 + Σ c_j ΔW_j ∇H_j) for h and the c_j ΔW_j; all gradients count as one evaluation."""
-    ones = np.ones(y0.shape[1], dtype=np.int64)
-    value = hamiltonian_field(problem, y0 + 0.5 * (y1 - y0), step)
-    return Increment(value, ones, ones, ones.astype(bool))
+    middle = y + 0.5 * z
+    return fields.apply(middle, fields.combined_gradient(middle, step))
 
 
-def jacobian(problem: Problem, y0: Array, y1: Array, step: Array, *_: Array) -> Array:
-    """∂/∂y1."""
-    return 0.5 * hamiltonian_field_jacobian(problem, y0 + 0.5 * (y1 - y0), step)
-
-
-step = Implicit(increment, jacobian, parts=each_noise)
+step = implicit(formula, derivative(formula), parts=each_noise)
 scheme = one_step(
     "stochastic-midpoint",
     step,
