@@ -29,6 +29,7 @@ ELSEWHERE = {
     "protocol": "test_examples.py",
     "vectors": "test_vectors.py",
     "compliance": "test_peers.py",
+    "solvers": "test_solvers.py",
     "trend": "test_versions.py",
     "levels": "test_levels.py",
     "index": "test_site.py",  # the first page of the site, whose example is measured as it is built

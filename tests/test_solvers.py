@@ -52,12 +52,16 @@ def test_a_problem_without_data_is_not_posed() -> None:
     ("library", "name"),
     [("diffrax", "SlowRK"), ("torchsde", "srk"), ("torchsde", "log_ode"), ("sdeint", "itoSRI2")],
 )
-def test_a_solver_follows_the_path_of_the_reference(library: str, name: str) -> None:
-    asked = solver(library, name)
-    found = general._over_paths(replace(asked, batched=False), "one", 0)
+def test_a_solver_follows_the_path_of_the_reference(
+    library: str, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of another path, or of areas of another path, the error would stay."""
+    monkeypatch.setattr(general, "STEPS", (4, 32))
+    monkeypatch.setattr(general, "PATHS", 64)
+    monkeypatch.setattr(general, "SINGLE", 32)
+    found = general._over_paths(solver(library, name), "one", 0)
     assert found["failed"] == 0
-    assert found["rms"][-1] < 0.02
-    assert found["order"][1] > 0.7
+    assert found["rms"][1] < found["rms"][0] / 5 < 0.01
 
 
 def test_areas_of_the_wrong_sign_are_seen(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -82,8 +86,8 @@ def test_limits_are_told_apart(library: str) -> None:
         asked = solver(library, name)
         assert general.limit_of(general._limit(asked, "one")) == expected
         assert general.limit_of(general._limit(asked, "additive")) == "both"
-    other = replace(asked, ito=True)
-    assert general.limit_of(general._limit(other, "one")) in ("Stratonovich", "neither")
+    if library == "torchsde":  # ½ΔW²(∂g/∂y)ᵀg, see docs/peers
+        assert general.limit_of(general._limit(solver(library, "milstein, Stratonovich"), "one")) == "neither"
 
 
 @pytest.mark.parametrize("library", LIBRARIES)
