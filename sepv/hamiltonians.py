@@ -134,10 +134,10 @@ def noise_gradients(problem: Problem) -> Sequence[Function]:
     if isinstance(problem, HamiltoniansProblem):
         return problem.noise_gradients
     if isinstance(problem, StructuresProblem):
-        found = [G.noise_gradient for G in problem.noise_structures if isinstance(G, CommutingStructure)]
-        if len(found) < problem.noises:
-            raise Skipped(f"{problem.name} has several structures, and not several Hamiltonians")
-        return found
+        try:
+            return problem.noise_gradients
+        except AttributeError as error:
+            raise Skipped(str(error)) from error
     return (problem.gradient,) * problem.noises
 
 

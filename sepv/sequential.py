@@ -95,6 +95,8 @@ def setups(
 def _setup(name: str, truncation: int | None, order: float | None) -> Setup:
     if name == "lotka-volterra":  # at steps that have solutions
         return Setup(name, 0.25, (32, 64, 128))
+    if name == "kubo-oscillator":  # schemes for several Hamiltonians ask for their gradients
+        return replace(_setup("", truncation, order), problem=name, given=problems.kubo_by_hamiltonians())
     if name == "random-inertia":  # long enough for means to stand out of paths of order ½
         return Setup(name, 1.0, (4, 16, 64))
     if order is not None and order >= TILTED:

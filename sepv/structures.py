@@ -89,6 +89,20 @@ class StructuresProblem(Problem):
                     name=f"{self.name}, a noise structure",
                 )  # fmt: skip
 
+    @property
+    def noise_gradients(self) -> tuple[Function, ...]:
+        """∇H_1, …, ∇H_m, where every G_j stands for a Hamiltonian (`commuting_hamiltonians`).
+
+        Raises
+        ------
+        AttributeError
+            For structures that are not.
+        """
+        found = [G.noise_gradient for G in self.noise_structures if isinstance(G, CommutingStructure)]
+        if len(found) < self.noises:
+            raise AttributeError(f"{self.name} has several structures, and not several Hamiltonians")
+        return tuple(found)
+
     def random_step(self, h: float, dW: Array) -> Array:  # noqa: ARG002  (the signature of `Problem`)
         """There is none.
 

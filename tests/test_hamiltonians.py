@@ -21,6 +21,7 @@ from sepv.checks import check_problem
 from sepv.errors import ProblemError, Skipped, UsageError
 from sepv.exact_structures import ends, refined
 from sepv.families import separable_hamiltonians, so3_hamiltonians
+from sepv.fields import matvec
 from sepv.further import as_matrix, as_rows, some
 from sepv.hamiltonians import (
     HamiltoniansProblem,
@@ -41,6 +42,7 @@ from sepv.orders import Orders, order_of
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.problems.polynomial_system import drift_of_energy
 from sepv.scheme import Scheme
+from sepv.sequential import setups
 from sepv.shrink import shrunk
 from sepv.strategies import contraction_ball
 from sepv.strategies_hamiltonians import any_hamiltonians, hamiltonian_steps
@@ -328,6 +330,23 @@ def test_random_species_stay_positive_or_not() -> None:
     case = cases.from_json(finding.witness)
     assert from_token(to_token(case)) == case
     assert not np.all(euler(case.build()[0], *case.build()[1:]) > 0)
+
+
+def test_paths_of_the_class_are_of_problems_with_a_gradient_for_each_noise() -> None:
+    for setup in setups("hamiltonians"):
+        problem = setup.build()
+        assert isinstance(problem, HamiltoniansProblem)
+        named = problems.by_name(setup.problem)
+        y = np.random.default_rng(1).uniform(0.5, 1.0, (problem.dimension, 3))
+        for j in range(problem.noises):
+            expected = noise_field(named, j, y)
+            found = matvec(problem.structure(y), problem.noise_gradients[j](y))
+            assert np.allclose(found, expected, rtol=1e-13)
+            assert np.allclose(
+                matvec(problem.structure(y), named.noise_gradients[j](y)), expected, rtol=1e-13
+            )
+    with pytest.raises(AttributeError, match="several structures"):
+        _ = problems.noncommuting_tops().noise_gradients
 
 
 def test_schemes_refuse_what_they_do_not_take() -> None:

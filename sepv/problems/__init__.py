@@ -11,6 +11,7 @@ from sepv.description import to_json as to_json
 from sepv.errors import UsageError
 from sepv.problem import Description, GivenProblem, NamedProblem, PolynomialSystem, Problem
 from sepv.problems.kepler import kepler as kepler
+from sepv.problems.kubo import kubo_by_hamiltonians as kubo_by_hamiltonians
 from sepv.problems.kubo import kubo_oscillator as kubo_oscillator
 from sepv.problems.lotka_volterra import lotka_volterra as lotka_volterra
 from sepv.problems.maxwell_bloch import maxwell_bloch as maxwell_bloch

@@ -7,8 +7,11 @@ Tretyakov (SIAM J. Numer. Anal. 40, 2002), §5.1, use it for symplectic methods 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 from sepv import polynomial as poly
+from sepv.hamiltonians import HamiltoniansProblem
+from sepv.polynomial import PolynomialMap
 from sepv.problem import Problem
 from sepv.problems.polynomial_system import polynomial_problem
 from sepv.problems.several import closed_form, commuting_actions
@@ -22,3 +25,17 @@ def kubo_oscillator(a: float = 2.0, sigma: float = 0.5) -> Problem:
     exact = closed_form(H, (sigma,), [list(poly.gradient(one))])
     assert isinstance(problem, StructuresProblem)
     return replace(problem, closed_form=exact, initial=(1.0, 0.0), name="kubo-oscillator", check=False)
+
+
+@lru_cache(maxsize=1)
+def kubo_by_hamiltonians() -> Problem:
+    """The oscillator as a record with H_1, for schemes that ask for its gradient: H_0 and H_1 commute."""
+    problem = kubo_oscillator()
+    H = poly.polynomial(2, [((2, 0), 0.5), ((0, 2), 0.5)])
+    assert isinstance(problem, StructuresProblem)
+    return HamiltoniansProblem(
+        2, problem.structure, problem.hamiltonian, problem.gradient,
+        noise=tuple(problem.c.tolist()), hessian=problem.hessian, structure_derivative=problem.structure_derivative,
+        initial=problem.initial, name=problem.name, closed_form=problem.closed_form,
+        noise_hamiltonians=(PolynomialMap((), (H,)),), check=False,
+    )  # fmt: skip
