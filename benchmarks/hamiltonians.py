@@ -31,8 +31,8 @@ SCHEMES = (
 SLOPES = ("local-mean", "local-mean-square", "local-weak", "mean-square-order", "weak-order")
 # What a saboteur is asked besides the law that states its fault: it should lose nothing else.
 KEPT = (
-    "identity", "energy", "energy-drift", "casimir", "any-casimir", "poisson-map", "symplecticity", "positivity", "symmetry",
-    "local-mean", "local-mean-square", "local-weak",
+    "identity", "energy", "energy-drift", "casimir", "any-casimir", "poisson-map", "symplecticity", "positivity",
+    "symmetry", "local-mean", "local-mean-square", "local-weak",
 )  # fmt: skip
 SEEDS = tuple(range(10))
 # Random examples of a law beyond its design: the default budget.
