@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 import sepv
 from sepv import problems, schemes, wiener
 from sepv.division import divided
+from sepv.hamiltonians import HamiltoniansProblem
 from sepv.solution import Status
 
 pytest.importorskip("numba", reason="the extra `fast` is not installed")
@@ -220,11 +221,28 @@ def test_several_structures_are_compiled_where_they_are_defined() -> None:
         sepv.ensemble(EP, problems.noncommuting_tops(), h=1 / 32, T=1 / 32, paths=2, engine="compiled")
 
 
-@pytest.mark.parametrize("name", ["random-inertia", "random-lotka-volterra", "point-vortices"])
-def test_several_hamiltonians_are_compiled_from_the_record_of_the_formula(name: str) -> None:
-    """Polynomials, a domain with logarithms, and an H whose mean gradient has no closed form, and is not asked for."""
-    scheme, problem = schemes.stochastic_midpoint, problems.by_name(name)
-    fast, plain = both(scheme, problem, h=1 / 64, T=0.125, paths=9, seed=2)
+def _without_mean_gradient() -> HamiltoniansProblem:
+    """A pair of which the mean gradient has no closed form."""
+    return HamiltoniansProblem(
+        2,
+        problems.pendulum().structure,
+        lambda y: np.log(1 + y[0] ** 2 + y[1] ** 2),
+        noise=(0.5,),
+        noise_hamiltonians=(lambda y: y[0] * y[1],),
+        initial=(0.5, 0.25),
+        name="no mean gradient",
+    )
+
+
+@pytest.mark.parametrize(
+    ("problem", "paths"),
+    [(problems.random_inertia(), 9), (_without_mean_gradient(), 4)],
+    ids=["polynomials", "no mean gradient"],
+)
+def test_several_hamiltonians_are_compiled_from_the_record_of_the_formula(problem, paths: int) -> None:
+    """A block of lanes, and a single one of an H whose mean gradient has no closed form, and is not asked for."""
+    scheme = schemes.stochastic_midpoint
+    fast, plain = both(scheme, problem, h=1 / 64, T=0.125, paths=paths, seed=2)
     assert fast.engine == "compiled"
     assert np.array_equal(fast.status, plain.status)
     # A step adds a dozen roundings of terms of the size of y, eight steps multiply by e at most.
