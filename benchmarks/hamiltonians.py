@@ -88,7 +88,8 @@ dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j) with {H_0, H_j} ≠ 0: see `sepv.
 """
 MATRIX = """
 What each loses and keeps of the laws about structure and steps that it claims, with one seed; in bold what it was made
-to lose.
+to lose. A dash: the law has no case that the scheme takes; a question mark: a step was not finite, and it was not
+measured.
 
 """
 DIFFERENCES = """## Where a verdict differs from a paper
