@@ -1,6 +1,8 @@
 """Ensembles and long paths: the NumPy batch everywhere, and code compiled for a problem (extra `fast`).
 
-`ensemble` and `long_path` are the calls; the rest writes scalar code for a scheme and a problem (`text`, `code`,
-`polynomials`, `named`, `schemes`, `linear`, `kernel`), keeps it compiled (`store`, `compile`), and runs chunks of paths
-(`chunk`, `task`, `workers`). `functions` and `lanes` are what generated code calls, and need numba.
+`ensemble` and `long_path` are the calls. `chunk` runs a chunk of paths by three ordinary functions that are compiled
+once, the loop over steps (`driver`), the increments (`lanes`) and a lane by itself (`careful`), and by a kernel:
+functions of `kernels` in a generated module (`module`, `specialise`, `store`), with the straight-line code of a problem
+and a scheme (`writer`, `text`, `recorded`, `pieces`) in place of their names. `compile` says what is taken; `task`,
+`workers` and `total` spread chunks. What numba compiles is imported when it is used.
 """

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from sepv import wiener
-from sepv.engine.compile import FEW, LANES, Kernel, kernel
-from sepv.engine.module import ALIVE, EVALUATIONS, FAILED, LIVING, STATUS, STRUCTURES, WORK
+from sepv.engine.compile import FEW, Kernel, kernel
+from sepv.engine.module import ALIVE, EVALUATIONS, FAILED, LANES, LIVING, PENDING, STATUS, STRUCTURES, WORK
 from sepv.engine.task import Task
 from sepv.engine.workers import Halted, halted
 from sepv.point_laws import point_law
@@ -25,16 +25,20 @@ class Chunk:
     """The state of a chunk between two calls of its kernel; `advance` goes on where it was left."""
 
     def __init__(self, task: Task, problem: Problem) -> None:
-        from sepv.engine.store import driver
+        from sepv.engine.lanes import start_streams
+        from sepv.engine.store import is_there, ordinary
 
         lanes = 1 if task.count <= FEW else LANES
-        self.task, self.problem, self.driver = task, problem, driver()
+        self.task, self.problem, self.driver = task, problem, ordinary("driver")
         self.kernel: Kernel = kernel(task.scheme, problem, lanes=lanes, compensated=task.compensated)
+        # A chunk begins anew where a lane needs what is not compiled yet; one path is too long for that.
+        ready = lanes == 1 or is_there("careful")
+        self.careful = ordinary("careful").CAREFULLY if ready else self.driver.LATER
         module, m, blocks = self.kernel.module, problem.noises, -(-task.count // lanes)
         self.lanes = lanes
         start = np.zeros(module.SIZE)
         start[: problem.dimension * lanes] = np.repeat(np.asarray(task.y0, dtype=np.float64), lanes)
-        module.start(start, self.kernel.parameters)
+        module.start(start, np.zeros(4 * lanes + 5, np.int64), np.zeros((1, 1, 1)), self.kernel.parameters)
         self.S = np.empty((blocks, module.SIZE))
         self.S[:] = start
         self.I = np.zeros((blocks, 4 * lanes + 5), dtype=np.int64)
@@ -60,14 +64,26 @@ class Chunk:
         self.bound = math.inf if k is None else wiener.truncation_bound(task.h, k) * math.sqrt(task.h)
         self.thresholds, self.values = wiener.points(task.h, point_law(task.scheme.increments))
         self.given = np.empty((0, m, 0)) if task.dW is None else np.ascontiguousarray(task.dW)
-        self.driver.start_streams(self.rng, self.top, self.spreads, self.grid.base, self.grid.top)
+        start_streams(self.rng, self.top, self.spreads, self.grid.base, self.grid.top)
 
     def advance(self, steps: int) -> None:
         """The next `steps` steps."""
+        goal = self.done + steps
+        self._run(goal)
+        if self.careful == self.driver.LATER and (self._integers(STATUS) == PENDING).any():
+            from sepv.engine.store import ordinary
+
+            ordinary("careful")
+            self.__init__(self.task, self.problem)  # type: ignore[misc]  # everything as it was at the start
+            self._run(goal)
+
+    def _run(self, goal: int) -> None:
+        module = self.kernel.module
         self.driver.run(
-            self.kernel.module.advance, self.S, self.I, self.W, self.rng, self.stack, self.top, self.spreads,
-            self.grid.top, self.given, self.task.place, self.done, self.done + steps, self.task.h, self.bound,
-            self.thresholds, self.values, self.kernel.parameters,
+            self.driver.FILLING, module.ADVANCING, self.careful, module.ASKED, module.SHAPE, module.TABLE,
+            self.S, self.I, self.W,
+            self.rng, self.stack, self.top, self.spreads, self.grid.top, self.given, self.task.place, self.done,
+            goal, self.task.h, self.bound, self.thresholds, self.values, self.kernel.parameters,
         )  # fmt: skip
 
     @property

@@ -10,6 +10,7 @@ from types import ModuleType
 import numpy as np
 
 from sepv.engine.explicit import ExplicitWriter
+from sepv.engine.module import LANES
 from sepv.engine.newton import NewtonWriter
 from sepv.engine.projected import ProjectedWriter
 from sepv.engine.recorded import RecordedProblem
@@ -24,8 +25,6 @@ from sepv.record import CannotRecord, NoClosedForm
 from sepv.scheme import Scheme
 from sepv.structures import CommutingStructure, StructuresProblem, noise_structures
 
-# Paths side by side: sixteen registers of eight doubles, which hide latencies and cache lines far apart, still in L1.
-LANES = 128
 # Up to this many paths run one by one: a block of lanes would be mostly empty. The bits are the same.
 FEW = 8
 # The code of a step is written out for every component: beyond this it grows too long to compile.

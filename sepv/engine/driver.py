@@ -1,7 +1,7 @@
 """The loop over the steps of a chunk of blocks: draw increments, sum them, and let a generated kernel advance.
 
-The kernel is an argument, the address of a function of this type, so that this file is compiled once for all of them: a
-call costs 30 ns and is made for some thousand path-steps. Needs numba; loaded by `sepv.engine.store`, by its content.
+The kernel is an argument, the address of a function, so that this file is compiled once for all of them: a call costs
+50 ns and is made for some thousand path-steps. Needs numba; loaded by `sepv.engine.store`, by its content.
 """
 
 from __future__ import annotations
@@ -9,31 +9,21 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit, types
+from numba import njit
 
 from sepv.engine.functions import pick
-from sepv.engine.lanes import coarse, fill, mix
-
-_vector, _matrix, _block = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
-_integers, _streams = types.int64[:, ::1], types.uint64[:, :, :, ::1]
-_stacks, _int, _float = types.float64[:, :, :, ::1], types.int64, types.float64
-# advance(S, I, increments, count, first, h, bound, P): `count` steps of a block; 0 while one of its lanes lives.
-ADVANCE = types.FunctionType(
-    types.int64(_vector, types.int64[::1], _block, _int, _int, _float, _float, _vector)
-)
+from sepv.engine.lanes import fill
+from sepv.engine.module import LANES, PENDING
+from sepv.engine.signatures import CAREFUL, RUN, address, call_advance, call_fill
 
 
-@njit(types.void(_streams, _stacks, _vector, _int, _int), error_model="numpy", nogil=True, cache=True)
-def start_streams(rng: Any, top: Any, factors: Any, base: int, halvings: int) -> None:
-    """From the seeds of the streams rng (blocks, streams, 4, L) to their states, and the coarse increments `top`."""
-    noises, lanes = top.shape[2], top.shape[3]
-    raw = np.empty(lanes, np.uint64)
-    scratch = np.empty((top.shape[1], noises, lanes))
-    for b in range(rng.shape[0]):
-        for stream in range(rng.shape[1]):
-            mix(rng[b], stream)
-        if top.shape[1] > 0:
-            coarse(rng[b], top[b], factors, base, halvings, scratch, raw)
+@njit(CAREFUL, error_model="numpy", nogil=True, cache=True)
+def later(S: Any, I: Any, k: int, P: Any, problem: Any, shape: Any, table: Any) -> int:  # noqa: ARG001 - CAREFUL
+    """In the place of `sepv.engine.careful`, which is compiled when a lane first needs it."""
+    return PENDING
+
+
+LATER, FILLING = address(later), address(fill)
 
 
 _kernel: Any = njit(error_model="numpy", nogil=True, cache=True)
@@ -44,15 +34,31 @@ def _copy(given: Any, first: int, count: int, lane: int, out: Any) -> None:
     """The steps first … first + count − 1 of lanes `lane` and on of `given`, zero where it has no more."""
     noises, lanes = out.shape[1], out.shape[2]
     width = min(lanes, given.shape[2] - lane)
+    # Not negative, as the compiler cannot know otherwise.
+    place = np.uint64(lane)
     for i in range(count):
         for j in range(noises):
-            row = given[first + i, j, lane : lane + width]
-            if width == lanes:
-                for k in range(lanes):
-                    out[i, j, k] = row[k]
+            if width == LANES:  # a number that the compiler knows: twice as fast
+                for k in range(LANES):
+                    out[i, j, k] = given[first + i, j, place + np.uint64(k)]
             else:
-                for k in range(lanes):
-                    out[i, j, k] = row[k] if k < width else 0.0
+                for k in range(width):
+                    out[i, j, k] = given[first + i, j, place + np.uint64(k)]
+                for k in range(width, lanes):
+                    out[i, j, k] = 0.0
+
+
+@_kernel
+def _add(increments: Any, count: int, W: Any, b: int) -> None:
+    """The sums of block b."""
+    for i in range(count):
+        for j in range(W.shape[1]):
+            if W.shape[2] == LANES:
+                for k in range(LANES):
+                    W[b, j, k] += increments[i, j, k]
+            else:
+                for k in range(W.shape[2]):
+                    W[b, j, k] += increments[i, j, k]
 
 
 @_kernel
@@ -68,15 +74,10 @@ def _to_points(out: Any, count: int, thresholds: Any, values: Any) -> None:
                 out[i, j, k] = v
 
 
-@njit(
-    types.void(
-        ADVANCE, _matrix, _integers, _block, _streams, _stacks, _stacks, _vector, _int, _block, _int, _int, _int,
-        _float, _float, _vector, _vector, _vector,
-    ),
-    error_model="numpy", nogil=True, cache=True,
-)  # fmt: skip
+@njit(RUN, error_model="numpy", nogil=True, cache=True)
 def run(
-    advance: Any, S: Any, I: Any, W: Any, rng: Any, stack: Any, top: Any, factors: Any, halvings: int, given: Any,
+    filling: int, advance: Any, careful: Any, problem: Any, shape: Any, table: Any,
+    S: Any, I: Any, W: Any, rng: Any, stack: Any, top: Any, factors: Any, halvings: int, given: Any,
     place: int, n0: int, n1: int, h: float, bound: float, thresholds: Any, values: Any, P: Any,
 ) -> None:  # fmt: skip
     """Steps n0 … n1 − 1 of a chunk of blocks; S, I, W, rng, stack and top are its state.
@@ -93,16 +94,18 @@ def run(
         for n in range(n0, n1, piece):
             count = min(piece, n1 - n)
             if given.shape[0] == 0:
-                fill(buffer, n, count, rng[b], stack[b], top[b], factors, halvings, raw)
+                call_fill(filling, (buffer, n, count, rng[b], stack[b], top[b], factors, halvings, raw))
             else:
                 _copy(given, n, count, place + b * lanes, buffer)
-            for i in range(count):
-                for j in range(noises):
-                    for k in range(lanes):
-                        W[b, j, k] += buffer[i, j, k]
+            _add(buffer, count, W, b)
             if values.shape[0] > 0:
                 _to_points(buffer, count, thresholds, values)
             if alive:
-                alive = advance(S[b], I[b], buffer, count, n, h, bound, P) == 0
+                alive = (
+                    call_advance(
+                        advance, (S[b], I[b], buffer, count, n, h, bound, P, careful, problem, shape, table)
+                    )
+                    == 0
+                )
         # Written here and not by the caller, so that an interrupt never finds states ahead of their number.
         I[b, 4 * lanes + 4] = n1

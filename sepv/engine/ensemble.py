@@ -15,7 +15,8 @@ from sepv import wiener
 from sepv._version import __version__
 from sepv.arguments import require_flag
 from sepv.candidate import ask_once
-from sepv.engine.compile import FEW, LANES, CannotCompile, kernel
+from sepv.engine.compile import FEW, CannotCompile, kernel
+from sepv.engine.module import LANES
 from sepv.engine.task import Task, portable, run
 from sepv.engine.total import InMemory, OnDisk, Reduced, Reducing, Total
 from sepv.engine.workers import check, is_far, run_all

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from sepv.engine.text import Text, shown
-from sepv.engine.writer import Writer, indent
+from sepv.engine.writer import Writer
 
 
 class ExplicitWriter(Writer):
     """The kernel of an explicit scheme."""
 
-    def step(self) -> list[str]:
+    kernel = "common.explicit"
+
+    def pieces(self) -> dict[str, tuple[list[str], str]]:
         """The increment itself, and whether it leads anywhere."""
         e = Text(self.parameters)
         y = self.loaded(e, "Y", "y")
@@ -24,4 +26,4 @@ class ExplicitWriter(Writer):
             "I[STATUS + k] = pick(failed, code, I[STATUS + k])",
             "trouble += pick(failed, 1, 0)",
         ]
-        return ["trouble = 0", "for k in range(L):", *indent(1, [*self.random_step(), *e.lines])]
+        return {"first_steps": ([*self.random_step(), *e.lines], "trouble")}

@@ -13,9 +13,11 @@ from numba import njit
 from numba.np.random._constants import fi_double, ki_double, wi_double, ziggurat_nor_inv_r, ziggurat_nor_r
 
 from sepv.engine.functions import pick
+from sepv.engine.signatures import FILL, START_STREAMS
 from sepv.wiener import MIXING
 
-_kernel: Any = njit(error_model="numpy", nogil=True, cache=True)
+_OPTIONS: Any = {"error_model": "numpy", "nogil": True, "cache": True}
+_kernel: Any = njit(**_OPTIONS)
 _WIDTH = np.array(wi_double, dtype=np.float64)
 _LIMIT = np.array(ki_double, dtype=np.int64)
 _HEIGHT = np.array(fi_double, dtype=np.float64)
@@ -122,7 +124,7 @@ def coarse(rng: Any, top: Any, factors: Any, base: int, halvings: int, scratch: 
         length *= 2
 
 
-@_kernel
+@njit(FILL, **_OPTIONS)
 def fill(  # noqa: PLR0912 - in one piece, since calls that pass several arrays count references
     out: Any, first: int, count: int, rng: Any, stack: Any, top: Any, factors: Any, above: int, raw: Any
 ) -> None:
@@ -165,3 +167,16 @@ def fill(  # noqa: PLR0912 - in one piece, since calls that pass several arrays 
                     left = 0.5 * whole + factors[above + deeper] * stack[deeper, j, k]
                     out[i, j, k] = left
                     stack[deeper, j, k] = whole - left
+
+
+@njit(START_STREAMS, **_OPTIONS)
+def start_streams(rng: Any, top: Any, factors: Any, base: int, halvings: int) -> None:
+    """From the seeds of the streams rng (blocks, streams, 4, L) to their states, and the coarse increments `top`."""
+    noises, lanes = top.shape[2], top.shape[3]
+    raw = np.empty(lanes, np.uint64)
+    scratch = np.empty((top.shape[1], noises, lanes))
+    for b in range(rng.shape[0]):
+        for stream in range(rng.shape[1]):
+            mix(rng[b], stream)
+        if top.shape[1] > 0:
+            coarse(rng[b], top[b], factors, base, halvings, scratch, raw)

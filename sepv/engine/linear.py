@@ -64,11 +64,3 @@ def _eliminate(e: Text, A: Table, b: list[Expression]) -> list[str]:
 def cross(e: Text, u: Sequence[Expression], v: Sequence[Expression]) -> list[Expression]:
     """u × v."""
     return [e.minus(e.product(u[i], v[j]), u[j], v[i]) for i, j in ((1, 2), (2, 0), (0, 1))]
-
-
-def pivoted_solve(e: Text, A: Table, b: list[str]) -> list[str]:
-    """The same with pivoting, by a call, for a lane that is looked at by itself."""
-    n = len(b)
-    rows = ", ".join(f"({', '.join(shown(v) for v in row)})" for row in A)
-    e.lines.append(f"solution = pivoted(np.array(({rows})), np.array(({', '.join(b)})))")
-    return [e.let(f"solution[{i}]") for i in range(n)]

@@ -9,13 +9,14 @@ test of `sepv.implicit`: stagnation, a correction halved until it stays in the d
 from __future__ import annotations
 
 import re
+from typing import Any
 
-from sepv.engine.linear import pivoted_solve, solve
+from sepv.engine.linear import solve
 from sepv.engine.module import GROUP, LEFT
 from sepv.engine.recorded import RecordedProblem
 from sepv.engine.schemes import Formula, middle, rate
 from sepv.engine.text import Expression, Table, Text, shown
-from sepv.engine.writer import Writer, indent
+from sepv.engine.writer import Writer
 
 # Sweeps z ← Δ f(ȳ) before Newton's iteration. Where H is at most quadratic they solve the equation itself and leave
 # O(Δ⁵) for what a step of the iteration costs, which leaves O(Δ³), as two of them do elsewhere.
@@ -25,6 +26,8 @@ SWEEPS, ROUGH_SWEEPS = 4, 2
 # so that what is left before it stays, and has a sign: a mean of 1e-4 roundings a step, a tenth of that for each more.
 FIRST_STEPS = 2
 LARGE = 6
+# Steps of groups, before lanes that are not done are looked at one by one.
+FAST = 8
 
 
 class NewtonWriter(Writer):
@@ -39,33 +42,43 @@ class NewtonWriter(Writer):
         self.sweeps = (SWEEPS if exact else ROUGH_SWEEPS) if small else 0
         self.steps = FIRST_STEPS + (compensated and (1 if exact else 2)) if small else 0
 
-    def step(self) -> list[str]:
-        """Newton's iteration: the first steps for all lanes, the next for groups, and what is left lane by lane."""
-        lines = ["left = 0", *self.side_by_side([*self.random_step(), *self.first_steps()])]
-        lines += [f"I[WORK] += {self.sweeps + self.steps} * I[LIVING]"]
-        lines += ["for iteration in range(FAST):"]
-        lines += ["    if left == 0:", "        break", "    I[WORK] += left", "    left = 0"]
-        lines += indent(1, self.groups(1, self.lanes_do(self.iteration())))
-        lines += ["trouble = left", "if left > 0:", "    for k in range(L):", "        if I[BUSY + k] != 0:"]
-        lines += ["            code = _carefully(S, I, k, P)", "            I[STATUS + k] = code"]
-        lines += ["            trouble += 1 if code != 0 else 0"]
-        return lines
+    kernel = "newton.advance"
+
+    def pieces(self) -> dict[str, tuple[list[str], str]]:
+        """The first steps for all lanes, and the next for groups."""
+        first = self.side_by_side([*self.random_step(), *self.first_steps()])
+        return {"first_steps": (first, "left"), "iteration": (self.iteration(), "left")}
+
+    def numbers(self) -> dict[str, Any]:
+        """How far the first piece goes."""
+        together = self.lanes // 2 if self.lanes >= 2 * GROUP else self.lanes
+        return {"TOGETHER": together, "STEPS": self.sweeps + self.steps, "FAST": FAST}
+
+    def states(self) -> dict[str, list[str]]:
+        """The equation and the domain, for a lane by itself."""
+        d, e = self.d, Text(self.parameters)
+        y, z = [f"y{i}" for i in range(d)], [f"z{i}" for i in range(d)]
+        e.lines += [f"{v} = x[{i}]" for i, v in enumerate([*y, *z])]
+        e.lines += [f"{name} = v[{i}]" for i, name in enumerate(self.known)]
+        F, A = self.system(e, y, z)
+        e.lines += [f"b[{i}] = {f}" for i, f in enumerate(F)]
+        e.lines += [f"A[{i}, {j}] = {shown(v)}" for i, row in enumerate(A) for j, v in enumerate(row)]
+        return {"equation": e.lines, "domain": self.in_domain()}
 
     def side_by_side(self, lines: list[str]) -> list[str]:
-        """The lines for each lane, those of a lane of the second half after each of one of the first.
+        """The lines for a lane, those of one of the second half after each of one of the first.
 
         A step is one chain of operations that wait for each other: two chains take little longer than one.
         """
         if self.lanes < 2 * GROUP:
-            return ["for k in range(L):", *indent(1, lines)]
+            return lines
         own = {"k", *(line.split(" = ")[0] for line in lines)}
         other = [
             re.sub(r"\b[A-Za-z_]\w*", lambda name: f"{name[0]}_" if name[0] in own else name[0], line)
             for line in lines
         ]
-        half = self.lanes // 2
         both = [line for pair in zip(lines, other, strict=True) for line in pair]
-        return [f"for k in range({half}):", f"    k_ = k + {half}", *indent(1, both)]
+        return [f"k_ = k + {self.lanes // 2}", *both]
 
     def first_steps(self) -> list[str]:
         """Sweeps and steps in registers; only the last is tested, since a test costs as much as a third of a step.
@@ -171,53 +184,6 @@ class NewtonWriter(Writer):
         e.lines += [f"{self.at('Z', i)} = pick(busy, {moved[i]}, {self.at('Z', i)})" for i in range(n)]
         e.lines += ["left += pick(still, 1, 0)", "I[BUSY + k] = pick(still, 1, 0)"]
         return e.lines
-
-    def carefully(self) -> list[str]:
-        """One lane by itself, from z = 0, with every test of `sepv.implicit`."""
-        n, d = self.unknowns, self.d
-        y, z = [f"y{i}" for i in range(d)], [f"z{i}" for i in range(n)]
-        e = Text(self.parameters)
-        F, A = self.system(e, y, z)
-        c = pivoted_solve(e, A, F) if n > 3 else solve(e, A, list(F))[0]
-        e.lines += [
-            "I[WORK] += 1",
-            f"residual = max({', '.join(f'abs({f})' for f in F)}, 0.0)",
-            f"m = max({', '.join(f'abs({v})' for v in c)}, 0.0)",
-            f"scale = max({', '.join(f'abs(y{i % d}) + abs({z[i]})' for i in range(n))}, 0.0)",
-            f"if not ({' + '.join(f'abs({f})' for f in F)} < INF):",
-            "    return BROKEN",
-            "if residual == 0.0:",  # a state at rest is a solution, also where the Jacobian is singular
-            "    break",
-            f"if not ({' + '.join(f'abs({v})' for v in c)} < INF):",
-            "    return SINGULAR",
-            "done = m <= limit * scale and m * m <= LEFT * scale * before or m <= TINY * scale",
-            "small = m <= STAGNATION * scale and residual <= ROUNDING * scale",
-            "done = done or small and m >= 0.5 * before",
-            "before = m",
-            "limit = STAGNATION",
-            "factor = 1.0",
-        ]
-        moved = [f"n{i}" for i in range(n)]
-        step = [f"{moved[i]} = {z[i]} - factor * {c[i]}" for i in range(n)]
-        lines = [*e.lines, *step]
-        if self.has_domain():
-            e = Text(self.parameters)
-            inside = self.inside(e, y, moved)
-            lines += ["found = False", "for halving in range(HALVINGS):", *indent(1, e.lines)]
-            lines += [f"    if {inside}:", "        found = True", "        break", "    done = False"]
-            lines += ["    factor *= 0.5", *indent(1, step), "if not found:", "    return LEFT_DOMAIN"]
-        lines += [f"{z[i]} = {moved[i]}" for i in range(n)]
-        lines += ["if done:", "    break"]
-        head = [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
-        head += [*(f"{v} = 0.0" for v in z), *self.recalled(), "before = INF", "limit = FIRST"]
-        body = [
-            *head,
-            "for iteration in range(MOST):",
-            *indent(1, lines),
-            "else:",
-            "    return NO_CONVERGENCE",
-        ]
-        return [*body, *(f"{self.at('Z', i)} = {v}" for i, v in enumerate(z)), "return 0"]
 
     def inside(self, e: Text, y: list[str], z: list[str]) -> str:
         """Whether all states that belong to z are in the domain."""

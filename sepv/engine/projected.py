@@ -6,9 +6,10 @@ The increment is computed once for each lane; the iterations that follow are tho
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from sepv.engine.text import Expression, Text, shown
-from sepv.engine.writer import Writer, indent
+from sepv.engine.writer import Writer
 from sepv.schemes.projected import DEPENDENT, MOST
 
 # Iterations in registers, before and with the first test: a step of a good length needs two.
@@ -43,23 +44,27 @@ class ProjectedWriter(Writer):
         K = 1 + len(self.problem.casimirs(Text(), [f"y{i}" for i in range(self.d)]))
         return {"Q": K * self.d, "N": K, "R": K * K}
 
-    def step(self) -> list[str]:
-        """The increment and two iterations, more for the groups that go on, and what is wrong with the lanes left.
+    kernel = "projected.advance"
 
-        BUSY is 1 in a lane that goes on, 0 in one that is done, and 2 in one that ends outside the domain.
-        """
-        averages = self.problem.gradient_evaluations
-        lines = ["left = 0", "for k in range(L):", *indent(1, [*self.random_step(), *self.first()])]
+    def pieces(self) -> dict[str, tuple[list[str], str]]:
+        """The increment with the first iterations, and the next for groups."""
+        return {
+            "first_steps": ([*self.random_step(), *self.first()], "left"),
+            "iteration": (self.iteration(), "left"),
+        }
+
+    def numbers(self) -> dict[str, Any]:
+        """What the pieces cost."""
         gradients, structures = self.problem.cost(self.formula.recorded, self.known)
-        lines += [f"I[EVALUATIONS] += {gradients + 1 + BLIND * averages} * I[LIVING]"]
-        lines += [
-            f"I[STRUCTURES] += {structures} * I[LIVING]",
-            f"I[WORK] += {BLIND} * I[LIVING]",
-        ]
-        lines += [f"for sweep in range({MOST - BLIND}):", "    if left == 0:", "        break"]
-        lines += ["    I[WORK] += left", f"    I[EVALUATIONS] += {averages} * left", "    left = 0"]
-        lines += indent(1, self.groups(1, self.lanes_do(self.iteration())))
-        return [*lines, *self.left_over()]
+        averages = self.problem.gradient_evaluations
+        return {
+            "AVERAGES": averages, "FIRST_GRADIENTS": gradients + 1 + BLIND * averages,
+            "FIRST_STRUCTURES": structures, "STEPS": BLIND, "FAST": MOST - BLIND,
+        }  # fmt: skip
+
+    def tables(self) -> list[str]:
+        """And what says what is wrong with a lane."""
+        return [*super().tables(), "refused = compiled(projected.refused, globals())"]
 
     def first(self) -> list[str]:
         """The explicit increment z*, the directions at its end, and the first iterations."""
@@ -154,12 +159,3 @@ class ProjectedWriter(Writer):
                 for k, row in enumerate(found.products)
             ],
         )
-
-    def carefully(self) -> list[str]:
-        """What is wrong with a lane."""
-        size = " + ".join(f"abs({self.at('Z', i)})" for i in range(self.d))
-        return [
-            "if I[BUSY + k] == 2:",
-            "    return LEFT_DOMAIN",
-            f"return NO_CONVERGENCE if {size} < INF else BROKEN",
-        ]

@@ -13,17 +13,16 @@ rules agree (`sepv.schemes.collocation`).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from sepv.engine.schemes import Collocation, at
-from sepv.engine.stages_newton import NEWTON
 from sepv.engine.text import Expression, Table, Text, shown
-from sepv.engine.writer import Writer, indent
+from sepv.engine.writer import Writer
 from sepv.problem import Array
 from sepv.quadrature import gauss_legendre
 from sepv.schemes.collocation import FIRST_NODES, MAX_NODES
-from sepv.solution import Status
 from sepv.tableaux import exact_nodes, gauss_tableau, moments
 
 # Sweeps before the first test, which costs half a sweep, and sweeps after it: while one lane of a block goes on, each
@@ -38,7 +37,7 @@ class StagesWriter(Writer):
     """The kernel of an s-stage method."""
 
     formula: Collocation
-    imports = "from sepv.engine.stages import rules, tableau\n"
+    imports = "from sepv.engine.stages import rules\n"
 
     @property
     def nodes(self) -> int:
@@ -62,48 +61,40 @@ class StagesWriter(Writer):
         """Where the nodes are not the stages: the sums of the g_i."""
         return {} if self.straight else {"G": self.unknowns}
 
-    def step(self) -> list[str]:
-        """Sweeps for all lanes, rule by rule, then Newton's iteration for those in any trouble.
+    kernel = "stages.advance"
 
-        BUSY is 1 in a lane that sweeps, 3 in one that is to be checked, 0 in one that is done, and 2 in one that is
-        left to Newton's iteration.
-        """
-        lines = ["for k in range(L):", *indent(1, [*self.random_step(), *self.first()])]
-        lines += ["for sweep in range(BLIND // FUSED):", "    for k in range(L):", *indent(2, self.blind())]
-        lines += ["I[EVALUATIONS] += (1 + BLIND * STAGES) * I[LIVING]", "I[WORK] += (1 + BLIND) * I[LIVING]"]
-        lines += ["left = I[LIVING]", "for rule in range(RULES):", "    for sweep in range(TESTED):"]
-        lines += ["        if left == 0:", "            break", "        I[WORK] += left"]
-        lines += ["        I[EVALUATIONS] += left * COUNTS[2 * rule]", "        left = 0"]
-        lines += indent(2, self.groups(1, [*self.sums("2 * rule"), *self.lanes_do(self.iteration())]))
-        if self.checked:
-            finer = "2 * rule" if self.exact else "2 * rule + 1"
-            lines += indent(1, self.groups(3, [*self.sums(finer), *self.lanes_do(self.check())]))
-            lines += ["    I[EVALUATIONS] += I[LIVING] * COUNTS[2 * rule + 1]"]
-        return [*lines, *self.left_over()]
+    def pieces(self) -> dict[str, tuple[list[str], str]]:
+        """Sweeps and their tests."""
+        clear, node = self.sums()
+        return {
+            "first_steps": ([*self.random_step(), *self.first()], "none"),
+            "blind": (self.blind(), "none"),
+            "iteration": (self.iteration(), "left"),
+            "check": (self.check() if self.checked else [], "left"),
+            "clear": (clear, "none"),
+            "add_node": (node, "none"),
+        }
 
     @property
     def checked(self) -> bool:
         """Whether a converged lane is looked at again: for its quadrature, and for its points."""
         return not self.exact or self.has_domain()
 
-    def sums(self, rule: str) -> list[str]:
-        """G_i = Σ W_in ∇H(u_n), node by node; nothing where a sweep is written out."""
+    def sums(self) -> tuple[list[str], list[str]]:
+        """G_i = Σ W_in ∇H(u_n): none of it, and a node; nothing where a sweep is written out."""
         if self.straight:
-            return []
+            return [], []
         e, s, d = Text(self.parameters), self.formula.stages, self.d
         y, z = self.lane(e)
         u = list(y)
         for j in range(s):
             u = [e.let(f"fma(b{j}, {z[j * d + i]}, {v})") for i, v in enumerate(u)]
         g = [shown(v) for v in self.problem.gradient(e, u)]
-        e.lines += [f"{self.at('G', i * d + r)} += a{i} * {g[r]}" for i in range(s) for r in range(d)]
-        return [
-            *self.lanes_do([f"{self.at('G', i)} = 0.0" for i in range(self.unknowns)]),
-            f"for q in range(FIRSTS[{rule}], FIRSTS[{rule}] + COUNTS[{rule}]):",
-            *indent(1, [f"a{i} = W[{i}, q]" for i in range(s)]),
-            *indent(1, [f"b{j} = INTEGRALS[q, {j}]" for j in range(s)]),
-            *indent(1, self.lanes_do(e.lines)),
-        ]  # fmt: skip
+        for i in range(s):
+            for r in range(d):
+                total = self.at("G", i * d + r)
+                e.lines.append(f"{total} = {total} + a{i} * {g[r]}")
+        return [f"{self.at('G', i)} = 0.0" for i in range(self.unknowns)], e.lines
 
     def sweep(self, e: Text, y: list[str], z: list[str]) -> list[str]:
         """R(z)."""
@@ -169,7 +160,7 @@ class StagesWriter(Writer):
         size = " + ".join(f"abs({v})" for v in z)
         e.lines += [
             f"m = {' + '.join(f'abs({a} - {b})' for a, b in zip(R, z, strict=True))}",
-            f"fine = (m <= 2.0 ** -48 * ({size})) | (m <= {self.unknowns} * TINY * {self.at('X')})",
+            f"fine = (m <= {2.0**-48!r} * ({size})) | (m <= {self.unknowns} * TINY * {self.at('X')})",
             "asked = I[BUSY + k] == 3",
             f"{self.at('P')} = INF",
         ]
@@ -189,53 +180,46 @@ class StagesWriter(Writer):
         ]
         return e.lines
 
-    def carefully(self) -> list[str]:
-        """One lane by itself: Newton's iteration from z = 0, with finer rules until two agree."""
-        y = [f"y[{i}] = {self.at('Y', i)}" for i in range(self.d)]
-        z = [f"{self.at('Z', i)} = z[{i}]" for i in range(self.unknowns)]
-        return [
-            "y, z = np.empty(D), np.zeros(STAGES * D)", *y, f"delta = {self.at('D')}",
-            "for rule in range(RULES):",
-            "    code = _newton(I, P, y, z, delta, rule)",
-            "    if code != 0:", "        return code",
-            "    if EXACT or _agrees(I, P, y, z, rule):", *indent(2, z), "        return 0",
-            "return QUADRATURE",
-        ]  # fmt: skip
+    def ladder(self) -> list[int]:
+        """Nodes of the rules, each of which is tried where the one before did not suffice."""
+        found = [self.nodes]
+        while not self.exact and 2 * found[-1] <= MAX_NODES:
+            found.append(2 * found[-1])
+        return found
 
-    def functions(self) -> list[str]:
+    def numbers(self) -> dict[str, Any]:
+        """Of the sweeps and the rules."""
+        blind, fused = (BLIND, FUSED) if self.straight else (4, 1)
+        return {
+            "STAGES": self.formula.stages, "RULES": len(self.ladder()), "EXACT": self.exact,
+            "CHECKED": self.checked, "STRAIGHT": self.straight, "BLIND": blind, "FUSED": fused, "TESTED": TESTED,
+        }  # fmt: skip
+
+    def states(self) -> dict[str, list[str]]:
         """The problem's functions one by one, for lanes that are looked at by themselves."""
-        d, s = self.d, self.formula.stages
+        d, found = self.d, {"domain": self.in_domain()}
         x = [f"x{i}" for i in range(d)]
-        ladder = [self.nodes]
-        while not self.exact and 2 * ladder[-1] <= MAX_NODES:
-            ladder.append(2 * ladder[-1])
-        lines = [
-            f"D, STAGES, RULES, EXACT, QUADRATURE = {d}, {s}, {len(ladder)}, {self.exact}, {int(Status.QUADRATURE)}",
-            f"COUNTS, FIRSTS, W, INTEGRALS = rules({s}, {tuple(ladder)})",
-            f"A, WEIGHTS = tableau({s})",
-            f"BLIND, FUSED = {(BLIND, FUSED) if self.straight else (4, 1)}",
-            f"TESTED = {TESTED}",
-            "",
-        ]
-        for name in ("gradient", "hessian", "structure"):
+        load = [f"{v} = x[{i}]" for i, v in enumerate(x)]
+        for name, of in (("gradient", "b"), ("hessian", "A"), ("structure", "A")):
             e = Text(self.parameters)
-            found = getattr(self.problem, name)(e, x)
-            lines += self.function(f"_{name}(x, out, P)", e, _entries("out", found), "return")
+            values = getattr(self.problem, name)(e, x)
+            found[name] = [*load, *e.lines, *_entries(of, values)]
         e = Text(self.parameters)
         derivative = self.problem.structure_derivative(e, x)
-        g = [f"g[{i}]" for i in range(d)]
+        g = [e.let(f"v[{i}]") for i in range(d)]
         turned: Table = [[e.dot(derivative[k][r], g) for k in range(d)] for r in range(d)]
-        lines += self.function("_turned(x, g, out, P)", e, _entries("out", turned), "return")
-        e = Text(self.parameters)
-        inside = self.problem.domain(e, x) or "True"
-        lines += self.function("_inside(x, P)", e, [], f"return {inside}")
-        return [*lines, NEWTON]
+        return found | {"turned": [*load, *e.lines, *_entries("A", turned)]}
 
-    def function(self, head: str, e: Text, stores: Sequence[str], end: str) -> list[str]:
-        """A function of the state x."""
-        loads = [f"p{i} = P[{self.noises + i}]" for i in range(len(self.parameters))]
-        body = [*loads, *(f"x{i} = x[{i}]" for i in range(self.d)), *e.lines, *stores, end]
-        return ["@_kernel", f"def {head}:", *indent(1, body), "", ""]
+    def tables(self) -> list[str]:
+        """Those of the rules."""
+        s, ladder = self.formula.stages, self.ladder()
+        shape = self.shape(s, len(ladder), self.exact)
+        return [
+            f"COUNTS, FIRSTS, NODES, TABLE = rules({s}, {tuple(ladder)})",
+            f"SHAPE = np.array([*{shape}, *COUNTS, *FIRSTS])",
+            f"loaded_node = _loaded({2 * s})",
+            "sums = compiled(stages.sums, globals(), inline=True)",
+        ]
 
 
 def _entries(out: str, values: list[Expression] | Table) -> list[str]:
@@ -256,17 +240,18 @@ def rules(stages: int, ladder: Sequence[int]) -> tuple[np.ndarray, np.ndarray, A
     -------
     counts, firsts : (2 R,)
         Nodes of each rule, and where they begin.
-    W : (s, N), P : (N, s)
-        `sepv.tableaux.moments` of all rules. With s nodes W is the identity.
+    nodes : (N, 2s)
+        The weights of each node in the sums of the g_i, and those of the z_j in its state (`sepv.tableaux.moments`).
+        With s nodes the first are the identity.
+    table : (N + s + 1, 2s)
+        The same, A of the Gauss method, and its b.
     """
     counts = [n for nodes in ladder for n in (nodes, nodes + nodes // 2)]
     found = [moments(stages, n) for n in counts]
     parts = [np.eye(stages) if n == stages else W for n, (W, _) in zip(counts, found, strict=True)]
     firsts = np.concatenate([[0], np.cumsum(counts)[:-1]])
-    return np.array(counts), firsts, np.concatenate(parts, axis=1), np.concatenate([P for _, P in found])
-
-
-def tableau(stages: int) -> tuple[Array, Array]:
-    """A and b of the Gauss method."""
-    found = gauss_tableau(stages)
-    return found.A, gauss_legendre(stages)[1]
+    W, P = np.concatenate(parts, axis=1), np.concatenate([P for _, P in found])
+    nodes = np.ascontiguousarray(np.concatenate([W.T, P], axis=1))
+    gauss = np.concatenate([gauss_tableau(stages).A, gauss_legendre(stages)[1][None]])
+    table = np.concatenate([nodes, np.concatenate([gauss, np.zeros_like(gauss)], axis=1)])
+    return np.array(counts), firsts, nodes, np.ascontiguousarray(table)

@@ -14,7 +14,11 @@ from types import ModuleType
 import numba
 
 # What the generated code is linked with: when one of these changes, so does the name of every module.
-_SOURCES = ("functions.py", "lanes.py", "stages.py", "../tableaux.py", "../average.py")
+_SOURCES = (
+    "functions.py", "lanes.py", "module.py", "pieces.py", "signatures.py", "specialise.py", "stages.py",
+    "kernels/common.py", "kernels/newton.py", "kernels/projected.py", "kernels/stages.py", "../implicit.py",
+    "../solution.py", "../tableaux.py", "../average.py",
+)  # fmt: skip
 
 
 def folder() -> Path:
@@ -45,10 +49,19 @@ def _linked() -> bytes:
     return b"".join((here / name).read_bytes() for name in _SOURCES) + numba.__version__.encode()
 
 
-@cache
-def driver() -> ModuleType:
-    """`sepv.engine.driver`, compiled: known by its content, as everything that is linked with `lanes` is."""
-    return load((Path(__file__).parent / "driver.py").read_text(encoding="utf-8"))
+_ordinary: dict[str, ModuleType] = {}
+
+
+def is_there(name: str) -> bool:
+    """Whether `ordinary` has been asked for it."""
+    return name in _ordinary
+
+
+def ordinary(name: str) -> ModuleType:
+    """`sepv.engine.driver` or `sepv.engine.careful`, compiled, known by its content and what it is linked with."""
+    if name not in _ordinary:
+        _ordinary[name] = load((Path(__file__).parent / f"{name}.py").read_text(encoding="utf-8"))
+    return _ordinary[name]
 
 
 @cache

@@ -1,15 +1,15 @@
 """A kernel being written: what the kernels of all schemes have in common.
 
-The loop over iterations is outside the loop over lanes, whose body is straight-line code with selects,
-so that it becomes SIMD code; a block leaves the iteration when none of its lanes is busy. All state of a
-block lies in one scratch buffer at fixed offsets. What a lane does never depends on the others.
+The loops are functions of `sepv.engine.kernels`. What they do to a lane is written here: straight-line code with
+selects, so that it becomes SIMD code. All state of a block lies in one scratch buffer at fixed offsets.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import Any
 
-from sepv.engine.module import ADVANCE, GROUP, HEAD, START
+from sepv.engine.module import EVALUATIONS, WORK, constants, text
 from sepv.engine.recorded import RecordedProblem
 from sepv.engine.schemes import Formula
 from sepv.engine.text import Expression, Text, shown
@@ -19,6 +19,8 @@ class Writer(ABC):
     """A kernel being written: `text` is the module's source, `parameters` what it reads after the c_j."""
 
     imports = ""
+    # The function of `sepv.engine.kernels` that advances a block.
+    kernel: str
 
     def __init__(
         self, problem: RecordedProblem, formula: Formula, noises: int, lanes: int, compensated: bool
@@ -54,42 +56,65 @@ class Writer(ABC):
         return found
 
     def text(self) -> str:
-        body, careful = self.step(), self.carefully()
-        start, update, functions = self.start(), self.update(), self.functions()
-        loads = [f"p{i} = P[{self.noises + i}]" for i in range(len(self.parameters))]
-        c = [f"c{j} = P[{j}]" for j in range(self.noises)]
-        head = HEAD.format(
-            preamble=self.problem.preamble,
-            imports=self.imports,
-            lanes=self.lanes,
-            size=self.size,
-            group=min(GROUP, self.lanes),
-            implicit=self.formula.implicit,
-            energy=self.offset["WH"] // self.lanes,
-            casimir=self.offset["WC"] // self.lanes,
+        """The source of the module."""
+        pieces = {
+            **self.pieces(), "quick": (self.moves(masked=False), "none"),
+            "masked": (self.moves(masked=True), "living"), "invariants": (self.start(), "none"),
+        }  # fmt: skip
+        states = self.states()
+        numbers = {
+            **constants(self.lanes), "SIZE": self.size, "IMPLICIT": self.formula.implicit,
+            "ENERGY": self.offset["WH"] // self.lanes, "CASIMIR": self.offset["WC"] // self.lanes,
+            "UNKNOWNS": self.unknowns, "UNKNOWN_ROWS": self.offset["Z"], **self.numbers(),
+        }  # fmt: skip
+        # Read now: writing the pieces has named the coefficients.
+        names = [f"c{j}" for j in range(self.noises)] + [f"p{i}" for i in range(len(self.parameters))]
+        return text(
+            self.problem.preamble + self.imports,
+            numbers,
+            names,
+            pieces,
+            states,
+            self.tables(),
+            self.kernel,
         )
-        lines = [head, *functions]
-        lines += [START, "def start(S, P):", *indent(1, loads), *indent(1, start), ""]
-        lines += ["", "@_kernel", "def _carefully(S, I, k, P):", *indent(1, loads), *indent(1, careful), ""]
-        lines += ["", ADVANCE, "def advance(S, I, buffer, count, first, h, bound, P):"]
-        lines += indent(1, ["wide()", *c, *loads, "for n in range(count):", *indent(1, [*body, *update])])
-        return "\n".join([*lines, "    return 0"]) + "\n"
 
     @abstractmethod
-    def step(self) -> list[str]:
-        """A step of all lanes: z, and what has become of each lane."""
+    def pieces(self) -> dict[str, tuple[list[str], str]]:
+        """The kernel's code for a lane, by the names of `sepv.engine.kernels.names`, and what each adds up."""
 
-    def carefully(self) -> list[str]:
-        """One lane by itself, and its status."""
-        return ["return 0"]
+    def states(self) -> dict[str, list[str]]:
+        """Code for a state, where the kernel has any."""
+        return {}
+
+    def numbers(self) -> dict[str, Any]:
+        """The kernel's own constants."""
+        return {}
+
+    def tables(self) -> list[str]:
+        """Lines of its arrays."""
+        return [f"SHAPE, TABLE = np.array({self.shape(0, 0, True)}), np.zeros((1, 1))"]
+
+    def shape(self, stages: int, rules: int, exact: bool) -> list[int]:
+        """What `sepv.engine.careful` knows of the sizes."""
+        known, L = len(self.known), self.lanes
+        rows = [self.offset["Z"], self.offset["D"]]
+        return [
+            L,
+            self.d,
+            self.unknowns,
+            known,
+            *rows,
+            stages,
+            rules,
+            int(exact),
+            4 * L + WORK,
+            4 * L + EVALUATIONS,
+        ]
 
     def more_rows(self) -> dict[str, int]:
         """More rows of the scratch buffer."""
         return {}
-
-    def functions(self) -> list[str]:
-        """Functions that the kernel calls."""
-        return []
 
     def start(self) -> list[str]:
         """The invariants at the start."""
@@ -100,7 +125,7 @@ class Writer(ABC):
             e.lines.append(f"{self.at('K', i)} = {shown(value)}")
         e.lines += [f"{self.at('WH')} = 0.0", f"{self.at('WC')} = 0.0"]
         e.lines += [f"{self.at('E', i)} = 0.0" for i in range(self.d)]
-        return ["for k in range(L):", *indent(1, e.lines)]
+        return e.lines
 
     def random_step(self) -> list[str]:
         lines = ["delta = h", "noise = 0.0"]
@@ -125,51 +150,20 @@ class Writer(ABC):
         """The same from its row."""
         return [f"{name} = {self.at('D', i)}" for i, name in enumerate(self.known)]
 
-    def groups(self, mark: int, lines: list[str]) -> list[str]:
-        """The lines for each group of lanes, one of which at least has this mark."""
-        some = [
-            "some = 0",
-            "for k in range(group, group + GROUP):",
-            f"    some += pick(I[BUSY + k] == {mark}, 1, 0)",
-        ]
-        return ["for group in range(0, L, GROUP):", *indent(1, [*some, "if some > 0:", *indent(1, lines)])]
-
-    def lanes_do(self, lines: list[str]) -> list[str]:
-        """The lines for each lane of a group."""
-        return ["for k in range(group, group + GROUP):", *indent(1, lines)]
-
-    @staticmethod
-    def left_over() -> list[str]:
-        """Every lane that is still busy, by itself."""
-        return [
-            "trouble = 0", "for k in range(L):", "    trouble += pick(I[BUSY + k] != 0, 1, 0)",
-            "if trouble > 0:", "    for k in range(L):", "        if I[BUSY + k] != 0:",
-            "            I[STATUS + k] = _carefully(S, I, k, P)",
-        ]  # fmt: skip
-
     def has_domain(self) -> bool:
         return self.problem.domain(Text(), [f"y{i}" for i in range(self.d)]) is not None
+
+    def in_domain(self) -> list[str]:
+        """Whether the state x is in the domain."""
+        e, x = Text(self.parameters), [f"x{i}" for i in range(self.d)]
+        e.lines += [f"{v} = x[{i}]" for i, v in enumerate(x)]
+        inside = self.problem.domain(e, x)
+        return [*e.lines, f"found += {f'pick({inside}, 1, 0)' if inside else 1}"]
 
     @staticmethod
     def magnitude(c: list[str]) -> list[str]:
         """m = Σ|c_i|."""
         return [f"m = {' + '.join(f'abs({v})' for v in c)}"]
-
-    def update(self) -> list[str]:
-        """The step's end: states, statuses, invariants; without masks where all lanes live and none failed."""
-        quick, masked = self.moves(masked=False), self.moves(masked=True)
-        return [
-            "if trouble == 0 and I[LIVING] == L:",
-            "    for k in range(L):",
-            *indent(2, quick),
-            "else:",
-            "    living = 0",
-            "    for k in range(L):",
-            *indent(2, masked),
-            "    I[LIVING] = living",
-            "    if living == 0:",
-            "        return 1",
-        ]
 
     def moves(self, masked: bool) -> list[str]:
         d = self.d
@@ -214,8 +208,3 @@ class Writer(ABC):
             f"drift = abs({shown(value)} - {before})",
             f"{largest} = pick(drift > {largest}, drift, {largest})",
         ]
-
-
-def indent(depth: int, lines: list[str]) -> list[str]:
-    """The lines, `depth` levels in."""
-    return ["    " * depth + line for line in lines]
