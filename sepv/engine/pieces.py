@@ -68,14 +68,15 @@ class _Lines:
         match node:
             case ast.Constant(value=bool(v)):
                 return ir.Constant(_BOOL, int(v))
-            case ast.Constant(value=v):
-                return ir.Constant(_INT if isinstance(v, int) else _DOUBLE, v)
+            case ast.Constant(value=int(v)):
+                return ir.Constant(_INT, v)
+            case ast.Constant(value=float(v)):
+                return ir.Constant(_DOUBLE, v)
             case ast.Name(id=name):
                 return self.named(name)
-            case ast.UnaryOp(op=ast.USub(), operand=ast.Constant(value=v)):
-                return ir.Constant(_INT if isinstance(v, int) else _DOUBLE, -v)
             case ast.UnaryOp(op=ast.USub(), operand=operand):
-                return builder.fneg(self.value(operand))
+                value = self.value(operand)
+                return builder.neg(value) if value.type == _INT else builder.fneg(value)
             case ast.Subscript(value=ast.Name(id=name)) if name in self.arrays:
                 return builder.load(self.place(node))
             case ast.Subscript(value=several, slice=ast.Constant(value=int(i))):
