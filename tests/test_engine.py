@@ -561,3 +561,12 @@ def test_a_step_on_which_sweeps_do_not_contract_is_begun_anew(scheme: sepv.Schem
         assert not plain.status.any()
         # Roots are of order one apart; the same root differs by roundings of y and of Δ g, |Δ| ≤ 40, g ≤ 4.
         assert np.max(np.abs(fast.y - plain.y)) < 64 * 2.0**-52 * 160
+
+
+def test_a_system_without_noise_is_compiled() -> None:
+    problem = replace(problems.rigid_body(noise=()), check=False)
+    for paths in (3, 300):
+        found = sepv.ensemble(EP, problem, h=1 / 16, steps=8, paths=paths, engine="compiled")
+        plain = sepv.ensemble(EP, problem, h=1 / 16, steps=8, paths=paths, engine="numpy")
+        assert found.W.shape == (0, paths)
+        assert np.max(np.abs(found.y - plain.y)) < 1e-14

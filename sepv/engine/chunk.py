@@ -101,7 +101,8 @@ class Chunk:
     def _paths(self, rows: np.ndarray) -> np.ndarray:
         """Rows (blocks, ..., L) as (..., M)."""
         moved = np.moveaxis(rows, 0, -2)
-        return moved.reshape(*moved.shape[:-2], -1)[..., : self.task.count].copy()
+        lanes = moved.shape[-2] * moved.shape[-1]
+        return moved.reshape(*moved.shape[:-2], lanes)[..., : self.task.count].copy()
 
     def _numbers(self, first: int, count: int) -> Array:
         """Rows of the scratch buffer, (count, M)."""
