@@ -5,7 +5,7 @@ together, whose own error is √1000 times smaller. Misses are counted on both s
 wholly below the value, and can accuse; `above` one that lies above it, and can let a fault pass. Several means count as
 one miss. The last rows are verdicts: how often a law, run at that alpha on one problem, calls the scheme violated.
 
-Schemes of order 2 and more are measured as their laws measure them, on the weighted samples of `sepv.tilting`, which
+Schemes of order 2 and more are measured as their laws measure them, on the weighted samples of `sepv.verification._orders.tilting`, which
 have no quantile.
 
 The laws use an alpha near 3e-6, where no count reaches. What is measured is how the misses compare with what they
@@ -24,13 +24,20 @@ from sepv.properties import test_mean_square_order, test_right_limit, test_weak_
 
 from benchmarks import over, start
 from sepv import problems, schemes
-from sepv.convergence import StrongErrors, first, join, quantile_slope, slope, strong_errors
-from sepv.law import Verdict
-from sepv.means import decay, leading, limit_errors, moment_errors
 from sepv.problem import Array, Problem
-from sepv.scheme import Scheme
-from sepv.sequential import FIRST_LOOK, Assess, Setup, is_tilted, setups_for
-from sepv.tilting import tilted_errors
+from sepv.schemes import Scheme
+from sepv.verification import Verdict
+from sepv.verification._orders.convergence import (
+    StrongErrors,
+    first,
+    join,
+    quantile_slope,
+    slope,
+    strong_errors,
+)
+from sepv.verification._orders.means import decay, leading, limit_errors, moment_errors
+from sepv.verification._orders.tilting import tilted_errors
+from sepv.verification._sequential import FIRST_LOOK, Assess, Setup, is_tilted, setups_for
 
 ALPHAS = (0.05, 0.01, 0.001)
 # Heavy tails first: explicit schemes, with and without truncation.

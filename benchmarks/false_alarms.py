@@ -5,7 +5,7 @@
     python -m benchmarks.false_alarms --runs 40 --only built-in           or --only unusual
 
 A run is every law that a scheme claims, at the default budget, with a seed that was never used before. The schemes
-take turns: the built-in ones, and the correct ones that look unusual (`sepv.saboteurs.unusual`). A false alarm is a
+take turns: the built-in ones, and the correct ones that look unusual (`sepv.faults._saboteurs.unusual`). A false alarm is a
 claimed law that ends in `violated`, or in `error`. A law that ends `inconclusive` accuses nobody, and is counted beside
 it. With no false alarm in n runs, the probability of one is below 1 − 0.05^(1/n) ≈ 3/n at 95 % confidence (Clopper and
 Pearson 1934).
@@ -24,12 +24,10 @@ from scipy.stats import beta
 
 from benchmarks import start, tell
 from sepv import schemes
-from sepv.engine.workers import run_all
-from sepv.law import Effort, Verdict
-from sepv.laws import load_laws
-from sepv.saboteurs import unusual
-from sepv.scheme import Scheme
-from sepv.suite import verify
+from sepv.faults._saboteurs import unusual
+from sepv.schemes import Scheme
+from sepv.simulate._engine.workers import run_all
+from sepv.verification import Effort, Verdict, load_laws, verify
 
 GROUPS: dict[str, dict[str, Scheme]] = {
     "built-in": {**schemes.ALL, **schemes.MORE, "collocation-2": schemes.collocation(2)},

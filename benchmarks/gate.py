@@ -14,8 +14,8 @@ from pathlib import Path
 from rich.console import Console
 
 from benchmarks import over, start
-from sepv.bench import cases, pairs
-from sepv.bench.gate import Check, check
+from sepv.studies._bench import cases, pairs
+from sepv.studies._bench.gate import Check, check
 
 PLAIN = """
 from dataclasses import replace

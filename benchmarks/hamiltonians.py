@@ -13,12 +13,11 @@ from collections.abc import Iterable, Sequence
 
 import sepv
 from benchmarks import over, start
-from sepv import problems, teeth
-from sepv.hamiltonians import column
-from sepv.law import Finding, Verdict
-from sepv.laws import LAWS
-from sepv.outcome import Report
-from sepv.saboteurs import ALL
+from sepv import problems
+from sepv.faults import _fault_detection as teeth
+from sepv.faults._saboteurs import ALL
+from sepv.problem import column
+from sepv.verification import LAWS, Finding, Report, Verdict
 
 SCHEMES = (
     "stochastic-midpoint",
@@ -83,7 +82,7 @@ CLAIMS = (
 )
 TITLE = """# Several Hamiltonians: what schemes claim, and what was found
 
-dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j) with {H_0, H_j} ≠ 0: see `sepv.hamiltonians`. This page is what
+dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j) with {H_0, H_j} ≠ 0: see `sepv.problem._hamiltonians`. This page is what
 `python -m benchmarks.hamiltonians` prints.
 """
 MATRIX = """

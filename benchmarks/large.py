@@ -15,10 +15,11 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks import over, start
-from sepv import large, wiener
-from sepv.large.problem import LargeProblem
-from sepv.large.schemes import LargeStep
-from sepv.solution import Status
+from sepv import large
+from sepv.large import LargeProblem
+from sepv.large._schemes import LargeStep
+from sepv.simulate import _wiener as wiener
+from sepv.solve import Status
 
 H, STEPS = 0.01, 20
 # Components for one element of each chain: sizes are those of d.

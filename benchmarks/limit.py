@@ -28,8 +28,8 @@ from rich.table import Table
 import sepv
 from benchmarks import over, start
 from sepv import problems, schemes
-from sepv.engine.chunk import Chunk
-from sepv.engine.task import Task
+from sepv.simulate._engine.chunk import Chunk
+from sepv.simulate._engine.task import Task
 
 PATHS, STEPS, H, ONE = 5008, 100, 0.01, 200_000
 # Lotka-Volterra has steps without solution at h = 0.01 on some paths.
@@ -279,7 +279,7 @@ def main() -> None:
     options = parser.parse_args()
     rng = np.random.default_rng(0)
     # Truncated beforehand, as the scheme would have it: C takes increments as they are.
-    cut = sepv.wiener.truncate
+    cut = sepv.simulate.truncate
     dW = cut(np.sqrt(H) * rng.standard_normal((STEPS, 1, PATHS)), H)
     single = cut(np.sqrt(H) * rng.standard_normal((ONE, 1, 1)), H)
     library = compile_limit()

@@ -15,9 +15,9 @@ from rich.table import Table
 
 from benchmarks import over, start
 from sepv import schemes
-from sepv.law import Finding, Verdict
-from sepv.scheme import Scheme, weakly
-from sepv.suite import verify
+from sepv.schemes import Scheme
+from sepv.schemes._scheme import weakly
+from sepv.verification import Finding, Verdict, verify
 
 LAWS = ("local-mean", "local-mean-square", "local-weak")
 POINTS = (

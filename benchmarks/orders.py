@@ -1,11 +1,11 @@
 """Mean-square and weak orders of s-stage collocation, with invariants beside them: ``python -m benchmarks.orders``.
 
 Against the exact flow at the random time, every step size with paths of its own, importance sampled from two stages on
-(`sepv.tilting`): the mean square of an error of order s is a (4s + 2)th moment, which plain paths do not see. Intervals
+(`sepv.verification._orders.tilting`): the mean square of an error of order s is a (4s + 2)th moment, which plain paths do not see. Intervals
 are 99 %. Defects are the largest over 256 plain paths, relative to the invariant's size at the start, in binary64.
 
 Clipped increments (Remark 2.1) are rarer than any sample sees: what they add to the mean square is added in closed
-form (`sepv.clipping`), and paths of the sample that have one are left out. ``--stall`` shows the error of three stages
+form (`sepv.exact._clipping`), and paths of the sample that have one are left out. ``--stall`` shows the error of three stages
 with the paper's truncation k = 2 beside larger ones, and what of it is clipping. ``--clipping`` prints that for all
 stages.
 """
@@ -22,14 +22,14 @@ from rich.table import Table
 
 import sepv
 from benchmarks import over, start
-from sepv import polynomial as poly
 from sepv import problems, schemes
-from sepv.clipping import clipping_error
-from sepv.convergence import Estimate, StrongErrors, slope, strong_errors
-from sepv.means import weak_slope
+from sepv.exact import clipping_error
 from sepv.problem import PolynomialSystem, Problem
-from sepv.scheme import truncation_for
-from sepv.tilting import tilted_errors
+from sepv.record import _polynomial as poly
+from sepv.schemes._scheme import truncation_for
+from sepv.verification._orders.convergence import Estimate, StrongErrors, slope, strong_errors
+from sepv.verification._orders.means import weak_slope
+from sepv.verification._orders.tilting import tilted_errors
 
 ALPHA = 0.01
 

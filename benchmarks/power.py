@@ -22,11 +22,11 @@ import numpy as np
 
 from benchmarks import over, start
 from sepv.errors import SchemeFault, SepvError
+from sepv.faults._saboteurs import ALL
 from sepv.problem import Array, Problem
-from sepv.saboteurs import ALL
-from sepv.scheme import Scheme, Step
-from sepv.schemes import both_invariants, energy_preserving, several_structures
-from sepv.spaces import SPACES
+from sepv.schemes import Scheme, both_invariants, energy_preserving, several_structures
+from sepv.schemes._scheme import Step
+from sepv.verification._cases.spaces import SPACES
 
 
 class Fault(NamedTuple):

@@ -2,7 +2,7 @@
 
 Every scheme sees the same paths; the error is against the exact flow at the random time. Evaluations are those of ∇H
 for one path over [0, T], Newton's iterations included, its Hessians not. The error is that on unclipped paths and, in
-squares, what clipped increments add by `sepv.clipping`; the exact time change itself costs one normal
+squares, what clipped increments add by `sepv.exact._clipping`; the exact time change itself costs one normal
 number a path and one dense solve for all, and has no step size. Points with a step that was not solved are left out.
 
 The picture needs matplotlib (the extra ``plots``).
@@ -21,13 +21,13 @@ from rich.table import Table
 
 from benchmarks import over, start
 from benchmarks.orders import build
-from sepv import schemes, wiener
-from sepv.clipping import clipping_error
-from sepv.exact import exact_flow
-from sepv.explicit_tableaux import TABLEAUX
+from sepv import schemes
+from sepv.exact import clipping_error, exact_flow
 from sepv.problem import Array, Problem
-from sepv.scheme import Scheme
-from sepv.simulation import run_chunk
+from sepv.schemes import Scheme
+from sepv.schemes._explicit_tableaux import TABLEAUX
+from sepv.simulate import _wiener as wiener
+from sepv.simulate._paths import run_chunk
 
 # (end time, numbers of steps): the coarsest first; powers of two, so that all see one Wiener path.
 GRIDS = {

@@ -16,9 +16,9 @@ from sepv.reference.vector import FLOW, ReferenceVector, load
 
 from benchmarks import over, start
 from sepv import problems, schemes
-from sepv.case import Case
 from sepv.errors import SepvError, StepFailure
-from sepv.tolerance import EPS, TINY, state_ulp
+from sepv.verification import Case, state_ulp
+from sepv.verification._tolerance import EPS, TINY
 
 
 def family(v: ReferenceVector) -> str:

@@ -1,7 +1,7 @@
 """Brouwer's law over many steps: ``python -m benchmarks.rounding [--steps 1e8]``.
 
 (2.1) on the paper's four problems with the compiled engine: how H and the Casimirs walk, plain and with compensated
-summation, beside what `sepv.tolerance.rounding_walk` predicts. Invariants are evaluated in extended precision. Bias is
+summation, beside what `sepv.verification._tolerance.rounding_walk` predicts. Invariants are evaluated in extended precision. Bias is
 the mean over paths at the end, a step, and in standard errors; growth is the exponent of the root mean square over the
 last ten doublings, with a 99 % bootstrap interval over paths.
 
@@ -24,9 +24,10 @@ from sepv.reference.problem import exact_problem
 import sepv
 from benchmarks import over, start
 from sepv import problems, schemes
-from sepv.engine import newton
 from sepv.problem import Array
-from sepv.tolerance import EPS, casimir_ulp, energy_ulp, rounding_walk
+from sepv.simulate._engine import newton
+from sepv.verification import energy_ulp
+from sepv.verification._tolerance import EPS, casimir_ulp, rounding_walk
 
 RUNS = (
     ("harmonic-oscillator", 0.01),

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from benchmarks import over, start
 from sepv import problems, schemes
-from sepv.convergence import slope, strong_errors
+from sepv.verification._orders.convergence import slope, strong_errors
 
 # (T, numbers of steps). Lotka-Volterra needs h ≤ 2⁻⁷: at coarser steps some have no solution, and explicit
 # schemes leave the octant.

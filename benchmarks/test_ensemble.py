@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import sepv
-from sepv import problems, schemes, wiener
+from sepv import problems, schemes
 from sepv.problem import Problem
+from sepv.simulate import _wiener as wiener
 
 GRIDS = {"rigid-body": (1.0, 32), "pendulum": (1.0, 32), "lotka-volterra": (0.25, 64)}
 

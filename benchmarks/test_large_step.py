@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from sepv import large
-from sepv.solution import Status
+from sepv.solve import Status
 
 CHAINS = {
     "volterra": lambda: large.volterra_lattice(1001),

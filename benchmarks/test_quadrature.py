@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from sepv import problems
-from sepv.average import average_gradient
-from sepv.bench.cases import quartic_body
-from sepv.quadrature import gauss_legendre
+from sepv.problem import average_gradient
+from sepv.record import gauss_legendre
+from sepv.studies._bench.cases import quartic_body
 
 QUARTIC = replace(problems.build(quartic_body()), initial=(0.8, 0.6, 0.1), check=False)
 WAYS = {

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sepv import polynomial as poly
 from sepv import problems, schemes
-from sepv.polynomial import Polynomial
 from sepv.problem import PolynomialSystem, Problem
+from sepv.record import Polynomial
+from sepv.record import _polynomial as poly
 
 
 def chain(n: int) -> Problem:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sepv import problems, schemes
-from sepv.scheme import Scheme
+from sepv.schemes import Scheme
 
 H = 0.01
 

@@ -10,12 +10,10 @@ from __future__ import annotations
 import argparse
 
 from benchmarks import over, start
-from sepv.law import Effort, Verdict
-from sepv.laws import LAWS
+from sepv.faults._saboteurs.record import claiming, implicit_step, right_side
 from sepv.problem import Array, Problem
-from sepv.saboteurs.record import claiming, implicit_step, right_side
-from sepv.scheme import Scheme
-from sepv.suite import verify
+from sepv.schemes import Scheme
+from sepv.verification import LAWS, Effort, Verdict, verify
 
 # Below an ulp of Δ nothing is left of a fault.
 LEAST = -16

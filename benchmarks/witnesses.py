@@ -20,14 +20,15 @@ from typing import Any
 from sepv.reference.vector import digest
 
 from benchmarks import over, start
-from sepv import corpus, schemes
-from sepv.case import Case, from_json, to_json
+from sepv import schemes
 from sepv.errors import SchemeFault, SepvError
-from sepv.law import Effort, Law, Verdict
-from sepv.laws import load_laws
-from sepv.saboteurs import ALL, Saboteur
-from sepv.scheme import Scheme
-from sepv.spaces import SPACES
+from sepv.faults import Saboteur
+from sepv.faults._saboteurs import ALL
+from sepv.schemes import Scheme
+from sepv.verification import Case, Effort, Law, Verdict, load_laws
+from sepv.verification import _corpus as corpus
+from sepv.verification._cases.case import from_json, to_json
+from sepv.verification._cases.spaces import SPACES
 
 FOLDER = Path(__file__).resolve().parents[1] / "reference" / "witnesses"
 # Of a law and a class of systems: what is caught by more than these is left to the search.

@@ -8,15 +8,13 @@ from __future__ import annotations
 import numpy as np
 from sepv.reference.problem import exact_problem
 
-from sepv.candidate import ask
-from sepv.case import Case
-from sepv.law import Effort, Measurement, require
-from sepv.polynomial import PolynomialMap
 from sepv.problem import Problem
-from sepv.scheme import Scheme
-from sepv.search import searched
-from sepv.strategies_structures import nambu_steps
-from sepv.tolerance import EPS, TINY, step_residual
+from sepv.record import PolynomialMap
+from sepv.schemes import Scheme
+from sepv.schemes._guard import ask
+from sepv.verification import Case, Effort, Measurement, require, searched, step_residual
+from sepv.verification._cases.structures import nambu_steps
+from sepv.verification._tolerance import EPS, TINY
 
 
 def slope(problem: Problem, *states: np.ndarray) -> np.ndarray:

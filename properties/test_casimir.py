@@ -6,15 +6,13 @@ import numpy as np
 from hypothesis import strategies as st
 from sepv.reference.problem import exact_problem
 
-from sepv.candidate import ask
-from sepv.case import Case
-from sepv.corners import with_casimirs
-from sepv.law import Effort, Measurement, require
 from sepv.problem import NamedProblem
-from sepv.scheme import Scheme
-from sepv.search import searched
-from sepv.strategies import casimir_systems, paper_steps, steps
-from sepv.tolerance import casimir_bound, casimir_ulp, step_residual
+from sepv.schemes import Scheme
+from sepv.schemes._guard import ask
+from sepv.verification import Case, Effort, Measurement, casimir_bound, require, searched, step_residual
+from sepv.verification._cases.fixed_cases import with_casimirs
+from sepv.verification._tolerance import casimir_ulp
+from sepv.verification.strategies import casimir_systems, paper_steps, steps
 
 
 def cases() -> st.SearchStrategy[Case]:

@@ -11,11 +11,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from sepv.convergence import StrongErrors, mean_square_order
-from sepv.law import Effort, Finding, Law, Verdict, pathwise, require
 from sepv.problem import Problem
-from sepv.scheme import Scheme
-from sepv.sequential import Assessment, Setup, judge
+from sepv.schemes import Scheme
+from sepv.verification import Effort, Finding, Law, Verdict, require
+from sepv.verification._law import pathwise
+from sepv.verification._orders.convergence import StrongErrors, mean_square_order
+from sepv.verification._sequential import Assessment, Setup, judge
 
 T, STEPS = 0.5, (4, 16, 64)
 # Half-way to the neighbouring multiples of ½.

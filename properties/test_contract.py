@@ -16,17 +16,17 @@ from typing import Any
 
 import numpy as np
 
-from sepv.candidate import ask, check_answer, raw_answer
-from sepv.case import Case, to_json, to_token
-from sepv.corners import corners
 from sepv.errors import SchemeFault, StepFailure
-from sepv.given import may_ask
-from sepv.law import Effort, Finding, Law, Measurement, Verdict, require
-from sepv.opaque import shown
 from sepv.problem import Array, Problem
-from sepv.scheme import Scheme
-from sepv.search import Check, searched
-from sepv.strategies import any_steps
+from sepv.problems._opaque import shown
+from sepv.schemes import Scheme
+from sepv.schemes._guard import ask, check_answer, raw_answer
+from sepv.verification import Case, Effort, Finding, Law, Measurement, Verdict, require, searched
+from sepv.verification._cases.case import to_json, to_token
+from sepv.verification._cases.fixed_cases import corners
+from sepv.verification._cases.given import may_ask
+from sepv.verification._search import Check
+from sepv.verification.strategies import any_steps
 
 # Of states that are asked about together. More than one, and few: what larger ones do is for "reproducibility".
 BATCH = 3
@@ -178,7 +178,7 @@ def _forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: 
 def _watched(scheme: Scheme, handling: dict[str, str]) -> Scheme:
     """The scheme where errors of floating point warn; `handling` is what they do when it is done.
 
-    `sepv.candidate` restores the error handling of the process after each call, whatever a scheme has made of it.
+    `sepv.schemes._guard` restores the error handling of the process after each call, whatever a scheme has made of it.
     """
 
     def step(problem: Problem, y: Array, h: float, dW: Array, *further: Array) -> Array:

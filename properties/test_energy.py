@@ -5,16 +5,22 @@ from __future__ import annotations
 import mpmath
 from sepv.reference.problem import exact_problem
 
-from sepv.candidate import ask
-from sepv.case import Case
-from sepv.corners import for_energy, may_be_refused
 from sepv.errors import StepFailure
-from sepv.law import Effort, Measurement, require
 from sepv.problem import PolynomialSystem
-from sepv.scheme import Scheme
-from sepv.search import searched
-from sepv.strategies import any_steps, contraction_radius
-from sepv.tolerance import energy_bound, energy_ulp, step_residual
+from sepv.schemes import Scheme
+from sepv.schemes._guard import ask
+from sepv.verification import (
+    Case,
+    Effort,
+    Measurement,
+    energy_bound,
+    energy_ulp,
+    require,
+    searched,
+    step_residual,
+)
+from sepv.verification._cases.fixed_cases import for_energy, may_be_refused
+from sepv.verification.strategies import any_steps, contraction_radius
 
 STEPS = 3
 
@@ -23,7 +29,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     """The worst of a few steps, H evaluated at the binary64 states in extended precision.
 
     The bound follows from the residual alone and needs no contraction. So there are steps beyond the radius too
-    (`sepv.corners.long_steps`, and what they were shrunk to), which a scheme may refuse.
+    (`sepv.verification._cases.fixed_cases.long_steps`, and what they were shrunk to), which a scheme may refuse.
     """
     problem, y, h, dW = case.build()
     exact = exact_problem(case.problem, 40)

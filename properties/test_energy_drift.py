@@ -9,19 +9,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from sepv.candidate import ask
-from sepv.case import Case
 from sepv.errors import Skipped
-from sepv.hamiltonians import HamiltoniansProblem
-from sepv.law import Effort, Measurement, require
-from sepv.local_rules import rule_for
-from sepv.polynomial import PolynomialMap
-from sepv.problem import Array, PolynomialSystem, Problem
-from sepv.problems.polynomial_system import drift_of_energy
-from sepv.scheme import Scheme
-from sepv.search import searched
-from sepv.strategies_hamiltonians import additive_steps
-from sepv.tolerance import EPS, TINY, energy_bound, energy_ulp, operations, step_residual
+from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem
+from sepv.problems._polynomial_system import drift_of_energy
+from sepv.record import PolynomialMap
+from sepv.schemes import Scheme
+from sepv.schemes._guard import ask
+from sepv.verification import (
+    Case,
+    Effort,
+    Measurement,
+    energy_bound,
+    energy_ulp,
+    require,
+    searched,
+    step_residual,
+)
+from sepv.verification._cases.hamiltonians import additive_steps
+from sepv.verification._orders.local_rules import rule_for
+from sepv.verification._tolerance import EPS, TINY, operations
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:

@@ -5,18 +5,16 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import strategies as st
 
-from sepv import polynomial as poly
 from sepv import problems
-from sepv.candidate import ask
-from sepv.case import Case
-from sepv.law import Effort, Measurement, require
-from sepv.polynomial import Polynomial
 from sepv.problem import Array, PolynomialSystem
 from sepv.problems import nambu_system
-from sepv.scheme import Scheme
-from sepv.search import searched
-from sepv.strategies import CONTRACTION, contraction_radius, poisson_systems, steps
-from sepv.tolerance import EPS, correction_rounding, state_ulp, step_residual
+from sepv.record import Polynomial
+from sepv.record import _polynomial as poly
+from sepv.schemes import Scheme
+from sepv.schemes._guard import ask
+from sepv.verification import Case, Effort, Measurement, require, searched, state_ulp, step_residual
+from sepv.verification._tolerance import EPS, correction_rounding
+from sepv.verification.strategies import CONTRACTION, contraction_radius, poisson_systems, steps
 
 
 def cases() -> st.SearchStrategy[Case]:

@@ -18,20 +18,18 @@ import numpy as np
 from hypothesis import strategies as st
 from sepv.reference.taylor import flow_series
 
-from sepv import polynomial as poly
 from sepv import problems
-from sepv.candidate import ask
-from sepv.case import Case
-from sepv.fields import derivative_along, vector_field
-from sepv.hamiltonians import HamiltoniansProblem, is_several
-from sepv.law import Effort, Measurement, require
-from sepv.polynomial import Polynomial
-from sepv.problem import Array, PolynomialSystem, Problem
-from sepv.scheme import Scheme
-from sepv.search import searched
-from sepv.strategies import coefficients, contraction_ball, polynomials
-from sepv.structures import combined, combined_slope
-from sepv.tolerance import TINY, step_residual
+from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, vector_field
+from sepv.problem._fields import derivative_along
+from sepv.problem._hamiltonians import is_several
+from sepv.problem._structures import combined, combined_slope
+from sepv.record import Polynomial
+from sepv.record import _polynomial as poly
+from sepv.schemes import Scheme
+from sepv.schemes._guard import ask
+from sepv.verification import Case, Effort, Measurement, require, searched, step_residual
+from sepv.verification._tolerance import TINY
+from sepv.verification.strategies import coefficients, contraction_ball, polynomials
 
 # Δ as a share of the radius ϱ inside which y1(Δ) is analytic: balances x⁴ against K·eps/x.
 SHARE = 2.0**-9

@@ -5,16 +5,13 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import strategies as st
 
-from sepv import polynomial as poly
-from sepv.candidate import ask
-from sepv.case import Case
-from sepv.hamiltonians import HamiltoniansProblem, is_several
-from sepv.law import Effort, Measurement, require
-from sepv.problem import NamedProblem, PolynomialSystem
-from sepv.scheme import Scheme
-from sepv.search import searched
-from sepv.strategies import components, hamiltonians, poisson_systems, skew_structures, steps
-from sepv.tolerance import state_ulp
+from sepv.problem import HamiltoniansProblem, NamedProblem, PolynomialSystem
+from sepv.problem._hamiltonians import is_several
+from sepv.record import _polynomial as poly
+from sepv.schemes import Scheme
+from sepv.schemes._guard import ask
+from sepv.verification import Case, Effort, Measurement, require, searched, state_ulp
+from sepv.verification.strategies import components, hamiltonians, poisson_systems, skew_structures, steps
 
 
 @st.composite

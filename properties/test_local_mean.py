@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from sepv.law import Effort, Finding, Law, pathwise, require
-from sepv.local_example import mean_example
-from sepv.local_orders import judge, mean_slope
-from sepv.scheme import Scheme
+from sepv.schemes import Scheme
+from sepv.verification import Effort, Finding, Law, require
+from sepv.verification._law import pathwise
+from sepv.verification._orders.local_example import mean_example
+from sepv.verification._orders.local_orders import judge, mean_slope
 
 
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:

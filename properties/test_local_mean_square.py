@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from sepv.law import Effort, Finding, Law, Verdict, pathwise, require
-from sepv.local_errors import LocalErrors
-from sepv.local_example import step_example
-from sepv.local_orders import MARGIN, judge, unclaimed
-from sepv.orders import order_of
-from sepv.scheme import Scheme
+from sepv.schemes import Scheme
+from sepv.schemes._orders import order_of
+from sepv.verification import Effort, Finding, Law, Verdict, require
+from sepv.verification._law import pathwise
+from sepv.verification._orders.local_errors import LocalErrors
+from sepv.verification._orders.local_example import step_example
+from sepv.verification._orders.local_orders import MARGIN, judge, unclaimed
 
 
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from sepv.law import Effort, Finding, Law, require
-from sepv.local_example import weak_example
-from sepv.local_orders import judge, weak_slope
-from sepv.scheme import Scheme
+from sepv.schemes import Scheme
+from sepv.verification import Effort, Finding, Law, require
+from sepv.verification._orders.local_example import weak_example
+from sepv.verification._orders.local_orders import judge, weak_slope
 
 
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:

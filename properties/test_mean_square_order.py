@@ -1,7 +1,7 @@
 """Theorems 3.3 and 3.4: mean-square order, measured against the exact flow at the random time.
 
 `violated` takes two intervals that both lie below: that of the slope of the rms error, and that of the slope of a
-quantile of the error, which owes nothing to the tails (`sepv.convergence.mean_square_order`).
+quantile of the error, which owes nothing to the tails (`sepv.verification._orders.convergence.mean_square_order`).
 """
 
 from __future__ import annotations
@@ -9,14 +9,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from sepv.convergence import StrongErrors, above_floor, floors, mean_square_order
-from sepv.hamiltonians import column
-from sepv.law import Effort, Finding, Law, Verdict, pathwise, require
-from sepv.local_orders import unclaimed
-from sepv.orders import order_of
-from sepv.problem import Problem
-from sepv.scheme import Scheme
-from sepv.sequential import Assess, Assessment, is_tilted, judge
+from sepv.problem import Problem, column
+from sepv.schemes import Scheme
+from sepv.schemes._orders import order_of
+from sepv.verification import Effort, Finding, Law, Verdict, require
+from sepv.verification._law import pathwise
+from sepv.verification._orders.convergence import StrongErrors, above_floor, floors, mean_square_order
+from sepv.verification._orders.local_orders import unclaimed
+from sepv.verification._sequential import Assess, Assessment, is_tilted, judge
 
 # Orders of one-step methods for (1.1) are multiples of ½: the next lower one is rejected by the slope's
 # interval lying above the point half-way to it. That point also absorbs the pre-asymptotic part of a

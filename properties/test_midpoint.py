@@ -8,14 +8,12 @@ from __future__ import annotations
 from hypothesis import strategies as st
 from sepv.reference.steps import reference_step
 
-from sepv.candidate import ask
-from sepv.case import Case
-from sepv.corners import with_quadratic_hamiltonian
-from sepv.law import Effort, Measurement, require
-from sepv.scheme import Scheme
-from sepv.search import searched
-from sepv.strategies import casimir_systems, poisson_systems, steps
-from sepv.tolerance import DIGITS, state_error
+from sepv.schemes import Scheme
+from sepv.schemes._guard import ask
+from sepv.verification import Case, Effort, Measurement, require, searched
+from sepv.verification._cases.fixed_cases import with_quadratic_hamiltonian
+from sepv.verification._tolerance import DIGITS, state_error
+from sepv.verification.strategies import casimir_systems, poisson_systems, steps
 
 
 def cases() -> st.SearchStrategy[Case]:

@@ -9,17 +9,15 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from sepv.candidate import ask
-from sepv.case import Case, with_noise
 from sepv.errors import Skipped
-from sepv.hamiltonians import HamiltoniansProblem, is_several
-from sepv.law import Effort, Measurement, require
-from sepv.polynomial import Polynomial
-from sepv.problem import GivenProblem, PolynomialSystem
-from sepv.scheme import Scheme
-from sepv.search import searched
-from sepv.strategies import CONTRACTION, noises, poisson_systems, steps
-from sepv.tolerance import state_ulp, step_residual
+from sepv.problem import GivenProblem, HamiltoniansProblem, PolynomialSystem
+from sepv.problem._hamiltonians import is_several
+from sepv.record import Polynomial
+from sepv.schemes import Scheme
+from sepv.schemes._guard import ask
+from sepv.verification import Case, Effort, Measurement, require, searched, state_ulp, step_residual
+from sepv.verification._cases.case import with_noise
+from sepv.verification.strategies import CONTRACTION, noises, poisson_systems, steps
 
 # c_j, G_j or H_j, and ΔW_j.
 Noise = tuple[float, tuple[tuple[int, int, Polynomial], ...] | Polynomial, float]

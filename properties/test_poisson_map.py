@@ -7,13 +7,12 @@ Integration*, VII.2). (2.1) is none: no method that is symplectic keeps all ener
 
 from __future__ import annotations
 
-from sepv.corners import corners
-from sepv.law import Effort, require
-from sepv.poisson_map import check
-from sepv.scheme import Scheme
-from sepv.search import searched
-from sepv.strategies import is_short
-from sepv.strategies_poisson import poisson_steps
+from sepv.schemes import Scheme
+from sepv.verification import Effort, require, searched
+from sepv.verification._cases.fixed_cases import corners
+from sepv.verification._cases.poisson import poisson_steps
+from sepv.verification._poisson_map import check
+from sepv.verification.strategies import is_short
 
 
 def test_poisson_map(scheme: Scheme, effort: Effort) -> None:

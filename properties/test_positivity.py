@@ -11,15 +11,12 @@ from hypothesis import assume
 from hypothesis import strategies as st
 
 from sepv import problems
-from sepv.candidate import ask
-from sepv.case import Case
 from sepv.errors import Skipped, StepFailure
-from sepv.law import Effort, Measurement, require
 from sepv.problem import NamedProblem
-from sepv.scheme import Scheme
-from sepv.schemes import splitting
-from sepv.search import searched
-from sepv.strategies import coefficients, noises
+from sepv.schemes import Scheme, splitting
+from sepv.schemes._guard import ask
+from sepv.verification import Case, Effort, Measurement, require, searched
+from sepv.verification.strategies import coefficients, noises
 
 
 @st.composite

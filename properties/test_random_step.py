@@ -7,17 +7,14 @@ from dataclasses import replace
 import numpy as np
 from hypothesis import strategies as st
 
-from sepv.amplification import amplification
-from sepv.candidate import ask
-from sepv.case import Case
-from sepv.corners import corners
 from sepv.errors import Skipped
-from sepv.law import Effort, Measurement, require
 from sepv.problem import Array, PolynomialSystem, Problem
-from sepv.scheme import Scheme
-from sepv.search import searched
-from sepv.strategies import casimir_systems, noises, paper_steps, poisson_systems, steps
-from sepv.tolerance import state_ulp, step_residual
+from sepv.schemes import Scheme
+from sepv.schemes._guard import ask
+from sepv.verification import Case, Effort, Measurement, require, searched, state_ulp, step_residual
+from sepv.verification._amplification import amplification
+from sepv.verification._cases.fixed_cases import corners
+from sepv.verification.strategies import casimir_systems, noises, paper_steps, poisson_systems, steps
 
 
 @st.composite

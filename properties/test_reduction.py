@@ -9,16 +9,14 @@ from hypothesis import strategies as st
 from sepv.reference.more_equations import equation_for
 from sepv.reference.steps import reference_step
 
-from sepv import polynomial as poly
-from sepv.candidate import ask
-from sepv.case import Case
-from sepv.corners import with_constant_structure
-from sepv.law import Effort, Measurement, require
 from sepv.problem import PolynomialSystem
-from sepv.scheme import Scheme
-from sepv.search import searched
-from sepv.strategies import coefficients, hamiltonians, noises, poisson_systems, steps
-from sepv.tolerance import DIGITS, state_error
+from sepv.record import _polynomial as poly
+from sepv.schemes import Scheme
+from sepv.schemes._guard import ask
+from sepv.verification import Case, Effort, Measurement, require, searched
+from sepv.verification._cases.fixed_cases import with_constant_structure
+from sepv.verification._tolerance import DIGITS, state_error
+from sepv.verification.strategies import coefficients, hamiltonians, noises, poisson_systems, steps
 
 
 @st.composite

@@ -20,21 +20,19 @@ from sepv.reference.more_equations import equation_for
 from sepv.reference.steps import reference_step
 from sepv.reference.vector import ReferenceVector, load, schemes_with_vectors
 
-from sepv.candidate import ask
-from sepv.case import Case
-from sepv.corners import corners
 from sepv.errors import StepFailure
-from sepv.law import Effort, Finding, Law, Measurement, Verdict, require
 from sepv.problem import Array
-from sepv.scheme import Scheme
-from sepv.search import searched
-from sepv.strategies import any_steps
-from sepv.tolerance import DIGITS, EPS, TINY, quadrature_rounding, state_error, state_ulp
+from sepv.schemes import Scheme
+from sepv.schemes._guard import ask
+from sepv.verification import Case, Effort, Finding, Law, Measurement, Verdict, require, searched, state_ulp
+from sepv.verification._cases.fixed_cases import corners
+from sepv.verification._tolerance import DIGITS, EPS, TINY, quadrature_rounding, state_error
+from sepv.verification.strategies import any_steps
 
 # A vector's `rounding` is what one evaluation of the equation in binary64 may be off by. As in
-# sepv.tolerance, a factor of 4 covers implementations that order the same operations differently.
+# sepv.verification._tolerance, a factor of 4 covers implementations that order the same operations differently.
 ORDER_OF_OPERATIONS = 4.0
-# How the reference calls a step with several Hamiltonians from a critical point of the first (`sepv.structures`).
+# How the reference calls a step with several Hamiltonians from a critical point of the first (`sepv.problem._structures`).
 UNDEFINED = "a structure is undefined"
 
 

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from sepv.candidate import ask
-from sepv.case import Case
-from sepv.corners import corners
-from sepv.given import may_ask
-from sepv.law import Effort, Measurement, require
-from sepv.scheme import Scheme
-from sepv.search import searched
-from sepv.strategies import any_steps
-from sepv.tolerance import state_ulp
+from sepv.schemes import Scheme
+from sepv.schemes._guard import ask
+from sepv.verification import Case, Effort, Measurement, require, searched, state_ulp
+from sepv.verification._cases.fixed_cases import corners
+from sepv.verification._cases.given import may_ask
+from sepv.verification.strategies import any_steps
 
 # Around the widths of vector registers and unrolled loops, where libraries change their code path; further sizes, up to
 # thousands, come with the cases of the design.

@@ -13,13 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from sepv.convergence import StrongErrors, above_floor, mean_square_order
 from sepv.errors import Skipped
-from sepv.law import Effort, Finding, Law, Verdict, pathwise, require
-from sepv.means import leading, limit_errors
 from sepv.problem import Problem
-from sepv.scheme import Scheme
-from sepv.sequential import Assess, Assessment, is_tilted, judge
+from sepv.schemes import Scheme
+from sepv.verification import Effort, Finding, Law, Verdict, require
+from sepv.verification._law import pathwise
+from sepv.verification._orders.convergence import StrongErrors, above_floor, mean_square_order
+from sepv.verification._orders.means import leading, limit_errors
+from sepv.verification._sequential import Assess, Assessment, is_tilted, judge
 
 # A noise or a drift of the limit that is wrong by this much must not hold.
 RESOLUTION = 0.01

@@ -3,7 +3,7 @@
 A solver stopped at a tolerance leaves a residual of one sign: its energy drifts linearly.
 
 Three quantities are judged, for D the defect of H after n steps in ulp of H, and w what the rounding of y0 + z alone
-does to H in a step (`sepv.tolerance`, with a predicted walk w√n):
+does to H in a step (`sepv.verification._tolerance`, with a predicted walk w√n):
 
 - size: the root mean square of D over paths is at most ALLOWED·w√n at every checkpoint;
 - drift: the mean of D over P paths is at most BIAS·w·n plus Student's t of level LEVEL times its standard error, the
@@ -22,17 +22,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from sepv.reference.problem import exact_problem
 
-from sepv import problems, wiener
-from sepv.candidate import guarded
+from sepv import problems
 from sepv.errors import Skipped
-from sepv.given import NOT_OF_HAMILTONIANS, describe, problems_of, reach
-from sepv.hamiltonians import HamiltoniansProblem
-from sepv.law import Effort, Finding, Law, Verdict, require
-from sepv.problem import Array, Problem
-from sepv.scheme import Scheme
-from sepv.simulation import advance
-from sepv.solution import Status
-from sepv.tolerance import EPS, TINY, energy_ulp, rounding_walk
+from sepv.problem import Array, HamiltoniansProblem, Problem
+from sepv.schemes import Scheme
+from sepv.schemes._guard import guarded
+from sepv.simulate import _wiener as wiener
+from sepv.simulate._paths import advance
+from sepv.solve import Status
+from sepv.verification import Effort, Finding, Law, Verdict, energy_ulp, require
+from sepv.verification._cases.given import NOT_OF_HAMILTONIANS, describe, problems_of, reach
+from sepv.verification._tolerance import EPS, TINY, rounding_walk
 
 PATHS = 60
 # (problem, h, steps): two long runs, and large steps, where a solver that stops early shows. How small a drift shows is
@@ -45,7 +45,7 @@ SEVERAL_RUNS = (("commuting-rotations", 0.01, 256), ("commuting-oscillators", 0.
 # So many times as many steps with `--deep`.
 DEEPER, DEEP_EXAMPLES = 8, 1000
 FIRST = 32  # the first checkpoint; then doubled
-# How many times √n of the predicted rounding of a step (`sepv.tolerance`). The core is at 1, where 60 paths measure a
+# How many times √n of the predicted rounding of a step (`sepv.verification._tolerance`). The core is at 1, where 60 paths measure a
 # root mean square to 9 %; the rest is room for other orders of operations: a hundred roundings of y a step.
 ALLOWED = 10.0
 # The mean that roundings of a correct scheme may have, as a share of w: rounding to nearest is not quite unbiased, and

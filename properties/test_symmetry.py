@@ -10,18 +10,14 @@ from hypothesis import strategies as st
 from sepv.reference.more_equations import equation_for
 from sepv.reference.steps import step_condition
 
-from sepv.amplification import amplification
-from sepv.candidate import SchemeCrash, ask
-from sepv.case import Case
-from sepv.corners import corners
 from sepv.errors import SchemeFault, Skipped, StepFailure
-from sepv.hamiltonians import HamiltoniansProblem
-from sepv.law import Effort, Measurement, require
-from sepv.problem import Array, PolynomialSystem, Problem
-from sepv.scheme import Scheme
-from sepv.search import searched
-from sepv.strategies import CONTRACTION, casimir_systems, paper_steps, poisson_systems, steps
-from sepv.tolerance import state_ulp, step_residual
+from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem
+from sepv.schemes import Scheme
+from sepv.schemes._guard import SchemeCrash, ask
+from sepv.verification import Case, Effort, Measurement, require, searched, state_ulp, step_residual
+from sepv.verification._amplification import amplification
+from sepv.verification._cases.fixed_cases import corners
+from sepv.verification.strategies import CONTRACTION, casimir_systems, paper_steps, poisson_systems, steps
 
 
 def cases() -> st.SearchStrategy[Case]:

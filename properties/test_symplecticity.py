@@ -6,13 +6,12 @@ It is the law "poisson-map" for constant B alone: Runge-Kutta methods that keep 
 
 from __future__ import annotations
 
-from sepv.corners import with_constant_structure
-from sepv.law import Effort, require
-from sepv.poisson_map import check
-from sepv.scheme import Scheme
-from sepv.search import searched
-from sepv.strategies import is_short
-from sepv.strategies_poisson import constant_structure_steps
+from sepv.schemes import Scheme
+from sepv.verification import Effort, require, searched
+from sepv.verification._cases.fixed_cases import with_constant_structure
+from sepv.verification._cases.poisson import constant_structure_steps
+from sepv.verification._poisson_map import check
+from sepv.verification.strategies import is_short
 
 
 def test_symplecticity(scheme: Scheme, effort: Effort) -> None:

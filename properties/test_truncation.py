@@ -18,14 +18,14 @@ from typing import Any
 import numpy as np
 from sepv.reference.increments import lost_variance, moment, truncated_moment
 
-from sepv import wiener
-from sepv.candidate import ask
 from sepv.errors import Skipped
-from sepv.law import Effort, Finding, Law, Verdict, require
-from sepv.local_errors import problems_for
-from sepv.point_laws import point_law
 from sepv.problem import Problem
-from sepv.scheme import Scheme
+from sepv.schemes import Scheme
+from sepv.schemes._guard import ask
+from sepv.schemes._point_laws import point_law
+from sepv.simulate import _wiener as wiener
+from sepv.verification import Effort, Finding, Law, Verdict, require
+from sepv.verification._orders.local_errors import problems_for
 
 STEPS = tuple(2.0**-n for n in range(1, 21))
 # Small enough for the step to be nearly linear in ΔW, also with k = 12.

@@ -14,7 +14,7 @@ Of four statements the first three show that a weak order q holds, the last one 
 step must not accuse; the fall, because a coefficient that is small beside the error proper does not show at these
 steps. Where the means are within the noise neither says anything: `inconclusive`, with the paths it would take.
 
-With increments of a few points nothing is sampled: E g(y_N) is a sum over all paths (`sepv.weak_trees`), and its error
+With increments of a few points nothing is sampled: E g(y_N) is a sum over all paths (`sepv.verification._orders.weak_trees`), and its error
 has a slope without noise.
 """
 
@@ -25,17 +25,16 @@ from typing import Any
 
 import numpy as np
 
-from sepv import local_orders
-from sepv.convergence import StrongErrors, above_floor, mean_square_order
-from sepv.hamiltonians import column
-from sepv.law import Effort, Finding, Law, Verdict, require
-from sepv.means import Coefficient, decay, leading, moment_errors
-from sepv.orders import order_of
-from sepv.point_laws import point_law
-from sepv.problem import Array, Problem
-from sepv.scheme import Scheme
-from sepv.sequential import Assess, Assessment, is_tilted, judge
-from sepv.weak_trees import ENOUGH, tree_errors
+from sepv.problem import Array, Problem, column
+from sepv.schemes import Scheme
+from sepv.schemes._orders import order_of
+from sepv.schemes._point_laws import point_law
+from sepv.verification import Effort, Finding, Law, Verdict, require
+from sepv.verification._orders import local_orders
+from sepv.verification._orders.convergence import StrongErrors, above_floor, mean_square_order
+from sepv.verification._orders.means import Coefficient, decay, leading, moment_errors
+from sepv.verification._orders.weak_trees import ENOUGH, tree_errors
+from sepv.verification._sequential import Assess, Assessment, is_tilted, judge
 
 # Weak orders are integers (the expansion is in powers of h): half-way to the next lower one.
 MARGIN = 0.5

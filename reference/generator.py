@@ -16,8 +16,9 @@ from fractions import Fraction
 from functools import lru_cache
 from math import factorial
 
-from sepv.polynomial import Exponents, Polynomial
 from sepv.problem import PolynomialSystem
+from sepv.record import Polynomial
+from sepv.record._polynomial import Exponents
 
 Rational = dict[Exponents, Fraction]
 

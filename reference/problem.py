@@ -23,8 +23,9 @@ from sepv.reference.arithmetic import (
 )
 
 from sepv.errors import UsageError
-from sepv.polynomial import Exponents, Polynomial
 from sepv.problem import GivenProblem, NamedProblem, PolynomialSystem
+from sepv.record import Polynomial
+from sepv.record._polynomial import Exponents
 
 Matrix = list[Vector]
 Description = PolynomialSystem | NamedProblem

@@ -8,9 +8,10 @@ from __future__ import annotations
 from itertools import combinations
 from random import Random
 
-from sepv import polynomial as poly
-from sepv.polynomial import Exponents, Polynomial
 from sepv.problem import PolynomialSystem
+from sepv.record import Polynomial
+from sepv.record import _polynomial as poly
+from sepv.record._polynomial import Exponents
 
 
 class Generator:

@@ -16,8 +16,8 @@ from sepv.reference.problem import Description, binary64_problem
 from sepv.reference.random_systems import Generator
 from sepv.reference.vector import FLOW
 
-from sepv import polynomial as poly
 from sepv.problem import NamedProblem, PolynomialSystem
+from sepv.record import _polynomial as poly
 
 
 class Candidate(NamedTuple):

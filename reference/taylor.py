@@ -7,8 +7,9 @@ from typing import Any
 
 from sepv.reference.problem import context
 
-from sepv.polynomial import Polynomial, gradient
 from sepv.problem import PolynomialSystem
+from sepv.record import Polynomial
+from sepv.record._polynomial import gradient
 
 Series = list[Any]
 

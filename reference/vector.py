@@ -15,8 +15,8 @@ from typing import Any
 
 from sepv.reference.problem import Description
 
-from sepv.description import problem_from_json, problem_to_json
 from sepv.errors import UsageError
+from sepv.problem._json import problem_from_json, problem_to_json
 
 FOLDER = Path(__file__).parent / "vectors"
 FORMAT = "sepv-vectors-1"

@@ -26,10 +26,6 @@ if TYPE_CHECKING:
     from sepv import large as large
     from sepv import problems as problems
     from sepv import schemes as schemes
-    from sepv import strategies as strategies
-    from sepv import wiener as wiener
-    from sepv.engine.ensemble import ensemble as ensemble
-    from sepv.engine.long import long_path as long_path
     from sepv.errors import ChunkFailure as ChunkFailure
     from sepv.errors import ClusterFailure as ClusterFailure
     from sepv.errors import Interrupted as Interrupted
@@ -40,34 +36,38 @@ if TYPE_CHECKING:
     from sepv.errors import StepFailure as StepFailure
     from sepv.errors import TargetError as TargetError
     from sepv.errors import UsageError as UsageError
-    from sepv.exact import exact_flow as exact_flow
-    from sepv.law import Effort as Effort
-    from sepv.law import Verdict as Verdict
-    from sepv.outcome import Report as Report
-    from sepv.point_laws import PointLaw as PointLaw
-    from sepv.problem import PolynomialSystem as PolynomialSystem
-    from sepv.problem import Problem as Problem
-    from sepv.scheme import Scheme as Scheme
-    from sepv.simulation import Ensemble as Ensemble
-    from sepv.simulation import Trajectory as Trajectory
-    from sepv.simulation import integrate as integrate
-    from sepv.suite import verify as verify
+    from sepv.exact._flow import exact_flow as exact_flow
+    from sepv.problem._problem import PolynomialSystem as PolynomialSystem
+    from sepv.problem._problem import Problem as Problem
+    from sepv.schemes._point_laws import PointLaw as PointLaw
+    from sepv.schemes._scheme import Scheme as Scheme
+    from sepv.simulate import _wiener as wiener
+    from sepv.simulate._engine.ensemble import ensemble as ensemble
+    from sepv.simulate._engine.long import long_path as long_path
+    from sepv.simulate._paths import Ensemble as Ensemble
+    from sepv.simulate._paths import Trajectory as Trajectory
+    from sepv.simulate._paths import integrate as integrate
+    from sepv.verification import strategies as strategies
+    from sepv.verification._law import Effort as Effort
+    from sepv.verification._law import Verdict as Verdict
+    from sepv.verification._outcome import Report as Report
+    from sepv.verification._verify import verify as verify
 
 _HOME = {
-    "Problem": "sepv.problem",
-    "PolynomialSystem": "sepv.problem",
-    "Scheme": "sepv.scheme",
-    "PointLaw": "sepv.point_laws",
-    "integrate": "sepv.simulation",
-    "ensemble": "sepv.engine.ensemble",
-    "long_path": "sepv.engine.long",
-    "exact_flow": "sepv.exact",
-    "verify": "sepv.suite",
-    "Report": "sepv.outcome",
-    "Effort": "sepv.law",
-    "Verdict": "sepv.law",
-    "Ensemble": "sepv.simulation",
-    "Trajectory": "sepv.simulation",
+    "Problem": "sepv.problem._problem",
+    "PolynomialSystem": "sepv.problem._problem",
+    "Scheme": "sepv.schemes._scheme",
+    "PointLaw": "sepv.schemes._point_laws",
+    "integrate": "sepv.simulate._paths",
+    "ensemble": "sepv.simulate._engine.ensemble",
+    "long_path": "sepv.simulate._engine.long",
+    "exact_flow": "sepv.exact._flow",
+    "verify": "sepv.verification._verify",
+    "Report": "sepv.verification._outcome",
+    "Effort": "sepv.verification._law",
+    "Verdict": "sepv.verification._law",
+    "Ensemble": "sepv.simulate._paths",
+    "Trajectory": "sepv.simulate._paths",
     **dict.fromkeys(
         (
             "SepvError",

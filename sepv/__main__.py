@@ -1,3 +1,3 @@
-from sepv.cli import main
+from sepv.commands import main
 
 main()

@@ -121,7 +121,7 @@ class StepFailure(SepvError, ArithmeticError):
     residual : float
         Largest component of the residual of the implicit equation where the iteration stopped.
     status : str
-        Which of the ways to fail it was (see `sepv.solution.Status`).
+        Which of the ways to fail it was (see `sepv.solve.Status`).
     """
 
     def __init__(

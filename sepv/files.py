@@ -10,8 +10,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from sepv.errors import UsageError
-from sepv.law import Finding, Verdict
-from sepv.outcome import Report
+from sepv.verification import Finding, Report, Verdict
 
 # What XML 1.0 cannot hold, not even escaped.
 _NOT_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")

@@ -13,9 +13,9 @@ from typing import Any
 
 from rich.console import Console
 
-from sepv.law import Finding, Law
-from sepv.report import console
-from sepv.suite import Progress
+from sepv.verification import Finding, Law
+from sepv.verification._report import console
+from sepv.verification._verify import Progress
 
 # Seconds after which a line is printed where nobody sees a bar; then one every REPEAT.
 FIRST_LINES = (2.0, 5.0, 10.0, 20.0)
@@ -95,7 +95,7 @@ def _bar(shown: Shown, out: Console, done: threading.Event) -> None:
 
 @contextmanager
 def watching(quiet: bool = False, laws: Sequence[Law] = ()) -> Iterator[Progress]:
-    """A progress callback for `sepv.suite.verify` of these laws, each of which counts by its cost."""
+    """A progress callback for `sepv.verification.verify` of these laws, each of which counts by its cost."""
     whole = sum(law.cost for law in laws)
     with showing(quiet) as shown:
         running: list[str] = []

@@ -17,9 +17,8 @@ from typing import Any
 import pytest
 
 from sepv.errors import SepvError, UsageError
-from sepv.expected import Expectations
-from sepv.law import Effort, Finding, Law, LawViolated, Verdict
-from sepv.scheme import Scheme
+from sepv.schemes import Scheme
+from sepv.verification import Effort, Expectations, Finding, Law, LawViolated, Verdict
 
 # What the laws found, as properties of their tests: so it travels from workers of pytest-xdist, and into JUnit files.
 _FINDINGS = pytest.StashKey[list[dict[str, str]]]()
@@ -72,8 +71,8 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def _expectations(config: pytest.Config) -> Expectations:
-    from sepv.expected import load
-    from sepv.laws import LAWS
+    from sepv.verification import LAWS
+    from sepv.verification._expected import load
 
     file = config.getoption("sepv_expected") or config.getini("sepv_expected")
     if not file:
@@ -95,7 +94,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if "scheme" not in metafunc.fixturenames or not _is_law(metafunc.module):
         return
     from sepv.schemes import ALL
-    from sepv.target import load_scheme
+    from sepv.schemes._load import load_scheme
 
     asked = metafunc.config.getoption("--scheme") or getattr(metafunc.module, "sepv_schemes", None)
     names = asked or metafunc.config.getini("sepv_schemes") or list(ALL)
@@ -115,7 +114,7 @@ def _listed(config: pytest.Config) -> Expectations:
 
 
 def _is_law(module: Any) -> bool:
-    from sepv.law import Law
+    from sepv.verification import Law
 
     return isinstance(getattr(module, "law", None), Law)
 
@@ -131,7 +130,8 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
     """The outcome of a law's test is that of its finding, in words of its own and without frames of sepv."""
     if not _is_law(pyfuncitem.module):
         return (yield)
-    from sepv import law, suite
+    from sepv.verification import _law as law
+    from sepv.verification import _verify as suite
 
     listed = _listed(pyfuncitem.config)
     target = pyfuncitem.callspec.id if hasattr(pyfuncitem, "callspec") else "TARGET"
@@ -156,7 +156,7 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
 
 
 def _conclude(finding: Finding, target: str, pinned: bool) -> None:
-    from sepv.outcome import fails
+    from sepv.verification._outcome import fails
 
     __tracebackhide__ = True
     replay = f"replay: sepv verify {target} {finding.replay}" if finding.replay else ""

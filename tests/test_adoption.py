@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from sepv._version import __version__
-from sepv.commands.verify import verify
+from sepv.commands._verify import verify
 
 ROOT = Path(__file__).resolve().parents[1]
 SCHEME = """

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import sepv
-from sepv.fields import vector_field
-from sepv.law import Effort
+from sepv.problem import vector_field
+from sepv.verification import Effort
 
 CALLS: dict[str, Any] = {
     "integrate": lambda s, p: sepv.integrate(s, p, h=0.125, T=0.5).y[:, -1],

@@ -8,18 +8,10 @@ import mpmath
 import numpy as np
 import pytest
 
-from sepv import polynomial as poly
 from sepv import problems
-from sepv.average import (
-    _adaptive,
-    _quadrature,
-    _size,
-    argument_rounding,
-    average_gradient,
-    average_hessian,
-    gauss_legendre,
-)
-from sepv.problem import PolynomialSystem, Problem
+from sepv.problem import PolynomialSystem, Problem, average_gradient, average_hessian
+from sepv.problem._averaged_gradient import _adaptive, _quadrature, _size, argument_rounding, gauss_legendre
+from sepv.record import _polynomial as poly
 
 EPS = 2.0**-52
 

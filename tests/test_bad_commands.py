@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from sepv.cli import main
+from sepv.commands import main
 from sepv.files import write_atomically
 
 SECONDS = 30
@@ -114,7 +114,7 @@ FILES: dict[str, Check] = {
 def disk_full(folder: Path) -> None:
     """Files may grow to 64 bytes: the report does not fit, and no part of it stays."""
     code = (
-        "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (64, 64)); from sepv.cli import main; "
+        "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (64, 64)); from sepv.commands._cli import main; "
         "main(['hard', '--case', 'rank-0', '--steps', '2', '--laws', '0', '--json', 'r.json'])"
     )
     done = subprocess.run(

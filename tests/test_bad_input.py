@@ -19,14 +19,15 @@ import numpy as np
 import pytest
 
 import sepv
-from sepv import case as cases
-from sepv import polynomial as poly
-from sepv import problems, schemes, strategies, wiener
+from sepv import problems, schemes
 from sepv.errors import SepvError
-from sepv.law import Effort
 from sepv.problems import hard
-from sepv.scheme import Scheme
-from sepv.solvability import follow
+from sepv.record import _polynomial as poly
+from sepv.schemes import Scheme
+from sepv.simulate import _wiener as wiener
+from sepv.studies._solvability import follow
+from sepv.verification import Effort, strategies
+from sepv.verification._cases import case as cases
 
 EP = schemes.energy_preserving
 BODY = problems.rigid_body()

@@ -16,13 +16,12 @@ from click.testing import CliRunner, Result
 
 import sepv
 from sepv import schemes
-from sepv.bench import cases, gate, measure, pairs, store
-from sepv.cli import main
+from sepv.commands import main
 from sepv.errors import StepFailure, TargetError, UsageError
 from sepv.problem import Array, Problem
-from sepv.scheme import Scheme
-from sepv.schemes import energy_preserving
-from sepv.solution import Solution
+from sepv.schemes import Scheme, energy_preserving
+from sepv.solve._solution import Solution
+from sepv.studies._bench import cases, gate, measure, pairs, store
 
 COUNTERS = Path(__file__).resolve().parents[1] / "benchmarks" / "counters.json"
 CASE = cases.choose(("rigid-body",), portable=False)

@@ -8,16 +8,13 @@ import numpy as np
 import pytest
 
 import sepv
-from sepv import problems, wiener
-from sepv.case import Case
+from sepv import problems
 from sepv.exact import exact_flow
-from sepv.fields import vector_field
-from sepv.law import Effort, Finding, Verdict
-from sepv.laws import load_laws
-from sepv.problem import Array, Problem
-from sepv.scheme import Scheme
-from sepv.schemes.energy_preserving import step as exact_step
-from sepv.suite import verify
+from sepv.problem import Array, Problem, vector_field
+from sepv.schemes import Scheme
+from sepv.schemes._energy_preserving import step as exact_step
+from sepv.simulate import _wiener as wiener
+from sepv.verification import Case, Effort, Finding, Verdict, load_laws, verify
 
 QUICK = Effort(examples=5, paths=512, shrink_checks=30)
 
@@ -104,7 +101,7 @@ def test_energy_names_the_state_before_the_step_that_fails() -> None:
         made.append(exact_step(problem, y, h, dW) * (1.001 if len(made) == 3 else 1.0))
         return made[-1]
 
-    from sepv.case import to_json
+    from sepv.verification._cases.case import to_json
 
     found = law.replay(law, Scheme("own", third), to_json(case))
     assert found.verdict is Verdict.VIOLATED

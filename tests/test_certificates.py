@@ -9,9 +9,9 @@ from sepv.reference.certify import NotCertified, certify, krawczyk_image
 from sepv.reference.equations import EQUATIONS
 from sepv.reference.steps import reference_step
 
-from sepv import problems, strategies
-from sepv.case import Case
+from sepv import problems
 from sepv.errors import UsageError
+from sepv.verification import Case, strategies
 
 pytest.importorskip("flint", reason="the extra certify is not installed")
 

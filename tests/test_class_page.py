@@ -9,7 +9,7 @@ import pytest
 import sepv
 from benchmarks.hamiltonians import CLAIMS, DIFFERENCES, SCHEMES, TITLE, table, verdicts
 from sepv import schemes
-from sepv.saboteurs import ALL
+from sepv.faults._saboteurs import ALL
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "class.md").read_text(encoding="utf-8")
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from sepv.cli import main
+from sepv.commands import main
 
 CORRECT = "from sepv.schemes.energy_preserving import step as correct\n"
 
@@ -185,7 +185,7 @@ def test_a_raising_scheme_is_an_error_of_every_law_and_debug_shows_it(call) -> N
     code = "def step(problem, y, h, dW):\n    raise RuntimeError('out of order')\n"
     result = call("verify mine:step --examples 10 --paths 256", code)
     assert result.exit_code == 3
-    from sepv.laws import LAWS
+    from sepv.verification import LAWS
 
     # Truncation is about the increments that the scheme asks for, a function of one state has no batch, and some
     # laws are for schemes of another class of systems.

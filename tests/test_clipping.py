@@ -8,12 +8,14 @@ import mpmath
 import numpy as np
 import pytest
 
-from sepv import exact_flow, problems, schemes, wiener
-from sepv.clipping import clipping_error, lost_mean_square
+from sepv import exact_flow, problems, schemes
 from sepv.errors import UsageError
-from sepv.scheme import truncation_for
-from sepv.tilting import tilted_errors
-from sepv.tolerance import EPS
+from sepv.exact import clipping_error
+from sepv.exact._clipping import lost_mean_square
+from sepv.schemes._scheme import truncation_for
+from sepv.simulate import _wiener as wiener
+from sepv.verification._orders.tilting import tilted_errors
+from sepv.verification._tolerance import EPS
 
 
 @pytest.mark.parametrize("A", [0.0, 0.5, 2.0, 5.0, 12.0])

@@ -22,11 +22,12 @@ import numpy as np
 import pytest
 
 import sepv
-from sepv import problems, schemes, wiener
-from sepv.engine import on_dask
-from sepv.engine.workers import AHEAD, run_all
+from sepv import problems, schemes
 from sepv.errors import Interrupted
-from sepv.results.labelled import AXES
+from sepv.simulate import _wiener as wiener
+from sepv.simulate._engine import on_dask
+from sepv.simulate._engine.workers import AHEAD, run_all
+from sepv.simulate._results.labelled import AXES
 
 distributed = pytest.importorskip("distributed")
 
@@ -315,8 +316,8 @@ def test_laws_that_a_lost_cluster_did_not_decide_are_not_measured(monkeypatch: A
 
 
 def test_errors_of_a_comparison_are_those_of_one_process(client: Any) -> None:
-    from sepv.compare import compare
-    from sepv.compare.method import from_scheme
+    from sepv.studies._compare import compare
+    from sepv.studies._compare.method import from_scheme
 
     def table(workers: Any) -> Any:
         methods = [from_scheme(s, PENDULUM) for s in (EP, schemes.midpoint)]
@@ -327,8 +328,8 @@ def test_errors_of_a_comparison_are_those_of_one_process(client: Any) -> None:
 
 
 def test_a_figure_is_the_same_from_the_cluster(client: Any) -> None:
-    from sepv.reproduce.job import Size
-    from sepv.reproduce.suite import reproduce
+    from sepv.studies._reproduce.job import Size
+    from sepv.studies._reproduce.suite import reproduce
 
     size = Size(share=0.001)
     here, there = (reproduce(["4.1"], size=size, workers=w) for w in (1, client))

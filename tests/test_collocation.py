@@ -15,13 +15,12 @@ from sepv.reference.steps import reference_step
 from sepv.reference.tableau import stage_table
 
 import sepv
-from sepv import problems, schemes, strategies
-from sepv.case import Case
+from sepv import problems, schemes
 from sepv.errors import StepFailure, UsageError
-from sepv.scheme import truncation_for
-from sepv.solution import Status
-from sepv.tableaux import amplification, exact_nodes, gauss_tableau, lagrange, moments
-from sepv.tolerance import state_ulp
+from sepv.schemes._scheme import truncation_for
+from sepv.schemes._tableaux import amplification, exact_nodes, gauss_tableau, lagrange, moments
+from sepv.solve import Status
+from sepv.verification import Case, state_ulp, strategies
 
 STAGES = range(1, 7)
 EPS = 2.0**-52
@@ -76,7 +75,7 @@ def test_what_averages_may_amplify_is_the_integral_of_a_lagrange_polynomial() ->
 
 
 def gauss_tableau_nodes(nodes: int) -> np.ndarray:
-    from sepv.quadrature import gauss_legendre
+    from sepv.record import gauss_legendre
 
     return gauss_legendre(nodes)[0]
 
@@ -166,7 +165,7 @@ def test_members_of_families_have_names() -> None:
 @pytest.mark.parametrize("s", [1, 2, 3])
 def test_errors_fall_with_order_s(s: int) -> None:
     """64 paths from 2⁻⁴ to 2⁻⁶: far from an estimate, near enough to tell the orders apart."""
-    from sepv.convergence import strong_errors
+    from sepv.verification._orders.convergence import strong_errors
 
     errors = strong_errors(
         schemes.collocation(s), problems.rigid_body(), T=1.0, steps=(16, 64), paths=range(64)

@@ -18,18 +18,19 @@ from click.testing import CliRunner, Result
 from rich.text import Text
 
 import sepv
-from sepv import problems, schemes, wiener
-from sepv.cli import main
-from sepv.compare import Comparison, Method, compare, exact_time_change, from_scheme, picture, table
-from sepv.compare.choose import PEERS
-from sepv.compare.method import Ends, Followed, finite_ends, invariant_defects
-from sepv.compare.record import Point, Seconds, time_to_error
-from sepv.compare.run import one_core
-from sepv.convergence import Estimate, strong_errors
+from sepv import problems, schemes
+from sepv.commands import main
 from sepv.problem import Array, Problem
 from sepv.schemas import comparison_schema
-from sepv.target import load_problem
-from sepv.work import Work, counted
+from sepv.schemes._load import load_problem
+from sepv.simulate import _wiener as wiener
+from sepv.studies._compare import Comparison, Method, compare, exact_time_change, from_scheme, picture, table
+from sepv.studies._compare.choose import PEERS
+from sepv.studies._compare.method import Ends, Followed, finite_ends, invariant_defects
+from sepv.studies._compare.record import Point, Seconds, time_to_error
+from sepv.studies._compare.run import one_core
+from sepv.studies._evaluation_count import Work, counted
+from sepv.verification._orders.convergence import Estimate, strong_errors
 
 STEPS = (4, 8, 16)
 
@@ -308,7 +309,7 @@ def test_problems_come_by_name_by_file_and_from_modules(call: Callable[..., Resu
         result = call(f"compare euler-heun {QUICK} -p {name}", code)
         assert result.exit_code == 0, result.output
         assert shown in result.output
-    from sepv.polynomial import Polynomial
+    from sepv.record import Polynomial
 
     H = Polynomial(2, (((2, 0), 0.5), ((0, 4), 0.25)))
     data = sepv.problem.PolynomialSystem(2, H, ((0, 1, Polynomial(2, (((0, 0), 1.0),))),))
@@ -359,7 +360,7 @@ def late(problem, y, h, dW):
 
 def test_every_peer_is_named_after_the_library_that_it_drives() -> None:
     for name, home in PEERS.items():
-        assert home.startswith(f"sepv.adapters.driven_{name.split('-')[0]}:")
+        assert home.startswith(f"sepv.peers.driven_{name.split('-')[0]}:")
 
 
 def test_an_absent_library_is_named_with_its_remedy(
@@ -368,7 +369,7 @@ def test_an_absent_library_is_named_with_its_remedy(
     def absent(name: str) -> None:
         raise ModuleNotFoundError("No module named 'diffrax'", name="diffrax")
 
-    monkeypatch.setattr("sepv.compare.choose.import_module", absent)
+    monkeypatch.setattr("sepv.studies._compare.choose.import_module", absent)
     result = call("compare diffrax-heun")
     assert result.exit_code == 3
     assert "pip install diffrax" in result.output

@@ -9,9 +9,9 @@ import pytest
 
 import sepv
 from sepv import problems, schemes
-from sepv.continuation import continued
-from sepv.division import divided
 from sepv.errors import StepFailure, UsageError
+from sepv.schemes._continuation import continued
+from sepv.schemes._division import divided
 
 EP = schemes.energy_preserving
 

@@ -7,8 +7,11 @@ import pytest
 from sepv.properties.test_energy import check, law
 
 from sepv import Scheme, Verdict, problems, schemes
-from sepv.case import Case, to_json
-from sepv.corners import (
+from sepv.faults._saboteurs import ALL
+from sepv.problem import PolynomialSystem
+from sepv.verification import Case
+from sepv.verification._cases.case import to_json
+from sepv.verification._cases.fixed_cases import (
     corners,
     for_energy,
     long_steps,
@@ -16,9 +19,7 @@ from sepv.corners import (
     with_constant_structure,
     with_quadratic_hamiltonian,
 )
-from sepv.problem import PolynomialSystem
-from sepv.saboteurs import ALL
-from sepv.strategies import contraction_radius
+from sepv.verification.strategies import contraction_radius
 
 
 @pytest.mark.parametrize("name", schemes.ALL)

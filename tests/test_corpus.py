@@ -9,15 +9,14 @@ import pytest
 from sepv.reference.vector import digest
 
 from benchmarks import witnesses as maker
-from sepv import corpus, teeth
-from sepv.case import to_json, to_token
-from sepv.cli import main
-from sepv.law import Effort, Verdict
-from sepv.laws import load_laws
-from sepv.saboteurs import ALL, unusual
+from sepv.commands import main
+from sepv.faults import _fault_detection as teeth
+from sepv.faults._saboteurs import ALL, unusual
 from sepv.schemas import fault
-from sepv.search import _Question
-from sepv.suite import verify
+from sepv.verification import Effort, Verdict, load_laws, verify
+from sepv.verification import _corpus as corpus
+from sepv.verification._cases.case import to_json, to_token
+from sepv.verification._search import _Question
 
 FOLDER = Path(__file__).resolve().parents[1] / "reference" / "witnesses"
 SCHEMA = json.loads((FOLDER / "witnesses.schema.json").read_text())

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.polynomial import legendre
 
-from sepv import dense
-from sepv.dense import DenseSolution, FlowFailure, legendre_values, solve_dense
-from sepv.quadrature import gauss_legendre
+from sepv.exact import _dense_flow as dense
+from sepv.exact._dense_flow import DenseSolution, FlowFailure, legendre_values, solve_dense
+from sepv.record import gauss_legendre
 
 EPS = 2.0**-52
 

@@ -10,11 +10,9 @@ from sepv.reference.problem import exact_problem
 
 import sepv
 from sepv import problems
-from sepv.average import average_gradient
-from sepv.checks import check_problem
-from sepv.derived import PartFlow
 from sepv.errors import ProblemError
-from sepv.fields import vector_field
+from sepv.problem import average_gradient, check_problem, vector_field
+from sepv.problem._derived import PartFlow
 from sepv.record import NoClosedForm
 
 EPS = 2.0**-52

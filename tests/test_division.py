@@ -9,9 +9,9 @@ import pytest
 
 import sepv
 from sepv import problems, schemes
-from sepv.division import divided
 from sepv.errors import StepFailure, TruncationWarning, UsageError
-from sepv.suite import verify
+from sepv.schemes._division import divided
+from sepv.verification import verify
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,8 @@ from pathlib import Path
 import click
 import pytest
 
-from sepv.cli import main
-from sepv.laws import load_laws
+from sepv.commands import main
+from sepv.verification import load_laws
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = ("ten-minutes", "laws", "choosing", "ci", "extending", "beyond", "hard-cases", "speed")

@@ -14,11 +14,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from sepv.cli import main
+from sepv.commands import main
 from sepv.external import load_program
-from sepv.law import Effort
-from sepv.laws import LAWS
-from sepv.suite import verify
+from sepv.verification import LAWS, Effort, verify
 
 ROOT = Path(__file__).resolve().parent.parent
 EXAMPLES, PATHS, SEED = 10, 256, 4
@@ -84,7 +82,7 @@ def test_ctrl_c_keeps_what_was_decided(tmp_path: Path) -> None:
         "    return y.copy()\n"
     )
     (tmp_path / "run.py").write_text(
-        "import signal\nfrom pathlib import Path\nfrom sepv import suite\nfrom sepv.cli import main\n"
+        "import signal\nfrom pathlib import Path\nfrom sepv import suite\nfrom sepv.commands._cli import main\n"
         # A shell that starts jobs in the background has them ignore SIGINT: here they shall not.
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "run = suite._run\n"

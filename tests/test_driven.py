@@ -8,17 +8,18 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from sepv import problems, wiener
-from sepv.compare import compare
-from sepv.compare.method import Method
+from sepv import problems
 from sepv.problem import Array, Problem
+from sepv.simulate import _wiener as wiener
+from sepv.studies._compare import compare
+from sepv.studies._compare.method import Method
 
 PROBLEMS = ("rigid-body", "pendulum", "lotka-volterra")
 
 
 def driver(library: str) -> ModuleType:
     pytest.importorskip(library, reason=f"{library} is not installed: the extra `peers`")
-    return import_module(f"sepv.adapters.driven_{library}")
+    return import_module(f"sepv.peers.driven_{library}")
 
 
 def given(problem: Problem, steps: int = 4, paths: int = 3) -> tuple[Array, float, Array]:
@@ -55,7 +56,7 @@ def test_a_driver_makes_the_steps_that_the_library_makes_one_by_one(
 ) -> None:
     problem = problems.by_name(name)
     method: Method = getattr(driver(library), driven)
-    step = getattr(import_module(f"sepv.adapters.{library}"), stepped).step
+    step = getattr(import_module(f"sepv.peers.{library}"), stepped).step
     y0, h, dW = given(problem)
     expected = []
     for lane in range(dW.shape[2]):
@@ -70,7 +71,7 @@ def test_a_driver_makes_the_steps_that_the_library_makes_one_by_one(
 def test_two_evaluations_of_reversible_heun_share_a_state() -> None:
     """Whole paths hand the second solution on: the adapter's paths do, and the driver must."""
     problem = problems.rigid_body()
-    theirs = import_module("sepv.adapters.diffrax") if driver("diffrax") else None
+    theirs = import_module("sepv.peers.diffrax") if driver("diffrax") else None
     assert theirs is not None
     y0, h, dW = given(problem)
     whole = theirs.PATHS[0].path(problem, y0, h, dW)

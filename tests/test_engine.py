@@ -13,10 +13,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import sepv
-from sepv import problems, schemes, wiener
-from sepv.division import divided
-from sepv.hamiltonians import HamiltoniansProblem
-from sepv.solution import Status
+from sepv import problems, schemes
+from sepv.problem import HamiltoniansProblem
+from sepv.schemes._division import divided
+from sepv.simulate import _wiener as wiener
+from sepv.solve import Status
 
 pytest.importorskip("numba", reason="the extra `fast` is not installed")
 
@@ -166,8 +167,8 @@ def test_explicit_schemes_that_leave_the_domain_are_marked_alike() -> None:
 def quartic(values=(0.7, 0.4, 0.3, 0.1, -0.05, 1.0, 0.25, -0.125), noise=(0.5, 0.25)):
     """A random-looking quartic H in the plane with B(y) of degree one: nodes, derivatives and parameters all matter."""
     a, b, c, e, f, *B = values
-    from sepv.polynomial import polynomial
     from sepv.problem import PolynomialSystem
+    from sepv.record import polynomial
 
     return problems.polynomial_problem(
         PolynomialSystem(
@@ -187,9 +188,9 @@ def coefficients(draw: st.DrawFn, count: int, low: float, high: float) -> list[f
 
 
 def test_the_engine_takes_the_formula_of_any_scheme_and_nothing_that_is_around_one() -> None:
-    from sepv.engine.schemes import formula_of
-    from sepv.saboteurs import ALL as SABOTEURS
+    from sepv.faults._saboteurs import ALL as SABOTEURS
     from sepv.schemes import energy_preserving
+    from sepv.simulate._engine.schemes import formula_of
 
     own = formula_of(energy_preserving)
     assert own is not None
@@ -255,8 +256,8 @@ def test_several_hamiltonians_are_compiled_from_the_record_of_the_formula(proble
 
 def test_systems_that_differ_in_coefficients_share_one_kernel() -> None:
     """Of either sign: a kernel takes seconds to compile."""
-    from sepv.engine.compile import _written, code_of
-    from sepv.engine.schemes import formula_of
+    from sepv.simulate._engine.compile import _written, code_of
+    from sepv.simulate._engine.schemes import formula_of
 
     rng, formula = np.random.default_rng(0), formula_of(EP)
     quartics = [
@@ -378,8 +379,9 @@ def test_projection_by_both_engines(name: str, h: float) -> None:
 
 @pytest.mark.deep
 def test_stages_at_a_stiff_step_are_left_to_newton() -> None:
-    from sepv.polynomial import constant, polynomial
     from sepv.problem import PolynomialSystem
+    from sepv.record import polynomial
+    from sepv.record._polynomial import constant
 
     stiff = problems.polynomial_problem(
         PolynomialSystem(
@@ -538,7 +540,7 @@ def test_more_paths_than_memory_holds_and_what_is_not_finite_are_refused_at_once
 
 
 def test_compiled_code_that_was_cut_off_is_compiled_again(tmp_path, monkeypatch) -> None:
-    from sepv.engine import store
+    from sepv.simulate._engine import store
 
     monkeypatch.setenv("SEPV_CACHE_DIR", str(tmp_path))
     text = (

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from sepv.properties import test_equivariance as equivariance
 
-from sepv import polynomial as poly
 from sepv import problems, schemes, verify
-from sepv.case import Case
-from sepv.law import Effort, Verdict
+from sepv.faults._saboteurs import ALL
 from sepv.problem import PolynomialSystem
-from sepv.saboteurs import ALL
+from sepv.record import _polynomial as poly
+from sepv.verification import Case, Effort, Verdict
 
 H = poly.polynomial(2, [((2, 0), 0.5), ((0, 2), 0.5), ((1, 2), 0.25)])
 SYSTEM = PolynomialSystem(2, H, ((0, 1, poly.polynomial(2, [((0, 0), -1.0), ((1, 0), 0.5)])),), (1.0,))

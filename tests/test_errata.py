@@ -6,8 +6,8 @@ from pathlib import Path
 
 from click.testing import CliRunner
 
-from sepv.cli import main
-from sepv.reproduce.errata import errata, statements, to_markdown
+from sepv.commands import main
+from sepv.studies._reproduce.errata import errata, statements, to_markdown
 
 
 def test_every_statement_of_the_file_fails_as_printed() -> None:

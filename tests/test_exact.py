@@ -11,11 +11,12 @@ import pytest
 from sepv.reference.problem import exact_problem
 
 import sepv
-from sepv import exact, problems
-from sepv.closed_forms import SEPARATRIX
-from sepv.dense import FlowFailure, solve_dense
+from sepv import problems
+from sepv.exact import _flow as exact
 from sepv.exact import exact_flow
-from sepv.fields import vector_field
+from sepv.exact._closed_forms import SEPARATRIX
+from sepv.exact._dense_flow import FlowFailure, solve_dense
+from sepv.problem import vector_field
 
 EPS = 2.0**-52
 DENSE, JACOBI = "Gauss collocation in panels", "Jacobi elliptic functions"

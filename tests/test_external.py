@@ -16,10 +16,8 @@ import pytest
 from sepv import external, problems, schemes
 from sepv.errors import SchemeFault, Skipped, UsageError
 from sepv.external import check_protocol, load_program
-from sepv.law import Effort, Verdict
-from sepv.laws import LAWS
-from sepv.scheme import Scheme
-from sepv.suite import verify
+from sepv.schemes import Scheme
+from sepv.verification import LAWS, Effort, Verdict, verify
 
 ROOT = Path(__file__).resolve().parent.parent
 OSCILLATOR = problems.harmonic_oscillator()

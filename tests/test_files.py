@@ -11,13 +11,11 @@ import pytest
 from click.testing import CliRunner
 
 from sepv import schemes
-from sepv.cli import main
+from sepv.commands import main
 from sepv.files import badge_json, junit_xml, report_json, write_atomically
-from sepv.law import Effort
-from sepv.outcome import Report
 from sepv.schemas import report_schema
-from sepv.scheme import Scheme
-from sepv.suite import verify
+from sepv.schemes import Scheme
+from sepv.verification import Effort, Report, verify
 
 FEW = Effort(examples=15, paths=256)
 
@@ -177,7 +175,7 @@ def test_statistical_laws_can_be_expected_failures(tmp_path: Path, monkeypatch: 
 def test_wrong_files_are_refused_with_one_message(tmp_path: Path, text: str | None, words: str) -> None:
     file = tmp_path / "expected.toml"
     if text is not None:
-        from sepv.case import from_json, to_token
+        from sepv.verification._cases.case import from_json, to_token
 
         finding = verify("midpoint", laws=["energy"], effort=FEW).finding("energy")
         assert finding.witness

@@ -14,11 +14,11 @@ from sepv.reference.problem import in_arithmetic
 from sepv.reference.series import Series, series_over, solution_series
 from sepv.reference.tableau import horner
 
-from sepv import polynomial as poly
 from sepv import problems
-from sepv.cli import main
+from sepv.commands import main
 from sepv.errors import UsageError
 from sepv.problem import PolynomialSystem
+from sepv.record import _polynomial as poly
 
 PENDULUM, BODY = problems.pendulum().data, problems.rigid_body().data
 OSCILLATOR, PREDATORS = problems.harmonic_oscillator().data, problems.lotka_volterra().data

@@ -9,9 +9,9 @@ import pytest
 from sepv.reference.generator import is_linear, moments
 
 from sepv import problems
-from sepv.gaussian import rule
-from sepv.local_errors import five_noises
 from sepv.problem import PolynomialSystem, Problem
+from sepv.verification._orders.gaussian import rule
+from sepv.verification._orders.local_errors import five_noises
 
 
 def data_of(problem: Problem) -> PolynomialSystem:
@@ -21,7 +21,7 @@ def data_of(problem: Problem) -> PolynomialSystem:
 
 def test_one_rotation_with_noise_is_damped_in_the_mean() -> None:
     """H = ½|y|², B = J⁻¹, c = 1: E y(h) = e^(−h/2) R(h) y0, whose series begins with 1, J⁻¹ − ½."""
-    from sepv import polynomial as poly
+    from sepv.record import _polynomial as poly
 
     H = poly.polynomial(2, {(2, 0): 0.5, (0, 2): 0.5})
     system = PolynomialSystem(2, H, ((0, 1, poly.constant(2, 1.0)),), (1.0,))
@@ -53,7 +53,8 @@ def test_series_and_quadrature_of_the_closed_form_agree(make: type) -> None:
 
 def test_the_first_coefficient_is_the_ito_drift() -> None:
     """L x = f + ½ Σ c_j² f′f at y0."""
-    from sepv.fields import derivative_along, vector_field
+    from sepv.problem import vector_field
+    from sepv.problem._fields import derivative_along
 
     problem = five_noises()
     y0 = np.asarray(problem.initial)

@@ -16,14 +16,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sepv
-from sepv import case, families, problems
-from sepv import polynomial as poly
-from sepv.fields import vector_field
-from sepv.given import cases_for, items, measured_radius
-from sepv.law import Effort, Verdict
-from sepv.polynomial import Polynomial
-from sepv.strategies import contraction_radius
-from sepv.suite import replay
+from sepv import problems
+from sepv.problem import vector_field
+from sepv.record import Polynomial
+from sepv.record import _polynomial as poly
+from sepv.verification import Effort, Verdict
+from sepv.verification._cases import case, families
+from sepv.verification._cases.given import cases_for, items, measured_radius
+from sepv.verification._verify import replay
+from sepv.verification.strategies import contraction_radius
 
 FEW = Effort(examples=8, paths=256, shrink_checks=30)
 SEARCHED = "contract,identity,energy,casimir,noise-sum,symmetry,reduction,reference,midpoint"

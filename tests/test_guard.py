@@ -9,14 +9,13 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from sepv.cli import main
+from sepv.commands import main
 from sepv.errors import Skipped, UsageError
-from sepv.law import Effort, Verdict
-from sepv.report import summary
-from sepv.scheme import Scheme
-from sepv.schemes.energy_preserving import step as exact
-from sepv.schemes.midpoint import step as midpoint
-from sepv.suite import verify
+from sepv.schemes import Scheme
+from sepv.schemes._energy_preserving import step as exact
+from sepv.schemes._midpoint import step as midpoint
+from sepv.verification import Effort, Verdict, verify
+from sepv.verification._report import summary
 
 LAWS = ["--law", "contract", "--law", "energy", "--law", "casimir"]
 MODULE = "from sepv.schemes.{} import step\n"
@@ -37,7 +36,7 @@ def pinned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Little effort; above all no seconds for simplifying counterexamples."""
-    monkeypatch.setattr("sepv.commands.verify._effort", lambda **_: Effort(8, 64, 0, 0.1))
+    monkeypatch.setattr("sepv.commands._verify._effort", lambda **_: Effort(8, 64, 0, 0.1))
 
 
 def call(target: str, *options: str):

@@ -12,41 +12,41 @@ from hypothesis import strategies as st
 from sepv.reference.generator import moments
 
 import sepv
-from sepv import areas, problems, schemes
-from sepv import case as cases
-from sepv import polynomial as poly
-from sepv.candidate import ask
-from sepv.case import Case, from_token, to_token
-from sepv.checks import check_problem
+from sepv import problems, schemes
 from sepv.errors import ProblemError, Skipped, UsageError
-from sepv.exact_structures import ends, refined
-from sepv.families import separable_hamiltonians, so3_hamiltonians
-from sepv.fields import matvec
-from sepv.further import as_matrix, as_rows, some
-from sepv.hamiltonians import (
+from sepv.exact import log_flow
+from sepv.exact._several_structures import ends, refined
+from sepv.problem import (
+    Array,
     HamiltoniansProblem,
-    bracket,
+    PolynomialSystem,
+    Problem,
+    StructuresProblem,
+    check_problem,
     column,
-    combined_field,
     commutes,
     ito_drift,
-    noise_field,
-    noise_slope,
 )
-from sepv.law import Effort, Verdict
-from sepv.local_errors import local_errors
-from sepv.local_moments import exponents
-from sepv.local_rules import rule_for
-from sepv.log_flow import log_flow
-from sepv.orders import Orders, order_of
-from sepv.problem import Array, PolynomialSystem, Problem
-from sepv.problems.polynomial_system import drift_of_energy
-from sepv.scheme import Scheme
-from sepv.sequential import setups
-from sepv.shrink import shrunk
-from sepv.strategies import contraction_ball
-from sepv.strategies_hamiltonians import any_hamiltonians, hamiltonian_steps
-from sepv.structures import StructuresProblem
+from sepv.problem._fields import matvec
+from sepv.problem._hamiltonians import bracket, combined_field, noise_field, noise_slope
+from sepv.problems._polynomial_system import drift_of_energy
+from sepv.record import _polynomial as poly
+from sepv.schemes import Scheme
+from sepv.schemes._further import as_matrix, as_rows, some
+from sepv.schemes._guard import ask
+from sepv.schemes._orders import Orders, order_of
+from sepv.simulate import _areas as areas
+from sepv.verification import Case, Effort, Verdict
+from sepv.verification._cases import case as cases
+from sepv.verification._cases.case import from_token, to_token
+from sepv.verification._cases.families import separable_hamiltonians, so3_hamiltonians
+from sepv.verification._cases.hamiltonians import any_hamiltonians, hamiltonian_steps
+from sepv.verification._cases.shrink import shrunk
+from sepv.verification._orders.local_errors import local_errors
+from sepv.verification._orders.local_moments import exponents
+from sepv.verification._orders.local_rules import rule_for
+from sepv.verification._sequential import setups
+from sepv.verification.strategies import contraction_ball
 
 QUICK = Effort(examples=4, shrink_checks=0)
 KEPT = (
@@ -259,7 +259,7 @@ def test_the_reference_agrees_with_another_one_to_what_it_says() -> None:
     # The increments are the same path's; its areas over 256 steps are drawn again, so that of this one only a coarse
     # reference is made.
     assert np.allclose(fine.coarse(256).dW, rough.dW, atol=1e-15)
-    from sepv.log_flow import path
+    from sepv.exact._log_flow import path
 
     half = path(problem, y0, 0.5 / 64, rough.coarse(64).dW, rough.coarse(64).areas)
     distance = float(np.sqrt(np.mean(np.sum((half - y) ** 2, axis=0))))

@@ -12,16 +12,15 @@ from click.testing import CliRunner
 from sepv.reference.hard import exact_energy
 
 from sepv import problems, schemes
-from sepv.average import average_gradient
-from sepv.checks import check_problem
-from sepv.cli import main
+from sepv.commands import main
 from sepv.errors import ProblemError, StepFailure
-from sepv.laws import LAWS
-from sepv.problem import Problem
+from sepv.problem import Problem, average_gradient, check_problem
 from sepv.problems import hard
 from sepv.schemas import hard_schema
-from sepv.solution import Solution, Status
-from sepv.stability import Seen, run
+from sepv.solve import Status
+from sepv.solve._solution import Solution
+from sepv.studies._hard_cases import Seen, run
+from sepv.verification import LAWS
 
 
 @pytest.mark.parametrize("case", hard.CATALOGUE, ids=lambda c: c.name)
@@ -136,7 +135,7 @@ def test_collocation_solves_where_the_argument_of_the_sine_is_rounded() -> None:
 
 
 def test_a_third_party_step_is_run_state_by_state() -> None:
-    from sepv.scheme import Scheme
+    from sepv.schemes import Scheme
 
     def step(problem, y, h, dW):
         if y[0] > 1:

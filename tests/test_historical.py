@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sepv import problems, teeth
-from sepv.law import Effort, Verdict
-from sepv.saboteurs import ALL, historical
-from sepv.suite import verify
+from sepv import problems
+from sepv.faults import _fault_detection as teeth
+from sepv.faults._saboteurs import ALL, historical
+from sepv.verification import Effort, Verdict, verify
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "teeth.md").read_text(encoding="utf-8")
 NAMES = [s.name for s in historical.SABOTEURS]

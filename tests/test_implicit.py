@@ -10,18 +10,18 @@ import pytest
 from hypothesis import given
 
 import sepv
-from sepv import implicit, problems, schemes, strategies
-from sepv import polynomial as poly
-from sepv.average import average_gradient
-from sepv.case import Case
-from sepv.fields import linear_solve, matvec
-from sepv.implicit import iterate
-from sepv.polynomial import PolynomialMap
-from sepv.problem import PolynomialSystem, Problem
-from sepv.quadrature import gauss_legendre
-from sepv.schemes.energy_preserving import jacobian
-from sepv.schemes.energy_preserving import step as preserving
-from sepv.solution import Equations, Solution, Status
+from sepv import problems, schemes
+from sepv.problem import PolynomialSystem, Problem, average_gradient
+from sepv.problem._fields import linear_solve, matvec
+from sepv.record import PolynomialMap, gauss_legendre
+from sepv.record import _polynomial as poly
+from sepv.schemes._energy_preserving import jacobian
+from sepv.schemes._energy_preserving import step as preserving
+from sepv.solve import Status
+from sepv.solve import _implicit as implicit
+from sepv.solve._implicit import iterate
+from sepv.solve._solution import Equations, Solution
+from sepv.verification import Case, strategies
 
 increment = preserving.increment
 
@@ -39,7 +39,7 @@ def test_residual_is_that_of_the_value_returned_and_at_rounding(case: Case) -> N
     problem, y, h, dW = case.build()
     solution = schemes.energy_preserving.solve(problem, y, h, dW)
     assert solution.status[0] == Status.CONVERGED
-    from sepv.tolerance import step_residual
+    from sepv.verification import step_residual
 
     delta = problem.random_step(h, dW[:, None])[None]
     y1 = solution.value
@@ -58,7 +58,7 @@ def test_problems_without_derivatives_or_degree_give_the_same_step(scheme: sepv.
     plain = stripped(problem, "hessian", "structure_derivative", "degree", "data")
     full, bare = (scheme.solve(p, y, h, dW) for p in (problem, plain))
     assert full.status[0] == bare.status[0] == Status.CONVERGED
-    from sepv.tolerance import step_residual
+    from sepv.verification import step_residual
 
     # Two solutions of one equation, each with a residual at rounding; the contraction factor is ≤ 1/4.
     allowed = 2 * 4 / 3 * step_residual(problem, y, full.value[:, 0], h, dW).max()

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sepv import polynomial as poly
 from sepv import problems
-from sepv.differences import difference_jacobian
-from sepv.fields import derivative_along, field_jacobian, hessian, structure_slope, vector_field
-from sepv.problem import PolynomialSystem, Problem
-from sepv.schemes.collocation import _Stages
-from sepv.tableaux import exact_nodes
+from sepv.problem import PolynomialSystem, Problem, field_jacobian, vector_field
+from sepv.problem._fields import derivative_along, hessian, structure_slope
+from sepv.record import _polynomial as poly
+from sepv.schemes._collocation import _Stages
+from sepv.schemes._tableaux import exact_nodes
+from sepv.solve._differences import difference_jacobian
 
 MODULES = ("energy_preserving", "midpoint", "several_structures")
 Y0 = np.array([[0.8, -0.3], [0.6, 0.9], [0.1, -0.7]])

@@ -14,9 +14,10 @@ import pytest
 import sepv
 from sepv import large, schemes
 from sepv.errors import ProblemError, StepFailure, UsageError
-from sepv.large import LargeProblem, newton
+from sepv.large import LargeProblem
+from sepv.large import _newton as newton
 from sepv.problem import Array
-from sepv.solution import Status
+from sepv.solve import Status
 
 EPS = float(np.finfo(np.float64).eps)
 CHAINS: dict[str, Callable[[int], LargeProblem]] = {
@@ -152,7 +153,7 @@ def test_memory_grows_like_d() -> None:
 
 def test_a_path_uses_the_increments_it_is_given_and_is_the_same_again() -> None:
     problem = large.toda_chain(10)
-    dW = sepv.wiener.increments(3, T=0.2, steps=10, noises=1)[:, :, 0]
+    dW = sepv.simulate.increments(3, T=0.2, steps=10, noises=1)[:, :, 0]
     one = large.integrate(large.energy_preserving, problem, h=0.02, steps=10, seed=3)
     two = large.integrate(large.energy_preserving, problem, h=0.02, steps=10, dW=dW)
     assert np.array_equal(one.y, two.y)

@@ -12,14 +12,11 @@ import pytest
 from click.testing import CliRunner
 
 import sepv
-from sepv.cli import main
+from sepv.commands import main
 from sepv.errors import UsageError
 from sepv.files import badge_json
-from sepv.law import Effort, Finding, Verdict
-from sepv.laws import load_laws
-from sepv.levels import LEVELS, SUITE, conformance
-from sepv.outcome import Report
 from sepv.schemas import report_schema
+from sepv.verification import LEVELS, SUITE, Effort, Finding, Report, Verdict, conformance, load_laws
 
 DOC = (Path(__file__).resolve().parents[1] / "docs" / "levels.md").read_text()
 LAWS = load_laws()

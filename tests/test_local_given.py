@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from sepv import problems
-from sepv.suite import verify
+from sepv.verification import verify
 
 LAWS = ("truncation", "local-mean", "local-mean-square", "local-weak")
 GIVEN = {

@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 
 from sepv import problems
-from sepv.hamiltonians import HamiltoniansProblem
-from sepv.law import Effort, Verdict
-from sepv.local_errors import local_states
-from sepv.local_moments import moments_at
-from sepv.problem import Array
-from sepv.scheme import Scheme
-from sepv.suite import verify
-from sepv.target import load_scheme
+from sepv.problem import Array, HamiltoniansProblem
+from sepv.schemes import Scheme
+from sepv.schemes._load import load_scheme
+from sepv.verification import Effort, Verdict, verify
+from sepv.verification._orders.local_errors import local_states
+from sepv.verification._orders.local_moments import moments_at
 
 
 def as_functions(name: str) -> HamiltoniansProblem:

@@ -10,16 +10,13 @@ import pytest
 from sepv import problems, schemes
 from sepv.errors import Skipped
 from sepv.exact import exact_flow
-from sepv.fields import vector_field
-from sepv.law import Effort, Verdict
-from sepv.local_errors import LEVELS, cases, local_errors, step_sizes
-from sepv.local_orders import judge_slope
-from sepv.outcome import Report
-from sepv.problem import Array, Problem
-from sepv.saboteurs import ALL
-from sepv.scheme import Scheme, Step, as_lanes
-from sepv.schemes import energy_preserving
-from sepv.suite import verify
+from sepv.faults._saboteurs import ALL
+from sepv.problem import Array, Problem, vector_field
+from sepv.schemes import Scheme, energy_preserving
+from sepv.schemes._scheme import Step, as_lanes
+from sepv.verification import Effort, Report, Verdict, verify
+from sepv.verification._orders.local_errors import LEVELS, cases, local_errors, step_sizes
+from sepv.verification._orders.local_orders import judge_slope
 
 LOCAL = ("local-mean", "local-mean-square", "local-weak")
 H = 2.0 ** -np.arange(6.0, 27.0, 2.0)

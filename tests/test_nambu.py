@@ -11,16 +11,20 @@ from sepv.reference.more_equations import BOTH_INVARIANTS
 from sepv.reference.steps import reference_step
 
 import sepv
-from sepv import polynomial as poly
 from sepv import problems, schemes
-from sepv.case import Case, from_json, to_json
 from sepv.errors import ProblemError, Skipped, UsageError
-from sepv.nambu import Nambu
-from sepv.problem import PolynomialSystem
-from sepv.schemes.both_invariants import step as both
-from sepv.strategies import steps
-from sepv.strategies_structures import linear_casimirs, nambu_steps, nambu_systems, quadratic_casimirs
-from sepv.tolerance import state_ulp
+from sepv.problem import Nambu, PolynomialSystem
+from sepv.record import _polynomial as poly
+from sepv.schemes._both_invariants import step as both
+from sepv.verification import Case, state_ulp
+from sepv.verification._cases.case import from_json, to_json
+from sepv.verification._cases.structures import (
+    linear_casimirs,
+    nambu_steps,
+    nambu_systems,
+    quadratic_casimirs,
+)
+from sepv.verification.strategies import steps
 
 
 @given(nambu_steps())

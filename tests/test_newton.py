@@ -8,10 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sepv import damped, differences, implicit, problems
+from sepv import problems
 from sepv.errors import StepFailure
-from sepv.implicit import MAX_HALVINGS, into_domain, iterate
-from sepv.solution import Equations, Evaluation, Increment, Solution, Status, merge, require_converged
+from sepv.solve import Increment, Status
+from sepv.solve import _damped as damped
+from sepv.solve import _differences as differences
+from sepv.solve import _implicit as implicit
+from sepv.solve._implicit import MAX_HALVINGS, into_domain, iterate
+from sepv.solve._solution import Equations, Evaluation, Solution, merge, require_converged
 
 EPS = 2.0**-52
 

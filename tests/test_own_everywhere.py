@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 import sepv
-from sepv.cli import main
+from sepv.commands import main
 
 ROOT = Path(__file__).resolve().parents[1]
 PROGRAM = shlex.join([sys.executable, str(ROOT / "examples" / "euler_heun_plain.py")])
@@ -179,7 +179,7 @@ def test_a_saved_record_of_an_own_problem_guards_it(folder: Path) -> None:
 def test_ulps_of_functions_and_of_data_agree() -> None:
     from dataclasses import replace
 
-    from sepv.ulps import one_step
+    from sepv.studies._ulps import one_step
 
     data = sepv.problems.pendulum()
     functions = replace(data, data=None, check=False)
@@ -232,7 +232,7 @@ def first_lane(problem, y, h, dW):
 def test_a_step_on_a_narrow_domain_is_seen_to_take_batches(folder: Path, domain: str) -> None:
     module = f"narrow_{len(domain)}"
     (folder / f"{module}.py").write_text(NARROW.replace("DOMAIN", domain))
-    from sepv.target import load_problem, load_scheme
+    from sepv.schemes._load import load_problem, load_scheme
 
     ring = load_problem(f"{module}:ring")
     assert load_scheme(f"{module}:step", problems=[ring]).batched

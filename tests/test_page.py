@@ -19,13 +19,13 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from sepv.cli import main
+from sepv.commands import main
 from sepv.errors import UsageError
 from sepv.page import load, render
-from sepv.page.plot import Curve, colour_rules, plot
-from sepv.page.sources import Sources
-from sepv.page.text import name, plain
-from sepv.palette import look
+from sepv.page._plot import Curve, colour_rules, plot
+from sepv.page._sources import Sources
+from sepv.page._text import name, plain
+from sepv.studies._palette import look
 
 EVIL = [
     "<script>document.title='owned'</script>",
@@ -300,7 +300,7 @@ def test_the_committed_page_is_small_and_has_our_schemes_and_the_paper() -> None
 
 def test_the_committed_page_is_not_older_than_what_it_shows() -> None:
     """Where it fails: python -m benchmarks.page"""
-    from sepv.page.render import fingerprint
+    from sepv.page._render import fingerprint
 
     page = (Path(__file__).resolve().parents[1] / "docs" / "report.html").read_text(encoding="utf-8")
     made = re.search(r'<meta name="sepv-made-from" content="(\w+)">', page)
@@ -357,7 +357,7 @@ def test_laws_stand_in_the_order_of_the_suite_and_link_to_what_they_say() -> Non
 
 
 def test_a_price_picture_begins_where_steps_are_paid_for() -> None:
-    from sepv.page.views import priced, step_size
+    from sepv.page._views import priced, step_size
 
     seconds = {1: 1.0, 2: 1.01, 4: 1.05, 8: 1.7, 16: 3.3}
     points = [{"steps": n, "paths": 10, "seconds": {"median": s}} for n, s in seconds.items()]

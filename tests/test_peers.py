@@ -16,19 +16,17 @@ from click.testing import CliRunner
 from hypothesis import given, settings
 
 from sepv import problems
-from sepv.adapters import compliance, measurements, rows
-from sepv.adapters._lanes import in_blocks
-from sepv.adapters.multistep import PathSolver
-from sepv.adapters.posing import pose
-from sepv.case import Case
 from sepv.errors import Skipped
-from sepv.fields import vector_field
-from sepv.law import Effort, Verdict
-from sepv.laws import load_laws
-from sepv.problem import PolynomialSystem, Problem
-from sepv.scheme import Scheme
-from sepv.strategies import any_steps
-from sepv.suite import verify
+from sepv.peers import _measurements as measurements
+from sepv.peers import _rows as rows
+from sepv.peers import compliance
+from sepv.peers._lanes import in_blocks
+from sepv.peers._multistep import PathSolver
+from sepv.peers.posing import pose
+from sepv.problem import PolynomialSystem, Problem, vector_field
+from sepv.schemes import Scheme
+from sepv.verification import Case, Effort, Verdict, load_laws, verify
+from sepv.verification.strategies import any_steps
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 QUICK = Effort(examples=20, paths=256, shrink_checks=30)
@@ -36,7 +34,7 @@ QUICK = Effort(examples=20, paths=256, shrink_checks=30)
 
 def adapter(library: str) -> ModuleType:
     pytest.importorskip(library, reason=f"{library} is not installed: the extra `peers`")
-    return import_module(f"sepv.adapters.{library}")
+    return import_module(f"sepv.peers.{library}")
 
 
 # The problems as data

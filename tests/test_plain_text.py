@@ -9,8 +9,8 @@ import sys
 import pytest
 from click.testing import CliRunner
 
-from sepv.cli import main
-from sepv.commands.shared import CRASH
+from sepv.commands import main
+from sepv.commands._shared import CRASH
 from sepv.plain_text import ascii_text
 
 
@@ -37,7 +37,7 @@ def test_a_defect_of_our_own_is_no_verdict(monkeypatch: pytest.MonkeyPatch) -> N
     def broken(*_: object, **__: object) -> None:
         raise TypeError("a defect")
 
-    monkeypatch.setattr("sepv.report.summary", broken)
+    monkeypatch.setattr("sepv.verification._report.summary", broken)
     result = CliRunner().invoke(main, ["verify", "midpoint", "--law", "truncation"])
     assert result.exit_code == CRASH == 70
     assert "a defect of sepv itself, and no verdict: TypeError: a defect" in result.output

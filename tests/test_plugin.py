@@ -8,11 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from sepv.expected import pin
-from sepv.law import Effort
-from sepv.laws import LAWS
 from sepv.schemes import midpoint
-from sepv.suite import verify
+from sepv.verification import LAWS, Effort, verify
+from sepv.verification._expected import pin
 
 pytest_plugins = ["pytester"]
 

@@ -9,15 +9,16 @@ import numpy as np
 import pytest
 
 import sepv
-from sepv import polynomial as poly
-from sepv import problems, schemes, wiener
+from sepv import problems, schemes
 from sepv.errors import UsageError
-from sepv.gaussian import point_rule
-from sepv.law import Verdict
-from sepv.point_laws import THREE_POINT, TWO_POINT, PointLaw, point_law
 from sepv.problem import Problem
-from sepv.scheme import PATHWISE, weakly
-from sepv.weak_trees import tree
+from sepv.record import _polynomial as poly
+from sepv.schemes._point_laws import THREE_POINT, TWO_POINT, PointLaw, point_law
+from sepv.schemes._scheme import PATHWISE, weakly
+from sepv.simulate import _wiener as wiener
+from sepv.verification import Verdict
+from sepv.verification._orders.gaussian import point_rule
+from sepv.verification._orders.weak_trees import tree
 
 # Gauss-Hermite quadrature with four points: moments up to 7, enough for weak order 3.
 _INNER, _OUTER = math.sqrt(3 - math.sqrt(6)), math.sqrt(3 + math.sqrt(6))

@@ -10,17 +10,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import sepv
-from sepv import poisson, problems
-from sepv import polynomial as poly
-from sepv.case import Case
-from sepv.law import Effort, Verdict
-from sepv.poisson_map import check
+from sepv import problems
 from sepv.problem import Array, PolynomialSystem, Problem
-from sepv.scheme import Scheme
-from sepv.schemes import by_name, midpoint
-from sepv.strategies import contraction_ball, is_short
-from sepv.strategies_poisson import poisson_steps, poisson_structures
-from sepv.structures import jacobi_defect
+from sepv.problem import _poisson as poisson
+from sepv.problem._structures import jacobi_defect
+from sepv.record import _polynomial as poly
+from sepv.schemes import Scheme, by_name, midpoint
+from sepv.verification import Case, Effort, Verdict
+from sepv.verification._cases.poisson import poisson_steps, poisson_structures
+from sepv.verification._poisson_map import check
+from sepv.verification.strategies import contraction_ball, is_short
 
 QUICK = Effort(examples=10, shrink_checks=0)
 
@@ -72,7 +71,7 @@ def test_the_derivative_of_a_step_is_within_its_bound(seed: int) -> None:
     assert np.all(np.abs(D - exact) <= fourth + bound)
 
 
-def _moved(step: sepv.scheme.Step, by: float) -> sepv.scheme.Step:
+def _moved(step: sepv.schemes._scheme.Step, by: float) -> sepv.schemes._scheme.Step:
     return lambda problem, y, h, dW: step(problem, y, h, dW) + by
 
 
@@ -152,7 +151,7 @@ def test_every_case_can_be_measured(case: Case) -> None:
     assert np.isfinite(measured.defect)
 
 
-def _composition(weights: list[float]) -> sepv.scheme.Step:
+def _composition(weights: list[float]) -> sepv.schemes._scheme.Step:
     """Störmer-Verlet over shares of Δ, some longer than Δ and backwards (H. Yoshida, Phys. Lett. A 150, 1990)."""
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:

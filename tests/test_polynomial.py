@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sepv import polynomial as poly
 from sepv.errors import UsageError
-from sepv.polynomial import Polynomial, PolynomialMap
-from sepv.strategies import components, polynomials
+from sepv.record import Polynomial, PolynomialMap
+from sepv.record import _polynomial as poly
+from sepv.verification.strategies import components, polynomials
 
 
 def exactly(p: Polynomial, y: list[float]) -> Fraction:

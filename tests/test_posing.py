@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 import sepv
-from sepv.adapters.posing import field_in, pose
-from sepv.candidate import SchemeCrash, ask
-from sepv.fields import vector_field
-from sepv.law import Verdict
+from sepv.peers.posing import field_in, pose
+from sepv.problem import vector_field
+from sepv.schemes._guard import SchemeCrash, ask
+from sepv.verification import Verdict
 
 NAMES = ["rigid-body", "pendulum", "lotka-volterra", "harmonic-oscillator"]
 EXTENDING = (Path(__file__).resolve().parents[1] / "docs" / "extending.md").read_text(encoding="utf-8")
@@ -84,7 +84,7 @@ def test_numpys_functions_under_a_tracer_end_with_the_way_to_pose_them() -> None
     def step(problem: sepv.Problem, y: np.ndarray, h: float, dW: np.ndarray) -> np.ndarray:
         raise TracerArrayConversionError("called on traced array\nSee https://…")
 
-    with pytest.raises(SchemeCrash, match=r"sepv.adapters.posing.pose") as caught:
+    with pytest.raises(SchemeCrash, match=r"sepv.peers.posing.pose") as caught:
         ask(sepv.Scheme("traced", step), sepv.problems.pendulum(), np.array([0.2, 1.0]), 0.1, np.zeros(2))
     assert "https" not in str(caught.value)
 

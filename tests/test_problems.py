@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 
 import sepv
-from sepv import case as cases
-from sepv import problems, strategies
-from sepv.average import average_gradient
-from sepv.checks import check_problem, sample_states
+from sepv import problems
 from sepv.errors import ProblemError
-from sepv.problem import PolynomialSystem
+from sepv.problem import PolynomialSystem, average_gradient, check_problem
+from sepv.problem._checks import sample_states
+from sepv.verification import strategies
+from sepv.verification._cases import case as cases
 
 
 @pytest.mark.parametrize("name", problems.NAMED)

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from sepv import StepFailure, UsageError, problems, schemes
-from sepv.fields import casimir_gradients
-from sepv.implicit import ROUNDING
-from sepv.law import Effort, Verdict
-from sepv.polynomial import constant, polynomial
-from sepv.problem import PolynomialSystem, Problem
-from sepv.schemes.projected import Directions, solve_projection
-from sepv.solution import Status
-from sepv.suite import verify
+from sepv.problem import PolynomialSystem, Problem, casimir_gradients
+from sepv.record import polynomial
+from sepv.record._polynomial import constant
+from sepv.schemes._projected import Directions, solve_projection
+from sepv.solve import Status
+from sepv.solve._implicit import ROUNDING
+from sepv.verification import Effort, Verdict, verify
 
 EPS = 2.0**-52
 ORDERS = (4, 8)

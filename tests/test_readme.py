@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from sepv.laws import load_laws
 from sepv.schemes import energy_preserving
+from sepv.verification import load_laws
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text()

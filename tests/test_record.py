@@ -11,12 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sepv import problems
-from sepv.fields import field_jacobian, matvec
-from sepv.record import CannotRecord, NoClosedForm, Tape, evaluator, gradient, jacobian, mean_gradient
-from sepv.record.derivative import reachable
-from sepv.record.functions import FUNCTIONS
-from sepv.record.means import degree
-from sepv.record.replay import replay
+from sepv.problem import field_jacobian
+from sepv.problem._fields import matvec
+from sepv.record import CannotRecord, NoClosedForm, Tape, degree, evaluator, gradient, jacobian, mean_gradient
+from sepv.record._derivative import reachable
+from sepv.record._functions import FUNCTIONS
+from sepv.record._replay import replay
 
 EPS = 2.0**-52
 MP = mpmath.mp.clone()

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 import sepv
 from sepv import problems, schemes
-from sepv.results.reductions import FEWEST, Summary, summary
-from sepv.results.sketch import ACCURACY, Sketch, sketch
+from sepv.simulate._results.reductions import FEWEST, Summary, summary
+from sepv.simulate._results.sketch import ACCURACY, Sketch, sketch
 
 EP, PENDULUM = schemes.energy_preserving, problems.pendulum()
 SMALL: dict[str, Any] = {"h": 1 / 16, "T": 0.5, "paths": 3000, "chunk": 256, "seed": 5}

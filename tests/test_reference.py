@@ -14,11 +14,11 @@ from sepv.reference.problem import exact_problem
 from sepv.reference.rounding import error_units
 from sepv.reference.steps import reference_step
 
-from sepv import problems, schemes, strategies
-from sepv.case import Case
+from sepv import problems, schemes
 from sepv.errors import StepFailure, UsageError
 from sepv.problem import NamedProblem
-from sepv.tolerance import EPS
+from sepv.verification import Case, strategies
+from sepv.verification._tolerance import EPS
 
 
 @settings(max_examples=40)

@@ -11,11 +11,11 @@ from sepv.properties import test_contract
 
 from sepv import StepFailure, schemes
 from sepv.errors import SchemeFault
-from sepv.law import Effort, Finding, Verdict
+from sepv.faults._saboteurs import ALL
 from sepv.problem import Array, Problem
-from sepv.saboteurs import ALL
-from sepv.scheme import Scheme
-from sepv.suite import replay, verify
+from sepv.schemes import Scheme
+from sepv.verification import Effort, Finding, Verdict, verify
+from sepv.verification._verify import replay
 
 FEW = Effort(examples=1, shrink_checks=0)
 

@@ -14,10 +14,10 @@ import pytest
 from click.testing import CliRunner
 
 from sepv import problems, schemes
-from sepv.cli import main
-from sepv.convergence import strong_errors
+from sepv.commands import main
 from sepv.errors import UsageError
-from sepv.reproduce import (
+from sepv.schemas import reproduction_schema
+from sepv.studies._reproduce import (
     Reproduction,
     Size,
     fine_step,
@@ -32,9 +32,9 @@ from sepv.reproduce import (
     rigid_body,
     runs,
 )
-from sepv.reproduce.draw import draw
-from sepv.reproduce.suite import _run as run_jobs
-from sepv.schemas import reproduction_schema
+from sepv.studies._reproduce.draw import draw
+from sepv.studies._reproduce.suite import _run as run_jobs
+from sepv.verification._orders.convergence import strong_errors
 
 # The compiled engine has its own tests, and compiles longer than this computes.
 TINY = Size(share=1e-3, engine="numpy")

@@ -8,11 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sepv.reference.steps import reference_step
 
-from sepv import UsageError, problems, schemes, strategies
-from sepv.case import Case
+from sepv import UsageError, problems, schemes
 from sepv.exact import exact_flow
-from sepv.explicit_tableaux import TABLEAUX
-from sepv.tolerance import state_ulp
+from sepv.schemes._explicit_tableaux import TABLEAUX
+from sepv.verification import Case, state_ulp, strategies
 
 RIVALS = [*schemes.MORE.values(), *(schemes.gauss(s) for s in range(1, 7))]
 

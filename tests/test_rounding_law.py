@@ -6,12 +6,10 @@ import numpy as np
 from sepv.properties import test_rounding as rounding
 
 from sepv.errors import Skipped
-from sepv.law import Effort, Verdict
+from sepv.faults._saboteurs import ALL
 from sepv.problem import Array
-from sepv.saboteurs import ALL
-from sepv.scheme import Scheme
-from sepv.schemes import energy_preserving
-from sepv.suite import verify
+from sepv.schemes import Scheme, energy_preserving
+from sepv.verification import Effort, Verdict, verify
 
 W = 0.144
 

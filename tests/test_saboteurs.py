@@ -6,15 +6,10 @@ from io import StringIO
 
 import pytest
 
-from sepv import teeth
-from sepv.corners import for_energy
 from sepv.errors import UsageError
-from sepv.law import Effort, Verdict
-from sepv.laws import LAWS
-from sepv.report import console
-from sepv.saboteurs import ALL, FAMILIES, historical
-from sepv.saboteurs.hamiltonians import ORIGINALS as IMITATED
-from sepv.scheme import weakly
+from sepv.faults import _fault_detection as teeth
+from sepv.faults._saboteurs import ALL, FAMILIES, historical
+from sepv.faults._saboteurs.hamiltonians import ORIGINALS as IMITATED
 from sepv.schemes import (
     both_invariants,
     collocation,
@@ -24,7 +19,11 @@ from sepv.schemes import (
     several_structures,
     splitting,
 )
-from sepv.spaces import SPACES
+from sepv.schemes._scheme import weakly
+from sepv.verification import LAWS, Effort, Verdict
+from sepv.verification._cases.fixed_cases import for_energy
+from sepv.verification._cases.spaces import SPACES
+from sepv.verification._report import console
 
 # What these claim is what is wrong with them; all others claim exactly what (2.1) claims.
 ORIGINALS = {"single": collocation(2), "nambu": both_invariants, "several": several_structures}
@@ -55,7 +54,7 @@ def test_each_law_has_a_saboteur_that_it_must_catch(law: str) -> None:
 
 
 def test_there_are_nine_families_and_no_name_twice() -> None:
-    from sepv.saboteurs import (
+    from sepv.faults._saboteurs import (
         arithmetic,
         formula,
         hamiltonians,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from sepv import Scheme, UsageError, problems, schemes
-from sepv.laws import load_laws
-from sepv.scheme import as_lanes
+from sepv.schemes._scheme import as_lanes
+from sepv.verification import load_laws
 
 
 def stay(problem, y, h, dW):

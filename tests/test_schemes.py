@@ -9,13 +9,14 @@ import pytest
 from hypothesis import given
 from sepv.reference.problem import exact_problem
 
-from sepv import problems, schemes, strategies
-from sepv.case import Case
-from sepv.fields import derivative_along, vector_field
-from sepv.formula import Asked
-from sepv.schemes.discrete_gradient import coordinate_increments
-from sepv.schemes.discrete_gradient import step as discrete
-from sepv.tolerance import gradient_majorant
+from sepv import problems, schemes
+from sepv.problem import vector_field
+from sepv.problem._fields import derivative_along
+from sepv.schemes._discrete_gradient import coordinate_increments
+from sepv.schemes._discrete_gradient import step as discrete
+from sepv.solve._formula import Asked
+from sepv.verification import Case, strategies
+from sepv.verification._tolerance import gradient_majorant
 
 
 def test_oscillator_step_is_the_printed_formula() -> None:

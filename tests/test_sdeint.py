@@ -6,10 +6,9 @@ import numpy as np
 import sdeint
 
 from sepv import problems
-from sepv.adapters.sdeint import ito_euler, strat_heun
-from sepv.fields import vector_field
-from sepv.law import Effort, Verdict
-from sepv.suite import verify
+from sepv.peers.sdeint import ito_euler, strat_heun
+from sepv.problem import vector_field
+from sepv.verification import Effort, Verdict, verify
 
 
 def test_the_adapter_runs_sdeints_own_code() -> None:

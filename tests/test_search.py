@@ -5,11 +5,10 @@ from __future__ import annotations
 import pytest
 from hypothesis import strategies as st
 
-from sepv import problems, schemes, search
-from sepv.case import Case
-from sepv.law import Effort, Law, Measurement, Verdict
-from sepv.scheme import Scheme
-from sepv.search import searched
+from sepv import problems, schemes
+from sepv.schemes import Scheme
+from sepv.verification import Case, Effort, Law, Measurement, Verdict, searched
+from sepv.verification import _search as search
 
 # A violation lies in a thousandth of the states, on a slope of the defect that is seen from all of them.
 MOST, BEST, NEAR = 10**4, 6_543, 4

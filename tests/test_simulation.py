@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 
 import sepv
-from sepv import problems, schemes, wiener
-from sepv.continuation import continued
-from sepv.division import divided
+from sepv import problems, schemes
 from sepv.errors import TruncationWarning
-from sepv.simulation import CHUNK, Batch, advance, initial_state, prepared, run_chunk, step_count
-from sepv.solution import Solution, Status
+from sepv.schemes._continuation import continued
+from sepv.schemes._division import divided
+from sepv.simulate import _wiener as wiener
+from sepv.simulate._paths import CHUNK, Batch, advance, initial_state, prepared, run_chunk, step_count
+from sepv.solve import Status
+from sepv.solve._solution import Solution
 
 # These are about the NumPy batch; the compiled engine has its own file.
 ensemble = partial(sepv.ensemble, engine="numpy")

@@ -18,7 +18,7 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
-from sepv.laws import LAWS
+from sepv.verification import LAWS
 
 ROOT = Path(__file__).resolve().parents[1]
 CHROMIUM = next((p for p in ("chromium", "chromium-browser", "google-chrome") if shutil.which(p)), None)

@@ -11,11 +11,12 @@ import pytest
 from click.testing import CliRunner
 
 import sepv
-from sepv import problems, schemes, wiener
-from sepv.cli import main
+from sepv import problems, schemes
+from sepv.commands import main
 from sepv.errors import UsageError
 from sepv.schemas import solvability_schema
-from sepv.solvability import (
+from sepv.simulate import _wiener as wiener
+from sepv.studies._solvability import (
     End,
     Exits,
     Finding,

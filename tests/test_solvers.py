@@ -11,22 +11,24 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from sepv import areas, problems
-from sepv.adapters import general, solvers
-from sepv.adapters.posing_fields import pose_fields
-from sepv.adapters.solver import KINDS, Solver, problem_of
+from sepv import problems
 from sepv.errors import Skipped
-from sepv.fields import vector_field
-from sepv.further import answer
-from sepv.hamiltonians import column, ito_drift, noise_field
-from sepv.law import Effort
+from sepv.peers import _general as general
+from sepv.peers import solvers
+from sepv.peers._posing_fields import pose_fields
+from sepv.peers._solver import KINDS, Solver, problem_of
+from sepv.problem import column, ito_drift, vector_field
+from sepv.problem._hamiltonians import noise_field
+from sepv.schemes._further import answer
+from sepv.simulate import _areas as areas
+from sepv.verification import Effort
 
 LIBRARIES = ("diffrax", "torchsde", "sdeint")
 
 
 def solver(library: str, name: str) -> Solver:
     pytest.importorskip(library, reason=f"{library} is not installed: the extra `peers`")
-    found: tuple[Solver, ...] = import_module(f"sepv.adapters.general_{library}").SOLVERS
+    found: tuple[Solver, ...] = import_module(f"sepv.peers.general_{library}").SOLVERS
     return next(each for each in found if each.name == f"{library} {name}")
 
 
@@ -149,7 +151,7 @@ def test_the_page_is_of_the_solvers_that_are_here() -> None:
     page = (Path(__file__).resolve().parents[1] / "docs" / "solvers.md").read_text("utf-8")
     for library in LIBRARIES:
         try:
-            own = import_module(f"sepv.adapters.general_{library}").SOLVERS
+            own = import_module(f"sepv.peers.general_{library}").SOLVERS
         except ModuleNotFoundError:
             continue
         for each in own:

@@ -5,17 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sepv import areas
-from sepv.adapters.solver import problem_of
-from sepv.fields import matvec
-from sepv.further import some
-from sepv.hamiltonians import noise_field
-from sepv.law import Effort, Verdict
-from sepv.local_rules import rule_for
-from sepv.orders import Orders
+from sepv.peers._solver import problem_of
 from sepv.problem import Array, Problem
-from sepv.scheme import Scheme
-from sepv.suite import verify
+from sepv.problem._fields import matvec
+from sepv.problem._hamiltonians import noise_field
+from sepv.schemes import Scheme
+from sepv.schemes._further import some
+from sepv.schemes._orders import Orders
+from sepv.simulate import _areas as areas
+from sepv.verification import Effort, Verdict, verify
+from sepv.verification._orders.local_rules import rule_for
 
 LOCAL = ["local-mean", "local-mean-square", "local-weak"]
 

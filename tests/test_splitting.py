@@ -8,7 +8,7 @@ import pytest
 import sepv
 from sepv import problems, schemes
 from sepv.errors import Skipped
-from sepv.fields import vector_field
+from sepv.problem import vector_field
 
 NAMES = tuple(problems.NAMED)
 

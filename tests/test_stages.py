@@ -10,15 +10,16 @@ import numpy as np
 import pytest
 
 import sepv
-from sepv import polynomial as poly
 from sepv import problems, schemes
-from sepv.fields import linear_solve
 from sepv.problem import PolynomialSystem
+from sepv.problem._fields import linear_solve
 from sepv.problems import hard
-from sepv.schemes.collocation import _Stages, solve_stages
-from sepv.solution import Equations, Status
-from sepv.tableaux import exact_nodes, gauss_tableau, moments
-from sepv.tolerance import EPS
+from sepv.record import _polynomial as poly
+from sepv.schemes._collocation import _Stages, solve_stages
+from sepv.schemes._tableaux import exact_nodes, gauss_tableau, moments
+from sepv.solve import Status
+from sepv.solve._solution import Equations
+from sepv.verification._tolerance import EPS
 
 STAGES = range(1, 7)
 LANES = np.arange(3)

@@ -12,15 +12,21 @@ from sepv.properties import test_mean_square_order as mean_square
 from sepv.properties import test_weak_order as weak
 
 from sepv import problems, schemes, verify
-from sepv.convergence import StrongErrors, mean_square_order, quantile_slope, strong_errors
-from sepv.fields import vector_field
-from sepv.law import Effort, Finding, Verdict
-from sepv.means import critical, decay, leading, limit_errors, moment_errors
-from sepv.problem import Array, Problem
-from sepv.saboteurs import unusual
-from sepv.scheme import Scheme, step_by
-from sepv.sequential import FIRST_LOOK, budget, looks, setups
-from sepv.solution import Solution, Status
+from sepv.faults._saboteurs import unusual
+from sepv.problem import Array, Problem, vector_field
+from sepv.schemes import Scheme
+from sepv.schemes._scheme import step_by
+from sepv.solve import Status
+from sepv.solve._solution import Solution
+from sepv.verification import Effort, Finding, Verdict
+from sepv.verification._orders.convergence import (
+    StrongErrors,
+    mean_square_order,
+    quantile_slope,
+    strong_errors,
+)
+from sepv.verification._orders.means import critical, decay, leading, limit_errors, moment_errors
+from sepv.verification._sequential import FIRST_LOOK, budget, looks, setups
 
 SAMPLED = ("mean-square-order", "weak-order", "right-limit")
 RIGID = problems.rigid_body()

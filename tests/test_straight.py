@@ -11,12 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sepv import problems, schemes
-from sepv.differences import difference_jacobian
-from sepv.one_step import Implicit
 from sepv.problem import Problem
-from sepv.scheme import Scheme
-from sepv.solution import Solution, Status
-from sepv.straight import BLOCK, MOST, iteration
+from sepv.schemes import Scheme
+from sepv.schemes._one_step import Implicit
+from sepv.solve import Status
+from sepv.solve._differences import difference_jacobian
+from sepv.solve._solution import Solution
+from sepv.solve._straight import BLOCK, MOST, iteration
 
 NAMED = [
     problems.rigid_body(),

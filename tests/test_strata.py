@@ -9,26 +9,24 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from sepv import case as cases
-from sepv import corpus, coverage, problems
-from sepv.candidate import ask
-from sepv.case import Case
-from sepv.corners import for_energy
-from sepv.covering import pairwise, shown_pairs
+from sepv import problems
 from sepv.errors import UsageError
-from sepv.law import Effort, Verdict
-from sepv.laws import LAWS
-from sepv.opaque import GIVEN, shown
 from sepv.problem import NamedProblem, PolynomialSystem
 from sepv.problem import Problem as ProblemRecord
-from sepv.scheme import Scheme
-from sepv.schemes import energy_preserving, milstein
-from sepv.search import MOST_SKIPPED
-from sepv.shrink import shrunk
-from sepv.spaces import SINGLE, SPACES
-from sepv.strata import Levels
-from sepv.strategies import contraction_radius
-from sepv.suite import verify
+from sepv.problems._opaque import GIVEN, shown
+from sepv.schemes import Scheme, energy_preserving, milstein
+from sepv.schemes._guard import ask
+from sepv.verification import LAWS, Case, Effort, Verdict, verify
+from sepv.verification import _corpus as corpus
+from sepv.verification import _coverage as coverage
+from sepv.verification._cases import case as cases
+from sepv.verification._cases.covering import pairwise, shown_pairs
+from sepv.verification._cases.fixed_cases import for_energy
+from sepv.verification._cases.shrink import shrunk
+from sepv.verification._cases.spaces import SINGLE, SPACES
+from sepv.verification._cases.strata import Levels
+from sepv.verification._search import MOST_SKIPPED
+from sepv.verification.strategies import contraction_radius
 
 ALL = [(kind, law) for kind, laws in SPACES.items() for law in laws]
 
@@ -100,7 +98,7 @@ def outside(levels: Levels, case: Case) -> list[tuple[str, object, Case]]:
 def test_the_coverage_table_counts_what_the_designs_visit() -> None:
     from click.testing import CliRunner
 
-    from sepv.cli import main
+    from sepv.commands import main
 
     found = CliRunner().invoke(main, ["verify", "energy-preserving", "--coverage", "--law", "energy"])
     assert found.exit_code == 0
@@ -195,7 +193,7 @@ def faulty(broken) -> Scheme:  # type: ignore[no-untyped-def]
     ],
 )
 def test_a_fault_of_a_pair_of_strata_is_found_and_its_counterexample_replays(broken) -> None:  # type: ignore[no-untyped-def]
-    from sepv.suite import replay
+    from sepv.verification._verify import replay
 
     scheme = faulty(broken)
     report = verify(scheme, laws=["energy"], effort=Effort(examples=1, shrink_checks=50))

@@ -13,28 +13,22 @@ from sepv.reference.more_equations import equation_for
 from sepv.reference.steps import reference_step
 
 import sepv
-from sepv import polynomial as poly
 from sepv import problems, schemes
-from sepv.case import Case, from_json, to_json
 from sepv.errors import ProblemError, StepFailure, UsageError
-from sepv.exact_structures import finer
-from sepv.problem import PolynomialSystem
-from sepv.problems.several import closed_form, commuting_actions
-from sepv.solution import Status
-from sepv.strategies_structures import (
+from sepv.exact._several_structures import finer
+from sepv.problem import CommutingStructure, PolynomialSystem, StructuresProblem, commuting_hamiltonians
+from sepv.problem._structures import combined, combined_slope, noise_structures
+from sepv.problems._several import closed_form, commuting_actions
+from sepv.record import _polynomial as poly
+from sepv.solve import Status
+from sepv.verification import Case
+from sepv.verification._cases.case import from_json, to_json
+from sepv.verification._cases.structures import (
     commuting_hamiltonian_steps,
     critical_hamiltonian_steps,
     several_steps,
 )
-from sepv.structures import (
-    CommutingStructure,
-    StructuresProblem,
-    combined,
-    combined_slope,
-    commuting_hamiltonians,
-    noise_structures,
-)
-from sepv.tolerance import EPS, TINY
+from sepv.verification._tolerance import EPS, TINY
 
 
 @given(commuting_hamiltonian_steps())
@@ -349,7 +343,7 @@ def test_away_from_critical_points_steps_next_to_them_converge() -> None:
     problem, y0 = critical_circle(), np.array([1.5 * np.sqrt(2.0), 0.0])
     error = []
     for steps in (64, 256):
-        dW = sepv.wiener.increments(2, T=1.0, steps=steps, noises=1, paths=64)
+        dW = sepv.simulate.increments(2, T=1.0, steps=steps, noises=1, paths=64)
         ends = sepv.ensemble(schemes.several_structures, problem, h=1 / steps, T=1.0, dW=dW, y0=y0)
         assert not ends.status.any()
         assert problem.closed_form is not None

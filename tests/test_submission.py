@@ -14,11 +14,10 @@ import pytest
 from click.testing import CliRunner
 
 import sepv
-from sepv.cli import main
+from sepv.commands import main
 from sepv.errors import TargetError, UsageError
-from sepv.law import Effort
-from sepv.submission import MANIFEST, REPORT, Asked, again, bundle, consistent, environment, read, source
-from sepv.suite import verify
+from sepv.verification import Effort, bundle, consistent, verify
+from sepv.verification._submission import MANIFEST, REPORT, Asked, again, environment, read, source
 
 HEUN = """
 import numpy as np
@@ -148,7 +147,7 @@ def test_sources(tmp_path: Path) -> None:
     program = tmp_path / "program.py"
     program.write_text("pass")
     assert list(source(Asked(program=f"python {program} --fast"))) == [str(program)]
-    assert "sepv/schemes/midpoint.py" in source(Asked("midpoint"))
+    assert "sepv/schemes/_midpoint.py" in source(Asked("midpoint"))
     with pytest.raises(TargetError, match="no_such_module"):
         source(Asked("no_such_module:step"))
 
@@ -156,7 +155,7 @@ def test_sources(tmp_path: Path) -> None:
 def test_a_scheme_of_the_current_folder_is_found(tmp_path: Path) -> None:
     """As `sepv` is typed: its own script's folder is the first of sys.path, and not the current one."""
     (tmp_path / "heun_here.py").write_text(HEUN)
-    code = "import sys; sys.path[0] = '/'; from sepv.submission import Asked, source; "
+    code = "import sys; sys.path[0] = '/'; from sepv.verification._submission import Asked, source; "
     code += "print(list(source(Asked('heun_here:scheme'))))"
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False

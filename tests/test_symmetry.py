@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from sepv import schemes, verify
-from sepv.law import Effort, Finding, Verdict
-from sepv.saboteurs import ALL, unusual
-from sepv.scheme import Scheme
+from sepv.faults._saboteurs import ALL, unusual
+from sepv.schemes import Scheme
+from sepv.verification import Effort, Finding, Verdict
 
 LAWS = ("symmetry", "random-step")
 

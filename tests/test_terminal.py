@@ -16,13 +16,13 @@ import pytest
 from click.testing import CliRunner
 from rich.cells import cell_len
 
-from sepv import teeth
-from sepv.bench import store
-from sepv.bench.table import record_table
-from sepv.cli import COMMANDS, main
-from sepv.law import Verdict
-from sepv.laws import LAWS
-from sepv.report import console
+from sepv.commands import main
+from sepv.commands._cli import COMMANDS
+from sepv.faults import _fault_detection as teeth
+from sepv.studies._bench import store
+from sepv.studies._bench.table import record_table
+from sepv.verification import LAWS, Verdict
+from sepv.verification._report import console
 
 ROOT = Path(__file__).resolve().parents[1]
 

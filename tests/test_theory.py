@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sepv import problems, wiener
+from sepv import problems
 from sepv.errors import UsageError
-from sepv.exact_structures import heun
-from sepv.reproduce import deterministic, extensions, lemma, local, remarks
-from sepv.schemes.areas import step_with_areas
+from sepv.exact._several_structures import heun
+from sepv.schemes._areas import step_with_areas
+from sepv.simulate import _wiener as wiener
+from sepv.studies._reproduce import deterministic, extensions, lemma, local, remarks
 
 SOURCES = {"§2", "Lemma 3.2", "(3.2)", "(3.8)", "(3.9)", "Lemma 2.1 of [16], as (3.8) and (3.9)",
            "proof of Theorem 3.3"}  # fmt: skip

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import sepv
-from sepv import polynomial as poly
-from sepv import problems, tolerance
-from sepv.problem import PolynomialSystem
-from sepv.structures import StructuresProblem
-from sepv.tableaux import amplification
-from sepv.tolerance import EPS, QUADRATURE_NODES, TINY, quadrature_rounding
+from sepv import problems
+from sepv.problem import PolynomialSystem, StructuresProblem
+from sepv.record import _polynomial as poly
+from sepv.schemes._tableaux import amplification
+from sepv.verification import _tolerance as tolerance
+from sepv.verification._tolerance import EPS, QUADRATURE_NODES, TINY, quadrature_rounding
 
 # The same formula in another order: a dozen operations on numbers that do not cancel.
 SAME = 12 * EPS

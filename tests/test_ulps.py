@@ -11,15 +11,15 @@ from click.testing import CliRunner
 
 import sepv
 from sepv import problems, schemes
-from sepv.cli import main
+from sepv.commands import main
 from sepv.schemas import ulps_schema
-from sepv.scheme import Scheme
-from sepv.ulps import one_step
+from sepv.schemes import Scheme
+from sepv.studies._ulps import one_step
 
 
 @pytest.mark.parametrize("name", problems.NAMED)
 def test_the_energy_preserving_scheme_stays_within_two_ulps(name: str) -> None:
-    """Two is no bound (that is derived in sepv.tolerance, and larger): it is what 10⁶ steps have shown, doubled."""
+    """Two is no bound (that is derived in sepv.verification._tolerance, and larger): it is what 10⁶ steps have shown, doubled."""
     found = one_step(schemes.energy_preserving, problems.by_name(name), steps=200)
     assert found.failed == 0
     assert 0 < found.energy_median < found.energy_largest < 2

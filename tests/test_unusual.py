@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from sepv import StepFailure, problems, schemes, verify
-from sepv.candidate import Refusal, ask
-from sepv.law import Effort, Verdict
-from sepv.saboteurs import unusual
-from sepv.scheme import Scheme
-from sepv.simulation import run_chunk
+from sepv.faults._saboteurs import unusual
+from sepv.schemes import Scheme
+from sepv.schemes._guard import Refusal, ask
+from sepv.simulate._paths import run_chunk
+from sepv.verification import Effort, Verdict
 
 # Laws over paths have budgets of their own and are run by `benchmarks.false_alarms`.
 PATHS = {"mean-square-order", "weak-order", "right-limit", "rounding"}

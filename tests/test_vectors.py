@@ -17,10 +17,10 @@ from sepv.reference.steps import reference_step
 from sepv.reference.vector import FLOW, FOLDER, ReferenceVector, digest, load, schemes_with_vectors, to_text
 
 from sepv import exact_flow, problems, schemes
-from sepv.case import Case
 from sepv.errors import StepFailure, UsageError
-from sepv.scheme import Scheme
-from sepv.tolerance import EPS, TINY
+from sepv.schemes import Scheme
+from sepv.verification import Case
+from sepv.verification._tolerance import EPS, TINY
 
 ALL = [v for scheme in SCHEMES for v in load(scheme)]
 SCHEMA = json.loads((FOLDER / "vectors.schema.json").read_text())

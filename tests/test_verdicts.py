@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from sepv import schemes
-from sepv.law import Effort, Verdict
-from sepv.laws import load_laws
-from sepv.suite import verify
+from sepv.verification import Effort, Verdict, load_laws, verify
 
 ALWAYS = {"contract", "reproducibility", "truncation"}
 KEPT = {

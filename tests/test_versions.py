@@ -12,13 +12,16 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from sepv.adapters import environments, history, peer, trend
-from sepv.adapters.trend_page import page
-from sepv.adapters.versions import VERSIONS
-from sepv.cli import main
+from sepv.commands import main
 from sepv.errors import UsageError
-from sepv.law import Effort
+from sepv.peers import _environments as environments
+from sepv.peers import _history as history
+from sepv.peers import _peer as peer
+from sepv.peers import _trend as trend
+from sepv.peers._trend_page import page
+from sepv.peers._versions import VERSIONS
 from sepv.progress import Shown
+from sepv.verification import Effort
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "results"
@@ -198,8 +201,8 @@ def test_a_library_that_is_installed_here_is_recorded_as_the_schema_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sdeint = pytest.importorskip("sdeint", reason="sdeint is not installed")
-    from sepv.adapters import sdeint as adapter
-    from sepv.laws import load_laws
+    from sepv.peers import sdeint as adapter
+    from sepv.verification import load_laws
 
     monkeypatch.setattr(adapter, "SCHEMES", adapter.SCHEMES[:1])
     monkeypatch.setattr(adapter, "PATHS", ())

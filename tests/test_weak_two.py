@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import sepv
-from sepv import polynomial as poly
 from sepv import problems, schemes
-from sepv.candidate import ask
-from sepv.case import Case
 from sepv.problem import Array, PolynomialSystem, Problem
-from sepv.spaces import SPACES
+from sepv.record import _polynomial as poly
+from sepv.schemes._guard import ask
+from sepv.verification import Case
+from sepv.verification._cases.spaces import SPACES
 
 H_STEPS = 2.0 ** -np.arange(8, 13)
 

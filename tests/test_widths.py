@@ -9,11 +9,10 @@ from click.testing import CliRunner
 from rich.cells import cell_len
 from rich.console import Console
 
-from sepv.cli import main
-from sepv.law import Effort, Finding, Verdict
-from sepv.outcome import Report
-from sepv.report import law_table
+from sepv.commands import main
 from sepv.schemes import midpoint
+from sepv.verification import Effort, Finding, Report, Verdict
+from sepv.verification._report import law_table
 from sepv.widths import kept
 
 FOUND = tuple(

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from sepv import wiener
 from sepv.errors import UsageError
+from sepv.simulate import _wiener as wiener
 
 
 def test_refined_paths_agree_on_the_coarse_grid() -> None:

@@ -52,8 +52,8 @@ STRUCTURES = tuple(
 SCHEME = ("tests/test_schemes.py", *IMPLICIT, COUNTERS)
 
 TARGETS: dict[str, tuple[str, ...]] = {
-    "sepv.polynomial": ("tests/test_polynomial.py", "tests/test_problems.py", "tests/test_nambu.py"),
-    "sepv.average": (
+    "sepv.record._polynomial": ("tests/test_polynomial.py", "tests/test_problems.py", "tests/test_nambu.py"),
+    "sepv.problem._averaged_gradient": (
         "tests/test_average.py",
         "tests/test_schemes.py",
         *IMPLICIT,
@@ -61,7 +61,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
         COUNTERS,
         *COLLOCATION,
     ),
-    "sepv.fields": (
+    "sepv.problem._fields": (
         "tests/test_schemes.py",
         *IMPLICIT,
         CATALOGUE,
@@ -70,7 +70,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
         *STRUCTURES,
         "tests/test_projected.py",
     ),
-    "sepv.implicit": (
+    "sepv.solve._implicit": (
         *IMPLICIT,
         CATALOGUE,
         "tests/test_schemes.py",
@@ -79,12 +79,12 @@ TARGETS: dict[str, tuple[str, ...]] = {
         f"{OTHERS}[discrete-gradient]",
         "tests/test_division.py",
     ),
-    "sepv.division": ("tests/test_division.py",),
-    "sepv.wiener": ("tests/test_wiener.py", "tests/test_simulation.py"),
-    "sepv.tableaux": COLLOCATION,
-    "sepv.nambu": ("tests/test_nambu.py",),
-    "sepv.structures": STRUCTURES,
-    "sepv.scheme": ("tests/test_scheme.py", *IMPLICIT, "tests/test_schemes.py", *COLLOCATION),
+    "sepv.schemes._division": ("tests/test_division.py",),
+    "sepv.simulate._wiener": ("tests/test_wiener.py", "tests/test_simulation.py"),
+    "sepv.schemes._tableaux": COLLOCATION,
+    "sepv.problem._nambu": ("tests/test_nambu.py",),
+    "sepv.problem._structures": STRUCTURES,
+    "sepv.schemes._scheme": ("tests/test_scheme.py", *IMPLICIT, "tests/test_schemes.py", *COLLOCATION),
     "sepv.schemes.energy_preserving": SCHEME,
     "sepv.schemes.midpoint": SCHEME,
     "sepv.schemes.discrete_gradient": SCHEME,
@@ -102,13 +102,13 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "sepv.schemes.projected": ("tests/test_projected.py", "tests/test_scheme.py"),
     "sepv.schemes.both_invariants": ("tests/test_nambu.py",),
     "sepv.schemes.several_structures": (*STRUCTURES, "tests/test_jacobians.py"),
-    "sepv.dense": ("tests/test_dense.py", "tests/test_exact.py"),
-    "sepv.closed_forms": ("tests/test_exact.py",),
-    "sepv.exact": ("tests/test_exact.py",),
-    "sepv.simulation": (
+    "sepv.exact._dense_flow": ("tests/test_dense.py", "tests/test_exact.py"),
+    "sepv.exact._closed_forms": ("tests/test_exact.py",),
+    "sepv.exact._flow": ("tests/test_exact.py",),
+    "sepv.simulate._paths": (
         "tests/test_simulation.py",
         "tests/test_division.py",
         "tests/test_continuation.py::test_ensembles_and_paths_count_what_was_continued",
     ),
-    "sepv.tolerance": ("tests/test_tolerance.py",),
+    "sepv.verification._tolerance": ("tests/test_tolerance.py",),
 }

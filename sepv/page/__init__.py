@@ -2,5 +2,5 @@
 
 from __future__ import annotations
 
-from sepv.page.render import render as render
-from sepv.page.sources import load as load
+from sepv.page._render import render as render
+from sepv.page._sources import load as load

@@ -6,31 +6,31 @@ from collections.abc import Callable
 from functools import lru_cache
 
 from sepv.arguments import did_you_mean
-from sepv.description import from_json as from_json
-from sepv.description import to_json as to_json
 from sepv.errors import UsageError
 from sepv.problem import Description, GivenProblem, NamedProblem, PolynomialSystem, Problem
-from sepv.problems.kepler import kepler as kepler
-from sepv.problems.kubo import kubo_by_hamiltonians as kubo_by_hamiltonians
-from sepv.problems.kubo import kubo_oscillator as kubo_oscillator
-from sepv.problems.lotka_volterra import lotka_volterra as lotka_volterra
-from sepv.problems.maxwell_bloch import maxwell_bloch as maxwell_bloch
-from sepv.problems.nambu_system import nambu_system as nambu_system
-from sepv.problems.noisy_oscillators import noisy_henon_heiles as noisy_henon_heiles
-from sepv.problems.oscillator import harmonic_oscillator as harmonic_oscillator
-from sepv.problems.pendulum import pendulum as pendulum
-from sepv.problems.point_vortices import point_vortices as point_vortices
-from sepv.problems.polynomial_system import polynomial_problem as polynomial_problem
-from sepv.problems.random_lotka_volterra import random_lotka_volterra as random_lotka_volterra
-from sepv.problems.random_maxwell_bloch import random_maxwell_bloch as random_maxwell_bloch
-from sepv.problems.rigid_body import rigid_body as rigid_body
-from sepv.problems.several import commuting_oscillators as commuting_oscillators
-from sepv.problems.several import commuting_rotations as commuting_rotations
-from sepv.problems.several import noncommuting_drift as noncommuting_drift
-from sepv.problems.several import noncommuting_tops as noncommuting_tops
-from sepv.problems.spins import random_inertia as random_inertia
-from sepv.problems.spins import two_spins as two_spins
-from sepv.problems.toda import toda as toda
+from sepv.problem import from_json as from_json
+from sepv.problem import to_json as to_json
+from sepv.problems._kepler import kepler as kepler
+from sepv.problems._kubo import kubo_by_hamiltonians as kubo_by_hamiltonians
+from sepv.problems._kubo import kubo_oscillator as kubo_oscillator
+from sepv.problems._lotka_volterra import lotka_volterra as lotka_volterra
+from sepv.problems._maxwell_bloch import maxwell_bloch as maxwell_bloch
+from sepv.problems._nambu_system import nambu_system as nambu_system
+from sepv.problems._noisy_oscillators import noisy_henon_heiles as noisy_henon_heiles
+from sepv.problems._oscillator import harmonic_oscillator as harmonic_oscillator
+from sepv.problems._pendulum import pendulum as pendulum
+from sepv.problems._point_vortices import point_vortices as point_vortices
+from sepv.problems._polynomial_system import polynomial_problem as polynomial_problem
+from sepv.problems._random_lotka_volterra import random_lotka_volterra as random_lotka_volterra
+from sepv.problems._random_maxwell_bloch import random_maxwell_bloch as random_maxwell_bloch
+from sepv.problems._rigid_body import rigid_body as rigid_body
+from sepv.problems._several import commuting_oscillators as commuting_oscillators
+from sepv.problems._several import commuting_rotations as commuting_rotations
+from sepv.problems._several import noncommuting_drift as noncommuting_drift
+from sepv.problems._several import noncommuting_tops as noncommuting_tops
+from sepv.problems._spins import random_inertia as random_inertia
+from sepv.problems._spins import two_spins as two_spins
+from sepv.problems._toda import toda as toda
 
 NAMED: dict[str, Callable[..., Problem]] = {
     "harmonic-oscillator": harmonic_oscillator,

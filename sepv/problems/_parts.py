@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from sepv.derived import PartFlow
-from sepv.problem import Array, Flow, Function
+from sepv.problem import Array
+from sepv.problem._derived import PartFlow
+from sepv.problem._problem import Flow, Function
 
 
 def total(parts: Sequence[Function]) -> Function:

@@ -1,16 +1,25 @@
 """Records: what a NumPy function does to symbols, as straight-line code that is differentiated, averaged and printed.
 
 A function written with indexing, arithmetic and NumPy's elementwise functions is called once with arrays of symbols and
-leaves a list of operations on a tape. `derivative` differentiates it, `means` averages a gradient along a segment in
-closed form, `arrays` runs it on NumPy arrays; `sepv.engine.recorded` prints it for compiled lanes.
+leaves a list of operations on a tape. Read `_symbols` first (the tape), then `_derivative`, `_expand` and `_means`
+(averages of a gradient along a segment in closed form), `_arrays` (NumPy code); `_polynomial` has polynomials as data.
+`sepv.simulate` prints records for compiled lanes.
 """
 
-from sepv.record.arrays import evaluator as evaluator
-from sepv.record.derivative import gradient as gradient
-from sepv.record.derivative import jacobian as jacobian
-from sepv.record.means import NoClosedForm as NoClosedForm
-from sepv.record.means import mean_gradient as mean_gradient
-from sepv.record.symbols import CannotRecord as CannotRecord
-from sepv.record.symbols import Symbol as Symbol
-from sepv.record.symbols import Tape as Tape
-from sepv.record.symbols import select as select
+from __future__ import annotations
+
+from sepv.record._arrays import evaluator as evaluator
+from sepv.record._derivative import gradient as gradient
+from sepv.record._derivative import hessian as hessian
+from sepv.record._derivative import jacobian as jacobian
+from sepv.record._means import NoClosedForm as NoClosedForm
+from sepv.record._means import degree as degree
+from sepv.record._means import mean_gradient as mean_gradient
+from sepv.record._polynomial import Polynomial as Polynomial
+from sepv.record._polynomial import PolynomialMap as PolynomialMap
+from sepv.record._polynomial import polynomial as polynomial
+from sepv.record._quadrature import gauss_legendre as gauss_legendre
+from sepv.record._symbols import CannotRecord as CannotRecord
+from sepv.record._symbols import Symbol as Symbol
+from sepv.record._symbols import Tape as Tape
+from sepv.record._symbols import select as select

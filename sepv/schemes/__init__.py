@@ -6,30 +6,30 @@ from collections.abc import Callable
 
 from sepv.arguments import did_you_mean
 from sepv.errors import UsageError
-from sepv.scheme import Scheme
-from sepv.schemes.area_midpoint import scheme as area_midpoint
-from sepv.schemes.both_invariants import scheme as both_invariants
-from sepv.schemes.collocation import collocation as collocation
-from sepv.schemes.darboux_lie import scheme as darboux_lie
-from sepv.schemes.discrete_gradient import scheme as discrete_gradient
-from sepv.schemes.drift_preserving import scheme as drift_preserving
-from sepv.schemes.energy_preserving import scheme as energy_preserving
-from sepv.schemes.euler_heun import scheme as euler_heun
-from sepv.schemes.euler_maruyama import scheme as euler_maruyama
-from sepv.schemes.explicit import explicit as explicit
-from sepv.schemes.gauss import gauss as gauss
-from sepv.schemes.gonzalez import scheme as gonzalez
-from sepv.schemes.isospectral_midpoint import scheme as isospectral_midpoint
-from sepv.schemes.itoh_abe import scheme as itoh_abe
-from sepv.schemes.midpoint import scheme as midpoint
-from sepv.schemes.milstein import scheme as milstein
-from sepv.schemes.modified_weak_two import scheme as modified_weak_two
-from sepv.schemes.projected import projected as projected
-from sepv.schemes.several_structures import scheme as several_structures
-from sepv.schemes.splitting import scheme as splitting
-from sepv.schemes.stochastic_midpoint import scheme as stochastic_midpoint
-from sepv.schemes.stochastic_splitting import scheme as stochastic_splitting
-from sepv.tableaux import MAX_STAGES
+from sepv.schemes._area_midpoint import scheme as area_midpoint
+from sepv.schemes._both_invariants import scheme as both_invariants
+from sepv.schemes._collocation import collocation as collocation
+from sepv.schemes._darboux_lie import scheme as darboux_lie
+from sepv.schemes._discrete_gradient import scheme as discrete_gradient
+from sepv.schemes._drift_preserving import scheme as drift_preserving
+from sepv.schemes._energy_preserving import scheme as energy_preserving
+from sepv.schemes._euler_heun import scheme as euler_heun
+from sepv.schemes._euler_maruyama import scheme as euler_maruyama
+from sepv.schemes._explicit import explicit as explicit
+from sepv.schemes._gauss import gauss as gauss
+from sepv.schemes._gonzalez import scheme as gonzalez
+from sepv.schemes._isospectral_midpoint import scheme as isospectral_midpoint
+from sepv.schemes._itoh_abe import scheme as itoh_abe
+from sepv.schemes._midpoint import scheme as midpoint
+from sepv.schemes._milstein import scheme as milstein
+from sepv.schemes._modified_weak_two import scheme as modified_weak_two
+from sepv.schemes._projected import projected as projected
+from sepv.schemes._scheme import Scheme
+from sepv.schemes._several_structures import scheme as several_structures
+from sepv.schemes._splitting import scheme as splitting
+from sepv.schemes._stochastic_midpoint import scheme as stochastic_midpoint
+from sepv.schemes._stochastic_splitting import scheme as stochastic_splitting
+from sepv.schemes._tableaux import MAX_STAGES
 
 ALL: dict[str, Scheme] = {
     s.name: s for s in (energy_preserving, midpoint, discrete_gradient, euler_heun, milstein, euler_maruyama)

@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sepv import polynomial as poly
-from sepv.polynomial import Polynomial
 from sepv.problem import Array, Description, Problem
+from sepv.record import Polynomial
+from sepv.record import _polynomial as poly
 
-# Names of `sepv.solution.Status`: the ways in which a step without a solution may be refused. Which of them
+# Names of `sepv.solve.Status`: the ways in which a step without a solution may be refused. Which of them
 # it is depends on where the iteration happens to be when it gives up.
 REFUSALS = ("NO_CONVERGENCE", "LEFT_DOMAIN", "OVERFLOW", "SINGULAR")
 

@@ -8,7 +8,7 @@ import numpy as np
 
 import sepv
 from flowing.heun import heun
-from sepv.adapters.posing import in_blocks, pose
+from sepv.peers.posing import in_blocks, pose
 
 jax.config.update("jax_enable_x64", True)  # before any array is made; single precision is refused
 

@@ -1,0 +1,146 @@
+"""``sepv bench``: guard the work, the error and the time of a scheme."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from sepv.commands._shared import EXEC, FILE, candidates, friendly
+from sepv.errors import UsageError
+
+STYLES = {"worse": "bold red", "better": "green", "not settled": "yellow", "same": ""}
+EXITS = """Exit codes: 0 nothing is worse; 1 a counter, an error or a time is worse; 2 wrong usage; 3 the scheme
+crashed, or could not be loaded."""
+
+
+@click.command(epilog=EXITS, short_help="Guard work, error and time against a file or a checkout.")
+@click.argument("targets", nargs=-1, metavar="TARGET...")
+@EXEC
+@click.option(
+    "--problem", "-p", "own", multiple=True, metavar="PROBLEM",
+    help="A case of your own: name, file.json or module:attribute.",
+)  # fmt: skip
+@click.option("--save", type=FILE, help="Write the records to this file.")
+@click.option("--against", type=click.Path(), help="Compare with the records of this file.")
+@click.option(
+    "--against-ref",
+    type=click.Path(exists=True, file_okay=False),
+    metavar="CHECKOUT",
+    help="Compare with another checkout of the same code, time included.",
+)
+@click.option("--case", "names", multiple=True, metavar="NAME", help="Only this case; may be repeated.")
+@click.option("--portable", is_flag=True, help="Only cases whose counters are the same on every machine.")
+@click.option(
+    "--batches",
+    type=click.IntRange(min=4),
+    default=12,
+    show_default=True,
+    help="Most batches of paired times.",
+)
+@click.option("-q", "--quiet", is_flag=True, help="Only what differs, and the counts.")
+@friendly
+def bench(
+    targets: tuple[str, ...],
+    programs: tuple[str, ...],
+    own: tuple[str, ...],
+    save: str | None,
+    against: str | None,
+    against_ref: str | None,
+    names: tuple[str, ...],
+    portable: bool,
+    batches: int,
+    quiet: bool,
+    debug: bool,  # noqa: ARG001  (every command takes it)
+) -> None:
+    """Work, error and invariant defects of TARGETs in fixed cases, against a file or another checkout.
+
+    Counters are exact integers, and one more is a regression. Errors are compared over the same paths, with an
+    interval of their ratio. Time is compared only with another checkout, as a ratio of runs that take turns.
+
+    \b
+    sepv bench mymodule:step --save counters.json
+    sepv bench mymodule:step --against counters.json
+    sepv bench mymodule:step --against-ref ../other-checkout
+    sepv bench mymodule:step -p mymodule:problem
+    """
+    from sepv.files import require_folder, write_atomically
+    from sepv.progress import showing
+    from sepv.studies._bench import cases, pairs, store
+    from sepv.studies._bench.gate import check
+
+    if against and against_ref:
+        raise UsageError(
+            expected="one of --against and --against-ref", received="both", remedy="run once with each"
+        )
+    require_folder(save)
+    if against_ref and programs:
+        raise UsageError(
+            expected="TARGETs with --against-ref", received="--exec",
+            remedy="a program belongs to no checkout of Python code; save and compare with --against",
+        )  # fmt: skip
+    chosen = cases.choose(names, portable) if names or not own else []
+    chosen = [*chosen, *(cases.own_case(name) for name in own)]
+    base = {r["target"]: r for r in store.load(against)} if against else {}
+    records, checks = [], []
+    with candidates(targets, programs) as found, showing(quiet) as line:
+        for target, scheme in found:
+            line.update(f"{target}: work and errors")
+            if against and target not in base:
+                raise UsageError(
+                    expected=f"a record of {target} in {against}",
+                    received=f"records of {', '.join(base) or 'nothing'}",
+                    remedy="name the target as it was saved, or save it first",
+                )
+            if against_ref:
+                where = pairs.head_of(target), Path(against_ref).resolve()
+                # A tenth of all is work and errors, where every batch of times is run.
+                ours, theirs = pairs.measured(
+                    target, *where, chosen, lambda text, share: line.update(text, share / 10)
+                )
+                checks += check(ours, theirs)
+                checks += pairs.time_pairs(
+                    target, *where, chosen, batches=batches,
+                    progress=lambda text, share: line.update(text, 0.1 + 0.9 * share),
+                )  # fmt: skip
+            else:
+                before = base.get(target)
+                wanted = [c["case"] for c in before["cases"]] if before else chosen
+                wanted = [c for c in wanted if not names or c["name"] in names]
+                ours = store.record(target, scheme, wanted)
+                if before:
+                    kept = [c for c in before["cases"] if c["case"] in wanted]
+                    checks += check(ours, {**before, "cases": kept})
+            records.append(ours)
+    if save:
+        write_atomically(save, store.save(records))
+        click.echo(f"Saved in {save}: hold later runs to it with --against {save}")
+    _show([] if quiet else records, checks, saved=bool(save))
+    raise SystemExit(1 if any(c.verdict == "worse" for c in checks) else 0)
+
+
+def _show(records: list[dict[str, Any]], checks: list[Any], *, saved: bool) -> None:
+    """The records; then what differs from the other side, and one line of counts."""
+    from collections import Counter
+
+    from rich.text import Text
+
+    from sepv.studies._bench import table
+    from sepv.verification._report import console
+
+    out = console()
+    for record in records:
+        out.print(table.record_table(record, out.width))
+    if not checks:
+        if not saved:
+            out.print("Nothing to compare with: --save and --against, or --against-ref.")
+        return
+    for c in checks:
+        if c.verdict != "same" or "time" in c.what:
+            line = Text(f"{c.target}, {c.case}: {c.what} ")
+            out.print(line.append(c.verdict, style=STYLES[c.verdict]).append(f"  {c.text}"), soft_wrap=True)
+    counts = Counter(c.verdict for c in checks)
+    out.print(f"{len(checks)} checks: " + ", ".join(f"{counts[v]} {v}" for v in STYLES if counts[v]) + ".")
+    if counts["better"]:
+        out.print("Better than the other side: a file that guards the new state is written with --save.")

@@ -1,0 +1,123 @@
+"""The command line. Each command is a file of `sepv.commands`, loaded when it is asked for."""
+
+from __future__ import annotations
+
+import getpass
+import os
+import sys
+import tempfile
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import click
+
+from sepv._version import __version__
+from sepv.arguments import did_you_mean
+from sepv.commands._shared import EXIT_CODES
+from sepv.plain_text import cannot_show, never_fail
+
+# By heading, in the order in which --help shows them: the name of a command, and where it is.
+GROUPS = {
+    "Commands": {
+        "verify": "sepv.commands._verify:verify",
+        "compare": "sepv.commands._compare:compare",
+        "bench": "sepv.commands._bench:bench",
+        "run": "sepv.commands._run:run",
+        "reproduce": "sepv.commands._reproduce:reproduce",
+        "report": "sepv.commands._report:report",
+        "list": "sepv.commands._listing:list_",
+        "completion": "sepv.commands._completion:completion",
+    },
+    "Submissions, and other libraries": {
+        "submit": "sepv.commands._submit:submit",
+        "check": "sepv.commands._check:check",
+        "peers": "sepv.commands._peers:peers",
+        "trend": "sepv.commands._trend:trend",
+    },
+    "For specialists": {
+        "exact": "sepv.commands._exact:exact",
+        "step": "sepv.commands._step:step",
+        "ulps": "sepv.commands._ulps:ulps",
+        "hard": "sepv.commands._hard:hard",
+        "solvability": "sepv.commands._solvability:solvability",
+        "teeth": "sepv.commands._teeth:teeth",
+    },
+}
+COMMANDS = {name: place for group in GROUPS.values() for name, place in group.items()}
+
+
+class _Commands(click.Group):
+    """A group that imports a command's module when the command is asked for."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002  (click's signature)
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        if cmd_name not in COMMANDS:
+            return None
+        module, name = COMMANDS[cmd_name].split(":")
+        command: click.Command = getattr(import_module(module), name)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The commands under their headings, in one column."""
+        width = max(map(len, COMMANDS))
+        limit = formatter.width - 6 - width
+        for heading, names in GROUPS.items():
+            with formatter.section(heading):
+                found = ((name, self.get_command(ctx, name)) for name in names)
+                rows = [
+                    (name.ljust(width), command.get_short_help_str(limit))
+                    for name, command in found
+                    if command
+                ]
+                formatter.write_dl(rows)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """As click does, with the command that was meant for one that is not there."""
+        try:
+            return super().resolve_command(ctx, args)
+        except click.UsageError as error:
+            word = did_you_mean(args[0], COMMANDS)
+            raise click.UsageError(
+                f"No such command {word}. There are: {', '.join(COMMANDS)}.", ctx
+            ) from error
+
+    def main(self, *args: Any, **kwargs: Any) -> Any:
+        """As click does, but an interruption before a command began also ends with 130."""
+        try:
+            return super().main(*args, **kwargs)
+        except KeyboardInterrupt:
+            sys.exit(130)
+
+
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]}, epilog=EXIT_CODES)
+@click.version_option(__version__, prog_name="sepv")
+def main() -> None:
+    """Which structural properties does an integrator for dy = B(y)∇H(y)(dt + Σ c_j∘dW_j) really have?
+
+    \b
+    sepv verify energy-preserving            a built-in scheme
+    sepv verify mypackage.mymodule:step      your own
+    sepv compare energy-preserving midpoint  error, defects, time and work
+    sepv reproduce 4.4                       a figure of the paper
+    sepv list                                schemes, problems, laws
+    sepv completion bash                     completion for your shell
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if cannot_show(stream):
+            never_fail(stream)
+    _keep_hypothesis_out_of_the_folder()
+
+
+def _keep_hypothesis_out_of_the_folder() -> None:
+    """Hypothesis caches a little in its storage directory: not in the folder where a user happens to be."""
+    folder = Path(tempfile.gettempdir()) / f"sepv-{getpass.getuser()}"
+    os.environ.setdefault("HYPOTHESIS_STORAGE_DIRECTORY", str(folder))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,173 @@
+"""``sepv compare``: accuracy with its price."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+
+from sepv.commands._shared import EXEC, FILE, Renamed, Workers, candidates, friendly
+from sepv.errors import SepvError, UsageError
+
+# T and numbers of steps by default. Lotka-Volterra needs h ≤ 2⁻⁷: coarser steps need not have a solution.
+GRIDS = {"lotka-volterra": (1.0, "128,256,512,1024")}
+GRID = (1.0, "8,16,32,64,128")
+
+
+class Numbers(click.ParamType):
+    """Numbers with commas between them."""
+
+    name = "N,N,…"
+
+    def __init__(self, kind: type) -> None:
+        self.kind = kind
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """A tuple of numbers."""
+        if not isinstance(value, str):
+            return value
+        try:
+            return tuple(self.kind(part) for part in value.split(","))
+        except ValueError:
+            self.fail(f"{value!r} is not a list of numbers with commas between them", param, ctx)
+
+
+@click.command(short_help="Error, defects, time and work of schemes, side by side.")
+@click.argument("targets", nargs=-1, metavar="SCHEME...")
+@click.option(
+    "--problem", "-p", default="rigid-body", show_default=True, help="By name, file.json or module:attribute."
+)
+@EXEC
+@click.option(
+    "--y", "--initial", "initial", cls=Renamed, type=Numbers(float),
+    help="Initial state. [default: the problem's own]",
+)  # fmt: skip
+@click.option("--time", "T", type=click.FloatRange(min=0, min_open=True), help="T. [default: 1]")
+@click.option("--steps", type=Numbers(int), help="Numbers of steps, such as 8,16,32.")
+@click.option("--paths", type=click.IntRange(min=32), default=1000, show_default=True, help="How many paths.")
+@click.option("--repeats", type=click.IntRange(min=1), default=5, show_default=True, help="Timed rounds.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the paths.")
+@click.option(
+    "--error", "errors", type=Numbers(float), default="1e-2,1e-4,1e-6", show_default=True,
+    help="Strong errors for which the time is shown.",
+)  # fmt: skip
+@click.option("--peers", is_flag=True, help="And every peer whose library is installed.")
+@click.option(
+    "--workers", type=Workers(), default=1, show_default=True,
+    help="For errors and defects: threads, or a Dask scheduler's address. Times are taken here.",
+)  # fmt: skip
+@click.option("--json", "json_file", type=FILE, help="Write the comparison to this file.")
+@click.option("--csv", "csv_file", type=FILE, help="Write one line for each point to this file.")
+@click.option("--picture", type=FILE, help="Draw it: .svg, .png or .pdf (extra plots).")
+@click.option("-q", "--quiet", is_flag=True, help="No progress, and only the second table.")
+@friendly
+def compare(
+    targets: tuple[str, ...], programs: tuple[str, ...], problem: str, picture: str | None, **options: Any
+) -> None:
+    """Error, invariant defects, time and work of SCHEMEs, on the same paths.
+
+    A SCHEME is a built-in name, module:attribute, exact-flow (the exact time change), or a peer such as
+    diffrax-heun. The compiled engine (extra fast) runs what it takes; numpy/SCHEME is the NumPy batch beside it.
+    The reference is the exact solution at the random time. Methods take turns on one core, increments are given,
+    and compilation is shown apart.
+
+    \b
+    sepv compare energy-preserving midpoint euler-heun exact-flow
+    sepv compare mymodule:step --problem pendulum --picture cost.svg
+
+    A scheme that fails is left out and named at the end; the exit code is 3 then.
+    """
+    from sepv.files import require_folder, write_atomically
+    from sepv.progress import showing
+    from sepv.schemes._load import load_problem
+    from sepv.studies._compare import compare as run
+    from sepv.studies._compare import picture as drawing
+    from sepv.studies._compare import table
+    from sepv.studies._compare.choose import PEERS, installed_peers
+    from sepv.studies._compare.method import from_scheme
+    from sepv.studies._compare.run import one_core
+    from sepv.verification._report import console
+
+    drawing.require_picture(picture)
+    for path in (options["json_file"], options["csv_file"], picture):
+        require_folder(path)
+    T, steps = _grid(problem, options["T"], options["steps"])
+    out = console()
+    with one_core() as alone, showing(options["quiet"]) as line:
+        system = _problem(load_problem(problem), options["initial"])
+        names = list(dict.fromkeys((*targets, *(installed_peers() if options["peers"] else ()))))
+        if not names and not programs:
+            raise UsageError(
+                expected="a SCHEME, --exec or --peers",
+                received="none",
+                remedy=f"a built-in, module:attribute, exact-flow or a peer ({', '.join(PEERS)})",
+            )
+        methods, failed = _methods(names, system, line.update)
+        block: Any = candidates((), programs) if programs else nullcontext([])
+        with block as others:
+            methods += [replace(from_scheme(own, system), name=name) for name, own in others]
+            if not methods:
+                raise failed[names[0]]
+            found = run(
+                methods,
+                system,
+                steps=steps,
+                T=T,
+                paths=options["paths"],
+                repeats=options["repeats"],
+                seed=options["seed"],
+                targets=options["errors"],
+                workers=options["workers"],
+                progress=line.update,
+            )
+    found = replace(found, failed={name: str(e) for name, e in failed.items()} | found.failed)
+    if options["json_file"]:
+        text = json.dumps(found.to_json(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        write_atomically(options["json_file"], text)
+    if options["csv_file"]:
+        write_atomically(options["csv_file"], table.to_csv(found))
+    if picture:
+        write_atomically(picture, drawing.draw(found, Path(picture).suffix))
+    if not options["quiet"]:
+        for part in table.point_tables(found, out.width):
+            out.print(part)
+        out.print()
+    out.print(table.target_table(found, out.width))
+    for note in table.notes(found):
+        out.print(note, style="dim", soft_wrap=True)
+    if not alone:
+        out.print("This system cannot keep a process on one core: libraries may have used more.", style="dim")
+    for name, text in found.failed.items():
+        click.echo(f"sepv: {name} failed and is left out: {text}", err=True)
+    if found.failed:
+        raise SystemExit(3)
+
+
+def _methods(
+    names: list[str], problem: Any, progress: Callable[[str], None]
+) -> tuple[list[Any], dict[str, SepvError]]:
+    """The methods that can be loaded and take a step, and what went wrong with the others."""
+    from sepv.studies._compare.choose import load_method
+
+    methods, failed = [], {}
+    for name in names:
+        progress(f"loading {name}, compiled where it is new")
+        try:
+            methods.append(load_method(name, problem))
+        except SepvError as error:
+            failed[name] = error
+    return methods, failed
+
+
+def _grid(problem: str, T: float | None, steps: tuple[int, ...] | None) -> tuple[float, tuple[int, ...]]:
+    usual_T, usual_steps = GRIDS.get(problem.replace("_", "-"), GRID)
+    return T or usual_T, steps or tuple(int(n) for n in usual_steps.split(","))
+
+
+def _problem(problem: Any, initial: tuple[float, ...] | None) -> Any:
+    return problem if initial is None else replace(problem, initial=initial, check=False)

@@ -1,0 +1,144 @@
+"""``sepv peers``: what released versions of other libraries do, each in an environment of its own."""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import click
+
+from sepv.commands._shared import friendly
+from sepv.errors import SepvError, UsageError
+
+FOLDER = click.Path(file_okay=False)
+
+
+@click.command(short_help="What released versions of other libraries do.")
+@click.argument("library", required=False, metavar="[LIBRARY]")
+@click.argument("releases", nargs=-1, metavar="[VERSION]...")
+@click.option("--versions", is_flag=True, help="Every version that was tried (sepv.peers._versions).")
+@click.option("--results", type=FOLDER, default="results", show_default=True, help="The records' folder.")
+@click.option(
+    "--with", "companions", multiple=True, metavar="REQUIREMENT", help="Installed beside it, by pip."
+)
+@click.option(
+    "--python", default=sys.executable, metavar="EXECUTABLE", help="The Python of the environments."
+)
+@click.option("--keep", type=FOLDER, help="Environments and cells stay there, and the next run goes on.")
+@click.option(
+    "--scripts", type=FOLDER, default="docs/peers", show_default=True, help="Scripts of deviations."
+)
+@click.option("--again", is_flag=True, help="Versions that have a record, too; the new one stands beside it.")
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths."
+)
+@click.option("-j", "--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Side by side.")
+@friendly
+def peers(
+    library: str | None,
+    releases: tuple[str, ...],
+    versions: bool,
+    results: str,
+    debug: bool,  # noqa: ARG001  (every command takes it)
+    **options: Any,
+) -> None:
+    """Measure VERSIONs of LIBRARY, each in a fresh virtual environment, and record what its solvers do.
+
+    pip installs each version, from wherever your pip installs. A record is RESULTS/LIBRARY/VERSION.json and is never
+    overwritten: with --again a further one has its date in its name. Without a version: which records there are.
+
+    \b
+    sepv peers                              the records that there are
+    sepv peers sdeint 0.2.4 0.3.0           two versions
+    sepv peers --versions -j 2              each that was tried
+    sepv peers diffrax 0.5.1 --with "jax<0.5" --keep peers
+    sepv trend                              which verdict changed, and when
+
+    Exit codes: 0 every version is recorded; 2 wrong usage; 3 a version could not be installed or measured.
+    """
+    from sepv.peers._history import recorded
+
+    folder = Path(results)
+    asked = _asked(library, releases, versions)
+    if not asked:
+        _list(folder, library)
+        return
+    wanted = []
+    for name, version in asked:
+        there = recorded(folder, name, version)
+        if there and not options["again"]:
+            click.echo(
+                f"{name} {version} is recorded in {there[-1]}; --again measures it once more", err=True
+            )
+        else:
+            wanted.append((name, version))
+
+    def one(job: tuple[str, str]) -> tuple[bool, str]:
+        try:
+            return True, _recorded(*job, folder, options)
+        except SepvError as error:
+            return False, f"sepv: {' '.join(job)}: {error}"
+
+    with ThreadPoolExecutor(options["jobs"]) as pool:
+        said = list(pool.map(one, wanted))
+    for right, text in said:
+        click.echo(text, err=not right)
+    raise SystemExit(0 if all(right for right, _ in said) else 3)
+
+
+def _asked(library: str | None, releases: tuple[str, ...], versions: bool) -> list[tuple[str, str]]:
+    """(library, version) of what is to be measured."""
+    from sepv.peers._measurements import LIBRARIES
+    from sepv.peers._versions import VERSIONS
+
+    if library is not None and library not in LIBRARIES:
+        raise UsageError(
+            expected=f"a library that has an adapter, one of {', '.join(LIBRARIES)}",
+            received=repr(library),
+            remedy="sepv peers sdeint 0.3.0",
+        )
+    if versions:
+        tried = {name: tuple(found) for name, found in VERSIONS.items() if library in (None, name)}
+        return [(name, version) for name, found in tried.items() for version in found]
+    return [(str(library), version) for version in dict.fromkeys(releases)]
+
+
+def _list(folder: Path, library: str | None) -> None:
+    from sepv.peers._history import load
+
+    for name, records in load(folder).items():
+        if library in (None, name):
+            click.echo(f"{name}: {', '.join(dict.fromkeys(r.version for r in records))}")
+
+
+def _recorded(library: str, version: str, folder: Path, options: dict[str, Any]) -> str:
+    """Measure one version and add its record."""
+    from sepv.peers import _environments as environments
+    from sepv.peers import _history as history
+    from sepv.peers._versions import companions
+
+    requirements = [f"{library}=={version}", *(options["companions"] or companions(library, version))]
+    with tempfile.TemporaryDirectory(prefix="sepv-peers-") as temporary:
+        home = Path(options["keep"] or temporary).resolve() / f"{library}-{version}"
+        home.mkdir(parents=True, exist_ok=True)
+        click.echo(f"{library} {version}: an environment with {', '.join(requirements)}", err=True)
+        python = environments.made(home / "environment", requirements, options["python"])
+        out, scripts = Path(temporary) / "record.json", Path(options["scripts"])
+        arguments = [
+            library,
+            "--out",
+            str(out),
+            "--keep",
+            str(home / "cells"),
+            "--seed",
+            str(options["seed"]),
+        ]
+        if scripts.is_dir():
+            arguments += ["--scripts", str(scripts.resolve())]
+        environments.measure(python, arguments)
+        path = history.add(folder, json.loads(out.read_text(encoding="utf-8")))
+    return f"{library} {version} is recorded in {path}"

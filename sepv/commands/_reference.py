@@ -1,0 +1,60 @@
+"""What ``sepv exact`` and ``sepv step`` share: numbers from the command line, tables, the proof in words."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sepv.errors import UsageError
+from sepv.problem import NamedProblem, PolynomialSystem, Problem
+from sepv.record._polynomial import parse_float
+
+
+def numbers(text: str | None, what: str, count: int, default: Any = None) -> tuple[float, ...]:
+    """Finite binary64 numbers from "0.8,0.6,0x1p-3"; the default where nothing was given."""
+    if text is None and default is not None:
+        return tuple(float(v) for v in default)
+    parts = [p.strip() for p in (text or "").split(",") if p.strip()]
+    try:
+        values = tuple(parse_float(p) if "x" in p.lower() else float(p) for p in parts)
+    except ValueError as error:
+        raise UsageError(
+            expected=f"{what}: numbers separated by commas, decimal or hexadecimal",
+            received=repr(text),
+            remedy=f"for example {what} {','.join(['0.5'] * max(count, 1))}",
+        ) from error
+    if len(values) != count or not all(abs(v) < float("inf") for v in values):
+        raise UsageError(
+            expected=f"{count} finite numbers after {what}",
+            received=f"{len(values)}: {text!r}",
+            remedy="one for each component" if what == "--y" else "one for each noise of the problem",
+        )
+    return values
+
+
+def description(problem: Problem) -> PolynomialSystem | NamedProblem:
+    """The data of a problem, which is what the references read.
+
+    Raises
+    ------
+    UsageError
+        For a problem that is Python functions and nothing else.
+    """
+    if problem.data is None:
+        raise UsageError(
+            expected="a problem by name, or polynomial data (a .json file)",
+            received=f"{problem.name}, which is given by Python functions only",
+            remedy="references evaluate a description at any precision; write H and B as polynomials",
+        )
+    return problem.data
+
+
+def decimal(value: Any, digits: int) -> str:
+    """An mpf with so many significant digits."""
+    import mpmath
+
+    return str(mpmath.nstr(value, digits, strip_zeros=False)) if value else "0.0"
+
+
+def row(values: Any) -> str:
+    """(0.8, 0.6, 0.0)."""
+    return "(" + ", ".join(repr(float(v)) for v in values) + ")"

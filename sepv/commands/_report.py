@@ -1,0 +1,37 @@
+"""``sepv report``: one HTML page from JSON files."""
+
+from __future__ import annotations
+
+import click
+
+from sepv.commands._shared import friendly
+
+
+@click.command(short_help="One HTML page from the JSON files of the others.")
+@click.argument("files", nargs=-1, required=True, metavar="FILE...", type=click.Path())
+@click.option(
+    "-o", "--out", type=click.Path(dir_okay=False), default="report.html", show_default=True, help="The page."
+)
+@click.option("--title", default="Which structural properties hold?", show_default=True, help="Its heading.")
+@click.option("-q", "--quiet", is_flag=True, help="Print nothing.")
+@friendly
+def report(files: tuple[str, ...], out: str, title: str, quiet: bool, debug: bool) -> None:  # noqa: ARG001
+    """One self-contained HTML page from the JSON FILEs of verify, compare, bench and reproduce.
+
+    The page needs no network and no JavaScript; it prints, and it follows the reader's light or dark theme.
+
+    \b
+    sepv verify energy-preserving --json ep.json
+    sepv verify midpoint --json mid.json
+    sepv report ep.json mid.json --out report.html
+
+    Exit code 0, or 2 for wrong usage.
+    """
+    from sepv.files import require_folder, write_atomically
+    from sepv.page import load, render
+
+    require_folder(out)
+    page = render(load(files), title=title)
+    write_atomically(out, page)
+    if not quiet:
+        click.echo(f"{out}: {len(page.encode()) / 1000:.0f} kB")

@@ -1,0 +1,127 @@
+"""``sepv reproduce``: the paper's figures, and a verdict on each statement made about them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from sepv.commands._shared import Workers, friendly
+from sepv.errors import UsageError
+
+QUICK = 1 / 32
+
+
+@click.command(short_help="The paper's figures again, with verdicts.")
+@click.argument("figures", nargs=-1, metavar="[FIGURE]...")
+@click.option("-o", "--out", type=click.Path(file_okay=False), help="Folder for JSON, CSV, SVG and PNG.")
+@click.option(
+    "--json", "json_file", type=click.Path(dir_okay=False), help="Write the whole record to this file."
+)
+@click.option("--errata", is_flag=True, help="Only what does not hold as printed, with its evidence.")
+@click.option("--no-figures", is_flag=True, help="With --out: numbers only, matplotlib is not needed.")
+@click.option(
+    "--quick", is_flag=True, help=f"A share of {QUICK:g} of the samples and steps; verdicts may stay open."
+)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of all Wiener paths.")
+@click.option(
+    "--workers",
+    type=Workers(),
+    default=2,
+    show_default=True,
+    help="Processes, or a Dask scheduler's address.",
+)
+@click.option(
+    "--engine", type=click.Choice(["auto", "numpy"]), default="auto", show_default=True,
+    help="auto: compiled where the extra fast has code for the scheme.",
+)  # fmt: skip
+@click.option("-q", "--quiet", is_flag=True, help="Only the last line.")
+@friendly
+def reproduce(figures: tuple[str, ...], out: str | None, json_file: str | None, **options: Any) -> None:
+    """The paper's Figures 4.1 to 4.6, computed again, with a verdict on each statement about them.
+
+    FIGURE is one of 4.1 to 4.6, "theory" for what §2, §3 and the remarks say, or "text" for formulas and arguments
+    that do not hold as printed. References are exact. A statement that fails is a finding about the paper, and changes
+    no exit code.
+
+    \b
+    sepv reproduce                      all of it, about four minutes
+    sepv reproduce 4.3                  one figure
+    sepv reproduce 4.4 -o figures       with its numbers and pictures
+    sepv reproduce --json paper.json    for sepv report
+    sepv reproduce --errata             what does not hold as printed
+
+    Exit code 0, or 2 for wrong usage.
+    """  # fmt: skip
+    from sepv.files import require_folder, write_atomically
+    from sepv.studies._reproduce import Size
+    from sepv.studies._reproduce import reproduce as run
+    from sepv.studies._reproduce.show import dump, show, summary, watching
+    from sepv.verification._report import console, line
+
+    if options["errata"]:
+        _errata()
+        return
+    require_folder(json_file)
+    folder = _folder(out, draws=not options["no_figures"])
+    size = Size(share=QUICK if options["quick"] else 1.0, seed=options["seed"], engine=options["engine"])
+    with watching(options["quiet"]) as progress:
+        found = run(figures, size=size, workers=options["workers"], progress=progress)
+    if json_file:
+        write_atomically(json_file, dump(found.to_json()))
+    if folder is not None:
+        _write(found, folder, draws=not options["no_figures"])
+    screen = console()
+    if not options["quiet"]:
+        show(found, screen)
+    line(screen, summary(found))
+
+
+def _errata() -> None:
+    """One paragraph an entry."""
+    from rich.text import Text
+
+    from sepv.studies._reproduce.errata import errata
+    from sepv.verification._report import console
+
+    out = console()
+    for e in errata():
+        out.print(Text.assemble((e.place, "bold"), f"  {e.printed}"), soft_wrap=not out.is_terminal)
+        for name, text in (("instead", e.right), ("evidence", e.evidence), ("command", e.command)):
+            out.print(Text.assemble((f"  {name}: ", "dim"), text), soft_wrap=not out.is_terminal)
+        out.print()
+
+
+def _folder(out: str | None, *, draws: bool) -> Path | None:
+    """The folder to write to, made where it is not, before anything is computed."""
+    if out is None:
+        return None
+    if draws:
+        from sepv.studies._reproduce.draw import require_matplotlib
+
+        require_matplotlib()
+    folder = Path(out)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(
+            expected="a folder that exists or can be made",
+            received=f"{out} ({error.strerror})",
+            remedy="name another",
+        ) from None
+    return folder
+
+
+def _write(found: Any, folder: Path, *, draws: bool) -> None:
+    from sepv.files import write_atomically
+    from sepv.studies._reproduce.show import dump
+
+    write_atomically(str(folder / "reproduction.json"), dump(found.to_json()))
+    for panel in found.panels:
+        write_atomically(str(folder / f"{panel.key}.json"), dump(panel.to_json()))
+        write_atomically(str(folder / f"{panel.key}.csv"), panel.to_csv())
+        if draws:
+            from sepv.studies._reproduce.draw import draw
+
+            draw(panel, folder)

@@ -1,0 +1,148 @@
+"""What every command takes: --debug, errors as one message, files to write."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import sys
+import traceback
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from functools import wraps
+from typing import Any
+
+import click
+
+from sepv.errors import SepvError, TargetError, UsageError
+
+EXIT_CODES = """Exit codes: 0 all claimed laws hold; 1 a claimed law is violated, or not shown to hold within the
+budget; 2 wrong usage; 3 the scheme crashed, hung, or could not be loaded; 70 sepv itself failed; 130 interrupted."""
+# As EX_SOFTWARE of sysexits.h: a defect of this package, told from every verdict.
+CRASH = 70
+
+FILE = click.Path(dir_okay=False)
+
+
+class Renamed(click.Option):
+    """An option of several spellings: help shows the first, the others go on working."""
+
+    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
+        """As click's, of the first spelling alone."""
+        opts, self.opts = self.opts, self.opts[:1]
+        try:
+            return super().get_help_record(ctx)
+        finally:
+            self.opts = opts
+
+
+EXEC = click.option(
+    "--exec", "programs", multiple=True, metavar="COMMAND",
+    help="A program in any language (docs/protocol.md); may be repeated.",
+)  # fmt: skip
+
+
+@contextmanager
+def candidates(
+    targets: Iterable[str], programs: Iterable[str], problems: Iterable[Any] = ()
+) -> Iterator[list[tuple[str, Any]]]:
+    """(how a command names it, scheme) of every target and every program; the programs end with the block.
+
+    Raises
+    ------
+    UsageError
+        Where there is neither a target nor a program.
+    """
+    from sepv.schemes._load import load_scheme
+
+    with ExitStack() as stack:
+        found = [(target, load_scheme(target, problems=problems)) for target in targets]
+        for command in programs:
+            from sepv.external import load_program
+
+            found.append((f"--exec {shlex.quote(command)}", stack.enter_context(load_program(command))))
+        if not found:
+            raise UsageError(
+                expected="a scheme, or a program with --exec",
+                received="neither",
+                remedy="a built-in name, module:attribute, or --exec './program'",
+            )
+        yield found
+
+
+class Workers(click.ParamType):
+    """A number of workers, or the address of a Dask scheduler."""
+
+    name = "N or ADDRESS"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """An int ≥ 1, or a string."""
+        if isinstance(value, int) or "://" in value:
+            return value
+        if not value.isdecimal() or int(value) < 1:
+            self.fail(
+                f"{value!r} is neither a number ≥ 1 nor an address such as tcp://127.0.0.1:8786", param, ctx
+            )
+        return int(value)
+
+
+def complete_schemes(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
+    """Built-in schemes, for shell completion."""
+    from sepv import schemes
+
+    return [name for name in schemes.ALL if name.startswith(incomplete)]
+
+
+def listed(_context: click.Context, _parameter: click.Parameter, values: tuple[str, ...]) -> tuple[str, ...]:
+    """Names that were separated by commas, by repeating the option, or both."""
+    return tuple(name.strip() for value in values for name in value.split(",") if name.strip())
+
+
+def complete_laws(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
+    """Laws, for shell completion."""
+    from sepv.verification import LAWS
+
+    return [name for name in LAWS if name.startswith(incomplete)]
+
+
+def friendly(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Errors as one message and the documented exit code, never 1; the traceback only with --debug."""
+
+    @wraps(command)
+    def wrapper(*args: Any, debug: bool, **kwargs: Any) -> Any:
+        try:
+            return command(*args, debug=debug, **kwargs)
+        except (SystemExit, click.exceptions.Exit, click.ClickException):
+            raise
+        except BaseException as error:
+            raise SystemExit(_ended_by(error, debug)) from None
+
+    return click.option("--debug", is_flag=True, help="Show tracebacks.")(wrapper)
+
+
+def _ended_by(error: BaseException, debug: bool) -> int:
+    """Say it, and the exit code of it."""
+    if isinstance(error, BrokenPipeError):
+        return _reader_gone()
+    if debug and not isinstance(error, KeyboardInterrupt):
+        traceback.print_exception(error)
+    elif isinstance(error, KeyboardInterrupt):
+        click.echo("sepv: interrupted", err=True)
+    elif isinstance(error, (SepvError, OSError)):
+        click.echo(f"sepv: {error}", err=True)
+    else:
+        click.echo(
+            f"sepv: a defect of sepv itself, and no verdict: {type(error).__name__}: {error}\n"
+            "Remedy: the same command with --debug shows where; please report it",
+            err=True,
+        )
+    if isinstance(error, KeyboardInterrupt):
+        return 130
+    if isinstance(error, SepvError):
+        return 2 if isinstance(error, UsageError) and not isinstance(error, TargetError) else 3
+    return 2 if isinstance(error, OSError) else CRASH
+
+
+def _reader_gone() -> int:
+    """``sepv … | head``: nobody reads on. What is left to write, also at exit, goes nowhere; 141 as for SIGPIPE."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 141

@@ -1,0 +1,272 @@
+"""``sepv solvability``: which steps have a solution, and how long paths find one."""
+
+from __future__ import annotations
+
+import json
+import time as clock
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from sepv.commands._compare import Numbers
+from sepv.commands._shared import FILE, Renamed, friendly
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from sepv.studies._solvability import Exits, Map
+
+STEPS = tuple(2.0**-n for n in range(1, 11))
+# Means over all states and over every second one differ by this share at most where they are fine enough.
+ROUGH = 0.2
+# Step sizes with which paths are followed.
+FOLLOWED = tuple(2.0**-n for n in range(4, 10))
+
+
+@click.command(short_help="Which steps have a solution, and how long a step size is safe.")
+@click.argument("problem")
+@click.option(
+    "--scheme", default="energy-preserving", show_default=True, help="This, midpoint or both-invariants."
+)
+@click.option(
+    "--range", "furthest", type=click.FloatRange(min=0, min_open=True), default=1.0, show_default=True,
+    help="The largest |Δ|.",
+)  # fmt: skip
+@click.option(
+    "--states", type=click.IntRange(min=2), default=96, show_default=True, help="How many, along the orbit."
+)
+@click.option(
+    "--time", type=click.FloatRange(min=0), default=10.0, show_default=True, help="Length of the orbit."
+)
+@click.option(
+    "--grid", type=click.IntRange(min=2), default=80, show_default=True, help="Points of Δ on each side of 0."
+)
+@click.option(
+    "--y", "--initial", "initial", cls=Renamed, type=Numbers(float),
+    help="Initial state. [default: the problem's own]",
+)  # fmt: skip
+@click.option("--noise", type=Numbers(float), help="The c_j, such as 1,0.5. [default: the problem's own]")
+@click.option(
+    "--truncation",
+    type=click.IntRange(min=0),
+    help="k of Remark 2.1; 0 for none. [default: each scheme's own]",
+)
+@click.option(
+    "--follow",
+    multiple=True,
+    metavar="SCHEME",
+    help="Whose paths are followed; any scheme, more than once. [default: that of the map]",
+)
+@click.option(
+    "--until",
+    type=click.FloatRange(min=0),
+    default=512.0,
+    show_default=True,
+    help="Time to which paths are followed; 0 for none.",
+)
+@click.option("--paths", type=click.IntRange(min=1), default=48, show_default=True, help="For each h.")
+@click.option(
+    "--seconds",
+    type=click.FloatRange(min=0),
+    default=60.0,
+    show_default=True,
+    help="For following, in all; paths are followed less far where it is not enough.",
+)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the paths.")
+@click.option("--json", "json_file", type=FILE, help="Write all numbers to this file.")
+@click.option("--picture", type=FILE, help="Draw it: .svg, .png or .pdf (extra plots).")
+@friendly
+def solvability(
+    problem: str,
+    *,
+    scheme: str,
+    furthest: float,
+    states: int,
+    time: float,
+    grid: int,
+    initial: tuple[float, ...] | None,
+    noise: tuple[float, ...] | None,
+    truncation: int | None,
+    follow: tuple[str, ...],
+    until: float,
+    paths: int,
+    seconds: float,
+    seed: int,
+    json_file: str | None,
+    picture: str | None,
+    debug: bool,  # noqa: ARG001  (every command takes it)
+) -> None:
+    """How far the solutions of a step of PROBLEM reach in Δ = h + Σ c_j ΔW_j, and how long a step size is safe.
+
+    First states are taken along the exact orbit. From each, the branch of solutions that starts in y0 at Δ = 0 is
+    followed to its fold or to the end of the range; then Newton is asked at every Δ of a grid. The exact solution
+    of (1.1) passes no other states. Numerical paths do: so they are followed too, until a step has no solution.
+    A step size is safe until the time at which the first of the paths failed, and for that scheme.
+
+    \b
+    sepv solvability lotka-volterra --follow both-invariants
+    sepv solvability rigid-body --range 20 --until 100
+    """
+    from dataclasses import replace
+
+    import numpy as np
+
+    from sepv.files import require_folder, write_atomically
+    from sepv.schemes._load import load_problem, load_scheme
+    from sepv.studies._compare.picture import require_picture
+    from sepv.studies._solvability import Exits, follow_paths, solvability_map
+    from sepv.verification._report import console
+
+    require_picture(picture)
+    for path in (json_file, picture):
+        require_folder(path)
+    chosen = load_problem(problem)
+    if noise is not None:
+        chosen = replace(chosen, noise=noise, check=False)
+    y0, mapped = None if initial is None else np.array(initial), load_scheme(scheme)
+    k = mapped.truncation if truncation is None else truncation or None
+    followed = [load_scheme(name) for name in follow] or [mapped]
+    out, exits = console(), list[Exits]()
+    with _watching() as progress:
+        found = solvability_map(
+            chosen,
+            scheme=mapped,
+            furthest=furthest,
+            states=states,
+            time=time,
+            grid=grid,
+            y0=y0,
+            progress=progress,
+        )
+        for one in followed if until else ():
+            exits += follow_paths(
+                chosen, one, FOLLOWED, until=until, paths=paths, k=one.truncation if truncation is None else k,
+                y0=y0, seed=seed, seconds=seconds / len(followed), progress=progress,
+            )  # fmt: skip
+    if json_file:
+        data = found.to_json(STEPS, k) | {"paths": [e.to_json() for e in exits]}
+        write_atomically(json_file, json.dumps(data, allow_nan=False) + "\n")
+    if picture:
+        from sepv.studies._solvability.picture import draw
+
+        write_atomically(picture, draw(found, STEPS, k, Path(picture).suffix.lower(), exits))
+    _show(found, furthest, k, out)
+    _show_exits(exits, out)
+
+
+@contextmanager
+def _watching() -> Iterator[Callable[[str], None]]:
+    """What is being done, on stderr: a live line on a terminal, a line every two seconds elsewhere."""
+    from sepv.verification._report import console
+
+    out = console(stderr=True)
+    if out.is_terminal:
+        with out.status("") as line:
+            yield line.update
+        return
+    last = clock.monotonic()
+
+    def say(text: str) -> None:
+        nonlocal last
+        if clock.monotonic() - last >= 2:
+            out.print(text)
+            last = clock.monotonic()
+
+    yield say
+
+
+def _show(found: Map, furthest: float, k: int | None, out: Any) -> None:
+    from sepv.studies._solvability import End
+
+    low, high = found.safe
+    limits = (
+        f"{low:.6g} < Δ < {high:.6g}"
+        if min(-low, high) < furthest
+        else f"|Δ| ≤ {furthest:g}, all that was asked"
+    )
+    further = found.refined.theta.size
+    out.print(
+        f"{found.problem.name}, {found.scheme.name}: {found.theta.size} states of the exact orbit, |Δ| ≤ {furthest:g}."
+    )
+    out.print(
+        f"From each of them{f', and of {further} more around the shortest branches,' if further else ''} there is a "
+        f"solution connected to y0 for {limits}. States between were not looked at."
+    )
+    for branch, sign in ((found.backward, "Δ < 0"), (found.forward, "Δ > 0")):
+        ends = [f"{e.text}: {int((branch.end == e).sum())}" for e in End if (branch.end == e).any()]
+        out.print(
+            f"  {sign}: branches from {branch.reach.min():.6g} to {branch.reach.max():.6g} long; {', '.join(ends)}"
+        )
+    total = found.findings.size
+    out.print(
+        f"The map, {total} points: "
+        + "; ".join(f"{kind.text}: {c}" for kind, c in found.counts().items() if c)
+        + "."
+    )
+    law = f"truncated with k = {k}" if k else "untruncated"
+    from sepv.widths import fitted
+
+    out.print(f"\nP(Δ of a step is off the branch), c = {found.problem.c.tolist()}, {law}:")
+    out.print(fitted(_table(found, k), out.width, ["worst state"]))
+    rough = [h for h in STEPS if _rough(found, h, k)]
+    if rough:
+        out.print(
+            f"The means are rough from h = 2^{round(_log2(rough[0]))} on: every second state alone gives one that is "
+            f"off by more than {ROUGH:.0%}, or all are 0 beside a state that is not. More --states make them finer."
+        )
+
+
+def _rough(found: Map, h: float, k: int | None) -> bool:
+    """Whether a mean says more of the states than of the orbit."""
+    p = found.chances(h, k)
+    mean, half = float(p.mean()), float(p[::2].mean())
+    return abs(mean - half) > ROUGH * mean or (mean == 0 and found.worst(h, k) > 0)
+
+
+def _table(found: Map, k: int | None) -> Table:
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    for heading in ("h", "mean over the states", "worst state", "some step to T = 1, on the orbit"):
+        table.add_column(heading, justify="right")
+    for h in STEPS:
+        p = float(found.chances(h, k).mean())
+        path = 1 - (1 - p) ** round(1 / h)
+        table.add_row(f"2^{round(_log2(h))}", *(f"{v:.2g}" for v in (p, found.worst(h, k), path)))
+    return table
+
+
+def _show_exits(exits: Sequence[Exits], out: Any) -> None:
+    """How long paths found a solution of each step."""
+    from rich.table import Table
+
+    from sepv.widths import fitted
+
+    if not exits:
+        return
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    for heading in ("scheme", "h", "followed to", "failed", "first exit", "half failed", "share, 95 %"):
+        table.add_column(heading, justify="left" if heading == "scheme" else "right")
+    for e in exits:
+        table.add_row(
+            e.scheme, f"2^{round(_log2(e.h))}", f"{e.until:.6g}" + "*" * e.cut_short,
+            f"{e.failed} of {e.paths}", *("–" if t is None else f"{t:.4g}" for t in (e.first, e.median)),
+            f"≤ {e.share:.2g}",
+        )  # fmt: skip
+    out.print("\nPaths of the schemes themselves, until a step has no solution:")
+    out.print(fitted(table, out.width, ("share, 95 %", "followed to", "half failed", "failed")))
+    out.print(
+        "A step size is safe, with that scheme and from this state, until the first exit; where there is none, "
+        "nothing is known beyond the end of the paths. share bounds the probability that a path fails until then."
+    )
+    if any(e.cut_short for e in exits):
+        out.print("* not as far as asked: --seconds were up.")
+
+
+def _log2(h: float) -> float:
+    import math
+
+    return math.log2(h)

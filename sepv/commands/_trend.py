@@ -1,0 +1,77 @@
+"""``sepv trend``: which verdict changed, in which version of a library."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from sepv.commands._shared import FILE, friendly
+
+
+@click.command(short_help="Which verdict changed, in which version of a library.")
+@click.argument("folder", default="results", type=click.Path(file_okay=False))
+@click.option("--library", metavar="NAME", help="Only this one.")
+@click.option("--json", "json_file", type=FILE, help="Write cells, changes and deviations to this file.")
+@click.option("--out", type=FILE, help="Write the page of the site, Markdown, to this file.")
+@click.option("-q", "--quiet", is_flag=True, help="Only the changes, a line each.")
+@friendly
+def trend(
+    folder: str,
+    library: str | None,
+    json_file: str | None,
+    out: str | None,
+    quiet: bool,
+    debug: bool,  # noqa: ARG001  (every command takes it)
+) -> None:
+    """Compare the records of FOLDER (default: results), version by version.
+
+    \b
+    sepv trend
+    sepv trend results --library diffrax --json trend.json
+    sepv trend results --out docs/trend.md
+    """
+    import json
+
+    from rich.table import Table
+
+    from sepv.errors import UsageError
+    from sepv.files import require_folder, write_atomically
+    from sepv.peers import _trend as compared
+    from sepv.peers._history import load
+    from sepv.peers._trend_page import page
+    from sepv.verification._report import console
+
+    require_folder(json_file)
+    require_folder(out)
+    found = load(Path(folder))
+    if library is not None and library not in found:
+        raise UsageError(
+            expected=f"a library of {folder}, one of {', '.join(found)}",
+            received=repr(library),
+            remedy="measure it first: sepv peers LIBRARY VERSION",
+        )
+    found = {name: records for name, records in found.items() if library in (None, name)}
+    if json_file:
+        write_atomically(json_file, json.dumps(compared.to_json(found), indent=1, ensure_ascii=False) + "\n")
+    if out:
+        write_atomically(out, page(found))
+    screen = console()
+    for name, records in found.items():
+        last = compared.latest(records)
+        if not quiet:
+            table = Table(title=name, title_justify="left", box=None, pad_edge=False)
+            for heading in ("solver", *(r.version for r in last)):
+                table.add_column(heading, overflow="fold")
+            for solver in compared.solvers(records):
+                table.add_row(solver, *(compared.cell(r, solver) for r in last))
+            screen.print(table)
+        for c in compared.changes(records):
+            what = f"{c.solver}, {c.law}" if c.law else c.solver
+            screen.print(f"{name} {c.since} → {c.version}: {what}: {c.before} → {c.after}", soft_wrap=True)
+        for d in compared.deviations(records):
+            seen = f"seen in {', '.join(d.seen)}" if d.seen else "not seen"
+            mended = f"; mended in {d.mended}" if d.mended else ""
+            screen.print(f"{d.title} {seen}{mended}", soft_wrap=True)
+        if not quiet:
+            screen.print()

@@ -1,0 +1,92 @@
+"""``sepv ulps``: what one step does to the invariants, in units of rounding."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import click
+
+from sepv.commands._shared import EXEC, FILE, Renamed, candidates, friendly
+
+
+@click.command(short_help="One-step defects of the invariants, in ulps.")
+@click.argument("targets", nargs=-1, metavar="[SCHEME]...")
+@EXEC
+@click.option(
+    "--problem", "-p", "names", multiple=True, help="By name or as for compare. [default: the paper's]"
+)
+@click.option(
+    "--h",
+    "--step",
+    "h",
+    cls=Renamed,
+    type=click.FloatRange(min=0, min_open=True),
+    help="h. [default: 2^-5, Lotka-Volterra 2^-7]",
+)
+@click.option("--steps", type=click.IntRange(min=1), default=400, show_default=True, help="How many.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@click.option("--peers", is_flag=True, help="And solvers of every peer that is installed.")
+@click.option("--json", "json_file", type=FILE, help="Write the numbers to this file.")
+@friendly
+def ulps(
+    targets: tuple[str, ...],
+    programs: tuple[str, ...],
+    names: tuple[str, ...],
+    h: float | None,
+    steps: int,
+    seed: int,
+    peers: bool,
+    json_file: str | None,
+    debug: bool,  # noqa: ARG001  (every command takes it)
+) -> None:
+    """One-step defects of energy and Casimirs in ulps: median and largest over independent steps.
+
+    The unit is what one rounding of y does, eps |∇H| |y|; invariants are evaluated in extended precision.
+
+    \b
+    sepv ulps                             all schemes on the paper's problems
+    sepv ulps mymodule:step -p pendulum --peers
+    """
+    from rich.table import Table
+
+    from sepv import problems, schemes
+    from sepv.files import require_folder, write_atomically
+    from sepv.progress import showing
+    from sepv.schemes._load import load_problem
+    from sepv.studies import _ulps as unit
+    from sepv.verification._report import console
+    from sepv.widths import fitted
+
+    require_folder(json_file)
+    asked = [*(targets or (() if programs else tuple(schemes.ALL))), *(unit.peers() if peers else ())]
+    chosen = [load_problem(name) for name in (names or tuple(problems.NAMED))]
+    rows: list[Any] = []
+    with candidates(asked, programs) as wanted, showing() as line:
+        for _, scheme in wanted:
+            for problem in chosen:
+                line.update(f"{scheme.name}, {problem.name}", len(rows) / (len(wanted) * len(chosen)))
+                rows.append(unit.one_step(scheme, problem, h=h, steps=steps, seed=seed))
+    if json_file:
+        write_atomically(json_file, json.dumps([r.to_json() for r in rows], indent=1, allow_nan=False) + "\n")
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    for heading in ("scheme", "problem"):
+        table.add_column(heading, overflow="fold")
+    failures = any(r.failed for r in rows)  # a column of its own only where there are any: 80 columns are few
+    headings = [
+        "h",
+        *(["failed"] if failures else []),
+        "energy:\nmedian",
+        "\nlargest",
+        "casimir:\nmedian",
+        "\nlargest",
+    ]
+    for heading in headings:
+        table.add_column(heading, justify="right", no_wrap=True)
+    for r in rows:
+        sizes = (r.energy_median, r.energy_largest, r.casimir_median, r.casimir_largest)
+        shown = ["" if v is None else f"{v:.2g}" for v in sizes]
+        failed = [str(r.failed or "")] if failures else []
+        table.add_row(r.scheme, r.problem, f"{r.h:.3g}", *failed, *shown)
+    out = console()
+    out.print(fitted(table, out.width, (), wrapped=("scheme", "problem")))

@@ -1,0 +1,241 @@
+"""``sepv verify``: measure every law on a target."""
+
+from __future__ import annotations
+
+import shlex
+from typing import Any
+
+import click
+
+from sepv.commands._shared import EXIT_CODES, FILE, Workers, complete_laws, complete_schemes, friendly, listed
+from sepv.errors import UsageError
+
+
+@click.command(epilog=EXIT_CODES, short_help="Measure every law on a scheme.")
+@click.argument("targets", nargs=-1, metavar="TARGET...", shell_complete=complete_schemes)
+@click.option(
+    "--law", "laws", multiple=True, metavar="NAME,…", help="Only these laws; may be repeated.", callback=listed,
+    shell_complete=complete_laws,
+)  # fmt: skip
+@click.option(
+    "--problem", "-p", "problems", multiple=True, metavar="PROBLEM",
+    help="What it is for: name, family, file.json or module:attribute; may be repeated.",
+)  # fmt: skip
+@click.option(
+    "--level", type=click.IntRange(1, 3), help="Only the laws up to this level, which must be reached."
+)
+@click.option("--claim", "claims", multiple=True, metavar="LAW,…", help="Hold the scheme to these laws too.")
+@click.option("--json", "json", type=FILE, help="Write the report to this file.")
+@click.option("--junit", "junit", type=FILE, help="Write JUnit XML to this file.")
+@click.option("--badge", "badge", type=FILE, help="Write JSON for a badge to this file.")
+@click.option("--expected", type=click.Path(), help="A file of --pin or --write-expected; strict both ways.")
+@click.option("--pin", type=FILE, help="Write what holds and what is violated today, for --expected.")
+@click.option("--write-expected", type=FILE, help="Write today's violations of claimed laws, for --expected.")
+@click.option("--replay", "token", metavar="TOKEN", help="Measure one witness; needs one --law.")
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths."
+)
+@click.option("--examples", type=click.IntRange(min=1), help="Random examples for each law. [default: 25]")
+@click.option("--paths", type=click.IntRange(min=64), help="Most paths for a law. [default: 8192]")
+@click.option("--deep", is_flag=True, help="The nightly effort: 1000 examples, 20 designs, 16384 paths.")
+@click.option("--no-corpus", is_flag=True, help="Leave out the known witnesses, which are asked first.")
+@click.option(
+    "--timeout", type=click.FloatRange(min=0.1), default=600.0, show_default=True, help="Seconds a law."
+)
+@click.option(
+    "--exec", "program", metavar="COMMAND", help="Verify a program in any language (docs/protocol.md)."
+)
+@click.option(
+    "--check-protocol", is_flag=True, help="With --exec: say line by line what the program does wrong."
+)
+@click.option(
+    "--call-timeout", type=click.FloatRange(min=0.01), default=10.0, show_default=True, help="With --exec."
+)
+@click.option(
+    "-j", "--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Processes for the laws."
+)
+@click.option(
+    "--workers", type=Workers(), help="A Dask scheduler's address, for the laws (docs/clusters.md)."
+)
+@click.option(
+    "--coverage", is_flag=True, help="Show which strata the laws' cases cover, and measure nothing."
+)
+@click.option("-q", "--quiet", is_flag=True, help="Only the last line.")
+@friendly
+def verify(targets: tuple[str, ...], laws: tuple[str, ...], claims: tuple[str, ...], **options: Any) -> None:
+    """Measure every law on TARGET: a built-in name or module:attribute.
+
+    The attribute is a sepv.Scheme, or a function step(problem, y, h, dW) -> y_next. Laws that a scheme
+    does not claim are measured and printed too. Several targets give a matrix in the end.
+
+    \b
+    sepv verify energy-preserving
+    sepv verify energy-preserving midpoint euler-heun
+    sepv verify mymodule:step --claim energy,casimir --json report.json
+    sepv verify mymodule:step -p canonical-separable -p mymodule:problem
+    """
+    if bool(targets) == bool(options["program"]):
+        raise UsageError(
+            expected="a TARGET, or a program with --exec",
+            received=f"{len(targets)} targets" + (" and --exec" if options["program"] else ""),
+            remedy="sepv verify energy-preserving, or sepv verify --exec './program'",
+        )
+    if options["coverage"] and targets:
+        raise SystemExit(_coverage(targets, laws))
+    if options["program"]:
+        raise SystemExit(_verify_program(laws, claims, **options))
+    if options["token"] is not None:
+        _replay(targets, laws, options["token"], options["debug"])
+    files = _files(**options)
+    if len(targets) > 1 and (any(files.values()) or options["expected"]):
+        raise UsageError(
+            expected="one TARGET with files", received=f"{len(targets)} targets", remedy="run once for each"
+        )
+    arguments = _arguments(laws, claims, **options)
+    raise SystemExit(_verify(targets, arguments, files, options["quiet"], options["debug"]))
+
+
+def _coverage(targets: tuple[str, ...], laws: tuple[str, ...]) -> int:
+    """``--coverage``: the designs for the class of systems that each target takes."""
+    from sepv.schemes._load import load_scheme
+    from sepv.verification import _report as page
+    from sepv.verification import load_laws
+    from sepv.verification._coverage import show
+
+    for target in targets:
+        show(load_laws(laws or None), load_scheme(target).systems, page.console())
+    return 0
+
+
+def _files(**options: Any) -> dict[str, str | None]:
+    """The files to write, after a look whether they can be."""
+    from sepv.files import require_folder
+
+    files = {kind: options[kind] for kind in ("json", "junit", "badge", "write_expected", "pin")}
+    for path in files.values():
+        require_folder(path)
+    return files
+
+
+def _arguments(laws: tuple[str, ...], claims: tuple[str, ...], **options: Any) -> dict[str, Any]:
+    return {
+        "laws": laws or None,
+        "claims": [c.strip() for text in claims for c in text.split(",") if c.strip()],
+        "effort": _effort(**options),
+        "timeout": options["timeout"],
+        "expected": options["expected"],
+        "jobs": options["jobs"],
+        "problems": options["problems"] or None,
+        "workers": options["workers"],
+        "level": options["level"],
+    }
+
+
+def _verify_program(laws: tuple[str, ...], claims: tuple[str, ...], **options: Any) -> int:
+    """``sepv verify --exec``: the same laws, asked of a child process."""
+    from sepv.external import check_protocol, describe, load_program
+    from sepv.verification import LAWS
+
+    command, seconds = options["program"], options["call_timeout"]
+    if options["check_protocol"]:
+        checks = check_protocol(command, call_timeout=seconds, laws=LAWS)
+        click.echo(describe(checks))
+        return 0 if all(c.ok for c in checks) else 3
+    files = _files(**options)
+    with load_program(command, call_timeout=seconds) as scheme:
+        if options["token"] is not None:
+            _replay((scheme,), laws, options["token"], options["debug"])
+        arguments = _arguments(laws, claims, **options)
+        return _verify(
+            (scheme,), arguments, files, options["quiet"], options["debug"], f"--exec {shlex.quote(command)}"
+        )
+
+
+def _effort(
+    *, seed: int, examples: int | None, paths: int | None, deep: bool, no_corpus: bool, **_: Any
+) -> Any:
+    from dataclasses import replace
+
+    from sepv.verification import Effort
+
+    effort = Effort().deeper() if deep else Effort()
+    return replace(
+        effort,
+        seed=seed,
+        examples=examples or effort.examples,
+        paths=paths or effort.paths,
+        corpus=not no_corpus,
+    )
+
+
+def _verify(
+    targets: tuple[Any, ...],
+    options: dict[str, Any],
+    files: dict[str, str | None],
+    quiet: bool,
+    debug: bool,
+    shown: str = "",
+) -> int:
+    from dataclasses import replace
+
+    from sepv.progress import watching
+    from sepv.verification import _report as page
+    from sepv.verification import verify as run
+    from sepv.verification._laws import laws_of
+
+    out, reports = page.console(), []
+    for target in targets:
+        asked = "".join(f" -p {shlex.quote(p)}" for p in options["problems"] or ())
+        named = (shown or shlex.quote(target)) + asked
+        with watching(quiet, laws_of(options["laws"], options["level"])) as progress:
+            report = replace(run(target, progress=progress, **options), target=named)
+        reports.append(report)
+        if quiet:
+            page.line(out, page.summary(report, named))
+        else:
+            page.show(report, named, out, debug=debug)
+        _write(report, files, named)
+        if report.interrupted:
+            break
+    if len(reports) > 1 and not quiet:
+        out.print(page.matrix(reports))
+    return max(reports, key=lambda r: r.exit_code).exit_code
+
+
+def _write(report: Any, files: dict[str, str | None], named: str) -> None:
+    """The files; of an interrupted run none that later runs would be held to."""
+    from sepv.files import badge_json, junit_xml, report_json, write_atomically
+    from sepv.verification._expected import pin, to_toml
+
+    texts = {
+        "json": report_json,
+        "junit": junit_xml,
+        "badge": badge_json,
+        "write_expected": lambda r: to_toml(r.scheme.name, r.findings),
+        "pin": lambda r: pin(r.scheme.name, r.findings),
+    }
+    for kind, path in files.items():
+        if path and report.interrupted and kind in ("write_expected", "pin"):
+            click.echo(f"sepv: {path} is not written: the run was interrupted", err=True)
+        elif path:
+            write_atomically(path, texts[kind](report))
+            if kind == "pin":
+                guard = f"sepv verify {named} --expected {shlex.quote(path)}"
+                click.echo(f"Pinned in {path}. From now on: {guard}", err=True)
+
+
+def _replay(targets: tuple[Any, ...], laws: tuple[str, ...], token: str, debug: bool) -> None:
+    from sepv.verification import Verdict
+    from sepv.verification import _report as report
+    from sepv.verification._cases import case
+    from sepv.verification._verify import replay
+
+    if len(targets) != 1 or len(laws) != 1:
+        raise UsageError(
+            expected="one TARGET and one --law with --replay",
+            received=f"{len(targets)} targets, {len(laws)} laws",
+            remedy="copy the whole command from the report",
+        )
+    finding = replay(targets[0], laws[0], case.to_json(case.from_token(token)))
+    report.show_finding(finding, report.console(), debug=debug)
+    raise SystemExit({Verdict.HOLDS: 0, Verdict.ERROR: 3}.get(finding.verdict, 1))

@@ -1,0 +1,181 @@
+"""The protocol checked line by line, for those who implement it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from sepv.errors import SchemeFault, SepvError, Skipped
+from sepv.external._child import STOP_GRACE
+from sepv.external._errors import BadAnswer
+from sepv.external._messages import MOST_STEPS, Hello
+from sepv.external._program import Program
+from sepv.external._text import clean
+from sepv.problem import Array, PolynomialSystem, Problem
+
+
+class Check(NamedTuple):
+    """One check of the protocol: the line sent, whether the answer is right, and what it is or lacks."""
+
+    line: str
+    ok: bool
+    message: str
+
+
+def check_protocol(
+    command: str,
+    *,
+    call_timeout: float = 10.0,
+    start_timeout: float = 60.0,
+    laws: Iterable[str] | None = None,
+) -> list[Check]:
+    """Speak to a program as `load_program` does, and say of every line what is right or wrong.
+
+    It stops after a failed start or hello, since no answer means anything then.
+
+    Parameters
+    ----------
+    laws : iterable of str, optional
+        The names that claims may have.
+    """
+    program = Program(command, call_timeout=call_timeout, start_timeout=start_timeout)
+    checks: list[Check] = []
+
+    def check(trial: Callable[[Program], str]) -> bool:
+        program.sent = ""
+        try:
+            ok, message = True, trial(program)
+        except Skipped as skipped:
+            ok, message = True, str(skipped)
+        except SepvError as error:
+            ok, message = False, str(error)
+        checks.append(Check(program.sent or f"(start of {command})", ok, message))
+        return ok
+
+    try:
+        if check(lambda p: _try_hello(p, None if laws is None else set(laws))):
+            for trial in (*_sample_trials(program.hello()), _try_stranger, _try_word, _try_stop, _try_end):
+                check(trial)
+    finally:
+        program.stop()
+    return checks
+
+
+def describe(checks: Iterable[Check]) -> str:
+    """The checks for a reader, one after the other."""
+    lines = []
+    for n, check in enumerate(checks, 1):
+        shown = check.line if len(check.line) <= 160 else f"{check.line[:160]}… ({len(check.line)} bytes)"
+        lines.append(f"{n:2} {'ok  ' if check.ok else 'FAIL'} > {shown}")
+        lines += [f"          {text}" for text in check.message.splitlines()]
+    return "\n".join(lines)
+
+
+def _try_hello(program: Program, laws: set[str] | None) -> str:
+    from sepv.problems import NAMED
+
+    said = program.hello()
+    for key, names, known in (("claims", said.claims, laws), ("problems", said.problems, set(NAMED))):
+        strange = sorted(set(names) - known) if known is not None else []
+        if strange:
+            raise BadAnswer(
+                expected=f"{key} in hello: some of {', '.join(sorted(known or ()))}",
+                received=", ".join(strange),
+                remedy="correct the name, or leave it out",
+            )
+    takes = [*said.problems, *["polynomial data"] * said.polynomial]
+    return (
+        f"{said.scheme} takes {', '.join(takes)}, {said.max_steps} steps a message, "
+        f"and claims {', '.join(said.claims) or 'no law'}"
+    )
+
+
+def _sample_trials(said: Hello) -> Iterator[Callable[[Program], str]]:
+    """One step, the same again, and several in one message, for problems that the program says it takes."""
+    from sepv import problems
+    from sepv.record import polynomial
+
+    samples = [problems.by_name(name) for name in said.problems]
+    if said.polynomial:
+        H = polynomial(3, [((2, 0, 0), 0.5), ((0, 2, 0), 0.5), ((1, 0, 3), 0.25)])
+        B = (
+            (0, 1, polynomial(3, [((0, 0, 1), -1.0)])),
+            (1, 2, polynomial(3, [((0, 0, 0), 2.0), ((1, 1, 0), 1.0)])),
+        )
+        samples += [problems.build(PolynomialSystem(3, H, B, noise)) for noise in ((), (1.0, 0.5))]
+    for problem in samples:
+        start = np.array(problem.initial if problem.initial is not None else (1.0, 0.5, -0.25))
+        noise = np.linspace(0.25, -0.125, problem.noises)
+        yield partial(_try_step, problem, start, 0.0625, noise)
+        if said.max_steps > 1:
+            yield partial(_try_batch, problem, start, 0.0625, noise)
+
+
+def _try_step(problem: Problem, y: Array, h: float, dW: Array, program: Program) -> str:
+    first, second = program.step(problem, y, h, dW), program.step(problem, y, h, dW)
+    _same(first, second, "the same bits for the same message sent again", "keep no state between messages")
+    return f"{problem.name}: y_next = {first.tolist()}, and the same again"
+
+
+def _try_batch(problem: Problem, y: Array, h: float, dW: Array, program: Program) -> str:
+    count = min(program.hello().max_steps, MOST_STEPS)
+    factors = 1 + 0.25 * np.arange(count) / count
+    batch = program.step(problem, y[:, None] * factors, h, np.repeat(dW[:, None], count, axis=1))
+    size = len(program.sent)
+    alone = program.step(problem, y * factors[-1], h, dW)
+    _same(
+        batch[:, -1],
+        alone,
+        "the same bits for a step alone and in a message of many",
+        "treat steps one by one",
+    )
+    return f"{problem.name}: {count} steps in a message of {size} bytes, the last as alone"
+
+
+def _same(one: Array, other: Array, expected: str, remedy: str) -> None:
+    if not np.array_equal(one, other):
+        raise SchemeFault(expected=expected, received=f"{one.tolist()} and {other.tolist()}", remedy=remedy)
+
+
+def _refused(program: Program, body: str, kind: str, why: str) -> str:
+    given, answer = program.ask(body)
+    if given != kind:
+        raise BadAnswer(
+            expected=f'"{kind}": "reason", {why}',
+            received=given,
+            remedy="answer what the program does not know",
+        )
+    return f"{kind}: {clean(answer)}"
+
+
+def _try_stranger(program: Program) -> str:
+    problem, steps = '{"name":"no-such-problem","parameters":{}}', '[{"y":[],"h":"0x1p+0","dW":[]}]'
+    body = f'"type":"step","problem":{problem},"steps":{steps}'
+    return _refused(program, body, "skip", "for a problem that the program does not have")
+
+
+def _try_word(program: Program) -> str:
+    return _refused(program, '"type":"no-such-type"', "error", "for a message of an unknown type")
+
+
+def _try_stop(program: Program) -> str:
+    program.hello()
+    return _ended(program.stop(), "stop")
+
+
+def _try_end(program: Program) -> str:
+    program.hello()
+    return _ended(program.stop(say=False), "the end of stdin")
+
+
+def _ended(status: str | None, event: str) -> str:
+    if status != "exit code 0":
+        raise BadAnswer(
+            expected=f"exit code 0 within {STOP_GRACE:g} s of {event}",
+            received=status or "a running program",
+            remedy="leave the loop over lines there, and end",
+        )
+    return f"ended with {status}"

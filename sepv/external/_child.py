@@ -1,0 +1,220 @@
+"""A process and its pipes: nothing here waits without a deadline, for reading or for writing."""
+
+from __future__ import annotations
+
+import os
+import selectors
+import shlex
+import signal
+import subprocess
+import time
+import weakref
+from contextlib import suppress
+
+from sepv.external._errors import (
+    CallTimeout,
+    LineTooLong,
+    NeverReads,
+    ProgramError,
+    ProgramExit,
+    StartFailure,
+)
+from sepv.external._text import shown
+
+# A message of 1000 steps in 20 dimensions is half of it; a child that prints without end stops here.
+LINE_LIMIT = 1 << 20
+# Seconds between "stop" and SIGKILL: enough to write a log, too few to be noticed.
+STOP_GRACE = 2.0
+_CHUNK = 1 << 16
+_LOG = 2000  # bytes of stderr that an error shows
+
+
+class Child:
+    """A process and its pipes. `exchange` sends one line and returns one; `end` ends the process group."""
+
+    def __init__(self, argv: list[str], limit: int) -> None:
+        self.limit, self.count, self.owner = limit, 0, os.getpid()
+        self.received, self.log, self.unsent = bytearray(), bytearray(), memoryview(b"")
+        self.selector = selectors.DefaultSelector()
+        try:
+            self.process = subprocess.Popen(
+                argv,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                bufsize=0,
+                start_new_session=True,
+            )
+        except (OSError, ValueError) as error:
+            raise StartFailure(
+                expected=f"a program that can be started: {shlex.join(argv)}",
+                received=f"{type(error).__name__}: {error}",
+                remedy="give its path (./program), make it executable, and start it once by hand",
+            ) from error
+        self.finish = weakref.finalize(self, _kill, self.process, self.selector, self.owner)
+        self.stdin, self.stdout, self.stderr = (
+            pipe.fileno() for pipe in (self.process.stdin, self.process.stdout, self.process.stderr) if pipe
+        )
+        for fd in (self.stdin, self.stdout, self.stderr):
+            os.set_blocking(fd, False)
+        self.selector.register(self.stdout, selectors.EVENT_READ, "stdout")
+        self.selector.register(self.stderr, selectors.EVENT_READ, "stderr")
+
+    def exchange(self, message: bytes, seconds: float) -> bytes:
+        """The line that answers `message`, both within `seconds`."""
+        deadline = time.monotonic() + seconds
+        self.unsent = memoryview(message)
+        self._write()
+        if self.unsent:
+            self.selector.register(self.stdin, selectors.EVENT_WRITE, "stdin")
+        while True:
+            end = self.received.find(b"\n")
+            # What comes before the message is sent is bounded as a whole: a child may print and never read.
+            if (len(self.received) - 1 if end < 0 or self.unsent else end) > self.limit:
+                raise self.fault(
+                    LineTooLong,
+                    f"a line of at most {self.limit} bytes",
+                    f"{len(self.received)} bytes and more: {shown(bytes(self.received[:60]))}…",
+                    "one answer a line, nothing else on stdout; give hello a smaller max_steps",
+                )
+            if end >= 0 and not self.unsent:
+                line = bytes(self.received[:end])
+                del self.received[: end + 1]
+                return line
+            left = deadline - time.monotonic()
+            if left <= 0:
+                raise self._late(seconds)
+            for key, _ in self.selector.select(left):
+                {"stdin": self._write, "stdout": self._read, "stderr": self._drain}[key.data]()
+
+    def _write(self) -> None:
+        try:
+            self.unsent = self.unsent[os.write(self.stdin, self.unsent) :]
+        except BlockingIOError:
+            return
+        except BrokenPipeError:
+            raise self._gone("closed its input") from None
+        if not self.unsent and self.stdin in self.selector.get_map():
+            self.selector.unregister(self.stdin)
+
+    def _read(self) -> None:
+        with suppress(BlockingIOError):
+            data = os.read(self.stdout, _CHUNK)
+            if not data:
+                raise self._gone("closed its output")
+            self.received += data
+
+    def _drain(self) -> None:
+        with suppress(BlockingIOError):
+            data = os.read(self.stderr, _CHUNK)
+            if not data:
+                self.selector.unregister(self.stderr)
+            self.log += data
+            del self.log[:-_LOG]
+
+    def status(self, seconds: float) -> str | None:
+        """How the program ended, or None where it still runs after `seconds`.
+
+        It is not reaped: until then no other process group can get its number.
+        """
+        deadline = time.monotonic() + seconds
+        while (ended := self._exit_code()) is None and time.monotonic() < deadline:
+            time.sleep(0.002)
+        if ended is None:
+            return None
+        return f"exit code {ended}" if ended >= 0 else f"signal {_signal_name(-ended)}"
+
+    def _exit_code(self) -> int | None:
+        """As `Popen.poll`, but without reaping where the system can (macOS: since Python 3.13)."""
+        if not hasattr(os, "waitid") or self.process.returncode is not None:
+            return self.process.poll()
+        try:
+            how = os.waitid(os.P_PID, self.process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+        except ChildProcessError:  # reaped by somebody else
+            return self.process.poll()
+        if how is None:
+            return None
+        return how.si_status if how.si_code == os.CLD_EXITED else -how.si_status
+
+    def _gone(self, what: str) -> ProgramError:
+        status = self.status(0.5)
+        return self.fault(
+            ProgramExit,
+            "a program that runs until it is told to stop",
+            f"the end of the program with {status}" if status else f"a running program that {what}",
+            "answer every line of stdin, an unknown one with error; end at stop or at the end of stdin only",
+        )
+
+    def _late(self, seconds: float) -> ProgramError:
+        status, unread = self.status(0), len(self.unsent) + _unread(self.stdin)
+        if status:
+            return self._gone("")
+        if unread:
+            return self.fault(
+                NeverReads,
+                f"a program that reads its stdin within {seconds:g} s",
+                f"a message of which {unread} bytes were not read",
+                "read stdin line by line, to the end of each line, in a loop",
+            )
+        part = f"{len(self.received)} bytes without a line end" if self.received else "nothing"
+        return self.fault(
+            CallTimeout,
+            f"a line of answer within {seconds:g} s",
+            f"{part}, from a program that read the whole message",
+            "end the answer with a newline and flush stdout; a slow program takes fewer steps a message "
+            "(max_steps) or is given more time",
+        )
+
+    def fault(self, kind: type[ProgramError], expected: str, received: str, remedy: str) -> ProgramError:
+        """An error that carries the end of the program's stderr."""
+        if self.stderr in self.selector.get_map():
+            self._drain()
+        log = "\n".join(shown(line) for line in bytes(self.log).splitlines())
+        return kind(expected=expected, received=received, remedy=remedy, log=log)
+
+    def stop(self, message: bytes) -> str | None:
+        """Ask the program to end, and end it; how it ended by itself, None where it did not."""
+        with suppress(OSError):
+            os.write(self.stdin, message)
+        if self.process.stdin:
+            self.process.stdin.close()
+        try:
+            return self.status(STOP_GRACE)
+        finally:
+            self.end()
+
+    def end(self) -> None:
+        """End the whole process group now."""
+        self.finish()
+
+
+def _kill(process: subprocess.Popen[bytes], selector: selectors.BaseSelector, owner: int) -> None:
+    if os.getpid() != owner:
+        return  # a forked copy of this process: the child is not its own
+    # PermissionError is what macOS says of a group of zombies.
+    with suppress(ProcessLookupError, PermissionError):
+        os.killpg(process.pid, signal.SIGKILL)
+    with suppress(subprocess.TimeoutExpired):
+        process.wait(5.0)
+    selector.close()
+    for pipe in (process.stdin, process.stdout, process.stderr):
+        if pipe:
+            pipe.close()
+
+
+def _unread(fd: int) -> int:
+    """Bytes in the pipe that the child has not read; 0 where the system does not say."""
+    import fcntl
+    import termios
+
+    try:
+        return int.from_bytes(fcntl.ioctl(fd, termios.FIONREAD, bytes(4)), "little")
+    except OSError:
+        return 0
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return str(number)

@@ -1,0 +1,277 @@
+"""A program as a scheme: started when first asked, started afresh after a fault, always ended."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from sepv.errors import Skipped, UsageError
+from sepv.external._child import LINE_LIMIT, Child
+from sepv.external._errors import BadAnswer, CallTimeout, NeverReads, ProgramError, RunTimeout, StepRefused
+from sepv.external._messages import MOST_STEPS, PROTOCOL, Hello, decode, read_hello, row, states, travelling
+from sepv.external._text import clean, shown
+from sepv.problem import Array, Problem
+from sepv.problems import NAMED
+from sepv.schemes import Scheme
+from sepv.schemes._scheme import as_lanes
+
+
+class Program:
+    """A command that speaks the protocol, started when it is asked and has not been, or has failed."""
+
+    def __init__(
+        self,
+        command: str,
+        *,
+        call_timeout: float = 10.0,
+        start_timeout: float = 60.0,
+        run_timeout: float | None = None,
+        line_limit: int = LINE_LIMIT,
+    ) -> None:
+        self.command, self.argv, self.line_limit = command, _split(command), line_limit
+        self.call_timeout, self.start_timeout, self.run_timeout = call_timeout, start_timeout, run_timeout
+        self.until = float("inf") if run_timeout is None else time.monotonic() + run_timeout
+        self.child: Child | None = None
+        self.said: Hello | None = None
+        self.closed = False
+        self.sent = ""  # the last line, for `check_protocol`
+        self.lock = threading.Lock()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """In another process it is a program of its own, started there when it is asked."""
+        left = None if self.run_timeout is None else max(0.0, self.until - time.monotonic())
+        return _again, (self.command, self.call_timeout, self.start_timeout, left, self.line_limit)
+
+    def hello(self) -> Hello:
+        """What the program says of itself; starts it."""
+        with self.lock:
+            self._running()
+            assert self.said is not None
+            return self.said
+
+    def ask(self, body: str) -> tuple[str, Any]:
+        """The answer to a message with these members beside its id: ("y_next" | "skip" | "error", value)."""
+        with self.lock:
+            child = self._running()
+            answer = self._exchange(child, body, self.call_timeout)
+            given = [key for key in ("y_next", "skip", "error") if key in answer]
+            if len(given) != 1 or (given[0] != "y_next" and not isinstance(answer[given[0]], str)):
+                raise child.fault(
+                    BadAnswer,
+                    'exactly one of "y_next": [states], "skip": "reason", "error": "reason"',
+                    shown(json.dumps(answer).encode()),
+                    "see docs/protocol.md",
+                )
+            return given[0], answer[given[0]]
+
+    def stop(self, say: bool = True) -> str | None:
+        """End the program, by word or by the end of its input; how it ended, None where it had to be killed."""
+        with self.lock:
+            child, self.child = self.child, None
+            if child is None or child.owner != os.getpid():
+                return None
+            self.sent = f'{{"id":{child.count},"type":"stop"}}' if say else "(end of stdin)"
+            return child.stop(self.sent.encode() + b"\n" if say else b"")
+
+    def _running(self) -> Child:
+        if self.closed:
+            raise UsageError(
+                expected="a call within `with load_program(…)`",
+                received="a call after it",
+                remedy="move the call into the block",
+            )
+        # After a fork the pipes belong to the parent: this process starts a program of its own.
+        if self.child is None or self.child.owner != os.getpid():
+            self.child = Child(self.argv, self.line_limit)
+            answer = self._exchange(self.child, f'"type":"hello","protocol":{PROTOCOL}', self.start_timeout)
+            try:
+                self.said = read_hello(answer)
+            except ProgramError:
+                self.abandon()
+                raise
+        return self.child
+
+    def _exchange(self, child: Child, body: str, seconds: float) -> dict[str, Any]:
+        number, left = child.count, self.until - time.monotonic()
+        child.count += 1
+        self.sent = f'{{"id":{number},{body}}}'
+        try:
+            if left <= 0:
+                raise self._out_of_time()
+            line = child.exchange(self.sent.encode() + b"\n", min(seconds, left))
+            return decode(child, line, number)
+        except (CallTimeout, NeverReads):
+            self.abandon()
+            if left < seconds:
+                raise self._out_of_time() from None
+            raise
+        except BaseException:  # an interrupt too leaves an answer on its way that nobody waits for
+            self.abandon()
+            raise
+
+    def abandon(self) -> None:
+        """End the program at once; the next call starts a fresh one."""
+        if self.child is not None:
+            self.child.end()
+            self.child = None
+
+    def _out_of_time(self) -> RunTimeout:
+        return RunTimeout(
+            expected=f"a run of at most {self.run_timeout:g} s",
+            received="a call after that time",
+            remedy="give the run more time, or ask for fewer laws, examples or paths",
+        )
+
+    def scheme(self) -> Scheme:
+        """The program as a scheme."""
+        said = self.hello()
+        return Scheme(
+            name=said.scheme,
+            step=self.step,
+            claims=said.claims,
+            source=said.source or f"the program {clean(self.command)}",
+            mean_square_order=said.mean_square_order,
+            weak_order=said.weak_order,
+            solver_tolerance=said.solver_tolerance,
+            truncation=said.truncation,
+            increments=said.increments,
+            batched=True,
+            # Else a search would spend its cases on polynomials that the program has already refused.
+            problems=() if said.polynomial else tuple(name for name in said.problems if name in NAMED),
+        )
+
+    def step(self, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        """One step of the program, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M).
+
+        Raises
+        ------
+        Skipped
+            Where the program does not take the problem.
+        StepRefused
+            Where it says that the step cannot be made; of a batch it is not known which.
+        WrongShape, NotFinite
+            For states that break the contract of ``step``.
+        ProgramError
+            For everything that breaks the protocol.
+        """
+        state, noise = as_lanes(problem, y, h, dW)
+        said = self.hello()
+        head = f'"type":"step","problem":{travelling(problem, said)},"steps":['
+        texts = [
+            f'{{"y":{row(a)},"h":"{float(h).hex()}","dW":{row(b)}}}'
+            for a, b in zip(state.T.tolist(), noise.T.tolist(), strict=True)
+        ]
+        rows: list[list[float]] = []
+        size = min(said.max_steps, MOST_STEPS)
+        for first in range(0, len(texts), size):
+            part = texts[first : first + size]
+            kind, answer = self.ask(head + ",".join(part) + "]")
+            if kind == "error":
+                delta = float(problem.random_step(h, noise)[first])
+                raise StepRefused(problem=problem.name, y=state[:, first], delta=delta, reason=clean(answer))
+            if kind == "skip":
+                raise Skipped(clean(answer))
+            rows += states(answer, len(part), problem.dimension)
+        found = np.array(rows, dtype=np.float64).reshape(len(rows), problem.dimension)
+        return np.ascontiguousarray(found.T).reshape(np.shape(y))
+
+
+def _again(
+    command: str, call_timeout: float, start_timeout: float, run_timeout: float | None, line_limit: int
+) -> Program:
+    return Program(
+        command,
+        call_timeout=call_timeout,
+        start_timeout=start_timeout,
+        run_timeout=run_timeout,
+        line_limit=line_limit,
+    )
+
+
+@contextmanager
+def load_program(
+    command: str,
+    *,
+    call_timeout: float = 10.0,
+    start_timeout: float = 60.0,
+    run_timeout: float | None = None,
+    line_limit: int = LINE_LIMIT,
+) -> Iterator[Scheme]:
+    """The scheme that a program is, for the time of the ``with`` block; its process group ends with it.
+
+    Parameters
+    ----------
+    command : str
+        The program and its arguments, split as a POSIX shell does; no shell is started.
+    call_timeout, start_timeout : float
+        Seconds for one message and its answer; for the first, which a runtime may need to warm up.
+    run_timeout : float, optional
+        Seconds for all of them together.
+
+    Raises
+    ------
+    UsageError
+        For a command that cannot be split, or a system without POSIX processes.
+    ProgramError
+        For a program that cannot be started or does not answer hello as it should.
+    """
+    program = Program(
+        command,
+        call_timeout=call_timeout,
+        start_timeout=start_timeout,
+        run_timeout=run_timeout,
+        line_limit=line_limit,
+    )
+    with _ended_by_signals(program):
+        try:
+            yield program.scheme()
+        finally:
+            program.closed = True
+            program.stop()
+
+
+@contextmanager
+def _ended_by_signals(program: Program) -> Iterator[None]:
+    """SIGTERM and SIGHUP end the program first, where nobody else handles them: they unwind no Python."""
+
+    def end(number: int, _frame: object) -> None:
+        program.abandon()
+        signal.signal(number, signal.SIG_DFL)
+        os.kill(os.getpid(), number)
+
+    main = threading.current_thread() is threading.main_thread()
+    taken = [n for n in (signal.SIGTERM, signal.SIGHUP) if main and signal.getsignal(n) is signal.SIG_DFL]
+    for number in taken:
+        signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number in taken:
+            signal.signal(number, signal.SIG_DFL)
+
+
+def _split(command: str) -> list[str]:
+    try:
+        argv = shlex.split(command)
+    except ValueError as error:
+        raise UsageError(
+            expected="a command", received=f"{command!r}: {error}", remedy="close the quote"
+        ) from None
+    if not argv:
+        raise UsageError(expected="a command", received=repr(command), remedy="name a program: ./program")
+    if os.name != "posix":
+        raise UsageError(
+            expected="a POSIX system, for process groups and pipes with deadlines",
+            received=os.name,
+            remedy="run it there, or wrap the program as a Python function step(problem, y, h, dW)",
+        )
+    return argv

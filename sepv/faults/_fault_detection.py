@@ -1,0 +1,326 @@
+"""Does the suite bite? Saboteurs × laws over several seeds, with the number of examples to the first failure.
+
+A saboteur is killed with one seed where a law that it claims ends in `violated`; a fault of the interface
+also where a claimed law ends in `error`, which no reader takes for a pass.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from statistics import median
+from typing import Any
+
+from rich.console import Console
+from rich.measure import Measurement
+from rich.table import Table
+from rich.text import Text
+
+from sepv.errors import UsageError
+from sepv.faults._saboteurs import ALL, Saboteur
+from sepv.simulate._engine.workers import ended_at_once
+from sepv.verification import LAWS, Effort, Verdict, load_laws, verify
+
+SEEDS = tuple(range(10))
+# A law takes one to ten seconds; a saboteur that is slower than this is an error of its own.
+TIMEOUT = 120.0
+# No time to shrink: past its first failure a search measures nothing, so that `Finding.checks` is the
+# number of examples up to and including that failure.
+_NO_SHRINKING = 0
+
+
+@dataclass(frozen=True)
+class Bite:
+    """What one law made of one saboteur with one seed.
+
+    Attributes
+    ----------
+    examples : int
+        Examples (paths of a statistical law) measured: up to the first failure, where there was one.
+    expected : bool
+        Whether the saboteur's `caught_by` names the law.
+    """
+
+    saboteur: str
+    family: str
+    law: str
+    seed: int
+    verdict: Verdict
+    claimed: bool
+    expected: bool
+    examples: int
+    seconds: float
+    message: str = ""
+
+    @property
+    def kills(self) -> bool:
+        """Whether the suite would turn red for the right reason."""
+        return self.claimed and (
+            self.verdict is Verdict.VIOLATED or (self.family == "interface" and self.verdict is Verdict.ERROR)
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """The record as a JSON object, for a file beside the table."""
+        return {**self.__dict__, "verdict": self.verdict.value, "kills": self.kills}
+
+
+Progress = Callable[[int, int, Sequence[Bite]], None]
+
+
+def run(
+    names: Iterable[str] | None = None,
+    seeds: Iterable[int] = SEEDS,
+    progress: Progress | None = None,
+    *,
+    laws: Iterable[str] | None = None,
+    effort: Effort | None = None,
+    first: bool = False,
+    workers: int = 2,
+) -> list[Bite]:
+    """Run saboteurs against laws, each saboteur and seed in a worker process.
+
+    Parameters
+    ----------
+    names, laws : iterable of str, optional
+        Only these; by default all.
+    seeds : iterable of int
+        Each is a whole run, with its own examples and paths.
+    progress : callable (done, total, bites), optional
+        Called in this process after each saboteur and seed.
+    effort : Effort, optional
+        Examples and paths; the default budget of `sepv verify` by default, without the corpus of witnesses: many of
+        these are the saboteurs' own, and would say nothing of what the search finds. Nothing is shrunk.
+    first : bool
+        Stop at the first law that kills, expected ones first; the matrix then has holes.
+    workers : int
+
+    Raises
+    ------
+    UsageError
+        For a name that no saboteur or law has.
+    """
+    chosen = [find(name) for name in (ALL if names is None else names)]
+    asked = [law.name for law in load_laws(laws)]
+    budget = effort or Effort(corpus=False)
+    jobs = [
+        (s.name, seed, asked, budget.examples, budget.paths, first, budget.corpus)
+        for seed in seeds
+        for s in chosen
+    ]
+    bites: list[Bite] = []
+    # spawn: a saboteur may have left anything in this process's memory.
+    context = multiprocessing.get_context("spawn")
+    with ended_at_once(ProcessPoolExecutor(max_workers=workers, mp_context=context)) as pool:
+        futures = [pool.submit(bite, *job) for job in jobs]
+        for done, future in enumerate(as_completed(futures), start=1):
+            bites += future.result()
+            if progress:
+                progress(done, len(jobs), future.result())
+    order = {name: n for n, name in enumerate((*(s.name for s in chosen), *asked))}
+    return sorted(bites, key=lambda b: (order[b.saboteur], order[b.law], b.seed))
+
+
+def bite(
+    name: str,
+    seed: int,
+    laws: Sequence[str],
+    examples: int = 100,
+    paths: int = 4096,
+    first: bool = False,
+    corpus: bool = False,
+) -> list[Bite]:
+    """One saboteur, one seed: the laws in turn on a new copy of it, in this process."""
+    saboteur = find(name)
+    scheme, effort = saboteur.scheme, Effort(examples, paths, seed, _NO_SHRINKING, corpus=corpus)
+    if first:
+        laws = sorted(laws, key=lambda law: (law not in saboteur.caught_by, LAWS.index(law)))
+    bites: list[Bite] = []
+    for law in laws:
+        (finding,) = verify(scheme, laws=[law], effort=effort, timeout=TIMEOUT).findings
+        bites.append(
+            Bite(
+                saboteur=name,
+                family=saboteur.family,
+                law=law,
+                seed=seed,
+                verdict=finding.verdict,
+                claimed=finding.claimed,
+                expected=law in saboteur.caught_by,
+                examples=finding.checks,
+                seconds=round(finding.seconds, 3),
+                message=finding.message if finding.verdict is Verdict.ERROR else "",
+            )
+        )
+        if first and bites[-1].kills:
+            break
+    return bites
+
+
+def find(name: str) -> Saboteur:
+    """The saboteur of that name.
+
+    Raises
+    ------
+    UsageError
+    """
+    if name not in ALL:
+        raise UsageError(
+            expected=f"a saboteur, one of {', '.join(ALL)}",
+            received=repr(name),
+            remedy="take one of these names",
+        )
+    return ALL[name]
+
+
+def survivors(bites: Sequence[Bite]) -> dict[str, list[int]]:
+    """The seeds with which no claimed law killed, for each saboteur that has any."""
+    alive = dict.fromkeys(((b.saboteur, b.seed) for b in bites), True)
+    for b in bites:
+        if b.kills:
+            alive[b.saboteur, b.seed] = False
+    found: dict[str, list[int]] = {}
+    for (name, seed), lives in sorted(alive.items()):
+        if lives:
+            found.setdefault(name, []).append(seed)
+    return found
+
+
+def lone_keepers(bites: Sequence[Bite]) -> dict[str, list[str]]:
+    """For each law, the saboteurs that no other law killed with any seed: what the suite loses without it."""
+    killers: dict[str, set[str]] = {}
+    for b in bites:
+        if b.kills:
+            killers.setdefault(b.saboteur, set()).add(b.law)
+    kept: dict[str, list[str]] = {}
+    for name, laws in killers.items():
+        if len(laws) == 1:
+            kept.setdefault(min(laws), []).append(name)
+    return kept
+
+
+def missed(bites: Sequence[Bite]) -> list[tuple[str, str]]:
+    """(saboteur, law) where theory expects a kill, and none was seen with any seed."""
+    seen = {(b.saboteur, b.law) for b in bites if b.kills}
+    return [p for p in dict.fromkeys((b.saboteur, b.law) for b in bites if b.expected) if p not in seen]
+
+
+def examples_to_kill(bites: Sequence[Bite]) -> dict[tuple[str, int], int]:
+    """For each (saboteur, seed) that was killed, the fewest examples that a law needed."""
+    fewest: dict[tuple[str, int], int] = {}
+    for b in bites:
+        if b.kills:
+            key = b.saboteur, b.seed
+            fewest[key] = min(fewest.get(key, b.examples), b.examples)
+    return fewest
+
+
+def show(bites: Sequence[Bite], out: Console) -> None:
+    """The matrix, its legend, what a reader should worry about, and the count."""
+    laws, table = list(dict.fromkeys(b.law for b in bites)), matrix(bites)
+    wide = Measurement.get(out, out.options.update(max_width=1000), table).maximum > out.width
+    out.print(listing(bites) if wide else table)
+    out.print(
+        Text("number: median examples (or paths) to the first violation; (number): not with every seed")
+    )
+    out.print(Text("·: holds, ?: inconclusive, e: error, n/a: not applicable; *: unclaimed"))
+    if not wide:
+        out.print(Text(", ".join(f"{abbreviation(law)} {law}" for law in laws)))
+    if not _has_holes(bites):
+        for law, names in lone_keepers(bites).items():
+            out.print(Text(f"only {law} kills: {', '.join(names)}"))
+        pairs = missed(bites)
+        if pairs:
+            out.print(Text(f"expected, never seen: {', '.join(f'{name} by {law}' for name, law in pairs)}"))
+    out.print(summary(bites))
+
+
+def _has_holes(bites: Sequence[Bite]) -> bool:
+    """Whether some saboteur was not shown to some law with some seed, as `first` leaves it."""
+    runs, laws = {(b.saboteur, b.seed) for b in bites}, {b.law for b in bites}
+    return len({(b.saboteur, b.seed, b.law) for b in bites}) < len(runs) * len(laws)
+
+
+def matrix(bites: Sequence[Bite]) -> Table:
+    """Saboteur × law, with the seeds killed."""
+    laws = list(dict.fromkeys(b.law for b in bites))
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("saboteur", no_wrap=True)
+    for law in laws:
+        table.add_column(abbreviation(law), justify="right", no_wrap=True)
+    table.add_column("killed", justify="right", no_wrap=True)
+    for name, killed, cells in _rows(bites):
+        table.add_row(name, *(cells.get(law, Text("")) for law in laws), killed)
+    return table
+
+
+def listing(bites: Sequence[Bite]) -> Table:
+    """The same where the matrix is too wide: for each saboteur what does not hold, in words."""
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("saboteur", no_wrap=True)
+    table.add_column("killed", justify="right", no_wrap=True)
+    table.add_column("laws")
+    for name, killed, cells in _rows(bites):
+        seen = [
+            Text(f"{law} ") + cell for law, cell in cells.items() if cell.plain.strip("*") not in ("·", "n/a")
+        ]
+        table.add_row(name, killed, Text(", ").join(seen))
+    return table
+
+
+def _rows(bites: Sequence[Bite]) -> Iterator[tuple[str, Text, dict[str, Text]]]:
+    """Each saboteur, how often it was killed, and the cell of each law that it was shown to."""
+    alive, found = survivors(bites), dict[str, dict[str, list[Bite]]]()
+    for b in bites:
+        found.setdefault(b.saboteur, {}).setdefault(b.law, []).append(b)
+    for name, laws in found.items():
+        seeds = len({b.seed for seen in laws.values() for b in seen})
+        killed = seeds - len(alive.get(name, []))
+        count = Text(f"{killed}/{seeds}", style="green" if killed == seeds else "bold red")
+        yield name, count, {law: _cell(seen) for law, seen in laws.items()}
+
+
+def summary(bites: Sequence[Bite]) -> Text:
+    """One line: how many are killed with every seed, and after how many examples."""
+    names, alive, fewest = {b.saboteur for b in bites}, survivors(bites), examples_to_kill(bites)
+    seeds = len({b.seed for b in bites})
+    text = Text(f"{len(names) - len(alive)} of {len(names)} saboteurs killed with each of {seeds} seeds")
+    if fewest:
+        worst = max(fewest, key=lambda key: fewest[key])
+        text.append(
+            f"; examples to the quickest law: median {median(fewest.values()):g}, "
+            f"largest {fewest[worst]} ({worst[0]}, seed {worst[1]})"
+        )
+    text.append(".")
+    for name, left in alive.items():
+        text.append(f"\nsurvives: {name}, {_seeds(left, seeds)}: {ALL[name].broken}", style="bold red")
+    return text
+
+
+def abbreviation(law: str) -> str:
+    """The initials of a name of several words, else three letters."""
+    words = law.split("-")
+    return "".join(w[0] for w in words) if len(words) > 1 else law[:3]
+
+
+def _seeds(left: Sequence[int], seeds: int) -> str:
+    return "every seed" if len(left) == seeds else f"seed {', '.join(map(str, left))}"
+
+
+def _cell(bites: Sequence[Bite]) -> Text:
+    failing = [b for b in bites if b.verdict is Verdict.VIOLATED]
+    if failing:
+        number = f"{median(b.examples for b in failing):.0f}"
+        text, style = number if len(failing) == len(bites) else f"({number})", "green"
+    else:
+        verdicts = {b.verdict for b in bites}
+        order = (
+            (Verdict.ERROR, "e", "magenta"),
+            (Verdict.INCONCLUSIVE, "?", "yellow"),
+            (Verdict.NOT_APPLICABLE, "n/a", "dim"),
+        )
+        text, style = next(((sign, colour) for v, sign, colour in order if v in verdicts), ("·", "dim"))
+    if not bites:
+        return Text("")
+    return Text(text + ("" if bites[0].claimed else "*"), style=style if bites[0].claimed else "dim")

@@ -1,0 +1,48 @@
+"""Saboteurs: (2.1) with one thing broken each, all claims kept. They test the suite, not schemes.
+
+Each family is a module; `ALL` holds them by name. Whatever a law is said to see, some saboteur shows
+that it does; `sepv.faults._fault_detection` runs them all.
+"""
+
+from __future__ import annotations
+
+from sepv.faults._saboteurs import (
+    arithmetic,
+    formula,
+    hamiltonians,
+    higher_order,
+    historical,
+    interface,
+    noise,
+    solver,
+    structure,
+)
+from sepv.faults._saboteurs.record import Saboteur as Saboteur
+
+FAMILIES = (
+    "formula",
+    "noise",
+    "solver",
+    "arithmetic",
+    "interface",
+    "higher order",
+    "structure",
+    "historical",
+    "hamiltonians",
+)
+
+ALL: dict[str, Saboteur] = {
+    s.name: s
+    for module in (
+        formula,
+        noise,
+        solver,
+        arithmetic,
+        interface,
+        higher_order,
+        structure,
+        historical,
+        hamiltonians,
+    )
+    for s in module.SABOTEURS
+}

@@ -1,0 +1,207 @@
+"""Faults of schemes beyond the paper: stages, their quadrature and truncation, more than one invariant.
+
+They claim what the schemes claim that they imitate.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from sepv.errors import StepFailure
+from sepv.faults._saboteurs.record import Saboteur, middle
+from sepv.problem import Array, Problem
+from sepv.problem._fields import matvec
+from sepv.problem._nambu import cross
+from sepv.problem._structures import noise_structures
+from sepv.schemes import (
+    Scheme,
+    both_invariants,
+    collocation,
+    energy_preserving,
+    modified_weak_two,
+    several_structures,
+)
+from sepv.schemes._both_invariants import required
+from sepv.schemes._one_step import each_noise, implicit
+from sepv.schemes._point_laws import PointLaw
+from sepv.schemes._scheme import Step, as_lanes, weakly
+from sepv.schemes._tableaux import exact_nodes, gauss_tableau, moments
+from sepv.solve import Fields
+
+# Corrections fall at least fourfold inside the contraction radius; 26 of them make 16 digits.
+_ITERATIONS = 100
+Tables = Callable[[int, int], tuple[Array, Array]]
+
+
+def staged(stages: int, tables: Tables) -> Step:
+    """Collocation with other weights W and integrals P than `sepv.schemes._tableaux.moments`, by fixed-point iteration."""
+
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        y0, noise = as_lanes(problem, y, h, dW)
+        delta, tableau = problem.random_step(h, noise), gauss_tableau(stages)
+        # Twenty-four nodes resolve an H that is no polynomial, at the steps at which laws ask.
+        nodes = 24 if problem.degree is None else exact_nodes(stages, problem.degree)
+        W, P = tables(stages, nodes)
+        z = np.zeros((y0.shape[0], stages, y0.shape[1]))
+        for _ in range(_ITERATIONS):
+            u, Y = (y0[:, None] + np.einsum("nj,djm->dnm", M, z) for M in (P, tableau.A))
+            g = np.einsum("in,dnm->dim", W, problem.gradient(u))
+            before, z = z, delta * matvec(problem.structure(Y), g)
+            if not np.all(np.isfinite(z)):
+                break
+            if np.max(np.abs(z - before)) <= 2.0**-53 * np.max(np.abs(y0)):
+                return (y0 + np.einsum("j,djm->dm", tableau.b, z)).reshape(np.shape(y))
+        raise StepFailure(
+            problem=problem.name,
+            y=y0[:, 0],
+            delta=float(delta[0]),
+            residual=float(np.max(np.abs(z - before))),
+            status="no convergence",
+            iterations=_ITERATIONS,
+        )
+
+    return step
+
+
+def _wrong_weight(stages: int, nodes: int) -> tuple[Array, Array]:
+    W, P = moments(stages, nodes)
+    return W * (1 + 1e-6 * np.eye(stages)[:, :1]), P
+
+
+def _one_node_short(stages: int, nodes: int) -> tuple[Array, Array]:
+    return moments(stages, max(1, nodes - 1))
+
+
+def _imitating(original: Scheme, step: Step, *, batched: bool = False) -> Callable[[], Scheme]:
+    return lambda: replace(original, step=step, solve=None, batched=batched)
+
+
+def _as_both(step: Step) -> Step:
+    """The step, for the problems that `both-invariants` takes."""
+
+    def restricted(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        required(problem)
+        return step(problem, y, h, dW)
+
+    return restricted
+
+
+def _structures_at_start(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    """[h B(ȳ) + Σ c_j ΔW_j G_j(y0)] ∇̄H."""
+    drift = step[0] * fields.structure(middle(y, z))
+    structures = noise_structures(fields.problem)
+    noise = sum(part * G(y) for part, G in zip(step[1:], structures, strict=True))
+    return matvec(drift + noise, fields.mean_gradient(y, z))
+
+
+def _exchanged(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    """The increments of the first and the last noise change places."""
+    rows = [0, len(step) - 1, *range(2, len(step) - 1), 1] if len(step) > 2 else range(len(step))
+    return matvec(fields.combined(middle(y, z), step[list(rows)]), fields.mean_gradient(y, z))
+
+
+def _rest_where_undefined(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    """S_j = 0 where ∇H_0 = 0, though B∇H_j is not: y1 = y0 solves that."""
+    return matvec(np.nan_to_num(fields.combined(middle(y, z), step)), fields.mean_gradient(y, z))
+
+
+def _factor_at_start(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    """Δ g(y0) (∇̄H × ∇̄C): both invariants are kept, symmetry is lost."""
+    return step[0] * fields.factor(y) * cross(fields.mean_gradient(y, z), fields.mean_casimir_gradient(y, z))
+
+
+def _of_points(increments: str | PointLaw) -> Callable[[], Scheme]:
+    """A scheme of weak order 2 for three-point increments, with others; it goes on claiming weak order 2."""
+    return lambda: weakly(modified_weak_two, increments)
+
+
+def _three(probability: float, size: float) -> PointLaw:
+    return PointLaw("three-point", (-size, 0.0, size), (probability, 1 - 2 * probability, probability))
+
+
+_TABLE = (
+    (
+        "lagrange-weight",
+        "the first Lagrange weight of two stages is too large by 1e-6",
+        _imitating(collocation(2), staged(2, _wrong_weight)),
+        ("midpoint", "reference", "expansion"),
+    ),
+    (
+        "stages-one-node-short",
+        "the averages of two stages have one node less than the degree of H needs",
+        _imitating(collocation(2), staged(2, _one_node_short)),
+        ("energy", "reference"),
+    ),
+    (
+        "three-stages-k-2",
+        "increments of a scheme of order 3 are truncated with the paper's k = 2",
+        lambda: replace(collocation(3), truncation=2),
+        ("truncation", "local-mean-square", "mean-square-order"),
+    ),
+    (
+        "casimir-at-midpoint",
+        "∇C is taken at the midpoint and not averaged: (2.1), which keeps quadratic Casimirs only",
+        _imitating(both_invariants, _as_both(energy_preserving.step)),
+        ("any-casimir", "reference"),
+    ),
+    (
+        "factor-at-start",
+        "g is taken at y0: both invariants are kept, but the scheme is not symmetric",
+        _imitating(both_invariants, _as_both(implicit(_factor_at_start)), batched=True),
+        ("symmetry", "expansion", "reference", "midpoint"),
+    ),
+    (
+        "structures-at-start",
+        "the G_j are taken at y0: the energy is kept, and the limit is the Itô one",
+        _imitating(several_structures, implicit(_structures_at_start, parts=each_noise), batched=True),
+        (
+            "casimir",
+            "symmetry",
+            "expansion",
+            "reference",
+            "local-mean",
+            "local-mean-square",
+            "local-weak",
+            "mean-square-order",
+            "right-limit",
+            "commutation",
+        ),
+    ),
+    (
+        "structures-exchanged",
+        "the first noise is given to the last G_j, and the last one to the first",
+        _imitating(several_structures, implicit(_exchanged, parts=each_noise), batched=True),
+        ("noise-sum", "expansion", "reference"),
+    ),
+    (
+        "rests-where-undefined",
+        "with several Hamiltonians it rests where ∇H_0 = 0, though a noise moves the solution",
+        _imitating(several_structures, implicit(_rest_where_undefined, parts=each_noise), batched=True),
+        ("reference",),
+    ),
+    (
+        "two-points-for-three",
+        "increments of two points are taken where weak order 2 needs three: E ΔW⁴ is h² and not 3h²",
+        _of_points("two-point"),
+        ("local-weak", "weak-order"),
+    ),
+    (
+        "three-points-too-likely",
+        "the outer points ±√(3h) have probability 1/5 and not 1/6: E ΔW² is 1.2 h",
+        _of_points(_three(1 / 5, math.sqrt(3.0))),
+        ("local-weak", "weak-order"),
+    ),
+    (
+        "three-points-second-moment-only",
+        "±√(2h) with probability ¼: E ΔW² is h, E ΔW⁴ is 2h² and not 3h²",
+        _of_points(_three(1 / 4, math.sqrt(2.0))),
+        ("local-weak", "weak-order"),
+    ),
+)
+
+SABOTEURS = tuple(Saboteur(name, "higher order", broken, make, laws) for name, broken, make, laws in _TABLE)

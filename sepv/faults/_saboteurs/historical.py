@@ -1,0 +1,275 @@
+"""Faults that real programs had, each with the thread in which it was found.
+
+A fault is put into a method that keeps its claims; `RIGHT` has the method without it. What a saboteur does is what the
+thread describes, carried over to (1.1), where all noises drive the field f = B∇H: dy = f dt + Σ_j c_j f ∘dW_j.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from sepv.faults._saboteurs.record import Saboteur
+from sepv.problem import Array, Problem, vector_field
+from sepv.problem._fields import derivative_along
+from sepv.schemes import Scheme, euler_heun, milstein
+from sepv.schemes._one_step import RANDOM_STEP
+from sepv.schemes._scheme import as_lanes
+
+# (problem, y (d, M), h, dW (m, M)) -> y1 − y (d, M)
+Move = Callable[[Problem, Array, float, Array], Array]
+
+_LOCAL = ("local-mean", "local-weak")
+_LIMIT = ("local-mean", "local-mean-square", "right-limit", "mean-square-order", "weak-order")
+
+
+def _moving(move: Move) -> Any:
+    """The step y1 = y + move(problem, y, h, dW) for one state or a batch."""
+
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        state, noise = as_lanes(problem, y, h, dW)
+        return (state + move(problem, state, h, noise)).reshape(np.shape(y))
+
+    return step
+
+
+def _noise(problem: Problem, dW: Array) -> Array:
+    """S = Σ c_jΔW_j, (M,)."""
+    return problem.random_step(0.0, dW)
+
+
+def _by_taylor(problem: Problem, y: Array, h: float, dW: Array, *, wrong: bool) -> Array:
+    """Δf + ½Δ²f′f; or with f′ applied to what stands where f stood, y + Δf."""
+    delta = problem.random_step(h, dW)
+    temporary = vector_field(problem, y)
+    moved = delta * temporary
+    if wrong:
+        temporary = y + moved
+    return moved + 0.5 * delta**2 * derivative_along(problem, y, temporary)
+
+
+def _by_difference(
+    problem: Problem, y: Array, h: float, dW: Array, *, sides: int, drift: bool = False
+) -> Array:
+    """Milstein's scheme with f′f from a difference of width √h: (h + S)f + ½S² (f(y + √h f) − …)/√h."""
+    S, f, width = _noise(problem, dW), vector_field(problem, y), math.sqrt(abs(h))
+    if not width:
+        return S * f + 0.5 * S**2 * derivative_along(problem, y, f)
+    ahead = vector_field(problem, y + width * f + (h * f if drift else 0.0))
+    slope = (
+        (ahead - f) / width if sides == 1 else (ahead - vector_field(problem, y - width * f)) / (2 * width)
+    )
+    return (h + S) * f + 0.5 * S**2 * slope
+
+
+def _heun(problem: Problem, y: Array, h: float, noise: Array) -> Array:
+    """hf + ½(f(ŷ) + f)·noise, with the noise of each component, (d, M) or (M,)."""
+    f = vector_field(problem, y)
+    return h * f + 0.5 * (vector_field(problem, y + h * f + f * noise) + f) * noise
+
+
+def _diagonal(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """Component i sees noise i alone: the diagonal of the (d, m) matrix with columns c_j f."""
+    own = np.zeros_like(y)
+    shared = min(len(y), len(dW))
+    own[:shared] = (problem.c[:, None] * dW)[:shared]
+    return _heun(problem, y, h, own)
+
+
+def _inverted(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    c = problem.c[:, None]
+    return _heun(problem, y, h, np.sum(np.where(c > 0, dW / np.where(c > 0, c, 1.0), 0.0), axis=0))
+
+
+def _variances(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return _heun(problem, y, h, np.sum(problem.c[:, None] ** 2 * dW, axis=0))
+
+
+def _milstein(problem: Problem, y: Array, h: float, S: Array, square: Array) -> Array:
+    """(h + S)f + ½ square f′f."""
+    f = vector_field(problem, y)
+    return (h + S) * f + 0.5 * square * derivative_along(problem, y, f)
+
+
+def _crossed(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    S = np.sum(problem.c) * np.sum(dW, axis=0)
+    return _milstein(problem, y, h, S, S**2)
+
+
+def _cross_terms_dropped(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return _milstein(problem, y, h, _noise(problem, dW), np.sum((problem.c[:, None] * dW) ** 2, axis=0))
+
+
+def _index_repeated(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """Σ_ij c_i c_j (ΔW_i² − h) where Σ_ij c_i c_j (ΔW_iΔW_j − δ_ij h) belongs, on the Itô form."""
+    c = problem.c[:, None]
+    square = np.sum(c * (dW**2 - h), axis=0) * np.sum(c) + np.sum(c**2) * h
+    return _milstein(problem, y, h, _noise(problem, dW), square)
+
+
+def _as_many_as_components(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    S = np.sum((problem.c[:, None] * dW)[: len(y)], axis=0)
+    return _milstein(problem, y, h, S, S**2)
+
+
+def _standard_normals(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return _heun(problem, y, h, _noise(problem, dW) / math.sqrt(abs(h)) if h else 0 * _noise(problem, dW))
+
+
+def _transposed(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """(h + S)f + ½S² (f′)ᵀf."""
+    S, f, columns = _noise(problem, dW), vector_field(problem, y), []
+    for i in range(len(y)):
+        e = np.zeros_like(y)
+        e[i] = 1.0
+        columns.append(np.sum(derivative_along(problem, y, e) * f, axis=0))
+    return (h + S) * f + 0.5 * S**2 * np.stack(columns)
+
+
+def _fixed_numbers(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """A generator of its own with the same seed for each call, and the caller's increments are not looked at."""
+    own = np.random.default_rng(42).standard_normal((dW.shape[0], 1)) * math.sqrt(abs(h))
+    return _heun(problem, y, h, _noise(problem, np.broadcast_to(own, dW.shape)))
+
+
+def _forgetting(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """Where h = 0, y1 is the move alone."""
+    return _by_taylor(problem, y, h, dW, wrong=False) - (0.0 if h else y)
+
+
+def _like(scheme: Scheme, move: Move) -> Scheme:
+    """A scheme with another step, which claims the same."""
+    return replace(scheme, step=_moving(move), solve=None)
+
+
+TAYLOR = replace(_like(milstein, partial(_by_taylor, wrong=False)), name="taylor", claims=RANDOM_STEP)
+DIFFERENCE = replace(_like(milstein, partial(_by_difference, sides=2)), name="milstein by differences")
+
+_SCIML = "https://github.com/SciML"
+
+# Name, what is wrong, the right method, its step with the fault, laws, the thread.
+_TABLE: tuple[tuple[str, str, Scheme, Move, tuple[str, ...], str], ...] = (
+    (
+        "overwritten-temporary",
+        "a temporary that held f(y) is overwritten by y + Δf, and f′ is applied to it as if it were f still",
+        TAYLOR,
+        partial(_by_taylor, wrong=True),
+        ("expansion", *_LIMIT, *_LOCAL),
+        f"{_SCIML}/StochasticDiffEq.jl/issues/636, mended in pull 651: ImplicitRKMil without noise went elsewhere",
+    ),
+    (
+        "one-sided-difference",
+        "Milstein's term of the Stratonovich form by a one-sided difference of width √h, which has a mean of its own",
+        DIFFERENCE,
+        partial(_by_difference, sides=1),
+        ("local-mean", "local-weak"),
+        f"{_SCIML}/StochasticDiffEq.jl/issues/19: order ½ where Itô's form has 1; torchsde: docs/peers",
+    ),
+    (
+        "drift-in-the-difference",
+        "the same difference, taken along the drift as well",
+        DIFFERENCE,
+        partial(_by_difference, sides=1, drift=True),
+        ("local-mean", "local-weak", "mean-square-order"),
+        f"{_SCIML}/StochasticDiffEq.jl/pull/650, its first fault",
+    ),
+    (
+        "matrix-noise-as-diagonal",
+        "the matrix of noise fields is read as diagonal: component i sees noise i and no other",
+        euler_heun,
+        _diagonal,
+        ("noise-sum", "equivariance", "local-mean-square", "right-limit", "mean-square-order"),
+        f"{_SCIML}/DiffEqGPU.jl/issues/331, an error since pull 350",
+    ),
+    (
+        "friction-inverted",
+        "the noise is scaled by 1/c_j and not by c_j",
+        euler_heun,
+        _inverted,
+        ("noise-sum", *_LIMIT, *_LOCAL),
+        "https://github.com/lammps/lammps/issues/2970 and 2948, mended in pull 2991: fix brownian had √γ for 1/√γ",
+    ),
+    (
+        "variance-for-deviation",
+        "the noise is scaled by c_j² and not by c_j",
+        euler_heun,
+        _variances,
+        ("noise-sum", *_LIMIT, *_LOCAL),
+        "https://github.com/lammps/lammps/issues/5097: 1/μ of the variance of spin noise stood for the amplitude 1/√μ",
+    ),
+    (
+        "noises-crossed",
+        "each noise drives the sum of all fields: Σ_jΔW_j · Σ_jc_j",
+        milstein,
+        _crossed,
+        ("noise-sum", "local-mean-square", "right-limit", "mean-square-order", *_LOCAL),
+        "https://github.com/brian-team/brian2/issues/330, mended in pull 347: milstein with several noises",
+    ),
+    (
+        "state-forgotten-without-drift",
+        "where h = 0, y is left out of the sum",
+        TAYLOR,
+        _forgetting,
+        ("identity",),
+        "https://github.com/brian-team/brian2/issues/686: x = noise and not x + noise in equations without drift",
+    ),
+    (
+        "cross-terms-dropped",
+        "Milstein's term has the squares ΔW_j² and no products of different noises",
+        milstein,
+        _cross_terms_dropped,
+        ("noise-sum", "local-mean-square", "mean-square-order"),
+        "https://github.com/horchler/SDETools/issues/2: the formula of diagonal noise for every noise",
+    ),
+    (
+        "index-repeated",
+        "ΔW_i² stands for ΔW_iΔW_j in Milstein's term of the Itô form: the limit is right, the order ½",
+        milstein,
+        _index_repeated,
+        ("noise-sum", "local-mean-square", "mean-square-order"),
+        "https://github.com/qutip/qutip/pull/1283: an index in smesolve's milstein with two noises",
+    ),
+    (
+        "as-many-noises-as-components",
+        "the loop over noises ends at the number of components",
+        milstein,
+        _as_many_as_components,
+        ("noise-sum", "local-mean-square"),
+        f"{_SCIML}/StochasticDiffEq.jl/pull/164: RKMilCommute; every test had as many noises as equations",
+    ),
+    (
+        "standard-normals",
+        "the noise has variance 1 in each step, whatever h is",
+        euler_heun,
+        _standard_normals,
+        ("local-mean-square", *_LOCAL),
+        "https://github.com/uclales/uclales/issues/7; StochasticDiffEq.jl/issues/558: the factor √h is missing",
+    ),
+    (
+        "transposed-derivative",
+        "(f′)ᵀf stands for f′f in Milstein's term: a vector-Jacobian product for a Jacobian-vector product",
+        milstein,
+        _transposed,
+        ("local-mean-square", *_LOCAL),
+        "docs/peers/torchsde_milstein.py, torchsde 0.2.6 with scalar noise and several components",
+    ),
+    (
+        "fixed-numbers",
+        "the step draws its own noise from the same seed in each call",
+        euler_heun,
+        _fixed_numbers,
+        ("noise-sum", *_LIMIT, *_LOCAL),
+        "https://github.com/brucefan1983/GPUMD/pull/191; espressomd/espresso/issues/3585: seeds that give one noise",
+    ),
+)
+
+RIGHT: dict[str, Scheme] = {name: scheme for name, _, scheme, *_ in _TABLE}
+SABOTEURS = tuple(
+    Saboteur(name, "historical", broken, partial(_like, scheme, move), laws, thread)
+    for name, broken, scheme, move, laws, thread in _TABLE
+)

@@ -1,0 +1,173 @@
+"""Faults of the solver: the equation is (2.1), the answer does not solve it to rounding and does not say so."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from sepv.faults._saboteurs.record import Saboteur, around, explicit, right_side
+from sepv.problem import Array, Problem
+from sepv.problem._fields import linear_solve
+from sepv.schemes import Scheme
+from sepv.schemes._energy_preserving import jacobian
+from sepv.schemes._one_step import random_step
+from sepv.schemes._scheme import Step
+
+_EPS = float(np.finfo(np.float64).eps)
+_SEEN = ("energy", "casimir", "midpoint", "symmetry", "reference", "rounding")
+
+Correction = Callable[[Problem, Array, Array, Array], Array]
+
+
+def _fixed_point(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
+    return right_side(problem, y0, y0 + z, step) - z
+
+
+def _slope(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
+    """∂R/∂z: analytic, else by differences as in `sepv.solve._implicit`."""
+    known = jacobian(problem, y0, y0 + z, step)
+    if known is not None:
+        return known
+    base, columns = right_side(problem, y0, y0 + z, step), []
+    width = 2.0**-26 * np.maximum(np.max(np.abs(y0) + np.abs(z), axis=0), float(np.finfo(np.float64).tiny))
+    for k in range(y0.shape[0]):
+        moved = y0 + z
+        moved[k] += width
+        columns.append((right_side(problem, y0, moved, step) - base) / (moved[k] - y0[k] - z[k]))
+    return np.stack(columns, axis=1)
+
+
+def _newton(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
+    A = np.eye(problem.dimension)[..., None] - _slope(problem, y0, z, step)
+    return linear_solve(A, right_side(problem, y0, y0 + z, step) - z)
+
+
+def _frozen_newton(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
+    A = np.eye(problem.dimension)[..., None] - _slope(problem, y0, np.zeros_like(y0), step)
+    return linear_solve(A, right_side(problem, y0, y0 + z, step) - z)
+
+
+def _iterated(
+    correction: Correction, most: int, tolerance: float = 0.0, *, together: bool = False
+) -> Callable[[Problem, Array, Array], Array]:
+    """y0 + z after z ← z + correction, until the correction of a lane is below the tolerance, or `most` times.
+
+    `together`: all lanes stop with the first one.
+    """
+
+    def update(problem: Problem, y0: Array, step: Array) -> Array:
+        z, active = np.zeros_like(y0), np.arange(y0.shape[1])
+        with np.errstate(all="ignore"):
+            for _ in range(most):
+                move = correction(problem, y0[:, active], z[:, active], step[:, active])
+                z[:, active] += move
+                scale = np.max(np.abs(y0[:, active]), axis=0) + np.max(np.abs(z[:, active]), axis=0)
+                open_ = ~(np.max(np.abs(move), axis=0) <= tolerance * scale)
+                if not open_.any() or (together and not open_.all()):
+                    break
+                active = active[open_]
+        return y0 + z
+
+    return update
+
+
+def _unapplied(problem: Problem, y0: Array, step: Array) -> Array:
+    """Newton's method that takes a residual below 1e-10 for good enough."""
+    z = np.zeros_like(y0)
+    for _ in range(20):
+        residual = np.max(np.abs(_fixed_point(problem, y0, z, step)), axis=0)
+        if np.all(residual <= 1e-10):
+            break
+        z = np.where(residual <= 1e-10, z, z + _newton(problem, y0, z, step))
+    return y0 + z
+
+
+def _once_more(step: Step) -> Step:
+    """y0 + R(y0, y1) of the solved y1: the error of y1 times ∂R/∂y1, about |Δ|/2 roundings for an oscillator."""
+
+    def answering(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        return y + right_side(problem, y, step(problem, y, h, dW), random_step(problem, h, dW))
+
+    return answering
+
+
+def _understated() -> Scheme:
+    return replace(explicit(_iterated(_fixed_point, 60, 1e-8))(), solver_tolerance=1e-13)
+
+
+_TABLE = (
+    (
+        "stopped-at-1e-8",
+        "the fixed-point iteration stops at a relative correction of 1e-8",
+        explicit(_iterated(_fixed_point, 60, 1e-8)),
+        (*_SEEN, "rounding"),
+    ),
+    (
+        "stopped-at-1e-12",
+        "the fixed-point iteration stops at a relative correction of 1e-12",
+        explicit(_iterated(_fixed_point, 60, 1e-12)),
+        (*_SEEN, "rounding"),
+    ),
+    (
+        "residual-of-1e-10",
+        "Newton's iteration stops at a residual of 1e-10",
+        explicit(_unapplied),
+        (*_SEEN, "rounding"),
+    ),
+    (
+        "understated-tolerance",
+        "the solver stops at 1e-8 and states a tolerance of 1e-13",
+        _understated,
+        _SEEN,
+    ),
+    ("newton-once", "one iteration of Newton, whatever it leaves", explicit(_iterated(_newton, 1)), _SEEN),
+    ("newton-twice", "two iterations of Newton, whatever they leave", explicit(_iterated(_newton, 2)), _SEEN),
+    (
+        "newton-thrice",
+        "three iterations of Newton, whatever they leave",
+        explicit(_iterated(_newton, 3)),
+        # A Casimir and the midpoint rule are met to rounding inside the contraction radius.
+        tuple(law for law in _SEEN if law not in ("casimir", "midpoint")),
+    ),
+    (
+        "newton-four-times",
+        "four iterations of Newton: right for all but long steps",
+        explicit(_iterated(_newton, 4)),
+        ("energy",),
+    ),
+    (
+        "one-evaluation-more",
+        "the right side is evaluated once more at the solution: no digit is left where |Δ| is 1e15",
+        around(_once_more),
+        ("reference",),
+    ),
+    (
+        "frozen-jacobian",
+        "six iterations of Newton with the Jacobian of the first",
+        explicit(_iterated(_frozen_newton, 6)),
+        _SEEN,
+    ),
+    (
+        "fixed-point-thrice",
+        "the fixed-point iteration stops silently after three times",
+        explicit(_iterated(_fixed_point, 3)),
+        _SEEN,
+    ),
+    (
+        "silent-cap",
+        "the fixed-point iteration stops silently after 60 times, converged or not",
+        explicit(_iterated(_fixed_point, 60, 0.5 * _EPS)),
+        # Not energy: long steps overflow, which is an error of that law.
+        ("rounding",),
+    ),
+    (
+        "lanes-stop-together",
+        "all states of a batch stop iterating when the first of them has converged",
+        explicit(_iterated(_newton, 20, 1e-9, together=True)),
+        ("reproducibility",),
+    ),
+)
+
+SABOTEURS = tuple(Saboteur(name, "solver", broken, make, laws) for name, broken, make, laws in _TABLE)

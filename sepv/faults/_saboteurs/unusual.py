@@ -1,0 +1,457 @@
+"""The innocent: correct schemes that look unusual. No law may call one of their claims violated.
+
+Each claims what theory gives it and no more. They solve (2.1) by other means than the core's Newton iteration, sum in
+other orders, round less or refuse more often, or are other schemes altogether with laws of their own. `ALL` holds
+them by name; a test and `benchmarks.false_alarms` run the suite on them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from sepv.errors import Skipped
+from sepv.problem import Array, Problem, vector_field
+from sepv.problem._fields import matvec
+from sepv.record import gauss_legendre
+from sepv.schemes import Scheme, collocation, energy_preserving, gauss, midpoint
+from sepv.schemes._energy_preserving import jacobian
+from sepv.schemes._explicit import end
+from sepv.schemes._explicit_tableaux import TABLEAUX
+from sepv.schemes._one_step import Implicit, drift_and_noise, implicit
+from sepv.schemes._scheme import Step, as_lanes
+from sepv.solve import Fields, Increment
+from sepv.solve._formula import Asked
+
+_EPS = float(np.finfo(np.float64).eps)
+# Gauss nodes for an H of no stated degree: exact to degree 40.
+_MANY = 20
+# Sweeps of a fixed-point iteration with a contraction factor of 0.95.
+_SWEEPS = 700
+# A few roundings beside |y|: below that, a correction that no longer shrinks is rounding.
+_NOISE = 16 * _EPS
+
+# R(problem, y0, y1, Δ) of (2.1).
+_Right = Callable[[Problem, Array, Array, Any], Array]
+
+
+class _Refused(ArithmeticError):
+    """A step that was not solved: an exception of its own, as a third party's would be."""
+
+
+def _nodes(problem: Problem) -> int:
+    return _MANY if problem.degree is None else max(1, -(-problem.degree // 2))
+
+
+def _by_nodes(problem: Problem, y0: Array, y1: Array, nodes: int) -> Array:
+    """∫₀¹∇H dτ in the problem's closed form, else by Gauss nodes from the last to the first."""
+    if problem.mean_gradient is not None:
+        return problem.mean_gradient(y0, y1)
+    total = np.zeros_like(y0)
+    for tau, weight in reversed(list(zip(*gauss_legendre(nodes), strict=True))):
+        total = total + weight * problem.gradient((1 - tau) * y0 + tau * y1)
+    return total
+
+
+def _right(problem: Problem, y0: Array, y1: Array, delta: Any) -> Array:
+    """Δ B((y0 + y1)/2) ∇̄H."""
+    return delta * matvec(problem.structure((y0 + y1) / 2), _by_nodes(problem, y0, y1, _nodes(problem)))
+
+
+def _swept(problem: Problem, y0: Array, delta: Array, right: _Right = _right) -> Array:
+    """y0 + z by z ← R(y0 + z) to stagnation, lane by lane, for y0 (d, M) and Δ (M,)."""
+    z, active = np.zeros_like(y0), np.arange(y0.shape[1])
+    before = np.full(y0.shape[1], np.inf)
+    with np.errstate(all="ignore"):
+        for _ in range(_SWEEPS):
+            a = y0[:, active]
+            new = right(problem, a, a + z[:, active], delta[active])
+            move = np.max(np.abs(new - z[:, active]), axis=0)
+            scale = np.max(np.abs(a), axis=0) + np.max(np.abs(new), axis=0)
+            done = (move == 0) | ((move >= before[active]) & (move <= _NOISE * scale))
+            z[:, active], before[active] = new, move
+            if not np.all(np.isfinite(move)):
+                break
+            active = active[~done]
+            if not active.size:
+                return y0 + z
+    raise _Refused("the fixed-point iteration does not converge")
+
+
+def _of_lanes(update: Callable[[Problem, Array, Array], Array]) -> Step:
+    """A step from update(problem, y0 (d, M), Δ (M,))."""
+
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        y0, noise = as_lanes(problem, y, h, dW)
+        return update(problem, y0, problem.random_step(h, noise)).reshape(np.shape(y))
+
+    return step
+
+
+def _of_one(update: Callable[[Problem, Array, float], Any]) -> Step:
+    """A step for one state, as most people write them."""
+
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        return np.asarray(update(problem, y, float(h + np.dot(problem.c, dW))), dtype=np.float64)
+
+    return step
+
+
+def _extended(problem: Problem, y0: Array, delta: Array) -> Array:
+    """(2.1) in the platform's longest float, rounded once: the binary64 number next to the solution, nearly always."""
+    wide = _swept(problem, y0.astype(np.longdouble), delta.astype(np.longdouble))
+    return wide.astype(np.float64)
+
+
+def _loop(problem: Problem, y: Array, delta: float) -> Array:
+    """(2.1) as a plain loop over floats."""
+    d, points = len(y), list(zip(*gauss_legendre(_nodes(problem)), strict=True))
+    y1, last = y.copy(), math.inf
+    for _ in range(_SWEEPS):
+        if problem.mean_gradient is not None:
+            g = problem.mean_gradient(y, y1)
+        else:
+            g = np.zeros(d)
+            for tau, weight in points:
+                g += weight * problem.gradient(y + tau * (y1 - y))
+        B = problem.structure(0.5 * (y + y1))
+        new = np.empty(d)
+        for i in range(d):
+            total = 0.0
+            for j in range(d):
+                total += float(B[i, j]) * float(g[j])
+            new[i] = y[i] + delta * total
+        move = float(np.max(np.abs(new - y1)))
+        y1, before, last = new, last, move
+        if not math.isfinite(move):
+            break
+        if move == 0 or (move >= before and move <= _NOISE * float(np.max(np.abs(y1)))):
+            return y1
+    raise _Refused("no convergence")
+
+
+def _exact_sum(values: Iterable[float]) -> float:
+    try:
+        return math.fsum(values)
+    except ValueError as error:  # infinities of both signs, or a NaN
+        raise _Refused("a sum overflows") from error
+
+
+def _lists(problem: Problem, y: Array, delta: float) -> list[float]:
+    """The same with lists inside, and every sum rounded once (`math.fsum`)."""
+    start, points = y.tolist(), list(zip(*gauss_legendre(_MANY), strict=True))
+    z, last = [0.0] * len(start), math.inf
+    for _ in range(_SWEEPS):
+        y1 = [a + b for a, b in zip(start, z, strict=True)]
+        if problem.mean_gradient is not None:
+            g = problem.mean_gradient(np.array(start), np.array(y1)).tolist()
+        else:
+            rows = [
+                problem.gradient(np.array([a + t * b for a, b in zip(start, z, strict=True)])).tolist()
+                for t, _ in points
+            ]
+            g = [_exact_sum(w * v for (_, w), v in zip(points, column, strict=True)) for column in zip(*rows)]  # noqa: B905
+        if not all(map(math.isfinite, g)):
+            break
+        B = problem.structure(np.array([a + 0.5 * b for a, b in zip(start, z, strict=True)])).tolist()
+        new = [delta * _exact_sum(b * v for b, v in zip(row, g, strict=True)) for row in B]
+        move = max(abs(a - b) for a, b in zip(new, z, strict=True))
+        z, before, last = new, last, move
+        if not math.isfinite(move):
+            break
+        if move == 0 or (move >= before and move <= _NOISE * max(map(abs, start + new))):
+            return [a + b for a, b in zip(start, z, strict=True)]
+    raise _Refused("no convergence")
+
+
+def _root(problem: Problem, y: Array, delta: float) -> Array:
+    """(2.1) by Powell's hybrid method; what it leaves is held against the tolerance that the scheme states."""
+    from scipy.optimize import root
+
+    found = root(lambda z: z - _right(problem, y, y + z, delta), np.zeros_like(y), method="hybr", tol=1e-13)
+    left = np.max(np.abs(found.x - _right(problem, y, y + found.x, delta)))
+    if not left <= ROOT_TOLERANCE * max(np.max(np.abs(y)), np.max(np.abs(y + found.x))):
+        raise FloatingPointError(f"scipy.optimize.root: {found.message}")
+    return y + np.asarray(found.x)
+
+
+ROOT_TOLERANCE = 1e-12
+
+
+def _line_search(problem: Problem, y: Array, delta: float) -> Array:
+    """Newton's method with a Jacobian of differences and halved steps; LinAlgError where it is singular."""
+    d, z = len(y), np.zeros_like(y)
+
+    def F(z: Array) -> Array:
+        return z - _right(problem, y, y + z, delta)
+
+    value, best = F(z), math.inf
+    for _ in range(60):
+        size = float(np.max(np.abs(value)))
+        scale = float(np.max(np.abs(y)) + np.max(np.abs(z)))
+        if size == 0 or (size >= best and size <= _NOISE * scale):
+            return y + z
+        best = min(best, size)
+        width = math.sqrt(_EPS) * (scale + size)
+        slope = np.stack([(F(z + width * e) - value) / width for e in np.eye(d)], axis=1)
+        move = np.linalg.solve(slope, value)
+        share = 1.0
+        while share > 2.0**-20:
+            trial = z - share * move
+            new = F(trial)
+            if np.max(np.abs(new)) < size or size <= _NOISE * scale:
+                break
+            share /= 2
+        else:
+            raise ArithmeticError("the line search finds no smaller residual")
+        z, value = trial, new
+    raise ArithmeticError("Newton's method does not converge")
+
+
+def _by_midpoint(problem: Problem, y0: Array, delta: Array) -> Array:
+    """(2.1) with the midpoint m as the unknown: m = y0 + ½R(y0, 2m − y0), y1 = 2m − y0."""
+
+    def half(problem: Problem, start: Array, m: Array, share: Array) -> Array:
+        return 0.5 * _right(problem, start, 2 * m - start, share)
+
+    return 2 * _swept(problem, y0, delta, half) - y0
+
+
+def _clenshaw_curtis(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    """(2.1) with 33 Chebyshev points, exact to degree 33."""
+    points, weights = _chebyshev(32)
+    if problem.mean_gradient is not None:
+        average = problem.mean_gradient(y0, y1)
+    else:
+        average = sum(w * problem.gradient(y0 + t * (y1 - y0)) for t, w in zip(points, weights, strict=True))
+    return step[0] * matvec(problem.structure(0.5 * y0 + 0.5 * y1), average)
+
+
+def _chebyshev(n: int) -> tuple[Array, Array]:
+    """Nodes and weights of Clenshaw and Curtis on [0, 1], n even: Σ_k of 2/(1 − 4k²) cos 2kθ, halved at both ends."""
+    theta = np.pi * np.arange(n + 1) / n
+    k = np.arange(1, n // 2 + 1)
+    factor = np.where(k == n // 2, 1.0, 2.0)
+    weights = (1 - np.cos(2 * np.outer(theta, k)) @ (factor / (4 * k**2 - 1))) / n
+    weights[[0, -1]] /= 2
+    return 0.5 * (1 - np.cos(theta)), weights
+
+
+def _twenty(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
+    """(2.1) with 20 Gauss nodes as NumPy has them, whose last weights are off by a few tens of eps."""
+    if problem.mean_gradient is not None:
+        average = problem.mean_gradient(y0, y1)
+    else:
+        points, weights = np.polynomial.legendre.leggauss(_MANY)
+        terms = [
+            w * problem.gradient(y0 + 0.5 * (x + 1) * (y1 - y0)) for x, w in zip(points, weights, strict=True)
+        ]
+        average = 0.5 * sum(terms[1:], terms[0])
+    return step[0] * matvec(problem.structure(y0 + 0.5 * (y1 - y0)), average)
+
+
+def _solved(R: Callable[[Problem, Array, Array, Array], Array]) -> Implicit:
+    """The core's solver and Newton's matrix for a right side of arrays, which brings its own quadrature."""
+
+    def increment(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
+        once = np.ones(y0.shape[1], dtype=np.int64)
+        return Increment(R(problem, y0, y1, step), once, once, once.astype(bool))
+
+    return Implicit(increment, jacobian)
+
+
+def _trapezoidal(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    """½h(f(y0) + f(y1)) + S f((y0 + y1)/2): exchanging y0 and y1, h and −h, S and −S gives the same equation."""
+    drift = 0.5 * (fields.field(y) + fields.field(y + z))
+    return step[0] * drift + step[1] * fields.field(y + 0.5 * z)
+
+
+def _composed(shares: Sequence[float]) -> Step:
+    """(2.1) with each share of the step in turn."""
+
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        for share in shares:
+            y = energy_preserving.step(problem, y, share * h, share * dW)
+        return y
+
+    return step
+
+
+# What the exact flow states of itself: its errors have one sign. On the pendulum, 60 paths of 256 steps, the mean of
+# the energy's defect was −0.024 and −0.032 of the rounding of a step, in each step, 3 and 4 standard errors from zero.
+FLOW_TOLERANCE = _EPS / 16
+
+
+def flow(problem: Problem, y0: Array, delta: Array) -> Array:
+    """φ_Δ(y0), (d, M), rounded once: order 8 with twice the substeps until two results agree, in long floats."""
+    start: Any = y0.astype(np.longdouble)
+    wide: Any = delta.astype(np.longdouble)
+    value, open_ = start.copy(), np.arange(y0.shape[1])
+    coarse = None
+    with np.errstate(all="ignore"):
+        for parts in (1, 2, 4, 8, 16, 32, 64, 128):
+            y: Any = start[:, open_]
+            for _ in range(parts):
+                y = y + end(TABLEAUX[8], Asked(problem, y, y), y, None, wide[None, open_] / parts)
+            value[:, open_] = y
+            if coarse is not None:
+                # The finer one is a good deal better than their difference: 2⁻⁸ of it.
+                size = np.fmax(np.max(np.abs(start[:, open_]), axis=0), np.max(np.abs(y), axis=0))
+                agree = np.max(np.abs(y - coarse), axis=0) <= FLOW_TOLERANCE * size
+                open_, y = open_[~agree], y[:, ~agree]
+            coarse = y
+            if not open_.size:
+                return value.astype(np.float64)
+    raise _Refused("128 parts of the step do not resolve the flow")
+
+
+def _weak_two(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """φ_Δ(y0) + ½f(y0)(S³ − 3c²hS), S = Σ c_jΔW_j, c² = Σ c_j².
+
+    The added term has mean zero and a root mean square of h^{3/2}: mean-square order 1. E(S³ − 3c²hS)S = 0 as well, the
+    third Hermite polynomial, so that what it does to moments is O(h³): weak order 2.
+    """
+    y0, noise = as_lanes(problem, y, h, dW)
+    S = problem.random_step(0.0, noise)
+    extra = 0.5 * (S**3 - 3 * float(np.sum(problem.c**2)) * h * S)
+    y1 = flow(problem, y0, problem.random_step(h, noise)) + extra * vector_field(problem, y0)
+    return y1.reshape(np.shape(y))
+
+
+def _readme(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """The midpoint rule of the README: what it cannot solve it refuses with an ArithmeticError."""
+    delta = h + problem.c @ dW
+    y1 = y.copy()
+    for _ in range(200):
+        middle = (y + y1) / 2
+        before, y1 = y1, y + delta * problem.structure(middle) @ problem.gradient(middle)
+        if np.abs(y1 - before).max() <= 1e-15 * np.abs(y1).max():
+            return y1
+    raise ArithmeticError("no convergence")
+
+
+def _digits(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """(2.1) in mpmath with thirty digits, rounded to binary64."""
+    from sepv.reference.steps import reference_step
+
+    if problem.data is None:
+        raise Skipped(f"{problem.name} is not given as data, which mpmath needs")
+    solved = reference_step("energy-preserving", problem.data, y.tolist(), h, dW.tolist(), 30)
+    return np.array([float(v) for v in solved.y1])
+
+
+# Of a scheme that is not (2.1) itself but shares its structure.
+_NOT_ITSELF = {"midpoint", "reduction", "reference"}
+_CLAIMED = frozenset(energy_preserving.claims)
+# Laws about one step: for schemes too slow for thousands of paths.
+_PATHS = {"rounding", "mean-square-order", "weak-order", "right-limit", "reproducibility"}
+_TRIPLE = 1 / (2 - 2 ** (1 / 3))
+
+
+def _like_the_core(name: str, step: Step, source: str, batched: bool = True, **changes: Any) -> Scheme:
+    """(2.1) by other means: all that (2.1) claims."""
+    claims = _CLAIMED if batched else _CLAIMED - {"reproducibility"}
+    changed = {"claims": claims, **changes}
+    return replace(
+        energy_preserving, name=name, step=step, source=source, solve=None, batched=batched, **changed
+    )
+
+
+SCHEMES: tuple[Scheme, ...] = (
+    _like_the_core("fixed-point", _of_lanes(_swept), "(2.1) by fixed-point iteration to stagnation"),
+    _like_the_core("twenty-nodes", _solved(_twenty), "(2.1) with 20 Gauss nodes"),
+    _like_the_core(
+        "clenshaw-curtis",
+        _solved(_clenshaw_curtis),
+        "(2.1) with Chebyshev points",
+    ),
+    _like_the_core(
+        "reversed-sums",
+        _solved(lambda problem, y0, y1, step: _right(problem, y0, y1, step[0])),
+        "(2.1) with quadrature from the last node to the first",
+    ),
+    _like_the_core("midpoint-unknown", _of_lanes(_by_midpoint), "(2.1), the midpoint being the unknown"),
+    _like_the_core("extended-precision", _of_lanes(_extended), "(2.1) in long floats, rounded once"),
+    _like_the_core("python-loop", _of_one(_loop), "(2.1) as a plain loop for one state", False),
+    _like_the_core("lists-and-fsum", _of_one(_lists), "(2.1) with lists and exact sums", False),
+    _like_the_core(
+        "scipy-root",
+        _of_one(_root),
+        "(2.1) by scipy.optimize.root",
+        False,
+        solver_tolerance=ROOT_TOLERANCE,
+    ),
+    _like_the_core(
+        "line-search", _of_one(_line_search), "(2.1) by Newton's method with a line search", False
+    ),
+    _like_the_core(
+        "mpmath-rounded",
+        _digits,
+        "(2.1) in mpmath, rounded",
+        False,
+        claims=_CLAIMED - _PATHS,
+        mean_square_order=None,
+        weak_order=None,
+    ),
+    _like_the_core(
+        "two-half-steps",
+        _composed((0.5, 0.5)),
+        "(2.1) twice with half the step",
+        claims=_CLAIMED - _NOT_ITSELF,
+    ),
+    _like_the_core(
+        "triple-jump",
+        _composed((_TRIPLE, 1 - 2 * _TRIPLE, _TRIPLE)),
+        "(2.1) composed to order 4 (Suzuki 1990, Yoshida 1990), backward in the middle",
+        claims=_CLAIMED - _NOT_ITSELF,
+        mean_square_order=2.0,
+        weak_order=2.0,
+        truncation=4,
+    ),
+    _like_the_core(
+        "exact-flow",
+        _of_lanes(flow),
+        "φ_Δ(y0), the flow itself",
+        claims=(_CLAIMED - _NOT_ITSELF - {"truncation"}) | {"any-casimir"},
+        truncation=None,
+        solver_tolerance=FLOW_TOLERANCE,
+    ),
+    Scheme(
+        name="trapezoidal-drift",
+        step=implicit(_trapezoidal, parts=drift_and_noise),
+        claims=("contract", "reproducibility", "noise-sum", "symmetry", "equivariance", "truncation"),
+        mean_square_order=1.0,
+        weak_order=1.0,
+        source="trapezoidal drift, midpoint noise: symmetric, and not a function of Δ alone",
+        batched=True,
+    ),
+    Scheme(
+        name="weak-two",
+        step=_weak_two,
+        claims=("contract", "reproducibility", "equivariance"),
+        mean_square_order=1.0,
+        weak_order=2.0,
+        source="the flow with a noise of mean-square order 1 that the mean does not see",
+        truncation=None,
+        batched=True,
+    ),
+    replace(
+        midpoint,
+        name="refuses-by-arithmetic-error",
+        step=_readme,
+        claims=frozenset(midpoint.claims) - {"reproducibility"},
+        solve=None,
+        batched=False,
+        solver_tolerance=1e-15,
+        source="the midpoint rule of the README",
+    ),
+    replace(collocation(3), name="three-stages", source="collocation with three stages"),
+    replace(gauss(2), name="gauss-two", source="the Gauss method with two stages"),
+)
+
+ALL: dict[str, Scheme] = {scheme.name: scheme for scheme in SCHEMES}
+assert len(ALL) == len(SCHEMES)

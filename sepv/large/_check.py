@@ -1,0 +1,82 @@
+"""Do the parts of a large problem belong together? B skew, ∇H the gradient of H, slopes those of their functions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from sepv.errors import ProblemError
+from sepv.large._problem import LargeProblem
+from sepv.problem import Array
+
+# Central differences of order six with h = 2⁻⁷ of the scale leave 1e-12 where functions vary on the scale of y; what is
+# wrong by a sign, a factor or a missing term differs in the first digit.
+TOLERANCE = 1e-6
+_WIDTH = 2.0**-7
+
+
+def check_large(problem: LargeProblem, seed: int = 0) -> None:
+    """Compare the parts along a random direction at the initial state.
+
+    Raises
+    ------
+    ProblemError
+        Which part, and both values.
+    """
+    rng = np.random.default_rng(seed)
+    y = np.array(problem.initial)
+    direction = rng.standard_normal(y.size)
+    direction *= (
+        np.max(np.abs(y)) / np.max(np.abs(direction)) if problem.domain is None else 0.05 * np.min(np.abs(y))
+    )
+    B = problem.structure(y)
+    skew = abs(B + B.T).max()
+    if B.shape != (y.size, y.size) or skew > 0:
+        raise ProblemError(
+            expected=f"structure: a sparse skew-symmetric matrix {(y.size, y.size)}",
+            received=f"shape {B.shape}, largest entry of B + Bᵀ {skew!r}",
+            remedy="build the part above the diagonal, and subtract its transpose",
+        )
+    _same("gradient", problem.gradient(y) @ direction, _along(problem.energy, y, direction))
+    _same("hessian", problem.hessian(y) @ direction, _along(problem.gradient, y, direction))
+    v = rng.standard_normal(y.size)
+    slope = np.zeros_like(y) if problem.structure_slope is None else problem.structure_slope(y, v) @ direction
+    _same("structure_slope", slope, _along(lambda at: problem.structure(at) @ v, y, direction))
+    for name in ("casimirs", "other_casimirs"):
+        function = getattr(problem, name)
+        if function is not None:
+            # ∇C along B v is vᵀBᵀ∇C = 0 for every v.
+            flow = B @ v
+            flow *= np.max(np.abs(direction)) / (np.max(np.abs(flow)) or 1.0)
+            size = np.max(np.abs(function(y)), initial=1.0)
+            _same(name, _along(function, y, flow) / size, np.zeros(np.shape(function(y))))
+    if problem.mean_gradient is not None:
+        from sepv.record import gauss_legendre
+
+        points, weights = gauss_legendre(32)
+        quadrature = sum(
+            w * problem.gradient(y + t * direction) for t, w in zip(points, weights, strict=True)
+        )
+        _same("mean_gradient", problem.mean_gradient(y, y + direction), np.asarray(quadrature))
+
+
+def _along(function: Callable[[Array], Array | float], y: Array, direction: Array) -> Array:
+    """function′(y)·direction by central differences of order six."""
+    total = np.zeros(np.shape(function(y)))
+    for distance, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
+        shift = distance * _WIDTH * direction
+        total = total + weight * (np.asarray(function(y + shift)) - np.asarray(function(y - shift)))
+    return np.asarray(total / (60 * _WIDTH))
+
+
+def _same(name: str, given: Array, expected: Array) -> None:
+    scale = max(float(np.max(np.abs(expected), initial=0.0)), float(np.max(np.abs(given), initial=0.0)), 1.0)
+    error = np.abs(np.asarray(given) - expected).reshape(-1)
+    if error.size and not np.max(error) <= TOLERANCE * scale:
+        worst = int(np.argmax(error))
+        raise ProblemError(
+            expected=f"{name} to be that of its function: {np.ravel(expected)[worst]!r} in component {worst + 1}",
+            received=f"{np.ravel(given)[worst]!r}",
+            remedy=f"correct {name}, or the function that it belongs to",
+        )

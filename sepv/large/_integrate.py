@@ -1,0 +1,122 @@
+"""One path of a large problem: the state at the end, and what became of the invariants on the way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sepv.errors import StepFailure, UsageError
+from sepv.large._problem import LargeProblem
+from sepv.large._schemes import LargeStep
+from sepv.problem import Array
+from sepv.simulate import _wiener as wiener
+from sepv.solve import Status
+
+
+@dataclass(frozen=True)
+class LargePath:
+    """The end of a path.
+
+    Attributes
+    ----------
+    y : (d,)
+    W : (m,)
+        W(T), untruncated.
+    energy_defect : float
+        Largest |H(y_n) − H(y_0)| over the steps, terms summed exactly.
+    energy_scale : float
+        Σ|terms of H| at the start: what a defect is small against. H itself may cancel to nothing.
+    casimir_defect, other_casimir_defect : float
+        Largest defect of a quadratic or linear Casimir, and of any other.
+    iterations : int
+        Newton iterations of all steps.
+    """
+
+    y: Array
+    W: Array
+    energy_defect: float
+    energy_scale: float
+    casimir_defect: float
+    other_casimir_defect: float
+    iterations: int
+
+
+def integrate(
+    step: LargeStep,
+    problem: LargeProblem,
+    *,
+    h: float,
+    steps: int,
+    seed: int = 0,
+    dW: ArrayLike | None = None,
+    y0: ArrayLike | None = None,
+    truncation: int | None = 2,
+) -> LargePath:
+    """One path of N steps from y0 (default: the problem's initial state).
+
+    Parameters
+    ----------
+    step : `sepv.large.energy_preserving` or `sepv.large.midpoint`
+    dW : (N, m), optional
+        Untruncated increments; else those of `sepv.simulate.increments(seed, …)`, path 0.
+    truncation : int or None
+        k of Remark 2.1.
+
+    Raises
+    ------
+    StepFailure
+        At the first step whose implicit equation was not solved.
+    UsageError
+        For arguments that make no path.
+    """
+    m = len(problem.noise)
+    if not isinstance(steps, int) or steps < 1 or not np.isfinite(h) or h <= 0:
+        raise UsageError(
+            expected="h > 0 and steps, an integer ≥ 1", received=f"h = {h!r}, steps = {steps!r}",
+            remedy="give both",
+        )  # fmt: skip
+    raw = (
+        wiener.increments(seed, T=h * steps, steps=steps, noises=m)[:, :, 0]
+        if dW is None
+        else np.asarray(dW, dtype=np.float64)
+    )
+    y = np.array(problem.initial if y0 is None else y0, dtype=np.float64)
+    for name, array, shape in (("dW", raw, (steps, m)), ("y0", y, (problem.dimension,))):
+        if array.shape != shape or not np.all(np.isfinite(array)):
+            raise UsageError(
+                expected=f"{name} finite, of shape {shape}",
+                received=f"shape {array.shape}",
+                remedy="one row of dW for each step, one number of y0 for each component",
+            )
+    used = wiener.truncate(raw, h, truncation)
+    start, first = y, _casimirs(problem, y)
+    scale = float(np.sum(np.abs(problem.terms(y))))
+    worst, iterations = np.zeros(3), 0
+    for n in range(steps):
+        delta = problem.random_step(h, used[n])
+        solution = step(problem, y, delta)
+        iterations += solution.iterations
+        if solution.status is not Status.CONVERGED:
+            raise StepFailure(
+                problem=f"{problem.name} at step {n + 1}",
+                y=y[:4],
+                delta=delta,
+                residual=solution.residual,
+                status=solution.status.text,
+                iterations=solution.iterations,
+            )
+        y = solution.value
+        now = _casimirs(problem, y)
+        drift = [float(np.max(np.abs(a - b), initial=0.0)) for a, b in zip(now, first, strict=True)]
+        worst = np.maximum(worst, [abs(problem.energy_difference(y, start)), *drift])
+    return LargePath(y, raw.sum(axis=0), float(worst[0]), scale, float(worst[1]), float(worst[2]), iterations)
+
+
+def _casimirs(problem: LargeProblem, y: Array) -> tuple[Array, Array]:
+    none = np.zeros(0)
+    return (
+        none if problem.casimirs is None else problem.casimirs(y),
+        none if problem.other_casimirs is None else problem.other_casimirs(y),
+    )

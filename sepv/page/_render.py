@@ -1,0 +1,75 @@
+"""The page: a template, a style sheet whose hash the content security policy names, and nothing else."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+from importlib.resources import files
+from typing import Any
+
+from sepv._version import __version__
+from sepv.page import _plot as plot
+from sepv.page import _views as views
+from sepv.page._sources import Sources
+from sepv.page._text import plain
+
+
+def render(sources: Sources, *, title: str = "Which structural properties hold?") -> str:
+    """The HTML page, complete: no script, no font, no picture and no style from anywhere else."""
+    from jinja2 import Environment, StrictUndefined
+
+    folder = files(__name__.rpartition(".")[0])
+    environment = Environment(
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    style = environment.from_string((folder / "style.css.j2").read_text(encoding="utf-8")).render(
+        colours=plot.colour_rules()
+    )
+    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
+    laws, schemes = views.schemes(sources.verify)
+    return environment.from_string((folder / "page.html.j2").read_text(encoding="utf-8")).render(
+        title=plain(title, 200),
+        version=__version__,
+        style=_trusted(style),
+        style_hash=digest,
+        laws=views.law_texts(laws),
+        headline=views.headline(sources.verify) if sources.verify else "",
+        fingerprint=fingerprint(),
+        schemes=schemes,
+        comparisons=[views.comparison(c) for c in sources.compare],
+        benches=[views.bench(b) for b in sources.bench],
+        reproductions=[views.reproduction(r) for r in sources.reproduce],
+        versions=sorted({_version(r) for r in (*sources.verify, *sources.reproduce)}),
+    )
+
+
+def fingerprint() -> str:
+    """What every page shows beside its files: the release, the laws and what they say, the built-in schemes' claims.
+
+    A committed page whose fingerprint is another is older than what it shows.
+    """
+    from sepv import schemes
+    from sepv.verification import load_laws
+
+    laws = [(law.name, law.statement, law.source) for law in load_laws()]
+    built_in = [
+        (s.name, sorted(s.claims), s.mean_square_order, s.weak_order)
+        for s in (*schemes.ALL.values(), *schemes.MORE.values())
+    ]
+    return hashlib.sha256(json.dumps([__version__, laws, built_in]).encode()).hexdigest()[:16]
+
+
+def _trusted(style: str) -> Any:
+    """Our own style sheet, which holds nothing of the files read: the one text that is not escaped."""
+    from markupsafe import Markup
+
+    return Markup(style)
+
+
+def _version(record: dict[str, Any]) -> str:
+    return plain(record.get("suite", record.get("reproduction", {})).get("version", "?"), 40)

@@ -1,0 +1,173 @@
+"""What is measured of a solver for each kind of noise: orders of one step and of paths, its limit, what it keeps.
+
+One step: the laws "local-mean", "local-mean-square" and "local-weak", by quadrature. By Milstein's theorem the
+mean-square order is the lesser of the slope of the mean error less 1 and that of the rms error less ½; the weak order
+is the slope of the weak error less 1. Paths: the slope of the rms error against the log-ODE over a rough path, as in
+the law "mean-square-order", for orders up to that of the reference, 1.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import lru_cache, partial
+from typing import Any
+
+import numpy as np
+
+from sepv._version import __version__
+from sepv.exact._several_structures import refined
+from sepv.peers._cells import Cell
+from sepv.peers._measurements import _text_of, release
+from sepv.peers._solver import KINDS, Solver, problem_of
+from sepv.problem import Array, Problem
+from sepv.problem._fields import matvec
+from sepv.problem._hamiltonians import noise_field, noise_slope
+from sepv.schemes import Scheme
+from sepv.simulate._areas import RoughPath
+from sepv.simulate._paths import run_chunk
+from sepv.verification import Effort, Verdict, load_laws, verify
+from sepv.verification._orders.convergence import StrongErrors, slope
+from sepv.verification._orders.local_errors import local_states, one_step, rule_degree
+from sepv.verification._orders.local_rules import rule_for
+
+LOCAL = ("local-mean", "local-mean-square", "local-weak")
+KEPT = ("casimir", "poisson-map")
+T, STEPS = 0.5, (8, 32, 128)
+# Paths of solvers that take batches, and of those that take one state at a time.
+PATHS, SINGLE = 512, 128
+# An interval of an order over paths misses with this probability.
+ALPHA = 1e-4
+# The order of the reference over paths.
+KNOWN = 1.0
+# So small a step shows the limit: what is left of a mean is h, or √h for a difference over √h.
+LIMIT_STEP, LIMIT = 2.0**-16, 0.05
+
+
+def cells(library: str, solver: Solver, effort: Effort) -> Iterator[Cell]:
+    """All that is measured of one solver."""
+    texts = {law.name: _text_of(law) for law in load_laws((*LOCAL, *KEPT))}
+    key = (release(library), __version__, effort.seed)
+    for kind, documented in solver.documented.items():
+
+        def cell(name: str, more: tuple[Any, ...], measure: Any, kind: str = kind) -> Cell:
+            return Cell(solver.name, f"{kind}, {name}", (*key, KINDS[kind], *more), measure)
+
+        laws = (*(texts[law] for law in LOCAL), *documented)
+        yield cell("one step", laws, partial(_local, solver, kind, effort))
+        yield cell("limit", (LIMIT_STEP,), partial(_limit, solver, kind))
+        if (documented[0] or KNOWN) <= KNOWN:
+            yield cell(
+                "paths", (T, STEPS, PATHS, SINGLE, ALPHA), partial(_over_paths, solver, kind, effort.seed)
+            )
+        for law in KEPT:
+            yield cell(law, (texts[law], effort.examples), partial(_kept, solver, kind, law, effort))
+
+
+def orders(solver: Solver, kind: str, local: dict[str, Any]) -> tuple[float, float]:
+    """Mean-square and weak order from the slopes of `_local`.
+
+    The log-ODE that steps are compared with is O(h^{3/2}) from the solution, or O(h²) where noises commute and
+    space-time areas are known: no more than order 1 or 1.5 shows.
+    """
+    mean, rms, weak = (local[law]["slope"] for law in LOCAL)
+    known = 1.5 if solver.asks == "space-time" and kind != "general" else KNOWN
+    return min(mean - 1, rms - 0.5, known), weak - 1
+
+
+def _local(solver: Solver, kind: str, effort: Effort) -> dict[str, Any]:
+    """Slopes of the three local errors, infinite where all errors are rounding, and verdicts on what is documented."""
+    report = verify(solver.scheme(kind), laws=list(LOCAL), effort=effort)
+    if report.interrupted:
+        raise KeyboardInterrupt
+    found: dict[str, Any] = {}
+    for law in LOCAL:
+        finding = report.finding(law)
+        seen = (finding.witness or {}).get("measured", ())
+        value = math.nan if not seen else seen[0]["slope"]
+        if value is None:  # rounding, where the law holds; too few step sizes, where it does not
+            value = math.inf if finding.verdict is Verdict.HOLDS else math.nan
+        found[law] = {"slope": value, "verdict": finding.verdict.value, "message": finding.message}
+    return found
+
+
+def _kept(solver: Solver, kind: str, law: str, effort: Effort) -> str:
+    with np.errstate(over="ignore", invalid="ignore"):
+        report = verify(solver.scheme(kind), laws=[law], effort=effort)
+    if report.interrupted:
+        raise KeyboardInterrupt
+    return report.finding(law).verdict.value
+
+
+def _limit(solver: Solver, kind: str) -> dict[str, float]:
+    """λ with E[y1 − y0] = h(a + λs) for the drift a that was given and s = ½Σ F_j′F_j, and what is left of |s|.
+
+    λ is 0 for a solver that takes a for the drift of an Itô equation, 1 for that of a Stratonovich equation.
+    """
+    problem, scheme = problem_of(kind), solver.scheme(kind)
+    h, states = LIMIT_STEP, local_states(problem)
+    nodes = rule_for(scheme, problem, h, rule_degree(scheme))
+    y, _ = one_step(scheme, problem, states, h, nodes)
+    moved = (y - states[..., None]) @ nodes.weights / h
+    s = _correction(problem, states)
+    a = matvec(problem.structure(states), problem.gradient(states)) + (s if solver.ito else 0.0)
+    size = float(np.sum(s * s))
+    if not size:
+        return {"share": math.nan, "left": float(np.max(np.abs(moved - a)) / np.max(np.abs(a)))}
+    share = float(np.sum((moved - a) * s)) / size
+    return {"share": share, "left": float(np.sqrt(np.sum((moved - a - share * s) ** 2) / size))}
+
+
+def _correction(problem: Problem, y: Array) -> Array:
+    """½ Σ_j c_j² f_j′f_j."""
+    parts = [
+        0.5 * c * c * matvec(noise_slope(problem, j, y), noise_field(problem, j, y))
+        for j, c in enumerate(problem.c)
+    ]
+    return np.asarray(sum(parts))
+
+
+def limit_of(found: dict[str, float]) -> str:
+    """The limit in words."""
+    if math.isnan(found["share"]):
+        return "both" if found["left"] < LIMIT else "neither"
+    if found["left"] < LIMIT and abs(found["share"]) < LIMIT:
+        return "Itô"
+    if found["left"] < LIMIT and abs(found["share"] - 1) < LIMIT:
+        return "Stratonovich"
+    return "neither"
+
+
+@lru_cache(maxsize=8)
+def _reference(kind: str, seed: int, paths: int) -> tuple[RoughPath, Array, float]:
+    """The rough path that solver and reference see, y(T), and the rms of the reference's own error."""
+    problem = problem_of(kind)
+    return refined(problem, np.array(problem.initial), T, STEPS[-1], range(paths), seed)
+
+
+def _over_paths(solver: Solver, kind: str, seed: int) -> dict[str, Any]:
+    """The order over paths as (estimate, low, high), rms errors, and paths that failed at some number of steps."""
+    scheme, problem = solver.scheme(kind), problem_of(kind)
+    count = PATHS if solver.batched else SINGLE
+    rough, exact, doubt = _reference(kind, seed, count)
+    with np.errstate(all="ignore"):
+        ends = [_end(solver, scheme, kind, problem, T / n, rough.rows(n, solver.asks)) for n in STEPS]
+        errors = np.stack([y - exact for y in ends])
+    arrived = np.isfinite(errors).all(axis=(0, 1))
+    kept = errors[:, :, arrived]
+    scale = float(np.max(np.abs(exact)))
+    strong = StrongErrors(T, STEPS, np.sum(kept**2, axis=1), kept, (0,) * len(STEPS), scale, reference=doubt)
+    order = slope(strong, ALPHA)
+    return {
+        "order": (order.value, order.low, order.high),
+        "rms": strong.rms().tolist(),
+        "reference": doubt,
+        "failed": int(np.count_nonzero(~arrived)),
+    }
+
+
+def _end(solver: Solver, scheme: Scheme, kind: str, problem: Problem, h: float, rows: Array) -> Array:
+    start = np.array(problem.initial, dtype=np.float64)
+    if solver.path is not None:
+        return solver.path(kind)(problem, start, h, rows)[-1]
+    return run_chunk(scheme, problem, start, h, rows, None, track=False).y

@@ -1,0 +1,209 @@
+"""What is measured of a library's solver: laws, whole paths, energy defects, each a cell that can be kept."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from importlib import import_module, resources
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from sepv import problems
+from sepv._version import __version__
+from sepv.exact import exact_flow
+from sepv.peers._cells import Cell
+from sepv.peers._multistep import PathSolver
+from sepv.problem import Array, Problem
+from sepv.schemes import Scheme
+from sepv.simulate import _wiener as wiener
+from sepv.simulate import ensemble
+from sepv.verification import Effort, Law, Verdict, energy_ulp, verify
+from sepv.verification._orders.convergence import StrongErrors, log_decay, slope
+from sepv.verification._sequential import FALSE_ALARM, Setup, setups
+
+LIBRARIES = ("diffrax", "torchsde", "sdeint")
+# Energy defects are those of this many paths, the orders of whole paths of that many.
+PATHS = 256
+ORDER_PATHS = 1024
+ENERGY_STEPS = 64
+# Where schemes with untruncated increments are judged, as all of these are.
+SETUPS = setups(truncation=None)
+
+# Laws by quadrature over ΔW, which is all of the noise that they know of.
+OVER_INCREMENTS = ("local-mean", "local-weak")
+NO_AREAS = "takes means over ΔW, and the solver draws an area besides: not applicable"
+
+
+def law_cells(library: str, scheme: Scheme, laws: Sequence[Law], effort: Effort) -> Iterator[Cell]:
+    """Laws on one scheme, but for those that do not know of the areas which it draws (`silent`)."""
+    for law in laws:
+        if law.name in OVER_INCREMENTS and draws(library, scheme):
+            continue
+        yield Cell(
+            scheme.name,
+            law.name,
+            (
+                release(library),
+                *_suite_key(effort),
+                law.statement,
+                law.source,
+                _text_of(law),
+                *_claimed(scheme),
+            ),
+            partial(_finding, scheme, law.name, effort),
+        )
+
+
+def scheme_cells(library: str, scheme: Scheme, laws: Sequence[Law], effort: Effort) -> Iterator[Cell]:
+    """Laws on one scheme, and its energy defects."""
+    yield from law_cells(library, scheme, laws, effort)
+    for setup in SETUPS:
+        problem = problems.by_name(setup.problem)
+        yield Cell(
+            scheme.name,
+            f"energy defect, {setup.problem}",
+            (release(library), *_suite_key(effort), setup.T, PATHS, ENERGY_STEPS),
+            partial(_energy_of_scheme, scheme, problem, setup.T),
+        )
+
+
+def silent(library: str, scheme: Scheme) -> dict[str, dict[str, Any]]:
+    """What stands for the laws that are not asked."""
+    text = {"verdict": Verdict.NOT_APPLICABLE.value, "claimed": False, "message": NO_AREAS, "measured": ()}
+    return {name: text for name in OVER_INCREMENTS if draws(library, scheme)}
+
+
+def draws(library: str, scheme: Scheme) -> bool:
+    """Whether a step has noise of its own beside ΔW."""
+    if library == "sepv":
+        return False
+    return scheme in getattr(import_module(f"sepv.peers.{library}"), "DRAWING", ())
+
+
+def path_cells(library: str, solver: PathSolver, effort: Effort) -> Iterator[Cell]:
+    """The error of whole paths and the energy defect of a solver that hands state on, problem by problem."""
+    for setup in SETUPS:
+        yield Cell(
+            solver.name,
+            f"whole paths, {setup.problem}",
+            (release(library), *_suite_key(effort), setup.T, setup.steps, ORDER_PATHS, PATHS, ENERGY_STEPS),
+            partial(_paths, solver, setup, effort.seed),
+        )
+
+
+def path_verdicts(
+    solver: PathSolver, cells: Mapping[tuple[str, str], Any]
+) -> dict[str, tuple[Verdict, float, float]]:
+    """Verdict, measured number and limit of two laws on whole paths, by the thresholds of the laws of these names."""
+    found = [cells[solver.name, f"whole paths, {s.problem}"] for s in SETUPS]
+    span = min(s.steps[-1] / s.steps[0] for s in SETUPS)
+    limits = (
+        ("mean-square-order", "order", solver.mean_square_order - 0.25),
+        ("right-limit", "fall", 0.25 * float(np.log(span))),
+    )
+    verdicts = {}
+    for law, number, limit in limits:
+        intervals = [cell[number] for cell in found]
+        above = all(low > limit for _, low, _ in intervals)
+        below = any(high < limit for _, _, high in intervals)
+        verdict = Verdict.HOLDS if above else Verdict.VIOLATED if below else Verdict.INCONCLUSIVE
+        verdicts[law] = (verdict, min(value for value, _, _ in intervals), limit)
+    return verdicts
+
+
+def _suite_key(effort: Effort) -> tuple[Any, ...]:
+    return (__version__, effort.seed, effort.examples, effort.paths, effort.designs)
+
+
+def _text_of(law: Law) -> str:
+    """A digest of the law's own file, so that a law that measures something else is measured anew."""
+    file = resources.files("sepv.properties") / f"test_{law.name.replace('-', '_')}.py"
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def _claimed(scheme: Scheme) -> tuple[Any, ...]:
+    return (sorted(scheme.claims), scheme.mean_square_order, scheme.weak_order)
+
+
+def _finding(scheme: Scheme, law: str, effort: Effort) -> dict[str, Any]:
+    """What the table needs of one law's finding."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        report = verify(scheme, laws=[law], effort=effort)
+    if report.interrupted:
+        raise KeyboardInterrupt
+    finding = report.finding(law)
+    return {
+        "verdict": finding.verdict.value,
+        "claimed": finding.claimed,
+        "message": finding.message,
+        "defect": finding.defect,
+        "bound": finding.bound,
+        "measured": (finding.witness or {}).get("measured", ()) if law == "mean-square-order" else (),
+    }
+
+
+def _paths(solver: PathSolver, setup: Setup, seed: int) -> dict[str, Any]:
+    """Order and fall of the error as (estimate, low, high), the energy defect, and paths that failed."""
+    alpha = FALSE_ALARM / len(SETUPS)
+    problem, note = problems.by_name(setup.problem), ""
+    errors = _path_errors(solver, problem, setup, seed)
+    if any(errors.failures):
+        counts = ", ".join(str(n) for n in errors.failures)
+        note = (
+            f"{solver.name}, {setup.problem}: {counts} of {ORDER_PATHS} paths failed with "
+            f"{', '.join(str(n) for n in errors.steps)} steps and are left out at every number of steps"
+        )
+    order, decay = slope(errors, alpha), log_decay(errors, alpha)
+    return {
+        "order": (order.value, order.low, order.high),
+        "fall": (-decay.value, -decay.high, -decay.low),
+        "energy": _energy_of_paths(solver, problem, setup.T),
+        "note": note,
+    }
+
+
+def _path_errors(solver: PathSolver, problem: Problem, setup: Setup, seed: int) -> StrongErrors:
+    """As `sepv.verification._orders.convergence.strong_errors`, with whole paths by the solver's own code."""
+    start, steps = np.array(problem.initial, dtype=np.float64), setup.steps
+    finest = steps[-1]
+    fine = wiener.increments(seed, T=setup.T, steps=finest, noises=problem.noises, paths=ORDER_PATHS)
+    exact = exact_flow(problem, problem.random_step(setup.T, fine.sum(axis=0))).y
+    ends = [solver.path(problem, start, setup.T / n, wiener.coarsen(fine, finest // n))[-1] for n in steps]
+    errors = np.stack([y - exact for y in ends])
+    arrived = np.isfinite(errors).all(axis=(0, 1))
+    return StrongErrors(
+        T=setup.T,
+        steps=steps,
+        squared=np.sum(errors[:, :, arrived] ** 2, axis=1),
+        errors=errors[:, :, arrived],
+        failures=tuple(int(np.count_nonzero(~np.isfinite(e).all(axis=0))) for e in errors),
+        scale=float(np.max(np.abs(exact))),
+    )
+
+
+def _energy_of_scheme(scheme: Scheme, problem: Problem, T: float) -> str:
+    with np.errstate(over="ignore", invalid="ignore"):
+        result = ensemble(scheme, problem, h=T / ENERGY_STEPS, T=T, paths=PATHS, engine="numpy")
+    failed = int(np.count_nonzero(result.status))
+    return f"{failed} paths failed" if failed else _energy(problem, result.energy_defect)
+
+
+def _energy_of_paths(solver: PathSolver, problem: Problem, T: float) -> str:
+    dW = wiener.increments(0, T=T, steps=ENERGY_STEPS, noises=problem.noises, paths=PATHS)
+    start = np.array(problem.initial, dtype=np.float64)
+    H = problem.hamiltonian(solver.path(problem, start, T / ENERGY_STEPS, dW).swapaxes(0, 1))
+    failed = int(np.count_nonzero(~np.isfinite(H).all(axis=0)))
+    return f"{failed} paths failed" if failed else _energy(problem, np.abs(H - H[0]))
+
+
+def _energy(problem: Problem, defects: Array) -> str:
+    start = np.array(problem.initial, dtype=np.float64)
+    return f"{float(np.max(defects)) / energy_ulp(problem, start, start):.2g}"
+
+
+def release(library: str) -> str:
+    """The version of a library that is installed here."""
+    return __version__ if library == "sepv" else version(library)

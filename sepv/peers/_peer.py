@@ -1,0 +1,191 @@
+"""One library as it is installed here, measured and recorded: ``python -m sepv.peers._peer LIBRARY --out FILE``.
+
+`sepv peers` calls this inside the environment of each version. It asks the few laws that decide what a general library
+claims of a solver: its orders and its limit. The compliance table has all laws.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import platform
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
+from functools import partial
+from importlib import import_module
+from importlib.metadata import distributions
+from pathlib import Path
+from typing import Any
+
+import click
+
+from sepv._version import __version__
+from sepv.errors import SepvError
+from sepv.files import write_atomically
+from sepv.peers._cells import Cell, measured
+from sepv.peers._deviations import shown_by
+from sepv.peers._measurements import LIBRARIES, law_cells, path_cells, path_verdicts, release, silent
+from sepv.peers._multistep import PathSolver
+from sepv.progress import showing
+from sepv.verification import SUITE, Effort, Law, Verdict, load_laws
+
+FORMAT = 1
+# Those that are quick enough for many versions. The local laws, by quadrature over several noises, see most faults
+# of a formula; laws that search ask a compiled step about systems of every size, which is compiled anew for each.
+ASKED = ("local-mean", "local-mean-square", "local-weak", "mean-square-order", "right-limit")
+# Of a law's message; the whole is in the output of `sepv verify`.
+LONGEST = 600
+
+
+def laws() -> list[Law]:
+    """Those that are asked of each version."""
+    return load_laws(ASKED)
+
+
+def record(
+    library: str, effort: Effort, keep: Path | None, scripts: Path | None, shown: Any
+) -> dict[str, Any]:
+    """What the solvers of the installed library were found to do, as the schema `peers` describes it."""
+    adapter, asked = import_module(f"sepv.peers.{library}"), laws()
+    schemes, paths = adapter.SCHEMES, adapter.PATHS
+    cells = [cell for s in schemes for cell in law_cells(library, s, asked, effort)]
+    cells += [_safe(cell) for p in paths for cell in path_cells(library, p, effort)]
+    found = measured(cells, keep, shown)
+    shown.update("the scripts that show deviations", 1.0)
+    return {
+        "format": FORMAT,
+        "library": library,
+        "version": release(library),
+        "date": f"{datetime.now(UTC):%Y-%m-%d}",
+        "suite": {
+            "version": __version__,
+            "laws_version": SUITE,
+            "laws": [law.name for law in asked],
+            "seed": effort.seed,
+            "examples": effort.examples,
+            "paths": effort.paths,
+        },
+        "environment": {
+            "python": platform.python_version(),
+            "machine": platform.machine(),
+            "packages": _packages(),
+        },
+        "absent": [name.removeprefix(f"{library} ") for name in getattr(adapter, "ABSENT", ())],
+        "solvers": [
+            *(_scheme_entry(library, scheme, asked, found) for scheme in schemes),
+            *(_path_entry(library, solver, found) for solver in paths),
+        ],
+        "scripts": [] if scripts is None else list(_scripts(library, scripts)),
+    }
+
+
+def _safe(cell: Cell) -> Cell:
+    """A solver of whole paths that raises is an entry of its own, and no end of the run."""
+    return Cell(cell.solver, cell.name, cell.key, partial(_or_error, cell))
+
+
+def _or_error(cell: Cell) -> Any:
+    try:
+        return cell.measure()
+    except Exception as error:
+        return {"error": f"{type(error).__name__}: {error}".partition("\n")[0]}
+
+
+def _scheme_entry(
+    library: str, scheme: Any, asked: Sequence[Law], found: dict[tuple[str, str], Any]
+) -> dict[str, Any]:
+    unasked = silent(library, scheme)
+    said = {law.name: unasked.get(law.name) or found[scheme.name, law.name] for law in asked}
+    return {
+        "name": scheme.name.removeprefix(f"{library} "),
+        "source": scheme.source,
+        "mean_square_order": scheme.mean_square_order,
+        "weak_order": scheme.weak_order,
+        "laws": {
+            law.name: {
+                "verdict": said[law.name]["verdict"],
+                "claimed": said[law.name]["claimed"],
+                "defect": _finite(said[law.name].get("defect")),
+                "bound": _finite(said[law.name].get("bound")),
+                "unit": law.unit,
+                "message": said[law.name]["message"][:LONGEST],
+            }
+            for law in asked
+        },
+    }
+
+
+def _path_entry(library: str, solver: PathSolver, found: dict[tuple[str, str], Any]) -> dict[str, Any]:
+    cells = [value for (name, _), value in found.items() if name == solver.name]
+    errors = [cell["error"] for cell in cells if "error" in cell]
+    if errors:
+        verdicts = dict.fromkeys(("mean-square-order", "right-limit"), (Verdict.ERROR, None, None))
+    else:
+        verdicts = dict(path_verdicts(solver, found))  # type: ignore[arg-type]  # None only after an error
+    notes = "; ".join(errors) or "; ".join(cell["note"] for cell in cells if cell["note"])
+    return {
+        "name": solver.name.removeprefix(f"{library} "),
+        "source": solver.source,
+        "mean_square_order": solver.mean_square_order,
+        "weak_order": None,
+        "laws": {
+            law: {
+                "verdict": verdict.value,
+                "claimed": True,
+                "defect": _finite(number),
+                "bound": _finite(limit),
+                "unit": "slope of the rms error" if law == "mean-square-order" else "log of the fall",
+                "message": notes[:LONGEST],
+            }
+            for law, (verdict, number, limit) in verdicts.items()
+        },
+    }
+
+
+def _scripts(library: str, folder: Path) -> Iterator[dict[str, Any]]:
+    for script in shown_by(folder, library):
+        failed = script.errors.strip().splitlines()[-1:] if script.deviates is None else []
+        yield {
+            "name": script.name,
+            "title": script.title,
+            "deviates": script.deviates,
+            "output": "\n".join([script.output, *failed]).strip(),
+        }
+
+
+def _packages() -> dict[str, str]:
+    """What is installed beside it, without installers: a change may be another library's."""
+    found = {d.metadata["Name"].lower(): d.version for d in distributions() if d.metadata["Name"]}
+    return {name: found[name] for name in sorted(found) if name not in ("pip", "setuptools", "wheel", "sepv")}
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
+@click.command()
+@click.argument("library", type=click.Choice(LIBRARIES))
+@click.option("--out", type=click.Path(dir_okay=False), required=True, help="The record, as JSON.")
+@click.option(
+    "--keep", type=click.Path(file_okay=False, path_type=Path), help="A folder for what is measured."
+)
+@click.option("--scripts", type=click.Path(file_okay=False, path_type=Path), help="The folder of deviations.")
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths."
+)
+def main(library: str, out: str, keep: Path | None, scripts: Path | None, seed: int) -> None:
+    """Measure the solvers of LIBRARY as it is installed here, and write the record."""
+    # Counterexamples are not shown here, so that nothing is spent on simplifying them.
+    effort = Effort(seed=seed, shrink_checks=0)
+    if keep is not None:
+        keep.mkdir(parents=True, exist_ok=True)
+    try:
+        with showing() as line:
+            found = record(library, effort, keep, scripts, line)
+    except SepvError as error:
+        raise click.ClickException(str(error)) from None
+    write_atomically(out, json.dumps(found, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,95 @@
+"""Several Hamiltonians for a library with arrays of its own: the drift and the m noise fields as one table of numbers.
+
+dy = F_0 dt + Σ_j F_j ∘dW_j with F_0 = B∇H_0 and F_j = c_j B∇H_j, or the same in Itô's form, whose drift is
+F_0 + ½ Σ_j F_j′F_j: products and derivatives of polynomials, made once for each system.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from sepv.errors import Skipped
+from sepv.peers.posing import Formulas, table
+from sepv.problem import Array, PolynomialSystem, Problem
+from sepv.problems._polynomial_system import structure_entries
+from sepv.record import Polynomial
+from sepv.record import _polynomial as poly
+
+
+@dataclass(frozen=True)
+class Fields:
+    """Drift and noise of a system in any namespace; hashable, so that a compiled step takes it as a static argument."""
+
+    dimension: int
+    noises: int
+    powers: int
+
+    def drift(self, xp: Any, numbers: Any, y: Any) -> Any:
+        """F_0 (d, ...) at y (d, ...), or Itô's drift."""
+        return self._rows(xp, numbers, y, 0, 1)[0]
+
+    def noise(self, xp: Any, numbers: Any, y: Any) -> Any:
+        """F_1, …, F_m as (m, d, ...)."""
+        return self._rows(xp, numbers, y, 1, 1 + self.noises)
+
+    def _rows(self, xp: Any, numbers: Any, y: Any, first: int, last: int) -> Any:
+        d = self.dimension
+        found = Formulas("polynomial", self.powers).values(xp, numbers, y, first * d, last * d)
+        return found.reshape((last - first, d, *y.shape[1:]))
+
+
+def pose_fields(problem: Problem, *, ito: bool = False) -> tuple[Fields, tuple[Array, ...]]:
+    """The formulas of a system with several Hamiltonians, and its numbers as NumPy arrays.
+
+    Parameters
+    ----------
+    ito : whether the drift is that of Itô's form.
+
+    Raises
+    ------
+    Skipped
+        For a problem that is not given as data with `noise_hamiltonians`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sepv import problems
+    >>> fields, numbers = pose_fields(problems.random_inertia())
+    >>> fields.noise(np, numbers, np.array([1.0, 0.5, 2.0])).tolist()
+    [[-0.0, 1.0, -0.25], [-1.0, 0.0, 0.5]]
+    """
+    data = problem.data
+    if not isinstance(data, PolynomialSystem) or not data.noise_hamiltonians:
+        raise Skipped(f"{problem.name} is no system of several Hamiltonians given as data")
+    return _posed(data, ito)
+
+
+@lru_cache(maxsize=64)
+def _posed(data: PolynomialSystem, ito: bool) -> tuple[Fields, tuple[Array, ...]]:
+    B = structure_entries(data)
+    noises = [_field(B, H, c) for H, c in zip(data.noise_hamiltonians, data.noise, strict=True)]
+    drift = _field(B, data.hamiltonian, 1.0)
+    if ito:
+        drift = [poly.add(p, *(_second(F, i) for F in noises)) for i, p in enumerate(drift)]
+    rows = [p for field in (drift, *noises) for p in field]
+    monomials = sorted({e for p in rows for e, _ in p.terms}) or [(0,) * data.dimension]
+    powers = max(max(e) for e in monomials)
+    numbers = table(data.dimension, rows, monomials, len(monomials))
+    return Fields(data.dimension, len(noises), powers), numbers
+
+
+def _field(B: Sequence[Sequence[Polynomial]], H: Polynomial, c: float) -> list[Polynomial]:
+    """c B∇H."""
+    slope = poly.gradient(H)
+    return [
+        poly.scale(c, poly.add(*(poly.multiply(b, g) for b, g in zip(row, slope, strict=True)))) for row in B
+    ]
+
+
+def _second(F: Sequence[Polynomial], i: int) -> Polynomial:
+    """½ (F′F)_i."""
+    slope = poly.gradient(F[i])
+    return poly.scale(0.5, poly.add(*(poly.multiply(s, p) for s, p in zip(slope, F, strict=True))))

@@ -1,0 +1,111 @@
+"""A line of the compliance table: what one solver was found to do, in words and numbers for a reader."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sepv.peers._measurements import NO_AREAS, SETUPS, path_verdicts, release, silent
+from sepv.peers._multistep import PathSolver
+from sepv.schemes import Scheme
+from sepv.verification import LAWS, Verdict
+from sepv.verification._report import MARKS
+
+
+@dataclass(frozen=True)
+class Row:
+    """What one solver was found to do: a line of both tables.
+
+    Attributes
+    ----------
+    claimed : str
+        The mean-square order for (1.1) that the library's documentation, or else theory, states; and the weak one.
+    orders, energy : tuple of str
+        The measured order with its interval, and the largest energy defect in energy ulps, for each of `SETUPS`.
+    verdicts : dict of law name to mark
+    notes : tuple of str
+        Reasons of the verdict "error", and paths that failed.
+    """
+
+    library: str
+    release: str
+    solver: str
+    source: str
+    claimed: str
+    orders: tuple[str, ...]
+    energy: tuple[str, ...]
+    verdicts: dict[str, str]
+    notes: tuple[str, ...] = ()
+
+
+def scheme_row(library: str, scheme: Scheme, cells: Mapping[tuple[str, str], Any]) -> Row:
+    """The line of a scheme whose cells are measured."""
+    unasked = silent(library, scheme)
+    findings = {name: unasked.get(name) or cells[scheme.name, name] for name in LAWS}
+    return Row(
+        library=library,
+        release=release(library),
+        solver=scheme.name.removeprefix(f"{library} "),
+        source=scheme.source,
+        claimed=" / ".join(f"{o:g}" for o in (scheme.mean_square_order, scheme.weak_order) if o is not None),
+        orders=_orders(findings["mean-square-order"]["measured"]),
+        energy=tuple(cells[scheme.name, f"energy defect, {s.problem}"] for s in SETUPS),
+        verdicts={
+            name: MARKS[Verdict(f["verdict"])] + (" +" if f["claimed"] else "")
+            for name, f in findings.items()
+        },
+        notes=tuple(_notes(scheme, findings)),
+    )
+
+
+def _notes(scheme: Scheme, findings: Mapping[str, Any]) -> Iterator[str]:
+    """Reasons of errors, and what a reader of the marks must know."""
+    for name, found in findings.items():
+        lines = found["message"].splitlines()
+        if Verdict(found["verdict"]) is Verdict.ERROR and lines:
+            # Below the case that could not be measured stand three lines of the error.
+            yield f"{scheme.name}, {name}: {lines[-3] if lines[0].endswith(':') and len(lines) > 3 else lines[0]}"
+        if found["message"] == NO_AREAS:
+            yield f"{scheme.name}, {name}: {NO_AREAS}"
+    limit, order = findings.get("right-limit"), findings.get("mean-square-order")
+    if limit is None or order is None or Verdict(limit["verdict"]) is not Verdict.VIOLATED:
+        return
+    intervals = [m["interval"] for m in order["measured"]]
+    if intervals and all(low is not None and low > 0.25 for low, _ in intervals):
+        yield (
+            f"{scheme.name}, right-limit: the error itself falls with h; the law extrapolates means in whole powers "
+            "of h, and a mean that falls like h^½ looks to it like a wrong limit"
+        )
+
+
+def path_row(library: str, solver: PathSolver, cells: Mapping[tuple[str, str], Any]) -> Row:
+    """The line of such a solver whose cells are measured: two laws, by the thresholds of the laws of these names."""
+    found = [cells[solver.name, f"whole paths, {s.problem}"] for s in SETUPS]
+    return Row(
+        library=library,
+        release=release(library),
+        solver=solver.name.removeprefix(f"{library} "),
+        source=solver.source,
+        claimed=f"{solver.mean_square_order:g}",
+        orders=tuple(_interval(*cell["order"]) for cell in found),
+        energy=tuple(cell["energy"] for cell in found),
+        verdicts={
+            law: f"{MARKS[verdict]} +" for law, (verdict, _, _) in path_verdicts(solver, cells).items()
+        },
+        notes=tuple(cell["note"] for cell in found if cell["note"]),
+    )
+
+
+def _orders(measured: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    """The cells of the measured order, from the law's witness; a dash where it measured none."""
+    found = {m["problem"]: m for m in measured}
+    cells = []
+    for setup in SETUPS:
+        m = found.get(setup.problem)
+        cells.append("–" if m is None else _interval(m["estimate"], *m["interval"]))
+    return tuple(cells)
+
+
+def _interval(value: float, low: float, high: float) -> str:
+    return f"{value:.2f} [{low:.2f}, {high:.2f}]"

@@ -1,0 +1,175 @@
+"""Which verdict changed, in which version: records side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+from sepv.peers._history import Record
+from sepv.verification import Verdict
+
+# What a record says of a solver that the version has not.
+ABSENT, THERE = "absent", "there"
+
+
+@dataclass(frozen=True)
+class Change:
+    """A verdict that is another one than in the record before.
+
+    Attributes
+    ----------
+    since : str
+        The version of the record before; the same as `version` where that was measured again.
+    law : str
+        Empty where the whole solver came or went.
+    before, after : str
+        Verdicts as `sepv.verification.Verdict` has them, or "absent".
+    besides : tuple of str
+        What else changed between the two records and may be the reason: the suite, packages, Python.
+    """
+
+    library: str
+    solver: str
+    law: str
+    since: str
+    version: str
+    before: str
+    after: str
+    besides: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """The change as a JSON object."""
+        return {**self.__dict__, "besides": list(self.besides)}
+
+
+def latest(records: Sequence[Record]) -> list[Record]:
+    """The last record of each version."""
+    return list({record.version: record for record in records}.values())
+
+
+def changes(records: Sequence[Record]) -> list[Change]:
+    """Between the records of one library, each with the one before it."""
+    return [change for before, after in pairwise(records) for change in _between(before, after)]
+
+
+def _between(before: Record, after: Record) -> Iterator[Change]:
+    besides = tuple(_besides(before, after))
+    old, new = before.solvers, after.solvers
+    for name in dict.fromkeys((*old, *new)):
+
+        def change(law: str, was: str, now: str, name: str = name) -> Change:
+            return Change(after.library, name, law, before.version, after.version, was, now, besides)
+
+        if name not in old:
+            yield change("", ABSENT, THERE)
+        elif name not in new:
+            yield change("", THERE, ABSENT)
+        else:
+            for law, said in new[name]["laws"].items():
+                was = old[name]["laws"].get(law)
+                if was is not None and was["verdict"] != said["verdict"]:
+                    yield change(law, was["verdict"], said["verdict"])
+
+
+def _besides(before: Record, after: Record) -> Iterator[str]:
+    """What is not the library itself and differs."""
+    old, new = before.data, after.data
+    if old["suite"]["laws_version"] != new["suite"]["laws_version"]:
+        yield f"suite {old['suite']['laws_version']} → {new['suite']['laws_version']}"
+    for name in ("python", "machine"):
+        if old["environment"][name] != new["environment"][name]:
+            yield f"{name} {old['environment'][name]} → {new['environment'][name]}"
+    was, now = old["environment"]["packages"], new["environment"]["packages"]
+    for name in sorted(set(was) | set(now)):
+        if name != after.library and was.get(name) != now.get(name):
+            yield f"{name} {was.get(name, 'none')} → {now.get(name, 'none')}"
+
+
+def broken(entry: dict[str, Any]) -> dict[str, list[str]]:
+    """The claimed laws of a solver that are not found to hold, by verdict."""
+    found: dict[str, list[str]] = {}
+    for law, said in entry["laws"].items():
+        verdict = Verdict(said["verdict"])
+        if said["claimed"] and verdict not in (Verdict.HOLDS, Verdict.NOT_APPLICABLE):
+            found.setdefault(verdict.text, []).append(law)
+    return found
+
+
+def cell(record: Record, solver: str) -> str:
+    """What stands in the table for one solver and version."""
+    entry = record.solvers.get(solver)
+    if entry is None:
+        return ABSENT
+    return "; ".join(f"{verdict}: {', '.join(laws)}" for verdict, laws in broken(entry).items()) or "holds"
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """A script over the versions: where it shows its deviation, and the version that mended it.
+
+    Attributes
+    ----------
+    seen : tuple of str
+        Versions in which it deviates.
+    mended : str
+        The first version after these in which it does not; empty where none was seen.
+    """
+
+    library: str
+    script: str
+    title: str
+    seen: tuple[str, ...]
+    mended: str
+
+
+def deviations(records: Sequence[Record]) -> list[Deviation]:
+    """What the scripts showed, over the last record of each version."""
+    titles: dict[str, str] = {}
+    states: dict[str, list[tuple[str, bool | None]]] = {}
+    for record in latest(records):
+        for script in record.data["scripts"]:
+            titles[script["name"]] = script["title"]
+            states.setdefault(script["name"], []).append((record.version, script["deviates"]))
+    return [
+        Deviation(
+            records[0].library,
+            name,
+            titles[name],
+            tuple(version for version, deviates in found if deviates),
+            _mended(found),
+        )
+        for name, found in states.items()
+    ]
+
+
+def _mended(found: Iterable[tuple[str, bool | None]]) -> str:
+    """The first version that does not deviate after the last that does."""
+    mended, seen = "", False
+    for version, deviates in found:
+        if deviates:
+            mended, seen = "", True
+        elif deviates is False and seen and not mended:
+            mended = version
+    return mended
+
+
+def to_json(found: dict[str, list[Record]]) -> dict[str, Any]:
+    """All of it, for another program: by library the versions, cells, changes and deviations."""
+    return {
+        library: {
+            "versions": [r.version for r in latest(records)],
+            "solvers": {
+                solver: {r.version: cell(r, solver) for r in latest(records)} for solver in solvers(records)
+            },
+            "changes": [change.to_json() for change in changes(records)],
+            "deviations": [{**d.__dict__, "seen": list(d.seen)} for d in deviations(records)],
+        }
+        for library, records in found.items()
+    }
+
+
+def solvers(records: Sequence[Record]) -> list[str]:
+    """Of the last version first, then those that it has no more."""
+    return list(dict.fromkeys(name for record in reversed(latest(records)) for name in record.solvers))

@@ -1,0 +1,119 @@
+"""The page of the site about versions, in Markdown: made from the records alone, so that it can be made again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from sepv.peers._history import Record
+from sepv.peers._trend import ABSENT, cell, changes, deviations, latest, solvers
+from sepv.verification import Verdict
+
+# Half of the lowest order that a consistent scheme has, ½: an error that falls so has a limit of 0.
+LEAST_SLOPE = 0.25
+
+INTRODUCTION = """What each recorded version of these libraries was found to do: its Stratonovich solvers, through the
+library's own code, in a fresh environment with that version. Asked are *local-mean*, *local-mean-square*, *local-weak*,
+*mean-square-order* and *right-limit*. A solver claims the orders that its documentation states for noise that commutes
+([all laws, of the newest versions](compliance.md)); a cell names the claimed laws that are not found to hold. The
+records are `results/LIBRARY/VERSION.json`, with every verdict, defect, seed and package; none is ever overwritten.
+
+```sh
+sepv peers sdeint 0.2.4 0.3.0
+sepv trend results --out docs/trend.md
+```
+
+`sepv peers` measures versions and adds their records (`--versions`: all that this page shows), `sepv trend` makes this
+page. A seed and a suite give the same verdicts; where another package changed with the library, that is said, since the
+reason may be there."""
+
+
+def page(found: dict[str, list[Record]]) -> str:
+    """The page.
+
+    Parameters
+    ----------
+    found : dict of library to records
+        As `sepv.peers._history.load` gives them.
+    """
+    parts = ["# Other libraries over their versions", INTRODUCTION]
+    for library, records in found.items():
+        parts += [f"## {library}", *_library(records)]
+    return "\n\n".join(parts) + "\n"
+
+
+def _library(records: Sequence[Record]) -> Iterator[str]:
+    last = latest(records)
+    yield _table(
+        ["solver", *(r.version for r in last)],
+        [(name, *(cell(r, name) for r in last)) for name in solvers(records)],
+    )
+    slow = [name for name, entry in last[-1].solvers.items() if _falls_slowly(entry)]
+    if slow:
+        yield (
+            f"{', '.join(slow)}: *right-limit* extrapolates means by the order that is claimed. The error itself falls "
+            "with h, by a lower order: the limit is not shown to be another one."
+        )
+    yield "Measured with: " + "; ".join(_with(r) for r in last) + "."
+    found = changes(records)
+    if found:
+        yield "**What changed**"
+        yield _table(
+            ["in", "after", "solver", "law", "before", "now", "other changes"],
+            [
+                (
+                    c.version, c.since, c.solver, f"*{c.law}*" if c.law else "", _words(c.before), _words(c.after),
+                    _few(c.besides),
+                )
+                for c in found
+            ],
+        )  # fmt: skip
+    else:
+        yield "No verdict changed."
+    shown = deviations(records)
+    if shown:
+        yield "**Where it does not do what its documentation says**"
+        yield _table(
+            ["script", "statement", "seen in", "mended in"],
+            [
+                (
+                    f"[`{d.script}`](peers/{d.script})",
+                    d.title,
+                    ", ".join(d.seen) or "none of these",
+                    d.mended or ("not yet" if d.seen else "–"),
+                )
+                for d in shown
+            ],
+        )
+
+
+def _falls_slowly(entry: dict[str, Any]) -> bool:
+    """Whether a violated right limit may be but the lower order that *mean-square-order* found, well above 0."""
+    limit, order = (entry["laws"].get(law) for law in ("right-limit", "mean-square-order"))
+    both = limit and order and limit["verdict"] == order["verdict"] == Verdict.VIOLATED.value
+    return bool(both and order["defect"] is not None and order["defect"] > LEAST_SLOPE)
+
+
+def _with(record: Record) -> str:
+    """The companions that matter: what computes."""
+    packages, python = record.data["environment"]["packages"], record.data["environment"]["python"]
+    named = [f"{n} {packages[n]}" for n in ("jax", "torch", "numpy", "scipy") if n in packages]
+    return f"{record.version} with Python {python}, {', '.join(named)}, {record.data['date']}"
+
+
+def _few(besides: Sequence[str]) -> str:
+    """What computes comes first; the rest is counted."""
+    named = [
+        b for b in besides if b.split()[0] in ("suite", "python", "machine", "jax", "torch", "numpy", "scipy")
+    ]
+    rest = len(besides) - len(named)
+    return ", ".join(named + ([f"{rest} other packages"] if rest else [])) or "none"
+
+
+def _words(verdict: str) -> str:
+    known = {v.value: v.text for v in Verdict}
+    return verdict if verdict == ABSENT else known.get(verdict, verdict)
+
+
+def _table(heading: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
+    return "\n".join("| " + " | ".join(line) + " |" for line in (heading, ["---"] * len(heading), *lines))

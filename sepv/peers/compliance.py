@@ -1,0 +1,173 @@
+"""The compliance table of other libraries' solvers: ``python -m sepv.peers.compliance --out docs/compliance.md``.
+
+Every law on every solver of the adapters, as `sepv verify` measures it, with orders and energy defects in numbers.
+Scripts in the folder ``peers`` beside the output (`sepv.peers._deviations`) are quoted where they show that a library
+does not do what its documentation says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import click
+
+from sepv._version import __version__
+from sepv.errors import SepvError
+from sepv.peers._cells import Cell, measured
+from sepv.peers._deviations import shown_by
+from sepv.peers._measurements import ENERGY_STEPS, LIBRARIES, PATHS, SETUPS, path_cells, scheme_cells
+from sepv.peers._multistep import PathSolver
+from sepv.peers._rows import Row, path_row, scheme_row
+from sepv.progress import Shown, showing
+from sepv.schemes import energy_preserving
+from sepv.verification import LAWS, Effort, load_laws
+from sepv.verification._sequential import FALSE_ALARM, FIRST_LOOK
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """A solver, "library name", that does not do what its documentation says, and the section about it."""
+
+    solver: str
+    text: str
+
+
+def rows(libraries: Sequence[str], effort: Effort, folder: Path | None, shown: Shown) -> list[Row]:
+    """The rows of the libraries that are installed, after one of sepv's own for comparison."""
+    jobs: list[tuple[str, Any]] = [("sepv", replace(energy_preserving, name="energy-preserving"))]
+    for library in libraries:
+        try:
+            adapter = import_module(f"sepv.peers.{library}")
+        except ModuleNotFoundError as error:
+            click.echo(f"{library} left out: no module named {error.name!r}", err=True)
+            continue
+        jobs += [(library, solver) for solver in (*adapter.SCHEMES, *adapter.PATHS)]
+    laws = load_laws()
+    cells: list[Cell] = []
+    for library, solver in jobs:
+        whole = isinstance(solver, PathSolver)
+        cells += path_cells(library, solver, effort) if whole else scheme_cells(library, solver, laws, effort)
+    found = measured(cells, folder, shown)
+    return [
+        (path_row if isinstance(solver, PathSolver) else scheme_row)(library, solver, found)
+        for library, solver in jobs
+    ]
+
+
+def document(found: Sequence[Row], deviations: Sequence[Deviation], command: str) -> str:
+    """The page, in Markdown."""
+    contradicted = {d.solver for d in deviations}
+    numbers = ["library", "version", "solver", "claimed order, mean-square / weak"]
+    numbers += [f"measured order, {s.problem}" for s in SETUPS] + [
+        f"energy defect, {s.problem}" for s in SETUPS
+    ]
+    first = []
+    for r in found:
+        mark = " †" if f"{r.library} {r.solver}".split(",")[0] in contradicted else ""
+        first.append((r.library, r.release, r.solver, r.claimed + mark, *r.orders, *r.energy))
+    second = [(f"{r.library} {r.solver}", *(r.verdicts.get(law, "") for law in LAWS)) for r in found]
+    notes = [f"- {note}" for r in found for note in r.notes]
+    sources = [f"- {r.library} {r.solver}: {r.source}" for r in found if r.library != "sepv"]
+    parts = [
+        "# What other libraries' Stratonovich solvers keep, and with which order",
+        f"Made by `{command}` with sepv {__version__}; not edited by hand.",
+        _introduction(),
+        "## Orders and energy",
+        _table(numbers, first),
+        "† contradicted in the last section, where other problems than these two serve as well."
+        if contradicted
+        else "",
+        "## Laws",
+        "holds · – violated · ? inconclusive · n/a not applicable · error: not measured, reason below · + claimed",
+        _table(["solver", *LAWS], second),
+        "\n".join(notes),
+        "## Where the claimed orders come from",
+        "\n".join(sources),
+        "## Where a library does not do what its documentation says",
+        "\n\n".join(d.text for d in deviations)
+        or "Nothing found that reproduces in the library's own terms.",
+    ]
+    return "\n\n".join(p for p in parts if p) + "\n"
+
+
+def _introduction() -> str:
+    steps = ", ".join(str(n) for n in SETUPS[0].steps)
+    sentences = (
+        "None of these solvers is made to keep energy or Casimirs: a law that is violated without being claimed",
+        "is no fault of theirs. Claimed are the contract of a step, and the order that the documentation or, where",
+        "it is silent, theory states for noise that commutes: in (1.1) all noises drive one field. Each solver runs",
+        "through its own library's code in float64, with the increment given.",
+        f"\n\nOrders are slopes of the rms error against the exact flow over [0, {SETUPS[0].T:g}] with",
+        f"{steps} steps (sepv's own scheme truncates its increments and begins with {SETUPS[0].steps[0] // 2}), with",
+        f"intervals over paths; the false-alarm rate of a whole run is {FALSE_ALARM:g}. Solvers that",
+        f"take one state at a time get {FIRST_LOOK} paths, which leaves more verdicts open.",
+        f"Energy defects are the largest |H(y_n) − H(y_0)| of {PATHS} paths over [0, 1] with {ENERGY_STEPS}",
+        "steps, in energy ulps eps·|∇H|·|y|. A solver that hands state from step to step is measured over whole",
+        "paths; its one step, started afresh, stands beside it.",
+        "\n\nWhere a solver wants the space-time Lévy area beside the increment, it gets a normal one from a stream",
+        "whose key is the increment: a step is a function of its arguments. Other Lévy areas are given as zero:",
+        "they act through brackets of the noise fields, which vanish here.",
+    )
+    return " ".join(sentences).replace(" \n\n", "\n\n")
+
+
+def _table(heading: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
+    rule = ["---"] * len(heading)
+    return "\n".join("| " + " | ".join(line) + " |" for line in (heading, rule, *lines))
+
+
+def deviations_shown_by(folder: Path) -> list[Deviation]:
+    """The docstring and the output of every script that still shows its deviation."""
+    found = []
+    for script in shown_by(folder):
+        if not script.deviates:
+            click.echo(f"{folder / script.name} left out: exit code {script.code}\n{script.errors}", err=True)
+            continue
+        run = f"[`{folder.name}/{script.name}`]({folder.name}/{script.name}) prints"
+        text = f"### {script.title}\n\n{script.body}\n\n{run}\n\n```\n{script.output}\n```"
+        found.append(Deviation(script.solver, text))
+    return found
+
+
+@click.command()
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="Write the page to this file.")
+@click.option(
+    "--keep",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="A folder for what is measured: what it holds is not measured again, so that an interrupted run goes on.",
+)
+@click.option("--library", "libraries", multiple=True, type=click.Choice(LIBRARIES), help="Only this one.")
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths."
+)
+def main(out: Path | None, keep: Path | None, libraries: tuple[str, ...], seed: int) -> None:
+    """Measure every law on every solver that the adapters cover, and write the table as Markdown."""
+    # Counterexamples are not shown here, so that little is spent on simplifying them.
+    effort = Effort(seed=seed, shrink_checks=50)
+    if keep is not None:
+        keep.mkdir(parents=True, exist_ok=True)
+    try:
+        with showing() as line:
+            found = rows(libraries or LIBRARIES, effort, keep, line)
+            line.update("the scripts that show deviations", 1.0)
+            shown = deviations_shown_by(out.parent / "peers") if out else []
+    except SepvError as error:
+        raise click.ClickException(str(error)) from None
+    except KeyboardInterrupt:
+        click.echo(f"interrupted: what was measured is in {keep}" if keep else "interrupted", err=True)
+        raise SystemExit(130) from None
+    chosen = "".join(f" --library {name}" for name in libraries) + (f" --seed {seed}" if seed else "")
+    target = f" --out {out}" if out else ""
+    page = document(found, shown, f"python -m sepv.peers.compliance{target}{chosen}")
+    if out is None:
+        click.echo(page)
+    else:
+        out.write_text(page, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,212 @@
+"""diffrax's Stratonovich solvers for general noise, one step at a time. Needs the extra ``peers``.
+
+A step is the solver's own `init` and `step`, compiled by JAX, with the increment handed over through a control
+path. Polynomial problems are numbers to the compiled code, not code: a new random problem compiles nothing.
+
+JAX computes in float64 only where its switch is on. It is turned on around each call, by JAX's own context
+manager for one thread, and nowhere else: importing this module changes nothing in JAX.
+
+ShARK, SRA1 and SEA are for additive noise, which (1.1) has not; ALIGN, ShOULD and QUICSORT for Langevin dynamics.
+
+Older releases have fewer solvers: what a release lacks is None here, and its name is in `ABSENT`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache, partial
+from importlib import import_module
+from typing import Any
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from sepv.peers._lanes import LANES, in_blocks
+from sepv.peers._multistep import PathSolver
+from sepv.peers.posing import Formulas, pose, size
+from sepv.problem import Array, PolynomialSystem, Problem
+from sepv.schemes import Scheme
+
+# JAX has had this context manager at two places.
+enable_x64 = jax.enable_x64 if hasattr(jax, "enable_x64") else import_module("jax.experimental").enable_x64
+
+
+class _Given(diffrax.AbstractPath):
+    """A control with a given increment over the step, and its space-time Lévy area H."""
+
+    dW: Any
+    H: Any
+
+    @property
+    def t0(self) -> Any:
+        return -jnp.inf
+
+    @property
+    def t1(self) -> Any:
+        return jnp.inf
+
+    def evaluate(self, t0: Any, t1: Any = None, left: bool = True, use_levy: bool = False) -> Any:
+        del left
+        return diffrax.SpaceTimeLevyArea(dt=t1 - t0, W=self.dW, H=self.H) if use_levy else self.dW
+
+
+def _space_time_area(h: Any, dW: Any) -> Any:
+    """H ~ N(0, h/12), independent of dW, from a stream whose key is the bits of dW.
+
+    The solvers with stochastic Runge-Kutta tableaux want it beside dW. A step must be a function of its
+    arguments, so that it cannot be drawn anew: equal increments get equal areas.
+    """
+    key = jax.random.key(0)
+    for word in jax.lax.bitcast_convert_type(dW, jnp.uint32).reshape(-1):
+        key = jax.random.fold_in(key, word)
+    return jnp.sqrt(h / 12) * jax.random.normal(key, dW.shape, dtype=dW.dtype)
+
+
+def _terms(formulas: Formulas, arrays: Any, c: Any, control: _Given) -> Any:
+    """Drift f = B∇H and the noise fields c_j f, of shape (d, m)."""
+
+    def drift(_t: Any, y: Any, _args: Any) -> Any:
+        return formulas.field(jnp, arrays, y)
+
+    def noise(t: Any, y: Any, args: Any) -> Any:
+        return jnp.outer(drift(t, y, args), c)
+
+    return diffrax.MultiTerm(diffrax.ODETerm(drift), diffrax.ControlTerm(noise, control))
+
+
+def _one_step(
+    solver: Any, formulas: Formulas, arrays: Any, c: Any, h: Any, y: Any, dW: Any, state: Any
+) -> Any:
+    """y_next and the solver's state after it; a state of None starts the solver afresh."""
+    levy = isinstance(solver, getattr(diffrax, "AbstractSRK", ()))
+    terms = _terms(formulas, arrays, c, _Given(dW, _space_time_area(h, dW) if levy else dW))
+    t0 = jnp.zeros_like(h)
+    if state is None:
+        state = solver.init(terms, t0, h, y, None)
+    y_next, _error, _dense, state, _result = solver.step(terms, t0, h, y, None, state, made_jump=False)
+    return y_next, state
+
+
+@partial(jax.jit, static_argnames=("solver", "formulas"))
+def _steps(solver: Any, formulas: Formulas, arrays: Any, c: Any, h: Any, y: Any, dW: Any) -> Any:
+    """One step of each lane: y (d, L), dW (m, L)."""
+
+    def lane(y: Any, dW: Any) -> Any:
+        return _one_step(solver, formulas, arrays, c, h, y, dW, None)[0]
+
+    return jax.vmap(lane, in_axes=1, out_axes=1)(y, dW)
+
+
+@partial(jax.jit, static_argnames=("solver", "formulas"))
+def _paths(solver: Any, formulas: Formulas, arrays: Any, c: Any, h: Any, y: Any, dW: Any) -> Any:
+    """Whole paths with the solver's state handed on: y (d, L), dW (N, m, L) -> (N + 1, d, L)."""
+
+    def lane(y: Any, dW: Any) -> Any:
+        def advance(carry: Any, dW: Any) -> Any:
+            carry = _one_step(solver, formulas, arrays, c, h, carry[0], dW, carry[1])
+            return carry, carry[0]
+
+        first = _one_step(solver, formulas, arrays, c, h, y, dW[0], None)
+        _, rest = jax.lax.scan(advance, first, dW[1:])
+        return jnp.concatenate([y[None], first[0][None], rest])
+
+    return jax.vmap(lane, in_axes=(1, 2), out_axes=2)(y, dW)
+
+
+@lru_cache(maxsize=256)
+def _padded(problem: Problem) -> tuple[Formulas, Any]:
+    """As `pose`, and polynomials of at least six variables: their programs serve all problems."""
+    formulas, numbers = pose(problem)
+    if formulas.kind != "polynomial":
+        return formulas, numbers
+    exponents, coefficients = numbers
+    d, terms = exponents.shape
+    D = size(d, 6)
+    B, g = np.zeros((D, D, terms)), np.zeros((D, terms))
+    B[:d, :d], g[:d] = coefficients[: d * d].reshape(d, d, terms), coefficients[d * d : d * d + d]
+    wide = np.concatenate([exponents, np.zeros((D - d, terms), dtype=np.int64)])
+    return formulas, (wide, np.concatenate([B.reshape(D * D, terms), g, coefficients[-1:]]))
+
+
+def _wide(rows: Array, count: int) -> Array:
+    """The array (…, n, L) or (n,) with zeros appended to its components, up to `count`."""
+    axis = max(rows.ndim - 2, 0)
+    missing = (*rows.shape[:axis], count - rows.shape[axis], *rows.shape[axis + 1 :])
+    return np.concatenate([rows, np.zeros(missing)], axis=axis)
+
+
+def _call(program: Any, solver: Any, problem: Problem, y: Array, h: float, dW: Array) -> Any:
+    """A compiled program on y (d, L) and dW (…, m, L), in float64; its answer's components are those of y."""
+    formulas, numbers = _padded(problem)
+    d, m = problem.dimension, problem.noises
+    if formulas.kind == "polynomial":
+        y, dW = _wide(y, numbers[0].shape[0]), _wide(dW, size(m, 4))
+    c = _wide(problem.c, dW.shape[-2])
+    with enable_x64(True):
+        answer = program(solver, formulas, numbers, c, np.float64(h), y, dW)
+        return np.asarray(answer)[..., :d, :]
+
+
+def _step_by(solver: Any) -> Callable[[Problem, Array, float, Array], Array]:
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        # Random problems come one state at a time, batches from the paper's problems.
+        lanes = 1 if isinstance(problem.data, PolynomialSystem) else LANES
+        return in_blocks(lambda y, dW: _call(_steps, solver, problem, y, h, dW), y, dW, lanes)
+
+    return step
+
+
+def _path_by(solver: Any) -> Callable[[Problem, Array, float, Array], Array]:
+    def path(problem: Problem, y0: Array, h: float, dW: Array) -> Array:
+        start = np.repeat(y0[:, None], dW.shape[2], axis=1)
+        return np.asarray(_call(_paths, solver, problem, start, h, dW))
+
+    return path
+
+
+def _source(order: float, weak: float) -> str:
+    return f'diffrax, "SDE solver table": order {order:g} strong and {weak:g} weak for commutative noise'
+
+
+ABSENT: list[str] = []
+
+
+def _scheme(name: str, order: float, weak: float = 1.0, note: str = "") -> Any:
+    """The solver of that name as a `Scheme`; None where this release has none."""
+    make = getattr(diffrax, name, None)
+    if make is None:
+        ABSENT.append(f"diffrax {name}{note}")
+        return None
+    return Scheme(
+        name=f"diffrax {name}{note}",
+        step=_step_by(make()),
+        mean_square_order=order,
+        weak_order=weak,
+        source=_source(order, weak),
+        truncation=None,
+        batched=True,
+    )
+
+
+euler_heun = _scheme("EulerHeun", 0.5)
+heun = _scheme("Heun", 1.0)
+midpoint = _scheme("Midpoint", 1.0)
+ralston = _scheme("Ralston", 1.0)
+milstein = _scheme("StratonovichMilstein", 1.0)
+spark = _scheme("SPaRK", 1.0)
+general_shark = _scheme("GeneralShARK", 1.0)
+slow_rk = _scheme("SlowRK", 1.5, 2.0)
+# Its state is a second solution beside y. Started afresh it is Heun's method: whole paths are another thing.
+reversible_heun = _scheme("ReversibleHeun", 1.0, note=", one step afresh")
+
+_ALL = (euler_heun, heun, midpoint, ralston, milstein, spark, general_shark, slow_rk, reversible_heun)
+SCHEMES = tuple(scheme for scheme in _ALL if scheme is not None)
+# These draw an area beside the increment. A mean over ΔW alone is not the mean of their step.
+DRAWING = tuple(scheme for scheme in (spark, general_shark, slow_rk) if scheme is not None)
+PATHS = (
+    PathSolver(
+        "diffrax ReversibleHeun, whole paths", _path_by(diffrax.ReversibleHeun()), 1.0, reversible_heun.source
+    ),
+)

@@ -1,0 +1,50 @@
+"""sdeint's solver under the best driver we know, for `sepv compare`. Needs the extra ``sdeint`` or ``peers``.
+
+sdeint knows single paths only. It is given the one process Σ c_j W_j, whose field is f, and plain NumPy functions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import sdeint
+
+from sepv.problem import Array, Problem
+from sepv.studies._compare.method import Ends, Followed, Method, finite_ends, invariant_defects
+
+
+def _paths(problem: Problem, y0: Array, h: float, dW: Array) -> Array:
+    """States (N + 1, d, M)."""
+    times = np.arange(len(dW) + 1) * h
+    sums = np.einsum("j,njl->nl", problem.c, dW)
+
+    def drift(y: Array, _time: float) -> Array:
+        return np.asarray(problem.structure(y) @ problem.gradient(y))
+
+    def noise(y: Array, time: float) -> Array:
+        return drift(y, time)[:, None]
+
+    lanes = range(dW.shape[2])
+    return np.stack(
+        [sdeint.stratHeun(drift, noise, y0, times, dW=sums[:, lane, None]) for lane in lanes], axis=2
+    )
+
+
+def _prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]:
+    return lambda: finite_ends(problem, _paths(problem, y0, h, dW)[-1])
+
+
+def _follow(problem: Problem, y0: Array, h: float, dW: Array) -> Followed:
+    states = _paths(problem, y0, h, dW)
+    return Followed(finite_ends(problem, states[-1]), *invariant_defects(problem, states), None)
+
+
+heun = Method(
+    "sdeint-heun",
+    _prepare,
+    _follow,
+    f"sdeint {sdeint.__version__} stratHeun, path by path",
+    batched=False,
+    evaluations=4,
+)

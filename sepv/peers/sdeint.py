@@ -1,0 +1,108 @@
+"""sdeint's integrators, one step at a time through its own code. Needs the extra ``sdeint``."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import sdeint
+
+from sepv.peers._multistep import PathSolver
+from sepv.problem import Array, Problem, vector_field
+from sepv.schemes import Scheme
+
+
+def _integrate(
+    integrator: Callable[..., Any], problem: Problem, y: Array, h: float, dW: Array, **more: Any
+) -> Array:
+    """sdeint's integrator from y (d,) with increments dW (N, m): states (N + 1, d), noise fields c_j f."""
+
+    def drift(state: Array, _time: float) -> Array:
+        return vector_field(problem, state)
+
+    def noise(state: Array, _time: float) -> Array:
+        return np.outer(vector_field(problem, state), problem.c)
+
+    times = np.arange(len(dW) + 1) * h
+    return np.asarray(integrator(drift, noise, y, times, dW=dW, **more))
+
+
+def _step_by(integrator: Callable[..., Any]) -> Callable[[Problem, Array, float, Array], Array]:
+    """A step by sdeint's integrator over tspan = (0, h), with drift f = B∇H and noise fields c_j f."""
+
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        return _integrate(integrator, problem, y, h, dW.reshape(1, -1))[-1]
+
+    return step
+
+
+def _step_with_integrals(integrator: Callable[..., Any]) -> Callable[[Problem, Array, float, Array], Array]:
+    """The same where the integrator also wants the repeated integrals J_ij."""
+
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        row = dW.reshape(1, -1)
+        return _integrate(integrator, problem, y, h, row, J=_repeated_integrals(row))[-1]
+
+    return step
+
+
+def _repeated_integrals(dW: Array) -> Array:
+    """J_ij = ½ΔW_iΔW_j, (N, m, m): the Lévy areas are zero, as all noises drive one field and brackets vanish."""
+    return 0.5 * dW[:, :, None] * dW[:, None, :]
+
+
+def _kp2is_path(problem: Problem, y0: Array, h: float, dW: Array) -> Array:
+    """States (N + 1, d, M); NaN for a path of which sdeint says that a step could not be solved."""
+    paths = []
+    for lane in range(dW.shape[2]):
+        increments = dW[:, :, lane]
+        more = {"J": _repeated_integrals(increments)}
+        try:
+            # scipy warns before sdeint raises.
+            with warnings.catch_warnings(action="ignore", category=RuntimeWarning):
+                paths.append(_integrate(sdeint.stratKP2iS, problem, y0, h, increments, **more))
+        except RuntimeError:
+            paths.append(np.full((len(increments) + 1, y0.size), np.nan))
+    return np.stack(paths, axis=2)
+
+
+_COMMUTE = "because all noises drive one field"
+
+strat_heun = Scheme(
+    name="sdeint stratHeun",
+    step=_step_by(sdeint.stratHeun),
+    mean_square_order=1.0,
+    source=f"sdeint.stratHeun; order 1 {_COMMUTE}",
+    truncation=None,
+)
+
+strat_srs2 = Scheme(
+    name="sdeint stratSRS2",
+    step=_step_with_integrals(sdeint.stratSRS2),
+    mean_square_order=1.0,
+    source="sdeint.stratSRS2: order 1.0 strong convergence",
+    truncation=None,
+)
+
+# A two-step method, of which one step is the explicit one that starts it.
+strat_kp2is_start = Scheme(
+    name="sdeint stratKP2iS, its first step",
+    step=_step_with_integrals(sdeint.stratKP2iS),
+    mean_square_order=1.0,
+    source="sdeint.stratKP2iS: two-step implicit order 1.0 strong algorithm",
+    truncation=None,
+)
+
+# Given the Stratonovich coefficients unconverted, as a user does who overlooks the difference.
+ito_euler = Scheme(
+    name="sdeint itoEuler, unconverted",
+    step=_step_by(sdeint.itoEuler),
+    mean_square_order=0.5,
+    source="sdeint.itoEuler, given the coefficients of the Stratonovich form",
+    truncation=None,
+)
+
+SCHEMES = (strat_heun, strat_srs2, strat_kp2is_start)
+PATHS = (PathSolver("sdeint stratKP2iS, whole paths", _kp2is_path, 1.0, strat_kp2is_start.source),)

@@ -1,0 +1,216 @@
+"""The table of other libraries' solvers by kind of noise: ``python -m sepv.peers.solvers --out docs/solvers.md``.
+
+Rows are solvers with a kind of noise, columns what the documentation says and what was measured. Scripts in the folder
+``peers`` beside the output are quoted where they show a difference in the library's own terms.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import click
+
+from sepv._version import __version__
+from sepv.errors import SepvError
+from sepv.peers._cells import measured
+from sepv.peers._general import ALPHA, KEPT, PATHS, SINGLE, STEPS, T, cells, limit_of, orders
+from sepv.peers._measurements import LIBRARIES, release
+from sepv.peers._solver import KINDS, Solver
+from sepv.peers.compliance import Deviation, _table, deviations_shown_by
+from sepv.progress import Shown, showing
+from sepv.verification import Effort, Verdict
+
+# Half-way to the next lower order, as the laws about orders have it.
+MARGIN = 0.25
+HEADING = (
+    "solver", "noise", "strong, documented", "strong, one step", "strong, paths", "weak, documented", "weak, one step",
+    "limit, documented", "limit, measured", "Casimirs", "structure",
+)  # fmt: skip
+WORDS = {Verdict.HOLDS.value: "kept", Verdict.VIOLATED.value: "no", Verdict.NOT_APPLICABLE.value: "–"}
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of the table, and what of it falls short of the documentation."""
+
+    cells: tuple[str, ...]
+    short: tuple[str, ...]
+    source: str
+
+
+def line(solver: Solver, kind: str, found: Mapping[tuple[str, str], Any]) -> Line:
+    """The line of one solver and one kind of noise."""
+    local, limit = found[solver.name, f"{kind}, one step"], found[solver.name, f"{kind}, limit"]
+    paths = found.get((solver.name, f"{kind}, paths"))
+    strong, weak = solver.documented[kind]
+    found_strong, found_weak = orders(solver, kind, local)
+    documented, converges = "Itô" if solver.ito else "Stratonovich", limit_of(limit)
+    # A solver that hands state on is what its paths are; its one step is another method.
+    short = [] if solver.path else [
+        f"{word} order {_number(order)} of one step, where {claim:g} is documented"
+        for word, order, claim in (("strong", found_strong, strong), ("weak", found_weak, weak))
+        if claim is not None and order < claim - MARGIN
+    ]  # fmt: skip
+    if paths is not None and strong is not None and paths["order"][2] < strong - MARGIN:
+        short.append(f"strong order {_interval(paths)} over paths, where {strong:g} is documented")
+    if converges not in (documented, "both"):
+        short.append(f"the limit is {converges}")
+    return Line(
+        (
+            solver.name,
+            kind,
+            _claim(strong),
+            _number(found_strong) + (" §" if solver.path else ""),
+            "–" if paths is None else _interval(paths),
+            _claim(weak),
+            _number(found_weak) + (" §" if solver.path else ""),
+            documented,
+            converges,
+            *(WORDS.get(found[solver.name, f"{kind}, {law}"], "?") for law in KEPT),
+        ),
+        tuple(short),
+        solver.source,
+    )
+
+
+def _claim(order: float | None) -> str:
+    return "–" if order is None else f"{order:g}"
+
+
+def _number(order: float) -> str:
+    return "?" if math.isnan(order) else "∞" if math.isinf(order) else f"{order:.2f}"
+
+
+def _interval(paths: Mapping[str, Any]) -> str:
+    value, low, high = paths["order"]
+    return f"{value:.2f} [{low:.2f}, {high:.2f}]" + (f", {paths['failed']} failed" if paths["failed"] else "")
+
+
+def lines(
+    libraries: Sequence[str], effort: Effort, folder: Path | None, shown: Shown
+) -> dict[str, list[Line]]:
+    """The lines of the libraries that are installed."""
+    chosen: dict[str, tuple[Solver, ...]] = {}
+    for library in libraries:
+        try:
+            chosen[library] = import_module(f"sepv.peers.general_{library}").SOLVERS
+        except ModuleNotFoundError as error:
+            click.echo(f"{library} left out: no module named {error.name!r}", err=True)
+    found = measured(
+        [c for library, own in chosen.items() for s in own for c in cells(library, s, effort)], folder, shown
+    )
+    return {
+        library: [line(s, kind, found) for s in own for kind in s.documented]
+        for library, own in chosen.items()
+    }
+
+
+def document(found: Mapping[str, Sequence[Line]], deviations: Sequence[Deviation], command: str) -> str:
+    """The page, in Markdown."""
+    parts = [
+        "# Orders of other libraries' solvers, by kind of noise",
+        f"Made by `{command}` with sepv {__version__}; not edited by hand.",
+        _introduction(),
+    ]
+    for library, own in found.items():
+        parts += [f"## {library} {release(library)}", _table(HEADING, [_marked(each) for each in own])]
+        parts.append("\n".join(f"- {source}" for source in dict.fromkeys(each.source for each in own)))
+    short = [
+        f"- {each.cells[0]}, {each.cells[1]}: {what}"
+        for own in found.values()
+        for each in own
+        for what in each.short
+    ]
+    parts += [
+        "## Where less was measured than is documented",
+        "\n".join(short) or "Nowhere.",
+        *(d.text for d in deviations if any(_is_about(d.solver, entry) for entry in short)),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _is_about(script: str, entry: str) -> bool:
+    """Whether a line names the solver of a script, "library method option"."""
+    named = entry.partition(":")[0].replace(",", " ").split()
+    return set(script.replace(",", " ").split()) <= set(named)
+
+
+def _marked(each: Line) -> tuple[str, ...]:
+    return (each.cells[0] + (" †" if each.short else ""), *each.cells[1:])
+
+
+def _introduction() -> str:
+    problems = "\n".join(f"- {kind}: {text}" for kind, text in KINDS.items())
+    return f"""\
+dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j), posed to each solver through its own library's code in float64, with the
+given increments. The kinds of noise are general; commutative, with vanishing brackets of the noise fields; one noise;
+additive, with constant fields. One problem for each, with c_j = ½:
+
+{problems}
+
+Kinds that a solver does not take have no line.
+
+**Orders of one step** are those that Milstein's theorem takes from the laws *local-mean*, *local-mean-square* and
+*local-weak* ([laws](laws.md)): slopes of errors by quadrature, with no path and no chance. The reference shows strong
+orders up to 1, or 1.5 of a solver that sees space-time areas where the noises commute. **Paths**: the slope of the rms
+error at T = {T:g} with {", ".join(map(str, STEPS))} steps, with its interval over {PATHS} paths ({SINGLE} of solvers
+that take one state at a time), which misses with probability {ALPHA:g}; a dash where an order above that of the
+reference, 1, is documented. §: the solver hands state from step to step, and the one step is its first; the paths are
+the solver's own.
+
+**Limit**: whether the drift that the solver was given came out as that of an Itô or of a Stratonovich equation, from
+the mean of a step of 2⁻¹⁶. A solver of Itô equations was given Itô's form, whose solution is the same. With additive
+noise both are the same.
+
+**Areas.** diffrax's stochastic Runge-Kutta methods and torchsde's `srk` see the space-time Lévy areas of the path,
+torchsde's `log_ode` and sdeint's methods with repeated integrals its Lévy areas A_ij, those of the same path as the
+reference. Without being told, torchsde and sdeint draw approximations of A_ij, sdeint a series of five terms: what an
+approximation of fixed quality lacks is a fixed share of a variance h² a step, so that in general the order is ½ again
+for small steps (P. Kloeden and E. Platen, Numerical Solution of Stochastic Differential Equations, 1992, §5.8: the
+number of terms must grow like 1/h). The table says what the methods do with the areas of the path.
+
+**Casimirs** and **structure** are the laws *casimir* and *poisson-map* on the same problem. No solver here claims them.
+
+† less than documented: see the last section. A solver that shows more than is documented has no mark."""
+
+
+@click.command()
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="Write the page to this file.")
+@click.option(
+    "--keep",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="A folder for what is measured: what it holds is not measured again, so that an interrupted run goes on.",
+)
+@click.option("--library", "libraries", multiple=True, type=click.Choice(LIBRARIES), help="Only this one.")
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths."
+)
+def main(out: Path | None, keep: Path | None, libraries: tuple[str, ...], seed: int) -> None:
+    """Measure the orders of other libraries' solvers by kind of noise, and write the table as Markdown."""
+    if keep is not None:
+        keep.mkdir(parents=True, exist_ok=True)
+    try:
+        with showing() as bar:
+            found = lines(libraries or LIBRARIES, Effort(seed=seed, shrink_checks=50), keep, bar)
+            bar.update("the scripts that show deviations", 1.0)
+            shown = deviations_shown_by(out.parent / "peers") if out else []
+    except SepvError as error:
+        raise click.ClickException(str(error)) from None
+    except KeyboardInterrupt:
+        click.echo(f"interrupted: what was measured is in {keep}" if keep else "interrupted", err=True)
+        raise SystemExit(130) from None
+    chosen = "".join(f" --library {name}" for name in libraries) + (f" --seed {seed}" if seed else "")
+    page = document(found, shown, f"python -m sepv.peers.solvers{f' --out {out}' if out else ''}{chosen}")
+    if out is None:
+        click.echo(page)
+    else:
+        out.write_text(page, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,139 @@
+"""torchsde's Stratonovich solvers, by a short integration of one step. Needs the extra ``peers``.
+
+torchsde has no public step, so that a step is `torchsde.sdeint` over (0, h) with dt = h and a Brownian motion
+that returns the given increment.
+
+With one noise the system is posed with noise type "scalar", with several with "general". Milstein does not take
+the general type; there the m noises are posed as the one that they are, c·W/|c|, which is a Wiener process.
+Lévy areas are given as zero: all noises drive one field, so that the brackets that the areas multiply vanish.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import torch
+import torchsde
+
+from sepv.errors import Skipped
+from sepv.peers._lanes import LANES, in_blocks
+from sepv.peers._multistep import PathSolver
+from sepv.peers.posing import pose
+from sepv.problem import Array, Problem
+from sepv.schemes import Scheme
+
+
+class _System(torch.nn.Module):
+    """dy = f dt + Σ_j weights_j f ∘dW_j for states (L, d)."""
+
+    sde_type = "stratonovich"
+
+    def __init__(self, problem: Problem, weights: Any, noise_type: str) -> None:
+        super().__init__()
+        self.weights, self.noise_type = weights, noise_type
+        self.formulas, numbers = pose(problem, padded=False)
+        self.numbers = tuple(torch.as_tensor(a) for a in numbers)
+
+    def f(self, _t: Any, y: Any) -> Any:
+        return self.formulas.field(torch, self.numbers, y.T).T
+
+    def g(self, t: Any, y: Any) -> Any:
+        return self.f(t, y)[:, :, None] * self.weights
+
+
+class _Given(torchsde.BaseBrownian):
+    """A Brownian motion with given increments (N, L, m) over N equal steps of length h, and no Lévy area."""
+
+    levy_area_approximation = "foster"
+    dtype, device = torch.float64, torch.device("cpu")
+
+    def __init__(self, increments: Any, h: float) -> None:
+        self.increments, self.h = increments, h
+
+    @property
+    def shape(self) -> Any:
+        return self.increments.shape[1:]
+
+    def __repr__(self) -> str:
+        return f"given increments of shape {tuple(self.increments.shape)}"
+
+    def __call__(self, ta: Any, tb: Any = None, return_U: bool = False, return_A: bool = False) -> Any:
+        del tb, return_U
+        dW = self.increments[round(float(ta) / self.h)]
+        return (dW, dW.new_zeros((*dW.shape, dW.shape[-1]))) if return_A else dW
+
+
+def _integrate(
+    method: str, options: dict[str, Any], problem: Problem, y: Array, h: float, dW: Array
+) -> Array:
+    """torchsde.sdeint from y (d, L) with the increments dW (N, m, L): states (N + 1, d, L)."""
+    weights, noise_type = problem.c, "scalar" if problem.noises == 1 else "general"
+    if problem.noises != 1 and method == "milstein":
+        size = float(np.linalg.norm(weights))
+        dW = np.einsum("j,njl->nl", weights / size if size else weights, dW)[:, None]
+        weights, noise_type = np.array([size]), "scalar"
+    system = _System(problem, torch.as_tensor(weights.copy()), noise_type)
+    noise = _Given(torch.as_tensor(np.ascontiguousarray(dW.transpose(0, 2, 1))), h)
+    times = torch.arange(len(dW) + 1, dtype=torch.float64) * h
+    with torch.no_grad():
+        states = torchsde.sdeint(
+            system,
+            torch.as_tensor(np.ascontiguousarray(y.T)),
+            times,
+            bm=noise,
+            method=method,
+            dt=h,
+            options=options,
+        )
+    return states.detach().numpy().transpose(0, 2, 1).copy()
+
+
+def _step_by(method: str, options: dict[str, Any]) -> Callable[[Problem, Array, float, Array], Array]:
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        if not h > 0:
+            raise Skipped("torchsde wants times that increase: h > 0")
+
+        def block(y: Array, dW: Array) -> Any:
+            return _integrate(method, options, problem, y, h, dW[None])[-1]
+
+        return in_blocks(block, y, dW, LANES)
+
+    return step
+
+
+def _path(problem: Problem, y0: Array, h: float, dW: Array) -> Array:
+    start = np.repeat(y0[:, None], dW.shape[2], axis=1)
+    return _integrate("reversible_heun", {}, problem, start, h, dW)
+
+
+def _source(order: float, note: str = "") -> str:
+    return f"torchsde, the solver's strong_order {order:g} for scalar noise and weak_order 1{note}"
+
+
+def _scheme(method: str, order: float = 1.0, note: str = "", name: str = "", **options: Any) -> Scheme:
+    return Scheme(
+        name=f"torchsde {name or method}",
+        step=_step_by(method, options),
+        mean_square_order=order,
+        weak_order=1.0,
+        source=_source(order, note),
+        truncation=None,
+        batched=True,
+    )
+
+
+_SEVERAL = "; strong_order 0.5 for general noise, of which noises that commute have 1"
+
+euler_heun = _scheme("euler_heun", note=_SEVERAL)
+heun = _scheme("heun", note=_SEVERAL)
+midpoint = _scheme("midpoint", note=_SEVERAL)
+log_ode = _scheme("log_ode", note=_SEVERAL)
+milstein = _scheme("milstein")
+milstein_grad_free = _scheme("milstein", name="milstein grad_free", grad_free=True)
+# Its state is a second solution beside y. Started afresh it is Heun's method: whole paths are another thing.
+reversible_heun = _scheme("reversible_heun", 0.5, name="reversible_heun, one step afresh")
+
+SCHEMES = (euler_heun, heun, midpoint, log_ode, milstein, milstein_grad_free, reversible_heun)
+PATHS = (PathSolver("torchsde reversible_heun, whole paths", _path, 0.5, _source(0.5)),)

@@ -1,0 +1,35 @@
+"""What a problem is: a structure matrix B, a Hamiltonian H, noises c, and what is derived from them.
+
+Read `_problem` first (the records), then `_derived` (gradient, Hessian, B′ and averages, from the record of B and H),
+`_checks` (what is held against what), `_averaged_gradient` and `_fields` (formulas of B and H for batches). Wider classes:
+`_structures` (a structure for each noise), `_hamiltonians` (a Hamiltonian for each noise), `_nambu`; `_poisson` has
+Jacobi's identity, `_json` what is written and read.
+"""
+
+from __future__ import annotations
+
+from sepv.problem._averaged_gradient import average_gradient as average_gradient
+from sepv.problem._averaged_gradient import average_hessian as average_hessian
+from sepv.problem._checks import check_problem as check_problem
+from sepv.problem._fields import casimir_gradients as casimir_gradients
+from sepv.problem._fields import field_jacobian as field_jacobian
+from sepv.problem._fields import vector_field as vector_field
+from sepv.problem._hamiltonians import HamiltoniansProblem as HamiltoniansProblem
+from sepv.problem._hamiltonians import column as column
+from sepv.problem._hamiltonians import commutes as commutes
+from sepv.problem._hamiltonians import hamiltonian_field as hamiltonian_field
+from sepv.problem._hamiltonians import ito_drift as ito_drift
+from sepv.problem._json import from_json as from_json
+from sepv.problem._json import to_json as to_json
+from sepv.problem._nambu import Nambu as Nambu
+from sepv.problem._poisson import is_poisson as is_poisson
+from sepv.problem._poisson import jacobi_defect as jacobi_defect
+from sepv.problem._problem import Array as Array
+from sepv.problem._problem import Description as Description
+from sepv.problem._problem import GivenProblem as GivenProblem
+from sepv.problem._problem import NamedProblem as NamedProblem
+from sepv.problem._problem import PolynomialSystem as PolynomialSystem
+from sepv.problem._problem import Problem as Problem
+from sepv.problem._structures import CommutingStructure as CommutingStructure
+from sepv.problem._structures import StructuresProblem as StructuresProblem
+from sepv.problem._structures import commuting_hamiltonians as commuting_hamiltonians

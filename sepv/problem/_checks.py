@@ -1,0 +1,215 @@
+"""Does a problem made by hand agree with itself? ∇H against H, B for skewness, Casimirs for ∇CᵀB = 0."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from sepv.errors import ProblemError
+from sepv.problem._problem import Array, Problem
+
+# Rounding only separates a right gradient from its complex step, by eps times the cancellation inside
+# H. 1e-9 is a heuristic that leaves room for a loss of seven digits there and still sees any wrong term.
+GRADIENT_TOLERANCE = 1e-9
+# B is used as it is, so that a defect of skewness goes into the energy at its full size: a few eps only.
+SKEW_TOLERANCE = 8 * np.finfo(np.float64).eps
+# ∇CᵀB is a sum of d products, each with a few rounding errors of its own.
+CASIMIR_TOLERANCE = 1e-12
+SAMPLES = 5
+
+
+def check_problem(problem: Problem) -> None:
+    """Compare the parts of a problem at a few states of its domain.
+
+    Raises
+    ------
+    ProblemError
+        At the first contradiction, naming the component and both values.
+    """
+    for y in sample_states(problem):
+        _check_shapes(problem, y)
+        _check_skew(problem, y)
+        _check_gradient(problem, y)
+        _check_mean_gradient(problem, y)
+        _check_casimirs(problem, y)
+        _check_derivatives(problem, y)
+
+
+def sample_states(problem: Problem) -> Iterator[Array]:
+    """A few states of the domain, the same ones in every run: the initial state and others about it."""
+    rng = np.random.default_rng(20140203)
+    d = problem.dimension
+    centre = np.ones(d) if problem.initial is None else np.asarray(problem.initial)
+    candidates = [centre] + [centre + 0.25 * (1 + np.abs(centre)) * rng.uniform(-1, 1, d) for _ in range(64)]
+    inside = [y for y in candidates if problem.domain is None or bool(np.all(_call(problem, "domain", y)))]
+    if not inside:
+        raise ProblemError(
+            expected="a domain that contains the initial state or states near it",
+            received=f"domain(y) is False at y = {centre.tolist()} and at 64 states about it",
+            remedy="give initial=, a state inside the domain, or correct domain",
+        )
+    yield from inside[:SAMPLES]
+
+
+def _check_shapes(problem: Problem, y: Array) -> None:
+    d = problem.dimension
+    for trailing in ((), (2,)):
+        states = np.stack([y] * 2, axis=1) if trailing else y
+        for key, shape in (("structure", (d, d)), ("gradient", (d,)), ("hamiltonian", ())):
+            got = np.shape(_call(problem, key, states))
+            if got != shape + trailing:
+                raise ProblemError(
+                    expected=f"{key}(y) of shape {shape + trailing} for y of shape {states.shape}",
+                    received=f"shape {got}",
+                    remedy="component first: index y[0], y[1], … and build arrays with np.stack or np.array, "
+                    "so that a batch (d, M) passes through; np.zeros_like(y[0]) for zero entries",
+                )
+
+
+def _check_skew(problem: Problem, y: Array) -> None:
+    B = problem.structure(y)
+    defect = np.abs(B + B.T)
+    i, j = np.unravel_index(np.argmax(defect), defect.shape)
+    if not defect[i, j] <= SKEW_TOLERANCE * max(np.abs(B).max(), np.finfo(np.float64).tiny):
+        raise ProblemError(
+            expected="a skew-symmetric structure matrix, B_ij = −B_ji",
+            received=f"B[{i + 1},{j + 1}] = {B[i, j]!r} and B[{j + 1},{i + 1}] = {B[j, i]!r} at y = {y.tolist()}",
+            remedy="compute the entries above the diagonal and set the others to their negatives",
+        )
+
+
+def _check_gradient(problem: Problem, y: Array) -> None:
+    given = problem.gradient(y)
+    scale = max(float(np.abs(given).max()), 1e-3)
+    for k, value in enumerate(given):
+        derivative = closest_derivative(problem.hamiltonian, y, k, float(value))
+        if not abs(derivative - value) <= GRADIENT_TOLERANCE * max(scale, abs(derivative)):
+            raise ProblemError(
+                expected="gradient to be that of hamiltonian",
+                received=f"gradient[{k + 1}] = {float(value)!r}, ∂H/∂y{k + 1} = {derivative!r} at y = {y.tolist()}",
+                remedy=f"correct component {k + 1} of gradient, or hamiltonian",
+            )
+
+
+def _check_mean_gradient(problem: Problem, y: Array) -> None:
+    if problem.mean_gradient is None:
+        return
+    end = y * (1 + 2.0**-4) + 2.0**-6
+    if problem.domain is None or bool(np.all(_call(problem, "domain", end))):
+        check_mean_gradient("mean_gradient", problem, y, end, problem.mean_gradient(y, end))
+
+
+def check_mean_gradient(name: str, problem: Problem, y: Array, end: Array, mean: Any) -> None:
+    """(y1 − y0)ᵀ∇̄H = H(y1) − H(y0): the one property that the energy rests on.
+
+    Raises
+    ------
+    ProblemError
+        Where the difference is larger than GRADIENT_TOLERANCE of the terms: another rule, such as the midpoint's,
+        is off by the cube of the distance, of order 1e-5 here.
+    """
+    terms = (end - y) * np.asarray(mean, dtype=np.float64)
+    difference = float(problem.hamiltonian(end) - problem.hamiltonian(y))
+    # The rounding of two energies, and ten roundings of each term.
+    rounding = 2.0**-50 * (abs(float(problem.hamiltonian(end))) + abs(float(problem.hamiltonian(y))))
+    if not abs(terms.sum() - difference) <= GRADIENT_TOLERANCE * np.abs(terms).sum() + rounding:
+        raise ProblemError(
+            expected=f"{name} to be ∫₀¹∇H(y + τ(x − y))dτ, so that (x − y)ᵀ{name} = H(x) − H(y) = {difference!r}",
+            received=f"{float(terms.sum())!r} for y = {y.tolist()}, x = {end.tolist()}",
+            remedy="correct it, or leave it out: the mean is then computed by quadrature",
+        )
+
+
+def _check_casimirs(problem: Problem, y: Array) -> None:
+    B = problem.structure(y)
+    named = [(f"casimirs[{n}]", 2 * A @ y) for n, A in enumerate(problem.casimirs)]
+    named += [(f"linear_casimirs[{n}]", b) for n, b in enumerate(problem.linear_casimirs)]
+    for key, slope in named:
+        product, size = slope @ B, np.abs(slope) @ np.abs(B)
+        k = int(np.argmax(np.abs(product)))
+        if not abs(product[k]) <= CASIMIR_TOLERANCE * max(size.max(), np.finfo(np.float64).tiny):
+            raise ProblemError(
+                expected=f"{key} to be a Casimir: ∇CᵀB = 0 for all y",
+                received=f"(∇CᵀB)[{k + 1}] = {float(product[k])!r} at y = {y.tolist()}",
+                remedy="correct the matrix (C(y) = yᵀAy), or leave it out: no law then asks for it",
+            )
+
+
+def _check_derivatives(problem: Problem, y: Array) -> None:
+    for key, of in (("hessian", problem.gradient), ("structure_derivative", problem.structure)):
+        if getattr(problem, key) is None:
+            continue
+        given = _call(problem, key, y)
+        for index in np.ndindex(*np.shape(of(y))):
+            for k in range(problem.dimension):
+                value = float(given[(*index, k)])
+                derivative = closest_derivative(lambda z, at=index, of=of: of(z)[at], y, k, value)  # type: ignore[misc]
+                if not abs(derivative - value) <= GRADIENT_TOLERANCE * max(1e-3, float(np.abs(given).max())):
+                    raise ProblemError(
+                        expected=f"{key} to be the derivative of what it belongs to",
+                        received=f"{key}{[i + 1 for i in (*index, k)]} = {value!r}, derivative {derivative!r} "
+                        f"at y = {y.tolist()}",
+                        remedy=f"correct it, or leave {key} out: differences then serve",
+                    )
+
+
+def closest_derivative(function: Callable[[Any], Any], y: Array, k: int, claimed: float) -> float:
+    """∂function/∂y_k, by the complex step and by extended-precision differences: whichever is closer.
+
+    The complex step is exact to rounding but wrong for functions that are not analytic in their code
+    (abs, comparisons, conversions to float); the differences need no such thing but lose digits.
+    """
+    found = []
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        for method in (_complex_step, _extended_difference):
+            try:
+                value = float(method(function, y, k))
+            except (TypeError, ValueError, ArithmeticError):
+                continue
+            if np.isfinite(value):
+                found.append(value)
+    return min(found, key=lambda v: abs(v - claimed), default=float("nan"))
+
+
+def _complex_step(function: Callable[[Any], Any], y: Array, k: int) -> float:
+    z = y.astype(np.complex128)
+    z[k] += 1e-40j
+    return float(np.imag(function(z)) / 1e-40)
+
+
+def _extended_difference(function: Callable[[Any], Any], y: Array, k: int) -> float:
+    """Sixth-order central difference in the platform's longest float; error about h⁶ + eps_long/h."""
+    z = y.astype(np.longdouble)
+    h = np.longdouble(2.0**-8) * (1 + abs(z[k]))
+    total = np.longdouble(0)
+    for distance, weight in ((1, 45), (2, -9), (3, 1)):
+        for sign in (1, -1):
+            shifted = z.copy()
+            shifted[k] += sign * distance * h
+            total += sign * weight * function(shifted)
+    return float(total / (60 * h))
+
+
+def _call(problem: Problem, key: str, y: Array) -> Any:
+    asked = y.copy()
+    try:
+        value = getattr(problem, key)(asked)
+        if not np.array_equal(asked, y):
+            raise ProblemError(
+                expected=f"{key}(y) to leave y as it is",
+                received=f"y = {asked.tolist()} after a call with {y.tolist()}",
+                remedy="compute with copies: y = y * 2, not y *= 2",
+            )
+        return value
+    except ProblemError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise ProblemError(
+            expected=f"{key}(y) to take a state of shape {y.shape}",
+            received=f"{type(error).__name__}: {error}",
+            remedy="component first: a state is (d,), a batch of M states (d, M)",
+        ) from error

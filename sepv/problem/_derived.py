@@ -1,0 +1,142 @@
+"""What a problem need not give: ∇H, H″, B′, the mean of ∇H and flows of parts, derived from records of H and B."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sepv.errors import ProblemError
+from sepv.record import CannotRecord, NoClosedForm, Tape, degree, evaluator, gradient, hessian, jacobian
+from sepv.record._arrays import Evaluator
+from sepv.record._flows import flow
+from sepv.record._means import mean
+
+Array = NDArray[np.float64]
+Function = Callable[[Any], Any]
+
+
+@dataclass(frozen=True)
+class MeanGradient:
+    """(y0, y1) -> ∫₀¹∇H(y0 + τ(y1 − y0))dτ."""
+
+    of_segment: Evaluator
+
+    def __call__(self, y0: Array, y1: Array) -> Array:
+        """Of shape (d, ...)."""
+        return self.of_segment(y0, y1 - y0)
+
+
+@dataclass(frozen=True)
+class Derivatives:
+    """∇H and H″ as functions of arrays with the shapes of `sepv.Problem`, and the degree of a polynomial H.
+
+    `mean_gradient` is None where H is a polynomial, whose degree is enough, and where there is no closed form.
+    """
+
+    gradient: Evaluator
+    hessian: Evaluator
+    mean_gradient: MeanGradient | None
+    degree: int | None
+
+
+@dataclass(frozen=True)
+class Derived(Derivatives):
+    """The same with B′, of shape (d, d, d, ...)."""
+
+    structure_derivative: Evaluator
+
+
+def derive(dimension: int, structure: Function, hamiltonian: Function) -> Derived:
+    """What follows from B and H.
+
+    Raises
+    ------
+    ProblemError
+        Where one of them cannot be recorded; it says why.
+    """
+    tape = Tape()
+    y = tape.vector(dimension)
+    B = _recorded(tape, "structure", structure, y)
+    if np.shape(B) != (dimension, dimension):
+        raise _of_another_shape(f"structure(y) of shape {(dimension, dimension)}", dimension, np.shape(B))
+    return Derived(
+        **vars(derivatives(dimension, hamiltonian)),
+        structure_derivative=evaluator([y], jacobian(B.ravel(), y).reshape(*B.shape, dimension)),
+    )
+
+
+def derivatives(dimension: int, hamiltonian: Function, name: str = "hamiltonian") -> Derivatives:
+    """What follows from H alone.
+
+    Raises
+    ------
+    ProblemError
+    """
+    tape = Tape()
+    y, z = tape.vector(dimension), tape.vector(dimension)
+    H = _recorded(tape, name, hamiltonian, y)
+    if np.shape(H) != ():
+        raise _of_another_shape(f"{name}(y) of shape ()", dimension, np.shape(H))
+    power, slope = degree(H, y), gradient(H, y)
+    try:
+        closed = None if power is not None else MeanGradient(evaluator([y, z], mean(H, y, z).value))
+    except NoClosedForm:
+        closed = None
+    return Derivatives(
+        gradient=evaluator([y], slope),
+        hessian=evaluator([y], hessian(slope, y)),
+        mean_gradient=closed,
+        degree=None if power is None else max(power, 1),
+    )
+
+
+@dataclass(frozen=True)
+class PartFlow:
+    """(y, t) -> (d, ...): the exact flow of B∇H_k at times t (...), for a part H_k of H.
+
+    Raises
+    ------
+    NoClosedForm, ProblemError
+        When it is called, where B∇H_k has no flow in closed form (`sepv.record._flows`) or cannot be recorded.
+    """
+
+    dimension: int
+    structure: Function
+    part: Function
+
+    def __call__(self, y: Array, t: Array) -> Array:
+        """The states at the times t from y (d, ...)."""
+        return self._evaluator(y, np.asarray(t)[None])
+
+    @cached_property
+    def _evaluator(self) -> Evaluator:
+        tape = Tape()
+        y, t = tape.vector(self.dimension), tape.vector(1)
+        H, B = _recorded(tape, "a part", self.part, y), _recorded(tape, "structure", self.structure, y)
+        return evaluator([y, t], flow(B @ gradient(H, y), y, t[0]))
+
+
+def _recorded(tape: Tape, key: str, function: Function, y: Any) -> Any:
+    """The function's result; whatever it makes of symbols is its author's."""
+    try:
+        return tape.symbols(function(y))
+    except Exception as error:
+        why = str(error) if isinstance(error, CannotRecord) else f"{type(error).__name__}: {error}"
+        raise ProblemError(
+            expected=f"gradient=, or {key} of operations from which it can be derived",
+            received=f"{key}: {why}",
+            remedy="give gradient=, and hessian= and structure_derivative= where you have them",
+        ) from error
+
+
+def _of_another_shape(expected: str, dimension: int, shape: tuple[int, ...]) -> ProblemError:
+    return ProblemError(
+        expected=f"{expected} for y of shape ({dimension},)",
+        received=f"shape {shape}",
+        remedy="component first: index y[0], y[1], … and build arrays with np.stack or np.array",
+    )

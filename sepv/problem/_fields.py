@@ -1,0 +1,236 @@
+"""The Poisson vector field f = B∇H, its derivative, and the small dense algebra of batches.
+
+Sums over components run in the order of the components, one vectorised operation each, never through
+BLAS: the bits of one path then do not depend on how many paths are computed beside it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sepv.problem._problem import Array, Problem
+
+_ROOT = float(np.sqrt(np.finfo(np.float64).eps))
+_TINY = float(np.finfo(np.float64).tiny)
+# Differences are taken for so many states at a time: beyond, memory grows and nothing is gained.
+LANES = 256
+
+
+def matvec(A: Array, v: Array) -> Array:
+    """A v for A of shape (n, d, ...) and v of shape (d, ...)."""
+    total = A[:, 0] * v[0]
+    for j in range(1, A.shape[1]):
+        total = total + A[:, j] * v[j]
+    return total
+
+
+def dot(u: Array, v: Array) -> Array:
+    """uᵀv, of shape (...): `np.sum` adds eight and more components of a single path in another order than a batch's."""
+    return matvec(u[None], v)[0]
+
+
+def matmul(A: Array, B: Array) -> Array:
+    """A B for A of shape (n, d, ...) and B of shape (d, p, ...)."""
+    total = A[:, 0, None] * B[0]
+    for j in range(1, A.shape[1]):
+        total = total + A[:, j, None] * B[j]
+    return total
+
+
+def vector_field(problem: Problem, y: Array) -> Array:
+    """f(y) = B(y)∇H(y), of shape (d, ...)."""
+    return matvec(problem.structure(y), problem.gradient(y))
+
+
+def casimir_gradients(quadratic: Sequence[Any], linear: Sequence[Any], ends: Array) -> list[Array]:
+    """∫₀¹∇C(y0 + τ(y1 − y0))dτ of Casimirs yᵀAy and bᵀy, of shape (d, ...) each, for ends = y0 + y1; ∇C(y) for 2y."""
+    extra = (1,) * (ends.ndim - 1)
+    return [
+        *(matvec(np.reshape(A, (*np.shape(A), *extra)), ends) for A in quadratic),
+        *(np.broadcast_to(np.reshape(b, (-1, *extra)), ends.shape) for b in linear),
+    ]
+
+
+def field_jacobian(problem: Problem, y: Array) -> Array | None:
+    """f′(y), of shape (d, d, ...); None where the problem does not give the derivatives of B and ∇H."""
+    if problem.hessian is None or problem.structure_derivative is None:
+        return None
+    g = problem.gradient(y)
+    return contract(problem.structure_derivative(y), g) + matmul(problem.structure(y), problem.hessian(y))
+
+
+def contract(D: Array, v: Array) -> Array:
+    """Σ_j D[:, j, :] v_j: the derivative of B(y)v with v held fixed, for D = ∂B_ij/∂y_k."""
+    total = D[:, 0] * v[0]
+    for j in range(1, D.shape[1]):
+        total = total + D[:, j] * v[j]
+    return total
+
+
+def structure_slope(problem: Problem, y: Array, v: Array) -> Array:
+    """The derivative of B(y)v with v held fixed, (d, d, ...): analytic, else by differences for Newton's use."""
+    if problem.structure_derivative is not None:
+        return contract(problem.structure_derivative(y), v)
+    flat = v.reshape(len(v), -1)
+    return differences(problem, lambda at, lanes: matvec(problem.structure(at), flat[:, lanes]), y)
+
+
+def hessian(problem: Problem, y: Array) -> Array:
+    """H″(y), (d, d, ...): analytic, else by differences of ∇H for Newton's use."""
+    if problem.hessian is not None:
+        return problem.hessian(y)
+    return differences(problem, lambda at, _: problem.gradient(at), y)
+
+
+def differences(problem: Problem, function: Callable[[Array, NDArray[np.intp]], Array], y: Array) -> Array:
+    """function′(y), (n, d, ...), by differences; the function is told the numbers of the states, flattened."""
+    flat, domain = y.reshape(len(y), -1), problem.domain
+    inside = None if domain is None else lambda at, _: domain(at)
+    base = function(flat, np.arange(flat.shape[1]))
+    found = forward_differences(function, inside, flat, base, np.abs(flat).max(axis=0))
+    return found.reshape(*found.shape[:2], *y.shape[1:])
+
+
+def forward_differences(
+    R: Callable[[Array, NDArray[np.intp]], Array],
+    inside: Callable[[Array, NDArray[np.intp]], Any] | None,
+    z: Array,
+    base: Array,
+    reach: Array,
+) -> Array:
+    """∂R/∂z by forward differences, backward ones where those leave the domain; `reach` (M,) is the size of z.
+
+    R and `inside` are asked for several components at once, as lanes, for few lanes; they are told the lanes' numbers.
+    """
+    n, M = z.shape
+    width = _ROOT * np.maximum(reach, _TINY)
+    found = np.empty((len(base), n, M))
+    together = max(1, LANES // max(M, 1))
+    for first in range(0, n, together):
+        columns = np.arange(first, min(first + together, n))
+        count = len(columns)
+        own, lanes = (columns, np.arange(count)), np.tile(np.arange(M), count)
+        shifted = np.repeat(z[:, None], count, axis=1)
+        shifted[own] += width
+        if inside is not None:
+            within = np.reshape(inside(shifted.reshape(n, count * M), lanes), (count, M))
+            shifted[own] = np.where(within, shifted[own], z[columns] - width)
+        values = R(shifted.reshape(n, count * M), lanes).reshape(len(base), count, M)
+        found[:, columns] = (values - base[:, None]) / (shifted[own] - z[columns])
+    return found
+
+
+# Widths of differences, as powers of |y| up to 1: whether |y| is the scale of f near y, or 1, only f can tell.
+_SCALES = (1.0, 2 / 3, 1 / 3, 0.0)
+
+
+def derivative_along(problem: Problem, y: Array, v: Array) -> Array:
+    """f′(y) v, of shape (d, ...): analytic where the problem gives derivatives, else by differences.
+
+    The differences are central and of order six along v, of several widths, from which each state takes the one
+    with the smallest estimate of its error: the distance of orders four and six, and the rounding of f. Where the
+    problem's functions keep the type of their argument, they are taken in long double, with an error below a
+    rounding of f where that has 64 bits of mantissa; else in binary64, with about 1e-13 of the scale of f. The Itô
+    correction and Milstein's term, which use it, can be larger than f times the step: that much would show in y1.
+    """
+    jacobian = field_jacobian(problem, y)
+    if jacobian is not None:
+        return matvec(jacobian, v)
+    size, reach = np.max(np.abs(v), axis=0), np.max(np.abs(y), axis=0)
+    direction, wide = v / np.where(size > 0, size, 1.0), y.astype(np.longdouble)
+    at: NDArray[Any] = y
+    if vector_field(problem, wide).dtype == np.longdouble:  # type: ignore[arg-type]  # a wider float
+        at = wide
+    # 2⁻⁷ balances h⁶ against eps/h in binary64, 2⁻⁹ in long double.
+    share = 2.0**-7 if at is y else 2.0**-9
+    rounding = np.finfo(at.dtype).eps
+    best, error = np.zeros_like(at), np.full(reach.shape, np.inf)
+    with np.errstate(all="ignore"):  # a width that overflows is not taken
+        for scale in _SCALES:
+            step = share * np.where((reach > 0) & (reach < 1), reach**scale, np.maximum(reach, 1.0))
+            odd, largest = [], np.zeros_like(reach)
+            for distance in (1, 2, 3):
+                ahead = vector_field(problem, at + distance * step * direction)
+                behind = vector_field(problem, at - distance * step * direction)
+                odd.append(ahead - behind)
+                largest = np.fmax(largest, np.max(np.abs(ahead) + np.abs(behind), axis=0))
+            found = (45.0 * odd[0] - 9.0 * odd[1] + odd[2]) / (60 * step)
+            fourth = (8.0 * odd[0] - odd[1]) / (12 * step)
+            off = np.max(np.abs(found - fourth), axis=0) + rounding * largest / step
+            better = off < error
+            best, error = np.where(better, found, best), np.where(better, off, error)
+    return np.asarray(best * size, dtype=np.float64)
+
+
+def linear_solve(A: Array, b: Array) -> Array:
+    """x with A x = b for A of shape (d, d, M), b of shape (d, M); not finite where A is singular.
+
+    Cramer's rule up to d = 3, elementwise and several times faster for batches than a LAPACK call a
+    matrix; it is not backward stable, which Newton's iteration does not need: the next residual is
+    computed afresh.
+    """
+    if len(b) <= 3:
+        if b.shape[1] == 1:  # over numbers: an operation of arrays of a few takes ten times as long
+            numerators, determinant = cramer(A[..., 0].tolist(), b[:, 0].tolist())
+            return np.array([[v / determinant if determinant else math.nan] for v in numerators])
+        numerators, determinant = cramer(A, b)
+        return np.asarray(np.stack(numerators) / determinant)
+    matrices, sides = np.moveaxis(A, -1, 0), b.T[..., None]
+    try:
+        return np.asarray(np.linalg.solve(matrices, sides)[..., 0].T, dtype=np.float64)
+    except np.linalg.LinAlgError:
+        return np.stack([_solve_one(m, s) for m, s in zip(matrices, sides[..., 0], strict=True)], axis=1)
+
+
+def cramer(A: Any, b: Any) -> tuple[list[Any], Any]:
+    """The numerators and the determinant of Cramer's rule for d ≤ 3, over numbers or arrays of them alike."""
+    if len(b) == 1:
+        return [b[0]], A[0][0]
+    if len(b) == 2:
+        (p, q), (r, s) = A
+        return [s * b[0] - q * b[1], p * b[1] - r * b[0]], p * s - q * r
+    u, v, w = A
+    cross = _cross(v, w), _cross(w, u), _cross(u, v)
+    determinant = u[0] * cross[0][0] + u[1] * cross[0][1] + u[2] * cross[0][2]
+    return [x * b[0] + y * b[1] + z * b[2] for x, y, z in zip(*cross, strict=True)], determinant
+
+
+class Algebra(NamedTuple):
+    """What Newton's iteration does with K = ∂R/∂z, however it is stored."""
+
+    # (K, F) -> (1 − K)⁻¹F, (n, M), not finite where 1 − K is singular.
+    correction: Callable[[Any, Array], Array]
+    # K -> (M,): whether all entries of a lane are finite.
+    finite: Callable[[Any], Any]
+    # (K, size (n, M)) -> |K| size, (n, M).
+    through: Callable[[Any, Array], Array]
+
+
+@lru_cache(maxsize=64)
+def _identity(n: int) -> Array:
+    return np.eye(n)[..., None]
+
+
+# K of shape (n, n, M).
+DENSE = Algebra(
+    lambda K, F: linear_solve(_identity(len(F)) - K, F),
+    lambda K: np.isfinite(K).all(axis=(0, 1)),
+    lambda K, size: matvec(np.abs(K), size),
+)
+
+
+def _cross(u: Any, v: Any) -> tuple[Any, Any, Any]:
+    return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
+
+
+def _solve_one(matrix: Array, side: Array) -> Array:
+    try:
+        return np.asarray(np.linalg.solve(matrix, side), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        return np.full_like(side, np.nan)

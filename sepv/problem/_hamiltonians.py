@@ -1,0 +1,273 @@
+"""The whole class: dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j), whether or not the brackets {H_0, H_j} vanish.
+
+Every f_j = B∇H_j is a Hamiltonian vector field of one structure. The exact flow keeps the Casimirs of B and, where B
+satisfies Jacobi's identity, is a Poisson map (J. Hong, J. Ruan, L. Sun and L. Wang, Structure-preserving numerical
+methods for stochastic Poisson systems, Commun. Comput. Phys. 29, 2021). H_0 is not kept: with the Itô form
+
+    dy = (f_0 + ½ Σ_j c_j² f_j′f_j) dt + Σ_j c_j f_j dW_j,
+
+its mean changes at the rate LH_0 = ½ Σ_j c_j² {{H_0, H_j}, H_j}, {F, G} = ∇FᵀB∇G. Where all {H_0, H_j} = 0 it is
+kept, and the system is one of several structures too (`sepv.problem._structures`).
+
+How fast a scheme that sees increments alone can converge depends on the brackets of the noises (`column`): with order
+½ in general, with order 1 where [f_i, f_j] = f_j′f_i − f_i′f_j = 0 for all noises i, j, as for one noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from sepv.errors import ProblemError, Skipped, UsageError
+from sepv.problem._checks import sample_states
+from sepv.problem._derived import derive
+from sepv.problem._fields import contract, differences, hessian, matmul, matvec, structure_slope
+from sepv.problem._problem import Array, Flow, Function, Problem
+from sepv.problem._structures import ClosedForm, CommutingStructure, StructuresProblem, combined
+
+# Differences may leave 1e-8 of a slope; what does not vanish is larger by far at some of the sample states.
+VANISHES = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class HamiltoniansProblem(Problem):
+    """A system with several Hamiltonians; `hamiltonian`, `gradient` and the rest are those of H_0.
+
+    Parameters
+    ----------
+    noise_hamiltonians : callables, (d, ...) -> (...)
+        H_1, …, H_m; as many as `noise` has coefficients.
+    noise_gradients : callables, (d, ...) -> (d, ...), optional
+        ∇H_1, …, ∇H_m. Where they are not given they are derived, with the second derivatives.
+    noise_hessians : callables, (d, ...) -> (d, d, ...), optional
+        Without them Newton's Jacobian is formed from differences.
+    noise_flows : callables (y, t) -> (d, ...), optional
+        Exact flows of B∇H_1, …, B∇H_m at times t (...), for splitting methods.
+    closed_form : callable (y0, T, W) -> (d, M), optional
+        The exact solution, where the flows commute.
+
+    Raises
+    ------
+    ProblemError
+        As for `Problem`, for each H_j too.
+
+    Examples
+    --------
+    A rigid body whose second axis is disturbed:
+
+    >>> import numpy as np
+    >>> import sepv
+    >>> from sepv.problem._hamiltonians import HamiltoniansProblem
+    >>> body = sepv.problems.rigid_body()
+    >>> problem = HamiltoniansProblem(
+    ...     3, body.structure, lambda y: (y[0] ** 2 + y[1] ** 2 / 2 + y[2] ** 2 / 3) / 2,
+    ...     noise=(0.5,), noise_hamiltonians=(lambda y: y[1] ** 2 / 2,),
+    ...     casimirs=body.casimirs, initial=(0.8, 0.6, 0.1),
+    ... )
+    >>> path = sepv.integrate("stochastic-midpoint", problem, h=0.125, T=1.0)
+    >>> bool(np.ptp(np.sum(path.y**2, axis=0)) < 1e-14), bool(np.ptp(problem.hamiltonian(path.y)) < 1e-14)
+    (True, False)
+    """
+
+    noise_hamiltonians: tuple[Function, ...] = ()
+    noise_gradients: tuple[Function, ...] = ()
+    noise_hessians: tuple[Function, ...] = ()
+    noise_flows: tuple[Flow, ...] = ()
+    closed_form: ClosedForm | None = None
+
+    def __post_init__(self, check: bool) -> None:
+        super().__post_init__(check)
+        if not self.noise_gradients:
+            found = [derive(self.dimension, self.structure, H) for H in self.noise_hamiltonians]
+            object.__setattr__(self, "noise_gradients", tuple(f.gradient for f in found))
+            object.__setattr__(self, "noise_hessians", tuple(f.hessian for f in found))
+        for key in ("noise_hamiltonians", "noise_gradients", "noise_hessians", "noise_flows"):
+            count = len(getattr(self, key))
+            if count != self.noises and (count or key in ("noise_hamiltonians", "noise_gradients")):
+                raise ProblemError(
+                    expected=f"{self.noises} {key}, one for each coefficient in noise",
+                    received=f"{count}",
+                    remedy="give noise=(1.0, …) with one entry for each H_j",
+                )
+        if check:
+            for j, (H, gradient) in enumerate(
+                zip(self.noise_hamiltonians, self.noise_gradients, strict=True), 1
+            ):
+                Problem(
+                    self.dimension, self.structure, H, gradient, domain=self.domain, initial=self.initial,
+                    hessian=self.noise_hessians[j - 1] if self.noise_hessians else None,
+                    name=f"{self.name}, H_{j}",
+                )  # fmt: skip
+
+    def random_step(self, h: float, dW: Array) -> Array:  # noqa: ARG002  (the signature of `Problem`)
+        """There is none.
+
+        Raises
+        ------
+        UsageError
+            Always: a scheme that asks for Δ = h + Σ c_j ΔW_j is for a single Hamiltonian.
+        """
+        raise UsageError(
+            expected="a scheme for several Hamiltonians, such as stochastic-midpoint",
+            received=f"a scheme that reduces the noise of {self.name} to one random step",
+            remedy="use a scheme with systems='hamiltonians': with several Hamiltonians there is no such step",
+        )
+
+
+def is_several(problem: Problem) -> bool:
+    """Whether its noises are not those of (1.1), so that there is no random step."""
+    return isinstance(problem, (StructuresProblem, HamiltoniansProblem))
+
+
+def noise_gradients(problem: Problem) -> Sequence[Function]:
+    """∇H_1, …, ∇H_m; of (1.1) ∇H itself, m times.
+
+    Raises
+    ------
+    Skipped
+        For several structures that are not those of several Hamiltonians.
+    """
+    if isinstance(problem, HamiltoniansProblem):
+        return problem.noise_gradients
+    if isinstance(problem, StructuresProblem):
+        try:
+            return problem.noise_gradients
+        except AttributeError as error:
+            raise Skipped(str(error)) from error
+    return (problem.gradient,) * problem.noises
+
+
+def combined_field(problem: Problem, y: Array, parts: Array) -> Array:
+    """h f_0(y) + Σ_j c_j ΔW_j f_j(y), (d, M), for parts (1 + m, M) holding h and the c_j ΔW_j."""
+    if isinstance(problem, HamiltoniansProblem):
+        return matvec(problem.structure(y), combined_gradient(problem, y, parts))
+    return matvec(combined(problem, y, parts), problem.gradient(y))
+
+
+def hamiltonian_field(problem: Problem, y: Array, parts: Array) -> Array:
+    """The same by one structure: B(y)(h∇H_0 + Σ c_j ΔW_j ∇H_j), for all problems that `noise_gradients` takes."""
+    return matvec(problem.structure(y), combined_gradient(problem, y, parts))
+
+
+def combined_gradient(problem: Problem, y: Array, parts: Array) -> Array:
+    """h∇H_0(y) + Σ_j c_j ΔW_j ∇H_j(y), (d, M), for parts (1 + m, M) holding h and the c_j ΔW_j."""
+    total = parts[0] * problem.gradient(y)
+    for part, gradient in zip(parts[1:], noise_gradients(problem), strict=True):
+        total = total + part * gradient(y)
+    return np.asarray(total)
+
+
+def combined_hessian(problem: Problem, y: Array, parts: Array) -> Array:
+    """Its derivative (d, d, M), by differences where the problem does not give second derivatives."""
+    total = parts[0] * hessian(problem, y)
+    for j, part in enumerate(parts[1:]):
+        total = total + part * noise_hessian(problem, j, y)
+    return np.asarray(total)
+
+
+def noise_hessian(problem: Problem, j: int, y: Array) -> Array:
+    """H_j″(y) for j = 0, 1, …, m − 1 of the noises, (d, d, ...): as given, else by differences."""
+    if not isinstance(problem, (HamiltoniansProblem, StructuresProblem)):
+        return hessian(problem, y)
+    if isinstance(problem, HamiltoniansProblem) and problem.noise_hessians:
+        return problem.noise_hessians[j](y)
+    return differences(problem, lambda at, _: noise_gradients(problem)[j](at), y)
+
+
+def noise_field(problem: Problem, j: int, y: Array) -> Array:
+    """f_j = B∇H_j of noise j = 0, …, m − 1, without c_j, (d, ...)."""
+    return matvec(problem.structure(y), noise_gradients(problem)[j](y))
+
+
+def noise_slope(problem: Problem, j: int, y: Array) -> Array:
+    """f_j′(y), (d, d, ...)."""
+    slope = noise_gradients(problem)[j](y)
+    if problem.structure_derivative is None:
+        turned = structure_slope(problem, y, slope)
+    else:
+        turned = contract(problem.structure_derivative(y), slope)
+    return turned + matmul(problem.structure(y), noise_hessian(problem, j, y))
+
+
+def bracket(problem: Problem, i: int, j: int, y: Array) -> Array:
+    """[f_i, f_j] = f_j′f_i − f_i′f_j of two noises, without their c, (d, ...): what a Lévy area A_ij multiplies."""
+    first = matvec(noise_slope(problem, j, y), noise_field(problem, i, y))
+    return first - matvec(noise_slope(problem, i, y), noise_field(problem, j, y))
+
+
+def drift_bracket(problem: Problem, j: int, y: Array) -> Array:
+    """[f_0, f_j] of the drift and a noise, without its c: what A_0j = ½∫(s dW_j − W_j ds) multiplies."""
+    drift = matvec(problem.structure(y), problem.gradient(y))
+    return matvec(noise_slope(problem, j, y), drift) - matvec(
+        _drift_slope(problem, y), noise_field(problem, j, y)
+    )
+
+
+def ito_drift(problem: Problem, y: Array) -> Array:
+    """f_0 + ½ Σ_j c_j² f_j′f_j, (d, ...): the drift of the Itô form."""
+    total = matvec(problem.structure(y), problem.gradient(y))
+    for j, c in enumerate(problem.c):
+        total = total + 0.5 * c * c * matvec(noise_slope(problem, j, y), noise_field(problem, j, y))
+    return total
+
+
+def column(problem: Problem) -> str:
+    """Which order a claim speaks of: "one" noise (or several that act as one), "additive", "commutative", "general".
+
+    Additive noises have constant fields, commutative ones vanishing brackets. Both are asked at the problem's sample
+    states: what is analytic and vanishes at all of them but not between them is not told.
+    """
+    if not is_several(problem):
+        return "one"
+    if isinstance(problem, StructuresProblem) and not _has_gradients(problem):
+        return "general"
+    acting = [int(j) for j in np.flatnonzero(problem.c)]
+    if acting and _vanish(problem, lambda y: [noise_slope(problem, j, y) for j in acting], per_field=True):
+        return "additive"
+    if len(acting) < 2:
+        return "one"
+    pairs = list(combinations(acting, 2))
+    if _vanish(problem, lambda y: [bracket(problem, i, j, y) for i, j in pairs]):
+        return "commutative"
+    return "general"
+
+
+def _has_gradients(problem: StructuresProblem) -> bool:
+    return all(isinstance(G, CommutingStructure) for G in problem.noise_structures)
+
+
+def commutes(problem: Problem) -> bool:
+    """Whether all fields commute, f_0 among them: y(T) is then the flow of T f_0 + Σ c_j W_j(T) f_j at the time 1."""
+
+    def brackets(y: Array) -> list[Array]:
+        return [drift_bracket(problem, int(j), y) for j in np.flatnonzero(problem.c)]
+
+    return column(problem) != "general" and _vanish(problem, brackets)
+
+
+def _drift_slope(problem: Problem, y: Array) -> Array:
+    turned = structure_slope(problem, y, problem.gradient(y))
+    return turned + matmul(problem.structure(y), hessian(problem, y))
+
+
+def _vanish(problem: Problem, values: Callable[[Array], list[Any]], *, per_field: bool = False) -> bool:
+    """Whether these vanish at all sample states, beside the sizes of the fields and their slopes there.
+
+    Parameters
+    ----------
+    values : products of a field and a slope, or with `per_field` slopes alone.
+    """
+    acting = [int(j) for j in np.flatnonzero(problem.c)]
+    for y in sample_states(problem):
+        lanes = y[:, None]
+        field = max((float(np.max(np.abs(noise_field(problem, j, lanes)))) for j in acting), default=0.0)
+        slope = max((float(np.max(np.abs(noise_slope(problem, j, lanes)))) for j in acting), default=0.0)
+        unit = field / max(1.0, float(np.max(np.abs(y))))
+        size = unit if per_field else max(field, unit) * max(slope, unit)
+        if max((float(np.max(np.abs(v))) for v in values(lanes)), default=0.0) > VANISHES * size:
+            return False
+    return True

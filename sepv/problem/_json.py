@@ -1,0 +1,99 @@
+"""Problem descriptions as JSON with hex floats: a round trip keeps every bit."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sepv.errors import ProblemError
+from sepv.problem._problem import Description, GivenProblem, NamedProblem, PolynomialSystem
+from sepv.record import Polynomial
+from sepv.record import _polynomial as poly
+from sepv.record._polynomial import parse_float
+
+
+def problem_to_json(data: Description) -> dict[str, Any]:
+    """{"name", "parameters"} or polynomial data, floats in hex; {"given"} for functions, with the noise they have."""
+    if isinstance(data, GivenProblem):
+        noise = [float(c).hex() for c in data.problem.c]
+        return {"given": data.target or data.problem.name, "noise": noise}
+    if isinstance(data, PolynomialSystem):
+        return to_json(data)
+    return {"name": data.name, "parameters": {k: [v.hex() for v in values] for k, values in data.parameters}}
+
+
+def problem_from_json(data: Any) -> PolynomialSystem | NamedProblem:
+    """The inverse of `problem_to_json`."""
+    if "name" not in data:
+        return from_json(data)
+    parameters = {
+        k: tuple(parse_float(v) for v in values) for k, values in data.get("parameters", {}).items()
+    }
+    return NamedProblem(data["name"], tuple(parameters.items()))
+
+
+def to_json(data: PolynomialSystem) -> dict[str, Any]:
+    """A JSON object with hex floats; `from_json` gives back an equal record."""
+    nambu = {} if data.nambu is None else {"nambu": [poly.to_json(p) for p in data.nambu]}
+    return {
+        "dimension": data.dimension,
+        "hamiltonian": poly.to_json(data.hamiltonian),
+        "structure": [[i, j, poly.to_json(entry)] for i, j, entry in data.structure],
+        "noise": [c.hex() for c in data.noise],
+        "casimirs": [[[a.hex() for a in row] for row in A] for A in data.casimirs],
+        "linear_casimirs": [[b.hex() for b in vector] for vector in data.linear_casimirs],
+        **nambu,
+        **_more_noise(data),
+    }
+
+
+def from_json(data: Any) -> PolynomialSystem:
+    """The inverse of `to_json`; plain numbers are taken as well as hex floats.
+
+    Raises
+    ------
+    ProblemError
+        For anything that does not describe a problem, with what was expected.
+    """
+    try:
+        d = int(data["dimension"])
+        return PolynomialSystem(
+            dimension=d,
+            hamiltonian=poly.from_json(d, data["hamiltonian"]),
+            structure=tuple((int(i), int(j), poly.from_json(d, entry)) for i, j, entry in data["structure"]),
+            noise=tuple(parse_float(c) for c in data.get("noise", [1.0])),
+            casimirs=tuple(
+                tuple(tuple(parse_float(a) for a in row) for row in A) for A in data.get("casimirs", [])
+            ),
+            linear_casimirs=tuple(tuple(parse_float(b) for b in v) for v in data.get("linear_casimirs", [])),
+            nambu=_nambu(d, data["nambu"]) if data.get("nambu") else None,
+            noise_structures=tuple(
+                tuple((int(i), int(j), poly.from_json(d, entry)) for i, j, entry in G)
+                for G in data.get("noise_structures", [])
+            ),
+            noise_hamiltonians=tuple(poly.from_json(d, p) for p in data.get("noise_hamiltonians", [])),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        if isinstance(error, ProblemError):
+            raise
+        raise ProblemError(
+            expected="a problem: dimension, hamiltonian, structure [[i, j, terms], …], noise, casimirs",
+            received=f"{type(error).__name__}: {error}",
+            remedy="write one with sepv.problems.to_json and change that",
+        ) from error
+
+
+def _more_noise(data: PolynomialSystem) -> dict[str, Any]:
+    """The keys of several structures or Hamiltonians, where there are any."""
+    found: dict[str, Any] = {}
+    if data.noise_structures:
+        found["noise_structures"] = [
+            [[i, j, poly.to_json(entry)] for i, j, entry in G] for G in data.noise_structures
+        ]
+    if data.noise_hamiltonians:
+        found["noise_hamiltonians"] = [poly.to_json(p) for p in data.noise_hamiltonians]
+    return found
+
+
+def _nambu(d: int, data: Any) -> tuple[Polynomial, Polynomial]:
+    factor, casimir = data
+    return poly.from_json(d, factor), poly.from_json(d, casimir)

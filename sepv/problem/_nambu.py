@@ -1,0 +1,61 @@
+"""Systems in three dimensions given by two invariants: B(y)v = g(y) (v × ∇C(y)), so that f = g ∇H × ∇C.
+
+Every Poisson structure in dimension three has this form near a point where it does not vanish (Nambu's form): C is its
+Casimir. Any C and g will do here, quadratic or not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sepv.problem._derived import derivatives
+
+# As in `sepv.problem._problem`, which is above this module.
+Array = NDArray[np.float64]
+Function = Callable[[Array], Array]
+
+
+def _to_be_derived(y: Array) -> Array:
+    """Stands for what was not given, until it is derived: never called."""
+    raise NotImplementedError("a mark for what was not given")
+
+
+@dataclass(frozen=True)
+class Nambu:
+    """What a problem in dimension three knows of its Casimir C and factor g.
+
+    Attributes
+    ----------
+    factor : callable, (3, ...) -> (...)
+        g.
+    casimir : callable
+        C, with the shapes of H. What follows is derived from it where ∇C is not given, as for H.
+    gradient, hessian : callable, optional
+        ∇C and C″, with the shapes of ∇H and H″.
+    mean_gradient : callable, optional
+        (y0, y1) -> ∫₀¹∇C(y0 + τ(y1 − y0))dτ, exact to rounding.
+    degree : int, optional
+        Of a polynomial C. With neither, the average is found by adaptive quadrature.
+    """
+
+    factor: Function
+    casimir: Function
+    gradient: Function = _to_be_derived
+    hessian: Function = _to_be_derived
+    mean_gradient: Callable[[Array, Array], Array] | None = None
+    degree: int | None = None
+    dimension: int = 3
+
+    def __post_init__(self) -> None:
+        if self.gradient is _to_be_derived:
+            for key, value in vars(derivatives(3, self.casimir, "casimir")).items():
+                object.__setattr__(self, key, value)
+
+
+def cross(u: Array, v: Array) -> Array:
+    """u × v for (3, ...) arrays."""
+    return np.stack([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]])

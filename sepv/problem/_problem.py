@@ -1,0 +1,244 @@
+"""The problem record: dy = B(y)∇H(y)(dt + Σ_j c_j ∘dW_j), equation (1.1) with m noises (§1).
+
+Component first, everywhere: a state is an array `(d,)`, a batch of M states `(d, M)`; B(y) is
+`(d, d)` or `(d, d, M)`. A function written with indexing and NumPy's elementwise functions serves both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import InitVar, dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sepv.arguments import floats
+from sepv.errors import ProblemError, UsageError
+from sepv.problem._derived import derive
+from sepv.problem._nambu import Nambu
+from sepv.record import Polynomial
+
+Array = NDArray[np.float64]
+Function = Callable[[Array], Array]
+Flow = Callable[[Array, Array], Array]
+
+
+@dataclass(frozen=True)
+class PolynomialSystem:
+    """A problem as data: polynomial H, polynomial B above the diagonal, its noise and its Casimirs.
+
+    Attributes
+    ----------
+    structure : tuple of (i, j, Polynomial) with i < j
+        B_ij; B_ji = −B_ij, so that B is skew by construction.
+    casimirs : tuple of symmetric d × d matrices A, row by row
+        C(y) = yᵀAy is a Casimir.
+    linear_casimirs : tuple of vectors b
+        C(y) = bᵀy is a Casimir.
+    nambu : (g, C), optional
+        For d = 3, B(y)v = g(y)(v × ∇C(y)); `structure` must say the same. See `sepv.problems.nambu_system`.
+    noise_structures : tuple of structures, optional
+        G_1, …, G_m, each like `structure`: several structures. The Casimirs are then those common to all.
+    noise_hamiltonians : tuple of polynomials, optional
+        H_1, …, H_m: several Hamiltonians (`sepv.problem._hamiltonians`), whether or not {H, H_j} = 0. At most one of the two.
+    """
+
+    dimension: int
+    hamiltonian: Polynomial
+    structure: tuple[tuple[int, int, Polynomial], ...]
+    noise: tuple[float, ...] = (1.0,)
+    casimirs: tuple[tuple[tuple[float, ...], ...], ...] = ()
+    linear_casimirs: tuple[tuple[float, ...], ...] = ()
+    nambu: tuple[Polynomial, Polynomial] | None = None
+    noise_structures: tuple[tuple[tuple[int, int, Polynomial], ...], ...] = ()
+    noise_hamiltonians: tuple[Polynomial, ...] = ()
+
+
+@dataclass(frozen=True)
+class NamedProblem:
+    """A problem that goes by its name and parameters, such as the paper's four."""
+
+    name: str
+    parameters: tuple[tuple[str, tuple[float, ...]], ...] = ()
+
+
+def _to_be_derived(y: Array) -> Array:
+    """Stands for a gradient that was not given, until it is derived from H: never called."""
+    raise NotImplementedError("a mark for a gradient that was not given")
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A stochastic Poisson system (1.1) with the functions that a scheme needs.
+
+    Parameters
+    ----------
+    dimension : int
+        d ≥ 1.
+    structure : callable, (d, ...) -> (d, d, ...)
+        The structure matrix B(y), skew-symmetric.
+    hamiltonian : callable, (d, ...) -> (...)
+        H. Together with `structure` it is enough where both consist of arithmetic, indexing and NumPy's elementwise
+        functions: they are then called once with symbols, and what is not given below is derived (`sepv.problem._derived`).
+    gradient : callable, (d, ...) -> (d, ...), optional
+        ∇H. Where it is given nothing is derived, and it is compared with H.
+    noise : array_like, shape (m,)
+        The c_j ≥ 0; m = 0 is the deterministic problem.
+    casimirs : sequence of (d, d) symmetric matrices A
+        Quadratic Casimirs C(y) = yᵀAy: ∇Cᵀ B = 0 for all y.
+    linear_casimirs : sequence of (d,) vectors b
+        Linear Casimirs C(y) = bᵀy.
+    hessian, structure_derivative : callable, optional
+        (d, ...) -> (d, d, ...) and (d, ...) -> (d, d, d, ...), the last with ∂B_ij/∂y_k at [i, j, k].
+        With both, Newton's Jacobian is analytic; without, it is formed from differences.
+    mean_gradient : callable, optional
+        (y0, y1) -> ∫₀¹∇H(y0 + τ(y1 − y0))dτ in closed form, exact to rounding also as y1 → y0.
+    degree : int, optional
+        The degree of a polynomial H: Gauss-Legendre quadrature with ⌈degree/2⌉ nodes is then exact.
+        With neither, and none derived, the average is found by adaptive quadrature.
+    domain : callable, optional
+        (d, ...) -> (...) of bool: where H and B are defined.
+    initial : array_like, shape (d,), optional
+        A typical initial state.
+    name : str
+        In tables and messages.
+    data : PolynomialSystem or NamedProblem, optional
+        All that the functions say, as numbers: made by `sepv.problems`, not by hand.
+    nambu : Nambu, optional
+        For d = 3: the Casimir C and the factor g with B(y)v = g(y)(v × ∇C(y)).
+    flows : sequence of callables (y, t) -> (d, ...), optional
+        Exact flows of B∇H_k at times t (...), for parts H_k with H = ΣH_k: splitting methods need them.
+    check : bool
+        Whether to compare the parts with each other at a few states (default). Generated and built-in
+        problems are checked by tests instead.
+
+    Raises
+    ------
+    ProblemError
+        B not skew, a gradient that is not that of H, a matrix A that is not a Casimir, wrong shapes.
+        The message names the component and both values.
+
+    Examples
+    --------
+    A quartic oscillator, y = (p, q), H = p²/2 + q⁴/4:
+
+    >>> import numpy as np
+    >>> import sepv
+    >>> problem = sepv.Problem(
+    ...     dimension=2,
+    ...     structure=lambda y: np.array([[0 * y[0], -1 + 0 * y[0]], [1 + 0 * y[0], 0 * y[0]]]),
+    ...     hamiltonian=lambda y: y[0] ** 2 / 2 + y[1] ** 4 / 4,
+    ...     gradient=lambda y: np.stack([y[0], y[1] ** 3]),
+    ...     noise=(0.5,),
+    ...     degree=4,
+    ...     initial=(0.0, 1.0),
+    ... )
+    >>> path = sepv.integrate("energy-preserving", problem, h=0.125, T=1.0)
+    >>> bool(np.ptp(problem.hamiltonian(path.y)) < 1e-14)
+    True
+    >>> sepv.verify("energy-preserving", laws="energy", problems=problem).finding("energy").verdict.text
+    'holds'
+    """
+
+    dimension: int
+    structure: Function
+    hamiltonian: Function
+    gradient: Function = _to_be_derived
+    noise: ArrayLike = (1.0,)
+    casimirs: tuple[Any, ...] = ()
+    linear_casimirs: tuple[Any, ...] = ()
+    hessian: Function | None = None
+    structure_derivative: Function | None = None
+    mean_gradient: Callable[[Array, Array], Array] | None = None
+    degree: int | None = None
+    domain: Callable[[Array], NDArray[np.bool_]] | None = None
+    initial: ArrayLike | None = None
+    nambu: Nambu | None = None
+    flows: tuple[Flow, ...] = ()
+    name: str = "problem"
+    data: PolynomialSystem | NamedProblem | None = None
+    check: InitVar[bool] = True
+    c: Array = field(init=False, repr=False)
+
+    def __post_init__(self, check: bool) -> None:
+        d = self.dimension
+        if not isinstance(d, int) or d < 1:
+            raise ProblemError(
+                expected="a dimension d ≥ 1", received=f"{d!r}", remedy="give the number of components of y"
+            )
+        c = _numbers("noise", self.noise).reshape(-1)
+        if not np.all(np.isfinite(c)) or np.any(c < 0):
+            raise ProblemError(
+                expected="noise: the coefficients c_j, finite and ≥ 0, or () for none",
+                received=f"{self.noise!r}",
+                remedy="a sign belongs into the Wiener increment: c∘dW and −c∘dW have the same law",
+            )
+        # Over bytes, so that no scheme can make it writable again.
+        object.__setattr__(self, "c", np.frombuffer(c.tobytes(), dtype=np.float64))
+        for key, shape in (("casimirs", (d, d)), ("linear_casimirs", (d,))):
+            arrays = tuple(_constant(key, value, shape) for value in getattr(self, key))
+            object.__setattr__(self, key, arrays)
+        if self.initial is not None:
+            object.__setattr__(self, "initial", _constant("initial", self.initial, (d,)))
+        if self.gradient is _to_be_derived:
+            found = derive(d, self.structure, self.hamiltonian)
+            object.__setattr__(self, "gradient", found.gradient)
+            for key in ("hessian", "structure_derivative", "mean_gradient"):
+                if getattr(self, key) is None:
+                    object.__setattr__(self, key, getattr(found, key))
+            if self.degree is None:
+                object.__setattr__(self, "degree", found.degree)
+        if check:
+            from sepv.problem._checks import check_problem
+
+            check_problem(self)
+
+    @property
+    def noises(self) -> int:
+        """m, the number of Wiener processes."""
+        return int(self.c.size)
+
+    def random_step(self, h: float, dW: Array) -> Array:
+        """Δ = h + Σ_j c_j ΔW_j, of shape () or (M,), summed in the order of j."""
+        delta = np.full(np.shape(dW)[1:], float(h))
+        for c, increment in zip(self.c, dW, strict=True):
+            delta = delta + c * increment
+        return delta
+
+
+def _numbers(key: str, value: ArrayLike) -> Array:
+    """A copy of the value as numbers."""
+    try:
+        return floats(key, value).copy()
+    except UsageError as error:
+        raise ProblemError(expected=error.expected, received=error.received, remedy=error.remedy) from error
+
+
+def _constant(key: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
+    array = _numbers(key, value)
+    if array.shape != shape or not np.all(np.isfinite(array)):
+        raise ProblemError(
+            expected=f"{key}: finite arrays of shape {shape}",
+            received=f"shape {array.shape}: {value!r:.120}",
+            remedy="component first: one entry for each component of y",
+        )
+    if key == "casimirs" and not np.array_equal(array, array.T):
+        raise ProblemError(
+            expected="casimirs: symmetric matrices A with C(y) = yᵀAy",
+            received=f"{array.tolist()}",
+            remedy="use (A + Aᵀ)/2, which gives the same C",
+        )
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True)
+class GivenProblem:
+    """A user's problem made of functions, where a case holds data otherwise; `target` names it, where it has a name."""
+
+    problem: Problem
+    target: str = ""
+
+
+Description = PolynomialSystem | NamedProblem | GivenProblem

@@ -1,0 +1,315 @@
+"""Several structures (paper §1): dy = B(y)∇H dt + Σ_j c_j G_j(y)∇H ∘dW_j with every G_j skew; and several Hamiltonians.
+
+H is kept, and every Casimir common to B and all G_j. With the increments of a step held fixed this is a system (1.1)
+with the structure h B + Σ_j c_j ΔW_j G_j and Δ = 1.
+
+dy = B∇H_0 dt + Σ_j c_j B∇H_j ∘dW_j with {H_0, H_j} = 0 is of this form: B∇H_j = S_j∇H_0 with S_j = (v wᵀ − w vᵀ)/|w|²,
+v = B∇H_j and w = ∇H_0, because vᵀw = {H_0, H_j} = 0. Taking for w the part of ∇H_0 orthogonal to the gradients of the
+Casimirs changes nothing in S_j∇H_0 and makes S_j∇C = 0: the Casimirs of B are then common.
+
+**Critical points of H_0.** Where w = 0 and v ≠ 0 there is no such S_j. The flows of the H_j keep the set {w = 0}, so
+that the exact solution moves inside it, and a scheme that multiplies S_j by an average of ∇H_0 cannot follow. A step
+sees S_j(ȳ)m with an average m = w(ȳ) + e, and for vᵀw = 0
+
+    S_j m − v = (v (wᵀe) − w (vᵀe))/|w|²,      |S_j m − v| ≤ |v| |e|/|w|.
+
+For smooth H_0, |e| ≤ |H_0‴| |y1 − y0|²/24, or a rounding of ∇H_0 where H_0 is quadratic: S_j m stands for B∇H_j as
+long as |w| is larger than that. Near a curved set of critical points it is not, however small the step. In polar
+coordinates, H_0 = ½(I − 1)² and H_1 = I: along the chord, m is (I_0 − 1 − |y1 − y0|²/12)ȳ and w is (I_0 − 1 −
+|y1 − y0|²/8)ȳ, so that with I_0 = 1 the step turns by two thirds of its angle for every h. So a solved step is asked
+how far S_j m is from v (`CommutingStructure.missed`), and refused from a quarter of |v| on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sepv.errors import ProblemError, UsageError
+from sepv.problem._checks import sample_states
+from sepv.problem._fields import casimir_gradients, dot, matvec
+from sepv.problem._poisson import jacobi_defect as jacobi_defect  # noqa: PLC0414  (for readers of this module)
+from sepv.problem._problem import Array, Function, Problem
+
+# y(T) from y0 (d,), T and W(T) (m, M), where the flows commute.
+ClosedForm = Callable[[Array, float, Array], Array]
+# What {H_0, H_j} may be beside |∇H_0||B∇H_j|: a few hundred roundings.
+BRACKET_TOLERANCE = 1e-12
+# S_j∇̄H_0 may miss B∇H_j by this share. Next to a curved set of nondegenerate critical points it misses by a third for
+# every h: m and w are then the means of a parabola over a chord and its middle, 1/12 and 1/8. Elsewhere the share is of
+# the order of |y1 − y0|², and a step with a quarter is worth nothing anyway.
+MISSED = 0.25
+_EPS = float(np.finfo(np.float64).eps)
+# w is no more than its own rounding, and v is more than that: some sums of a dozen terms, and a wide margin, since
+# next to an isolated critical point both vanish alike.
+ROUNDING_OF_W, ROUNDING_OF_V = 16 * _EPS, 1024 * _EPS
+
+
+@dataclass(frozen=True, eq=False)
+class StructuresProblem(Problem):
+    """A system with several structures; `structure`, `hamiltonian` and the rest are those of the drift.
+
+    Parameters
+    ----------
+    noise_structures : callables, (d, ...) -> (d, d, ...)
+        G_1, …, G_m; as many as `noise` has coefficients.
+    noise_structure_derivatives : callables, optional
+        ∂G_ij/∂y_k at [i, j, k] of each; without them Newton's Jacobian is formed from differences.
+    closed_form : callable (y0, T, W) -> (d, M), optional
+        The exact solution, where the flows commute.
+    casimirs, linear_casimirs
+        Those common to B and all G_j.
+
+    Raises
+    ------
+    ProblemError
+        As for `Problem`, for each G_j too.
+    """
+
+    noise_structures: tuple[Function, ...] = ()
+    noise_structure_derivatives: tuple[Function, ...] | None = None
+    closed_form: ClosedForm | None = None
+
+    def __post_init__(self, check: bool) -> None:
+        super().__post_init__(check)
+        if len(self.noise_structures) != self.noises:
+            raise ProblemError(
+                expected=f"{self.noises} noise_structures, one for each coefficient in noise",
+                received=f"{len(self.noise_structures)}",
+                remedy="give noise=(1.0, …) with one entry for each G_j",
+            )
+        if check:
+            for G in self.noise_structures:
+                Problem(
+                    self.dimension, G, self.hamiltonian, self.gradient, casimirs=self.casimirs,
+                    linear_casimirs=self.linear_casimirs, domain=self.domain, initial=self.initial,
+                    name=f"{self.name}, a noise structure",
+                )  # fmt: skip
+
+    @property
+    def noise_gradients(self) -> tuple[Function, ...]:
+        """∇H_1, …, ∇H_m, where every G_j stands for a Hamiltonian (`commuting_hamiltonians`).
+
+        Raises
+        ------
+        AttributeError
+            For structures that are not.
+        """
+        found = [G.noise_gradient for G in self.noise_structures if isinstance(G, CommutingStructure)]
+        if len(found) < self.noises:
+            raise AttributeError(f"{self.name} has several structures, and not several Hamiltonians")
+        return tuple(found)
+
+    def random_step(self, h: float, dW: Array) -> Array:  # noqa: ARG002  (the signature of `Problem`)
+        """There is none.
+
+        Raises
+        ------
+        UsageError
+            Always: a scheme that asks for Δ = h + Σ c_j ΔW_j is for a single structure.
+        """
+        raise UsageError(
+            expected="a scheme for several structures, such as several-structures",
+            received=f"a scheme that reduces the noise of {self.name} to one random step",
+            remedy="use sepv.schemes.several_structures: with several structures there is no such step",
+        )
+
+
+def combined(problem: Problem, y: Array, parts: Array) -> Array:
+    """h B(y) + Σ_j c_j ΔW_j G_j(y), (d, d, M), for parts (1 + m, M) holding h and the c_j ΔW_j."""
+    total = parts[0] * problem.structure(y)
+    for part, G in zip(parts[1:], noise_structures(problem), strict=True):
+        # A noise that does not act needs no structure: it may be undefined there.
+        total = total + np.where(part != 0, part * G(y), 0.0)
+    return total
+
+
+def undefined(problem: Problem, y0: Array, y1: Array, mean: Array, parts: Array) -> np.ndarray:
+    """Where a structure that stands for B∇H_j does not do so in the step from y0 to y1, (M,).
+
+    Parameters
+    ----------
+    mean : (d, M)
+        The averaged gradient of H_0 of the step.
+    parts : (1 + m, M)
+        h and the c_j ΔW_j.
+    """
+    found = np.zeros(y0.shape[1], dtype=bool)
+    size = np.maximum(np.abs(y0), np.abs(y1)).max(axis=0)
+    for part, G in zip(parts[1:], noise_structures(problem), strict=True):
+        if isinstance(G, CommutingStructure):
+            missed, field, rounding = G.missed(y0 + 0.5 * (y1 - y0), mean)
+            # What is below a rounding of y moves nothing.
+            allowed = np.abs(part) * (MISSED * field + rounding) + _EPS * size
+            found |= (part != 0) & ~(np.abs(part) * missed <= allowed)
+    return found
+
+
+def combined_slope(problem: Problem, y: Array, parts: Array) -> Array | None:
+    """The derivative of `combined`, (d, d, d, M), or None where the problem does not give it."""
+    if problem.structure_derivative is None:
+        return None
+    if isinstance(problem, StructuresProblem):
+        further = problem.noise_structure_derivatives
+    else:
+        further = (problem.structure_derivative,) * problem.noises
+    if further is None:
+        return None
+    total = parts[0] * problem.structure_derivative(y)
+    for part, D in zip(parts[1:], further, strict=True):
+        total = total + part * D(y)
+    return total
+
+
+def noise_structures(problem: Problem) -> Sequence[Function]:
+    """G_1, …, G_m; for a single structure B itself, m times.
+
+    Raises
+    ------
+    UsageError
+        For several Hamiltonians that do not commute with H_0: they have no such structures.
+    """
+    if isinstance(problem, StructuresProblem):
+        return problem.noise_structures
+    if getattr(problem, "noise_hamiltonians", ()):
+        raise UsageError(
+            expected="a scheme for several Hamiltonians, such as stochastic-midpoint",
+            received=f"a scheme that takes the structures of noises, which {problem.name} does not have",
+            remedy="use a scheme with systems='hamiltonians': with {H_0, H_j} ≠ 0 no scheme keeps H_0",
+        )
+    return (problem.structure,) * problem.noises
+
+
+@dataclass(frozen=True)
+class CommutingStructure:
+    """S(y) = (v wᵀ − w vᵀ)/|w|² with v = B∇H_j and w the part of ∇H_0 orthogonal to the Casimirs' gradients.
+
+    NaN where w cannot be told from zero and v can; zero where both are, at a rest point of all flows.
+    """
+
+    structure: Function
+    gradient: Function
+    noise_gradient: Function
+    casimirs: tuple[Any, ...] = ()
+    linear_casimirs: tuple[Any, ...] = ()
+
+    def __call__(self, y: Array) -> Array:
+        v, slope = self.field(y), self.gradient(y)
+        w = self._tangent(y, slope)
+        # In units of the largest component: the square of w itself may underflow.
+        size = np.abs(w).max(axis=0)
+        unit = w / np.where(size > 0, size, 1.0)
+        square = dot(unit, unit)
+        factor = 1.0 / np.where(size > 0, size * square, 1.0)
+        S = factor * (v[:, None] * unit[None] - unit[:, None] * v[None])
+        lost = size <= ROUNDING_OF_W * np.abs(slope).max(axis=0)
+        if np.any(lost):
+            moves = np.abs(v).max(axis=0) > ROUNDING_OF_V * self._terms(y).max(axis=0)
+            S = np.where(lost, np.where(moves, np.nan, 0.0), S)
+        return np.asarray(S)
+
+    def field(self, y: Array) -> Array:
+        """v = B∇H_j, (d, ...)."""
+        return matvec(self.structure(y), self.noise_gradient(y))
+
+    def missed(self, y: Array, mean: Array) -> tuple[Array, Array, Array]:
+        """|S(y) mean − v(y)|, |v(y)| and the rounding of v, each (M,), as largest components."""
+        v = self.field(y)
+        apart = np.abs(matvec(self(y), mean) - v).max(axis=0)
+        return apart, np.abs(v).max(axis=0), ROUNDING_OF_V * self._terms(y).max(axis=0)
+
+    def _terms(self, y: Array) -> Array:
+        """The sums of the absolute values of the terms of v, (d, ...)."""
+        return matvec(_majorant(self.structure, y), _majorant(self.noise_gradient, y))
+
+    def tangent(self, y: Array) -> Array:
+        """w, by Gram-Schmidt against ∇C of each Casimir."""
+        return self._tangent(y, self.gradient(y))
+
+    def _tangent(self, y: Array, w: Array) -> Array:
+        basis: list[Array] = []
+        for slope in casimir_gradients(self.casimirs, self.linear_casimirs, 2 * y):
+            for _ in range(2):  # twice is enough
+                for unit in basis:
+                    slope = slope - dot(unit, slope) * unit  # noqa: PLW2901
+            length = np.sqrt(dot(slope, slope))
+            basis.append(slope / np.where(length > 0, length, 1.0))
+        for _ in range(2):
+            for unit in basis:
+                w = w - dot(unit, w) * unit
+        return w
+
+    def majorant(self, y: Array) -> Array:
+        """What rounding errors of S are relative to, (d, d): 2 M_v M_w/|w|², sums of absolute values of terms."""
+        B, g, G = (_majorant(f, y) for f in (self.structure, self.gradient, self.noise_gradient))
+        w = self.tangent(y)
+        square, v = dot(w, w), matvec(B, G)
+        factor = np.where(square > 0, 2.0, 0.0) / np.where(square > 0, square, 1.0)
+        return np.asarray(factor * (v[:, None] * g[None] + g[:, None] * v[None]))
+
+
+def _majorant(function: Any, y: Array) -> Array:
+    return np.asarray(function.majorant(y) if hasattr(function, "majorant") else np.abs(function(y)))
+
+
+def commuting_hamiltonians(
+    drift: Problem,
+    gradients: Sequence[Function],
+    *,
+    noise: Sequence[float] | None = None,
+    closed_form: ClosedForm | None = None,
+    name: str = "",
+    data: Any = None,
+    check: bool = True,
+) -> StructuresProblem:
+    """dy = B∇H_0 dt + Σ_j c_j B∇H_j ∘dW_j from the problem of the drift (its own noise is not used).
+
+    Parameters
+    ----------
+    gradients : callables, (d, ...) -> (d, ...)
+        ∇H_1, …, ∇H_m with {H_0, H_j} = 0.
+    closed_form : callable (y0, T, W), optional
+        As for `StructuresProblem`.
+    check : bool
+        Whether to look at the brackets; those of polynomials are known from their coefficients.
+
+    Raises
+    ------
+    ProblemError
+        Where a bracket {H_0, H_j} = ∇H_0ᵀB∇H_j is not zero at the initial state or near it, with its value and the
+        state.
+    """
+    for j, gradient in enumerate(gradients if check else (), 1):
+        _check_bracket(drift, gradient, j)
+    structures = tuple(
+        CommutingStructure(drift.structure, drift.gradient, g, drift.casimirs, drift.linear_casimirs)
+        for g in gradients
+    )
+    keys = (
+        "dimension", "structure", "hamiltonian", "gradient", "casimirs", "linear_casimirs", "hessian",
+        "structure_derivative", "mean_gradient", "degree", "domain", "initial",
+    )  # fmt: skip
+    return StructuresProblem(
+        **{key: getattr(drift, key) for key in keys},
+        noise=np.ones(len(gradients)) if noise is None else np.asarray(noise),
+        noise_structures=structures,
+        closed_form=closed_form,
+        name=name or f"{drift.name} with {len(gradients)} noise Hamiltonians",
+        data=data,
+        check=False,
+    )
+
+
+def _check_bracket(drift: Problem, gradient: Function, j: int) -> None:
+    for y in sample_states(drift):
+        w, v = drift.gradient(y), matvec(drift.structure(y), gradient(y))
+        bracket, size = float(w @ v), float(np.linalg.norm(w) * np.linalg.norm(v))
+        if not abs(bracket) <= BRACKET_TOLERANCE * max(size, np.finfo(np.float64).tiny):
+            raise ProblemError(
+                expected=f"{{H_0, H_{j}}} = ∇H_0ᵀ B ∇H_{j} = 0 everywhere: else H_0 is not kept",
+                received=f"{{H_0, H_{j}}} = {bracket!r} at y = {y.tolist()}",
+                remedy=f"take an H_{j} whose flow keeps H_0, such as a function of its first integrals",
+            )

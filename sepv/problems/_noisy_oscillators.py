@@ -1,0 +1,36 @@
+"""Additive noise: a separable Hamiltonian of Hénon and Heiles whose momenta are pushed.
+
+H_0 = ½|p|² + ½|q|² + κ(q_1²q_2 − q_2³/3) with y = (p, q), and H_j = −q_j, so that c_j B∇H_j ∘dW_j is c_j dW_j in p_j.
+E[H_0] then grows at the constant rate ½Σc_j² (trace formula: D. Cohen and G. Vilmart, Int. J. Comput. Math. 99, 2022,
+for Poisson systems). M. Hénon and C. Heiles, Astron. J. 69 (1964).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sepv.problem import HamiltoniansProblem, PolynomialSystem, Problem
+from sepv.problems._parts import flows
+from sepv.problems._polynomial_system import polynomial_problem
+from sepv.record import PolynomialMap
+from sepv.record import _polynomial as poly
+
+
+def noisy_henon_heiles(coupling: float = 0.5, noise: Sequence[float] = (0.5, 0.25)) -> Problem:
+    """The system from p = (0.2, −0.1), q = (0.3, 0.2)."""
+    squares = [(tuple(2 * int(i == k) for i in range(4)), 0.5) for k in range(4)]
+    potential = [*squares[2:], ((0, 0, 2, 1), coupling), ((0, 0, 0, 3), -coupling / 3)]
+    parts = [poly.polynomial(4, terms) for terms in (squares[:2], potential)]
+    others = [poly.scale(-1.0, poly.variable(4, 2 + j)) for j in range(len(tuple(noise)))]
+    B = tuple((k, 2 + k, poly.constant(4, -1.0)) for k in range(2))
+    data = PolynomialSystem(4, poly.add(*parts), B, tuple(noise), noise_hamiltonians=tuple(others))
+    problem = polynomial_problem(data)
+    assert isinstance(problem, HamiltoniansProblem)
+    known = flows(4, problem.structure, [PolynomialMap((), (p,)) for p in (*parts, *others)])
+    return replace(
+        problem, initial=np.array((0.2, -0.1, 0.3, 0.2)), name="noisy-henon-heiles", flows=known[:2],
+        noise_flows=known[2:], check=False,
+    )  # fmt: skip

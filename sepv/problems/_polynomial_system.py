@@ -1,0 +1,240 @@
+"""Polynomial problems from their data, with analytic derivatives."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from sepv.errors import ProblemError
+from sepv.problem import (
+    HamiltoniansProblem,
+    Nambu,
+    PolynomialSystem,
+    Problem,
+    StructuresProblem,
+    commuting_hamiltonians,
+)
+from sepv.problems._nambu_system import check_nambu
+from sepv.record import Polynomial, PolynomialMap
+from sepv.record import _polynomial as poly
+
+# d³ polynomials are the derivatives of B.
+MAX_DIMENSION = 64
+
+
+@lru_cache(maxsize=512)
+def polynomial_problem(data: PolynomialSystem) -> Problem:
+    """The problem of a `PolynomialSystem`, with analytic derivatives and exact quadrature degree.
+
+    Raises
+    ------
+    ProblemError
+        Where a matrix or vector is not a Casimir of B: the coefficients of ∇CᵀB are computed.
+    """
+    d = data.dimension
+    if d > MAX_DIMENSION:
+        raise ProblemError(
+            expected=f"at most {MAX_DIMENSION} dimensions: B, its derivatives and H″ are tables of polynomials",
+            received=f"{d}",
+            remedy="large systems have a sparse B: see sepv.large",
+        )
+    _check_indices(data)
+    structure, derivative = _structure_maps(d, data.structure)
+    if data.casimirs or data.linear_casimirs:
+        _check_casimirs(d, data.structure, data.casimirs, data.linear_casimirs)
+    check_nambu(data)
+    gradient = poly.gradient(data.hamiltonian)
+    H = PolynomialMap((), (data.hamiltonian,))
+    problem = Problem(
+        dimension=d,
+        structure=structure,
+        hamiltonian=H,
+        gradient=PolynomialMap((d,), gradient),
+        hessian=PolynomialMap((d, d), _hessian(gradient)),
+        structure_derivative=derivative,
+        noise=np.array(data.noise),
+        casimirs=data.casimirs,
+        linear_casimirs=data.linear_casimirs,
+        degree=max(data.hamiltonian.degree, 1),
+        name=f"polynomial system in {d} variables",
+        data=data,
+        nambu=None if data.nambu is None else _nambu(*data.nambu),
+        check=False,
+    )
+    return _with_more_noise(problem, data) if data.noise_structures or data.noise_hamiltonians else problem
+
+
+def _hessian(gradient: tuple[Polynomial, ...]) -> tuple[Polynomial, ...]:
+    """∂²H/∂y_i∂y_k row by row; the half below the diagonal is the one above it."""
+    d = len(gradient)
+    above = {(i, k): poly.differentiate(gradient[i], k) for i in range(d) for k in range(i, d)}
+    return tuple(above[min(i, k), max(i, k)] for i in range(d) for k in range(d))
+
+
+@lru_cache(maxsize=512)
+def _structure_maps(
+    d: int, structure: tuple[tuple[int, int, Polynomial], ...]
+) -> tuple[PolynomialMap, PolynomialMap]:
+    """B (d, d) and its derivatives (d, d, d): tables that systems which differ in H have in common."""
+    zero = poly.polynomial(d, {})
+    above = {(i, j): entry for i, j, entry in structure}
+    below = {(j, i): poly.scale(-1.0, entry) for i, j, entry in structure}
+    entries, none = above | below, (zero,) * d
+    slopes = {place: poly.gradient(entry) for place, entry in entries.items()}
+    places = [(i, j) for i in range(d) for j in range(d)]
+    flat = tuple(entries.get(place, zero) for place in places)
+    return PolynomialMap((d, d), flat), PolynomialMap(
+        (d, d, d), tuple(p for place in places for p in slopes.get(place, none))
+    )
+
+
+def _with_more_noise(drift: Problem, data: PolynomialSystem) -> Problem:
+    """Several structures, or several Hamiltonians, over the system of the drift.
+
+    Hamiltonians all of whose brackets {H, H_j} vanish keep H: they are posed by structures, which say so.
+    """
+    d, count = data.dimension, len(data.noise_structures or data.noise_hamiltonians)
+    if (data.noise_structures and data.noise_hamiltonians) or len(data.noise) != count:
+        raise ProblemError(
+            expected="noise_structures or noise_hamiltonians, not both, one for each coefficient in noise",
+            received=f"{len(data.noise_structures)} structures, {len(data.noise_hamiltonians)} Hamiltonians, "
+            f"{len(data.noise)} coefficients",
+            remedy="give as many coefficients c_j as there are G_j or H_j",
+        )
+    if data.noise_hamiltonians:
+        slopes = [poly.gradient(p) for p in data.noise_hamiltonians]
+        gradients = [PolynomialMap((d,), slope) for slope in slopes]
+        if not all(vanishes(bracket(data, data.hamiltonian, p)) for p in data.noise_hamiltonians):
+            return HamiltoniansProblem(
+                **_shared(drift),
+                noise_hamiltonians=tuple(PolynomialMap((), (p,)) for p in data.noise_hamiltonians),
+                noise_gradients=tuple(gradients),
+                noise_hessians=tuple(PolynomialMap((d, d), _hessian(slope)) for slope in slopes),
+                check=False,
+            )
+        return commuting_hamiltonians(
+            drift, gradients, noise=data.noise, name=drift.name, data=data, check=False
+        )
+    for G in data.noise_structures:
+        _check_indices(replace(data, structure=G))
+        if data.casimirs or data.linear_casimirs:
+            table = structure_entries(replace(data, structure=G, nambu=None))
+            for name, slope in _casimir_gradients(data):
+                _check_casimir(name, slope, table)
+    maps = [_structure_maps(d, G) for G in data.noise_structures]
+    return StructuresProblem(
+        **_shared(drift),
+        noise_structures=tuple(G for G, _ in maps),
+        noise_structure_derivatives=tuple(slope for _, slope in maps),
+        check=False,
+    )
+
+
+def _shared(drift: Problem) -> dict[str, Any]:
+    """What the drift's record gives to one of more noise."""
+    return {f.name: getattr(drift, f.name) for f in fields(Problem) if f.init}
+
+
+def bracket(data: PolynomialSystem, F: Polynomial, G: Polynomial) -> tuple[Polynomial, list[Polynomial]]:
+    """{F, G} = ∇FᵀB∇G, and the products that it is the sum of."""
+    left, right = poly.gradient(F), poly.gradient(G)
+    terms = []
+    for i, j, entry in data.structure:
+        terms.append(poly.multiply(entry, poly.multiply(left[i], right[j])))
+        terms.append(poly.scale(-1.0, poly.multiply(entry, poly.multiply(left[j], right[i]))))
+    return poly.add(poly.polynomial(data.dimension, {}), *terms), terms
+
+
+def vanishes(found: tuple[Polynomial, list[Polynomial]]) -> bool:
+    """Whether all coefficients are rounding beside those of the products."""
+    total, terms = found
+    size = max((abs(c) for p in terms for _, c in p.terms), default=0.0)
+    return all(abs(c) <= 64 * np.finfo(np.float64).eps * size for _, c in total.terms)
+
+
+def drift_of_energy(data: PolynomialSystem) -> float | None:
+    """σ with LH_0 = ½ Σ_j c_j² {{H_0, H_j}, H_j} = σ for all y, L the generator; None where it is not constant."""
+    parts = []
+    for c, H in zip(data.noise, data.noise_hamiltonians, strict=True):
+        once, _ = bracket(data, data.hamiltonian, H)
+        twice, _ = bracket(data, once, H)
+        parts.append(poly.scale(0.5 * c * c, twice))
+    total = poly.add(poly.polynomial(data.dimension, {}), *parts)
+    return None if total.degree else sum((c for _, c in total.terms), 0.0)
+
+
+def _nambu(factor: Polynomial, casimir: Polynomial) -> Nambu:
+    slope = poly.gradient(casimir)
+    return Nambu(
+        factor=PolynomialMap((), (factor,)),
+        casimir=PolynomialMap((), (casimir,)),
+        gradient=PolynomialMap((3,), slope),
+        hessian=PolynomialMap((3, 3), tuple(poly.differentiate(g, k) for g in slope for k in range(3))),
+        degree=max(casimir.degree, 1),
+    )
+
+
+def structure_entries(data: PolynomialSystem) -> list[list[Polynomial]]:
+    """B as a d × d table of polynomials, skew by construction."""
+    d = data.dimension
+    table = [[poly.polynomial(d, {}) for _ in range(d)] for _ in range(d)]
+    for i, j, entry in data.structure:
+        table[i][j] = entry
+        table[j][i] = poly.scale(-1.0, entry)
+    return table
+
+
+def _check_indices(data: PolynomialSystem) -> None:
+    seen = set()
+    for i, j, entry in data.structure:
+        if not 0 <= i < j < data.dimension or (i, j) in seen or entry.dimension != data.dimension:
+            raise ProblemError(
+                expected=f"structure entries (i, j) with 0 ≤ i < j < {data.dimension}, each once",
+                received=f"({i}, {j})",
+                remedy="give B above the diagonal only: the rest follows from B_ji = −B_ij",
+            )
+        seen.add((i, j))
+
+
+def _casimir_gradients(data: PolynomialSystem) -> list[tuple[str, list[Polynomial]]]:
+    """∇C up to a factor, as polynomials: Ay for yᵀAy, b for bᵀy."""
+    d = data.dimension
+    found = []
+    for n, A in enumerate(data.casimirs):
+        rows = [poly.add(*(poly.scale(a, poly.variable(d, k)) for k, a in enumerate(row))) for row in A]
+        found.append((f"casimirs[{n}]", rows))
+    for n, b in enumerate(data.linear_casimirs):
+        found.append((f"linear_casimirs[{n}]", [poly.constant(d, value) for value in b]))
+    return found
+
+
+@lru_cache(maxsize=256)
+def _check_casimirs(
+    d: int,
+    structure: tuple[tuple[int, int, Polynomial], ...],
+    casimirs: tuple[tuple[tuple[float, ...], ...], ...],
+    linear_casimirs: tuple[tuple[float, ...], ...],
+) -> None:
+    """What depends on B and the Casimirs alone: systems that differ in H have it in common."""
+    data = PolynomialSystem(d, poly.polynomial(d, {}), structure, (), casimirs, linear_casimirs)
+    entries = structure_entries(data)
+    for name, slope in _casimir_gradients(data):
+        _check_casimir(name, slope, entries)
+
+
+def _check_casimir(name: str, slope: list[Polynomial], entries: list[list[Polynomial]]) -> None:
+    """All coefficients of (∇CᵀB)_j vanish, to the rounding of their own sums."""
+    for j in range(len(entries)):
+        products = [poly.multiply(slope[i], entries[i][j]) for i in range(len(entries))]
+        total = poly.add(*products)
+        size = max((abs(c) for p in products for _, c in p.terms), default=0.0)
+        worst = max((abs(c) for _, c in total.terms), default=0.0)
+        if worst > 64 * np.finfo(np.float64).eps * size:
+            raise ProblemError(
+                expected=f"{name} to be a Casimir: ∇CᵀB = 0 for all y",
+                received=f"(∇CᵀB)[{j + 1}] ∝ {total}",
+                remedy="correct the matrix (C(y) = yᵀAy) or B, or leave it out: no law then asks for it",
+            )

@@ -1,0 +1,64 @@
+"""The stochastic rigid body, a Lie-Poisson system on so(3)*, §4.2."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sepv.errors import ProblemError
+from sepv.problem import Array, Nambu, NamedProblem, Problem
+from sepv.problems._parts import flows, total
+
+_HAT = ((0, 1, 2, -1.0), (0, 2, 1, 1.0), (1, 2, 0, -1.0))  # B[i, j] = sign · y[k]
+
+
+def rigid_body(inertia: ArrayLike = (0.345, 0.653, 1.0), noise: ArrayLike = 1.0) -> Problem:
+    """B(y) = hat(y), H = ½ Σ y_i²/I_i, Casimir |y|², from y = (0.8, 0.6, 0).
+
+    The defaults are those of §4.2: I = (0.345, 0.653, 1), c = 1.
+    """
+    c = np.atleast_1d(np.asarray(noise, dtype=np.float64))
+    moments = np.array(inertia, dtype=np.float64)
+    if moments.shape != (3,) or not np.all(np.isfinite(moments)) or np.any(moments <= 0):
+        raise ProblemError(
+            expected="three positive moments of inertia",
+            received=f"{inertia!r}",
+            remedy="give inertia=(I1, I2, I3)",
+        )
+
+    parts = tuple(partial(_about_axis, k, float(moments[k])) for k in range(3))
+    return Problem(
+        dimension=3,
+        structure=_structure,
+        hamiltonian=total(parts),
+        noise=c,
+        casimirs=(np.eye(3),),
+        initial=(0.8, 0.6, 0.0),
+        flows=flows(3, _structure, parts),
+        name="rigid-body",
+        data=NamedProblem("rigid-body", (("inertia", tuple(moments.tolist())), ("noise", tuple(c.tolist())))),
+        nambu=_NAMBU,
+        check=False,
+    )
+
+
+def _about_axis(k: int, moment: float, y: Array) -> Array:
+    """H_k = y_k²/(2I_k), whose flow is a rotation about axis k by the angle t y_k/I_k."""
+    return 0.5 * y[k] * y[k] / moment
+
+
+# hat(y)v = y × v = −(v × ∇C) with C = ½|y|².
+_NAMBU = Nambu(
+    factor=lambda y: np.full_like(y[0], -1.0),
+    casimir=lambda y: 0.5 * (y[0] * y[0] + y[1] * y[1] + y[2] * y[2]),
+)
+
+
+def _structure(y: Array) -> Array:
+    B = np.zeros((3, 3, *y.shape[1:]), dtype=y.dtype)
+    for i, j, k, sign in _HAT:
+        B[i, j] = sign * y[k]
+        B[j, i] = -sign * y[k]
+    return B

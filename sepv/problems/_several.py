@@ -1,0 +1,155 @@
+"""Examples with several structures and several Hamiltonians, with closed forms where the flows commute."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sepv.problem import Array, PolynomialSystem, StructuresProblem
+from sepv.problem._fields import matvec
+from sepv.problem._structures import ClosedForm
+from sepv.problems._polynomial_system import polynomial_problem
+from sepv.record import Polynomial, PolynomialMap
+from sepv.record import _polynomial as poly
+
+
+def action(dimension: int, k: int) -> Polynomial:
+    """I_k = ½(y_{2k−1}² + y_{2k}²), k = 0, 1, …"""
+    half = {tuple(2 * int(n == i) for n in range(dimension)): 0.5 for i in (2 * k, 2 * k + 1)}
+    return poly.polynomial(dimension, half)
+
+
+def in_actions(p: Polynomial) -> Polynomial:
+    """A polynomial in n actions as one in 2n variables."""
+    d = 2 * p.dimension
+    terms = []
+    for exponents, coefficient in p.terms:
+        term = poly.constant(d, coefficient)
+        for k, exponent in enumerate(exponents):
+            for _ in range(exponent):
+                term = poly.multiply(term, action(d, k))
+        terms.append(term)
+    return poly.add(poly.polynomial(d, {}), *terms)
+
+
+def _terms(dimension: int, terms: Mapping[tuple[int, ...], float]) -> Polynomial:
+    return poly.polynomial(dimension, terms)
+
+
+def rotating_planes(
+    hamiltonian: Polynomial,
+    frequencies: Sequence[Sequence[Polynomial]],
+    noise: tuple[float, ...] | None = None,
+) -> PolynomialSystem:
+    """n planes with H = H(I_1, …, I_n), B = J in each and G_j = α_jk(I) J in plane k: a commuting family.
+
+    Every I_k is kept, and plane k turns by the angle ∂H/∂I_k (T + Σ_j c_j α_jk W_j(T)).
+
+    Parameters
+    ----------
+    hamiltonian : polynomial in n variables, the actions
+    frequencies : α_jk, m rows of n polynomials in the actions
+    """
+    n, d = hamiltonian.dimension, 2 * hamiltonian.dimension
+    B = tuple((2 * k, 2 * k + 1, poly.constant(d, -1.0)) for k in range(n))
+    structures = tuple(
+        tuple((2 * k, 2 * k + 1, poly.scale(-1.0, in_actions(a))) for k, a in enumerate(row) if a.terms)
+        for row in frequencies
+    )
+    c = noise or (1.0,) * len(structures)
+    return PolynomialSystem(d, in_actions(hamiltonian), B, c, noise_structures=structures)
+
+
+def commuting_actions(
+    hamiltonian: Polynomial, others: Sequence[Polynomial], noise: tuple[float, ...] | None = None
+) -> PolynomialSystem:
+    """Several Hamiltonians H_j(I_1, …, I_n) in n planes: plane k turns by ∂H/∂I_k T + Σ_j c_j ∂H_j/∂I_k W_j."""
+    n, d = hamiltonian.dimension, 2 * hamiltonian.dimension
+    B = tuple((2 * k, 2 * k + 1, poly.constant(d, -1.0)) for k in range(n))
+    return PolynomialSystem(
+        d,
+        in_actions(hamiltonian),
+        B,
+        noise or (1.0,) * len(others),
+        noise_hamiltonians=tuple(in_actions(H) for H in others),
+    )
+
+
+def closed_form(
+    hamiltonian: Polynomial, noise: Sequence[float], rates: Sequence[Sequence[Polynomial]]
+) -> ClosedForm:
+    """Rotations of n planes by ∂H/∂I_k T + Σ_j c_j rate_jk W_j(T), with all rates taken at the actions of y0."""
+    n = hamiltonian.dimension
+    drift = PolynomialMap((n,), poly.gradient(hamiltonian))
+    turns = PolynomialMap((len(rates), n), tuple(p for row in rates for p in row)) if rates else None
+
+    def exact(y0: Array, T: float, W: Array) -> Array:
+        I = 0.5 * (y0[0::2] ** 2 + y0[1::2] ** 2)
+        angle = drift(I)[:, None] * T + np.zeros((n, W.shape[1]))
+        if turns is not None:
+            angle = angle + matvec((turns(I) * np.asarray(noise)[:, None]).T[..., None], W)
+        p, q = y0[0::2, None], y0[1::2, None]
+        found = np.empty((2 * n, W.shape[1]))
+        found[0::2], found[1::2] = (
+            p * np.cos(angle) - q * np.sin(angle),
+            p * np.sin(angle) + q * np.cos(angle),
+        )
+        return found
+
+    return exact
+
+
+def _with(
+    system: PolynomialSystem, exact: ClosedForm | None, y0: Sequence[float], name: str
+) -> StructuresProblem:
+    problem = polynomial_problem(system)
+    assert isinstance(problem, StructuresProblem)
+    return replace(problem, closed_form=exact, initial=np.array(y0), name=name, check=False)
+
+
+def commuting_rotations() -> StructuresProblem:
+    """Two planes, quartic H = I1 + 2 I2 + I1 I2, two noises of different structures that commute."""
+    H = _terms(2, {(1, 0): 1.0, (0, 1): 2.0, (1, 1): 1.0})
+    one, I1 = poly.constant(2, 1.0), poly.variable(2, 0)
+    alpha = ((one, poly.scale(-0.5, one)), (poly.scale(0.5, I1), one))
+    slopes = poly.gradient(H)
+    rates = [[poly.multiply(a, s) for a, s in zip(row, slopes, strict=True)] for row in alpha]
+    c = (1.0, 0.5)
+    return _with(
+        rotating_planes(H, alpha, c), closed_form(H, c, rates), (0.8, 0.3, 0.2, 0.5), "commuting-rotations"
+    )
+
+
+def commuting_oscillators() -> StructuresProblem:
+    """Several Hamiltonians in two planes: H_0 = I1 + 2 I2 + I1 I2, H_1 = I1 − I2²/2, H_2 = I2."""
+    H = _terms(2, {(1, 0): 1.0, (0, 1): 2.0, (1, 1): 1.0})
+    others = [_terms(2, {(1, 0): 1.0, (0, 2): -0.5}), poly.variable(2, 1)]
+    c = (1.0, 0.5)
+    exact = closed_form(H, c, [list(poly.gradient(p)) for p in others])
+    return _with(commuting_actions(H, others, c), exact, (0.8, 0.3, 0.2, 0.5), "commuting-oscillators")
+
+
+def noncommuting_tops() -> StructuresProblem:
+    """B = hat(e3), G_1 = hat(e1), G_2 = hat(e2), H = ½(y1² + 2 y2² + 3 y3²): two noises that do not commute."""
+    H = _terms(3, {(2, 0, 0): 0.5, (0, 2, 0): 1.0, (0, 0, 2): 1.5})
+
+    def hat(k: int) -> tuple[tuple[int, int, Polynomial], ...]:
+        i, j, sign = {0: (1, 2, -1.0), 1: (0, 2, 1.0), 2: (0, 1, -1.0)}[k]
+        return ((i, j, poly.constant(3, sign)),)
+
+    system = PolynomialSystem(3, H, hat(2), (0.5, 0.5), noise_structures=(hat(0), hat(1)))
+    return _with(system, None, (0.6, 0.5, 0.4), "noncommuting-tops")
+
+
+def noncommuting_drift() -> StructuresProblem:
+    """The two noises of `commuting_rotations`, which commute, and a drift that turns one plane into the other.
+
+    B has the entry −7/10 between the planes, so that B∇H keeps neither I1 nor I2 and commutes with neither noise.
+    """
+    base = commuting_rotations().data
+    assert isinstance(base, PolynomialSystem)
+    B = (*base.structure, (0, 2, poly.constant(4, -0.7)))
+    system = replace(base, structure=B, casimirs=(), linear_casimirs=())
+    return _with(system, None, (0.8, 0.3, 0.2, 0.5), "noncommuting-drift")

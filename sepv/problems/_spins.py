@@ -1,0 +1,95 @@
+"""Systems on n copies of so(3)*: the rigid body with random inertia, and two spins with noise at their sites.
+
+B is that of the rigid body in each block of three, B(y)v = y × v, so that every |y_k|² of a block is a Casimir.
+
+- Random inertia: H_0 = ½ Σ y_i²/I_i and H_j = ½ y_j²/Î_j for the first m axes, whose fields do not commute. C.-E.
+Bréhier,
+  D. Cohen and T. Jahnke, Splitting integrators for stochastic Lie-Poisson systems (Math. Comp. 92, 2023).
+- Two spins: Heisenberg's H_0 = −J s_1·s_2 + ½ D (s_1z² + s_2z²), and a random field at each site, H_j = b_j·s_j. The
+fields
+  of the two noises commute, as they turn different spins; with the drift they do not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sepv.problem import HamiltoniansProblem, PolynomialSystem, Problem
+from sepv.problem._problem import Flow
+from sepv.problems._polynomial_system import polynomial_problem
+from sepv.problems._rigid_body import rigid_body
+from sepv.record import Polynomial
+from sepv.record import _polynomial as poly
+
+
+def spin_system(
+    spins: int, hamiltonian: Polynomial, noise: Sequence[float], others: Sequence[Polynomial]
+) -> PolynomialSystem:
+    """n spins with H_0 and H_1, …, H_m, polynomials in the 3n components."""
+    d = 3 * spins
+    B = tuple(
+        (3 * n + i, 3 * n + j, poly.scale(sign, poly.variable(d, 3 * n + k)))
+        for n in range(spins)
+        for i, j, k, sign in ((0, 1, 2, -1.0), (0, 2, 1, 1.0), (1, 2, 0, -1.0))
+    )
+    blocks = np.eye(spins).repeat(3, axis=1)
+    casimirs = tuple(tuple(map(tuple, np.diag(block).tolist())) for block in blocks)
+    return PolynomialSystem(d, hamiltonian, B, tuple(noise), casimirs, noise_hamiltonians=tuple(others))
+
+
+def random_inertia(
+    inertia: Sequence[float] = (0.345, 0.653, 1.0),
+    noise_inertia: Sequence[float] = (1.0, 0.5),
+    noise: Sequence[float] = (0.5, 0.5),
+) -> Problem:
+    """The rigid body from (0.8, 0.6, 0), with noises about the first axes; flows of all parts are rotations."""
+
+    def energy(weights: Sequence[float]) -> Polynomial:
+        return poly.polynomial(3, {_square(3, k): 0.5 * w for k, w in enumerate(weights)})
+
+    weights = np.diag([1 / I for I in noise_inertia] + [0.0] * (3 - len(noise_inertia)))
+    others = [energy(row) for row in weights[: len(noise_inertia)]]
+    problem = polynomial_problem(spin_system(1, energy([1 / I for I in inertia]), noise, others))
+    padded = (*noise_inertia, *(1.0,) * (3 - len(noise_inertia)))
+    return _with_flows(
+        problem, "random-inertia", (0.8, 0.6, 0.0), rigid_body(inertia).flows,
+        rigid_body(padded).flows[: len(noise_inertia)],
+    )  # fmt: skip
+
+
+def two_spins(
+    coupling: float = 1.0,
+    anisotropy: float = 0.5,
+    fields: Sequence[Sequence[float]] = ((1.0, 0.0, 0.0), (0.0, 0.6, 0.8)),
+    noise: Sequence[float] = (0.5, 0.25),
+) -> Problem:
+    """Two spins from (0.8, 0.6, 0) and (0, 0.6, −0.8)."""
+    terms = [(tuple(int(n in (k, 3 + k)) for n in range(6)), -coupling) for k in range(3)]
+    terms += [(_square(6, k), 0.5 * anisotropy) for k in (2, 5)]
+    others = [
+        poly.polynomial(6, [(tuple(int(i == 3 * n + k) for i in range(6)), b) for k, b in enumerate(field)])
+        for n, field in enumerate(fields)
+    ]
+    problem = polynomial_problem(spin_system(2, poly.polynomial(6, terms), noise, others))
+    return replace(problem, initial=(0.8, 0.6, 0.0, 0.0, 0.6, -0.8), name="two-spins", check=False)
+
+
+def _square(d: int, k: int) -> tuple[int, ...]:
+    return tuple(2 * int(i == k) for i in range(d))
+
+
+def _with_flows(
+    problem: Problem, name: str, y0: Sequence[float], flows: Sequence[Flow], noise_flows: Sequence[Flow]
+) -> Problem:
+    assert isinstance(problem, HamiltoniansProblem)
+    return replace(
+        problem,
+        initial=np.array(y0),
+        name=name,
+        flows=tuple(flows),
+        noise_flows=tuple(noise_flows),
+        check=False,
+    )

@@ -1,0 +1,35 @@
+"""The open Toda chain, H = ½Σp_i² + Σ exp(q_i − q_{i+1}), with B = J⁻¹ as in (1.2)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sepv.errors import ProblemError
+from sepv.problem import Array, NamedProblem, Problem
+from sepv.problem._fields import dot
+from sepv.problems._canonical import structure
+
+
+def toda(particles: float = 3, noise: ArrayLike = 1.0) -> Problem:
+    """y = (p_1 … p_n, q_1 … q_n), from p = 0 and q = 0."""
+    n = int(particles)
+    if n != particles or n < 2:
+        raise ProblemError(
+            expected="an integer number of particles ≥ 2", received=repr(particles), remedy="give particles=3"
+        )
+    c = np.atleast_1d(np.asarray(noise, dtype=np.float64))
+
+    def hamiltonian(y: Array) -> Array:
+        return 0.5 * dot(y[:n], y[:n]) + sum(np.exp(y[n:-1] - y[n + 1 :]))
+
+    return Problem(
+        dimension=2 * n,
+        structure=structure,
+        hamiltonian=hamiltonian,
+        noise=c,
+        initial=np.zeros(2 * n),
+        name="toda",
+        data=NamedProblem("toda", (("particles", (float(n),)), ("noise", tuple(c.tolist())))),
+        check=False,
+    )

@@ -1,0 +1,138 @@
+"""Records as functions of NumPy arrays: a generated function of one elementwise operation a line."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sepv.record._derivative import reachable
+from sepv.record._functions import FUNCTIONS
+
+Array = NDArray[np.float64]
+
+_TEXTS = {
+    "add": "{} + {}",
+    "subtract": "{} - {}",
+    "multiply": "{} * {}",
+    "whole": "{} * {}",
+    "divide": "{} / {}",
+    "negative": "-{}",
+    "greater": "{} > {}",
+    "greater_equal": "{} >= {}",
+    "equal": "{} == {}",
+    "and": "({}) & ({})",
+    "or": "({}) | ({})",
+    "not": "logical_not({})",
+    "select": "where({}, {}, {})",
+}
+
+
+def number_or_array(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function, which gives a number of Python's for one: sums and products of those are the quickest."""
+    return lambda x, *more: float(function(x, *more)) if isinstance(x, float) else function(x, *more)
+
+
+_NAMES: dict[str, Any] = {
+    **{name: number_or_array(function.value) for name, function in FUNCTIONS.items()},
+    "power": number_or_array(np.power),
+    "where": lambda condition, a, b: (
+        (a if condition else b) if isinstance(condition, (bool, np.bool_)) else np.where(condition, a, b)
+    ),
+    "logical_not": np.logical_not,
+    "inf": np.inf,
+}
+
+
+# Constants that are written into the text; others are parameters: functions that differ in them alone share one text.
+_WRITTEN = {0.0, 0.5, 1.0, 2.0, 3.0, -0.5, -1.0, -2.0, -3.0, math.inf, -math.inf}
+
+
+class Source(NamedTuple):
+    """A function's text and the parameters that it takes last."""
+
+    text: str
+    parameters: tuple[float, ...]
+
+    @property
+    def function(self) -> Callable[..., tuple[Any, ...]]:
+        """The function itself, of a sequence for each vector of inputs and one of parameters."""
+        return _compiled(self.text)
+
+
+def source(inputs: Sequence[Any], outputs: Any) -> Source:
+    """A function with an argument for each vector of inputs, which returns the components of the outputs in a tuple."""
+    tape = inputs[0][0].tape
+    wanted = [tape.symbol(v) for v in np.asarray(outputs, dtype=object).ravel()]
+    places = {x.index: f"x{n}[{i}]" for n, vector in enumerate(inputs) for i, x in enumerate(vector)}
+    lines = [f"def evaluate({', '.join(f'x{n}' for n in range(len(inputs)))}, p):"]
+    shown: dict[int, str] = {}
+    parameters: dict[float, int] = {}
+    order = reachable(wanted)
+    last = {i: symbol.index for symbol in order for i in symbol.line.arguments}
+    last.update((symbol.index, -1) for symbol in wanted)
+    free: list[str] = []
+    for symbol in order:
+        index, line = symbol.index, symbol.line
+        if line.name == "constant":
+            number = parameters.setdefault(line.value, len(parameters)) if line.value not in _WRITTEN else 0
+            shown[index] = f"({line.value!r})" if line.value in _WRITTEN else f"p[{number}]"
+            continue
+        text = (
+            places[index]
+            if line.name == "input"
+            else _text(line.name, line.value, [shown[i] for i in line.arguments])
+        )
+        # A name that is used no more is given anew: what is kept alive without need leaves the cache.
+        free += sorted({shown[i] for i in line.arguments if last[i] == index and shown[i][0] == "t"})
+        shown[index] = free.pop() if free else f"t{index}"
+        lines.append(f"    {shown[index]} = {text}")
+    lines.append(f"    return ({''.join(shown[s.index] + ', ' for s in wanted)})")
+    return Source("\n".join(lines), tuple(parameters))
+
+
+def _text(name: str, value: float, arguments: list[str]) -> str:
+    if name == "power":
+        return f"power({arguments[0]}, {value!r})"
+    if name in _TEXTS:
+        return _TEXTS[name].format(*arguments)
+    return f"{name}({arguments[0]})"
+
+
+@lru_cache(maxsize=256)
+def _compiled(text: str) -> Callable[..., tuple[Any, ...]]:
+    namespace = dict(_NAMES)
+    exec(compile(text, "<record>", "exec"), namespace)
+    function: Callable[..., tuple[Any, ...]] = namespace["evaluate"]
+    return function
+
+
+@dataclass(frozen=True)
+class Evaluator:
+    """Outputs of a shape as a function of arrays (d, ...): their text, so that it travels to other processes."""
+
+    source: Source
+    shape: tuple[int, ...]
+
+    def __call__(self, *arguments: Array) -> Array:
+        """The outputs, of shape (*shape, ...)."""
+        given = [np.asarray(a) for a in arguments]
+        try:
+            values = self.source.function(*given, self.source.parameters)
+        except ZeroDivisionError:  # of a number of Python's, which functions of a single state are made of
+            return np.asarray(self(*(a[..., None] for a in given))[..., 0])
+        batch = given[0].shape[1:]
+        found = np.empty((len(values), *batch), dtype=np.result_type(*given, np.float64))
+        for i, value in enumerate(values):
+            found[i] = value
+        return found.reshape(self.shape + batch)
+
+
+def evaluator(inputs: Sequence[Any], outputs: Any) -> Evaluator:
+    """The outputs, an array of symbols, as a function of arrays, one for each vector of inputs."""
+    return Evaluator(source(inputs, outputs), np.shape(outputs))

@@ -1,0 +1,111 @@
+"""Exact derivatives of records, written on the tape of what they differentiate and sharing everything with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+
+from sepv.record._functions import FUNCTIONS
+from sepv.record._symbols import CannotRecord, Symbol, array, select
+
+# What does not change with its arguments, or where it does not change where it changes smoothly.
+_CONSTANT = {"input", "constant", "greater", "greater_equal", "equal", "and", "or", "not"}
+
+
+def reachable(outputs: Iterable[Symbol]) -> list[Symbol]:
+    """The symbols that the outputs are made of, they themselves included, in the order of evaluation."""
+    tape, seen = None, set()
+    waiting = []
+    for symbol in outputs:
+        tape = symbol.tape
+        waiting.append(symbol.index)
+    while waiting:
+        index = waiting.pop()
+        if index not in seen:
+            seen.add(index)
+            assert tape is not None
+            waiting.extend(tape.lines[index].arguments)
+    return [Symbol(tape, index) for index in sorted(seen)] if tape is not None else []
+
+
+def _partials(symbol: Symbol) -> tuple[Any, ...]:
+    """The derivatives of a line by its arguments."""
+    name, arguments = symbol.line.name, symbol.arguments
+    if name in FUNCTIONS:
+        slope = FUNCTIONS[name].slope
+        if slope is None:
+            raise CannotRecord(f"{name} is differentiated no further")
+        return (slope(arguments[0], symbol),)
+    return _RULES[name](symbol, *arguments)
+
+
+_RULES: dict[str, Callable[..., tuple[Any, ...]]] = {
+    "add": lambda *_: (1.0, 1.0),
+    "subtract": lambda *_: (1.0, -1.0),
+    "negative": lambda *_: (-1.0,),
+    "multiply": lambda _, a, b: (b, a),
+    # The lower power, its first argument, is differentiated with it.
+    "whole": lambda s, lower, _: (0.0, s.line.value * lower),
+    "divide": lambda s, _, b: (1 / b, -(s / b)),
+    "power": lambda s, a: (s.line.value * a ** (s.line.value - 1),),
+    "select": lambda _, condition, *__: (0.0, select(condition, 1.0, 0.0), select(condition, 0.0, 1.0)),
+}
+
+
+def jacobian(outputs: Any, inputs: Any) -> Any:
+    """∂outputs/∂inputs, (n, d), of arrays (n,) and (d,) of symbols: forward, all columns in one pass."""
+    outputs, inputs = np.asarray(outputs, dtype=object), np.asarray(inputs, dtype=object)
+    tape = inputs[0].tape
+    rows = [tape.symbol(v) for v in outputs]
+    column = {x.index: k for k, x in enumerate(inputs)}
+    slopes: dict[int, dict[int, Symbol]] = {}
+    for symbol in reachable(rows):
+        index = symbol.index
+        if index in column:
+            slopes[index] = {column[index]: tape.constant(1.0)}
+            continue
+        fixed, declared = tape.declared.get(index, (set(), {}))
+        if declared and not slopes.keys() & fixed:
+            slopes[index] = _chain(declared.items(), slopes)
+        elif symbol.line.name not in _CONSTANT and any(i in slopes for i in symbol.line.arguments):
+            slopes[index] = _chain(zip(symbol.line.arguments, _partials(symbol), strict=True), slopes)
+    zero = tape.constant(0.0)
+    found = [[slopes.get(row.index, {}).get(k, zero) for k in range(len(inputs))] for row in rows]
+    return array((v for row in found for v in row), (len(rows), len(inputs)))
+
+
+def _chain(partials: Iterable[tuple[int, Any]], slopes: dict[int, dict[int, Symbol]]) -> dict[int, Symbol]:
+    total: dict[int, Symbol] = {}
+    for i, partial in partials:
+        for k, slope in slopes.get(i, {}).items():
+            term = partial * slope
+            total[k] = total[k] + term if k in total else term
+    return total
+
+
+def gradient(output: Any, inputs: Any) -> Any:
+    """∇output, (d,): backwards, at a few times the operations of the output whatever d is."""
+    inputs = np.asarray(inputs, dtype=object)
+    tape = inputs[0].tape
+    last = tape.symbol(output)
+    zero = tape.constant(0.0)
+    adjoints: dict[int, Any] = {last.index: tape.constant(1.0)}
+    wanted = {x.index for x in inputs}
+    for symbol in reversed(reachable([last])):
+        if symbol.index in wanted or symbol.line.name in _CONSTANT or symbol.index not in adjoints:
+            continue
+        adjoint = adjoints[symbol.index]
+        for i, partial in zip(symbol.line.arguments, _partials(symbol), strict=True):
+            term = partial * adjoint
+            if tape.symbol(term).number != 0:
+                adjoints[i] = adjoints[i] + term if i in adjoints else term
+    return array(tape.symbol(adjoints.get(x.index, zero)) for x in inputs)
+
+
+def hessian(slope: Any, inputs: Any) -> Any:
+    """The derivative (d, d) of a gradient, symmetric to the line."""
+    found = jacobian(slope, inputs)
+    d = len(found)
+    return array((found[min(i, k), max(i, k)] for i in range(d) for k in range(d)), (d, d))

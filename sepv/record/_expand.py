@@ -1,0 +1,73 @@
+"""A record multiplied out: sums of monomials, where it has no other operations than those of monomials."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from sepv.record._replay import replay
+from sepv.record._symbols import Symbol
+
+Monomials = dict[tuple[int, ...], float]
+
+
+class NotMonomials(Exception):
+    """An operation that leads out of sums of monomials."""
+
+
+class _Sum:
+    """Σ c_e y^e with whole exponents of either sign: what a division by y_i is followed by may cancel it."""
+
+    def __init__(self, terms: Monomials) -> None:
+        self.terms = terms
+
+    def __add__(self, other: _Sum) -> _Sum:
+        terms = dict(self.terms)
+        for e, c in other.terms.items():
+            terms[e] = terms.get(e, 0.0) + c
+        return _Sum({e: c for e, c in terms.items() if c != 0})
+
+    def __neg__(self) -> _Sum:
+        return _Sum({e: -c for e, c in self.terms.items()})
+
+    def __sub__(self, other: _Sum) -> _Sum:
+        return self + -other
+
+    def __mul__(self, other: _Sum) -> _Sum:
+        total = _Sum({})
+        for e, c in self.terms.items():
+            total = total + _Sum({_together(e, f, 1): c * b for f, b in other.terms.items()})
+        return total
+
+    def __truediv__(self, other: _Sum) -> _Sum:
+        if len(other.terms) != 1:
+            raise NotMonomials
+        ((f, b),) = other.terms.items()
+        return _Sum({_together(e, f, -1): c / b for e, c in self.terms.items()})
+
+
+def _together(e: tuple[int, ...], f: tuple[int, ...], sign: int) -> tuple[int, ...]:
+    return tuple(a + sign * b for a, b in zip(e, f, strict=True))
+
+
+def _no_function(name: str, argument: Any) -> Any:  # noqa: ARG001 - the signature of a function
+    raise NotMonomials
+
+
+def _no_power(argument: Any, exponent: float) -> Any:  # noqa: ARG001 - the signature of a power
+    raise NotMonomials
+
+
+def expand(outputs: Sequence[Symbol], inputs: Sequence[Symbol], most: int) -> list[Monomials] | None:
+    """The outputs as polynomials; None where they are none, or have more than so many terms."""
+    d = len(inputs)
+    start = {x.index: _Sum({tuple(int(i == k) for i in range(d)): 1.0}) for k, x in enumerate(inputs)}
+    zero = (0,) * d
+    try:
+        sums = replay(outputs, start, _no_function, lambda c: _Sum({zero: c} if c else {}), _no_power)
+    except (NotMonomials, TypeError):  # sums are not compared
+        return None
+    found = [s.terms for s in sums]
+    if sum(map(len, found)) > most or any(k < 0 for terms in found for e in terms for k in e):
+        return None
+    return found

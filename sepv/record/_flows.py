@@ -1,0 +1,50 @@
+"""The flow of y′ = f(y) in closed form, as the record of f shows how.
+
+- f′f = 0: f does not change along its own flow, which is y + t f(y).
+- f is linear in the components that move, with a matrix that does not change along the flow: y_i e^{t M_ii} where a
+  component sees itself alone, a rotation by the angle t M_ij where two see each other with M_ij = −M_ji.
+
+The parts of a separable H, quadratic parts about an axis, and the parts of a Lotka-Volterra system are of these forms.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sepv.record._derivative import jacobian
+from sepv.record._means import NoClosedForm
+from sepv.record._replay import substitute
+from sepv.record._symbols import array
+
+
+def flow(f: Any, y: Any, t: Any) -> Any:
+    """The state (d,) at the time t, a symbol, of y′ = f(y) from y, for symbols f (d,) of y (d,).
+
+    Raises
+    ------
+    NoClosedForm
+        Where f has none of the forms above.
+    """
+    slopes = jacobian(f, y)
+    if all(v.number == 0 for v in y[0].tape.symbols(slopes @ f)):
+        return y + t * f
+    moving = [i for i, v in enumerate(f) if v.number != 0]
+    M = {i: {j: slopes[i, j] for j in moving if slopes[i, j].number != 0} for i in moving}
+    entries = array(v for row in M.values() for v in row.values())
+    at_rest = substitute(f, y, [0.0 if i in moving else v for i, v in enumerate(y)])
+    changing = jacobian(entries, y)[:, moving].ravel() if len(entries) else entries
+    if any(v.number != 0 for v in (*changing, *at_rest)):
+        raise NoClosedForm("a flow that is not linear in what moves")
+    return array(_moved(M, y, t, i) for i in range(len(f)))
+
+
+def _moved(M: dict[int, dict[int, Any]], y: Any, t: Any, i: int) -> Any:
+    """Component i at the time t of y′ = M y for the components in M; the others do not move."""
+    if i not in M:
+        return y[i]
+    ((j, rate),) = M[i].items() if len(M[i]) == 1 else ((None, None),)
+    if i == j:
+        return y[i] * (t * rate).exp()
+    if j is None or set(M[j]) != {i} or (rate + M[j][i]).number != 0:
+        raise NoClosedForm("a flow that is neither exponential nor a rotation")
+    return (t * rate).cos() * y[i] + (t * rate).sin() * y[j]

@@ -1,0 +1,167 @@
+"""The mean of a gradient along a segment, ∫₀¹∇H(y + τz)dτ, exact to rounding, as H's record shows how.
+
+A polynomial of degree ν is averaged by ⌈ν/2⌉ Gauss nodes, which are exact for its gradient. A term c·G(ℓ(y)) with ℓ
+affine and G one of sin, cos, exp, log, 1/x, √, xᵃ, sinh, cosh has the mean ∇ℓ (G(ℓ₁) − G(ℓ₀))/(ℓ₁ − ℓ₀), in forms
+that lose nothing as z → 0: with δ = ℓ₁ − ℓ₀ and m = ℓ₀ + δ/2
+
+    sin: cos(m) sinc(δ/2)          exp: e^max(ℓ₀, ℓ₁) E(−|δ|)        1/x: −1/(ℓ₀ℓ₁)
+    cos: −sin(m) sinc(δ/2)         log: log1p(δ/ℓ₀)/δ                √: 1/(√ℓ₀ + √ℓ₁)
+    xᵃ: a ℓ₀ᵃ⁻¹ L E(aL δ/ℓ₀) with L = log1p(δ/ℓ₀)/(δ/ℓ₀) and E(x) = expm1(x)/x.
+
+A sum of such terms is averaged term by term. Nothing else has a closed form here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sepv.record._derivative import gradient, hessian, jacobian, reachable
+from sepv.record._quadrature import gauss_legendre
+from sepv.record._replay import substitute
+from sepv.record._symbols import Symbol, select
+
+# Beyond so many nodes a rule written out is longer than the adaptive quadrature of most steps.
+MOST_NODES = 16
+
+
+class NoClosedForm(Exception):
+    """Why a gradient has no exact mean."""
+
+
+def degrees(output: Symbol, inputs: Any) -> dict[int, int | None]:
+    """The degree in the inputs of each symbol that the output is made of; None for what is no polynomial."""
+    wanted = {x.index for x in inputs}
+    found: dict[int, int | None] = {}
+    for symbol in reachable([output]):
+        below = [found[i] for i in symbol.line.arguments]
+        found[symbol.index] = 1 if symbol.index in wanted else _degree(symbol.line.name, below)
+    return found
+
+
+def _degree(name: str, below: list[int | None]) -> int | None:
+    known = [n for n in below if n is not None]
+    if len(known) < len(below):
+        return None
+    if name in ("add", "subtract", "negative"):
+        return max(known)
+    if name in ("multiply", "whole"):
+        return sum(known)
+    if name == "divide":
+        return known[0] if known[1] == 0 else None
+    return 0 if not any(known) else None
+
+
+def degree(output: Any, inputs: Any) -> int | None:
+    """The degree of a polynomial in the inputs, None for what is none."""
+    symbol = inputs[0].tape.symbol(output)
+    return degrees(symbol, inputs)[symbol.index]
+
+
+class Mean(NamedTuple):
+    """∫₀¹∇H(y + τz)dτ, (d,), and how many nodes its polynomial part is evaluated at."""
+
+    value: Any
+    nodes: int
+
+
+def mean(output: Any, inputs: Any, z: Any) -> Mean:
+    """∫₀¹∇output(y + τz)dτ for the inputs y (d,) and symbols z (d,).
+
+    Raises
+    ------
+    NoClosedForm
+        Where the output is not a sum of a polynomial and of the functions above of affine arguments.
+    """
+    tape = inputs[0].tape
+    symbol = tape.symbol(output)
+    known = degrees(symbol, inputs)
+    polynomial: Any = tape.constant(0.0)
+    total: Any = None
+    for factor, term in _terms(symbol, 1.0):
+        if known.get(term.index) is not None:
+            polynomial = polynomial + factor * term
+            continue
+        part = factor * _quotient(term, inputs, z)
+        total = part if total is None else total + part
+    nodes = max(1, -(-(degree(polynomial, inputs) or 0) // 2))
+    if nodes > MOST_NODES:
+        raise NoClosedForm(f"a polynomial H whose mean takes {nodes} Gauss nodes")
+    # The derivative of a rule is one of H″, and symmetric, which the chain rule does not see.
+    slope = gradient(polynomial, inputs)
+    bend = hessian(slope, inputs)
+    turn = None if total is None else jacobian(total, z)
+    for tau, weight in zip(*gauss_legendre(nodes), strict=True):
+        at = inputs + tau * z
+        value, further = weight * substitute(slope, inputs, at), weight * tau * substitute(bend, inputs, at)
+        total, turn = (value, further) if total is None else (total + value, turn + further)
+    total, turn = tape.symbols(total), tape.symbols(turn)
+    for symbol, row in zip(total, turn, strict=True):
+        tape.declare(symbol, inputs, dict(zip(z, row, strict=True)))
+    return Mean(total, nodes)
+
+
+def mean_gradient(output: Any, inputs: Any, z: Any) -> Any:
+    """The value of `mean`."""
+    return mean(output, inputs, z).value
+
+
+def _terms(symbol: Symbol, factor: Any) -> list[tuple[Any, Symbol]]:
+    """A sum as its terms with constant factors."""
+    name, arguments = symbol.line.name, symbol.arguments
+    if name in ("add", "subtract"):
+        second = factor if name == "add" else -factor
+        return [*_terms(arguments[0], factor), *_terms(arguments[1], second)]
+    if name == "negative":
+        return _terms(arguments[0], -factor)
+    if name == "multiply" and arguments[0].number is not None:
+        return _terms(arguments[1], factor * arguments[0].number)
+    if name == "divide" and arguments[0].number not in (None, 1.0):
+        return [(factor * arguments[0].number, 1 / arguments[1])]
+    return [(factor, symbol)]
+
+
+def _quotient(term: Symbol, inputs: Any, z: Any) -> Any:
+    """∇ℓ (G(ℓ₁) − G(ℓ₀))/(ℓ₁ − ℓ₀) for the term G(ℓ)."""
+    name, arguments = term.line.name, term.arguments
+    inner = arguments[-1]
+    rule = _RULES.get(name)
+    reciprocal = name != "divide" or arguments[0].number == 1.0
+    if rule is None or not reciprocal or degree(inner, inputs) not in (0, 1):
+        raise NoClosedForm(f"{name} of what is not affine" if rule else f"{name}, which has no rule")
+    slope = gradient(inner, inputs)
+    delta = np.sum(slope * z)
+    return slope * rule(inner, delta, term)
+
+
+def _power(x: Any, delta: Any, term: Symbol) -> Any:
+    exponent, ratio = term.line.value, delta / x
+    logarithm = ratio.log1p_ratio()
+    return exponent * x ** (exponent - 1) * logarithm * (exponent * logarithm * ratio).expm1_ratio()
+
+
+def _logarithm(x: Any, delta: Any) -> Any:
+    inverse = 1 / x
+    return (delta * inverse).log1p_ratio() * inverse
+
+
+def _exponential(x: Any, delta: Any) -> Any:
+    """From the larger end, down: what overflows is the mean, and no factor of it."""
+    up = delta > 0
+    return (x + select(up, delta, 0.0)).exp() * select(up, -delta, delta).expm1_ratio()
+
+
+_RULES: dict[str, Callable[[Any, Any, Symbol], Any]] = {
+    "sin": lambda x, delta, _: (x + 0.5 * delta).cos() * (0.5 * delta).sinc(),
+    "cos": lambda x, delta, _: -((x + 0.5 * delta).sin() * (0.5 * delta).sinc()),
+    "exp": lambda x, delta, _: _exponential(x, delta),
+    "log": lambda x, delta, _: _logarithm(x, delta),
+    "divide": lambda x, delta, _: -(1 / (x * (x + delta))),
+    "sqrt": lambda x, delta, _: 1 / (x.sqrt() + (x + delta).sqrt()),
+    "power": _power,
+    # sinh(δ/2)/(δ/2) = e^(−δ/2) expm1(δ)/δ.
+    "sinh": lambda x, delta, _: (x + 0.5 * delta).cosh() * (-0.5 * delta).exp() * delta.expm1_ratio(),
+    "cosh": lambda x, delta, _: (x + 0.5 * delta).sinh() * (-0.5 * delta).exp() * delta.expm1_ratio(),
+}

@@ -1,0 +1,144 @@
+"""NumPy's functions on symbols: NumPy asks the arguments of a call, and these answer.
+
+On arrays of plain objects NumPy's arithmetic calls the elements' own; its comparisons and `np.where`, though, want
+values at once. An array that answers for itself has these recorded as well.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from sepv.record._functions import FUNCTIONS
+
+
+def _choose(condition: Any, a: Any, b: Any) -> Any:
+    from sepv.record._symbols import select
+
+    return select(condition, a, b)
+
+
+def _elementary(name: str) -> Callable[[Any], Any]:
+    value = FUNCTIONS[name].value
+    return lambda x: value(x) if isinstance(x, (int, float)) else getattr(x, name)()
+
+
+_UFUNCS: dict[Any, Callable[..., Any]] = {
+    np.add: operator.add,
+    np.subtract: operator.sub,
+    np.multiply: operator.mul,
+    np.divide: operator.truediv,
+    np.power: operator.pow,
+    np.negative: operator.neg,
+    np.positive: operator.pos,
+    np.absolute: abs,
+    np.square: lambda x: x * x,
+    np.reciprocal: lambda x: 1 / x,
+    np.greater: operator.gt,
+    np.greater_equal: operator.ge,
+    np.less: operator.lt,
+    np.less_equal: operator.le,
+    np.equal: operator.eq,
+    np.not_equal: operator.ne,
+    np.logical_and: operator.and_,
+    np.logical_or: operator.or_,
+    np.bitwise_and: operator.and_,
+    np.bitwise_or: operator.or_,
+    np.logical_not: operator.invert,
+    np.invert: operator.invert,
+    np.maximum: lambda a, b: _choose(a >= b, a, b),
+    np.minimum: lambda a, b: _choose(a <= b, a, b),
+    **{
+        getattr(np, name): _elementary(name)
+        for name in FUNCTIONS
+        if isinstance(getattr(np, name, None), np.ufunc)
+    },
+}
+# Products of matrices run through the elements' own products and sums.
+_AS_THEY_ARE = {np.matmul}
+
+
+def _plain(value: Any) -> Any:
+    """Anything as an array of objects."""
+    if isinstance(value, SymbolArray):
+        return value.view(np.ndarray)
+    if isinstance(value, np.ndarray):
+        return value.astype(object)
+    found = np.empty((), dtype=object)
+    if isinstance(value, (list, tuple)):
+        return np.array(value, dtype=object)
+    # A number of NumPy's would ask this function again.
+    found[()] = value.item() if isinstance(value, np.generic) else value
+    return found
+
+
+def _wrapped(value: Any) -> Any:
+    """A result as an array that answers for itself, or its only element."""
+    if isinstance(value, np.ndarray):
+        return value.view(SymbolArray) if value.ndim else value[()]
+    return value
+
+
+def array_ufunc(self: Any, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:  # noqa: ARG001 - NumPy's
+    """NumPy's hook for elementwise functions and their reductions."""
+    from sepv.record._symbols import CannotRecord
+
+    out = options.pop("out", None)
+    options.pop("dtype", None)
+    plain = [_plain(value) for value in inputs]
+    if ufunc in _AS_THEY_ARE and method == "__call__":
+        result = ufunc(*plain, **options)
+    elif ufunc in _UFUNCS and method in ("__call__", "reduce"):
+        elementwise = np.frompyfunc(_UFUNCS[ufunc], ufunc.nin, 1)
+        result = getattr(elementwise, method)(*plain, **options)
+    else:
+        raise CannotRecord(f"it calls np.{ufunc.__name__}" + ("" if method == "__call__" else f".{method}"))
+    if out is not None:
+        out[0][...] = result
+        return out[0]
+    return _wrapped(result)
+
+
+def array_function(self: Any, function: Any, types: Any, arguments: Any, options: Any) -> Any:  # noqa: ARG001 - NumPy's
+    """NumPy's hook for all other functions: `np.where` and `np.sinc`, and those that only move elements about."""
+    if function is np.where and len(arguments) == 3:
+        return _wrapped(np.frompyfunc(_choose, 3, 1)(*map(_plain, arguments)))
+    if function is np.sinc:
+        return _sinc(arguments[0])
+    if function in (np.all, np.any):
+        return (np.logical_and if function is np.all else np.logical_or).reduce(
+            _as_array(arguments[0]), axis=options.get("axis", arguments[1] if len(arguments) > 1 else None)
+        )
+    if function in (np.max, np.min):
+        return (np.maximum if function is np.max else np.minimum).reduce(_as_array(arguments[0]), **options)
+    return _wrapped(function(*_unwrapped(arguments), **{k: _unwrapped(v) for k, v in options.items()}))
+
+
+def _sinc(x: Any) -> Any:
+    """NumPy's sinc is sin(πx)/(πx)."""
+    return _wrapped(np.frompyfunc(lambda v: (np.pi * v).sinc(), 1, 1)(_plain(x)))
+
+
+def _as_array(value: Any) -> Any:
+    return _plain(value).view(SymbolArray)
+
+
+def _unwrapped(value: Any) -> Any:
+    """Arguments in which no array and no symbol answers for itself."""
+    from sepv.record._symbols import Symbol
+
+    if isinstance(value, (SymbolArray, Symbol)):
+        return _plain(value)
+    if isinstance(value, (list, tuple)):
+        return type(value)(_unwrapped(v) for v in value)
+    return value
+
+
+class SymbolArray(np.ndarray):
+    """An array of symbols and numbers."""
+
+    __array_ufunc__ = array_ufunc
+    __array_function__ = array_function  # type: ignore[assignment]  # other names of the same arguments

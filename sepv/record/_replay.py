@@ -1,0 +1,66 @@
+"""The operations of a record once more, on anything that has arithmetic: other symbols, numbers of any precision."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from sepv.record._derivative import reachable
+from sepv.record._symbols import Symbol, array, select
+
+ARITHMETIC: dict[str, Callable[..., Any]] = {
+    "add": operator.add,
+    "subtract": operator.sub,
+    "multiply": operator.mul,
+    "whole": operator.mul,
+    "divide": operator.truediv,
+    "negative": operator.neg,
+    "greater": operator.gt,
+    "greater_equal": operator.ge,
+    "equal": operator.eq,
+    "and": operator.and_,
+    "or": operator.or_,
+    "not": lambda a: ~a if isinstance(a, Symbol) else not a,
+    "select": select,
+}
+
+
+def replay(
+    outputs: Iterable[Symbol],
+    values: Mapping[int, Any],
+    function: Callable[[str, Any], Any],
+    constant: Callable[[float], Any] = float,
+    power: Callable[[Any, float], Any] = operator.pow,
+) -> list[Any]:
+    """The outputs with the inputs of these lines as given; `function` takes the name and the argument."""
+    outputs = list(outputs)
+    found: dict[int, Any] = {}
+    for symbol in reachable(outputs):
+        line = symbol.line
+        if symbol.index in values:
+            found[symbol.index] = values[symbol.index]
+            continue
+        arguments = [found[i] for i in line.arguments]
+        if line.name == "constant":
+            value = constant(line.value)
+        elif line.name == "power":
+            value = power(arguments[0], line.value)
+        elif line.name in ARITHMETIC:
+            value = ARITHMETIC[line.name](*arguments)
+        else:
+            value = function(line.name, arguments[0])
+        found[symbol.index] = value
+    return [found[s.index] for s in outputs]
+
+
+def substitute(outputs: Any, inputs: Any, by: Any) -> Any:
+    """The outputs as an array of symbols with other symbols of the same tape in place of the inputs."""
+    outputs = np.asarray(outputs, dtype=object)
+    tape = np.asarray(inputs, dtype=object)[0].tape
+    rows = [tape.symbol(v) for v in outputs.ravel()]
+    values = {x.index: tape.symbol(v) for x, v in zip(inputs, by, strict=True)}
+    found = replay(rows, values, lambda name, x: x.apply(name), tape.constant)
+    return array(found, outputs.shape)

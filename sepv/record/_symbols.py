@@ -1,0 +1,398 @@
+"""Symbols and the tape that their operations are written on.
+
+An operation on symbols is a line of the tape. The same operation on the same arguments is one line, constants fold, 0
+and ±1 vanish, a division by a constant is a product with its reciprocal, and signs move outward, so that −a + b, b − a
+and b + (−1)a are one line too. Beyond 0, ±1 and powers of two no rule looks at the value of a constant: systems that
+differ in their coefficients have the same lines, and share one compiled kernel. What folds away a factor 0 takes the
+other factor for finite.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sepv.record._functions import FUNCTIONS
+from sepv.record._protocol import SymbolArray, array_function, array_ufunc
+
+# Whole powers up to this one are products, as NumPy's square is. They are lines "whole", which multiply like any
+# product, but are known for what they are: xⁿ⁻¹·x is xⁿ, with the derivative n xⁿ⁻¹.
+LARGEST_POWER = 32
+
+
+class CannotRecord(TypeError):
+    """Why a function cannot be recorded: it wants to know the value of a symbol, or calls what is no such function."""
+
+    def __init__(self, what: str) -> None:
+        super().__init__(
+            f"{what}. A function is recorded where it consists of arithmetic, indexing, NumPy's elementwise functions "
+            "and np.where; what branches on values or calls into other libraries runs on NumPy as it is"
+        )
+
+
+class Operation(NamedTuple):
+    """A line of a tape: its name, the numbers of its arguments, and the value of a constant or the exponent."""
+
+    name: str
+    arguments: tuple[int, ...]
+    value: float = 0.0
+
+
+class Tape:
+    """Lines of straight-line code, each the same operation never twice; the arguments of a line stand above it."""
+
+    def __init__(self) -> None:
+        self.lines: list[Operation] = []
+        # Derivatives that are known to be shorter than what the chain rule makes of the lines.
+        self.declared: dict[int, tuple[set[int], dict[int, Symbol]]] = {}
+        self._known: dict[Any, Symbol] = {}
+
+    def write(self, name: str, *arguments: Symbol, value: float = 0.0) -> Symbol:
+        """The symbol of this operation."""
+        line = Operation(name, tuple(a.index for a in arguments), value)
+        found = self._known.get(line)
+        if found is None:
+            found = self._known[line] = Symbol(self, len(self.lines))
+            self.lines.append(line)
+        return found
+
+    def constant(self, value: float) -> Symbol:
+        """A number. NaN is refused: it would be a line of its own each time."""
+        if math.isnan(value):
+            raise CannotRecord("a constant is NaN")
+        return self.write("constant", value=float(value) + 0.0)
+
+    def declare(self, value: Symbol, fixed: Iterable[Symbol], slopes: Mapping[Symbol, Symbol]) -> None:
+        """The derivatives of a value by symbols, for when those that are `fixed` do not change with them."""
+        if value.line.arguments:
+            by = {x.index: slope for x, slope in slopes.items()}
+            self.declared[value.index] = ({x.index for x in fixed}, by)
+
+    def vector(self, size: int) -> Any:
+        """A new input of so many components, as an array of symbols."""
+        first = len(self.lines)
+        return array(self.write("input", value=float(first + i)) for i in range(size))
+
+    def symbols(self, values: Any) -> Any:
+        """An array of symbols of this tape from one of symbols and numbers."""
+        values = np.asarray(values, dtype=object)
+        return array((self.symbol(v) for v in values.ravel()), values.shape)
+
+    def symbol(self, value: Any) -> Symbol:
+        """A symbol as it is, a number as a constant."""
+        found = _as_symbol(self, value)
+        if found is None:
+            raise CannotRecord(f"{type(value).__name__} is neither a symbol nor a number: {value!r:.60}")
+        return found
+
+
+def array(symbols: Iterable[Any], shape: tuple[int, ...] | None = None) -> Any:
+    """An array of symbols that NumPy's functions take."""
+    values = list(symbols)
+    found = np.empty(len(values), dtype=object)
+    found[:] = values
+    return found.reshape(shape or found.shape).view(SymbolArray) if shape != () else values[0]
+
+
+def _as_symbol(tape: Tape, value: Any) -> Symbol | None:
+    if isinstance(value, Symbol):
+        if value.tape is not tape:
+            raise CannotRecord("symbols of two records meet: a function kept one from an earlier call")
+        return value
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        return _as_symbol(tape, value[()])
+    if isinstance(value, (bool, int, float, np.number, np.bool_)) and not isinstance(
+        value, np.complexfloating
+    ):
+        return tape.constant(float(value))
+    return None
+
+
+class Symbol:
+    """A line of a tape, with the arithmetic of numbers."""
+
+    __slots__ = ("index", "tape")
+
+    def __init__(self, tape: Tape, index: int) -> None:
+        self.tape, self.index = tape, index
+
+    def __repr__(self) -> str:
+        return f"{self.line.name}[{self.index}]"
+
+    def __hash__(self) -> int:
+        return self.index
+
+    @property
+    def line(self) -> Operation:
+        """The operation."""
+        return self.tape.lines[self.index]
+
+    @property
+    def arguments(self) -> tuple[Symbol, ...]:
+        """What it is made of."""
+        return tuple(Symbol(self.tape, i) for i in self.line.arguments)
+
+    @property
+    def number(self) -> float | None:
+        """The value of a constant."""
+        return self.line.value if self.line.name == "constant" else None
+
+    __array_ufunc__ = array_ufunc
+    __array_function__ = array_function
+
+    def __neg__(self) -> Symbol:
+        if self.number is not None:
+            return self.tape.constant(-self.number)
+        if self.line.name == "negative":
+            return self.arguments[0]
+        return self.tape.write("negative", self)
+
+    def __pos__(self) -> Symbol:
+        return self
+
+    def __add__(self, other: Any) -> Any:
+        return _binary(_add, self, other)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Any:
+        return _binary(_subtract, self, other)
+
+    def __rsub__(self, other: Any) -> Any:
+        return _binary(lambda a, b: _subtract(b, a), self, other)
+
+    def __mul__(self, other: Any) -> Any:
+        return _binary(_multiply, self, other)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Any:
+        return _binary(_divide, self, other)
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return _binary(lambda a, b: _divide(b, a), self, other)
+
+    def __pow__(self, exponent: Any) -> Any:
+        return _binary(_power, self, exponent)
+
+    def __abs__(self) -> Any:
+        return select(self >= 0, self, -self)
+
+    def __gt__(self, other: Any) -> Any:
+        return _binary(lambda a, b: _compare("greater", a, b), self, other)
+
+    def __lt__(self, other: Any) -> Any:
+        return _binary(lambda a, b: _compare("greater", b, a), self, other)
+
+    def __ge__(self, other: Any) -> Any:
+        return _binary(lambda a, b: _compare("greater_equal", a, b), self, other)
+
+    def __le__(self, other: Any) -> Any:
+        return _binary(lambda a, b: _compare("greater_equal", b, a), self, other)
+
+    def __eq__(self, other: Any) -> Any:
+        return _binary(lambda a, b: _compare("equal", a, b), self, other)
+
+    def __ne__(self, other: Any) -> Any:
+        return ~(self == other)
+
+    def __and__(self, other: Any) -> Any:
+        return _binary(lambda a, b: _logical("and", a, b), self, other)
+
+    def __or__(self, other: Any) -> Any:
+        return _binary(lambda a, b: _logical("or", a, b), self, other)
+
+    __rand__, __ror__ = __and__, __or__
+
+    def __invert__(self) -> Any:
+        if self.number is not None:
+            return self.tape.constant(float(not self.number))
+        return self.tape.write("not", self)
+
+    def __bool__(self) -> bool:
+        if self.number is not None:
+            return bool(self.number)
+        raise CannotRecord("it branches on a value")
+
+    def __float__(self) -> float:
+        if self.number is not None:
+            return self.number
+        raise CannotRecord(
+            "it wants the value of a symbol (functions of `math` do: those of NumPy are recorded)"
+        )
+
+    def apply(self, name: str) -> Symbol:
+        """An elementary function of it: see `sepv.record._functions`."""
+        if self.number is not None:
+            with np.errstate(all="ignore"):
+                return self.tape.constant(float(FUNCTIONS[name].value(self.number)))
+        return self.tape.write(name, self)
+
+
+def _method(name: str) -> Callable[[Symbol], Symbol]:
+    return lambda self: self.apply(name)
+
+
+# np.sin calls the method sin of every element of an array of objects.
+for _name in FUNCTIONS:
+    setattr(Symbol, _name, _method(_name))
+
+
+def _binary(rule: Callable[[Symbol, Symbol], Any], a: Symbol, b: Any) -> Any:
+    if isinstance(b, np.ndarray) and b.ndim:
+        return NotImplemented
+    other = _as_symbol(a.tape, b)
+    return NotImplemented if other is None else rule(a, other)
+
+
+def _negated(a: Symbol) -> Symbol | None:
+    return a.arguments[0] if a.line.name == "negative" else None
+
+
+def _ordered(name: str, a: Symbol, b: Symbol) -> Symbol:
+    return a.tape.write(name, a, b) if a.index <= b.index else a.tape.write(name, b, a)
+
+
+def _add(a: Symbol, b: Symbol) -> Symbol:
+    x, y = a.number, b.number
+    if x is not None and y is not None:
+        return a.tape.constant(x + y)
+    if x == 0 or y == 0:
+        return b if x == 0 else a
+    if a.index == b.index:
+        return _multiply(a.tape.constant(2.0), a)
+    minus_a, minus_b = _negated(a), _negated(b)
+    if minus_b is not None:
+        return _subtract(a, minus_b)
+    if minus_a is not None:
+        return _subtract(b, minus_a)
+    return _ordered("add", a, b)
+
+
+def _subtract(a: Symbol, b: Symbol) -> Symbol:  # noqa: PLR0911 - a rule a line
+    x, y = a.number, b.number
+    if x is not None and y is not None:
+        return a.tape.constant(x - y)
+    if a.index == b.index:
+        return a.tape.constant(0.0)
+    if x == 0:
+        return -b
+    if y is not None:
+        return _add(a, a.tape.constant(-y))
+    minus_a, minus_b = _negated(a), _negated(b)
+    if minus_b is not None:
+        return _add(a, minus_b)
+    if minus_a is not None:
+        return -_add(minus_a, b)
+    return a.tape.write("subtract", a, b)
+
+
+def _multiply(a: Symbol, b: Symbol) -> Symbol:  # noqa: PLR0911 - a rule a line
+    x, y = a.number, b.number
+    if x is not None and y is not None:
+        return a.tape.constant(x * y)
+    if y is not None:
+        a, b, x, y = b, a, y, x
+    if x == 0:
+        return a
+    if x is not None and abs(x) == 1:
+        return b if x > 0 else -b
+    minus_a, minus_b = _negated(a), _negated(b)
+    if minus_a is not None:
+        return -_multiply(minus_a, b)
+    if minus_b is not None:
+        return -_multiply(a, minus_b)
+    if x is not None and b.line.name == "multiply":
+        # A product with a power of two loses nothing.
+        first, second = b.arguments
+        inner = first.number
+        if inner is not None and (math.frexp(x)[0] == 0.5 or math.frexp(inner)[0] == 0.5):
+            return _multiply(a.tape.constant(x * inner), second)
+    (base, m), (other, n) = _as_power(a), _as_power(b)
+    if base.index == other.index:
+        return _whole_power(base, m + n)
+    # Constants come first.
+    return _ordered("multiply", a, b) if x is None else a.tape.write("multiply", a, b)
+
+
+def _divide(a: Symbol, b: Symbol) -> Symbol:
+    x, y = a.number, b.number
+    if y is not None and y != 0 and math.isfinite(1 / y):
+        return a.tape.constant(x / y) if x is not None else _multiply(a.tape.constant(1 / y), a)
+    if y is not None:
+        raise CannotRecord(f"it divides by the constant {y!r}")
+    if x == 0:
+        return a
+    minus_a, minus_b = _negated(a), _negated(b)
+    if minus_a is not None:
+        return -_divide(minus_a, b)
+    if minus_b is not None:
+        return -_divide(a, minus_b)
+    return a.tape.write("divide", a, b)
+
+
+def _power(a: Symbol, b: Symbol) -> Symbol:
+    exponent = b.number
+    if exponent is None:
+        raise CannotRecord("an exponent is not a number")
+    if a.number is not None:
+        with np.errstate(all="ignore"):
+            return a.tape.constant(float(np.power(a.number, exponent)))
+    if exponent == 0.5:
+        return a.apply("sqrt")
+    if exponent == int(exponent) and abs(exponent) <= LARGEST_POWER:
+        sign, base = (-1, a.arguments[0]) if a.line.name == "negative" else (1, a)
+        base, m = _as_power(base)
+        found = _whole_power(base, m * abs(int(exponent)))
+        found = -found if sign < 0 and exponent % 2 else found
+        return found if exponent >= 0 else _divide(a.tape.constant(1.0), found)
+    return a.tape.write("power", a, value=exponent)
+
+
+def _whole_power(base: Symbol, n: int) -> Symbol:
+    """By n − 1 products, whose lower powers the derivative shares."""
+    found = base if n else base.tape.constant(1.0)
+    for k in range(2, n + 1):
+        found = base.tape.write("whole", found, base, value=float(k))
+    return found
+
+
+def _as_power(a: Symbol) -> tuple[Symbol, int]:
+    """The base and the exponent of a whole power; itself and 1 of anything else."""
+    return (a.arguments[1], int(a.line.value)) if a.line.name == "whole" else (a, 1)
+
+
+_COMPARISONS: dict[str, Callable[[float, float], bool]] = {
+    "greater": lambda x, y: x > y,
+    "greater_equal": lambda x, y: x >= y,
+    "equal": lambda x, y: x == y,
+}
+
+
+def _compare(name: str, a: Symbol, b: Symbol) -> Symbol:
+    x, y = a.number, b.number
+    if x is not None and y is not None:
+        return a.tape.constant(float(_COMPARISONS[name](x, y)))
+    return a.tape.write(name, a, b)
+
+
+def _logical(name: str, a: Symbol, b: Symbol) -> Symbol:
+    for condition, other in ((a, b), (b, a)):
+        if condition.number is not None:
+            decided = bool(condition.number) == (name == "or")
+            return condition if decided else other
+    return a if a.index == b.index else _ordered(name, a, b)
+
+
+def select(condition: Any, a: Any, b: Any) -> Any:
+    """a where the condition holds, else b, both evaluated."""
+    if not isinstance(condition, Symbol):
+        return a if condition else b
+    if condition.number is not None:
+        return a if condition.number else b
+    tape = condition.tape
+    first, second = tape.symbol(a), tape.symbol(b)
+    return first if first.index == second.index else tape.write("select", condition, first, second)

@@ -1,8 +1,0 @@
-"""The numerical experiments of §4, figure by figure, with a verdict on every statement made about them."""
-
-from __future__ import annotations
-
-from sepv.reproduce.job import Size as Size
-from sepv.reproduce.suite import FIGURES as FIGURES
-from sepv.reproduce.suite import Reproduction as Reproduction
-from sepv.reproduce.suite import reproduce as reproduce

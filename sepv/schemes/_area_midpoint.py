@@ -1,0 +1,87 @@
+"""The stochastic midpoint rule with Lévy areas: mean-square order 1 for any several Hamiltonians.
+
+y1 = y0 + h f_0(ȳ) + Σ_j c_j ΔŴ_j f_j(ȳ) + Σ_{i<j} c_i c_j A_ij [f_i, f_j](ȳ),  ȳ = (y0 + y1)/2,  f_j = B∇H_j,
+
+with A_ij = ½∫(W_i dW_j − W_j dW_i) over the step and [f_i, f_j] = f_j′f_i − f_i′f_j: the terms of the order of h that
+`sepv.schemes.stochastic_midpoint` lacks (P. Kloeden and E. Platen, Numerical Solution of Stochastic Differential
+Equations, 1992, §10.3). A Lie bracket of two fields that keep C keeps C, so that quadratic and linear Casimirs are
+kept; where B is constant it is a Hamiltonian field again, of {H_i, H_j} up to its sign, and the rule is symplectic.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+from sepv.errors import Skipped
+from sepv.problem import Array, HamiltoniansProblem, Problem, hamiltonian_field
+from sepv.problem._hamiltonians import bracket
+from sepv.schemes._further import as_rows
+from sepv.schemes._one_step import EVERY, each_noise, no_jacobian
+from sepv.schemes._scheme import Scheme, as_lanes
+from sepv.solve import Increment
+from sepv.solve import solve as solve_implicit
+from sepv.solve._solution import Solution, require_converged
+
+
+def solve(problem: Problem, y: Array, h: float, dW: Array, areas: Array) -> Solution:
+    """One step of a batch, y (d, M), dW (m, M), areas (m, m, M); Newton's matrix is one of differences."""
+    require_derivatives(problem)
+    state, noise = as_lanes(problem, y, h, dW)
+    rows = as_rows(np.asarray(areas)).reshape(-1, state.shape[1])
+    known = np.concatenate([each_noise(problem, h, noise), rows])
+    return solve_implicit(problem, state, known, increment, no_jacobian)
+
+
+def require_derivatives(problem: Problem) -> None:
+    """Differences of fields would leave brackets with half of their digits.
+
+    Raises
+    ------
+    Skipped
+        For a problem without the second derivatives of its Hamiltonians, or without those of B.
+    """
+    second = problem.noise_hessians if isinstance(problem, HamiltoniansProblem) else problem.hessian
+    if problem.noises > 1 and not (second and problem.structure_derivative):
+        raise Skipped(
+            f"{problem.name} gives no second derivatives of its Hamiltonians, or none of B, for brackets"
+        )
+
+
+def increment(problem: Problem, y0: Array, y1: Array, known: Array) -> Increment:
+    """The right side for h, the c_j ΔW_j and the A_ij with i < j; all gradients count as one evaluation."""
+    ones = np.ones(y0.shape[1], dtype=np.int64)
+    middle, first = y0 + 0.5 * (y1 - y0), 1 + problem.noises
+    value = hamiltonian_field(problem, middle, known[:first])
+    for area, (i, j) in zip(known[first:], combinations(range(problem.noises), 2), strict=True):
+        value = value + problem.c[i] * problem.c[j] * area * bracket(problem, i, j, middle)
+    return Increment(value, ones, ones, ones.astype(bool))
+
+
+def step(problem: Problem, y: Array, h: float, dW: Array, areas: Array) -> Array:
+    """y1 for y (d,) or (d, M), dW (m,) or (m, M), areas (m, m) or (m, m, M).
+
+    Raises
+    ------
+    Skipped
+        For a problem without derivatives.
+    StepFailure
+        Where the equation was not solved.
+    """
+    state, noise = as_lanes(problem, y, h, dW)
+    solution = solve(problem, state, h, noise, np.reshape(areas, (*np.shape(areas)[:2], state.shape[1])))
+    return require_converged(problem, state, h, noise, solution).reshape(np.shape(y))
+
+
+scheme = Scheme(
+    "area-midpoint",
+    step,
+    EVERY | {"identity", "casimir", "symplecticity", "symmetry", "noise-sum", "equivariance"},
+    "the midpoint rule with Lévy areas",
+    mean_square_order=1.0,
+    weak_order=1.0,
+    batched=True,
+    systems="hamiltonians",
+    asks="areas",
+)

@@ -1,0 +1,96 @@
+"""The scheme for several structures with Lévy areas: mean-square order 1 also where the noises do not commute.
+
+y1 = y0 + [h B(ȳ) + Σ_j c_j ΔW_j G_j(ȳ) + Σ_{i<j} c_i c_j A_ij K_ij(ȳ)] ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ
+
+with A_ij = ½∫(W_i dW_j − W_j dW_i) over the step. Of the Stratonovich expansion of the solution (P. Kloeden and
+E. Platen, Numerical Solution of Stochastic Differential Equations, 1992, §5.2), a scheme that sees increments only
+lacks Σ_{i<j} A_ij (f_j′f_i − f_i′f_j), f_j = c_j G_j∇H, a term of the order of h. With g = ∇H and H″
+
+    f_j′f_i − f_i′f_j = c_i c_j K_ij g,   K_ij = G_j′(G_ig) − G_i′(G_jg) + G_jH″G_i − G_iH″G_j,
+
+and K_ij is skew where H″ is symmetric, so that H is kept as in Proposition 3.1: for all B, G_j, increments and areas.
+
+A step takes the areas as a further argument; drawing them jointly with ΔW is not this file's business.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+from sepv.errors import UsageError
+from sepv.problem import Array, Problem, StructuresProblem, average_gradient
+from sepv.problem._fields import hessian, matmul, matvec
+from sepv.problem._structures import combined
+from sepv.schemes._one_step import each_noise
+from sepv.schemes._scheme import as_lanes
+from sepv.solve import Increment
+from sepv.solve import solve as solve_implicit
+from sepv.solve._solution import require_converged
+
+
+def commutator(problem: StructuresProblem, i: int, j: int, y: Array, mean: Array) -> Array:
+    """K_ij (d, d, M) at y, for g = `mean`."""
+    Gi, Gj = (problem.noise_structures[n](y) for n in (i, j))
+    curved = hessian(problem, y)
+    curved = 0.5 * (curved + np.swapaxes(curved, 0, 1))  # differences are not symmetric
+    crossed = matmul(matmul(Gj, curved), Gi)
+    turned = _slope(problem, j, y, matvec(Gi, mean)) - _slope(problem, i, y, matvec(Gj, mean))
+    return turned + crossed - np.swapaxes(crossed, 0, 1)
+
+
+def _slope(problem: StructuresProblem, j: int, y: Array, w: Array) -> Array:
+    """G_j′(y)w."""
+    assert problem.noise_structure_derivatives is not None
+    D = problem.noise_structure_derivatives[j](y)
+    total = D[:, :, 0] * w[0]
+    for k in range(1, y.shape[0]):
+        total = total + D[:, :, k] * w[k]
+    return np.asarray(total)
+
+
+def step_with_areas(problem: Problem, y: Array, h: float, dW: Array, areas: Array) -> Array:
+    """One step.
+
+    Parameters
+    ----------
+    y : (d,) or (d, M)
+    dW : (m,) or (m, M)
+    areas : (m, m) or (m, m, M)
+        A_ij of the same increments, skew; entries above the diagonal are used.
+
+    Returns
+    -------
+    ndarray of the shape of y
+
+    Raises
+    ------
+    UsageError
+        For a problem with one structure, or without the derivatives of its noise structures.
+    StepFailure
+        Where the implicit equation was not solved.
+    """
+    if not isinstance(problem, StructuresProblem) or not problem.noise_structure_derivatives:
+        raise UsageError(
+            expected="a problem with several structures that gives their derivatives",
+            received=problem.name,
+            remedy="sepv.problem.StructuresProblem(…, noise_structure_derivatives=…)",
+        )
+    state, noise = as_lanes(problem, y, h, dW)
+    pairs = list(combinations(range(problem.noises), 2))
+    weights = [problem.c[i] * problem.c[j] * np.reshape(areas[i, j], (1, -1)) for i, j in pairs]
+    known = np.concatenate([each_noise(problem, h, noise), *weights])
+
+    def increment(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
+        assert isinstance(problem, StructuresProblem)
+        mean, middle = average_gradient(problem, y0, y1), y0 + 0.5 * (y1 - y0)
+        structure = combined(problem, middle, step[: 1 + problem.noises])
+        for area, (i, j) in zip(step[1 + problem.noises :], pairs, strict=True):
+            structure = structure + area * commutator(problem, i, j, middle, mean.value)
+        counts = np.ones_like(mean.evaluations)
+        return Increment(matvec(structure, mean.value), mean.evaluations, counts, mean.reliable)
+
+    # Newton's matrix from differences: K_ij′ would need third derivatives of H.
+    solution = solve_implicit(problem, state, known, increment, lambda *_: None)
+    return require_converged(problem, state, h, noise, solution).reshape(np.shape(y))

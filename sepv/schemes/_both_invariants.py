@@ -1,0 +1,48 @@
+"""H and any Casimir together in dimension three: y1 = y0 + Δ g((y0 + y1)/2) (∇̄H × ∇̄C).
+
+For B(y)v = g(y)(v × ∇C(y)), with both gradients averaged along the segment, ∇̄F = ∫₀¹∇F(y0 + τ(y1 − y0))dτ:
+H(y1) − H(y0) = ∇̄Hᵀ(y1 − y0) = 0 and C(y1) − C(y0) = ∇̄Cᵀ(y1 − y0) = 0, because the vector product is orthogonal to both
+its factors. C may be any function: this is the last open question of Cohen and Dujardin (2014), §5, in dimension three.
+For quadratic C the average is ∇C at the midpoint, and the scheme is (2.1). Symmetric, of mean-square and weak order 1.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sepv.errors import Skipped
+from sepv.problem import Nambu, Problem
+from sepv.problem._nambu import cross
+from sepv.schemes._one_step import ENERGY_PRESERVING, implicit, one_step
+from sepv.solve import Fields
+
+
+def required(problem: Problem) -> Nambu:
+    """The problem's Casimir and factor.
+
+    Raises
+    ------
+    Skipped
+        For a problem that does not give them.
+    """
+    if problem.nambu is None:
+        raise Skipped(
+            f"{problem.name} is not given as B(y)v = g(y)(v × ∇C(y)) in dimension 3 (Problem.nambu)"
+        )
+    return problem.nambu
+
+
+def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    """Δ g(ȳ)(∇̄H × ∇̄C), ȳ = y + z/2."""
+    normal = cross(fields.mean_gradient(y, z), fields.mean_casimir_gradient(y, z))
+    return step[0] * fields.factor(y + 0.5 * z) * normal
+
+
+step = implicit(formula, requires=required)
+scheme = one_step(
+    "both-invariants",
+    step,
+    ENERGY_PRESERVING | {"any-casimir"},
+    "(2.1) with ∇C averaged too",
+    systems="nambu",
+)

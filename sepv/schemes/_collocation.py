@@ -1,0 +1,204 @@
+"""Energy-preserving collocation with s Gauss nodes and the random step: mean-square order s for (1.1).
+
+D. Cohen and E. Hairer, Linear energy-preserving integrators for Poisson systems, BIT Numerical Mathematics 51
+(2011), with their step size replaced by Δ = h + Σ_j c_j ΔŴ_j: u is the polynomial of degree s with u(0) = y0 and
+
+    u̇(c_i) = Δ B(u(c_i)) b_i⁻¹ ∫₀¹ ℓ_i(τ) ∇H(u(τ)) dτ,  i = 1 … s,      y1 = u(1).
+
+**Energy.** With the averages g_i = b_i⁻¹∫ℓ_i ∇H(u), H(y1) − H(y0) = ∫∇H(u)ᵀu̇ dτ = Σ_i b_i g_iᵀ u̇(c_i)
+= Δ Σ_i b_i g_iᵀ B(u(c_i)) g_i = 0 for every skew B.
+**Quadratic Casimirs.** d/dτ uᵀAu has degree 2s − 1, which Gauss nodes integrate exactly, and
+vanishes at each of them.
+**Quadratic H.** g_i = ∇H(u(c_i)): the s-stage Gauss method. One stage is (2.1).
+
+**Order.** The deterministic order is 2s: a local error C(y)Δ^{2s+1} with E Δ^{2s+1} = O(h^{s+1}) and root mean square
+O(h^{s+1/2}), so that Milstein's theorem gives mean-square order s; the same for the weak order. The increments must
+be truncated with k ≥ 2s: with less, what Remark 2.1 cuts off costs the order. With k = 2s it has order s too, and is
+more than the method's own error from three stages on (`sepv.exact._clipping`): the default is k = 4s.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from sepv.problem import Array, Problem, average_gradient
+from sepv.problem._averaged_gradient import argument_rounding
+from sepv.problem._fields import hessian, linear_solve, matmul, matvec, structure_slope
+from sepv.schemes._one_step import ENERGY_PRESERVING, one_step, solved_by
+from sepv.schemes._scheme import Scheme, as_lanes, truncation_for
+from sepv.schemes._tableaux import check_stages, exact_nodes, gauss_tableau, moments
+from sepv.solve import Increment, Status
+from sepv.solve._implicit import into_domain, iterate
+from sepv.solve._solution import Equations, Evaluation, Solution, merge
+
+_EPS = float(np.finfo(np.float64).eps)
+# Where H is no polynomial: nodes of the first rule beyond s, and the largest rule, as in `sepv.problem._averaged_gradient`.
+FIRST_NODES, MAX_NODES = 4, 128
+
+
+class _Stages:
+    """z_i = Δ u̇(c_i) = Δ B(Y_i) g_i for one batch; arrays (d, s, M), which the solver sees as (d·s, M)."""
+
+    def __init__(
+        self, problem: Problem, stages: int, y0: Array, delta: Array, nodes: int, averaged: bool = True
+    ) -> None:
+        self.problem, self.stages, self.y0, self.delta, self.nodes = problem, stages, y0, delta, nodes
+        self.averaged = averaged
+        self.A, self.b = gauss_tableau(stages).A, gauss_tableau(stages).b
+
+    def polynomial(self, z: Array, lanes: np.ndarray, integrals: Array) -> Array:
+        """u at N points, (d, N, M); `integrals` (N, s) holds ∫ℓ_j up to each."""
+        u = np.repeat(self.y0[:, None, lanes], integrals.shape[0], axis=1)
+        for j in range(self.stages):
+            u += integrals[:, j, None] * z[:, j, None]
+        return u
+
+    def averages(self, z: Array, lanes: np.ndarray, nodes: int) -> tuple[Array, Array]:
+        """g_i (d, s, M) by `nodes` Gauss nodes, and the size of the terms of its sums (M,)."""
+        W, P = moments(self.stages, nodes)
+        u = self.polynomial(z, lanes, P)
+        gradients = self.problem.gradient(u)
+        if self.problem.domain is not None:
+            gradients = np.where(self.problem.domain(u), gradients, np.nan)
+        total = np.zeros_like(z)
+        for n in range(nodes):
+            total += W[:, n, None] * gradients[:, None, n]
+        return total, np.max(np.abs(gradients), axis=(0, 1)) * float(np.max(np.sum(np.abs(W), axis=1)))
+
+    def evaluate(self, flat: Array, lanes: np.ndarray) -> Evaluation:
+        d, s = self.problem.dimension, self.stages
+        z = flat.reshape(d, s, -1)
+        Y = self.polynomial(z, lanes, self.A)
+        if not self.averaged:
+            g, cost = self.problem.gradient(Y), np.full(z.shape[2], s)
+            reliable = np.ones(z.shape[2], dtype=bool)
+        elif s == 1:  # u is the segment from y0 to y1: closed forms of the problem serve
+            mean = average_gradient(self.problem, self.y0[:, lanes], self.y0[:, lanes] + z[:, 0])
+            g, cost, reliable = mean.value[:, None], mean.evaluations, mean.reliable
+        else:
+            g = self.averages(z, lanes, self.nodes)[0]
+            cost, reliable = np.full(z.shape[2], self.nodes), np.ones(z.shape[2], dtype=bool)
+        value = self.delta[lanes] * matvec(self.problem.structure(Y), g)
+        right = Increment(value.reshape(flat.shape), cost, np.full_like(cost, s), reliable)
+        return Evaluation(right, lambda: (self.jacobian(z, lanes, Y, g), 0))
+
+    def jacobian(self, z: Array, lanes: np.ndarray, Y: Array, g: Array) -> Array:
+        """∂z_i/∂z_j = Δ(a_ij B′(Y_i)[·]g_i + B(Y_i) b_i⁻¹∫ℓ_i A_j H″(u)), A_j = ∫ℓ_j.
+
+        H″ is averaged with a few nodes: that changes the speed of convergence, not its limit.
+        """
+        d, s = self.problem.dimension, self.stages
+        few = s if not self.averaged else s + 4 if self.problem.degree is None else min(self.nodes, s + 2)
+        W, P = moments(s, few)
+        curvature = hessian(self.problem, self.polynomial(z, lanes, P))
+        averaged = np.zeros((d, d, s, s, z.shape[2]))
+        for n in range(P.shape[0]):
+            averaged += (W[:, n, None] * P[n])[..., None] * curvature[:, :, None, None, n]
+        B, turned = self.problem.structure(Y), structure_slope(self.problem, Y, g)
+        K = matmul(B[:, :, :, None], averaged) + turned[:, :, :, None] * self.A[..., None]
+        return np.asarray((self.delta[lanes] * K).swapaxes(1, 2).reshape(d * s, d * s, -1))
+
+    def inside(self, flat: Array, lanes: np.ndarray) -> np.ndarray:
+        """Whether y1, the stages and the points of the quadrature lie in the domain."""
+        assert self.problem.domain is not None
+        z = flat.reshape(self.problem.dimension, self.stages, -1)
+        points = np.concatenate([self.A, moments(self.stages, self.nodes)[1], self.b[None]])
+        inside = self.problem.domain(self.polynomial(z, lanes, points))
+        return np.asarray(np.all(inside, axis=0), dtype=bool)
+
+    def start(self, equations: Equations) -> Array:
+        """Newton's first step from z = 0, where u = y0: one evaluation of ∇H and B serves all nodes."""
+        d, s, problem = self.problem.dimension, self.stages, self.problem
+        B, g = problem.structure(self.y0), problem.gradient(self.y0)
+        slope = self.delta * (structure_slope(problem, self.y0, g) + matmul(B, hessian(problem, self.y0)))
+        K = (self.A[..., None] * slope[:, :, None, None]).swapaxes(1, 2).reshape(d * s, d * s, -1)
+        field = np.repeat((self.delta * matvec(B, g))[:, None], s, axis=1).reshape(d * s, -1)
+        z = linear_solve(np.eye(d * s)[..., None] - K, field)
+        usable = np.all(np.isfinite(z), axis=0) & np.any(field != 0, axis=0)
+        z = np.where(usable, z, 0.0)
+        moved, inside = into_domain(equations, np.zeros_like(z), -z, np.arange(z.shape[1]))
+        return np.where(inside, moved, 0.0)
+
+
+def solve_stages(
+    problem: Problem, stages: int, y0: Array, delta: Array, *, averaged: bool = True
+) -> Solution:
+    """One step of a batch: y0 (d, M), Δ (M,). Without `averaged`, g_i = ∇H(u(c_i)): the Gauss method.
+
+    Where H is a polynomial, ⌈sν/2⌉ nodes are exact. Otherwise the solution with N nodes is compared with a rule
+    half as large again, and solved anew with twice the nodes until both agree to rounding; a lane where
+    MAX_NODES do not suffice gets the status QUADRATURE.
+    """
+    exact = problem.degree is not None or stages == 1 or not averaged
+    nodes = (
+        stages
+        if not averaged
+        else exact_nodes(stages, problem.degree or 2)
+        if exact
+        else stages + FIRST_NODES
+    )
+    size = np.repeat(np.abs(y0)[:, None], stages, axis=1).reshape(-1, y0.shape[1])
+    with np.errstate(all="ignore"):
+        system = _Stages(problem, stages, y0, delta, nodes, averaged)
+        equations = Equations(size, system.evaluate, system.inside if problem.domain is not None else None)
+        solution = iterate(equations, system.start(equations))
+        for counts in (solution.iterations, solution.gradient_evaluations, solution.structure_evaluations):
+            np.add(counts, 1, out=counts)
+        open_ = np.arange(y0.shape[1]) if not exact else np.zeros(0, dtype=np.intp)
+        while open_.size:
+            open_ = open_[solution.status[open_] == Status.CONVERGED]
+            open_ = open_[~_agrees(system, solution, open_)]
+            system.nodes *= 2
+            if system.nodes > MAX_NODES:
+                solution.status[open_] = Status.QUADRATURE
+                break
+            if open_.size:
+                merge(solution, iterate(equations, solution.value[:, open_], open_), open_)
+        z = solution.value.reshape(*y0.shape[:1], stages, -1)
+        update = system.b[0] * z[:, 0]
+        for j in range(1, stages):
+            update = update + system.b[j] * z[:, j]
+    return replace(solution, value=y0 + update, change=update)
+
+
+def _agrees(system: _Stages, solution: Solution, lanes: np.ndarray) -> np.ndarray:
+    """Whether a finer rule gives the same averages, to the rounding of its own sums."""
+    nodes = system.nodes + system.nodes // 2
+    z = solution.value[:, lanes].reshape(system.problem.dimension, system.stages, -1)
+    solution.gradient_evaluations[lanes] += nodes
+    finer, size = system.averages(z, lanes, nodes)
+    used = system.averages(z, lanes, system.nodes)[0]
+    y0, y1 = system.y0[:, lanes], system.y0[:, lanes] + z.sum(axis=1) / system.stages
+    rounding = nodes * _EPS * size + 4 * argument_rounding(system.problem, y0, y1)
+    return np.asarray(np.max(np.abs(finer - used), axis=(0, 1)) <= rounding)
+
+
+@lru_cache(maxsize=8)
+def collocation(stages: int) -> Scheme:
+    """The s-stage method, s = 1 … 6, as a scheme with truncation k = 4s (2 for s = 1).
+
+    Raises
+    ------
+    UsageError
+        For another number of stages.
+    """
+    s = check_stages(stages)
+
+    def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
+        """One step of a batch with residual (of the stages), counts and status of each lane."""
+        state, noise = as_lanes(problem, y, h, dW)
+        return solve_stages(problem, s, state, problem.random_step(h, noise))
+
+    return one_step(
+        f"collocation-{s}",
+        solved_by(solve),
+        ENERGY_PRESERVING,
+        "Cohen and Hairer (2011), with the random step",
+        float(s),
+        solve=solve,
+        truncation=truncation_for(s),
+        stages=s,
+    )

@@ -1,0 +1,119 @@
+"""Steps that Newton's iteration does not solve, approached by continuation in the share of the step.
+
+For the step (s·h, s·ΔW), 0 ≤ s ≤ 1, the solutions that start at y for s = 0 are a curve. Where the iteration from y
+fails, the curve is followed from a small share on, each time from the secant's prediction, up to s = 1 or to where it
+ends: in a fold, or at the edge of the domain. What is found is a solution of the step's own equation, to rounding,
+and the one that belongs to y. How many shares were solved is counted, lane by lane; no law is ever measured with it.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from sepv.errors import UsageError
+from sepv.problem import Array, Problem
+from sepv.schemes._scheme import Scheme, as_lanes, step_by
+from sepv.solve import Status
+from sepv.solve._solution import Solution, merge
+
+# The first share, at which the iteration from y converges wherever it ever does, and the least growth of a share.
+FIRST, LEAST = 2.0**-8, 2.0**-14
+# Shares tried before a curve is given up.
+MOST = 200
+
+
+def continued(scheme: Scheme) -> Scheme:
+    """The scheme, with steps that fail approached by continuation from y.
+
+    Parameters
+    ----------
+    scheme : Scheme
+        An implicit one, whose `solve(problem, y, h, dW, start)` takes a guess (d, M) of y1 − y0: all of one stage do.
+
+    Returns
+    -------
+    Scheme
+        Its solutions carry `continuations`, the number of shares that were solved; it claims nothing.
+
+    Raises
+    ------
+    UsageError
+        For a scheme whose solver takes no start.
+    """
+    if scheme.solve is None or "start" not in inspect.signature(scheme.solve).parameters:
+        raise UsageError(
+            expected="an implicit scheme whose solve takes a start",
+            received=f"the scheme {scheme.name!r}",
+            remedy="take a smaller h, or divide steps that fail (sepv.schemes._division.divided)",
+        )
+    inner: Callable[..., Solution] = scheme.solve
+
+    def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
+        state, noise = as_lanes(problem, y, h, dW)
+        whole = inner(problem, state, h, noise)
+        whole = replace(whole, continuations=np.zeros(state.shape[1], dtype=np.int64))
+        for lane in np.flatnonzero(whole.status != Status.CONVERGED):
+            one = np.array([lane])
+            part = _follow(inner, problem, state[:, one], float(h), noise[:, one])
+            merge(whole, part, one)
+            if whole.change is not None and part.change is not None:
+                whole.change[:, one] = part.change
+        return whole
+
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        """One step; StepFailure where the curve of solutions ends before it."""
+        return step_by(solve, problem, y, h, dW)
+
+    return replace(
+        scheme,
+        name=f"{scheme.name}, continued",
+        step=step,
+        solve=solve,
+        claims=(),
+        mean_square_order=None,
+        weak_order=None,
+        source=f"{scheme.source}; failed steps by continuation",
+    )
+
+
+def _follow(inner: Callable[..., Solution], problem: Problem, y: Array, h: float, dW: Array) -> Solution:
+    """One lane from s = 0 to 1; what stopped it, where it was stopped."""
+    share, growth, solved = 0.0, FIRST, 0
+    z, slope = np.zeros_like(y), np.zeros_like(y)
+    work = np.zeros(3, dtype=np.int64)
+    for _ in range(MOST):
+        trial = min(share + growth, 1.0)
+        guess = z + (trial - share) * slope
+        found = inner(problem, y, trial * h, trial * dW, start=guess)
+        work += [
+            int(c[0]) for c in (found.iterations, found.gradient_evaluations, found.structure_evaluations)
+        ]
+        assert found.change is not None  # schemes that take a start state it
+        moved = np.abs(found.change - z).max()
+        # Another solution would be off the prediction by more than the curve bends: the first share has no prediction.
+        near = share == 0.0 or np.abs(found.change - guess).max() <= 0.5 * moved
+        if found.status[0] == Status.CONVERGED and near:
+            slope = (found.change - z) / (trial - share)
+            z, share, solved, growth = found.change, trial, solved + 1, 2 * growth
+            if share == 1.0:
+                break
+        else:
+            growth = (trial - share) / 2
+            if growth < LEAST:
+                if found.status[0] == Status.CONVERGED:  # but on another curve
+                    found = replace(found, status=np.array([int(Status.NO_CONVERGENCE)]))
+                break
+    else:
+        found = replace(found, status=np.array([int(Status.NO_CONVERGENCE)]))
+    counts = [np.array([n]) for n in work]
+    return replace(
+        found,
+        iterations=counts[0],
+        gradient_evaluations=counts[1],
+        structure_evaluations=counts[2],
+        continuations=np.array([solved]),
+    )

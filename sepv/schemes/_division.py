@@ -1,0 +1,101 @@
+"""Steps that have no solution, divided: two halves with Δ/2 each keep whatever the scheme keeps.
+
+For large Δ the implicit equation can have no solution near y at all. The flow of (1.1) at the random time is a flow in
+Δ, so that the halves (h/2, ΔW/2) take it just as far; for several structures they are steps along the straight line
+between the increments. H and Casimirs are kept, and a step that has a solution is left as it is. How often steps
+were divided is counted, lane by lane; no law is ever measured with it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from sepv.errors import UsageError
+from sepv.problem import Array, Problem
+from sepv.schemes._scheme import Scheme, as_lanes, step_by
+from sepv.solve import Status
+from sepv.solve._solution import Solution, merge
+
+MAX_DEPTH = 20
+
+
+def divided(scheme: Scheme, depth: int = 8) -> Scheme:
+    """The scheme, with steps that fail replaced by two halves, each divided again up to `depth` times.
+
+    Parameters
+    ----------
+    scheme : Scheme
+        An implicit one, with `solve`.
+    depth : int, 1 to 20
+        A step is divided into at most 2^depth parts.
+
+    Returns
+    -------
+    Scheme
+        Its solutions carry `divisions`, the number of steps and parts of steps that were divided; it claims nothing.
+
+    Raises
+    ------
+    UsageError
+        For a scheme without a solver, or a depth out of range.
+    """
+    if scheme.solve is None:
+        raise UsageError(
+            expected="an implicit scheme, whose solver says when a step has no solution",
+            received=f"the scheme {scheme.name!r} without solve",
+            remedy="take a smaller h",
+        )
+    if isinstance(depth, bool) or not isinstance(depth, (int, np.integer)) or not 1 <= depth <= MAX_DEPTH:
+        raise UsageError(
+            expected=f"depth, an integer from 1 to {MAX_DEPTH}",
+            received=repr(depth),
+            remedy="8 are 256 parts",
+        )
+
+    def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
+        state, noise = as_lanes(problem, y, h, dW)
+        return _solve(scheme, problem, state, h, noise, int(depth))
+
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        """One step; StepFailure where even 2^depth parts do not lead through."""
+        return step_by(solve, problem, y, h, dW)
+
+    return replace(
+        scheme,
+        name=f"{scheme.name}, divided",
+        step=step,
+        solve=solve,
+        claims=(),
+        mean_square_order=None,
+        weak_order=None,
+        source=f"{scheme.source}; failed steps in up to 2^{depth} parts",
+    )
+
+
+def _solve(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, depth: int) -> Solution:
+    assert scheme.solve is not None
+    whole = scheme.solve(problem, y, h, dW)
+    divisions = np.zeros(y.shape[1], dtype=np.int64)
+    failed = np.flatnonzero(whole.status != Status.CONVERGED)
+    if not failed.size or not depth:
+        return replace(whole, divisions=divisions)
+    divisions[failed] += 1
+    change = np.full_like(y, np.nan) if whole.change is None else whole.change.copy()
+    # The second half starts where the first one ended, in the lanes where it did.
+    first = _solve(scheme, problem, y[:, failed], h / 2, dW[:, failed] / 2, depth - 1)
+    merge(whole, first, failed)
+    divisions[failed] += _counts(first)
+    arrived = failed[first.status == Status.CONVERGED]
+    if arrived.size:
+        second = _solve(scheme, problem, whole.value[:, arrived], h / 2, dW[:, arrived] / 2, depth - 1)
+        merge(whole, second, arrived)
+        divisions[arrived] += _counts(second)
+    change[:, failed] = whole.value[:, failed] - y[:, failed]
+    return replace(whole, divisions=divisions, change=change)
+
+
+def _counts(solution: Solution) -> np.ndarray:
+    assert solution.divisions is not None
+    return solution.divisions

@@ -1,0 +1,22 @@
+"""The energy-preserving scheme (2.1); for constant B it is (2.2), the averaged vector field method.
+
+y1 = y0 + B((y0 + y1)/2) ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ · Δ,  Δ = h + Σ_j c_j ΔŴ_j.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sepv.schemes._one_step import ENERGY_PRESERVING, implicit, one_step
+from sepv.solve import Fields
+from sepv.solve._linearised import derivative
+
+
+def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    """Δ B(ȳ) ∇̄H, ȳ = y + z/2: the right side of (2.1) without y0, for z = y1 − y0."""
+    return step[0] * fields.apply(y + 0.5 * z, fields.mean_gradient(y, z))
+
+
+jacobian = derivative(formula)
+step = implicit(formula, jacobian)
+scheme = one_step("energy-preserving", step, ENERGY_PRESERVING, "Cohen and Dujardin (2014), equation (2.1)")

@@ -1,0 +1,22 @@
+"""The Euler-Heun scheme of §4: y1 = y0 + h f(y0) + ½(f(ŷ) + f(y0)) S with ŷ = y0 + h f(y0) + f(y0) S.
+
+S = Σ_j c_j ΔŴ_j, because every noise drives the same field f = B∇H.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sepv.schemes._one_step import EVERY, Explicit, drift_and_noise, one_step
+from sepv.solve import Fields
+
+
+def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:  # noqa: ARG001 - an explicit scheme
+    """h f(y0) + ½(f(ŷ) + f(y0)) S for h and S."""
+    h, S = step
+    f = fields.field(y)
+    return h * f + 0.5 * (fields.field(y + h * f + f * S) + f) * S
+
+
+step = Explicit(formula, drift_and_noise)
+scheme = one_step("euler-heun", step, EVERY | {"noise-sum", "equivariance"}, "Cohen and Dujardin (2014), §4")

@@ -1,0 +1,57 @@
+"""Explicit Runge-Kutta methods of order 4 and 8 with the random step Δ = h + Σ_j c_j ΔŴ_j: the honest rivals.
+
+y(t) is the deterministic flow at the random time t + Σ c_j W_j(t), so that a method of order p for y′ = f(y), used with
+the step Δ, has a local error C(y)Δ^{p+1} of root mean square O(h^{(p+1)/2}) and mean O(h^{⌈(p+1)/2⌉}): for even p
+mean-square and weak order p/2 by Milstein's theorem. They keep neither H nor Casimirs.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache, partial
+from typing import Any
+
+from sepv.errors import UsageError
+from sepv.schemes._explicit_tableaux import TABLEAUX, ExplicitTableau
+from sepv.schemes._one_step import RANDOM_STEP, Explicit, one_step
+from sepv.schemes._scheme import Scheme, truncation_for
+from sepv.solve import Fields
+
+
+def end(tableau: ExplicitTableau, fields: Fields, y: Any, z: Any, step: Any) -> Any:  # noqa: ARG001 - an explicit scheme
+    """Δ Σ b_i f(Y_i), Y_i = y + Δ Σ a_ij f(Y_j)."""
+    slopes: list[Any] = []
+    for row in tableau.A:
+        state = y
+        for j, a in row.items():
+            state = state + (a * step[0]) * slopes[j]
+        slopes.append(fields.field(state))
+    (i, b), *others = tableau.b.items()
+    total = (b * step[0]) * slopes[i]
+    for i, b in others:
+        total = total + (b * step[0]) * slopes[i]
+    return total
+
+
+@lru_cache(maxsize=4)
+def explicit(order: int) -> Scheme:
+    """The method of order 4 (classical) or 8 (Dormand and Prince), as a scheme with truncation k = 2·order.
+
+    Raises
+    ------
+    UsageError
+        For another order.
+    """
+    if order not in TABLEAUX:
+        raise UsageError(
+            expected=f"an order, one of {', '.join(map(str, TABLEAUX))}",
+            received=repr(order),
+            remedy="take 8",
+        )
+    return one_step(
+        f"explicit-{order}",
+        Explicit(partial(end, TABLEAUX[order])),
+        RANDOM_STEP,
+        "explicit Runge-Kutta with the random step",
+        order / 2,
+        truncation=truncation_for(order / 2),
+    )

@@ -1,0 +1,87 @@
+"""What a step may ask for beside h and ΔW: Lévy areas, space-time ones, or increments of a half (`Scheme.asks`).
+
+Laws that draw them (`sepv.simulate._areas`) keep them in further rows of dW (m, ...): (m + k, ...) with the A_ij for i < j, the
+H_i, or the increments W(h/2) − W(0). `answer` takes them apart and calls the step with a fifth argument.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from sepv.errors import UsageError
+from sepv.problem import Array, Problem
+from sepv.schemes._scheme import Scheme
+
+
+def further_rows(asks: str, noises: int) -> int:
+    """How many rows follow those of dW."""
+    return {"": 0, "areas": noises * (noises - 1) // 2, "halves": noises, "space-time": noises}[asks]
+
+
+def answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, *, any_path: bool = False) -> Any:
+    """The scheme's step for dW (m, ...), or for (m + k, ...) with the further rows that it asks for.
+
+    Parameters
+    ----------
+    any_path : whether it is given `some` where they are missing, by a law that speaks of every path.
+
+    Raises
+    ------
+    UsageError
+        Where they are missing otherwise: without them the noise would be of another law.
+    """
+    if not scheme.asks:
+        return scheme.step(problem, y, h, dW)
+    own, count = dW[: problem.noises], further_rows(scheme.asks, problem.noises)
+    if len(dW) == problem.noises and any_path:
+        rows = some(scheme.asks, h, own)
+    elif len(dW) == problem.noises + count:
+        rows = dW[problem.noises :]
+    else:
+        raise UsageError(
+            expected=f"increments with {count} further rows, the {scheme.asks} that {scheme.name} asks for",
+            received=f"{len(dW)} rows for {problem.noises} noises",
+            remedy="sepv.simulate.drawn(…).rows(steps, asks) draws both; sepv.integrate does where dW is not given",
+        )
+    further = as_matrix(rows, problem.noises) if scheme.asks == "areas" else np.array(rows)
+    return scheme.step(problem, y, h, np.array(own), further)
+
+
+def joined(asks: str, dW: Array, further: Array) -> Array:
+    """dW with its further rows, from what `answer` handed over."""
+    return np.concatenate([dW, as_rows(further) if asks == "areas" else further])
+
+
+def some(asks: str, h: float, dW: Array) -> Array:
+    """Further rows of a path with these increments, for laws that speak of every path: of no law, and no zeros.
+
+    With u_i = ΔW_i/(1 + ΔW_i²/|h|) the areas are an eighth of u ∧ ΔW, H is an eighth of ±u, and the first half goes to
+    ½ΔW ± ¼u. Exchanging noises exchanges them, and the way back, with −h and −ΔW, has −A, the same H, and minus the
+    second half first.
+    """
+    size = abs(h) if h else 1.0
+    u = dW / (1 + dW * dW / size)
+    if asks == "halves":
+        return np.asarray(0.5 * dW + np.sign(h) * 0.25 * u)
+    sign = -1.0 if h < 0 else 1.0
+    if asks == "space-time":
+        return np.asarray(0.125 * sign * u)
+    rows = [0.125 * sign * (u[i] * dW[j] - u[j] * dW[i]) for i, j in combinations(range(len(dW)), 2)]
+    return np.array(rows).reshape(len(rows), *dW.shape[1:])
+
+
+def as_matrix(rows: Array, noises: int) -> Array:
+    """Skew A (m, m, ...) from its entries with i < j, (k, ...)."""
+    found = np.zeros((noises, noises, *rows.shape[1:]))
+    for row, (i, j) in zip(rows, combinations(range(noises), 2), strict=True):
+        found[i, j], found[j, i] = row, -row
+    return found
+
+
+def as_rows(areas: Array) -> Array:
+    """Its entries with i < j, (k, ...)."""
+    pairs = list(combinations(range(areas.shape[0]), 2))
+    return np.array([areas[i, j] for i, j in pairs]).reshape(len(pairs), *areas.shape[2:])

@@ -1,0 +1,46 @@
+"""Gauss Runge-Kutta methods with the random step: quadratic invariants to rounding, no other energy.
+
+Y_i = y0 + Δ Σ_j a_ij f(Y_j), y1 = y0 + Δ Σ_j b_j f(Y_j), with the s Gauss nodes: order 2s, mean-square order s. Every
+quadratic first integral is kept (G. J. Cooper, IMA Journal of Numerical Analysis 7, 1987): quadratic Casimirs, and H
+where it is quadratic. s = 1 is the midpoint rule (3.4). It is the collocation method of Cohen and Hairer
+with the averages of ∇H taken by s nodes.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from sepv.problem import Array, Problem
+from sepv.schemes._collocation import solve_stages
+from sepv.schemes._one_step import SYMMETRIC, one_step, solved_by
+from sepv.schemes._scheme import Scheme, as_lanes, truncation_for
+from sepv.schemes._tableaux import check_stages
+from sepv.solve._solution import Solution
+
+
+@lru_cache(maxsize=8)
+def gauss(stages: int) -> Scheme:
+    """The s-stage method, s = 1 … 6, as a scheme with truncation k = 4s (2 for s = 1).
+
+    Raises
+    ------
+    UsageError
+        For another number of stages.
+    """
+    s = check_stages(stages)
+
+    def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
+        """One step of a batch with residual (of the stages), counts and status of each lane."""
+        state, noise = as_lanes(problem, y, h, dW)
+        return solve_stages(problem, s, state, problem.random_step(h, noise), averaged=False)
+
+    return one_step(
+        f"gauss-{s}",
+        solved_by(solve),
+        SYMMETRIC | {"symplecticity"},
+        "Gauss Runge-Kutta, with the random step",
+        float(s),
+        solve=solve,
+        truncation=truncation_for(s),
+        stages=s,
+    )

@@ -1,0 +1,192 @@
+"""A scheme under verification: every call is guarded, every answer is checked against the contract."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from sepv.errors import SchemeFault, SepvError, StepFailure
+from sepv.problem import Array, Problem
+from sepv.problem._hamiltonians import is_several
+from sepv.problems._opaque import shown
+from sepv.schemes._further import answer, joined
+from sepv.schemes._scheme import REFUSALS, Scheme
+
+
+class Refusal(StepFailure):
+    """The scheme refused a step by an ArithmeticError or LinAlgError of its own: not solved, and it says so.
+
+    Right where the equation may have no solution that the scheme could find, an error of the law where there is one.
+    """
+
+    def __init__(self, error: BaseException, problem: Problem, y: Array, h: float, dW: Array) -> None:
+        self.problem, self.y, self.status = problem.name, y, "refused"
+        # A batch has many Δ, and several structures have none.
+        whole = y.ndim == 1 and not is_several(problem)
+        self.delta = float(problem.random_step(h, dW)) if whole else float(h)
+        self.residual, self.iterations = float("nan"), 0
+        self.traceback = "".join(traceback.format_exception(error))
+        of = (
+            f"y of shape {y.shape}"
+            if y.ndim > 1
+            else f"y = {y.tolist()}, {'Δ' if whole else 'h'} = {self.delta!r}"
+        )
+        SepvError.__init__(
+            self,
+            f"The scheme refused the step by {type(error).__name__}: {error}{_where(error)}\n"
+            f"problem {problem.name}, {of}.\n"
+            "Remedy: solve the step where a solution exists; beyond, a refusal is right.",
+        )
+
+
+def _where(error: BaseException) -> str:
+    frames = traceback.extract_tb(error.__traceback__)[1:]  # without the frame that called the scheme
+    return f" ({frames[-1].filename}, line {frames[-1].lineno}, in {frames[-1].name})" if frames else ""
+
+
+# What JAX raises where NumPy's functions are given its tracers.
+_TRACED = {"TracerArrayConversionError", "ConcretizationTypeError", "TracerBoolConversionError"}
+
+
+class SchemeCrash(SepvError):
+    """The scheme raised an exception of its own; `traceback` is its text, from the scheme on."""
+
+    def __init__(self, error: BaseException, shape: tuple[int, ...]) -> None:
+        self.traceback = "".join(traceback.format_exception(error))
+        kind = type(error).__name__
+        remedy = (
+            "a problem's functions are NumPy's; sepv.peers.posing.pose gives the same as JAX's (docs/extending.md)"
+            if kind in _TRACED
+            else "--debug with the replay command shows the traceback"
+        )
+        said = str(error).partition("\n")[0] if kind in _TRACED else error
+        super().__init__(
+            f"The scheme raised {kind}: {said}{_where(error)}\n"
+            f"Expected y_next of shape {shape} from step(problem, y, h, dW).\n"
+            f"Remedy: {remedy}."
+        )
+
+
+def ask(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """One step of the scheme from copies of the arguments, its answer checked.
+
+    Raises
+    ------
+    SchemeFault
+        Wrong type, shape or dtype, or a value that is not finite.
+    StepFailure
+        A step that the scheme did not solve and says so: its own, or `Refusal` for an ArithmeticError.
+    SchemeCrash
+        Any other exception of the scheme.
+    """
+    return check_answer(raw_answer(scheme, problem, y.copy(), h, dW.copy()), y)
+
+
+def raw_answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> Any:
+    """What the scheme returns, unchecked, for these very arrays."""
+    try:
+        with np.errstate(all="ignore"):
+            return answer(scheme, shown(problem), y, h, dW, any_path=True)
+    except StepFailure:
+        raise
+    except REFUSALS as error:
+        raise Refusal(error, problem, y, h, dW) from error
+    except SepvError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise SchemeCrash(error, y.shape) from error
+
+
+def check_answer(answer: Any, y: Array) -> Array:
+    """The answer as an array, if it keeps the contract."""
+    if type(answer) is not np.ndarray:  # no subclass either: masked arrays and matrices compute otherwise
+        raise SchemeFault(
+            expected=f"a NumPy array of shape {y.shape}",
+            received=f"{type(answer).__name__}: {answer!r:.80}",
+            remedy="return np.asarray(…) of the new state (of a torch tensor: .numpy())",
+        )
+    if answer.shape != y.shape:
+        raise SchemeFault(
+            expected=f"y_next of the shape of y, {y.shape}",
+            received=f"shape {answer.shape}",
+            remedy="component first: one state is (d,), a batch (d, M)",
+        )
+    if answer.dtype != np.float64:
+        raise SchemeFault(
+            expected="y_next of dtype float64",
+            received=f"dtype {answer.dtype}",
+            remedy="compute in float64 throughout (JAX: jax.config.update('jax_enable_x64', True) first; torch: "
+            "torch.as_tensor keeps the dtype of y); "
+            "a complex value hints at a square root or logarithm out of range",
+        )
+    if not np.all(np.isfinite(answer)):
+        raise SchemeFault(
+            expected="finite values",
+            received=f"{answer.tolist()!r:.200}",
+            remedy="raise sepv.StepFailure where a step cannot be made, instead of returning NaN or infinity",
+        )
+    return answer
+
+
+def guarded(scheme: Scheme) -> Scheme:
+    """The scheme with its own exceptions as `SchemeCrash` and its answers' shape checked; NaN passes.
+
+    Only `step` is asked: a scheme's `solve` is its own affair, `step` is what it is verified by.
+    """
+
+    def step(problem: Problem, y: Array, h: float, dW: Array, further: Array | None = None) -> Array:
+        noise = dW.copy() if further is None else joined(scheme.asks, dW, further)
+        found = raw_answer(scheme, problem, y.copy(), h, noise)
+        finite = np.nan_to_num(found) if isinstance(found, np.ndarray) else found
+        check_answer(finite, y)
+        return np.asarray(found)
+
+    return replace(scheme, step=step, solve=None)
+
+
+def ask_once(scheme: Scheme, problem: Problem, y: Array, h: float) -> None:
+    """Refuse a step that answers with no state before a run over many of them; what it cannot solve may pass.
+
+    Raises
+    ------
+    SchemeFault, SchemeCrash
+    """
+    if scheme.solve is None:
+        with suppress(StepFailure):
+            guarded(scheme).step(problem, y, h, np.zeros(problem.noises))
+
+
+def takes_batches(scheme: Scheme, asked: Iterable[Problem] = ()) -> bool:
+    """Whether a bare function turns out to take batches: the same bits as state by state, on two problems.
+
+    A user's own problem is asked about states that lead on from its initial state by small steps: any other one may be
+    outside of what the problem means, and a step that fails there says nothing about batches.
+    """
+    from sepv import problems
+
+    own = tuple(asked)
+    for problem in own or (problems.rigid_body(), problems.pendulum()):
+        if problem.initial is None:
+            return False
+        rng = np.random.default_rng(3)
+        y = np.repeat(np.asarray(problem.initial, dtype=np.float64)[:, None], 5, axis=1)
+        unit = 2.0**-6 if own else 1.0
+        if not own:
+            y = y * (1 + 0.1 * rng.standard_normal(y.shape))
+        # Lanes that begin in one state have states of their own from the second step on.
+        for h in (unit / 16, unit / 32, unit / 64)[: 3 if own else 1]:
+            dW = 0.1 * unit * rng.standard_normal((problem.noises, 5))
+            try:
+                together = ask(scheme, problem, y, h, dW)
+                alone = np.stack([ask(scheme, problem, y[:, k], h, dW[:, k]) for k in range(5)], axis=1)
+            except SepvError:
+                return False
+            if not np.array_equal(together, alone):
+                return False
+            y = alone
+    return True

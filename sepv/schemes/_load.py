@@ -1,0 +1,280 @@
+"""A scheme or a problem from what a user names or hands over: a built-in, module:attribute, the thing itself."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+import os
+import shlex
+import sys
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from sepv.arguments import did_you_mean
+from sepv.errors import TargetError, UsageError
+from sepv.problem import NamedProblem, PolynomialSystem, Problem
+from sepv.record._polynomial import parse_float
+from sepv.schemes._scheme import Scheme, Step
+
+_UNCLAIMED = "a function of which nothing is claimed"
+
+
+def load_scheme(
+    target: str | Scheme | Step, claims: Iterable[str] = (), problems: Iterable[Problem] = ()
+) -> Scheme:
+    """The scheme that `target` names or is.
+
+    Parameters
+    ----------
+    target : str, Scheme or function
+        A built-in name (``energy-preserving``), ``module:attribute``, a `Scheme`, or a function
+        ``step(problem, y, h, dW)``, of which nothing is claimed.
+    claims : iterable of law names
+        Claimed in addition.
+    problems : iterable of Problem
+        On which a function is asked whether it takes batches; by default two of the paper's.
+
+    Raises
+    ------
+    TargetError
+        Where it cannot be loaded or is not a scheme, with what it is instead.
+    """
+    name = getattr(target, "__name__", "scheme")
+    scheme = _named(target, problems) if isinstance(target, str) else as_scheme(target, name, problems)
+    extra = frozenset(claims)
+    if not extra:
+        return scheme
+    source = "a function" if scheme.source == _UNCLAIMED else scheme.source
+    return replace(scheme, claims=frozenset(scheme.claims) | extra, source=source)
+
+
+def as_scheme(value: Any, name: str, problems: Iterable[Problem] = ()) -> Scheme:
+    """A `Scheme` as it is; a function as a scheme that claims nothing.
+
+    Raises
+    ------
+    TargetError
+        For anything that cannot be called with (problem, y, h, dW).
+    """
+    if isinstance(value, Scheme):
+        _check_signature(value.step, name, 5 if value.asks else 4)
+        return value
+    if not callable(value):
+        raise TargetError(
+            expected="a sepv.Scheme, a scheme's name, or a function step(problem, y, h, dW) -> y_next",
+            received=f"{name}, which is {type(value).__name__}: {value!r:.80}",
+            remedy="name the function itself: module:function",
+        )
+    if inspect.isclass(value):
+        raise TargetError(
+            expected="a sepv.Scheme or a function step(problem, y, h, dW) -> y_next",
+            received=f"{name}, which is a class",
+            remedy="name an instance's method or a function that uses the class",
+        )
+    _check_signature(value, name)
+    from sepv.schemes._guard import takes_batches
+
+    scheme = Scheme(name=name, step=value, source=_UNCLAIMED)
+    return replace(scheme, batched=takes_batches(scheme, problems))
+
+
+def _check_signature(step: Any, name: str, count: int = 4) -> None:
+    try:
+        signature = inspect.signature(step)
+    except (TypeError, ValueError):
+        return  # a compiled callable: the contract law asks it
+    try:
+        signature.bind(*(None,) * count)
+    except TypeError as error:
+        raise TargetError(
+            expected="a function that takes (problem, y, h, dW)",
+            received=f"{name}{signature}: {error}",
+            remedy="wrap it: def step(problem, y, h, dW): ...",
+        ) from error
+
+
+def _named(target: str, problems: Iterable[Problem]) -> Scheme:
+    if ":" not in target:
+        from sepv.schemes import by_name
+
+        try:
+            return by_name(target)
+        except UsageError as error:
+            raise TargetError(
+                expected=f"{error.expected}, or module:attribute",
+                received=error.received,
+                remedy=_as_module(target)
+                or "see `sepv list`; your own scheme goes as mypackage.mymodule:scheme",
+            ) from None
+    return as_scheme(load_object(target), target, problems)
+
+
+def load_problem(target: Any) -> Problem:
+    """The problem that `target` names or is.
+
+    Parameters
+    ----------
+    target : str, Problem, function, PolynomialSystem or NamedProblem
+        A built-in name (``rigid-body``), a file of polynomial data (``.json``), ``module:attribute``; or a
+        `Problem`, a function without arguments that returns one, or its data.
+
+    Raises
+    ------
+    UsageError
+        For anything else, with what it is instead.
+    """
+    from sepv import problems
+
+    name = "the problem"
+    if isinstance(target, str):
+        if target.endswith(".json"):
+            return _from_file(Path(target))
+        if ":" not in target:
+            return problems.by_name(target)
+        name, target = target, load_object(target)
+    found = target
+    if isinstance(found, (PolynomialSystem, NamedProblem)):
+        return problems.build(found)
+    if not isinstance(found, (Problem, Scheme)) and callable(found) and _takes_nothing(found):
+        found = found()
+    if not isinstance(found, Problem):
+        raise UsageError(
+            expected="a sepv.Problem, a problem's name, a .json file of polynomial data, module:attribute, or a "
+            "function without arguments that returns a Problem",
+            received=f"{name}, which is {type(found).__name__}: {found!r:.80}",
+            remedy="a scheme goes first and a problem second; see `sepv list` for names",
+        )
+    return found
+
+
+def words_for(scheme: Any, problems: Any = None) -> str:
+    """What stands for a scheme, and for what it is for, after ``sepv verify``; empty where nothing can be typed."""
+    from sepv.schemes import by_name
+
+    words = scheme if isinstance(scheme, str) else ""
+    if isinstance(scheme, Scheme):
+        with suppress(UsageError):
+            words = scheme.name if by_name(scheme.name) is scheme else ""
+    elif (
+        inspect.isfunction(scheme) and scheme.__module__ != "__main__" and scheme.__qualname__.isidentifier()
+    ):
+        words = f"{scheme.__module__}:{scheme.__qualname__}"
+    asked = (
+        (problems,)
+        if isinstance(problems, str)
+        else tuple(problems)
+        if isinstance(problems, (list, tuple))
+        else ()
+    )
+    if not words or (problems is not None and not (asked and all(isinstance(p, str) for p in asked))):
+        return ""
+    return " ".join([shlex.quote(words), *(f"-p {shlex.quote(p)}" for p in asked)])
+
+
+def _takes_nothing(function: Any) -> bool:
+    """Whether it can be called without arguments."""
+    try:
+        inspect.signature(function).bind()
+    except (TypeError, ValueError):
+        return False
+    return True
+
+
+def _from_file(path: Path) -> Problem:
+    import json
+
+    from sepv import problems
+
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        raise UsageError(
+            expected="a JSON file of a polynomial problem",
+            received=f"{path}: {error}",
+            remedy="write one with sepv.problems.to_json",
+        ) from error
+    problem, start = problems.build(problems.from_json(data)), data.get("initial")
+    initial = problem.initial if start is None else [parse_float(v) for v in start]
+    return replace(problem, name=path.stem, initial=initial, check=False)
+
+
+def load_object(target: str) -> Any:
+    """What module:attribute names.
+
+    Raises
+    ------
+    TargetError
+        Where the module cannot be imported, or has no such attribute.
+    """
+    module_name, _, attribute = target.partition(":")
+    if module_name.endswith(".py"):
+        raise TargetError(
+            expected="module:attribute, as after import",
+            received=f"a file: {target!r}",
+            remedy=_as_module(target),
+        )
+    module = _module(module_name)
+    value: Any = module
+    for part in attribute.split("."):
+        try:
+            value = getattr(value, part)
+        except AttributeError as error:
+            names = [n for n in vars(module) if not n.startswith("_") and callable(getattr(module, n, None))]
+            raise TargetError(
+                expected=f"an attribute {attribute!r} in module {module_name}",
+                received=f"{did_you_mean(attribute, names)} and a module with "
+                + (", ".join(names) or "no public functions"),
+                remedy="correct the name after the colon",
+            ) from error
+    return value
+
+
+def _as_module(target: str) -> str:
+    """How to name what is in a file: ``mine:step`` for mine.py, ./mine.py:step or mine. Empty where there is none."""
+    name, _, attribute = target.partition(":")
+    file = Path(name) if name.endswith(".py") else Path(name.replace(".", "/") + ".py")
+    if not (name.endswith(".py") or file.is_file()):
+        return ""
+    away = file.is_absolute() or ".." in file.parts
+    module = file.stem if away else ".".join(file.with_suffix("").parts)
+    where = f" in the folder {file.parent}" if away else ""
+    return f"name it as {module}:{attribute or _likely_step(file)}{where}"
+
+
+def _likely_step(file: Path) -> str:
+    """The first function of a file that takes four arguments, without running it; else "step"."""
+    try:
+        body = ast.parse(file.read_bytes()).body
+    except (OSError, SyntaxError, ValueError):
+        return "step"
+    four = (n.name for n in body if isinstance(n, ast.FunctionDef) and len(n.args.args) == 4)
+    return next((name for name in four if not name.startswith("_")), "step")
+
+
+def _module(name: str) -> Any:
+    # As for `python -m`: modules of the current directory can be named.
+    if os.getcwd() not in sys.path and "" not in sys.path:
+        sys.path.insert(0, os.getcwd())
+    try:
+        return importlib.import_module(name)
+    except UsageError as error:
+        raise TargetError(expected=error.expected, received=error.received, remedy=error.remedy) from error
+    except ModuleNotFoundError as error:
+        missing = error.name or name
+        raise TargetError(
+            expected=f"a module {name} that can be imported",
+            received=f"no module named {missing!r}",
+            remedy="run in its folder, install it, or correct the name before the colon"
+            if name == missing or name.startswith(missing + ".")
+            else f"install {missing}, which {name} imports",
+        ) from error
+    except (Exception, SystemExit) as error:
+        raise TargetError(
+            expected=f"a module {name} that can be imported",
+            received=f"{type(error).__name__} while importing it: {error}",
+            remedy=f"make `python -c 'import {name}'` work first",
+        ) from error

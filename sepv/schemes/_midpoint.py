@@ -1,0 +1,20 @@
+"""The stochastic midpoint rule of §4: y1 = y0 + f((y0 + y1)/2)(h + Σ_j c_j ΔŴ_j), f = B∇H, equation (3.4)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sepv.schemes._one_step import SYMMETRIC, implicit, one_step
+from sepv.solve import Fields
+from sepv.solve._linearised import derivative
+
+
+def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    """Δ f(ȳ), ȳ = y + z/2."""
+    return step[0] * fields.field(y + 0.5 * z)
+
+
+step = implicit(formula, derivative(formula))
+scheme = one_step(
+    "midpoint", step, SYMMETRIC | {"symplecticity"}, "Cohen and Dujardin (2014), equation (3.4)"
+)

@@ -1,0 +1,141 @@
+"""A one-step scheme is a formula plus facts: its step, its solver and its record are made here for all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from sepv.problem import Array, Problem
+from sepv.schemes._scheme import Scheme, Solve, as_lanes, step_by
+from sepv.solve import solve as solve_implicit
+from sepv.solve._formula import Asked, Formula, counted
+from sepv.solve._solution import IncrementFunction, JacobianFunction, Solution, require_converged
+from sepv.solve._straight import iteration
+
+# (problem, h, noise) -> (k, M): what a formula wants to know of the step.
+Parts = Callable[[Problem, float, Array], Array]
+
+# Claims: of every scheme of ours, of methods for y′ = f(y) with the step Δ, of those that are symmetric as well.
+EVERY = frozenset(("contract", "reproducibility", "truncation"))
+RANDOM_STEP = EVERY | {"identity", "noise-sum", "random-step", "expansion", "equivariance"}
+SYMMETRIC = RANDOM_STEP | {"casimir", "midpoint", "symmetry"}
+ENERGY_PRESERVING = SYMMETRIC | {"energy", "reduction", "reference", "rounding"}
+
+
+def random_step(problem: Problem, h: float, noise: Array) -> Array:
+    """Δ, (1, M)."""
+    return problem.random_step(h, noise)[None]
+
+
+def drift_and_noise(problem: Problem, h: float, noise: Array) -> Array:
+    """h and S = Σ c_j ΔW_j, (2, M)."""
+    return np.stack([np.full(noise.shape[1], float(h)), problem.random_step(0.0, noise)])
+
+
+def each_noise(problem: Problem, h: float, noise: Array) -> Array:
+    """h and the c_j ΔW_j, (1 + m, M)."""
+    return np.concatenate([np.full((1, noise.shape[1]), float(h)), problem.c[:, None] * noise])
+
+
+def no_jacobian(*_: Any) -> None:
+    """For a right side whose derivative is formed from differences."""
+
+
+def nothing_more(problem: Problem, y0: Array, step: Array, solution: Solution) -> None:
+    """For a scheme that takes every problem, and every solution of its equation."""
+
+
+@dataclass(frozen=True)
+class Implicit:
+    """The step y1 = y0 + R(y0, y1), solved to rounding.
+
+    Attributes
+    ----------
+    increment, jacobian
+        R and ∂R/∂y1, as in `sepv.solve.solve`.
+    parts
+        What R wants to know of the step.
+    formula
+        What R is made of, where it is; the compiled engine records it.
+    requires : (problem) -> anything
+        Raises `Skipped` for a problem that the scheme does not take.
+    examine : (problem, y0, step, solution) -> None
+        Changes the status of lanes whose solution is none of the scheme's.
+    """
+
+    increment: IncrementFunction
+    jacobian: JacobianFunction = no_jacobian
+    parts: Parts = random_step
+    formula: Formula | None = None
+    requires: Callable[[Problem], Any] | None = None
+    examine: Callable[[Problem, Array, Array, Solution], None] = nothing_more
+
+    def solve(self, problem: Problem, y: Array, h: float, dW: Array, start: Array | None = None) -> Solution:
+        """A batch with residual, counts and status of each lane; `start` (d, M) is a guess of y1 − y0."""
+        return self._solved(problem, *as_lanes(problem, y, h, dW), h, start)
+
+    def _solved(
+        self, problem: Problem, state: Array, noise: Array, h: float, start: Array | None = None
+    ) -> Solution:
+        if self.requires is not None:
+            self.requires(problem)
+        step = self.parts(problem, h, noise)
+
+        def directly(lanes: Any) -> Solution:
+            guess = None if start is None else start[:, lanes]
+            return solve_implicit(
+                problem, state[:, lanes], step[:, lanes], self.increment, self.jacobian, guess
+            )
+
+        record = None if self.formula is None else iteration(problem, self.formula, len(step))
+        solution = directly(slice(None)) if record is None else record.solve(state, step, start, directly)
+        self.examine(problem, state, step, solution)
+        return solution
+
+    def __call__(self, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        """y1 for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M), increments as the caller truncated them.
+
+        Raises
+        ------
+        Skipped
+            For a problem that the scheme does not take.
+        StepFailure
+            Where the equation was not solved.
+        """
+        state, noise = as_lanes(problem, y, h, dW)
+        solution = self._solved(problem, state, noise, h)
+        return require_converged(problem, state, h, noise, solution).reshape(np.shape(y))
+
+
+@dataclass(frozen=True)
+class Explicit:
+    """The step y1 = y0 + R(y0), for a formula that does not ask for z."""
+
+    formula: Formula
+    parts: Parts = random_step
+
+    def __call__(self, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        """y1 for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M)."""
+        y0, noise = as_lanes(problem, y, h, dW)
+        moved = self.formula(Asked(problem, y0, y0), y0, np.zeros_like(y0), self.parts(problem, h, noise))
+        return np.asarray(y0 + moved).reshape(np.shape(y))
+
+
+def implicit(formula: Formula, jacobian: JacobianFunction = no_jacobian, **more: Any) -> Implicit:
+    """The step whose right side is this formula; `more` are attributes of `Implicit`."""
+    return Implicit(partial(counted, formula), jacobian, formula=formula, **more)
+
+
+def solved_by(solve: Solve) -> Callable[[Problem, Array, float, Array], Array]:
+    """The step of a scheme that brings its own solver."""
+    return partial(step_by, solve)
+
+
+def one_step(name: str, step: Any, claims: Any, source: str, order: float = 1.0, **facts: Any) -> Scheme:
+    """The scheme of a step above, of this mean-square and weak order unless `facts` say otherwise."""
+    found = {"mean_square_order": order, "weak_order": order, "solve": getattr(step, "solve", None), **facts}
+    return Scheme(name, step, claims, source, batched=True, **found)

@@ -1,0 +1,216 @@
+"""The scheme record: a formula plus facts. No base class; a bare function does as well."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sepv.arguments import floats, is_number
+from sepv.errors import UsageError
+from sepv.problem import Array, Problem
+from sepv.schemes._point_laws import PointLaw, point_law
+from sepv.solve._solution import Solution, require_converged
+
+# What a step may ask for beside h and the increments.
+ASKS = ("", "areas", "halves", "space-time")
+# The classes of systems that a scheme may be for; `sepv.verification._cases.structures` has cases for each.
+SYSTEMS = (
+    "single", "nambu", "several", "hamiltonians", "canonical-separable", "lie-poisson", "rigid-bodies",
+    "so3-hamiltonians", "separable-hamiltonians",
+)  # fmt: skip
+# How a scheme says that it did not solve a step, when it does not know `sepv.StepFailure` (an ArithmeticError too).
+REFUSALS = (ArithmeticError, np.linalg.LinAlgError)
+# What speaks of paths, and says nothing of increments that only have the law of some moments.
+PATHWISE = frozenset(("mean-square-order", "right-limit", "local-mean", "local-mean-square", "commutation"))
+# (problem, y, h, dW) -> y_next, with a fifth argument for a scheme that asks for more.
+Step = Callable[..., Array]
+Solve = Callable[[Problem, Array, float, Array], Solution]
+
+
+def truncation_for(order: float) -> int:
+    """k of Remark 2.1 for a scheme of mean-square order p: the paper's 2 for p = 1, and 4p beyond.
+
+    k ≥ 2p is what the order needs. With k = 2p clipping alone costs an error of order p, which for many stages is
+    larger than their own (`sepv.exact._clipping`); with 4p it costs h^{2p}. The price is a bound of |Δ| larger by √2.
+    """
+    return 2 if order <= 1 else round(4 * order)
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """A one-step method for (1.1), and what it says of itself.
+
+    Attributes
+    ----------
+    name : str
+    step : callable (problem, y, h, dW) -> y_next
+        y of shape (d,) with dW of shape (m,); a step that sets `batched` also takes a batch, (d, M) with
+        (m, M). Pure: the same bits for the same arguments, nothing changed in place.
+    claims : iterable of law names
+        The laws it says it obeys. Laws that are not claimed are measured and printed all the same.
+    source : str
+        Where the formula comes from.
+    mean_square_order, weak_order : float or `sepv.schemes._orders.Orders`, optional
+        Claimed orders, in general or for each kind of noise: with the first, the laws "local-mean",
+        "local-mean-square", "mean-square-order" and "right-limit" are claimed, with the second "local-weak" and
+        "weak-order".
+    solve : callable (problem, y, h, dW) -> Solution, optional
+        For implicit schemes: the same step for a batch, with residual, counts and status of each lane.
+    solver_tolerance : float
+        The relative tolerance of the scheme's own solver: the laws' bounds then follow it and say so.
+        0 means solved to rounding.
+    truncation : int, optional
+        k of Remark 2.1 for the increments the scheme wants; None for untruncated.
+    increments : "normal", "two-point", "three-point" or PointLaw, optional
+        The increments it is meant for (`sepv.schemes._point_laws`). Those of a few points are bounded, so that `truncation` is
+        None; such a scheme has a weak order alone.
+    batched : bool
+        Whether `step` takes batches.
+    systems : str
+        The class of systems it takes, from which laws draw their cases: "single" for every (1.1), "nambu" for
+        those in dimension three with a Casimir and a factor (`Problem.nambu`), "several" for several structures
+        or Hamiltonians that keep H (`sepv.problem._structures`), "hamiltonians" for several Hamiltonians that need not
+        (`sepv.problem._hamiltonians`). Narrower than "single", and random as well: "canonical-separable"
+        for H = T(p) + V(q) with y = (p, q), "lie-poisson" for B linear in y, "rigid-bodies" for random inertia;
+        others are those of `sepv.verification._cases.families`.
+    problems : sequence of problems or strategies
+        What it is for, where that is narrower still: names, ``module:attribute``, `Problem` records, families,
+        Hypothesis strategies of `PolynomialSystem` or `Problem`. Laws draw their cases from them and nothing else.
+    asks : str
+        What the step takes as a fifth argument: "areas" for the Lévy areas A_ij = ½∫(W_i dW_j − W_j dW_i) of its
+        increments, (m, m) or (m, m, M), skew; "halves" for the increments over the first half of the step, (m,) or
+        (m, M); "space-time" for the space-time Lévy areas H_i = (1/h)∫(W_i(s) − (s/h)ΔW_i) ds, (m,) or (m, M), of
+        variance h/12. By default nothing.
+    stages : int
+        s of the collocation family: laws that compare with (2.1) compare with its s-stage method
+        (Cohen and Hairer), those that compare with the midpoint rule with the s-stage Gauss method.
+
+    Examples
+    --------
+    Heun's method with the random step:
+
+    >>> import sepv
+    >>> def step(problem, y, h, dW):
+    ...     f = lambda y: problem.structure(y) @ problem.gradient(y)
+    ...     delta = problem.random_step(h, dW)
+    ...     return y + 0.5 * delta * (f(y) + f(y + delta * f(y)))
+    >>> heun = sepv.Scheme("heun", step, claims=["noise-sum"], mean_square_order=1.0)
+    >>> sepv.verify(heun, laws=["noise-sum", "energy"]).counts["violated"]
+    1
+    """
+
+    name: str
+    step: Step
+    claims: Iterable[str] = ()
+    source: str = ""
+    mean_square_order: float | None = None
+    weak_order: float | None = None
+    solve: Solve | None = None
+    solver_tolerance: float = 0.0
+    truncation: int | None = 2
+    increments: str | PointLaw | None = None
+    batched: bool = False
+    stages: int = 1
+    systems: str = "single"
+    asks: str = ""
+    problems: Iterable[Any] = ()
+
+    def __post_init__(self) -> None:
+        claims = {self.claims} if isinstance(self.claims, str) else set(self.claims)
+        if not all(isinstance(claim, str) for claim in claims):
+            raise UsageError(
+                expected="claims, names of laws", received=f"{self.claims!r:.80}", remedy="see `sepv list`"
+            )
+        law = point_law(self.increments)
+        object.__setattr__(self, "increments", law)
+        if law is not None:
+            object.__setattr__(self, "truncation", None)
+            if self.mean_square_order is not None:
+                raise UsageError(
+                    expected="a weak order alone, for increments of a few points",
+                    received=f"mean_square_order = {self.mean_square_order!r} with {law.name} increments",
+                    remedy="sepv.schemes._scheme.weakly(scheme, increments) drops what a scheme claims of paths",
+                )
+        if self.mean_square_order is not None:
+            claims |= PATHWISE - {"commutation"}
+        if self.weak_order is not None:
+            claims |= {"weak-order", "local-weak"}
+        if self.systems not in SYSTEMS:
+            raise UsageError(
+                expected=f"systems, one of {', '.join(SYSTEMS)}",
+                received=repr(self.systems),
+                remedy="leave it out for a scheme for (1.1)",
+            )
+        if self.asks not in ASKS:
+            raise UsageError(
+                expected='asks, "areas", "halves" or "space-time"',
+                received=repr(self.asks),
+                remedy="leave it out for a step(problem, y, h, dW)",
+            )
+        listed = isinstance(self.problems, Iterable) and not isinstance(self.problems, str)
+        object.__setattr__(self, "problems", tuple(self.problems) if listed else (self.problems,))
+        object.__setattr__(self, "claims", frozenset(c.strip().replace("_", "-") for c in claims))
+        if not callable(self.step):
+            raise UsageError(
+                expected="Scheme(step=…), a function step(problem, y, h, dW) -> y_next",
+                received=f"{type(self.step).__name__}: {self.step!r:.80}",
+                remedy="hand over the function itself",
+            )
+
+
+def weakly(scheme: Scheme, increments: str | PointLaw | None) -> Scheme:
+    """The scheme with other increments; with those of a few points it claims nothing about paths any more."""
+    law = point_law(increments)
+    if law is None:
+        return scheme if scheme.increments is None else replace(scheme, increments=None)
+    claims = frozenset(scheme.claims) - PATHWISE - {"truncation"}
+    return replace(scheme, increments=law, mean_square_order=None, claims=claims)
+
+
+def as_lanes(problem: Problem, y: ArrayLike, h: float, dW: ArrayLike) -> tuple[Array, Array]:
+    """y as (d, M) and dW as (m, M), one lane for a single state; shapes and finiteness are checked.
+
+    Raises
+    ------
+    UsageError
+        A state, step or increment that does not fit the problem.
+    """
+    state, increment = floats("y", y), floats("dW", dW)
+    d, m = problem.dimension, problem.noises
+    if state.ndim not in (1, 2) or state.shape[0] != d or not np.all(np.isfinite(state)):
+        raise UsageError(
+            expected=f"y finite, of shape ({d},) or ({d}, M)",
+            received=f"shape {state.shape}, {'all' if np.all(np.isfinite(state)) else 'not all'} finite",
+            remedy="component first: a batch has its paths along the last axis",
+        )
+    if increment.shape != (m, *state.shape[1:]) or not np.all(np.isfinite(increment)):
+        raise UsageError(
+            expected=f"dW finite, of shape {(m, *state.shape[1:])}: one Wiener increment for each c_j and path",
+            received=f"shape {increment.shape}, {'all' if np.all(np.isfinite(increment)) else 'not all'} finite",
+            remedy=f"the problem has noise c = {problem.c.tolist()}; give as many increments",
+        )
+    if not is_number(h):
+        raise UsageError(
+            expected="h, one finite number",
+            received=f"{h!r:.80}",
+            remedy="one step size for all paths of a batch",
+        )
+    lanes = state.reshape(d, -1)
+    return lanes, increment.reshape(m, lanes.shape[1])
+
+
+def step_by(solve: Solve, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """The step that belongs to a `solve`: y1 in the shape of y, (d,) or (d, M).
+
+    Raises
+    ------
+    StepFailure
+        Where a lane was not solved.
+    """
+    state, noise = as_lanes(problem, y, h, dW)
+    solution = solve(problem, state, h, noise)
+    return require_converged(problem, state, h, noise, solution).reshape(np.shape(y))

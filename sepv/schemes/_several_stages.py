@@ -1,0 +1,56 @@
+"""Higher order with several structures whose flows commute: s stages of collocation on the structure of a step.
+
+With the increments of a step held fixed, dy = B∇H dt + Σ c_j G_j∇H ∘dW_j becomes y′ = P(y)∇H, P = h B + Σ c_jΔW_j G_j,
+over a unit of time, and where all fields commute its flow is the exact step. The s-stage method of Cohen and Hairer
+(2011) for it has a local error of order 2s + 1 in √h, so that the mean-square order is s. It keeps H, because P is
+skew, and quadratic Casimirs common to all structures. Where fields do not commute the order is that of
+`several_structures`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sepv.problem import Array, Problem
+from sepv.problem._structures import combined, combined_slope
+from sepv.schemes._collocation import collocation
+from sepv.schemes._one_step import each_noise
+from sepv.schemes._scheme import as_lanes
+
+
+def step_with_stages(problem: Problem, stages: int, y: Array, h: float, dW: Array) -> Array:
+    """One step with s = 1 … 6 stages, path by path, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M).
+
+    Raises
+    ------
+    StepFailure
+        Where the implicit equation was not solved.
+    """
+    state, noise = as_lanes(problem, y, h, dW)
+    step = collocation(stages).step
+    known = each_noise(problem, h, noise)
+    ends = [step(held(problem, known[:, k]), state[:, k], 1.0, np.empty(0)) for k in range(state.shape[1])]
+    return np.stack(ends, axis=1).reshape(np.shape(y))
+
+
+def held(problem: Problem, known: Array) -> Problem:
+    """The problem y′ = P(y)∇H of one step, for `known` (1 + m,) holding h and the c_jΔW_j."""
+
+    def slope(y: Array) -> Array:
+        value = combined_slope(problem, y, known)
+        assert value is not None
+        return value
+
+    given = combined_slope(problem, np.array(problem.initial)[:, None], known[:, None]) is not None
+    return Problem(
+        problem.dimension,
+        lambda y: combined(problem, y, known),
+        problem.hamiltonian,
+        problem.gradient,
+        noise=(),
+        hessian=problem.hessian,
+        structure_derivative=slope if given else None,
+        degree=problem.degree,
+        name=f"a step of {problem.name}",
+        check=False,
+    )

@@ -1,0 +1,55 @@
+"""The energy-preserving scheme for several structures (paper §1).
+
+y1 = y0 + [h B(ȳ) + Σ_j c_j ΔŴ_j G_j(ȳ)] ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ,  ȳ = (y0 + y1)/2.
+
+**Energy** for all skew B and G_j, as in Proposition 3.1: H(y1) − H(y0) = ∇̄Hᵀ[…]∇̄H = 0. **Quadratic Casimirs** common to
+B and all G_j, as in Proposition 3.2. **Mean-square order** 1 for one noise, and for several whose fields G_j∇H commute;
+½ otherwise: the scheme sees no iterated integrals ∫W_i∘dW_j, which are of the order of h where fields do not commute.
+Where G_j = B it is (2.1). Several Hamiltonians with {H_0, H_j} = 0 are posed in this form by
+`sepv.problem.commuting_hamiltonians`; a step at or next to a critical point of H_0, where S_j∇̄H_0 does not stand for
+B∇H_j, has the status UNDEFINED.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from sepv.problem import Array, CommutingStructure, Problem, average_gradient
+from sepv.problem._structures import combined, noise_structures, undefined
+from sepv.schemes._one_step import ENERGY_PRESERVING, each_noise, implicit, one_step
+from sepv.solve import Fields, Status
+from sepv.solve._linearised import derivative
+from sepv.solve._solution import Solution
+
+
+def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    """[h B(ȳ) + Σ c_j ΔW_j G_j(ȳ)] ∇̄H for h and the c_j ΔW_j; B and all G_j count as one evaluation."""
+    return fields.apply_combined(y + 0.5 * z, step, fields.mean_gradient(y, z))
+
+
+def mark_undefined(problem: Problem, y0: Array, step: Array, solution: Solution) -> None:
+    """The status UNDEFINED where a structure is none at y0, or does not stand for B∇H_j in the step that was found."""
+    if not any(isinstance(G, CommutingStructure) for G in noise_structures(problem)):
+        return
+    with np.errstate(all="ignore"):
+        nowhere = ~np.isfinite(combined(problem, y0, step)).all(axis=(0, 1)) & np.isfinite(
+            problem.structure(y0)
+        ).all(axis=(0, 1))
+        mean = average_gradient(problem, y0, solution.value)
+        away = undefined(problem, y0, solution.value, mean.value, step)
+    solved = solution.status == Status.CONVERGED
+    solution.gradient_evaluations[:] += mean.evaluations
+    solution.structure_evaluations[:] += 1
+    solution.status[(solved & away) | (~solved & nowhere)] = Status.UNDEFINED
+
+
+step = implicit(formula, derivative(formula), parts=each_noise, examine=mark_undefined)
+scheme = one_step(
+    "several-structures",
+    step,
+    (ENERGY_PRESERVING | {"commutation"}) - {"midpoint", "random-step"},
+    "Cohen and Dujardin (2014), §1",
+    systems="several",
+)

@@ -1,0 +1,51 @@
+"""Splitting with the exact flows of B∇H_0 (or parts of it) and of each B∇H_j: a Poisson integrator.
+
+y1 = φ⁰_{h/2} ∘ φ¹_{c_1ΔŴ_1/2} ∘ … ∘ φᵐ_{c_mΔŴ_m} ∘ … ∘ φ¹_{c_1ΔŴ_1/2} ∘ φ⁰_{h/2} (y0)
+
+C.-E. Bréhier, D. Cohen and T. Jahnke, Splitting integrators for stochastic Lie-Poisson systems (Math. Comp. 92, 2023),
+take the composition of Lie and Trotter; this one is G. Strang's, which is symmetric. Every φ is a Poisson map and keeps
+all Casimirs and the domain, and so does their composition.
+
+With the increments held fixed it agrees with the flow of hH_0 + Σ c_j ΔŴ_j H_j up to its second power: mean-square
+order ½, 1 where the noises commute, weak order 1.
+"""
+
+from __future__ import annotations
+
+from sepv.errors import Skipped
+from sepv.problem import Array, HamiltoniansProblem, Problem
+from sepv.schemes._one_step import EVERY, one_step
+from sepv.schemes._orders import Orders
+from sepv.schemes._scheme import as_lanes
+
+PROBLEMS = ("random-inertia", "random-maxwell-bloch", "noisy-henon-heiles", "random-lotka-volterra")
+
+
+def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """One step, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M).
+
+    Raises
+    ------
+    Skipped
+        For a problem without `flows` of parts of H_0, or without `noise_flows`.
+    """
+    if not isinstance(problem, HamiltoniansProblem) or not problem.flows or not problem.noise_flows:
+        raise Skipped(f"{problem.name} gives no exact flows of its Hamiltonians (flows, noise_flows)")
+    state, noise = as_lanes(problem, y, h, dW)
+    half = state[0] * 0 + 0.5 * h
+    times = 0.5 * problem.c[:, None] * noise
+    outer = [*((flow, half) for flow in problem.flows), *zip(problem.noise_flows, times, strict=True)]
+    for flow, t in (*outer, *outer[::-1]):
+        state = flow(state, t)
+    return state.reshape(y.shape)
+
+
+scheme = one_step(
+    "stochastic-splitting",
+    step,
+    EVERY | {"identity", "casimir", "poisson-map", "symplecticity", "positivity", "symmetry"},
+    "Bréhier, Cohen and Jahnke (2023), composed as Strang's",
+    weak_order=1.0,
+    mean_square_order=Orders(0.5, commutative=1.0),
+    problems=PROBLEMS,
+)

@@ -1,0 +1,124 @@
+"""Lévy areas, space-time ones too: moments given the increments of a step, and rough paths that add up over steps.
+
+A_ij = ½∫(W_i dW_j − W_j dW_i) over the step. With the Brownian bridges b_i(t) = W_i(t) − (t/h)ΔW_i and B_i = ∫b_i dt,
+
+    A_ij = (ΔW_j B_i − ΔW_i B_j)/h + a_ij,    B_i ~ N(0, h³/12),    a_ij = ½∫(b_i db_j − b_j db_i),
+
+because ∫t db_j = −B_j. Given ΔW all terms have mean zero, a_ij is odd in b_i and in b_j, so that no two of the B_i and
+a_ij are correlated, and Var a_ij = h²/12: E[A_ij² | ΔW] = h²/12 + h(ΔW_i² + ΔW_j²)/12, and h²/4 in all. Third moments
+vanish but for those of three a_ij around a triangle, which are of the order of h³. The space-time areas are H_i = B_i/h
+(J. Foster, T. Lyons and H. Oberhauser, SIAM J. Numer. Anal. 58, 2020): ∫W_i ds − ½hΔW_i = hH_i over a step.
+
+**Areas that are drawn.** Over fine steps δ the B_i are drawn with their law, and the a_ij as normal numbers of their
+variance. Over a step of K fine ones areas add up by Chen's relation, A = Σ_k A_k + ½ Σ_{k<l} ΔW_k ∧ ΔW_l: what is not
+exact is the shape of the law of the a_ij alone, which are 1/K of the variance h²/12 of a step's own a_ij (A. Davie, in:
+Stochastic Analysis 2010, for such couplings). They and the increments are one rough path: schemes and the reference see
+the same one at all step sizes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from sepv.errors import UsageError
+from sepv.problem import Array
+from sepv.simulate import _wiener as wiener
+
+# Fine steps in each step of a scheme that asks for areas, so that the shape of their law hardly depends on the a_ij.
+MORE = 8
+# A stream of its own: far from the seeds that are given by hand.
+_SECOND = 2**40
+
+
+def points(xi: Array) -> tuple[Array, Array]:
+    """Areas over a step h = 1 given its increments xi (m, n): (k, n, Q) and weights (Q,), right up to third moments.
+
+    The B_i and a_ij, n of them, are at ±√n e_i with equal weights: the formula of degree 3 for n uncorrelated numbers.
+    """
+    m = len(xi)
+    pairs = list(combinations(range(m), 2))
+    n = m + len(pairs)
+    if not pairs:
+        return np.zeros((0, xi.shape[1], 1)), np.ones(1)
+    normals = np.sqrt(n) * np.concatenate([np.eye(n), -np.eye(n)], axis=1)
+    return _from_normals(xi[..., None], normals[:, None], pairs, 1.0), np.full(2 * n, 0.5 / n)
+
+
+def bridges(noises: int) -> Array:
+    """The H_i (m, Q) of the nodes of `points`, for two noises at least."""
+    n = noises + noises * (noises - 1) // 2
+    return np.sqrt(n / 12) * np.concatenate([np.eye(noises, n), -np.eye(noises, n)], axis=1)
+
+
+def _from_normals(dW: Array, normals: Array, pairs: list[tuple[int, int]], h: float) -> Array:
+    """A_ij (k, ...) from ΔW (m, ...) and uncorrelated numbers of variance one: m of the B_i, then one for each a_ij."""
+    m = len(dW)
+    return np.stack([
+        h**0.5 / 12**0.5 * (dW[j] * normals[i] - dW[i] * normals[j]) + h / 12**0.5 * normals[m + k]
+        for k, (i, j) in enumerate(pairs)
+    ])  # fmt: skip
+
+
+@dataclass(frozen=True)
+class RoughPath:
+    """Increments and space-time areas H (N, m, M), and areas (N, k, M), over N fine steps of length h."""
+
+    h: float
+    dW: Array
+    areas: Array
+    bridges: Array
+
+    def coarse(self, steps: int) -> RoughPath:
+        """Over `steps` steps, a divisor of N: Chen's relation."""
+        N, m, M = self.dW.shape
+        K = N // steps
+        dW = self.dW.reshape(steps, K, m, M)
+        before = np.cumsum(dW, axis=1) - dW
+        areas = self.areas.reshape(steps, K, -1, M).sum(axis=1)
+        for k, (i, j) in enumerate(combinations(range(m), 2)):
+            areas[:, k] += 0.5 * np.sum(before[:, :, i] * dW[:, :, j] - before[:, :, j] * dW[:, :, i], axis=1)
+        # ∫W ds over the whole is the sum of what it is over the parts, each begun at W(kδ).
+        means = (before + 0.5 * dW + self.bridges.reshape(steps, K, m, M)).mean(axis=1)
+        return RoughPath(K * self.h, dW.sum(axis=1), areas, means - 0.5 * dW.sum(axis=1))
+
+    def rows(self, steps: int, asks: str) -> Array:
+        """(steps, m + k, M): what a scheme sees over each of `steps` steps.
+
+        Raises
+        ------
+        UsageError
+            For halves of the finest steps.
+        """
+        coarse = self.coarse(steps)
+        if asks == "areas":
+            return np.concatenate([coarse.dW, coarse.areas], axis=1)
+        if asks == "space-time":
+            return np.concatenate([coarse.dW, coarse.bridges], axis=1)
+        if asks == "halves":
+            if self.dW.shape[0] % (2 * steps):
+                raise UsageError(
+                    expected=f"a path of a multiple of {2 * steps} fine steps",
+                    received=f"{self.dW.shape[0]}",
+                    remedy="draw it finer",
+                )
+            halves = self.coarse(2 * steps).dW
+            return np.concatenate([coarse.dW, halves[::2]], axis=1)
+        return coarse.dW
+
+
+def drawn(seed: int, *, T: float, steps: int, noises: int, paths: int | range) -> RoughPath:
+    """The rough path of `wiener.increments` with the same arguments: the same increments, and all areas beside them."""
+    dW = wiener.increments(seed, T=T, steps=steps, noises=noises, paths=paths)
+    pairs = list(combinations(range(noises), 2))
+    h = T / steps
+    more = wiener.increments(
+        seed + _SECOND, T=float(steps), steps=steps, noises=noises + len(pairs), paths=paths
+    )
+    bridges = np.sqrt(h / 12) * more[:, :noises]
+    if not pairs:
+        return RoughPath(h, dW, np.zeros((steps, 0, dW.shape[2])), bridges)
+    areas = _from_normals(np.moveaxis(dW, 1, 0), np.moveaxis(more, 1, 0), pairs, h)
+    return RoughPath(h, dW, np.moveaxis(areas, 0, 1), bridges)

@@ -1,0 +1,135 @@
+"""Which problems and schemes the compiled engine takes, and why it does not take the others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from importlib.util import find_spec
+from types import ModuleType
+
+import numpy as np
+
+from sepv.errors import Skipped
+from sepv.problem import Array, CommutingStructure, HamiltoniansProblem, Problem, StructuresProblem
+from sepv.problem._structures import noise_structures
+from sepv.record import CannotRecord, NoClosedForm
+from sepv.schemes import Scheme
+from sepv.schemes._one_step import each_noise
+from sepv.simulate._engine.explicit import ExplicitWriter
+from sepv.simulate._engine.module import LANES
+from sepv.simulate._engine.newton import NewtonWriter
+from sepv.simulate._engine.projected import ProjectedWriter
+from sepv.simulate._engine.recorded import RecordedProblem
+from sepv.simulate._engine.schemes import Collocation, Formula, Projected, formula_of
+from sepv.simulate._engine.stages import StagesWriter
+from sepv.simulate._engine.writer import Writer
+
+# Up to this many paths run one by one: a block of lanes would be mostly empty. The bits are the same.
+FEW = 8
+# The code of a step is written out for every component: beyond this it grows too long to compile.
+LARGEST_DIMENSION = 16
+LARGEST_SYSTEM = 32
+
+
+class CannotCompile(Exception):
+    """Why the compiled engine does not take a scheme or a problem."""
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """A compiled module, the parameters that it reads, and evaluations of ∇H and B for an iteration."""
+
+    module: ModuleType
+    parameters: Array
+    lanes: int
+    gradients: int
+    structures: int
+
+
+def kernel(scheme: Scheme, problem: Problem, *, lanes: int = LANES, compensated: bool = False) -> Kernel:
+    """The compiled kernel for a scheme and a problem.
+
+    Raises
+    ------
+    CannotCompile
+    """
+    if not _installed():
+        raise CannotCompile("numba is not installed (pip install numba)")
+    formula, code = taken(scheme, problem), code_of(problem)
+    if formula.implicit and formula.stages * problem.dimension > LARGEST_SYSTEM:
+        raise CannotCompile(
+            f"{scheme.name} has {formula.stages * problem.dimension} unknowns, the engine takes {LARGEST_SYSTEM}"
+        )
+    try:
+        text, parameters = _written(code, formula, problem.noises, lanes, compensated)
+        gradients, structures = code.cost(formula.recorded, formula.names(problem.noises))
+    except NoClosedForm as error:
+        raise CannotCompile(f"{problem.name} has no exact mean gradient: H contains {error}") from error
+    except CannotRecord as error:
+        raise CannotCompile(f"{scheme.name} cannot be recorded for {problem.name}: {error}") from error
+    from sepv.simulate._engine.store import load
+
+    # Stages cost what the method of one stage does, and B at each.
+    read = np.array([*problem.c, *parameters], dtype=np.float64)
+    return Kernel(load(text), read, lanes, gradients, structures * formula.stages)
+
+
+@cache
+def _installed() -> bool:
+    return find_spec("numba") is not None
+
+
+@lru_cache(maxsize=256)
+def _written(
+    problem: RecordedProblem, formula: Formula, noises: int, lanes: int, compensated: bool
+) -> tuple[str, list[float]]:
+    """A module's source, and the parameters that its kernel reads after the c_j."""
+    kind: type[Writer] = NewtonWriter if formula.implicit else ExplicitWriter
+    if isinstance(formula, Collocation):
+        kind = StagesWriter
+    elif isinstance(formula, Projected):
+        kind = ProjectedWriter
+    writer = kind(problem, formula, noises, lanes, compensated)
+    return writer.text(), writer.parameters
+
+
+def taken(scheme: Scheme, problem: Problem) -> Formula:
+    """The scheme's formula, where it takes the problem."""
+    formula = formula_of(scheme)
+    if formula is None:
+        raise CannotCompile(f"the compiled engine has no code for the scheme {scheme.name!r}")
+    requires = getattr(scheme.step, "requires", None)
+    if requires is not None:
+        try:
+            requires(problem)
+        except Skipped as why:
+            raise CannotCompile(str(why)) from why
+    if isinstance(problem, HamiltoniansProblem):
+        if scheme.systems != "hamiltonians" or formula.parts is not each_noise:
+            raise CannotCompile(
+                f"{problem.name} has several Hamiltonians, the scheme {scheme.name!r} takes one"
+            )
+        return formula
+    structures = noise_structures(problem)
+    if any(isinstance(G, CommutingStructure) for G in structures):
+        raise CannotCompile(f"{problem.name} has structures that are undefined at critical points of H")
+    if isinstance(problem, StructuresProblem) and formula.parts is not each_noise:
+        raise CannotCompile(f"{problem.name} has several structures, the scheme {scheme.name!r} takes one")
+    return formula
+
+
+def code_of(problem: Problem) -> RecordedProblem:
+    """The problem's functions as code."""
+    if problem.dimension > LARGEST_DIMENSION:
+        raise CannotCompile(
+            f"{problem.name} has {problem.dimension} components, the compiled engine takes {LARGEST_DIMENSION}"
+        )
+    try:
+        return _recorded(problem)
+    except CannotRecord as error:
+        raise CannotCompile(f"{problem.name} cannot be recorded: {error}") from error
+
+
+@lru_cache(maxsize=256)
+def _recorded(problem: Problem) -> RecordedProblem:
+    return RecordedProblem(problem)

@@ -1,0 +1,182 @@
+"""The normals and the increments of a block of paths side by side: one stream of SFC64 a lane.
+
+The streams, their order and the ziggurat are numpy's (`Generator(SFC64).standard_normal`), so that the
+numbers are those of `sepv.simulate._wiener` to the bit. Imported by generated code alone: this module needs numba.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numba.np.random._constants import fi_double, ki_double, wi_double, ziggurat_nor_inv_r, ziggurat_nor_r
+
+from sepv.simulate._engine.functions import pick
+from sepv.simulate._engine.signatures import FILL, START_STREAMS
+from sepv.simulate._wiener import MIXING
+
+_OPTIONS: Any = {"error_model": "numpy", "nogil": True, "cache": True}
+_kernel: Any = njit(**_OPTIONS)
+_WIDTH = np.array(wi_double, dtype=np.float64)
+_LIMIT = np.array(ki_double, dtype=np.int64)
+_HEIGHT = np.array(fi_double, dtype=np.float64)
+_R, _INVERSE_R = float(ziggurat_nor_r), float(ziggurat_nor_inv_r)
+_MANTISSA = np.int64(0x000FFFFFFFFFFFFF)
+_UNIT = 1.0 / 9007199254740992.0
+
+
+@_kernel
+def _next(rng: Any, s: int, k: int) -> Any:
+    """The next 64 bits of stream s of lane k."""
+    a, b, c, counter = rng[s, 0, k], rng[s, 1, k], rng[s, 2, k], rng[s, 3, k]
+    out = a + b + counter
+    rng[s, 0, k] = b ^ (b >> np.uint64(11))
+    rng[s, 1, k] = c + (c << np.uint64(3))
+    rng[s, 2, k] = ((c << np.uint64(24)) | (c >> np.uint64(40))) + out
+    rng[s, 3, k] = counter + np.uint64(1)
+    return out
+
+
+@_kernel
+def mix(rng: Any, s: int) -> None:
+    """From the seeds of a stream to its initial states: the first draws, which are not used."""
+    for _ in range(MIXING):
+        for k in range(rng.shape[2]):
+            _next(rng, s, k)
+
+
+@_kernel
+def _uniform(rng: Any, s: int, k: int) -> float:
+    return np.int64(_next(rng, s, k) >> np.uint64(11)) * _UNIT
+
+
+@_kernel
+def _ziggurat(rng: Any, s: int, k: int, r: Any) -> float:
+    """The ziggurat from the draw r on."""
+    while True:
+        layer = np.int64(r & np.uint64(0xFF))
+        rabs = np.int64(r >> np.uint64(9)) & _MANTISSA
+        x = rabs * _WIDTH[layer]
+        if r & np.uint64(0x100):
+            x = -x
+        if rabs < _LIMIT[layer]:
+            return x
+        if layer == 0:
+            while True:
+                xx = -_INVERSE_R * np.log1p(-_uniform(rng, s, k))
+                yy = -np.log1p(-_uniform(rng, s, k))
+                if yy + yy > xx * xx:
+                    return -(_R + xx) if (rabs >> 8) & 1 else _R + xx
+        elif (_HEIGHT[layer - 1] - _HEIGHT[layer]) * _uniform(rng, s, k) + _HEIGHT[layer] < np.exp(
+            -0.5 * x * x
+        ):
+            return x
+        r = _next(rng, s, k)
+
+
+@_kernel
+def normals(rng: Any, s: int, out: Any, i: int, j: int, raw: Any) -> None:
+    """A standard normal from stream s of rng (streams, 4, L) for each lane, into out[i, j]; raw (L,) for scratch.
+
+    Arrays are passed whole: a slice counts its references, which takes longer than a normal.
+    """
+    lanes = out.shape[2]
+    for k in range(lanes):
+        raw[k] = _next(rng, s, k)
+    missed = 0
+    for k in range(lanes):
+        r = raw[k]
+        layer = r & np.uint64(0xFF)
+        rabs = np.int64(r >> np.uint64(9)) & _MANTISSA
+        x = rabs * _WIDTH[layer]
+        out[i, j, k] = pick((r & np.uint64(0x100)) != 0, -x, x)
+        missed += pick(rabs >= _LIMIT[layer], 1, 0)
+    if missed:
+        for k in range(lanes):
+            r = raw[k]
+            if (np.int64(r >> np.uint64(9)) & _MANTISSA) >= _LIMIT[r & np.uint64(0xFF)]:
+                out[i, j, k] = _ziggurat(rng, s, k, r)
+
+
+@_kernel
+def coarse(rng: Any, top: Any, factors: Any, base: int, halvings: int, scratch: Any, raw: Any) -> None:
+    """The coarse part of a block, top (base·2^halvings, m, L), level by level in place."""
+    noises, lanes = top.shape[1], top.shape[2]
+    length = base
+    for i in range(base):
+        for j in range(noises):
+            normals(rng, 0, top, i, j, raw)
+            for k in range(lanes):
+                top[i, j, k] *= factors[0]
+    for level in range(1, halvings + 1):
+        # The normals of a level come in the order of time, its increments are spread from the end.
+        for i in range(length):
+            for j in range(noises):
+                normals(rng, 0, scratch, i, j, raw)
+        for i in range(length - 1, -1, -1):
+            for j in range(noises):
+                for k in range(lanes):
+                    whole = top[i, j, k]
+                    left = 0.5 * whole + factors[level] * scratch[i, j, k]
+                    top[2 * i, j, k] = left
+                    top[2 * i + 1, j, k] = whole - left
+        length *= 2
+
+
+@njit(FILL, **_OPTIONS)
+def fill(  # noqa: PLR0912 - in one piece, since calls that pass several arrays count references
+    out: Any, first: int, count: int, rng: Any, stack: Any, top: Any, factors: Any, above: int, raw: Any
+) -> None:
+    """Increments of the steps first … first + count − 1 of a block into out (count, m, L).
+
+    stack (streams, m, L) keeps the right halves that are still to come; top (n, m, L) is the coarse part,
+    n = 0 where it is drawn here; `above` is the number of its halvings.
+    """
+    fine = rng.shape[0] - 1
+    noises, lanes = out.shape[1], out.shape[2]
+    for i in range(count):
+        n = first + i
+        level = fine
+        while level > 0 and n & 1 == 0:
+            level -= 1
+            n >>= 1
+        # n is now the number of the increment of that level; an odd one waits on the stack.
+        for j in range(noises):
+            if level > 0:
+                for k in range(lanes):
+                    out[i, j, k] = stack[level, j, k]
+            elif top.shape[0]:
+                for k in range(lanes):
+                    out[i, j, k] = top[n, j, k]
+            else:
+                if lanes == 1:  # a call that passes three arrays counts its references as well
+                    out[i, j, 0] = _ziggurat(rng, 0, 0, _next(rng, 0, 0))
+                else:
+                    normals(rng, 0, out, i, j, raw)
+                for k in range(lanes):
+                    out[i, j, k] *= factors[0]
+        for deeper in range(level + 1, fine + 1):
+            for j in range(noises):
+                if lanes == 1:
+                    stack[deeper, j, 0] = _ziggurat(rng, deeper, 0, _next(rng, deeper, 0))
+                else:
+                    normals(rng, deeper, stack, deeper, j, raw)
+                for k in range(lanes):
+                    whole = out[i, j, k]
+                    left = 0.5 * whole + factors[above + deeper] * stack[deeper, j, k]
+                    out[i, j, k] = left
+                    stack[deeper, j, k] = whole - left
+
+
+@njit(START_STREAMS, **_OPTIONS)
+def start_streams(rng: Any, top: Any, factors: Any, base: int, halvings: int) -> None:
+    """From the seeds of the streams rng (blocks, streams, 4, L) to their states, and the coarse increments `top`."""
+    noises, lanes = top.shape[2], top.shape[3]
+    raw = np.empty(lanes, np.uint64)
+    scratch = np.empty((top.shape[1], noises, lanes))
+    for b in range(rng.shape[0]):
+        for stream in range(rng.shape[1]):
+            mix(rng[b], stream)
+        if top.shape[1] > 0:
+            coarse(rng[b], top[b], factors, base, halvings, scratch, raw)

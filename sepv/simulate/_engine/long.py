@@ -1,0 +1,226 @@
+"""One long path: pieces of a fraction of a second, so that progress shows and an interrupt keeps what was done."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sepv.arguments import require_flag
+from sepv.errors import UsageError
+from sepv.problem import Array, Problem
+from sepv.schemes import Scheme
+from sepv.schemes._guard import ask_once
+from sepv.schemes._load import load_problem, load_scheme
+from sepv.schemes._point_laws import PointLaw
+from sepv.schemes._scheme import Step
+from sepv.simulate import _wiener as wiener
+from sepv.simulate._engine.ensemble import choose
+from sepv.simulate._engine.task import NumpyChunk, Task
+from sepv.simulate._paths import initial_state, prepared, step_count
+from sepv.solve import Status
+
+# Seconds between two looks at the clock, and steps before the first.
+PIECE_SECONDS, FIRST_PIECE = 0.2, 4096
+
+
+@dataclass(frozen=True)
+class LongPath:
+    """A path, or the part of it that was done.
+
+    Attributes
+    ----------
+    steps, planned : int
+        Steps done, not counting one that was not solved, and asked for.
+    t : float
+    y : (d,), W : (m,)
+        The state and W at t.
+    times, states : (K,), (d, K)
+        What `every` kept.
+    energy_defect, casimir_defect : float
+        Largest |H(y_n) − H(y_0)| and the same over the Casimirs, over all steps done.
+    energy_defects : (K,)
+        H(y) − H(y_0) at `times`: how it walks.
+    status, failed_step : how a step that was not solved ended, and how many were done before it (−1: none).
+    iterations, gradient_evaluations : work done.
+    seconds : float
+        Wall time, compilation not counted.
+    interrupted : bool
+    engine, reason : which engine, and why not the compiled one.
+    """
+
+    steps: int
+    planned: int
+    t: float
+    y: Array
+    W: Array
+    times: Array
+    states: Array
+    energy_defect: float
+    casimir_defect: float
+    energy_defects: Array
+    status: Status
+    failed_step: int
+    iterations: int
+    gradient_evaluations: int
+    seconds: float
+    interrupted: bool
+    engine: str
+    reason: str
+    chunk: Any = field(repr=False, default=None)
+
+
+def long_path(
+    scheme: str | Scheme | Step,
+    problem: str | Problem,
+    *,
+    h: float,
+    steps: int | None = None,
+    T: float | None = None,
+    seed: int = 0,
+    path: int = 0,
+    y0: ArrayLike | None = None,
+    truncation: int | None = -1,
+    increments: str | PointLaw | None = None,
+    refine: int | None = None,
+    every: int | None = None,
+    compensated: bool = False,
+    engine: str = "auto",
+    progress: Callable[[int, int], None] | None = None,
+    resume: LongPath | None = None,
+) -> LongPath:
+    """Path number `path` of `ensemble`, of any length, in memory that does not grow with it.
+
+    Parameters
+    ----------
+    scheme, problem, h, steps, T, seed, y0, truncation, increments, refine, engine
+        As for `ensemble`.
+    path : int
+        Its number there.
+    every : int, optional
+        Keep the state after each so many steps.
+    compensated : bool
+        Kahan's summation: over 10⁸ steps the rounding of the update is most of the energy's random walk.
+    progress : callable (steps done, steps), optional
+        Called a few times a second.
+    resume : LongPath, optional
+        What an earlier call with the same arguments in this process had done, to go on from there.
+
+    Returns
+    -------
+    LongPath
+        After Ctrl-C what was done until then, with `interrupted` set; so too after a step that was not solved,
+        with its `status`.
+
+    Raises
+    ------
+    UsageError
+        As `ensemble`.
+    """
+    problem = load_problem(problem)
+    scheme = load_scheme(scheme, problems=(problem,))
+    require_flag("compensated", compensated)
+    count = step_count(h, T, steps)
+    if every is not None and (not isinstance(every, (int, np.integer)) or every < 1):
+        raise UsageError(
+            expected="every, an integer ≥ 1", received=repr(every), remedy="say how many steps apart"
+        )
+    start = initial_state(problem, y0)
+    scheme, k = prepared(scheme, truncation, increments)
+    if k is not None:
+        wiener.truncate(np.zeros(1), h, k)
+    wiener.validate(seed, h * count, count, problem.noises, range(path, path + 1))
+    ask_once(scheme, problem, start, float(h))
+    compiled, reason = choose(engine, scheme, problem, compensated, lanes=1)
+    task = Task(
+        scheme=scheme, problem=problem, y0=start, h=float(h), steps=count, first=path, count=1, seed=int(seed),
+        refine=refine, truncation=k, stops=(), compensated=compensated, compiled=compiled,
+    )  # fmt: skip
+    times, states, chunk, before = [], [], _chunk(task, problem, resume), 0.0
+    if resume is not None:
+        times, states, before = list(resume.times), list(resume.states.T), resume.seconds
+    begun = time.perf_counter()
+    interrupted = False
+    try:
+        for kept in _pieces(chunk, count, every):
+            if kept and not chunk.failed():
+                times.append(chunk.done * h)
+                states.append(chunk.states()[:, 0])
+            if progress is not None:
+                progress(chunk.done, count)
+            if chunk.failed():
+                break
+    except KeyboardInterrupt:
+        interrupted = True
+    ends = chunk.result(np.empty((0, problem.dimension, 1)))
+    done = chunk.done if ends.failed_step[0] < 0 else int(ends.failed_step[0])
+    table = np.array(states).reshape(-1, problem.dimension).T
+    return LongPath(
+        steps=done,
+        planned=count,
+        t=done * h,
+        y=ends.y[:, 0],
+        W=ends.W[:, 0],
+        times=np.array(times),
+        states=table,
+        energy_defect=float(ends.energy_defect[0]),
+        casimir_defect=float(ends.casimir_defect[0]),
+        energy_defects=problem.hamiltonian(table) - problem.hamiltonian(start),
+        status=Status(int(ends.status[0])),
+        failed_step=int(ends.failed_step[0]),
+        iterations=ends.iterations,
+        gradient_evaluations=ends.gradient_evaluations,
+        seconds=before + time.perf_counter() - begun,
+        interrupted=interrupted,
+        engine="compiled" if compiled else "numpy",
+        reason=reason,
+        chunk=chunk,
+    )
+
+
+def _chunk(task: Task, problem: Problem, resume: LongPath | None) -> Any:
+    if resume is not None:
+        earlier = resume.chunk.task
+        keys = (
+            "h",
+            "steps",
+            "first",
+            "seed",
+            "refine",
+            "truncation",
+            "compensated",
+            "compiled",
+            "scheme",
+            "problem",
+        )
+        if any(getattr(earlier, key) != getattr(task, key) for key in keys):
+            raise UsageError(
+                expected="resume: a path made with the same arguments",
+                received="other arguments",
+                remedy="repeat the call with resume= added, and nothing else changed",
+            )
+        return resume.chunk
+    if task.compiled:
+        from sepv.simulate._engine.chunk import Chunk
+
+        return Chunk(task, problem)
+    return NumpyChunk(task, problem)
+
+
+def _pieces(chunk: Any, count: int, every: int | None) -> Any:
+    """Advances in pieces of about PIECE_SECONDS; yields whether a state is to be kept."""
+    length = FIRST_PIECE
+    while chunk.done < count:
+        stop = min(chunk.done + length, count)
+        if every is not None:
+            stop = min(stop, (chunk.done // every + 1) * every)
+        begun = time.perf_counter()
+        asked = stop - chunk.done
+        chunk.advance(asked)
+        seconds = max(time.perf_counter() - begun, 1e-9)
+        length = int(min(max(asked * PIECE_SECONDS / seconds, 1), 16 * length))
+        yield every is not None and chunk.done % every == 0

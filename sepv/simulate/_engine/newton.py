@@ -1,0 +1,204 @@
+"""Newton's iteration for a block of lanes in lockstep.
+
+A lane is done where its correction m, applied, leaves an error below rounding: Newton's corrections shrink
+quadratically, so that the next one is m³/m_before², or m by the relative error of Newton's matrix where that is more.
+A lane that is not done after a few steps, that overflows or leaves the domain, is solved again by itself with every
+test of `sepv.solve._implicit`: stagnation, a correction halved until it stays in the domain, a status.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from sepv.simulate._engine.linear import solve
+from sepv.simulate._engine.module import GROUP, LEFT
+from sepv.simulate._engine.recorded import RecordedProblem
+from sepv.simulate._engine.schemes import Formula, middle, rate
+from sepv.simulate._engine.text import Expression, Table, Text, shown
+from sepv.simulate._engine.writer import Writer
+
+# Sweeps z ← Δ f(ȳ) before Newton's iteration. Where H is at most quadratic they solve the equation itself and leave
+# O(Δ⁵) for what a step of the iteration costs, which leaves O(Δ³), as two of them do elsewhere.
+SWEEPS, ROUGH_SWEEPS = 4, 2
+# Steps of Newton's iteration in registers for up to LARGE unknowns, of which the last is the first that is tested.
+# A path that is compensated takes one or two more. A correction below half a rounding of z is lost when it is applied,
+# so that what is left before it stays, and has a sign: a mean of 1e-4 roundings a step, a tenth of that for each more.
+FIRST_STEPS = 2
+LARGE = 6
+# Steps of groups, before lanes that are not done are looked at one by one.
+FAST = 8
+
+
+class NewtonWriter(Writer):
+    """The kernel of a scheme with z = R(z)."""
+
+    def __init__(
+        self, problem: RecordedProblem, formula: Formula, noises: int, lanes: int, compensated: bool
+    ) -> None:
+        super().__init__(problem, formula, noises, lanes, compensated)
+        small = self.unknowns <= LARGE
+        exact = 0 < problem.degree <= 2
+        self.sweeps = (SWEEPS if exact else ROUGH_SWEEPS) if small else 0
+        self.steps = FIRST_STEPS + (compensated and (1 if exact else 2)) if small else 0
+
+    kernel = "newton.advance"
+
+    def pieces(self) -> dict[str, tuple[list[str], str]]:
+        """The first steps for all lanes, and the next for groups."""
+        first = self.side_by_side([*self.random_step(), *self.first_steps()])
+        return {"first_steps": (first, "left"), "iteration": (self.iteration(), "left")}
+
+    def numbers(self) -> dict[str, Any]:
+        """How far the first piece goes."""
+        together = self.lanes // 2 if self.lanes >= 2 * GROUP else self.lanes
+        return {"TOGETHER": together, "STEPS": self.sweeps + self.steps, "FAST": FAST}
+
+    def states(self) -> dict[str, list[str]]:
+        """The equation and the domain, for a lane by itself."""
+        d, e = self.d, Text(self.parameters)
+        y, z = [f"y{i}" for i in range(d)], [f"z{i}" for i in range(d)]
+        e.lines += [f"{v} = x[{i}]" for i, v in enumerate([*y, *z])]
+        e.lines += [f"{name} = v[{i}]" for i, name in enumerate(self.known)]
+        F, A = self.system(e, y, z)
+        e.lines += [f"b[{i}] = {f}" for i, f in enumerate(F)]
+        e.lines += [f"A[{i}, {j}] = {shown(v)}" for i, row in enumerate(A) for j, v in enumerate(row)]
+        return {"equation": e.lines, "domain": self.in_domain()}
+
+    def side_by_side(self, lines: list[str]) -> list[str]:
+        """The lines for a lane, those of one of the second half after each of one of the first.
+
+        A step is one chain of operations that wait for each other: two chains take little longer than one.
+        """
+        if self.lanes < 2 * GROUP:
+            return lines
+        own = {"k", *(line.split(" = ")[0] for line in lines)}
+        other = [
+            re.sub(r"\b[A-Za-z_]\w*", lambda name: f"{name[0]}_" if name[0] in own else name[0], line)
+            for line in lines
+        ]
+        both = [line for pair in zip(lines, other, strict=True) for line in pair]
+        return [f"k_ = k + {self.lanes // 2}", *both]
+
+    def first_steps(self) -> list[str]:
+        """Sweeps and steps in registers; only the last is tested, since a test costs as much as a third of a step.
+
+        A lane where sweeps do not contract begins anew, at zero: its P is infinite.
+        """
+        n = self.unknowns
+        e = Text(self.parameters)
+        y = self.loaded(e, "Y", "y")
+        e.lines += ["busy = I[ALIVE + k] != 0", f"scale = {' + '.join(f'abs({v})' for v in y)}"]
+        z = ["0.0"] * n
+        for _ in range(self.sweeps):
+            z = [shown(v) for v in self.swept(e, y, z)]
+        z = self.kept_inside(e, y, z) if self.sweeps else z
+        e.lines += self.contraction(e, y, z) if self.sweeps else []
+        inverse = None
+        for step in range(self.steps):
+            c, inverse = self.newton(e, y, z, inverse)
+            e.lines += [*(["before = m"] if step else []), *self.magnitude(c)]
+            z = [e.let(f"-{b}") if a == "0.0" else e.let(f"{a} - {b}") for a, b in zip(z, c, strict=True)]
+            z = self.kept_inside(e, y, z)
+        e.lines += self.test(compared=True) if self.steps else ["m = INF", "still = busy"]
+        if self.sweeps:
+            e.lines += ["still = still | busy & no(contracts)", "m = pick(contracts, m, INF)"]
+        e.lines += [f"{self.at('Z', i)} = {v}" for i, v in enumerate(z)]
+        e.lines += [
+            f"{self.at('P')} = m",
+            f"{self.at('X')} = scale",
+            *self.stored(),
+            "left += pick(still, 1, 0)",
+            "I[BUSY + k] = pick(still, 1, 0)",
+        ]
+        return e.lines
+
+    def swept(self, e: Text, y: list[str], z: list[str]) -> list[Expression]:
+        """Δ f(ȳ) for whatever schemes that see Δ; the right side itself for others."""
+        if self.known == ["delta"]:
+            return rate(e, self.problem, middle(e, y, z), "delta")
+        return self.problem.increment(e, self.formula.recorded, y, z, self.known)
+
+    def contraction(self, e: Text, y: list[str], z: list[str]) -> list[str]:
+        """Whether sweeps gain a factor of two: ‖K‖ ≤ ½, in the norm of Frobenius, which is never less than the others.
+
+        There is one solution near zero then (Banach), the one that Newton's iteration finds from there.
+        """
+        K = [v for row in self.problem.equation(e, self.formula.recorded, y, z, self.known)[1] for v in row]
+        return [f"contracts = {shown(e.dot(K, K))} <= 0.25"]
+
+    def kept_inside(self, e: Text, y: list[str], z: list[str]) -> list[str]:
+        """z, no number where its state is outside the domain: nothing is computed with that, and it is never done."""
+        if not self.has_domain():
+            return z
+        e.lines.append(f"inside = {self.inside(e, y, z)}")
+        return [e.let(f"pick({self.inside(e, y, z)}, {v}, NAN)") for v in z]
+
+    def test(self, compared: bool) -> list[str]:
+        """Whether the correction of size m, applied, leaves an error below rounding.
+
+        One that follows a correction below FIRST is squared once more whatever its own roundings: with a constant C of
+        the iteration, relative to the state, C³·2⁻¹²⁴ is left, below LEFT for every C up to 2²⁰.
+        `compared` where there was surely a correction before it: were that one infinite, m would be no number.
+        """
+        first = [] if compared else ["later = (before < INF) | (m <= FIRST * scale)"]
+        return [
+            *first,
+            "next = (m * m * m <= LEFT * scale * (before * before)) | (before <= FIRST * scale)",
+            f"near = m <= {LEFT / self.problem.rate!r} * scale",
+            f"done = (next & near{'' if compared else ' & later'}) | (m <= TINY * scale)",
+            f"still = busy & no(done{' & inside' if self.has_domain() else ''})",
+        ]
+
+    def newton(
+        self, e: Text, y: list[str], z: list[str], near: str | None = None
+    ) -> tuple[list[str], str | None]:
+        """The correction (1 − K)⁻¹F: see `sepv.simulate._engine.linear.solve`."""
+        F, A = self.system(e, y, z)
+        return solve(e, A, list(F), near)
+
+    def system(self, e: Text, y: list[str], z: list[str]) -> tuple[list[str], Table]:
+        """F = z − R and 1 − K."""
+        n = len(z)
+        R, K = self.problem.equation(e, self.formula.recorded, y, z, self.known)
+        F = [_minus(e, z[i], R[i]) for i in range(n)]
+        return F, [[_one_minus(e, i == j, K[i][j]) for j in range(n)] for i in range(n)]
+
+    def iteration(self) -> list[str]:
+        """A step of all lanes and its test; a lane in any trouble stays busy, and is left to `_carefully`."""
+        n, d = self.unknowns, self.d
+        e = Text(self.parameters)
+        y, z = [f"y{i}" for i in range(d)], [f"z{i}" for i in range(n)]
+        e.lines += [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
+        e.lines += [f"before = {self.at('P')}", *self.recalled()]
+        e.lines += [f"{v} = pick(before < INF, {self.at('Z', i)}, 0.0)" for i, v in enumerate(z)]
+        c, _ = self.newton(e, y, z)
+        moved = self.kept_inside(e, y, [e.let(f"{a} - {b}") for a, b in zip(z, c, strict=True)])
+        e.lines += [
+            *self.magnitude(c),
+            "busy = I[BUSY + k] != 0",
+            f"scale = {self.at('X')}",
+            f"{self.at('P')} = m",
+            *self.test(compared=False),
+        ]
+        e.lines += [f"{self.at('Z', i)} = pick(busy, {moved[i]}, {self.at('Z', i)})" for i in range(n)]
+        e.lines += ["left += pick(still, 1, 0)", "I[BUSY + k] = pick(still, 1, 0)"]
+        return e.lines
+
+    def inside(self, e: Text, y: list[str], z: list[str]) -> str:
+        """Whether all states that belong to z are in the domain."""
+        found = [self.problem.domain(e, state) for state in self.formula.states(e, y, z)]
+        return " & ".join(f"({f})" for f in found)
+
+
+def _minus(e: Text, z: str, value: Expression) -> str:
+    if value is None:
+        return z
+    return e.let(f"-{value}") if z == "0.0" else e.let(f"{z} - {value}")
+
+
+def _one_minus(e: Text, diagonal: bool, value: Expression) -> Expression:
+    """An entry of 1 − K."""
+    if value is None:
+        return "(1.0)" if diagonal else None
+    return e.let(f"1.0 - {value}") if diagonal else e.let(f"-{value}")

@@ -1,0 +1,256 @@
+"""Dask as the crew: chunks as futures of a `distributed.Client`, never more than a few for each thread of the cluster.
+
+What Dask does by itself: a chunk whose worker died goes to another one; a chunk that raised is tried again elsewhere.
+What is seen to here: a worker's versions are those of this process, or the bits would not be the same; a scheduler that
+is gone, a cluster without workers, and a chunk that kills one worker after the other end in words, and do not hang.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import platform
+import time
+import uuid
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from importlib import metadata
+from importlib.util import find_spec
+from pickle import PickleError
+from queue import Empty
+from typing import Any
+
+from sepv._version import __version__
+from sepv.errors import ClusterFailure, UsageError
+from sepv.simulate._engine.workers import AHEAD, Futures, Outcome, cannot_travel
+
+# A chunk that raised is tried so often again by Dask; after that once here, where the error is seen as it is.
+RETRIES = 1
+# Seconds to wait for a scheduler to answer, and for a first worker: clusters that grow by themselves begin with none.
+CONNECT = 10.0
+NO_WORKER = 120.0
+# Seconds for one result to arrive; after that it is seen whether there is still a cluster, and asked for again.
+FETCH = 60.0
+# Seconds between two looks at the cluster while nothing arrives.
+LOOK = 1.0
+
+
+class TaskRaised(Exception):
+    """What a task raised on a worker, in words: an exception of any class may be unable to travel."""
+
+
+class Unfit(str):
+    """What a worker lacks that the task needs."""
+
+
+class OnWorker:
+    """The function, preceded on the worker by a look at the versions there."""
+
+    def __init__(self, function: Callable[[Any], Any], wanted: dict[str, str]) -> None:
+        self.function, self.wanted = function, wanted
+
+    def __call__(self, task: Any) -> Any:
+        found = versions(tuple(k for k in self.wanted if k != "sepv"))
+        if found != self.wanted:
+            return Unfit(
+                ", ".join(f"{k} {found[k]} and not {v}" for k, v in self.wanted.items() if found[k] != v)
+                + f" on {platform.node()}"
+            )
+        try:
+            return self.function(task)
+        except Exception as error:
+            raise TaskRaised(f"{type(error).__name__}: {error}") from None
+
+
+@cache
+def versions(alike: tuple[str, ...]) -> dict[str, str]:
+    """Of what the bits of a path come from; "none" for what is not installed."""
+    found = {"sepv": __version__}
+    for name in alike:
+        found[name] = metadata.version(name) if find_spec(name) is not None else "none"
+    return found
+
+
+@contextmanager
+def dask_crew(workers: Any, function: Callable[[Any], Any], alike: tuple[str, ...]) -> Iterator[DaskCrew]:
+    """The crew of a client, of a cluster, or of the scheduler at an address.
+
+    Raises
+    ------
+    UsageError
+        Where there is no Dask, nobody at the address, or the client is an asynchronous one.
+    """
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise UsageError(
+            expected="Dask, for workers that are a scheduler's address",
+            received=f"{error}",
+            remedy="pip install dask distributed",
+        ) from error
+    if isinstance(workers, Client):
+        if workers.asynchronous:
+            raise UsageError(
+                expected="a client that waits",
+                received="Client(asynchronous=True)",
+                remedy="Client(address), in a thread of its own where the loop must go on",
+            )
+        yield DaskCrew(workers, function, alike)
+        return
+    address = workers if isinstance(workers, str) else workers.scheduler_address
+    try:
+        client = Client(address, timeout=CONNECT, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise UsageError(
+            expected="the address of a Dask scheduler, such as tcp://127.0.0.1:8786",
+            received=f"{address}: {type(error).__name__}: {error}",
+            remedy="start one with `dask scheduler`, and take the address that it prints",
+        ) from error
+    try:
+        yield DaskCrew(client, function, alike)
+    finally:
+        client.close(timeout=CONNECT)
+
+
+class DaskCrew(Futures):
+    """Futures of a client."""
+
+    def __init__(self, client: Any, function: Callable[[Any], Any], alike: tuple[str, ...]) -> None:
+        super().__init__(None, OnWorker(function, versions(alike)))
+        self.client = client
+        self.address = client.scheduler.address if client.scheduler is not None else "its address"
+        self.scheduler = client.scheduler_info()["id"]
+        self.name = f"sepv-{uuid.uuid4().hex[:8]}"
+        self.threads, self.looked, self.alone = 0, -LOOK, time.monotonic()
+
+    def room(self) -> int:
+        """Four for each thread of the cluster, as it is now."""
+        if time.monotonic() - self.looked > LOOK:
+            self._look()
+        return max(AHEAD, AHEAD * self.threads)
+
+    def submit(self, numbered: Sequence[tuple[int, Any]]) -> None:
+        """In one message, under names of their own: the same chunk of another run is not taken for one of these."""
+        keys = [f"{self.name}-{number}" for number, _ in numbered]
+        try:
+            futures = self.client.map(
+                self.function, [task for _, task in numbered], key=keys, retries=RETRIES
+            )
+        except (TypeError, AttributeError, PickleError) as error:
+            raise cannot_travel(error) from error
+        except Exception as error:
+            raise self._gone(error) from error
+        for (number, _), future in zip(numbered, futures, strict=True):
+            self._wait(number, future)
+
+    def _wait(self, number: int, future: Any) -> list[Outcome]:
+        self.running[number] = future
+        future.add_done_callback(lambda _: self.done.put(number))
+        return []
+
+    def finished(self) -> list[Outcome]:
+        """Waits for one while there is a cluster."""
+        found: list[Outcome] = []
+        while not found:
+            try:
+                numbers = [self.done.get(timeout=LOOK)]
+            except Empty:
+                self._look()
+                continue
+            while not self.done.empty():
+                numbers.append(self.done.get())
+            fetched = self._fetched(numbers)
+            found = [outcome for number in numbers for outcome in self._outcomes(number, fetched)]
+        return found
+
+    def _fetched(self, numbers: list[int]) -> dict[int, Any]:
+        """The results of several chunks in one message; where that fails, each is asked for by itself."""
+        ready = [number for number in numbers if self.running[number].status == "finished"]
+        if len(ready) < 2:
+            return {}
+        asked = self.client.gather([self.running[number] for number in ready], asynchronous=True)
+        waiting = asyncio.run_coroutine_threadsafe(asked, self.client.loop.asyncio_loop)
+        try:
+            return dict(zip(ready, waiting.result(FETCH), strict=True))
+        except Exception:  # a worker died meanwhile, or the scheduler: seen one by one
+            waiting.cancel()
+            return {}
+
+    def _outcomes(self, number: int, fetched: dict[int, Any]) -> list[Outcome]:
+        from distributed import KilledWorker
+
+        future = self.running.pop(number)
+        if future.status in ("lost", "pending"):
+            # Its worker died with the result, which is computed once more.
+            return self._wait(number, future)
+        if future.status == "error":
+            error = future.exception(timeout=CONNECT)
+            if isinstance(error, TaskRaised):
+                return [Outcome(number, False, error)]
+            if isinstance(error, KilledWorker):
+                raise ClusterFailure(
+                    f"Chunk {number} was computed on {error.allowed_failures + 1} workers, and each of them died.",
+                    "look at the memory of a worker, or for code that ends the process; a smaller `chunk=` needs less",
+                )
+            raise ClusterFailure(
+                f"The cluster could not load chunk {number}: {type(error).__name__}: {_root(error)}.",
+                "install sepv and the scheme's module on every worker and for the scheduler, or send the module with "
+                "client.upload_file",
+            )
+        if future.status != "finished":
+            raise self._gone(future.status)
+        try:
+            result = fetched[number] if number in fetched else future.result(timeout=FETCH)
+        except TimeoutError:
+            self._look()
+            return self._wait(number, future)
+        except Exception as error:
+            raise self._gone(error) from error
+        if isinstance(result, Unfit):
+            raise ClusterFailure(
+                f"A worker is not like this process: {result}. Other versions may give other bits.",
+                "install the same versions everywhere (pip install numba); where no worker has numba, "
+                "engine='numpy' with a process without it",
+            )
+        return [Outcome(number, True, result)]
+
+    def cancel(self) -> None:
+        """What is on its way is of no use any more; a cluster that is gone has forgotten it already."""
+        if self.running and self.client.status == "running":
+            self.client.cancel(list(self.running.values()), force=True)
+        self.running.clear()
+
+    def _look(self) -> None:
+        """Whether there is still a cluster, and how large it is."""
+        self.looked = time.monotonic()
+        if self.client.status != "running":
+            raise self._gone(f"the client is {self.client.status}")
+        if self.client.scheduler_info()["id"] != self.scheduler:
+            raise self._gone("another one answers")
+        if any(future.status == "cancelled" for future in self.running.values()):
+            raise self._gone("chunks are cancelled")
+        try:
+            self.threads = sum(self.client.nthreads().values())
+        except Exception as error:
+            raise self._gone(error) from error
+        if self.threads:
+            self.alone = self.looked
+        elif self.looked - self.alone > NO_WORKER:
+            raise ClusterFailure(
+                f"The cluster at {self.address} has had no worker for {NO_WORKER:g} s.",
+                "start workers, and call again",
+            )
+
+    def _gone(self, why: Any) -> ClusterFailure:
+        text = why if isinstance(why, str) else f"{type(why).__name__}: {why}"
+        return ClusterFailure(
+            f"The scheduler at {self.address} is gone, or has forgotten this run ({text}).",
+            "start it again and call again; with store= what is finished is not computed again",
+        )
+
+
+def _root(error: BaseException) -> str:
+    """What went wrong first: Dask wraps it."""
+    while error.__cause__ is not None:
+        error = error.__cause__
+    return f"{error}".rstrip(".")

@@ -1,0 +1,209 @@
+"""Straight-line code of a lane as one operation for numba: text in, LLVM instructions out.
+
+numba's inference takes seconds over a thousand statements, and inlines what it pleases. A piece is a single call to it,
+that becomes exactly the instructions of its lines in their order, two interleaved lanes included, so that the loops
+around it are ordinary functions (`sepv.simulate._engine.kernels`) and still become SIMD code. Its lines are those that
+`sepv.simulate._engine.text` writes: assignments of +, −, ×, ÷, comparisons, &, |, `fma`, `pick`, `no`, `abs`, elements of arrays
+and functions of numbers. Needs numba.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+_DOUBLE, _INT, _BOOL = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
+_FLOATS = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"}
+_INTEGERS = {ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.BitAnd: "and_", ast.BitOr: "or_"}
+_COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
+
+
+class _Lines:
+    """Instructions from lines; `names` holds values, numbers and functions, `arrays` pointers and their strides."""
+
+    def __init__(
+        self, context: Any, builder: Any, names: Mapping[str, Any], arrays: Mapping[str, Any]
+    ) -> None:
+        self.context, self.builder = context, builder
+        self.names, self.arrays = dict(names), arrays
+
+    def run(self, lines: Sequence[str], result: str) -> Any:
+        """The lines, and what they add to the name `result`."""
+        total = ir.Constant(_INT, 0)
+        for statement in ast.parse("\n".join(lines)).body:
+            if isinstance(statement, ast.AugAssign):
+                assert isinstance(statement.target, ast.Name)
+                assert statement.target.id == result
+                total = self.builder.add(total, self.value(statement.value))
+                continue
+            assert isinstance(statement, ast.Assign)
+            (target,) = statement.targets
+            if isinstance(target, ast.Name):
+                self.names[target.id] = self.value(statement.value)
+            else:
+                self.builder.store(self.value(statement.value), self.place(target))
+        return total
+
+    def place(self, node: Any) -> Any:
+        """The address of an element, whose indices count from the front."""
+        pointer, strides = self.arrays[node.value.id]
+        indices = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+        offset = None
+        for index, stride in zip(indices, strides, strict=True):
+            value = self.value(index)
+            value = value if stride is None else self.builder.mul(value, stride, flags=("nsw",))
+            offset = value if offset is None else self.builder.add(offset, value, flags=("nsw",))
+        return self.builder.gep(pointer, [offset], inbounds=True)
+
+    def value(self, node: Any) -> Any:  # noqa: PLR0911 - a rule a line
+        """An expression."""
+        builder = self.builder
+        match node:
+            case ast.Constant(value=bool(v)):
+                return ir.Constant(_BOOL, int(v))
+            case ast.Constant(value=int(v)):
+                return ir.Constant(_INT, v)
+            case ast.Constant(value=float(v)):
+                return ir.Constant(_DOUBLE, v)
+            case ast.Name(id=name):
+                return self.named(name)
+            case ast.UnaryOp(op=ast.USub(), operand=operand):
+                value = self.value(operand)
+                return builder.neg(value) if value.type == _INT else builder.fneg(value)
+            case ast.Subscript(value=ast.Name(id=name)) if name in self.arrays:
+                return builder.load(self.place(node))
+            case ast.Subscript(value=several, slice=ast.Constant(value=int(i))):
+                return builder.extract_value(self.value(several), i)
+            case ast.BinOp(left=left, op=ast.Pow(), right=right):
+                power = builder.module.declare_intrinsic("llvm.pow", [_DOUBLE])
+                return builder.call(power, (self.value(left), self.value(right)))
+            case ast.BinOp(left=left, op=op, right=right):
+                a, b = self.alike(self.value(left), self.value(right))
+                rule = (_FLOATS if a.type == _DOUBLE else _INTEGERS)[type(op)]
+                return getattr(builder, rule)(a, b)
+            case ast.Compare(left=left, ops=[op], comparators=[right]):
+                return self.compared(_COMPARISONS[type(op)], self.value(left), self.value(right))
+            case ast.Call(func=ast.Name(id=name), args=arguments):
+                return self.called(name, [self.value(a) for a in arguments])
+        raise AssertionError(f"no rule for {ast.unparse(node)}")
+
+    def alike(self, a: Any, b: Any) -> tuple[Any, Any]:
+        """An integer beside a float becomes one."""
+        if a.type == b.type:
+            return a, b
+        as_float = lambda v: v if v.type == _DOUBLE else self.builder.sitofp(v, _DOUBLE)  # noqa: E731
+        return as_float(a), as_float(b)
+
+    def named(self, name: str) -> Any:
+        """A value under its name; numbers become constants."""
+        found = self.names[name]
+        if isinstance(found, (int, np.integer)):
+            return ir.Constant(_INT, int(found))
+        return ir.Constant(_DOUBLE, float(found)) if isinstance(found, float) else found
+
+    def compared(self, sign: str, a: Any, b: Any) -> Any:
+        """NaN compares as in IEEE 754."""
+        if a.type != _DOUBLE:
+            return self.builder.icmp_signed(sign, a, b)
+        ordered = sign != "!="
+        return (self.builder.fcmp_ordered if ordered else self.builder.fcmp_unordered)(sign, a, b)
+
+    def called(self, name: str, arguments: list[Any]) -> Any:
+        """One of the operations without branches, or a function that numba compiles."""
+        builder = self.builder
+        if name == "pick":
+            return builder.select(*arguments)
+        if name == "no":
+            return builder.not_(arguments[0])
+        if name == "fma":
+            return builder.fma(*arguments)
+        if name == "abs":
+            return builder.call(builder.module.declare_intrinsic("llvm.fabs", [_DOUBLE]), arguments)
+        typing = self.context.typing_context
+        function = typing.resolve_value_type(self.names[name])
+        signature = function.get_call_type(typing, (types.float64,) * len(arguments), {})
+        return self.context.get_function(function, signature)(builder, arguments)
+
+
+def _array(context: Any, builder: Any, kind: Any, value: Any) -> tuple[Any, list[Any]]:
+    """Where the data are, and the strides in elements of a contiguous array; None for 1."""
+    if kind.layout != "C":
+        raise TypeError(f"expected a contiguous array, received {kind}")
+    found = context.make_array(kind)(context, builder, value)
+    shape = cgutils.unpack_tuple(builder, found.shape, kind.ndim)
+    strides: list[Any] = [None]
+    for n in reversed(shape[1:]):
+        strides.insert(0, n if strides[0] is None else builder.mul(n, strides[0]))
+    return found.data, strides
+
+
+def _codegen(lines: Sequence[str], result: str, arguments: Sequence[str], known: Mapping[str, Any]) -> Any:
+    def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        names, arrays = dict(known), {}
+        for name, kind, value in zip(arguments, signature.args, values, strict=True):
+            if isinstance(kind, types.Array):
+                arrays[name] = _array(context, builder, kind, value)
+            elif isinstance(kind, types.BaseTuple):  # c0, c1, …, p0, p1, … and weights of a node
+                several = (
+                    *known["PARAMETERS"],
+                    *(f"{w}{i}" for w in "ab" for i in range(known.get("STAGES", 0))),
+                )
+                names.update(zip(several, cgutils.unpack_tuple(builder, value, kind.count), strict=False))
+            else:
+                names[name] = value
+        return _Lines(context, builder, names, arrays).run(lines, result)
+
+    return code
+
+
+def lane_piece(lines: Sequence[str], result: str, known: Mapping[str, Any]) -> Callable[..., Any]:
+    """f(S, I, buffer, n, k, first, h, bound, q): the lines for lane k in step n; what they add to `result` (int64).
+
+    `known` are the numbers and functions that they name, and the names PARAMETERS of the tuple q.
+    """
+    code = _codegen(lines, result, ("S", "I", "buffer", "n", "k", "first", "h", "bound", "q"), known)
+
+    @intrinsic
+    def piece(
+        _typingctx: Any, S: Any, I: Any, buffer: Any, n: Any, k: Any, first: Any, h: Any, bound: Any, q: Any
+    ) -> Any:
+        return types.int64(S, I, buffer, n, k, first, h, bound, q), code
+
+    return piece
+
+
+def state_piece(lines: Sequence[str], known: Mapping[str, Any]) -> Callable[..., Any]:
+    """f(x, v, A, b, q): lines that read arrays x (n,), v (m,) and write A (n, n) and b (n,); 0, or `found` added up."""
+    code = _codegen(lines, "found", ("x", "v", "A", "b", "q"), known)
+
+    @intrinsic
+    def piece(typingctx: Any, x: Any, v: Any, A: Any, b: Any, q: Any) -> Any:  # noqa: ARG001 - numba's signature
+        return types.int64(x, v, A, b, q), code
+
+    return piece
+
+
+def loaded(count: int) -> Callable[..., Any]:
+    """f(P): the first numbers of an array as a tuple, so that they stay in registers."""
+
+    @intrinsic
+    def piece(typingctx: Any, P: Any) -> Any:  # noqa: ARG001 - numba's signature
+        kind = types.UniTuple(types.float64, count)
+
+        def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            data, _ = _array(context, builder, signature.args[0], values[0])
+            found = [
+                builder.load(builder.gep(data, [ir.Constant(_INT, i)], inbounds=True)) for i in range(count)
+            ]
+            return context.make_tuple(builder, kind, found)
+
+        return kind(P), code
+
+    return piece

@@ -1,0 +1,251 @@
+"""The code of a problem for compiled lanes, printed from its record."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from sepv.record import NoClosedForm, Symbol, Tape, gradient, hessian, jacobian
+from sepv.record._derivative import reachable
+from sepv.simulate._engine.text import Expression, Table, Text, shown
+from sepv.solve._formula import Formula
+from sepv.solve._recorded import Recorded
+
+# Where the value of a function comes from in lanes: a call, and the place in what it returns, if that is several.
+_CALLS: dict[str, tuple[str, int | None]] = {
+    "sin": ("sincos", 0),
+    "cos": ("sincos", 1),
+    "log": ("logarithm", None),
+    "sinc": ("sinc", 0),
+    "sinc_slope": ("sinc", 1),
+    "log1p_ratio": ("log1p_ratio", 0),
+    "log1p_ratio_slope": ("log1p_ratio", 1),
+    "expm1_ratio": ("expm1_ratio", 0),
+    "expm1_ratio_slope": ("expm1_ratio", 1),
+}
+# The relative error of slopes in lanes, which serve Newton's matrix only; exact derivatives are off by roundings.
+_RATES = {"sinc_slope": 2.0**-26, "log1p_ratio_slope": 2.0**-10, "expm1_ratio_slope": 2.0**-26}
+_EXACT = 2.0**-40
+_PRODUCTS = ("multiply", "whole")
+
+
+def emit(e: Text, values: Mapping[int, Expression], outputs: Sequence[Symbol]) -> list[Expression]:
+    """The outputs written into a text, with the inputs of these lines as given; a·b + c is fused.
+
+    A product is fused into the sum that is its only user.
+    """
+    lines = reachable(outputs)
+    users = Counter(i for symbol in lines for i in symbol.line.arguments)
+    users.update(symbol.index for symbol in outputs)
+    found: dict[int, Expression] = {}
+
+    def value(index: int) -> Expression:
+        """A line's value; a product that has one user is written where it is used."""
+        if index not in found:
+            found[index] = e.product(*map(value, tape.lines[index].arguments))
+        return found[index]
+
+    def factors(symbol: Symbol) -> tuple[Expression, Expression] | None:
+        if symbol.index in found or symbol.line.name not in _PRODUCTS:
+            return None
+        a, b = symbol.line.arguments
+        return value(a), value(b)
+
+    for symbol in lines:
+        index, line, tape = symbol.index, symbol.line, symbol.tape
+        if line.name == "input":
+            found[index] = values[index]
+        elif line.name == "constant":
+            found[index] = e.number(line.value) if line.value else None
+        elif line.name in ("add", "subtract"):
+            a, b = symbol.arguments
+            second = factors(b)
+            first = factors(a) if second is None else None
+            found[index] = _sum(e, line.name, (a, first), (b, second), value)
+        elif line.name not in _PRODUCTS or users[index] > 1:
+            found[index] = _operation(e, symbol, [value(i) for i in line.arguments])
+    return [value(symbol.index) for symbol in outputs]
+
+
+_Term = tuple[Symbol, tuple[Expression, Expression] | None]
+
+
+def _sum(e: Text, name: str, left: _Term, right: _Term, value: Callable[[int], Expression]) -> Expression:
+    """The sum or difference of two terms, one of which may be given as its factors."""
+    (a, first), (b, second) = left, right
+    if second is not None:
+        before = value(a.index)
+        return e.plus(*second, before) if name == "add" else e.minus(before, *second)
+    last = value(b.index)
+    if first is not None:
+        return e.plus(*first, last if name == "add" else e.product("(-1.0)", last))
+    if name == "add" or last is None:
+        return e.total([value(a.index), last])
+    return e.product("(-1.0)", last) if value(a.index) is None else e.let(f"{value(a.index)} - {last}")
+
+
+def _operation(e: Text, symbol: Symbol, arguments: list[Expression]) -> Expression:  # noqa: PLR0911 - an operation a line
+    name, texts = symbol.line.name, [shown(a) for a in arguments]
+    if name == "negative":
+        return e.product("(-1.0)", arguments[0])
+    if name in _PRODUCTS:
+        return e.product(*arguments)
+    if name == "divide":
+        return None if arguments[0] is None else e.let(f"{texts[0]} / {texts[1]}")
+    if name == "power":
+        return e.let(f"{texts[0]} ** {e.number(symbol.line.value)}")
+    if name == "select":
+        return e.let(f"pick({', '.join(texts)})")
+    if name in _CONDITIONS:
+        return e.let(_CONDITIONS[name].format(*texts))
+    call, place = _CALLS.get(name, (name, None))
+    return e.let(f"{call}({texts[0]})") if place is None else e.call(call, texts, 2)[place]
+
+
+_CONDITIONS = {
+    "greater": "{} > {}",
+    "greater_equal": "{} >= {}",
+    "equal": "{} == {}",
+    "and": "({}) & ({})",
+    "or": "({}) | ({})",
+    "not": "no({})",
+}
+
+
+class RecordedProblem(Recorded):
+    """A problem's functions, each written into a `Text` for given names of the components: d of y, d of z = y1 − y.
+
+    Raises
+    ------
+    CannotRecord
+        Where B, H or the domain cannot be recorded.
+    """
+
+    @property
+    def preamble(self) -> str:
+        """Imports of the functions that were printed."""
+        return imports(self.tape)
+
+    @property
+    def gradient_evaluations(self) -> int:
+        """Evaluations of ∇H that a mean gradient takes."""
+        return self.mean.nodes
+
+    @property
+    def rate(self) -> float:
+        """The relative error of Newton's matrix."""
+        with suppress(NoClosedForm):  # which a formula that asks for the mean gradient has said already
+            jacobian(self.mean.value, self.z)
+        return max(_RATES.get(line.name, _EXACT) for line in self.tape.lines)
+
+    def cost(self, formula: Formula, step: Sequence[str]) -> tuple[int, int]:
+        """Evaluations of ∇H, and of B or what stands for it, that R takes."""
+        found = self.equation_of(formula, len(step))
+        return found.gradients, found.structures
+
+    def increment(
+        self, e: Text, formula: Formula, y: Sequence[str], z: Sequence[str], step: Sequence[str]
+    ) -> list[Expression]:
+        """R(y, z; step), of an explicit formula without z."""
+        found = self.equation_of(formula, len(step), apart=bool(z))
+        return printed(e, [(self.y, y), (self.z, z), (found.step, step)], found.R)
+
+    def equation(
+        self, e: Text, formula: Formula, y: Sequence[str], z: Sequence[str], step: Sequence[str]
+    ) -> tuple[list[Expression], Table]:
+        """R of z = R(y, z; step) and K = ∂R/∂z, from the record of the scheme's formula."""
+        found = self.equation_of(formula, len(step))
+        d, inputs = self.dimension, [(self.y, y), (self.z, z), (found.step, step)]
+        entries = printed(e, inputs, [*found.R, *found.K.ravel()])
+        return entries[:d], _table(entries[d:], d)
+
+    def hamiltonian(self, e: Text, y: Sequence[str]) -> Expression:
+        """H(y)."""
+        return self._printed(e, y, [self.H])[0]
+
+    def gradient(self, e: Text, y: Sequence[str]) -> list[Expression]:
+        """∇H(y)."""
+        return self._printed(e, y, self.slope)
+
+    def hessian(self, e: Text, y: Sequence[str]) -> Table:
+        """H″(y)."""
+        return _table(self._printed(e, y, self._hessian.ravel()), self.dimension)
+
+    @cached_property
+    def _hessian(self) -> Any:
+        return hessian(self.slope, self.y)
+
+    def structure(self, e: Text, y: Sequence[str]) -> Table:
+        """B(y)."""
+        return _table(self._printed(e, y, self.B.ravel()), self.dimension)
+
+    @cached_property
+    def _structure_derivative(self) -> Any:
+        return jacobian(self.B.ravel(), self.y).reshape((*self.B.shape, -1))
+
+    def structure_derivative(self, e: Text, y: Sequence[str]) -> list[Table]:
+        """∂B_ij/∂y_k at [k][i][j]."""
+        slopes = np.moveaxis(self._structure_derivative, 2, 0)
+        return [_table(self._printed(e, y, table.ravel()), self.dimension) for table in slopes]
+
+    def mean_gradient(self, e: Text, y: Sequence[str], z: Sequence[str]) -> list[Expression]:
+        """∫₀¹∇H(y + τz)dτ."""
+        return self._printed(e, y, self.mean.value, z)
+
+    def domain(self, e: Text, y: Sequence[str]) -> str | None:
+        """Whether y is in the domain."""
+        return None if self.inside is None else shown(self._printed(e, y, [self.inside])[0])
+
+    def casimirs(self, e: Text, y: Sequence[str]) -> list[Expression]:
+        """The quadratic Casimirs, then the linear ones."""
+        return self._printed(e, y, self._casimirs)
+
+    @cached_property
+    def _casimirs(self) -> list[Symbol]:
+        y = self.y
+        values = [y @ (A @ y) for A in self.problem.casimirs] + [b @ y for b in self.problem.linear_casimirs]
+        return [self.tape.symbol(v) for v in values]
+
+    def casimir_gradients(self, e: Text, ends: Sequence[str]) -> Table:
+        """Their gradients averaged along a segment, whose ends have the sum `ends`: ∇C at half of it."""
+        slopes = [self._printed(e, ends, gradient(C, self.y)) for C in self._casimirs]
+        # A quadratic C has a gradient linear in y.
+        quadratic = len(self.problem.casimirs)
+        return [[e.product("(0.5)", v) for v in row] for row in slopes[:quadratic]] + slopes[quadratic:]
+
+    def _printed(self, e: Text, y: Sequence[str], outputs: Any, z: Sequence[str] = ()) -> list[Expression]:
+        return printed(e, [(self.y, y), (self.z, z)], outputs)
+
+
+def printed(e: Text, inputs: Sequence[tuple[Any, Sequence[str]]], outputs: Any) -> list[Expression]:
+    """The outputs written into a text under the names of the inputs' components; the name "0.0" is zero."""
+    values = {
+        x.index: None if name == "0.0" else name
+        for vector, names in inputs
+        for x, name in zip(vector, names, strict=False)
+    }
+    return emit(e, values, list(outputs))
+
+
+def imports(tape: Tape) -> str:
+    """Imports of the functions on a tape."""
+    own, others = set(), set()
+    for line in tape.lines:
+        if line.name in _CALLS:
+            own.add(_CALLS[line.name][0])
+        elif line.name in _PLAIN:
+            others.add(line.name)
+    lines = [f"from sepv.simulate._engine.functions import {', '.join(sorted(own))}\n"] if own else []
+    return "".join([*lines, *([f"from numpy import {', '.join(sorted(others))}\n"] if others else [])])
+
+
+_PLAIN = {"tan", "exp", "expm1", "log1p", "sqrt", "sinh", "cosh", "tanh", "arctan"}
+
+
+def _table(entries: list[Expression], d: int) -> Table:
+    return [entries[i * d : (i + 1) * d] for i in range(len(entries) // d)]

@@ -1,0 +1,167 @@
+"""How the engine takes the step of each scheme: by the record of its formula, or by code for staged and projected ones.
+
+R and K share what they have in common, since an expression written twice has one name: see `sepv.simulate._engine.text`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+from sepv import schemes
+from sepv.schemes import MAX_STAGES, Scheme, explicit
+from sepv.schemes import _one_step as one_step
+from sepv.schemes._energy_preserving import formula as energy_preserving
+from sepv.schemes._midpoint import formula as midpoint
+from sepv.schemes._tableaux import gauss_tableau
+from sepv.simulate._engine.recorded import RecordedProblem
+from sepv.simulate._engine.text import Expression, Table, Text
+from sepv.solve import _formula as formula
+
+
+@dataclass(frozen=True)
+class Formula:
+    """How the engine takes a step.
+
+    Attributes
+    ----------
+    recorded : the formula of the scheme, from its file
+    implicit : whether it is an equation z = R, which Newton's iteration solves
+    parts : what the formula wants to know of the step
+    """
+
+    recorded: formula.Formula
+    implicit: bool = True
+    parts: one_step.Parts = one_step.random_step
+    stages: int = 1
+
+    def names(self, noises: int) -> list[str]:
+        """What the lanes call it."""
+        return _NAMES.get(self.parts) or ["span", *(f"noise{j}" for j in range(noises))]
+
+    def update(self, e: Text, z: Sequence[str]) -> list[str]:
+        """y1 − y0."""
+        return list(z)
+
+    def states(self, e: Text, y: Sequence[str], z: Sequence[str]) -> list[list[str]]:
+        """The states that must lie in the domain."""
+        return [[e.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)]]
+
+
+_NAMES: dict[one_step.Parts, list[str]] = {
+    one_step.random_step: ["delta"],
+    one_step.drift_and_noise: ["span", "noise"],
+}
+
+
+def field(e: Text, B: Table, g: Sequence[Expression]) -> list[Expression]:
+    """B g."""
+    return [e.dot(row, g) for row in B]
+
+
+def scaled(e: Text, factor: str, table: Table) -> Table:
+    """factor·table for a skew table."""
+    d = len(table)
+    upper = {(i, j): e.product(factor, table[i][j]) for i in range(d) for j in range(i + 1, d)}
+    found: Table = [[None] * d for _ in range(d)]
+    for (i, j), value in upper.items():
+        found[i][j], found[j][i] = value, e.product("(-1.0)", value)
+    return found
+
+
+def middle(e: Text, y: Sequence[str], z: Sequence[str]) -> list[str]:
+    """ȳ = y + z/2."""
+    return [a if b == "0.0" else str(e.plus("(0.5)", b, a)) for a, b in zip(y, z, strict=True)]
+
+
+def rate(e: Text, problem: RecordedProblem, y: Sequence[str], delta: str = "(1.0)") -> list[Expression]:
+    """Δ f(y), f = B∇H multiplied out where that is a few monomials: explicit steps do not need B and ∇H apart."""
+    if problem.field is not None:
+        return [e.polynomial(p, y, delta) for p in problem.field]
+    return [e.product(delta, v) for v in field(e, problem.structure(e, y), problem.gradient(e, y))]
+
+
+def at(e: Text, y: Sequence[str], z: Sequence[str], integrals: Any) -> list[str]:
+    """u = y + Σ_j integrals_j z_j, the stages one after the other in z."""
+    d = len(y)
+    state = list(y)
+    for j, weight in enumerate(integrals):
+        for k in range(d):
+            if z[j * d + k] != "0.0":
+                state[k] = str(e.plus(e.number(float(weight)), z[j * d + k], state[k]))
+    return state
+
+
+@dataclass(frozen=True)
+class Collocation(Formula):
+    """The s-stage method: z_i = Δ B(Y_i) g_i with g_i = b_i⁻¹∫ℓ_i∇H(u), y1 = y0 + Σ b_i z_i.
+
+    Without `averaged` g_i = ∇H(Y_i), the Gauss method. `recorded` is the method of one stage.
+    """
+
+    averaged: bool = True
+
+    def sweep(
+        self,
+        e: Text,
+        problem: RecordedProblem,
+        y: Sequence[str],
+        z: Sequence[str],
+        delta: str,
+        averages: Sequence[Sequence[Expression]] | None,
+    ) -> list[Expression]:
+        """The right-hand sides at z, the stages one after the other; the g_i are the ∇H(Y_i) where not given."""
+        R: list[Expression] = []
+        for i, row in enumerate(gauss_tableau(self.stages).A):
+            Y = at(e, y, z, row)
+            g = problem.gradient(e, Y) if averages is None else averages[i]
+            R += field(e, scaled(e, delta, problem.structure(e, Y)), g)
+        return R
+
+    def update(self, e: Text, z: Sequence[str]) -> list[str]:
+        """Σ b_i z_i."""
+        d = len(z) // self.stages
+        sums: list[Expression] = [None] * d
+        for j, b in enumerate(gauss_tableau(self.stages).b):
+            sums = [e.plus(e.number(float(b)), z[j * d + k], sums[k]) for k in range(d)]
+        return [str(s) for s in sums]
+
+    def states(self, e: Text, y: Sequence[str], z: Sequence[str]) -> list[list[str]]:
+        """y1 and the stages."""
+        tableau = gauss_tableau(self.stages)
+        return [at(e, y, z, row) for row in (tableau.b, *tableau.A)]
+
+
+@dataclass(frozen=True)
+class Projected(Formula):
+    """An explicit increment, projected on the invariants."""
+
+
+# Schemes that bring their own solver.
+FORMULAS: dict[str, Formula] = {
+    **{f"projected-{p}": Projected(cast(one_step.Explicit, explicit(p).step).formula) for p in (4, 8)},
+    "collocation-1": Formula(energy_preserving),
+    "gauss-1": Formula(midpoint),
+    **{
+        f"{family}-{s}": Collocation(energy_preserving, stages=s, averaged=family == "collocation")
+        for family in ("collocation", "gauss")
+        for s in range(2, MAX_STAGES + 1)
+    },
+}
+
+
+def formula_of(scheme: Scheme) -> Formula | None:
+    """How the engine takes the scheme's step, None where it does not.
+
+    A scheme is its step: what is put around the step of a formula, or around ours, is another scheme.
+    """
+    rule = scheme.step
+    if isinstance(rule, one_step.Explicit):
+        return Formula(rule.formula, False, rule.parts)
+    if isinstance(rule, one_step.Implicit):
+        known = rule.formula is not None and scheme.solve in (None, rule.solve)
+        return Formula(cast(formula.Formula, rule.formula), True, rule.parts) if known else None
+    found = FORMULAS.get(scheme.name)
+    own = None if found is None else schemes.by_name(scheme.name)
+    return None if own is None or own.step is not rule or own.solve is not scheme.solve else found

@@ -1,0 +1,71 @@
+"""Functions that are passed by address, so that what calls them is compiled once: their types, and such calls.
+
+numba's own first-class functions take 0.1 ms each to be passed. Needs numba.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+_vector, _matrix, _block = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
+_integers, _int, _float = types.int64[::1], types.int64, types.float64
+# problem(what, x, v, A, b, P): one of a problem's functions at x, into A or b.
+PROBLEM = _int(_int, _vector, _vector, _matrix, _vector, _vector)
+# careful(S, I, k, P, problem, shape, table): lane k of a block by itself, and its status; `problem` is an address.
+CAREFUL = _int(_vector, _integers, _int, _vector, _int, _integers, _matrix)
+# advance(S, I, increments, count, first, h, bound, P, careful, problem, shape, table): `count` steps of a block; 1
+# where none of its lanes lives on; `careful` and `problem` are addresses.
+ADVANCE = _int(
+    _vector, _integers, _block, _int, _int, _float, _float, _vector, _int, _int, _integers, _matrix
+)
+# start(S, I, increments, P): the invariants of a block whose states are set.
+START = types.void(_vector, _integers, _block, _vector)
+# See `sepv.simulate._engine.lanes` and `sepv.simulate._engine.driver`.
+_streams, _stacks = types.uint64[:, :, :, ::1], types.float64[:, :, :, ::1]
+FILL = types.void(
+    _block, _int, _int, types.uint64[:, :, ::1], _block, _block, _vector, _int, types.uint64[::1]
+)
+START_STREAMS = types.void(_streams, _stacks, _vector, _int, _int)
+RUN = types.void(
+    _int, _int, _int, _int, _integers, _matrix, _matrix, types.int64[:, ::1], _block, _streams, _stacks, _stacks,
+    _vector, _int, _block, _int, _int, _int, _float, _float, _vector, _vector, _vector,
+)  # fmt: skip
+
+
+def address(function: Any) -> int:
+    """Where the compiled code of a function of one signature is."""
+    (arguments,) = function.overloads
+    found = function.overloads[arguments]
+    return int(found.library.get_pointer_to_function(found.fndesc.llvm_func_name))
+
+
+def calling(signature: Any) -> Callable[..., Any]:
+    """f(address, arguments): the function of this signature that is there, of a tuple of arguments."""
+
+    @intrinsic
+    def call(_typingctx: Any, where: Any, arguments: Any) -> Any:
+        if tuple(arguments) != signature.args:
+            raise TypeError(f"expected arguments {signature.args}, received {tuple(arguments)}")
+
+        def code(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
+            convention, result = context.call_conv, signature.return_type
+            kind = convention.get_function_type(result, signature.args)
+            pointer = builder.inttoptr(values[0], kind.as_pointer())
+            given = cgutils.unpack_tuple(builder, values[1], len(signature.args))
+            status, found = convention.call_function(builder, pointer, result, signature.args, given)
+            with cgutils.if_unlikely(builder, status.is_error):
+                convention.return_status_propagate(builder, status)
+            return found
+
+        return signature.return_type(where, arguments), code
+
+    return call
+
+
+call_advance, call_careful = calling(ADVANCE), calling(CAREFUL)
+call_problem, call_fill = calling(PROBLEM), calling(FILL)

@@ -1,0 +1,257 @@
+"""Code for the s-stage methods: sweeps z ← R(z) for a block of lanes in lockstep, Newton for the lanes left.
+
+A sweep z_i ← Δ B(Y_i) g_i costs evaluations and s² d products, where a step of Newton's iteration eliminates s·d
+unknowns. Each sweep gains a factor of about Δ|f′|/4; at steps that make sense all of them cost less than one
+elimination. A lane is done where the correction to come, m²/m_before, is below rounding; one whose corrections do
+not shrink is solved by itself, by Newton's iteration with every test of `sepv.solve._implicit`.
+
+Where H is no polynomial, a last sweep by half as many nodes again must change nothing but roundings. A lane where it
+does, or with a point outside the domain, is left to Newton's iteration as well, whose nodes are doubled until two
+rules agree (`sepv.schemes.collocation`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from sepv.problem import Array
+from sepv.record import gauss_legendre
+from sepv.schemes._collocation import FIRST_NODES, MAX_NODES
+from sepv.schemes._tableaux import exact_nodes, gauss_tableau, moments
+from sepv.simulate._engine.schemes import Collocation, at
+from sepv.simulate._engine.text import Expression, Table, Text, shown
+from sepv.simulate._engine.writer import Writer
+
+# Sweeps before the first test, which costs half a sweep, and sweeps after it: while one lane of a block goes on, each
+# costs what forty lanes take, and Newton's iteration for one lane a hundred times as much.
+BLIND, TESTED = 8, 40
+FUSED = 2
+# Corrections must shrink by this factor.
+SHRINKS = 0.9
+
+
+class StagesWriter(Writer):
+    """The kernel of an s-stage method."""
+
+    formula: Collocation
+    imports = "from sepv.simulate._engine.stages import rules\n"
+
+    @property
+    def nodes(self) -> int:
+        """Of the first rule: exact where H is a polynomial."""
+        s, degree = self.formula.stages, self.problem.degree
+        if not self.formula.averaged:
+            return s
+        return exact_nodes(s, degree) if degree else s + FIRST_NODES
+
+    @property
+    def exact(self) -> bool:
+        """Whether the first rule is all there is."""
+        return bool(self.problem.degree) or not self.formula.averaged
+
+    @property
+    def straight(self) -> bool:
+        """Whether the nodes of the quadrature are the stages, so that a sweep is written out."""
+        return self.nodes == self.formula.stages
+
+    def more_rows(self) -> dict[str, int]:
+        """Where the nodes are not the stages: the sums of the g_i."""
+        return {} if self.straight else {"G": self.unknowns}
+
+    kernel = "stages.advance"
+
+    def pieces(self) -> dict[str, tuple[list[str], str]]:
+        """Sweeps and their tests."""
+        clear, node = self.sums()
+        return {
+            "first_steps": ([*self.random_step(), *self.first()], "none"),
+            "blind": (self.blind(), "none"),
+            "iteration": (self.iteration(), "left"),
+            "check": (self.check() if self.checked else [], "left"),
+            "clear": (clear, "none"),
+            "add_node": (node, "none"),
+        }
+
+    @property
+    def checked(self) -> bool:
+        """Whether a converged lane is looked at again: for its quadrature, and for its points."""
+        return not self.exact or self.has_domain()
+
+    def sums(self) -> tuple[list[str], list[str]]:
+        """G_i = Σ W_in ∇H(u_n): none of it, and a node; nothing where a sweep is written out."""
+        if self.straight:
+            return [], []
+        e, s, d = Text(self.parameters), self.formula.stages, self.d
+        y, z = self.lane(e)
+        u = list(y)
+        for j in range(s):
+            u = [e.let(f"fma(b{j}, {z[j * d + i]}, {v})") for i, v in enumerate(u)]
+        g = [shown(v) for v in self.problem.gradient(e, u)]
+        for i in range(s):
+            for r in range(d):
+                total = self.at("G", i * d + r)
+                e.lines.append(f"{total} = {total} + a{i} * {g[r]}")
+        return [f"{self.at('G', i)} = 0.0" for i in range(self.unknowns)], e.lines
+
+    def sweep(self, e: Text, y: list[str], z: list[str]) -> list[str]:
+        """R(z)."""
+        d, s = self.d, self.formula.stages
+        g = None if self.straight else [[self.at("G", i * d + r) for r in range(d)] for i in range(s)]
+        return [shown(v) for v in self.formula.sweep(e, self.problem, y, z, "delta", g)]
+
+    def lane(self, e: Text) -> tuple[list[str], list[str]]:
+        """y, z and Δ of lane k."""
+        y, z = self.loaded(e, "Y", "y"), self.loaded(e, "Z", "z")
+        e.lines.append(f"delta = {self.at('D')}")
+        return y, z
+
+    def first(self) -> list[str]:
+        """The first sweep from z = 0, where one evaluation serves all stages."""
+        e = Text(self.parameters)
+        y = self.loaded(e, "Y", "y")
+        g = self.problem.gradient(e, y)
+        R = [shown(e.product("delta", e.dot(row, g))) for row in self.problem.structure(e, y)]
+        e.lines += [f"{self.at('Z', i)} = {R[i % self.d]}" for i in range(self.unknowns)]
+        e.lines += [
+            f"{self.at('P')} = INF",
+            f"{self.at('X')} = {' + '.join(f'abs({v})' for v in y)}",
+            f"{self.at('D')} = delta",
+            "I[BUSY + k] = I[ALIVE + k]",
+        ]
+        return e.lines
+
+    def blind(self) -> list[str]:
+        """A sweep without a test, by the nodes of the stages alone, which are good enough for a start."""
+        e = Text(self.parameters)
+        y, R = self.lane(e)
+        for _ in range(FUSED if self.straight else 1):
+            R = [shown(v) for v in self.formula.sweep(e, self.problem, y, R, "delta", None)]
+        return [*e.lines, *(f"{self.at('Z', i)} = {v}" for i, v in enumerate(R))]
+
+    def iteration(self) -> list[str]:
+        """The end of a sweep of all lanes, and its test."""
+        e = Text(self.parameters)
+        y, z = self.lane(e)
+        R = self.sweep(e, y, z)
+        e.lines += [
+            f"m = {' + '.join(f'abs({a} - {b})' for a, b in zip(R, z, strict=True))}",
+            "busy = I[BUSY + k] == 1",
+            f"scale = {self.at('X')}",
+            f"before = {self.at('P')}",
+            f"{self.at('P')} = m",
+            f"done = (m * m <= LEFT * (scale * before)) & (before < INF) | (m <= {self.unknowns} * TINY * scale)",
+            f"stays = no(m <= {SHRINKS} * before)",
+            "done = done | (stays & (m <= ROUNDING * scale))",
+            "slow = stays & no(done)",
+            *(f"{self.at('Z', i)} = pick(busy, {a}, {b})" for i, (a, b) in enumerate(zip(R, z, strict=True))),
+            "left += pick(busy & no(done) & no(slow), 1, 0)",
+            f"I[BUSY + k] = pick(busy, pick(done, {3 if self.checked else 0}, pick(slow, 2, 1)), I[BUSY + k])",
+        ]
+        return e.lines
+
+    def check(self) -> list[str]:
+        """The last sweep by a finer rule, and whether all points are in the domain."""
+        e = Text(self.parameters)
+        y, z = self.lane(e)
+        R = self.sweep(e, y, z)
+        size = " + ".join(f"abs({v})" for v in z)
+        e.lines += [
+            f"m = {' + '.join(f'abs({a} - {b})' for a, b in zip(R, z, strict=True))}",
+            f"fine = (m <= {2.0**-48!r} * ({size})) | (m <= {self.unknowns} * TINY * {self.at('X')})",
+            "asked = I[BUSY + k] == 3",
+            f"{self.at('P')} = INF",
+        ]
+        inside = "asked"
+        if self.has_domain():
+            P = moments(self.formula.stages, self.nodes)[1]
+            points = [*self.formula.states(e, y, z), *(at(e, y, z, row) for row in P)]
+            inside = " & ".join(["asked", *(f"({self.problem.domain(e, point)})" for point in points)])
+        e.lines += [
+            f"inside = {inside}",
+            *(
+                f"{self.at('Z', i)} = pick(asked, {a}, {b})"
+                for i, (a, b) in enumerate(zip(R, z, strict=True))
+            ),
+            "left += pick(asked & inside & no(fine), 1, 0)",
+            "I[BUSY + k] = pick(asked, pick(inside, pick(fine, 0, 1), 2), I[BUSY + k])",
+        ]
+        return e.lines
+
+    def ladder(self) -> list[int]:
+        """Nodes of the rules, each of which is tried where the one before did not suffice."""
+        found = [self.nodes]
+        while not self.exact and 2 * found[-1] <= MAX_NODES:
+            found.append(2 * found[-1])
+        return found
+
+    def numbers(self) -> dict[str, Any]:
+        """Of the sweeps and the rules."""
+        blind, fused = (BLIND, FUSED) if self.straight else (4, 1)
+        return {
+            "STAGES": self.formula.stages, "RULES": len(self.ladder()), "EXACT": self.exact,
+            "CHECKED": self.checked, "STRAIGHT": self.straight, "BLIND": blind, "FUSED": fused, "TESTED": TESTED,
+        }  # fmt: skip
+
+    def states(self) -> dict[str, list[str]]:
+        """The problem's functions one by one, for lanes that are looked at by themselves."""
+        d, found = self.d, {"domain": self.in_domain()}
+        x = [f"x{i}" for i in range(d)]
+        load = [f"{v} = x[{i}]" for i, v in enumerate(x)]
+        for name, of in (("gradient", "b"), ("hessian", "A"), ("structure", "A")):
+            e = Text(self.parameters)
+            values = getattr(self.problem, name)(e, x)
+            found[name] = [*load, *e.lines, *_entries(of, values)]
+        e = Text(self.parameters)
+        derivative = self.problem.structure_derivative(e, x)
+        g = [e.let(f"v[{i}]") for i in range(d)]
+        turned: Table = [[e.dot(derivative[k][r], g) for k in range(d)] for r in range(d)]
+        return found | {"turned": [*load, *e.lines, *_entries("A", turned)]}
+
+    def tables(self) -> list[str]:
+        """Those of the rules."""
+        s, ladder = self.formula.stages, self.ladder()
+        shape = self.shape(s, len(ladder), self.exact)
+        return [
+            f"COUNTS, FIRSTS, NODES, TABLE = rules({s}, {tuple(ladder)})",
+            f"SHAPE = np.array([*{shape}, *COUNTS, *FIRSTS])",
+            f"loaded_node = _loaded({2 * s})",
+            "sums = compiled(stages.sums, globals(), inline=True)",
+        ]
+
+
+def _entries(out: str, values: list[Expression] | Table) -> list[str]:
+    """Assignments of a vector or of a table."""
+    lines = []
+    for i, value in enumerate(values):
+        if isinstance(value, list):
+            lines += [f"{out}[{i}, {k}] = {shown(v)}" for k, v in enumerate(value)]
+        else:
+            lines.append(f"{out}[{i}] = {shown(value)}")
+    return lines
+
+
+def rules(stages: int, ladder: Sequence[int]) -> tuple[np.ndarray, np.ndarray, Array, Array]:
+    """Quadratures of a generated module: each rule and the finer one that it is compared with, one after the other.
+
+    Returns
+    -------
+    counts, firsts : (2 R,)
+        Nodes of each rule, and where they begin.
+    nodes : (N, 2s)
+        The weights of each node in the sums of the g_i, and those of the z_j in its state (`sepv.schemes._tableaux.moments`).
+        With s nodes the first are the identity.
+    table : (N + s + 1, 2s)
+        The same, A of the Gauss method, and its b.
+    """
+    counts = [n for nodes in ladder for n in (nodes, nodes + nodes // 2)]
+    found = [moments(stages, n) for n in counts]
+    parts = [np.eye(stages) if n == stages else W for n, (W, _) in zip(counts, found, strict=True)]
+    firsts = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    W, P = np.concatenate(parts, axis=1), np.concatenate([P for _, P in found])
+    nodes = np.ascontiguousarray(np.concatenate([W.T, P], axis=1))
+    gauss = np.concatenate([gauss_tableau(stages).A, gauss_legendre(stages)[1][None]])
+    table = np.concatenate([nodes, np.concatenate([gauss, np.zeros_like(gauss)], axis=1)])
+    return np.array(counts), firsts, nodes, np.ascontiguousarray(table)

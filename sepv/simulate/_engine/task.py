@@ -1,0 +1,123 @@
+"""A chunk of paths: a pure function of what it is asked for, that any worker on any machine can run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+
+from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
+from sepv.problems import build
+from sepv.schemes import Scheme
+from sepv.simulate import _wiener as wiener
+from sepv.simulate._engine.workers import Halted, halted
+from sepv.simulate._paths import Batch, Ensemble
+
+# Steps whose increments the NumPy engine holds at once.
+PIECE = 256
+
+
+@dataclass(frozen=True)
+class Task:
+    """Paths first … first + count − 1 over `steps` steps.
+
+    Attributes
+    ----------
+    problem : Problem, or its data where it can be built again from them: they travel.
+    dW : (N, m, M) or None
+        Given increments, untruncated, of paths `place` … `place` + count − 1.
+    stops : increasing numbers of steps at which states are kept.
+    """
+
+    scheme: Scheme
+    problem: Problem | PolynomialSystem | NamedProblem
+    y0: Array
+    h: float
+    steps: int
+    first: int
+    count: int
+    seed: int
+    refine: int | None
+    truncation: int | None
+    stops: tuple[int, ...]
+    compensated: bool
+    compiled: bool
+    dW: Array | None = None
+    place: int = 0
+
+
+def portable(problem: Problem) -> Problem | PolynomialSystem | NamedProblem:
+    """The problem's data where they are all there is to it, else the problem."""
+    if problem.data is not None and np.array_equal(build(problem.data).c, problem.c):
+        return problem.data
+    return problem
+
+
+def run(task: Task) -> Ensemble:
+    """The chunk's ends."""
+    problem = task.problem if isinstance(task.problem, Problem) else build(task.problem)
+    if task.compiled:
+        from sepv.simulate._engine.chunk import run_compiled
+
+        return run_compiled(task, problem)
+    return _run_numpy(task, problem)
+
+
+def _run_numpy(task: Task, problem: Problem) -> Ensemble:
+    chunk = NumpyChunk(task, problem)
+    kept = np.empty((len(task.stops), problem.dimension, task.count))
+    for place, stop in enumerate(task.stops):
+        chunk.advance(stop - chunk.done)
+        kept[place] = chunk.states()
+    chunk.advance(task.steps - chunk.done)
+    return chunk.result(kept)
+
+
+class NumpyChunk:
+    """A chunk in NumPy; `advance` goes on where it was left, as the compiled one's does."""
+
+    def __init__(self, task: Task, problem: Problem) -> None:
+        self.task = task
+        self.batch = Batch(task.scheme, problem, task.y0, task.count, compensated=task.compensated)
+        self.W = np.zeros((problem.noises, task.count))
+        self.increments = self._walk(problem)
+
+    @property
+    def done(self) -> int:
+        """Steps done."""
+        return self.batch.done
+
+    def advance(self, steps: int) -> None:
+        """The next `steps` steps."""
+        for raw in islice(self.increments, steps):
+            if halted():
+                raise Halted
+            self.batch.step(
+                self.task.h, wiener.seen(raw, self.task.h, self.task.truncation, self.task.scheme.increments)
+            )
+            self.W += raw
+
+    def states(self) -> Array:
+        """(d, M)."""
+        return self.batch.y.copy()
+
+    def failed(self) -> bool:
+        """Whether no path goes on."""
+        return not self.batch.alive.size
+
+    def result(self, kept: Array) -> Ensemble:
+        """The ends so far."""
+        return self.batch.result(self.W, kept)
+
+    def _walk(self, problem: Problem) -> Iterator[Array]:
+        task = self.task
+        if task.dW is not None:
+            yield from task.dW[:, :, task.place : task.place + task.count]
+            return
+        for piece in wiener.walk(
+            task.seed, T=task.h * task.steps, steps=task.steps, noises=problem.noises,
+            paths=range(task.first, task.first + task.count), refine=task.refine, size=PIECE,
+        ):  # fmt: skip
+            yield from piece

@@ -1,0 +1,119 @@
+"""Scalar code as text: expressions are strings, temporaries are named, coefficients become parameters.
+
+An expression is None where it is zero, so that sparse B, H″ and B′ cost nothing in the code made of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from sepv.record import Polynomial
+
+Expression = str | None
+Table = list[list[Expression]]
+
+# Coefficients that are written into the code; every other is a parameter, so that problems that differ
+# in their coefficients alone share one compiled kernel.
+_PLAIN = {0.0, 0.5, 1.0, 2.0, 3.0, 4.0, -0.5, -1.0, -2.0, -3.0, -4.0}
+
+
+class Text:
+    """Straight-line code being written: its lines, its temporaries and the parameters it reads."""
+
+    def __init__(self, parameters: list[float] | None = None) -> None:
+        self.lines: list[str] = []
+        self.parameters: list[float] = [] if parameters is None else parameters
+        self._known: dict[str, str] = {}
+
+    def let(self, expression: str) -> str:
+        """A name for the expression's value; the same expression has one name."""
+        if expression.isidentifier():
+            return expression
+        name = self._known.get(expression)
+        if name is None:
+            name = f"t{len(self._known)}"
+            self._known[expression] = name
+            self.lines.append(f"{name} = {expression}")
+        return name
+
+    def number(self, value: float) -> str:
+        """A coefficient: plain ones as they are, others as a parameter p0, p1, …"""
+        if value in _PLAIN:
+            return f"({value!r})"
+        if value not in self.parameters:
+            self.parameters.append(value)
+        return f"p{self.parameters.index(value)}"
+
+    def call(self, function: str, arguments: Iterable[str], results: int) -> list[str]:
+        """The results of a call, one name for each."""
+        stem = self.let(f"{function}({', '.join(arguments)})")
+        return [stem] if results == 1 else [self.let(f"{stem}[{i}]") for i in range(results)]
+
+    def product(self, *factors: Expression) -> Expression:
+        """The product from left to right, without factors 1."""
+        kept: list[str] = []
+        sign = False
+        for factor in factors:
+            if factor is None:
+                return None
+            if factor == "(-1.0)":
+                sign = not sign
+            elif factor != "(1.0)":
+                kept.append(factor)
+        value = kept[0] if kept else "(1.0)"
+        for factor in kept[1:]:
+            value = self.let(f"{value} * {factor}")
+        return self.let(f"-{value}") if sign and value != "(1.0)" else ("(-1.0)" if sign else value)
+
+    def total(self, terms: Iterable[Expression]) -> Expression:
+        """The sum from left to right, without terms 0."""
+        kept = [t for t in terms if t is not None]
+        if not kept:
+            return None
+        value = kept[0]
+        for term in kept[1:]:
+            value = self.let(f"{value} + {term}")
+        return value
+
+    def dot(self, row: Sequence[Expression], vector: Sequence[Expression]) -> Expression:
+        """Σ row_j vector_j in the order of j."""
+        value: Expression = None
+        for a, b in zip(row, vector, strict=True):
+            value = self.plus(a, b, value)
+        return value
+
+    def plus(self, a: Expression, b: Expression, c: Expression) -> Expression:
+        """a·b + c, fused where it is neither trivial nor a mere sum."""
+        if a is None or b is None:
+            return c
+        if c is None or "(1.0)" in (a, b):
+            return self.total([c, self.product(a, b)])
+        if "(-1.0)" in (a, b):
+            return self.let(f"{c} - {b if a == '(-1.0)' else a}")
+        return self.let(f"fma({a}, {b}, {c})")
+
+    def minus(self, c: Expression, a: Expression, b: Expression) -> Expression:
+        """c − a·b."""
+        return self.plus(self.product("(-1.0)", a), b, c)
+
+    def polynomial(self, p: Polynomial, y: Sequence[str], factor: str = "(1.0)") -> Expression:
+        """Monomials by repeated multiplication, summed in the canonical order of the terms; `factor` goes to them."""
+        value: Expression = None
+        for exponents, c in p.terms:
+            value = self.plus(self.product(factor, self.number(c)), self._monomial(exponents, y), value)
+        return value
+
+    def _monomial(self, exponents: Sequence[int], y: Sequence[str]) -> Expression:
+        factors = [self._power(v, e) for v, e in zip(y, exponents, strict=True) if e]
+        return self.product(*factors) if factors else "(1.0)"
+
+    def _power(self, variable: str, exponent: int) -> str:
+        value = variable
+        for _ in range(exponent - 1):
+            value = self.let(f"{value} * {variable}")
+        return value
+
+
+def shown(expression: Expression) -> str:
+    """The expression, "0.0" where it is zero."""
+    return "0.0" if expression is None else expression

@@ -1,0 +1,385 @@
+"""The seam for more cores and machines: chunks go to threads, processes, an executor, a map, or to Dask.
+
+A chunk is a pure function of its arguments, so that one whose worker died, or that raised, is simply computed again
+here; what the others finished is kept. At most so many chunks are on their way that results never pile up.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import pickle
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import contextmanager
+from queue import SimpleQueue
+from typing import Any, NamedTuple, Protocol, TypeVar
+
+from sepv.errors import UsageError
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+# Chunks on their way for each worker: one that it computes, and others so that it never waits for the next.
+AHEAD = 4
+# Workers of an executor that does not say how many it has.
+UNKNOWN = 16
+# Chunks in one call of a map, where results must not pile up.
+LOT = 64
+
+
+class Outcome(NamedTuple):
+    """What became of a task: its result where it is `ok`, else why there is none."""
+
+    number: int
+    ok: bool
+    result: Any
+
+
+class Crew(Protocol):
+    """Workers that take numbered tasks."""
+
+    def room(self) -> int:
+        """How many tasks may be beyond the first unfinished one."""
+
+    def submit(self, numbered: Sequence[tuple[int, Any]]) -> None:
+        """Send tasks on their way."""
+
+    def finished(self) -> list[Outcome]:
+        """What has finished since, at least one: waits for it."""
+
+    def cancel(self) -> None:
+        """What has not begun is not wanted any more."""
+
+
+class Halted(Exception):
+    """A chunk that was stopped because nobody wants it any more."""
+
+
+# Set in a thread whose chunk nobody wants any more: compiled code looks at it between pieces.
+_halt = threading.local()
+
+
+def halted() -> bool:
+    """Whether the chunk that this thread computes is not wanted any more."""
+    event = getattr(_halt, "event", None)
+    return event is not None and event.is_set()
+
+
+def check(workers: Any) -> None:
+    """Refuse what can be no workers.
+
+    Raises
+    ------
+    UsageError
+        With what is meant: a number of threads or processes, an executor, a map, a Dask client or its address.
+    """
+    fits = (
+        (isinstance(workers, int) and not isinstance(workers, bool) and workers >= 1)
+        or callable(workers)
+        or _executor(workers) is not None
+        or _dask(workers) is not None
+    )
+    if not fits:
+        raise UsageError(
+            expected="workers: an integer ≥ 1, an executor, a callable like map, or a Dask client or its address",
+            received=f"{type(workers).__name__}: {workers!r:.80}",
+            remedy="workers=2 for two cores, pool.map, Client(…) or 'tcp://host:8786' (docs/clusters.md)",
+        )
+
+
+def count(workers: Any) -> int:
+    """How many tasks are computed at a time, as far as it is known: 0 where it is not."""
+    if isinstance(workers, int):
+        return workers
+    if hasattr(_dask(workers), "nthreads"):
+        return sum(_dask(workers).nthreads().values())
+    return int(getattr(_executor(workers), "_max_workers", 0))
+
+
+def is_far(workers: Any) -> bool:
+    """Whether chunks may leave this process, so that what they need must travel."""
+    return not isinstance(workers, int)
+
+
+def run_all(
+    function: Callable[[T], R],
+    tasks: Sequence[T],
+    workers: Any,
+    *,
+    threads: bool,
+    receive: Callable[[int, R], bool | None],
+    bounded: bool = True,
+    alike: tuple[str, ...] = ("numpy", "numba"),
+) -> int:
+    """Run function on every task; `receive` gets the number and the result of each, in any order.
+
+    Parameters
+    ----------
+    workers : int ≥ 1, Executor, map-like callable, Dask client or its address
+        With an int that many threads (where `threads`: the function releases the GIL) or processes.
+        An executor, or its `map`, gets the chunks one by one, so that none that is finished is lost when a
+        worker dies; any other map-like callable gets a function and numbered tasks, and may return what came of them
+        in any order. For Dask see `sepv.simulate._engine.on_dask`.
+    receive : callable
+        Returns True where no more are wanted.
+    bounded : bool
+        Whether results must not pile up: a map then gets the tasks in lots. All others never have more than a few
+        tasks for each worker beyond the first that is unfinished.
+    alike : names of packages
+        Of which a worker of a cluster must have the same version as this process, beside sepv.
+
+    Returns
+    -------
+    How many tasks had to be computed again here.
+
+    Raises
+    ------
+    UsageError
+        For workers that are none.
+    ClusterFailure
+        Where a cluster is gone, or cannot do this work; then nothing is computed here.
+    Exception
+        What a task raised when it was tried again here.
+    """
+    check(workers)
+    if isinstance(workers, int) and (workers == 1 or len(tasks) < 2):
+        for number, task in enumerate(tasks):
+            if receive(number, function(task)):
+                break
+        return 0
+    if isinstance(workers, int):
+        if not threads:
+            try:
+                pickle.dumps((function, tasks[0]))
+            except (TypeError, AttributeError, pickle.PickleError) as error:
+                raise cannot_travel(error) from error
+        with (_threads if threads else _processes)(min(workers, len(tasks)), function) as crew:
+            return _flow(crew, function, tasks, receive)
+    cluster, executor = _dask(workers), _executor(workers)
+    if cluster is not None:
+        from sepv.simulate._engine.on_dask import dask_crew
+
+        with dask_crew(cluster, function, alike) as crew:
+            return _flow(crew, function, tasks, receive)
+    if executor is not None:
+        return _flow(Futures(executor, function), function, tasks, receive)
+    return _map(workers, function, tasks, receive, LOT if bounded else len(tasks))
+
+
+def _flow(
+    crew: Crew, function: Callable[[T], R], tasks: Sequence[T], receive: Callable[[int, R], bool | None]
+) -> int:
+    first = sent = again = 0
+    done: set[int] = set()
+    try:
+        while first < len(tasks):
+            # Counted from the first unfinished task, so that a slow one does not let results pile up behind it.
+            beyond = min(len(tasks), first + crew.room())
+            if sent < beyond:
+                crew.submit([(number, tasks[number]) for number in range(sent, beyond)])
+                sent = beyond
+            # What is there is taken before what has to be computed again, and may raise.
+            for number, ok, found in sorted(crew.finished(), key=lambda outcome: not outcome.ok):
+                again += not ok
+                if receive(number, found if ok else function(tasks[number])):
+                    return again
+                done.add(number)
+            while first in done:
+                done.discard(first)
+                first += 1
+    finally:
+        crew.cancel()
+    return again
+
+
+class Futures:
+    """The crew of an executor; of any whose futures have `add_done_callback`."""
+
+    def __init__(self, executor: Any, function: Callable[[Any], Any]) -> None:
+        self.executor, self.function = executor, function
+        self.running: dict[int, Any] = {}
+        self.done: SimpleQueue[int] = SimpleQueue()
+
+    def room(self) -> int:
+        """Four for each worker."""
+        return AHEAD * int(getattr(self.executor, "_max_workers", UNKNOWN))
+
+    def submit(self, numbered: Sequence[tuple[int, Any]]) -> None:
+        """To the executor, one by one."""
+        for number, task in numbered:
+            self._submit(number, task)
+
+    def _submit(self, number: int, task: Any) -> None:
+        """Where the executor is broken or shut, the task counts as lost."""
+        try:
+            future = self.executor.submit(self.function, task)
+        except RuntimeError as error:
+            future = Future()
+            future.set_exception(error)
+        if not hasattr(future, "add_done_callback"):
+            raise UsageError(
+                expected="an executor whose futures have add_done_callback, as those of concurrent.futures have",
+                received=f"{type(self.executor).__name__}, which gives a {type(future).__name__}",
+                remedy="its map, or an executor that it gives, such as get_executor()",
+            )
+        self.running[number] = future
+        future.add_done_callback(lambda _: self.done.put(number))
+
+    def finished(self) -> list[Outcome]:
+        """Waits for one, takes all that are there."""
+        numbers = [self.done.get()]
+        while not self.done.empty():
+            numbers.append(self.done.get())
+        return [self._outcome(number) for number in numbers]
+
+    def _outcome(self, number: int) -> Outcome:
+        future = self.running.pop(number)
+        if future.cancelled():
+            return Outcome(number, False, "cancelled")
+        error = future.exception()
+        return Outcome(number, False, error) if error is not None else Outcome(number, True, future.result())
+
+    def cancel(self) -> None:
+        """What has not begun."""
+        for future in self.running.values():
+            future.cancel()
+
+
+@contextmanager
+def _threads(count: int, function: Callable[[Any], Any]) -> Iterator[Futures]:
+    event = threading.Event()
+
+    def begin() -> None:
+        _halt.event = event
+
+    with ThreadPoolExecutor(count, initializer=begin) as pool:
+        try:
+            yield Futures(pool, function)
+        except BaseException:
+            event.set()
+            raise
+
+
+@contextmanager
+def _processes(count: int, function: Callable[[Any], Any]) -> Iterator[Futures]:
+    before = set(multiprocessing.active_children())
+    with ProcessPoolExecutor(count, initializer=_die_silently) as pool:
+        crew = _Processes(pool, function)
+        try:
+            yield crew
+        finally:
+            if crew.running:
+                for child in set(multiprocessing.active_children()) - before:
+                    child.terminate()
+
+
+@contextmanager
+def ended_at_once(pool: ProcessPoolExecutor) -> Iterator[ProcessPoolExecutor]:
+    """The pool for a block; where that is left by an exception, such as Ctrl-C, its processes are not waited for."""
+    before = set(multiprocessing.active_children())
+    with pool:
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for child in set(multiprocessing.active_children()) - before:
+                child.kill()
+            raise
+
+
+class _Processes(Futures):
+    def cancel(self) -> None:
+        """What is still running is not wanted, and its processes are ended.
+
+        Futures that are cancelled as well would make the pool's own thread fail when it finds its processes gone.
+        """
+
+
+def cannot_travel(error: Exception) -> UsageError:
+    """For what another process cannot be given."""
+    return UsageError(
+        expected="a scheme, a problem and functionals that can go to another process",
+        received=f"{type(error).__name__}: {error}",
+        remedy="functions of a module, problems that are data; or workers=1",
+    )
+
+
+def _die_silently() -> None:
+    """Ctrl-C reaches the processes of a pool as well: they have nothing to say about it."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+class _Guarded:
+    """The function of a numbered task, with its number and what it raises returned: a map goes on, in any order."""
+
+    def __init__(self, function: Callable[[Any], Any]) -> None:
+        self.function = function
+
+    def __call__(self, numbered: tuple[int, Any]) -> tuple[int, bool, Any]:
+        number, task = numbered
+        try:
+            return number, True, self.function(task)
+        except Exception as error:  # whatever it is, it is tried again where it can be seen
+            return number, False, f"{type(error).__name__}: {error}"
+
+
+def _map(
+    mapper: Any,
+    function: Callable[[T], R],
+    tasks: Sequence[T],
+    receive: Callable[[int, R], bool | None],
+    lot: int,
+) -> int:
+    again = 0
+    for first in range(0, len(tasks), lot):
+        numbered = [(n, tasks[n]) for n in range(first, min(first + lot, len(tasks)))]
+        missing = {n for n, _ in numbered}
+        for number, result in _mapped(mapper, function, numbered):
+            missing.discard(number)
+            if receive(number, result):
+                return again
+        for number in sorted(missing):
+            again += 1
+            if receive(number, function(tasks[number])):
+                return again
+    return again
+
+
+def _mapped(
+    mapper: Any, function: Callable[[T], R], numbered: list[tuple[int, T]]
+) -> Iterator[tuple[int, R]]:
+    """The results that a map-like callable returns, until it raises."""
+    try:
+        found = iter(mapper(_Guarded(function), numbered))
+    except Exception:
+        return
+    while True:
+        try:
+            one = next(found)
+        except Exception:  # the end of it, one way or the other
+            return
+        # What is not ours, put there by a map of its own mind, is as good as missing.
+        if isinstance(one, tuple) and len(one) == 3 and one[1]:
+            yield one[0], one[2]
+
+
+def _dask(workers: Any) -> Any:
+    """The Dask client or cluster that `workers` is, or whose `map` it is."""
+    for candidate in (workers, getattr(workers, "__self__", None)):
+        if type(candidate).__module__.startswith(("distributed.", "dask")) and hasattr(
+            candidate, "scheduler_info"
+        ):
+            return candidate
+    return workers if isinstance(workers, str) and "://" in workers else None
+
+
+def _executor(workers: Any) -> Any:
+    """The executor that `workers` is, or whose `map` it is."""
+    for candidate in (workers, getattr(workers, "__self__", None)):
+        if isinstance(candidate, Executor) or (
+            hasattr(candidate, "submit") and hasattr(candidate, "shutdown")
+        ):
+            return candidate
+    return None

@@ -1,0 +1,210 @@
+"""A kernel being written: what the kernels of all schemes have in common.
+
+The loops are functions of `sepv.simulate._engine.kernels`. What they do to a lane is written here: straight-line code with
+selects, so that it becomes SIMD code. All state of a block lies in one scratch buffer at fixed offsets.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+from sepv.simulate._engine.module import EVALUATIONS, WORK, constants, text
+from sepv.simulate._engine.recorded import RecordedProblem
+from sepv.simulate._engine.schemes import Formula
+from sepv.simulate._engine.text import Expression, Text, shown
+
+
+class Writer(ABC):
+    """A kernel being written: `text` is the module's source, `parameters` what it reads after the c_j."""
+
+    imports = ""
+    # The function of `sepv.simulate._engine.kernels` that advances a block.
+    kernel: str
+
+    def __init__(
+        self, problem: RecordedProblem, formula: Formula, noises: int, lanes: int, compensated: bool
+    ) -> None:
+        self.problem, self.formula, self.noises = problem, formula, noises
+        self.lanes, self.compensated = lanes, compensated
+        self.d = problem.dimension
+        self.known = formula.names(noises)
+        self.parameters: list[float] = []
+        d, L = self.d, lanes
+        self.unknowns = formula.stages * d
+        self.offset = {}
+        base = 0
+        # State, unknowns of Newton's iteration, what Kahan's sum lost; what is known of the step, the last correction,
+        # the size of the state, the energy at the start, the largest defects of energy and Casimirs.
+        rows = {"Y": d, "Z": self.unknowns, "E": d, "D": len(self.known)}
+        rows |= dict.fromkeys(("P", "X", "H", "WH", "WC"), 1)
+        for name, count in {**rows, **self.more_rows()}.items():
+            self.offset[name] = base
+            base += count * L
+        self.casimirs = len(problem.casimirs(Text(), [f"y{i}" for i in range(d)]))
+        self.offset["K"] = base
+        self.size = base + self.casimirs * L
+
+    def at(self, name: str, i: int = 0) -> str:
+        """An element of the scratch buffer: component i of lane k."""
+        return f"S[{self.offset[name] + i * self.lanes} + k]"
+
+    def loaded(self, e: Text, row: str, names: str) -> list[str]:
+        """The components of a row, loaded under these names."""
+        found = [f"{names}{i}" for i in range(self.unknowns if row == "Z" else self.d)]
+        e.lines += [f"{v} = {self.at(row, i)}" for i, v in enumerate(found)]
+        return found
+
+    def text(self) -> str:
+        """The source of the module."""
+        pieces = {
+            **self.pieces(), "quick": (self.moves(masked=False), "none"),
+            "masked": (self.moves(masked=True), "living"), "invariants": (self.start(), "none"),
+        }  # fmt: skip
+        states = self.states()
+        numbers = {
+            **constants(self.lanes), "SIZE": self.size, "IMPLICIT": self.formula.implicit,
+            "ENERGY": self.offset["WH"] // self.lanes, "CASIMIR": self.offset["WC"] // self.lanes,
+            "UNKNOWNS": self.unknowns, "UNKNOWN_ROWS": self.offset["Z"], **self.numbers(),
+        }  # fmt: skip
+        # Read now: writing the pieces has named the coefficients.
+        names = [f"c{j}" for j in range(self.noises)] + [f"p{i}" for i in range(len(self.parameters))]
+        return text(
+            self.problem.preamble + self.imports,
+            numbers,
+            names,
+            pieces,
+            states,
+            self.tables(),
+            self.kernel,
+        )
+
+    @abstractmethod
+    def pieces(self) -> dict[str, tuple[list[str], str]]:
+        """The kernel's code for a lane, by the names of `sepv.simulate._engine.kernels.names`, and what each adds up."""
+
+    def states(self) -> dict[str, list[str]]:
+        """Code for a state, where the kernel has any."""
+        return {}
+
+    def numbers(self) -> dict[str, Any]:
+        """The kernel's own constants."""
+        return {}
+
+    def tables(self) -> list[str]:
+        """Lines of its arrays."""
+        return [f"SHAPE, TABLE = np.array({self.shape(0, 0, True)}), np.zeros((1, 1))"]
+
+    def shape(self, stages: int, rules: int, exact: bool) -> list[int]:
+        """What `sepv.simulate._engine.careful` knows of the sizes."""
+        known, L = len(self.known), self.lanes
+        rows = [self.offset["Z"], self.offset["D"]]
+        return [
+            L,
+            self.d,
+            self.unknowns,
+            known,
+            *rows,
+            stages,
+            rules,
+            int(exact),
+            4 * L + WORK,
+            4 * L + EVALUATIONS,
+        ]
+
+    def more_rows(self) -> dict[str, int]:
+        """More rows of the scratch buffer."""
+        return {}
+
+    def start(self) -> list[str]:
+        """The invariants at the start."""
+        e = Text(self.parameters)
+        y = self.loaded(e, "Y", "y")
+        e.lines.append(f"{self.at('H')} = {shown(self.problem.hamiltonian(e, y))}")
+        for i, value in enumerate(self.problem.casimirs(e, y)):
+            e.lines.append(f"{self.at('K', i)} = {shown(value)}")
+        e.lines += [f"{self.at('WH')} = 0.0", f"{self.at('WC')} = 0.0"]
+        e.lines += [f"{self.at('E', i)} = 0.0" for i in range(self.d)]
+        return e.lines
+
+    def random_step(self) -> list[str]:
+        lines = ["delta = h", "noise = 0.0"]
+        lines += ["span = h"] if "span" in self.known else []
+        for j in range(self.noises):
+            own = [f"noise{j} = c{j} * u"] if f"noise{j}" in self.known else []
+            lines += [
+                f"u = buffer[n, {j}, k]",
+                "u = pick(u < -bound, -bound, u)",
+                "u = pick(u > bound, bound, u)",
+                f"delta = delta + c{j} * u",
+                f"noise = noise + c{j} * u",
+                *own,
+            ]
+        return lines
+
+    def stored(self) -> list[str]:
+        """What is known of the step, into its row."""
+        return [f"{self.at('D', i)} = {name}" for i, name in enumerate(self.known)]
+
+    def recalled(self) -> list[str]:
+        """The same from its row."""
+        return [f"{name} = {self.at('D', i)}" for i, name in enumerate(self.known)]
+
+    def has_domain(self) -> bool:
+        return self.problem.domain(Text(), [f"y{i}" for i in range(self.d)]) is not None
+
+    def in_domain(self) -> list[str]:
+        """Whether the state x is in the domain."""
+        e, x = Text(self.parameters), [f"x{i}" for i in range(self.d)]
+        e.lines += [f"{v} = x[{i}]" for i, v in enumerate(x)]
+        inside = self.problem.domain(e, x)
+        return [*e.lines, f"found += {f'pick({inside}, 1, 0)' if inside else 1}"]
+
+    @staticmethod
+    def magnitude(c: list[str]) -> list[str]:
+        """m = Σ|c_i|."""
+        return [f"m = {' + '.join(f'abs({v})' for v in c)}"]
+
+    def moves(self, masked: bool) -> list[str]:
+        d = self.d
+        e = Text(self.parameters)
+        y = [f"y{i}" for i in range(d)]
+        e.lines += [f"x{i} = {self.at('Y', i)}" for i in range(d)]
+        if masked:
+            e.lines += [
+                "alive = I[ALIVE + k] != 0",
+                "code = I[STATUS + k]",
+                "ok = alive & (code == 0)",
+                "I[FAILED + k] = pick(alive & no(ok), first + n, I[FAILED + k])",
+                "I[ALIVE + k] = pick(ok, 1, 0)",
+                "living += pick(ok, 1, 0)",
+            ]
+        z = self.formula.update(e, [self.at("Z", i) for i in range(self.unknowns)])
+        for i in range(d):
+            if self.compensated:
+                # What a sum loses is kept and added to the next increment: Kahan's summation with Knuth's two-sum,
+                # since a component next to zero is smaller than its increment.
+                lost = self.at("E", i)
+                kept = f"pick(ok, r{i}, {lost})" if masked else f"r{i}"
+                e.lines += [f"q{i} = {z[i]} + {lost}", f"y{i} = x{i} + q{i}", f"t{i} = y{i} - x{i}"]
+                e.lines.append(f"r{i} = (x{i} - (y{i} - t{i})) + (q{i} - t{i})")
+                e.lines.append(f"{lost} = {kept}")
+            else:
+                e.lines.append(f"y{i} = x{i} + {z[i]}")
+        if masked:
+            e.lines += [f"y{i} = pick(ok, y{i}, x{i})" for i in range(d)]
+        e.lines += [f"{self.at('Y', i)} = y{i}" for i in range(d)]
+        energy = self.problem.hamiltonian(e, y)
+        e.lines += self.drift(energy, "H", "WH")
+        for i, value in enumerate(self.problem.casimirs(e, y)):
+            e.lines += self.drift(value, ("K", i), "WC")
+        return e.lines
+
+    def drift(self, value: Expression, start: str | tuple[str, int], worst: str) -> list[str]:
+        """The largest deviation so far from the value at the start."""
+        before = self.at(start) if isinstance(start, str) else self.at(*start)
+        largest = self.at(worst)
+        return [
+            f"drift = abs({shown(value)} - {before})",
+            f"{largest} = pick(drift > {largest}, drift, {largest})",
+        ]

@@ -1,0 +1,282 @@
+"""Wiener increments: truncation (Remark 2.1), and one path refined consistently over step sizes.
+
+Every path has random streams of its own, so that path number p is the same numbers whatever else is
+asked for with it, by whichever engine. A stream is numpy's SFC64, whose state is cheap to set: two words
+that `SeedSequence` makes of the seed, and one of the number of the path and of the stream. The first
+stream draws the coarse part of the path, level by level; each finer level of Lévy's construction has its
+own, read in the order of time, so that a path of any length can be drawn piece by piece.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sepv.errors import UsageError
+from sepv.problem import Array
+from sepv.schemes._point_laws import PointLaw, point_law
+
+# Levels of at most this many increments share the path's first stream.
+TOP = 64
+# numpy's own seeding of SFC64 mixes with 12 rounds; 18 is what its author takes for three words.
+MIXING = 18
+# Streams of a path are told apart by the low six bits of a word: more levels than 2**58 steps have.
+STREAMS = 64
+
+
+def truncation_bound(h: float, k: int) -> float:
+    """A_h = √(2k|ln h|) of Remark 2.1, for 0 < h < 1.
+
+    Raises
+    ------
+    UsageError
+        For h ≥ 1, where |ln h| no longer measures how small h is (at h = 1 it would set every increment
+        to zero): Remark 2.1 is about h < 1, and no other rule is silently put in its place.
+    """
+    if not 0 < h < 1:
+        raise UsageError(
+            expected="0 < h < 1 for truncated increments (Remark 2.1)",
+            received=f"h = {h!r}",
+            remedy="a smaller step, or untruncated increments (truncation=None)",
+        )
+    return math.sqrt(2 * k * abs(math.log(h)))
+
+
+def truncate(dW: ArrayLike, h: float, k: int | None = 2) -> Array:
+    """ΔŴ = √h clip(ΔW/√h, ±A_h) for increments over the step h; unchanged for k = None.
+
+    Parameters
+    ----------
+    dW : array_like of any shape
+        Wiener increments of variance h.
+    k : int, optional
+        As in A_h; 2 in the paper. E[(ΔW − ΔŴ)²] ≤ h^(k+1)(1 + 2√(2k|ln h|)).
+    """
+    increments = np.asarray(dW, dtype=np.float64)
+    if k is None:
+        return increments
+    if k != int(k) or k < 1:
+        raise UsageError(
+            expected="truncation k, an integer ≥ 1, or None", received=repr(k), remedy="the paper takes k = 2"
+        )
+    bound = truncation_bound(h, k) * math.sqrt(h)
+    return np.clip(increments, -bound, bound)
+
+
+def seen(dW: ArrayLike, h: float, k: int | None = 2, increments: str | PointLaw | None = None) -> Array:
+    """What a scheme sees of Wiener increments: truncated ones, or those of a law of a few points.
+
+    Parameters
+    ----------
+    dW : array_like of any shape
+        Wiener increments of variance h.
+    k : int, optional
+        As for `truncate`, for normal increments. The others are bounded as they are.
+    increments : "normal", "two-point", "three-point" or PointLaw, optional
+        Each increment becomes the value of that law at its own rank (`sepv.schemes._point_laws`), times √h.
+
+    Examples
+    --------
+    >>> seen([-1.0, -0.1, 0.2, 2.0], 0.25, None, "two-point").tolist()
+    [-0.5, -0.5, 0.5, 0.5]
+    """
+    law = point_law(increments)
+    if law is None:
+        return truncate(dW, h, k)
+    thresholds, values = points(h, law)
+    return values[np.searchsorted(thresholds, np.asarray(dW, dtype=np.float64), side="right")]
+
+
+def points(h: float, law: PointLaw | None) -> tuple[Array, Array]:
+    """The thresholds and values of the law's increments over a step h; empty for normal increments."""
+    if law is None:
+        return np.empty(0), np.empty(0)
+    root = math.sqrt(h)
+    return root * np.array(law.thresholds), root * np.array(law.values)
+
+
+def increments(
+    seed: int, *, T: float, steps: int, noises: int, paths: int | range = 1, refine: int | None = None
+) -> Array:
+    """Wiener increments of `paths` paths over `steps` equal steps of [0, T].
+
+    Parameters
+    ----------
+    seed : int ≥ 0
+    paths : int or range
+        How many paths, or which ones by number.
+    refine : int, optional
+        How many halvings of a coarser grid the grid is made of (Lévy's construction); by default as
+        many as `steps` allows. Step counts n·2^l with the same odd n show the same paths: a coarse
+        increment is the sum of its fine ones, to rounding.
+
+    Returns
+    -------
+    (steps, m, M) array of ΔW ~ N(0, T/steps), untruncated; `truncate` is for the scheme's side.
+
+    Examples
+    --------
+    >>> fine = increments(7, T=1.0, steps=8, noises=1, paths=3)
+    >>> coarse = increments(7, T=1.0, steps=4, noises=1, paths=3)
+    >>> bool(np.allclose(coarse, fine[0::2] + fine[1::2], rtol=0, atol=1e-15))
+    True
+    """
+    (whole,) = walk(seed, T=T, steps=steps, noises=noises, paths=paths, refine=refine, size=steps)
+    return whole
+
+
+class Grid(NamedTuple):
+    """How N = base·2^halvings steps are drawn: the first `top` halvings from the path's first stream."""
+
+    base: int
+    halvings: int
+    top: int
+
+    @property
+    def streams(self) -> int:
+        """The number of streams a path needs."""
+        return 1 + self.halvings - self.top
+
+
+def grid(steps: int, refine: int | None = None) -> Grid:
+    """The grid of `steps` steps.
+
+    Raises
+    ------
+    UsageError
+        For more halvings than `steps` allows.
+    """
+    halvings = (steps & -steps).bit_length() - 1
+    if refine is not None:
+        if not 0 <= refine <= halvings:
+            raise UsageError(
+                expected=f"refine between 0 and {halvings} for {steps} steps",
+                received=repr(refine),
+                remedy=f"take a step count divisible by 2^{refine}",
+            )
+        halvings = refine
+    base = steps >> halvings
+    top = 0
+    while top < halvings and base << (top + 1) <= TOP:
+        top += 1
+    return Grid(base, halvings, top)
+
+
+def spreads(T: float, grid: Grid) -> Array:
+    """What multiplies the normals: √h₀ at level 0, then half the √h of the level that is halved."""
+    h = T / grid.base * 0.5 ** np.maximum(np.arange(grid.halvings + 1) - 1.0, 0.0)
+    factors = 0.5 * np.sqrt(h)
+    factors[0] *= 2
+    return factors
+
+
+def stream_words(seed: int, grid: Grid) -> NDArray[np.uint64]:
+    """What the streams of SFC64 begin with, (streams, 3): two words of the seed, and the number of the level.
+
+    Stream 0 is the coarse part; stream i > 0 draws level top + i. Those of path p have 64 p more in their third word.
+    """
+    levels = np.concatenate([[0], np.arange(grid.top + 1, grid.halvings + 1)])
+    words = np.random.SeedSequence(int(seed)).generate_state(2, np.uint64)
+    return np.array([[*words, level] for level in levels.astype(np.uint64)])
+
+
+def stream_states(seed: int, paths: ArrayLike, grid: Grid) -> NDArray[np.uint64]:
+    """The initial states of the streams, (streams, 4, M): the words and 1, after MIXING draws."""
+    a, b, level = stream_words(seed, grid).T[..., None]
+    word = level + np.asarray(paths, dtype=np.uint64)[None] * np.uint64(STREAMS)
+    state = [np.full_like(word, a), np.full_like(word, b), word, np.ones_like(word)]
+    for _ in range(MIXING):
+        out = state[0] + state[1] + state[3]
+        state = [
+            state[1] ^ (state[1] >> np.uint64(11)),
+            state[2] + (state[2] << np.uint64(3)),
+            ((state[2] << np.uint64(24)) | (state[2] >> np.uint64(40))) + out,
+            state[3] + np.uint64(1),
+        ]
+    return np.stack(state, axis=1)
+
+
+def walk(
+    seed: int, *, T: float, steps: int, noises: int, paths: int | range, refine: int | None = None, size: int
+) -> Iterator[Array]:
+    """The increments of `increments` in the order of time, in pieces (k, m, M) of about `size` steps.
+
+    A piece is never shorter than one increment of the coarse part, 2^(halvings − top) steps.
+    """
+    wanted = range(paths) if isinstance(paths, int) else paths
+    validate(seed, T, steps, noises, wanted)
+    plan = grid(steps, refine)
+    factors = spreads(T, plan)
+    streams = _Streams(stream_states(seed, wanted, plan), noises)
+    fine = plan.halvings - plan.top
+    group = max(1, size >> fine)
+    coarse = None
+    if plan.base <= TOP:
+        normals = streams.draw(0, plan.base << plan.top)
+        coarse = factors[0] * normals[: plan.base]
+        for level in range(1, plan.top + 1):
+            coarse = _halve(coarse, factors[level] * normals[len(coarse) : 2 * len(coarse)])
+    total = plan.base << plan.top
+    for first in range(0, total, group):
+        length = min(group, total - first)
+        dW = factors[0] * streams.draw(0, length) if coarse is None else coarse[first : first + length]
+        for i in range(1, fine + 1):
+            dW = _halve(dW, factors[plan.top + i] * streams.draw(i, len(dW)))
+        yield dW
+
+
+def _halve(dW: Array, z: Array) -> Array:
+    """Given ΔW over h, the increment over its first half is ΔW/2 + z with z ~ N(0, h/4)."""
+    left = 0.5 * dW + z
+    return np.stack([left, dW - left], axis=1).reshape(2 * dW.shape[0], *dW.shape[1:])
+
+
+class _Streams:
+    """The streams of several paths, each read on from where it was left."""
+
+    def __init__(self, states: NDArray[np.uint64], noises: int) -> None:
+        self.states, self.noises = states, noises
+        self.bits = np.random.SFC64(0)
+        self.generator = np.random.Generator(self.bits)
+        self.record: Any = {"bit_generator": "SFC64", "state": {}, "has_uint32": 0, "uinteger": 0}
+
+    def draw(self, stream: int, count: int) -> Array:
+        """(count, m, M) standard normals."""
+        states = self.states[stream]
+        normals = np.empty((states.shape[1], count, self.noises))
+        if normals.size:
+            for path, row in enumerate(normals):
+                self.record["state"]["state"] = states[:, path]
+                self.bits.state = self.record
+                self.generator.standard_normal(out=row)
+                states[:, path] = self.bits.state["state"]["state"]
+        return np.ascontiguousarray(np.moveaxis(normals, 0, -1))
+
+
+def coarsen(dW: Array, factor: int) -> Array:
+    """The increments over steps `factor` times as long: sums of `factor` consecutive ones along axis 0."""
+    if dW.shape[0] % factor:
+        raise UsageError(
+            expected=f"a number of steps divisible by {factor}",
+            received=f"{dW.shape[0]} steps",
+            remedy="coarsen by a divisor of the number of steps",
+        )
+    return np.asarray(dW).reshape(dW.shape[0] // factor, factor, *dW.shape[1:]).sum(axis=1)
+
+
+def validate(seed: int, T: float, steps: int, noises: int, paths: range) -> None:
+    """Raises UsageError for arguments that draw no increments."""
+    checks = (
+        (isinstance(seed, (int, np.integer)) and seed >= 0, "seed, an integer ≥ 0", seed),
+        (np.ndim(T) == 0 and np.isfinite(T) and T > 0, "T, a finite time > 0", T),
+        (isinstance(steps, (int, np.integer)) and steps >= 1, "steps, an integer ≥ 1", steps),
+        (isinstance(noises, (int, np.integer)) and noises >= 0, "noises, an integer ≥ 0", noises),
+        (len(paths) >= 1 and min(paths[0], paths[-1]) >= 0, "paths, at least one and numbered from 0", paths),
+    )
+    for ok, expected, received in checks:
+        if not ok:
+            raise UsageError(expected=expected, received=repr(received), remedy=f"give {expected}")

@@ -1,0 +1,347 @@
+"""The implicit equation of a step, y1 = y0 + R(y0, y1), by Newton's method iterated to stagnation.
+
+A solver stopped at a tolerance leaves a residual that acts as a force: stopped at 1e-12 it makes the
+energy drift linearly, where stagnation leaves the random walk of rounding. Convergence is a result,
+never an assumption: every lane of a batch carries its status.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sepv.problem import Array, Problem
+from sepv.problem._fields import Algebra, matvec
+from sepv.record import PolynomialMap
+from sepv.solve._damped import approach
+from sepv.solve._differences import difference_jacobian, slopes
+from sepv.solve._solution import (
+    Equations,
+    Evaluation,
+    IncrementFunction,
+    JacobianFunction,
+    Solution,
+    Status,
+    merge,
+)
+
+_EPS = float(np.finfo(np.float64).eps)
+_TINY = float(np.finfo(np.float64).tiny)
+# A residual of a few of the smallest numbers there are is none.
+_QUANTA = 4 * float(np.finfo(np.float64).smallest_subnormal)
+# Newton needs 3 to 5 iterations for steps that make sense; 40 leave room for damped starts.
+MAX_ITERATIONS = 40
+MAX_HALVINGS = 40
+# Corrections that stop shrinking are rounding, not divergence, only when they are small: √eps.
+STAGNATION = float(np.sqrt(_EPS))
+# … and when the residual is rounding too: a few hundred operations stand behind R, each rounded at the scale of y.
+# Without this, corrections that shrink slowly (Newton's matrix is approximate for some H) pass for stagnation.
+ROUNDING = 256 * _EPS
+# Unknowns of a single lane up to which numbers are quicker than arrays.
+FEW = 64
+# The rounding of a sum of a dozen terms, beside their absolute values: far below the K of `sepv.verification._tolerance`.
+TERMS = 16 * _EPS
+
+
+def solve(
+    problem: Problem,
+    y0: Array,
+    step: Array,
+    increment: IncrementFunction,
+    jacobian: JacobianFunction,
+    start: Array | None = None,
+) -> Solution:
+    """Solve y1 = y0 + R(y0, y1) for every lane.
+
+    Parameters
+    ----------
+    y0 : (d, M)
+    step : (k, M)
+        What R needs of the step, lane by lane, such as Δ.
+    increment : (problem, y0, y1, step) -> Increment
+        R.
+    jacobian : (problem, y0, y1, step, *parts) -> (d, d, M) or None
+        ∂R/∂y1; None has it formed from differences of R.
+    start : (d, M), optional
+        A guess of y1 − y0; by default 0.
+
+    Notes
+    -----
+    The unknown is δ = y1 − y0. The iteration stops where the next correction is below half an ulp of
+    every component, or where corrections no longer shrink. That correction is not applied: the
+    residual returned is the one at the value returned, at no further evaluation.
+    """
+
+    def evaluate(z: Array, lanes: NDArray[np.intp]) -> Evaluation:
+        y, s = (y0, step) if lanes is everything else (y0[:, lanes], step[:, lanes])
+        y1 = y + z
+        R = increment(problem, y, y1, s)
+
+        def slope() -> tuple[Array, int]:
+            K = jacobian(problem, y, y1, s, *R.parts)
+            if K is not None:
+                return K, 0
+            return difference_jacobian(problem, y, y1, s, increment, R.value), y.shape[0]
+
+        return Evaluation(R, slope)
+
+    def inside(z: Array, lanes: NDArray[np.intp]) -> NDArray[np.bool_]:
+        assert problem.domain is not None
+        return np.asarray(problem.domain(y0[:, lanes] + z), dtype=bool)
+
+    def magnitude(z: Array, lanes: NDArray[np.intp]) -> Array:
+        reach = np.maximum(np.abs(y0[:, lanes]), np.abs(y0[:, lanes] + z))
+        flow = matvec(_majorant(problem.structure, reach), _majorant(problem.gradient, reach))
+        terms: Array = sum(np.abs(step[:, lanes])) * flow.max(axis=0)
+        return terms
+
+    everything = np.arange(y0.shape[1])
+    exact = None not in (problem.degree, problem.hessian, problem.structure_derivative)
+    equations = Equations(np.abs(y0), evaluate, None if problem.domain is None else inside, exact, magnitude)
+    solution = iterate(equations, np.zeros_like(y0) if start is None else start, everything)
+    return replace(solution, value=y0 + solution.value, change=solution.value)
+
+
+def _majorant(function: Callable[[Array], Array], y: Array) -> Array:
+    """Absolute coefficients for polynomials, else |value|."""
+    return function.majorant(y) if isinstance(function, PolynomialMap) else np.abs(function(y))
+
+
+def iterate(equations: Equations, start: Array, lanes: NDArray[np.intp] | None = None) -> Solution:
+    """Newton's iteration for z = R(z) to stagnation, from `start` (n, M) in the given lanes (default: all M).
+
+    A lane that is close when it ends, but not at rounding, goes on from there with a Jacobian from differences of
+    R: analytic ones may average H″ with a few nodes, which does not suffice for long steps of every H. A lane
+    that fails is approached once more from z = 0 by damped steps and then goes on in the same way. Lanes that
+    converge at once see nothing of this. The fields of the solution have one entry for each lane, `value` being z.
+    """
+    numbers = np.arange(start.shape[1]) if lanes is None else lanes
+    solution = newton(equations, start, numbers, differences=False)
+    failed = np.flatnonzero((solution.status != Status.CONVERGED) & (solution.status != Status.QUADRATURE))
+    if failed.size:
+        z, size = solution.value[:, failed], equations.size[:, numbers[failed]]
+        near = solution.residual[failed] <= STAGNATION * (size + np.abs(z)).max(axis=0)
+        _finish(equations, solution, numbers, failed[near])
+        failed = failed[solution.status[failed] != Status.CONVERGED]
+        merge(solution, approach(equations, numbers[failed]), failed)
+        _finish(equations, solution, numbers, failed[solution.status[failed] == Status.CONVERGED])
+    return solution
+
+
+def _finish(
+    equations: Equations, solution: Solution, numbers: NDArray[np.intp], lanes: NDArray[np.intp]
+) -> None:
+    """Go on from where the given lanes are, with the Jacobian of R itself."""
+    if lanes.size:
+        merge(
+            solution,
+            newton(equations, solution.value[:, lanes], numbers[lanes], differences=True),
+            lanes,
+        )
+
+
+def newton(equations: Equations, start: Array, numbers: NDArray[np.intp], *, differences: bool) -> Solution:
+    """Newton's iteration with full steps, cut only where they leave the domain.
+
+    With `differences` the Jacobian is that of R itself, and not of an approximation of R. Only with a Jacobian of
+    R itself are corrections that do not shrink a sign of rounding, whatever the residual.
+    """
+    rule = _newton_of_one if start.shape[1] == 1 and len(start) <= FEW else _newton_of_many
+    return rule(equations, start, numbers, differences=differences)
+
+
+def _newton_of_many(
+    equations: Equations, start: Array, numbers: NDArray[np.intp], *, differences: bool
+) -> Solution:
+    """`newton` for a batch: each lane goes on until it is done, whatever the others do.
+
+    What is seldom needed is asked for only where some lane needs it, and nothing is copied while all lanes go on.
+    """
+    exact = differences or equations.exact
+    count = start.shape[1]
+    z_all, size_all = start.copy(), equations.size[:, numbers]
+    # Where y1 is 2^52 times y0 or more, an ulp of it says nothing about the components that stayed small. Where
+    # y0 = 0 nothing says what small is: a component that cancels to zero would never settle.
+    before = size_all.max(axis=0)
+    vast_all = np.where(before > 0, before / _EPS, np.inf)
+    residual = np.full(count, np.inf)
+    iterations, gradients, structures = np.zeros((3, count), dtype=np.int64)
+    status = np.full(count, Status.NO_CONVERGENCE, dtype=np.int64)
+    last_size = last_move = np.full(count, np.inf)
+    active, algebra = np.arange(count), equations.algebra
+    with np.errstate(all="ignore"):
+        for _ in range(MAX_ITERATIONS):
+            z, lanes, y = z_all, numbers, size_all
+            at: Any = slice(None)
+            if active.size < count:
+                z, lanes, y, at = z[:, active], lanes[active], y[:, active], active
+            R, jacobian = equations.evaluate(z, lanes)
+            F = z - R.value
+            residual[at] = rest = np.abs(F).max(axis=0)
+            iterations[at] += 1
+            K, further = slopes(equations, z, lanes, R.value) if differences else jacobian()
+            gradients[at] += (1 + further) * R.gradients
+            structures[at] += (1 + further) * R.structures
+            correction = algebra.correction(K, F)
+            reach, moves = y + np.abs(z), np.abs(correction)
+            scale, move = reach.max(axis=0), moves.max(axis=0)
+            size = (moves / (reach + _EPS * scale + _TINY)).max(axis=0)
+            solved, broken, singular = _stopped(rest, move, K, algebra)
+            # Stagnation needs both measures to stop shrinking: a component near zero moves by a large share of
+            # itself long before the others have arrived.
+            stuck = (size >= 0.5 * last_size) & (move >= 0.5 * last_move)
+            still = _small(size, moves, reach, scale > vast_all[at]) | ((move <= STAGNATION * scale) & stuck)
+            if still.any():
+                still &= _is_rounding(equations, lanes, rest, z, scale, still & exact)
+            ended = broken | singular | solved | still
+            if ended.any():
+                outcome = np.where(R.reliable, Status.CONVERGED, Status.QUADRATURE)
+                outcome[broken], outcome[singular] = Status.OVERFLOW, Status.SINGULAR
+                status[active[ended]] = outcome[ended]
+                if ended.all():
+                    break
+                go_on = ~ended
+                z, correction, size, move = z[:, go_on], correction[:, go_on], size[go_on], move[go_on]
+                active, lanes = active[go_on], lanes[go_on]
+            last_size, last_move = size, move
+            moved, inside = into_domain(equations, z, correction, lanes)
+            z_all[:, active] = moved
+            if not inside.all():
+                status[active[~inside]] = Status.LEFT_DOMAIN
+                active, last_size, last_move = active[inside], size[inside], move[inside]
+            if not active.size:
+                break
+    return Solution(z_all, residual, iterations, gradients, structures, status)
+
+
+def _small(size: Array, moves: Array, reach: Array, vast: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Where the correction is below half an ulp of every component, and no share of those that a vast one hides."""
+    small: NDArray[np.bool_] = size <= 0.5 * _EPS
+    if vast.any():
+        small &= ~(vast & (moves > STAGNATION * reach).any(axis=0))
+    return small
+
+
+def _stopped(
+    rest: Array, move: Array, K: Any, algebra: Algebra
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which lanes are solved exactly, which overflow, and which have a singular Jacobian.
+
+    A state at rest is a solution, also where the Jacobian is singular.
+    """
+    solved: NDArray[np.bool_] = rest <= _QUANTA
+    broken = ~np.isfinite(rest)
+    singular = ~(broken | solved | np.isfinite(move))
+    if singular.any():
+        overflowing = singular & ~algebra.finite(K)
+        broken, singular = broken | overflowing, singular & ~overflowing
+    return solved, broken, singular
+
+
+def _newton_of_one(
+    equations: Equations, start: Array, number: NDArray[np.intp], *, differences: bool
+) -> Solution:
+    """`newton` for one lane, to the bits of `_newton_of_many`: decided over numbers, without a call of NumPy each."""
+    exact = differences or equations.exact
+    z, y = start, equations.size[:, number].ravel().tolist()
+    before = _largest(y)
+    residual, iterations, gradients, structures = math.inf, 0, 0, 0
+    algebra = equations.algebra
+    status, last_size, last_move = Status.NO_CONVERGENCE, math.inf, math.inf
+    with np.errstate(all="ignore"):
+        for _ in range(MAX_ITERATIONS):
+            R, jacobian = equations.evaluate(z, number)
+            F = z - R.value
+            rest = residual = _largest(F.ravel().tolist())
+            iterations += 1
+            K, further = slopes(equations, z, number, R.value) if differences else jacobian()
+            gradients += (1 + further) * int(R.gradients[0])
+            structures += (1 + further) * int(R.structures[0])
+            if not math.isfinite(rest):
+                status = Status.OVERFLOW
+                break
+            correction = algebra.correction(K, F)
+            reach = [a + abs(b) for a, b in zip(y, z.ravel().tolist(), strict=True)]
+            moves = [abs(v) for v in correction.ravel().tolist()]
+            scale, move = _largest(reach), _largest(moves)
+            solved = rest <= _QUANTA
+            if not solved and not math.isfinite(move):
+                status = Status.SINGULAR if np.all(algebra.finite(K)) else Status.OVERFLOW
+                break
+            size = _largest([a / (b + _EPS * scale + _TINY) for a, b in zip(moves, reach, strict=True)])
+            stuck = size >= 0.5 * last_size and move >= 0.5 * last_move
+            vast = before > 0 and scale > before / _EPS
+            small = size <= 0.5 * _EPS and not (
+                vast and any(a > STAGNATION * b for a, b in zip(moves, reach, strict=True))
+            )
+            still = small or (move <= STAGNATION * scale and stuck)
+            if still and not rest <= ROUNDING * scale + _QUANTA:
+                least = np.array([rest]), z, np.array([scale]), np.array([exact])
+                still = bool(_is_rounding(equations, number, *least)[0])
+            if solved or still:
+                status = Status.CONVERGED if R.reliable[0] else Status.QUADRATURE
+                break
+            last_size, last_move = size, move
+            z, inside = into_domain(equations, z, correction, number)
+            if not inside[0]:
+                status = Status.LEFT_DOMAIN
+                break
+    counted = np.array([[iterations], [gradients], [structures], [status]], dtype=np.int64)
+    return Solution(z.copy(), np.array([residual]), *counted)
+
+
+def _largest(values: list[float]) -> float:
+    """The largest absolute value; NaN where there is one, as with NumPy."""
+    if math.isnan(sum(values)) and any(map(math.isnan, values)):
+        return math.nan
+    return max(map(abs, values))
+
+
+def _is_rounding(
+    equations: Equations,
+    numbers: NDArray[np.intp],
+    residual: Array,
+    z: Array,
+    scale: Array,
+    asked: NDArray[np.bool_],
+) -> NDArray[np.bool_]:
+    """Where a residual is no larger than the rounding of R: that of y, of R's terms, and what a rounding of y does.
+
+    The last, |K||y0| with K = ∂R/∂y1, is what stiff equations need, whose R cancels. It is taken at y1 = y0,
+    sixteenfold for what changes along the step: at y1 itself it would excuse any residual next to a singularity
+    of ∇H, where R can no longer be computed. Both are asked for only where the first does not suffice.
+    """
+    rounding = residual <= ROUNDING * scale + _QUANTA
+    open_ = np.flatnonzero(asked & ~rounding)
+    if open_.size:
+        K, _ = equations.evaluate(np.zeros_like(z[:, open_]), numbers[open_]).jacobian()
+        through = equations.algebra.through(K, equations.size[:, numbers[open_]]).max(axis=0)
+        allowed = ROUNDING * (scale[open_] + 16 * through)
+        if equations.magnitude is not None:
+            allowed = np.fmax(allowed, TERMS * equations.magnitude(z[:, open_], numbers[open_]))
+        rounding[open_] = residual[open_] <= allowed
+    return rounding
+
+
+def into_domain(
+    equations: Equations, z: Array, correction: Array, lanes: NDArray[np.intp]
+) -> tuple[Array, NDArray[np.bool_]]:
+    """z − λ·correction with the largest λ = 2⁻ⁿ that stays in the domain, and where there is one."""
+    moved = z - correction
+    inside = np.ones(z.shape[1], dtype=bool)
+    if equations.inside is None or not z.shape[1]:
+        return moved, inside
+    inside = equations.inside(moved, lanes)
+    factor = np.ones(z.shape[1])
+    for _ in range(MAX_HALVINGS):
+        if inside.all():
+            break
+        factor[~inside] *= 0.5
+        moved = z - factor * correction
+        inside = equations.inside(moved, lanes)
+    return moved, inside

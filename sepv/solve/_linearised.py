@@ -1,0 +1,127 @@
+"""Newton's matrix from a scheme's formula: the formula is asked once more, for values that carry their derivative by z.
+
+Such a derivative is a number times the identity until a function of the problem makes a matrix of it. The rules are
+those of B(y)v, ∇H and its mean along the segment; a formula that asks for anything else has a matrix from differences.
+The record (`sepv.solve._recorded`) gives the same matrix written out, and takes longer to make than a step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+from sepv.problem import Array, Problem, average_gradient, average_hessian
+from sepv.problem._fields import contract, matmul
+from sepv.problem._hamiltonians import combined_gradient, combined_hessian
+from sepv.problem._structures import combined, combined_slope
+from sepv.solve._formula import Formula
+from sepv.solve._solution import JacobianFunction
+
+
+class Tangent:
+    """A vector, None where nobody asks for it, and its derivative by z: a number times the identity, or a matrix."""
+
+    # NumPy leaves the arithmetic with arrays to this class.
+    __array_ufunc__ = None
+
+    def __init__(self, value: Any, slope: Any) -> None:
+        self.value, self.slope = value, slope
+
+    def __add__(self, other: Any) -> Tangent:
+        """The sum with what does not change with z."""
+        return Tangent(self.value + other, self.slope)
+
+    __radd__ = __add__
+
+    def __mul__(self, factor: Any) -> Tangent:
+        """The product with what does not change with z."""
+        return Tangent(self.value if self.value is None else factor * self.value, factor * self.slope)
+
+    __rmul__ = __mul__
+
+
+class NoDerivative(Exception):
+    """A derivative that the problem does not give."""
+
+
+class Linearised:
+    """The answers of a problem along the segment from y0 to y1 (d, M), with derivatives.
+
+    `means` and `structures` are values that were computed for the same segment, in the order in which they are asked
+    for. Of B(y)v the derivative alone is wanted: the value is R.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        y0: Array,
+        y1: Array,
+        means: Sequence[Array] = (),
+        structures: Sequence[Array] = (),
+    ) -> None:
+        self.problem, self._y0, self._y1 = problem, y0, y1
+        self._means, self._structures = iter(means), iter(structures)
+
+    def apply(self, y: Tangent, v: Tangent) -> Tangent:
+        """B(y)v."""
+        assert self.problem.structure_derivative is not None
+        B = next(self._structures, None)
+        B = self.problem.structure(y.value) if B is None else B
+        return _turned(B, self.problem.structure_derivative(y.value), y, v)
+
+    def apply_combined(self, y: Tangent, step: Array, v: Tangent) -> Tangent:
+        """[h B(y) + Σ c_jΔW_j G_j(y)]v."""
+        slope = combined_slope(self.problem, y.value, step)
+        if slope is None:
+            raise NoDerivative
+        B = next(self._structures, None)
+        return _turned(combined(self.problem, y.value, step) if B is None else B, slope, y, v)
+
+    def gradient(self, y: Tangent) -> Tangent:
+        """∇H(y)."""
+        assert self.problem.hessian is not None
+        return Tangent(self.problem.gradient(y.value), y.slope * self.problem.hessian(y.value))
+
+    def combined_gradient(self, y: Tangent, step: Array) -> Tangent:
+        """h∇H_0(y) + Σ c_jΔW_j∇H_j(y)."""
+        slope = y.slope * combined_hessian(self.problem, y.value, step)
+        return Tangent(combined_gradient(self.problem, y.value, step), slope)
+
+    def field(self, y: Tangent) -> Tangent:
+        """B(y)∇H(y)."""
+        return self.apply(y, self.gradient(y))
+
+    def mean_gradient(self, y: Array, z: Tangent) -> Tangent:  # noqa: ARG002 - y0 and y1 − y0
+        """∫₀¹∇H(y + τz)dτ."""
+        value = next(self._means, None)
+        value = average_gradient(self.problem, self._y0, self._y1).value if value is None else value
+        return Tangent(value, average_hessian(self.problem, self._y0, self._y1))
+
+
+def _turned(B: Array, slope: Array, y: Tangent, v: Tangent) -> Tangent:
+    return Tangent(None, y.slope * contract(slope, v.value) + matmul(B, v.slope))
+
+
+def derivative(formula: Formula) -> JacobianFunction:
+    """∂R/∂y1 of a formula of those answers, as `sepv.solve.solve` takes it; None where B′ or H″ is not given."""
+    return partial(_slope, formula)
+
+
+def _slope(
+    formula: Formula,
+    problem: Problem,
+    y0: Array,
+    y1: Array,
+    step: Array,
+    means: Sequence[Array] = (),
+    structures: Sequence[Array] = (),
+) -> Array | None:
+    if problem.hessian is None or problem.structure_derivative is None:
+        return None
+    asked: Any = Linearised(problem, y0, y1, means, structures)
+    try:
+        found: Array = formula(asked, y0, Tangent(y1 - y0, 1.0), step).slope
+    except NoDerivative:
+        return None
+    return found

@@ -1,0 +1,215 @@
+"""A problem and a scheme's formula as records: B and H as they are, everything else derived."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from math import prod
+from typing import Any, NamedTuple
+
+from sepv.problem import HamiltoniansProblem, Nambu, PolynomialSystem, Problem
+from sepv.problem._fields import matvec
+from sepv.problem._structures import combined
+from sepv.record import CannotRecord, NoClosedForm, Polynomial, Tape, degree, gradient, jacobian
+from sepv.record import _polynomial as poly
+from sepv.record._derivative import reachable
+from sepv.record._expand import expand
+from sepv.record._means import Mean, mean
+from sepv.record._replay import substitute
+from sepv.record._symbols import array
+from sepv.solve._formula import Formula
+
+
+class Equation(NamedTuple):
+    """R (d,) of z = R, K = ∂R/∂z (d, d), the symbols of the step, and evaluations of ∇H and of B that R takes."""
+
+    R: Any
+    K: Any
+    step: Any
+    gradients: int
+    structures: int
+
+
+class Recorded:
+    """A problem's functions of symbols y (d,) and z (d,).
+
+    Raises
+    ------
+    CannotRecord
+        Where B, H or the domain cannot be recorded.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.dimension = d = problem.dimension
+        self.tape = Tape()
+        self.y, self.z = self.tape.vector(d), self.tape.vector(d)
+        self.H = self._call("hamiltonian", self.y)
+        self.slope = gradient(self.H, self.y)
+        self.B = self.skew(self._call("structure", self.y))
+        if self.B.shape != (d, d):
+            raise CannotRecord(f"structure(y) has the shape {self.B.shape} for a single state")
+        self.inside = None if problem.domain is None else self._call("domain", self.y)
+        self.degree = max(degree(self.H, self.y) or 0, 1) if degree(self.H, self.y) is not None else 0
+        self._equations: dict[tuple[Formula, bool], Equation] = {}
+
+    def skew(self, B: Any) -> Any:
+        """B as symbols; polynomial data say what is above the diagonal, and what is below is its negative."""
+        if not isinstance(self.problem.data, PolynomialSystem):
+            return self.tape.symbols(B)
+        d, zero = self.dimension, self.tape.constant(0.0)
+        upper = {(i, j): self.tape.symbol(B[i, j]) for i in range(d) for j in range(i + 1, d)}
+        found = (upper[i, j] if i < j else -upper.get((j, i), zero) for i in range(d) for j in range(d))
+        return array(found, (d, d))
+
+    def _call(self, key: str, *arguments: Any) -> Any:
+        """A function of the problem called with symbols; whatever it makes of them is its author's."""
+        try:
+            return self.tape.symbols(getattr(self.problem, key)(*arguments))
+        except CannotRecord as error:
+            raise CannotRecord(f"{key}: {error}") from error
+        except Exception as error:
+            raise CannotRecord(f"{key}: {type(error).__name__} with symbols: {error}") from error
+
+    @cached_property
+    def mean(self) -> Mean:
+        """The mean gradient by rule, else the author's."""
+        try:
+            return mean(self.H, self.y, self.z)
+        except NoClosedForm:
+            if self.problem.mean_gradient is None:
+                raise
+            return Mean(self._call("mean_gradient", self.y, self.y + self.z), 1)
+
+    @cached_property
+    def noise_slopes(self) -> list[Any]:
+        """∇H_1, …, ∇H_m; of (1.1) ∇H itself, m times."""
+        if not isinstance(self.problem, HamiltoniansProblem):
+            return [self.slope] * self.problem.noises
+        return [gradient(self.tape.symbol(H(self.y)), self.y) for H in self.problem.noise_hamiltonians]
+
+    @cached_property
+    def field(self) -> Sequence[Polynomial] | None:
+        """B∇H multiplied out, where that is no longer than the products."""
+        f = [
+            sum((b * g for b, g in zip(row, self.slope, strict=True)), self.tape.constant(0.0))
+            for row in self.B
+        ]
+        found = expand(f, self.y, len(reachable(f))) if not self.degree > 2 else None
+        return (
+            None
+            if found is None
+            else [poly.polynomial(self.dimension, list(terms.items())) for terms in found]
+        )
+
+    def equation_of(self, formula: Formula, count: int, apart: bool = True) -> Equation:
+        """The record of a scheme's formula, which sees `count` numbers of a step.
+
+        Where B and ∇H need not be kept `apart`, as in explicit steps, f is multiplied out if that makes it shorter.
+
+        Raises
+        ------
+        CannotRecord, NoClosedForm
+        """
+        if (formula, apart) not in self._equations:
+            step, asked = self.tape.vector(count), _Fields(self, apart)
+            try:
+                R = self.tape.symbols(formula(asked, self.y, self.z, step))
+            except (CannotRecord, NoClosedForm):
+                raise
+            except Exception as error:
+                raise CannotRecord(f"{type(error).__name__} with symbols: {error}") from error
+            K = jacobian(R, self.z)
+            self._equations[formula, apart] = Equation(R, K, step, asked.gradients, asked.structures)
+        return self._equations[formula, apart]
+
+
+class _Fields:
+    """What a formula asks of a problem, answered with symbols and counted."""
+
+    def __init__(self, recorded: Recorded, apart: bool) -> None:
+        self._recorded, self.problem, self._apart = recorded, recorded.problem, apart
+        self.gradients = self.structures = 0
+
+    def structure(self, y: Any) -> Any:
+        """B(y)."""
+        self.structures += 1
+        return self._recorded.skew(self.problem.structure(y))
+
+    def combined(self, y: Any, step: Any) -> Any:
+        """h B(y) + Σ c_jΔW_j G_j(y)."""
+        self.structures += 1
+        return combined(self.problem, y, step)
+
+    def apply(self, y: Any, v: Any) -> Any:
+        """B(y)v."""
+        return matvec(self.structure(y), v)
+
+    def apply_combined(self, y: Any, step: Any, v: Any) -> Any:
+        """[h B(y) + Σ c_jΔW_j G_j(y)]v."""
+        return matvec(self.combined(y, step), v)
+
+    def gradient(self, y: Any) -> Any:
+        """∇H(y)."""
+        self.gradients += 1
+        return self._at(self._recorded.slope, y)
+
+    def combined_gradient(self, y: Any, step: Any) -> Any:
+        """h∇H_0(y) + Σ c_jΔW_j∇H_j(y)."""
+        self.gradients += 1
+        total = step[0] * self._at(self._recorded.slope, y)
+        for part, slope in zip(step[1:], self._recorded.noise_slopes, strict=True):
+            total = total + part * self._at(slope, y)
+        return total
+
+    def field(self, y: Any) -> Any:
+        """B(y)∇H(y)."""
+        sums = None if self._apart else self._recorded.field
+        if sums is None:
+            return self.apply(y, self.gradient(y))
+        self.structures, self.gradients = self.structures + 1, self.gradients + 1
+        terms = [[c * prod(v**k for v, k in zip(y, e, strict=True)) for e, c in p.terms] for p in sums]
+        return array(self._recorded.tape.symbol(sum(t)) for t in terms)
+
+    def derivative_along(self, y: Any, v: Any) -> Any:
+        """f′(y)v."""
+        own = self._recorded
+        return matvec(self._at(jacobian(matvec(own.B, own.slope), own.y), y), v)
+
+    def mean_gradient(self, y: Any, z: Any) -> Any:
+        """∫₀¹∇H(y + τz)dτ; its declared derivatives are those by the formula's own z."""
+        found, nodes = self._recorded.mean
+        self.gradients += nodes
+        return found if z is self._recorded.z else self._at(found, y, z)
+
+    def edge_means(self, starts: Any, z: Any) -> Any:
+        """The means of ∂_iH along edges."""
+        found, nodes = self._recorded.mean
+        self.gradients += nodes * len(z)
+        moves = [[z[i] if i == k else 0.0 for k in range(len(z))] for i in range(len(z))]
+        return array(self._at(found[i : i + 1], starts[:, i], moves[i])[0] for i in range(len(z)))
+
+    def factor(self, y: Any) -> Any:
+        """g(y)."""
+        return self._nambu.factor(y)
+
+    def mean_casimir_gradient(self, y: Any, z: Any) -> Any:
+        """∫₀¹∇C(y + τz)dτ."""
+        try:
+            found, nodes = mean(self._recorded.tape.symbol(self._nambu.casimir(y)), y, z)
+        except NoClosedForm:
+            if self._nambu.mean_gradient is None:
+                raise
+            found, nodes = self._nambu.mean_gradient(y, y + z), 1
+        self.structures += nodes
+        return found
+
+    def _at(self, values: Any, y: Any, z: Any = ()) -> Any:
+        """The values with other symbols in the place of y and z."""
+        own = self._recorded
+        return substitute(values, [*own.y, *own.z[: len(z)]], [*y, *z])
+
+    @property
+    def _nambu(self) -> Nambu:
+        assert self.problem.nambu is not None
+        return self.problem.nambu

@@ -1,0 +1,159 @@
+"""What a solve of the implicit equation is asked, and what happened in it: records that solvers and schemes share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sepv.errors import StepFailure
+from sepv.problem import Array, Problem
+from sepv.problem._fields import DENSE, Algebra
+
+
+class Status(IntEnum):
+    """How a solve ended."""
+
+    CONVERGED = 0
+    NO_CONVERGENCE = 1
+    LEFT_DOMAIN = 2
+    OVERFLOW = 3
+    SINGULAR = 4
+    QUADRATURE = 5
+    UNDEFINED = 6
+
+    @property
+    def text(self) -> str:
+        """The status in words."""
+        return _TEXTS[self]
+
+
+_TEXTS = {
+    Status.CONVERGED: "converged",
+    Status.NO_CONVERGENCE: "no convergence",
+    Status.LEFT_DOMAIN: "left the domain of the problem",
+    Status.OVERFLOW: "overflow or NaN in B or ∇H",
+    Status.SINGULAR: "singular Jacobian",
+    Status.QUADRATURE: "the adaptive quadrature of ∇H did not reach rounding",
+    Status.UNDEFINED: "a structure is undefined: ∇H_0 vanishes or nearly so, and B∇H_j does not",
+}
+
+
+class Increment(NamedTuple):
+    """R(y0, y1) of shape (d, M), evaluations of ∇H and of B (M,), and where the quadrature is reliable.
+
+    `parts` are what the Jacobian takes over instead of computing it again, as further arguments.
+    """
+
+    value: Array
+    gradients: np.ndarray
+    structures: np.ndarray
+    reliable: np.ndarray
+    parts: tuple[Any, ...] = ()
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What happened in a solve, lane by lane.
+
+    Attributes
+    ----------
+    value : (d, M)
+        y1 where converged; the last iterate elsewhere.
+    residual : (M,)
+        Largest component of |y1 − y0 − R(y0, y1)|, at `value`.
+    iterations, gradient_evaluations, structure_evaluations : (M,)
+        Newton iterations, and evaluations of ∇H and B (those of Newton's Jacobian not counted).
+    status : (M,)
+        `Status` of each lane.
+    change : (d, M), optional
+        y1 − y0 before it was rounded into `value`: compensated summation needs it.
+    divisions : (M,), optional
+        Steps and parts of steps that were divided, for schemes that do (`sepv.schemes._division.divided`).
+    continuations : (M,), optional
+        Shares of steps that were solved on the way to failed ones (`sepv.schemes._continuation.continued`).
+    """
+
+    value: Array
+    residual: Array
+    iterations: NDArray[np.int64]
+    gradient_evaluations: NDArray[np.int64]
+    structure_evaluations: NDArray[np.int64]
+    status: NDArray[np.int64]
+    change: Array | None = None
+    divisions: NDArray[np.int64] | None = None
+    continuations: NDArray[np.int64] | None = None
+
+
+IncrementFunction = Callable[[Problem, Array, Array, Array], Increment]
+JacobianFunction = Callable[..., Array | None]
+
+
+class Evaluation(NamedTuple):
+    """R(z) for some lanes, and on demand ∂R/∂z (n, n, M) with the evaluations that cost, in units of R's."""
+
+    right_side: Increment
+    jacobian: Callable[[], tuple[Any, int]]
+
+
+@dataclass(frozen=True)
+class Equations:
+    """z = R(z) for n unknowns in every lane; `lanes` are the numbers of the lanes asked about.
+
+    Attributes
+    ----------
+    size : (n, M)
+        |y| of the state that each unknown is added to: corrections are small or not beside |y| + |z|.
+    evaluate : (z, lanes) -> Evaluation
+    inside : (z, lanes) -> (M,) of bool, optional
+        Whether the states that belong to z lie in the domain of the problem.
+    exact : bool
+        Whether the Jacobian is that of R, and not of R with H″ averaged by a few nodes.
+    magnitude : (z, lanes) -> (M,), optional
+        The sum of the absolute values of the terms of R, to which its rounding is relative whatever cancels.
+    algebra : Algebra
+        What the Jacobian is: dense matrices (n, n, M) unless it says otherwise.
+    """
+
+    size: Array
+    evaluate: Callable[[Array, NDArray[np.intp]], Evaluation]
+    inside: Callable[[Array, NDArray[np.intp]], NDArray[np.bool_]] | None = None
+    exact: bool = False
+    magnitude: Callable[[Array, NDArray[np.intp]], Array] | None = None
+    algebra: Algebra = DENSE
+
+
+def merge(whole: Solution, part: Solution, lanes: NDArray[np.intp]) -> None:
+    """Write lanes that were solved anew into a solution; counts add up."""
+    whole.value[:, lanes], whole.residual[lanes], whole.status[lanes] = part.value, part.residual, part.status
+    whole.iterations[lanes] += part.iterations
+    whole.gradient_evaluations[lanes] += part.gradient_evaluations
+    whole.structure_evaluations[lanes] += part.structure_evaluations
+    if whole.continuations is not None and part.continuations is not None:
+        whole.continuations[lanes] += part.continuations
+
+
+def require_converged(problem: Problem, y: Array, h: float, dW: Array, solution: Solution) -> Array:
+    """The value of a solution whose lanes all converged; y (d, M) and dW (m, M) are what was solved for.
+
+    Raises
+    ------
+    StepFailure
+        For the first lane that did not.
+    """
+    failed = np.flatnonzero(solution.status != Status.CONVERGED)
+    if failed.size:
+        lane = int(failed[0])
+        raise StepFailure(
+            problem=problem.name,
+            y=y[:, lane],
+            delta=float(h + problem.c @ dW[:, lane]),
+            residual=float(solution.residual[lane]),
+            status=Status(int(solution.status[lane])).text,
+            iterations=int(solution.iterations[lane]),
+        )
+    return solution.value

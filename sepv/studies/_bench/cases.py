@@ -1,0 +1,97 @@
+"""The cases of the regression benchmark, as data: a saved record holds them, so that it can be repeated.
+
+A portable case uses nothing but + − × ÷ and √, which IEEE 754 fixes to the last bit, on every machine: its counters
+can be committed. Sines, logarithms and the nodes of a quadrature, which LAPACK computes, differ in the last bit between
+machines, and with them, once in a few thousand solves, an iteration.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from sepv import problems
+from sepv.errors import UsageError
+from sepv.problem import PolynomialSystem
+from sepv.record import Polynomial
+from sepv.record import _polynomial as poly
+
+Case = dict[str, Any]
+
+
+def _monomial(coefficient: float, *exponents: int) -> Polynomial:
+    return Polynomial(len(exponents), ((exponents, coefficient),))
+
+
+def volterra() -> PolynomialSystem:
+    """B₁₂ = y₁y₂, B₂₃ = y₂y₃ and H = ½|y|²: a quadratic Poisson structure."""
+    H = poly.add(_monomial(0.5, 2, 0, 0), _monomial(0.5, 0, 2, 0), _monomial(0.5, 0, 0, 2))
+    return PolynomialSystem(3, H, ((0, 1, _monomial(1.0, 1, 1, 0)), (1, 2, _monomial(1.0, 0, 1, 1))))
+
+
+def quartic_body() -> PolynomialSystem:
+    """B = hat(y) and H = ½Σ y_i²/I_i + ¼y₁⁴ + ½y₁²y₂²: a rigid body whose averaged gradient needs two nodes."""
+    H = poly.add(
+        _monomial(1.5, 2, 0, 0), _monomial(0.75, 0, 2, 0), _monomial(0.5, 0, 0, 2),
+        _monomial(0.25, 4, 0, 0), _monomial(0.5, 2, 2, 0),
+    )  # fmt: skip
+    structure = (
+        (0, 1, _monomial(-1.0, 0, 0, 1)),
+        (0, 2, _monomial(1.0, 0, 1, 0)),
+        (1, 2, _monomial(-1.0, 1, 0, 0)),
+    )
+    return PolynomialSystem(3, H, structure, casimirs=(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),))
+
+
+def _case(name: str, problem: Any, h: float, steps: int, *, portable: bool, initial: Any = None) -> Case:
+    return {
+        "name": name, "problem": problem, "initial": initial, "h": h, "steps": steps, "paths": 512, "seed": 1,
+        "portable": portable,
+    }  # fmt: skip
+
+
+# Lotka-Volterra at a step where every solve has a solution; the others at 2⁻⁵, where Newton needs four iterations.
+CASES: tuple[Case, ...] = (
+    _case("harmonic-oscillator", "harmonic-oscillator", 2.0**-5, 16, portable=True),
+    _case("rigid-body", "rigid-body", 2.0**-5, 16, portable=True),
+    _case("volterra", problems.to_json(volterra()), 2.0**-5, 16, portable=True, initial=[1.0, 0.75, 0.5]),
+    _case("quartic-body", problems.to_json(quartic_body()), 2.0**-5, 16, portable=False, initial=[0.8, 0.6, 0.1]),
+    _case("pendulum", "pendulum", 2.0**-5, 16, portable=False),
+    _case("lotka-volterra", "lotka-volterra", 2.0**-8, 16, portable=False),
+)  # fmt: skip
+
+
+def own_case(target: str) -> Case:
+    """A user's problem, by name, file or module:attribute, from its own initial state with 16 steps of 2⁻⁵."""
+    from sepv.schemes._load import load_problem
+
+    problem = load_problem(target)
+    initial = None if problem.initial is None else [float(v) for v in np.asarray(problem.initial)]
+    if initial is None:
+        raise UsageError(
+            expected="a problem with an initial state", received=f"{target} without one",
+            remedy="give initial= when making it, or \"initial\" in its file",
+        )  # fmt: skip
+    named = target if ":" in target else None
+    return _case(
+        problem.name,
+        named or (problems.to_json(problem.data) if isinstance(problem.data, PolynomialSystem) else target),
+        2.0**-5, 16, portable=False, initial=initial,
+    )  # fmt: skip
+
+
+def choose(names: tuple[str, ...], portable: bool) -> list[Case]:
+    """The cases of these names (all without any), or those that are portable.
+
+    Raises
+    ------
+    UsageError
+    """
+    known = {case["name"]: case for case in CASES}
+    for name in names:
+        if name not in known:
+            raise UsageError(
+                expected=f"a case, one of {', '.join(known)}", received=repr(name), remedy="correct the name"
+            )
+    return [c for c in CASES if (not names or c["name"] in names) and (c["portable"] or not portable)]

@@ -1,0 +1,68 @@
+"""One checkout's side of a paired measurement: a process that measures or times when it is told to.
+
+Runs as a script with the checkout first on the path; `measure.py` and `work.py` are taken from beside this file, so
+that both sides are measured by the same code however old the other checkout is. JSON lines on stdin and stdout; what
+a scheme prints goes to stderr.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import signal
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+HERE = Path(__file__).resolve().parent
+
+
+def _from_file(name: str, path: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def main() -> None:
+    """Answer until stdin ends."""
+    # Ctrl-C reaches this process as well: whoever asks it has the word.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)
+    import sepv  # noqa: F401  (what follows belongs to the checkout's sepv)
+
+    _from_file("sepv.studies._evaluation_count", HERE.parent / "work.py")
+    measuring = _from_file("sepv.studies._bench.measure", HERE / "measure.py")
+    scheme = None
+    for line in sys.stdin:
+        question: dict[str, Any] = json.loads(line)
+        answer: dict[str, Any]
+        try:
+            if "load" in question:
+                from sepv.schemes._load import load_scheme
+
+                scheme = load_scheme(question["load"])
+                home = sys.modules[question["load"].partition(":")[0] if ":" in question["load"] else "sepv"]
+                answer = {"origin": home.__file__}
+            elif "measure" in question:
+                answer = measuring.measure(scheme, question["measure"])
+            else:
+                answer = {
+                    "seconds": measuring.seconds(
+                        scheme, question["time"], question["loops"], question["call"]
+                    )
+                }
+        except Exception as error:
+            answer = {"failed": f"{type(error).__name__}: {error}"}
+        answers.write(json.dumps(answer) + "\n")
+        answers.flush()
+
+
+if __name__ == "__main__":
+    main()

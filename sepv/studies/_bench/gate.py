@@ -1,0 +1,113 @@
+"""What counts as a regression of a record (head) against another one (base).
+
+Counters: one more is worse; integers have no noise. Errors and defects: the ratio over the same paths, and its
+interval by a jackknife over groups of paths; worse is what is larger with an error probability of 1e-3 and by more
+than a tolerance that says what nobody means by a regression. Time: see `sepv.studies._bench.pairs`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sepv.errors import UsageError
+from sepv.problem import Array
+
+ALPHA = 1e-3
+# An error is the scheme's; another order of summation moves it by rounding only. One per cent is no accident.
+ERROR_TOLERANCE = 1.01
+# A defect at rounding is a matter of the order of summation, and moves by tens of per cent with it.
+DEFECT_TOLERANCE = 1.5
+KINDS = {"error": ERROR_TOLERANCE, "energy": DEFECT_TOLERANCE, "casimir": DEFECT_TOLERANCE}
+
+
+@dataclass(frozen=True)
+class Check:
+    """One comparison: `verdict` is "same", "better", "worse" or, for time alone, "not settled"."""
+
+    target: str
+    case: str
+    what: str
+    verdict: str
+    text: str
+
+
+def check(head: dict[str, Any], base: dict[str, Any]) -> list[Check]:
+    """The records of one target, case by case. Both must have the same cases.
+
+    Raises
+    ------
+    UsageError
+        For a case that the head's record has not.
+    """
+    ours = {c["case"]["name"]: c for c in head["cases"]}
+    checks = []
+    for theirs in base["cases"]:
+        case = theirs["case"]
+        mine = ours.get(case["name"])
+        if mine is None or mine["case"] != case:
+            raise UsageError(
+                expected=f"the case {case['name']} as the other record has it",
+                received="another one, or none",
+                remedy="measure both with the same cases",
+            )
+        checks += _counters(head["target"], case["name"], mine["counters"], theirs["counters"])
+        checks += [_ratio(head["target"], case["name"], kind, mine[kind], theirs[kind]) for kind in KINDS]
+    return checks
+
+
+def _counters(target: str, case: str, ours: dict[str, Any], theirs: dict[str, Any]) -> list[Check]:
+    checks = []
+    for name in dict.fromkeys((*theirs, *ours)):
+        # None: not reported. A scheme that begins to report has nothing to be compared with.
+        mine, other = ours.get(name), theirs.get(name)
+        if mine is None or other is None:
+            continue
+        verdict = "same" if mine == other else "worse" if mine > other else "better"
+        text = f"{mine}" if mine == other else f"{other} → {mine} ({mine - other:+d})"
+        checks.append(Check(target, case, name, verdict, text))
+    return checks
+
+
+def _ratio(target: str, case: str, kind: str, ours: list[str], theirs: list[str]) -> Check:
+    head, base = (np.array([float.fromhex(v) for v in groups]) for groups in (ours, theirs))
+    if np.array_equal(head, base):
+        return Check(target, case, kind, "same", f"{_rms(head):.3g}")
+    found = ratio(head, base)
+    tolerance = KINDS[kind]
+    verdict = "same"
+    if not np.isfinite(found.value) or (found.low > 1 and found.value > tolerance):
+        verdict = "worse"
+    elif found.high < 1 and found.value < 1 / tolerance:
+        verdict = "better"
+    text = (
+        f"{_rms(base):.3g} → {_rms(head):.3g}, ratio {found.value:.3f} in [{found.low:.3f}, {found.high:.3f}]"
+    )
+    return Check(target, case, kind, verdict, text)
+
+
+class Ratio(NamedTuple):
+    """A ratio with its interval, each end of which misses with probability ALPHA."""
+
+    value: float
+    low: float
+    high: float
+
+
+def ratio(head: Array, base: Array) -> Ratio:
+    """√(mean head / mean base) from mean squares over the same groups of paths."""
+    from scipy.special import stdtrit
+
+    groups = head.size
+    with np.errstate(all="ignore"):
+        whole = 0.5 * np.log(np.mean(head) / np.mean(base))
+        left_out = 0.5 * np.log((np.sum(head) - head) / (np.sum(base) - base))
+        error = np.sqrt((groups - 1) / groups * np.sum((left_out - left_out.mean()) ** 2))
+        width = float(stdtrit(groups - 1, 1 - ALPHA)) * error
+        return Ratio(*(float(np.exp(v)) for v in (whole, whole - width, whole + width)))
+
+
+def _rms(groups: Array) -> float:
+    return float(np.sqrt(np.mean(groups)))

@@ -1,0 +1,178 @@
+"""What a scheme does in one case: work as exact integers, errors and defects path by path, time.
+
+This file also runs inside another checkout (`sepv.studies._bench.child`), which may be older than itself: it stands on the
+contract of a scheme and on names that every release has, `exact_flow`, `problems`, `wiener.truncate`.
+"""
+
+from __future__ import annotations
+
+import platform
+from dataclasses import replace
+from time import perf_counter, process_time
+from typing import Any
+
+import numpy as np
+
+import sepv
+from sepv import problems
+from sepv.exact import exact_flow
+from sepv.problem import Problem
+from sepv.schemes import Scheme
+from sepv.schemes._scheme import REFUSALS
+from sepv.simulate import _wiener as wiener
+from sepv.studies._evaluation_count import Work, counted
+
+# Means over this many groups of paths are kept, for jackknife intervals of ratios over the same paths.
+GROUPS = 32
+_EPS = float(np.finfo(np.float64).eps)
+
+
+def measure(scheme: Scheme, case: dict[str, Any]) -> dict[str, Any]:
+    """One case: `counters`, and `error`, `energy`, `casimir` as mean squares over groups of paths, in hex floats.
+
+    The two defects have the squared rounding of their own evaluation added, so that ratios of them mean something.
+    """
+    problem = build(case)
+    dW = increments(scheme, problem, case)
+    work = Work()
+    _, solves = run(scheme, counted(problem, work), case, dW)
+    y, _ = run(scheme, problem, case, dW, watch=True)
+    ends, defects = y
+    theta = problem.random_step(case["h"] * case["steps"], raw_increments(problem, case).sum(axis=0))
+    squared = np.sum((ends - exact_flow(problem, theta).y) ** 2, axis=0)
+    if scheme.solve is not None:
+        work.iterations = solves["iterations"]
+    return {
+        "case": case,
+        "counters": {**work.to_json(), "failed solves": solves["failed"]},
+        "error": _groups(squared),
+        "energy": _groups(defects[0] ** 2),
+        "casimir": _groups(defects[1] ** 2),
+    }
+
+
+def build(case: dict[str, Any]) -> Problem:
+    """The problem of a case."""
+    given = case["problem"]
+    if isinstance(given, str) and ":" in given:  # a user's own, which only newer releases can be asked for
+        from sepv.schemes._load import load_problem
+
+        problem = load_problem(given)
+    else:
+        problem = (
+            problems.by_name(given) if isinstance(given, str) else problems.build(problems.from_json(given))
+        )
+    return (
+        problem if case["initial"] is None else replace(problem, initial=tuple(case["initial"]), check=False)
+    )
+
+
+def raw_increments(problem: Problem, case: dict[str, Any]) -> np.ndarray:
+    """(N, m, M), from NumPy's own generator: what a release does to its random streams is none of this."""
+    rng = np.random.Generator(np.random.PCG64(case["seed"]))
+    shape = (case["steps"], problem.noises, case["paths"])
+    return np.asarray(np.sqrt(case["h"]) * rng.standard_normal(shape))
+
+
+def increments(scheme: Scheme, problem: Problem, case: dict[str, Any]) -> np.ndarray:
+    """The same, truncated as the scheme asks for."""
+    return wiener.truncate(raw_increments(problem, case), case["h"], scheme.truncation)
+
+
+def run(
+    scheme: Scheme, problem: Problem, case: dict[str, Any], dW: np.ndarray, *, watch: bool = False
+) -> tuple[tuple[np.ndarray, np.ndarray], dict[str, int]]:
+    """All paths through all steps: ((y (d, M), largest defects (2, M)), solves).
+
+    A path whose step fails ends there, is counted, and stays where it was.
+    """
+    y = np.repeat(np.asarray(problem.initial, dtype=np.float64)[:, None], dW.shape[2], axis=1)
+    first = _invariants(problem, y) if watch else None
+    defects = np.zeros((2, y.shape[1]))
+    solves = {"iterations": 0, "failed": 0}
+    alive = np.arange(y.shape[1])
+    for row in dW:
+        value, failed, iterations = _advance(scheme, problem, y[:, alive], case["h"], row[:, alive])
+        solves["iterations"] += iterations
+        solves["failed"] += int(np.count_nonzero(failed))
+        y[:, alive[~failed]] = value[:, ~failed]
+        alive = alive[~failed]
+        if first is not None:
+            now = np.abs(_invariants(problem, y) - first)
+            defects = np.maximum(defects, [now[0], now[1:].max(axis=0, initial=0.0)])
+    if first is not None:
+        defects = defects + _EPS * _scales(problem, y)[:, None]
+    return (y, defects), solves
+
+
+def _advance(
+    scheme: Scheme, problem: Problem, y: np.ndarray, h: float, dW: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, int]:
+    """One step: values, which lanes failed, Newton iterations."""
+    if scheme.solve is not None:
+        solution = scheme.solve(problem, y, h, dW)
+        return solution.value, np.asarray(solution.status) != 0, int(np.sum(solution.iterations))
+    with np.errstate(all="ignore"):
+        if scheme.batched:
+            try:
+                value = scheme.step(problem, y, h, dW)
+                return value, ~np.all(np.isfinite(value), axis=0), 0
+            except REFUSALS:
+                pass  # one lane at least; which, the lanes say one by one
+        value = np.full_like(y, np.nan)
+        for lane in range(y.shape[1]):
+            try:
+                value[:, lane] = scheme.step(problem, y[:, lane].copy(), h, dW[:, lane].copy())
+            except REFUSALS:
+                continue
+    return value, ~np.all(np.isfinite(value), axis=0), 0
+
+
+def seconds(scheme: Scheme, case: dict[str, Any], loops: int, call: str = "step") -> tuple[float, float]:
+    """(processor, clock) seconds of `loops` runs of a case.
+
+    call : "step", the scheme's own with increments given; or "ensemble", `sepv.ensemble` as users have it, its engine,
+    random numbers and watched invariants included.
+    """
+    problem = build(case)
+    h, N = case["h"], case["steps"]
+    dW = increments(scheme, problem, case)
+    begin = process_time(), perf_counter()
+    for _ in range(loops):
+        if call == "ensemble":
+            sepv.ensemble(scheme, problem, h=h, T=h * N, paths=case["paths"], seed=case["seed"])
+        else:
+            run(scheme, problem, case, dW)
+    return process_time() - begin[0], perf_counter() - begin[1]
+
+
+def environment() -> dict[str, str]:
+    """Versions."""
+    return {
+        "sepv": sepv.__version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "machine": platform.machine(),
+    }
+
+
+def _groups(values: np.ndarray) -> list[str]:
+    return [float(np.mean(part)).hex() for part in np.array_split(values, GROUPS)]
+
+
+def _invariants(problem: Problem, y: np.ndarray) -> np.ndarray:
+    rows = [problem.hamiltonian(y)]
+    rows += [np.sum(y * np.tensordot(A, y, 1), axis=0) for A in problem.casimirs]
+    rows += [np.tensordot(b, y, 1) for b in problem.linear_casimirs]
+    return np.stack(rows)
+
+
+def _scales(problem: Problem, y: np.ndarray) -> np.ndarray:
+    """Typical sizes of H and of the Casimirs, for the rounding of their evaluation: (2,)."""
+    energy = float(np.mean(np.sum(np.abs(problem.gradient(y) * y), axis=0)))
+    casimir = max((float(np.mean(np.sum(np.abs(y) * (np.abs(A) @ np.abs(y)), axis=0))) for A in problem.casimirs),
+                  default=0.0)  # fmt: skip
+    linear = max(
+        (float(np.mean(np.sum(np.abs(b[:, None] * y), axis=0))) for b in problem.linear_casimirs), default=0.0
+    )
+    return np.array([energy, max(casimir, linear)])

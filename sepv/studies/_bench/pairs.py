@@ -1,0 +1,256 @@
+"""Two checkouts side by side: the same cases in two processes that take turns, and a bound of the time's ratio.
+
+Time is compared as a ratio of neighbours: a slow minute of the machine is slow for both. Within a batch the two
+processes alternate, first one first, then the other; each batch has new processes, because where a process happens to
+lie in memory makes it faster or slower by a few per cent for all its life. The bound is a bootstrap over batches
+and over the pairs within them.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import sepv
+from sepv.errors import TargetError, UsageError
+from sepv.problem import Array
+from sepv.studies._bench import child
+from sepv.studies._bench.gate import ALPHA, Check
+
+# One reading of the clock: long against its resolution, short against the moods of a machine.
+READING = 0.02
+PAIRS = 8
+FEWEST_BATCHES = 4
+# Measured until the interval of every case is this narrow to both sides, or the batches are used up.
+HALF_WIDTH = 0.02
+# Slower is a ratio whose lower bound is above this; faster one whose upper bound is below its inverse. The two per
+# cent are for what no pairing removes: other code lies elsewhere in memory.
+TIME_TOLERANCE = 1.02
+RESAMPLES = 4000
+TIMEOUT = 600.0
+CLOCKS = ("processor time", "clock time")
+
+
+class Side:
+    """A child process in which the target comes from one checkout."""
+
+    def __init__(self, target: str, checkout: Path, label: str) -> None:
+        self.label = label
+        roots = [checkout, *(p for p in (checkout / "src",) if p.is_dir())]
+        path = os.pathsep.join([*map(str, roots), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
+        self.process = subprocess.Popen(
+            [sys.executable, "-P", child.__file__],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            cwd=checkout,
+            env={**os.environ, "PYTHONPATH": path},
+            text=True,
+            encoding="utf-8",
+        )
+        try:
+            self._require_origin(target, checkout)
+        except BaseException:
+            self.close()
+            raise
+
+    def _require_origin(self, target: str, checkout: Path) -> None:
+        answer = self.ask({"load": target})
+        origin = Path(answer["origin"] or "/").resolve()
+        if checkout.resolve() not in origin.parents:
+            raise UsageError(
+                expected=f"{target} from the {self.label} checkout {checkout}",
+                received=f"one from {origin}",
+                remedy="name the folder from which the package can be imported (its root, or the one above src/)",
+            )
+
+    def ask(self, question: dict[str, Any]) -> dict[str, Any]:
+        """One question, one answer.
+
+        Raises
+        ------
+        TargetError
+            Where the scheme raises, the process ends, or it takes longer than TIMEOUT.
+        """
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        try:
+            self.process.stdin.write(json.dumps(question) + "\n")
+            self.process.stdin.flush()
+            ready, _, _ = select.select([self.process.stdout], [], [], TIMEOUT)
+            line = self.process.stdout.readline() if ready else ""
+        except BrokenPipeError:
+            line = ""
+        answer = json.loads(line) if line else {"failed": "no answer: it ended, or took too long"}
+        if "failed" in answer:
+            raise TargetError(
+                expected=f"the scheme of the {self.label} checkout to run",
+                received=str(answer["failed"]).splitlines()[0],
+                remedy="make it run there by itself first",
+            )
+        found: dict[str, Any] = answer
+        return found
+
+    def close(self) -> None:
+        """End the process."""
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        with suppress(BrokenPipeError):
+            self.process.stdin.close()
+        try:
+            self.process.wait(
+                timeout=0.5
+            )  # it ends with its input, unless it is interrupted while it measures
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        self.process.stdout.close()
+
+
+@contextmanager
+def both(target: str, head: Path, base: Path) -> Iterator[tuple[Side, Side]]:
+    """A process for each of two checkouts."""
+    first = Side(target, head, "head's")
+    try:
+        second = Side(target, base, "other")
+        try:
+            yield first, second
+        finally:
+            second.close()
+    finally:
+        first.close()
+
+
+def head_of(target: str) -> Path:
+    """The checkout from which this very process takes a target."""
+    if ":" in target:
+        return Path.cwd()
+    return Path(sepv.__file__).resolve().parents[1]
+
+
+@dataclass
+class Times:
+    """Log ratios head/base of one case, of its steps or of `sepv.ensemble`: one list a batch, for both clocks."""
+
+    case: dict[str, Any]
+    call: str
+    batches: list[list[tuple[float, float]]] = field(default_factory=list)
+
+    def bounds(self, clock: int) -> tuple[float, float, float]:
+        """(ratio, lower, upper), each bound missing with probability ALPHA."""
+        logs = [np.array(batch)[:, clock] for batch in self.batches]
+        value, low, high = bootstrap(logs)
+        return float(np.exp(value)), float(np.exp(low)), float(np.exp(high))
+
+
+def bootstrap(batches: Sequence[Array]) -> tuple[float, float, float]:
+    """The median over all pairs and its bounds: batches are drawn again, then pairs within them.
+
+    One median of all pairs and not one of each batch: with a few pairs, those in which something else ran on the
+    machine reach the median of a batch too often. The spread is widened by √(B/(B − 1)), which a bootstrap of B
+    batches lacks.
+    """
+    rng = np.random.default_rng(0)
+    pairs = np.stack(batches)
+    B, K = pairs.shape
+    value = float(np.median(pairs))
+    chosen = pairs[rng.integers(0, B, (RESAMPLES, B))]
+    again = np.take_along_axis(chosen, rng.integers(0, K, (RESAMPLES, B, K)), axis=2)
+    medians = np.median(again.reshape(RESAMPLES, -1), axis=1)
+    widened = value + (medians - value) * np.sqrt(B / (B - 1))
+    low, high = np.quantile(widened, [ALPHA, 1 - ALPHA])
+    return value, float(low), float(high)
+
+
+def time_pairs(
+    target: str,
+    head: Path,
+    base: Path,
+    cases: Sequence[dict[str, Any]],
+    *,
+    batches: int = 12,
+    progress: Callable[[str, float], None] = lambda _text, _share: None,
+) -> list[Check]:
+    """Run batches until every case is settled or `batches` are used up; one check for each case and clock.
+
+    A built-in target is timed under `sepv.ensemble` as well, whose engines belong to the same checkout.
+    """
+    calls = ("step",) if ":" in target else ("step", "ensemble")
+    found = [Times(case, call) for case in cases for call in calls]
+    for number in range(batches):
+        with both(target, head, base) as sides:
+            for n, times in enumerate(found):
+                share = (number + n / len(found)) / batches
+                progress(f"timing, batch {number + 1} of at most {batches}, {times.case['name']}", share)
+                times.batches.append(_batch(sides, {"time": times.case, "call": times.call}))
+        if number + 1 >= FEWEST_BATCHES and all(_settled(times) for times in found):
+            break
+    return [_check(target, times, clock) for times in found for clock in range(len(CLOCKS))]
+
+
+def _batch(sides: tuple[Side, Side], job: dict[str, Any]) -> list[tuple[float, float]]:
+    for side in sides:
+        side.ask({**job, "loops": 1})  # whatever a first run has to do
+    once = max(side.ask({**job, "loops": 1})["seconds"][1] for side in sides)
+    question = {**job, "loops": max(1, round(READING / once))}
+    pairs = []
+    for n in range(PAIRS):
+        order = (0, 1) if n % 2 == 0 else (1, 0)
+        seconds: list[list[float]] = [[], []]
+        for which in order:
+            seconds[which] = sides[which].ask(question)["seconds"]
+        pairs.append((_log_ratio(seconds, 0), _log_ratio(seconds, 1)))
+    return pairs
+
+
+def _log_ratio(seconds: list[list[float]], clock: int) -> float:
+    return float(np.log(seconds[0][clock] / seconds[1][clock]))
+
+
+def _settled(times: Times) -> bool:
+    ratio, low, high = times.bounds(0)
+    clear = low > TIME_TOLERANCE or high < 1 / TIME_TOLERANCE
+    return clear or max(high / ratio, ratio / low) < 1 + HALF_WIDTH
+
+
+def _check(target: str, times: Times, clock: int) -> Check:
+    ratio, low, high = times.bounds(clock)
+    text = f"ratio {ratio:.3f} in [{low:.3f}, {high:.3f}], {len(times.batches)} × {PAIRS} pairs"
+    if low > TIME_TOLERANCE:
+        verdict = "worse"
+    elif high < 1 / TIME_TOLERANCE:
+        verdict = "better"
+    else:
+        # A bound that reaches ten per cent has not ruled out what the gate is for.
+        verdict = "same" if high < 1.1 else "not settled"
+    what = CLOCKS[clock] + (" of an ensemble" if times.call == "ensemble" else "")
+    return Check(target, times.case["name"], what, verdict, text)
+
+
+def measured(
+    target: str,
+    head: Path,
+    base: Path,
+    cases: Sequence[dict[str, Any]],
+    progress: Callable[[str, float], None] = lambda _text, _share: None,
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The records of both checkouts, by the same measuring code."""
+    found: list[dict[str, Any]] = []
+    with both(target, head, base) as sides:
+        for side in sides:
+            measurements: list[Any] = []
+            for case in cases:
+                share = (len(found) + len(measurements) / len(cases)) / 2
+                progress(f"work and errors, {side.label} checkout, {case['name']}", share)
+                measurements.append(side.ask({"measure": case}))
+            found.append({"target": target, "cases": measurements})
+    return found[0], found[1]

@@ -1,0 +1,92 @@
+"""Methods and problems from what a user names."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib import import_module
+
+import numpy as np
+
+from sepv.errors import SchemeFault, TargetError
+from sepv.problem import Problem
+from sepv.schemes._guard import ask
+from sepv.schemes._load import load_object, load_scheme
+from sepv.studies._compare.method import Method, exact_time_change, from_scheme
+
+# Other libraries' solvers under the best driver one can give them, and the library each needs.
+PEERS = {
+    "diffrax-heun": "sepv.peers.driven_diffrax:heun",
+    "diffrax-heun-vmap": "sepv.peers.driven_diffrax:heun_vmap",
+    "diffrax-euler-heun": "sepv.peers.driven_diffrax:euler_heun",
+    "diffrax-reversible-heun": "sepv.peers.driven_diffrax:reversible_heun",
+    "diffrax-spark": "sepv.peers.driven_diffrax:spark",
+    "diffrax-slow-rk": "sepv.peers.driven_diffrax:slow_rk",
+    "diffrax-tsit5": "sepv.peers.driven_diffrax:tsit5",
+    "diffrax-dopri8": "sepv.peers.driven_diffrax:dopri8",
+    "diffrax-dopri8-vmap": "sepv.peers.driven_diffrax:dopri8_vmap",
+    "torchsde-heun": "sepv.peers.driven_torchsde:heun",
+    "torchsde-midpoint": "sepv.peers.driven_torchsde:midpoint",
+    "torchsde-reversible-heun": "sepv.peers.driven_torchsde:reversible_heun",
+    "sdeint-heun": "sepv.peers.driven_sdeint:heun",
+}
+EXACT = "exact-flow"
+NUMPY = "numpy/"
+
+
+def load_method(target: str, problem: Problem) -> Method:
+    """A built-in scheme, ``exact-flow``, a peer by name, or module:attribute with a scheme or a `Method`.
+
+    ``numpy/SCHEME`` is a scheme in NumPy batches where the compiled engine would take it.
+    A third party's scheme is asked for one step first, so that a wrong shape is a message and no traceback.
+
+    Raises
+    ------
+    TargetError
+    """
+    if target == EXACT:
+        return exact_time_change()
+    if target in PEERS:
+        return _peer(target)
+    if ":" in target:
+        found = load_object(target)
+        if isinstance(found, Method):
+            return found
+    plain = target.startswith(NUMPY)
+    scheme = load_scheme(target.removeprefix(NUMPY))
+    h = 2.0**-10
+    if problem.initial is not None:
+        try:
+            ask(scheme, problem, np.array(problem.initial, dtype=np.float64), h, np.zeros(problem.noises))
+        except SchemeFault as fault:
+            raise TargetError(
+                expected=f"{fault.expected} from {target}", received=fault.received, remedy=fault.remedy
+            ) from fault
+    method = from_scheme(scheme, problem, "numpy" if plain else "auto")
+    if plain:
+        return replace(method, name=target, source=f"{scheme.source}; NumPy batch")
+    return replace(method, name=target) if ":" in target and scheme.name in (target, "step") else method
+
+
+def _peer(name: str) -> Method:
+    module, _, attribute = PEERS[name].partition(":")
+    try:
+        method: Method = getattr(import_module(module), attribute)
+    except ModuleNotFoundError as error:
+        raise TargetError(
+            expected=f"the library of {name}",
+            received=f"{error}",
+            remedy="pip install diffrax torchsde sdeint, or the one that is named",
+        ) from error
+    return method
+
+
+def installed_peers() -> list[str]:
+    """The peers whose library can be imported."""
+    found = []
+    for name in PEERS:
+        try:
+            _peer(name)
+        except TargetError:
+            continue
+        found.append(name)
+    return found

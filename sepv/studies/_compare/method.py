@@ -1,0 +1,219 @@
+"""What takes part in a comparison: a driver of whole ensembles over given increments.
+
+A driver is given the Wiener increments, so that all methods see the same paths. What is no work of the method
+(laying out arrays, moving them into another library) is done beforehand, in `prepare`; only the job is timed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from sepv.errors import SepvError
+from sepv.exact import exact_flow
+from sepv.problem import Array, Problem
+from sepv.schemes import Scheme
+from sepv.schemes._guard import SchemeCrash
+from sepv.simulate import Ensemble
+from sepv.simulate._paths import CHUNK, run_chunk
+from sepv.solve import Status
+from sepv.studies._evaluation_count import Work, counted
+
+
+class Ends(NamedTuple):
+    """States y (d, M) at T, and `sepv.solve.Status` of each path (M,)."""
+
+    y: Array
+    status: np.ndarray
+
+
+class Followed(NamedTuple):
+    """A run that is watched and not timed.
+
+    Largest |H(y_n) − H(y_0)| and the same over all Casimirs, (M,), over the steps of a path; work, None where the
+    driver's evaluations cannot be counted; the error that the method itself states, 0 for schemes.
+    """
+
+    ends: Ends
+    energy_defect: Array
+    casimir_defect: Array
+    work: Work | None
+    stated_error: float = 0.0
+
+
+class Prepare(Protocol):
+    """(problem, y0 (d,), h, dW (N, m, M) untruncated) -> a job to be timed."""
+
+    def __call__(self, problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]: ...
+
+
+class Follow(Protocol):
+    """The same arguments -> the same run, watched."""
+
+    def __call__(self, problem: Problem, y0: Array, h: float, dW: Array) -> Followed: ...
+
+
+@dataclass(frozen=True)
+class Method:
+    """A method under comparison.
+
+    Attributes
+    ----------
+    name : str
+    prepare, follow : callable
+        See `Prepare` and `Follow`.
+    source : str
+        Where it comes from and how it is driven.
+    batched : bool
+        False for drivers that go path by path: they are given fewer paths.
+    evaluations : float, optional
+        Evaluations of f = B∇H a step, where they follow from the method and cannot be counted.
+    steps_matter : bool
+        False for the exact time change, which sees W(T) only.
+    truncation : int, optional
+        k of Remark 2.1 for the increments it uses; None for untruncated ones.
+    """
+
+    name: str
+    prepare: Prepare
+    follow: Follow
+    source: str = ""
+    batched: bool = True
+    evaluations: float | None = None
+    steps_matter: bool = True
+    truncation: int | None = None
+
+
+def invariant_defects(problem: Problem, states: Array) -> tuple[Array, Array]:
+    """Largest defects of H and of the Casimirs along states (N+1, d, M), each (M,), evaluated in binary64."""
+    y = np.moveaxis(states, 1, 0)
+    with np.errstate(all="ignore"):
+        energy = problem.hamiltonian(y)
+        casimirs = [np.einsum("i...,ij,j...->...", y, A, y) for A in problem.casimirs]
+        casimirs += [np.einsum("i,i...->...", b, y) for b in problem.linear_casimirs]
+        worst = [np.max(np.abs(v - v[0]), axis=0) for v in (energy, *casimirs)]
+    return worst[0], np.max(worst[1:], axis=0) if casimirs else np.zeros(states.shape[2])
+
+
+def finite_ends(problem: Problem, y: Array) -> Ends:
+    """The ends of a driver that reports no status: what is not finite, or has left the domain, has failed."""
+    status = np.where(np.all(np.isfinite(y), axis=0), int(Status.CONVERGED), int(Status.OVERFLOW))
+    if problem.domain is not None:
+        with np.errstate(invalid="ignore"):
+            outside = ~np.asarray(problem.domain(y), dtype=bool)
+        status[outside & (status == Status.CONVERGED)] = Status.LEFT_DOMAIN
+    return Ends(y, status)
+
+
+def from_scheme(scheme: Scheme, problem: Problem, engine: str = "auto") -> Method:
+    """A `sepv.Scheme` under `sepv.ensemble`, its increments truncated as it asks for.
+
+    Parameters
+    ----------
+    engine : "auto" or "numpy"
+        "auto" takes the compiled engine (extra `fast`) where it takes the scheme and the problem; such a
+        method is timed as a user has it, invariants watched and status kept.
+    """
+    if engine == "auto":
+        from sepv.simulate._engine.compile import CannotCompile, kernel
+
+        try:
+            kernel(scheme, problem)
+        except CannotCompile as reason:
+            return replace(_in_batches(scheme), source=f"{scheme.source}; NumPy batch: {reason}")
+        return _compiled(scheme)
+    return _in_batches(scheme)
+
+
+def _in_batches(scheme: Scheme) -> Method:
+    def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]:
+        parts = [np.ascontiguousarray(dW[:, :, p : p + CHUNK]) for p in range(0, dW.shape[2], CHUNK)]
+
+        def job() -> Ends:
+            runs = [_run(scheme, problem, y0, h, part, track=False) for part in parts]
+            return Ends(np.concatenate([r.y for r in runs], axis=1), np.concatenate([r.status for r in runs]))
+
+        return job
+
+    def follow(problem: Problem, y0: Array, h: float, dW: Array) -> Followed:
+        work = Work()
+        plain = _run(scheme, counted(problem, work), y0, h, dW, track=False)
+        work.iterations = int(plain.iterations) if scheme.solve is not None else None
+        run = _run(scheme, problem, y0, h, dW, track=True)
+        return Followed(Ends(run.y, run.status), run.energy_defect, run.casimir_defect, work)
+
+    return Method(
+        scheme.name, prepare, follow, scheme.source, batched=scheme.batched, truncation=scheme.truncation
+    )
+
+
+def _compiled(scheme: Scheme) -> Method:
+    def ensemble_for(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ensemble]:
+        from sepv.simulate import ensemble
+
+        given = np.ascontiguousarray(dW)
+        return lambda: ensemble(
+            scheme, problem, h=h, steps=len(given), dW=given, y0=y0, engine="compiled", workers=1
+        )
+
+    def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]:
+        run = ensemble_for(problem, y0, h, dW)
+
+        def job() -> Ends:
+            ends = run()
+            return Ends(ends.y, ends.status)
+
+        return job
+
+    def follow(problem: Problem, y0: Array, h: float, dW: Array) -> Followed:
+        run = ensemble_for(problem, y0, h, dW)()
+        if scheme.solve is None:  # the same number for every path: one of them is counted, in NumPy
+            work = Work()
+            _run(scheme, counted(problem, work), y0, h, dW[:, :, :1], track=False)
+            work.evaluations = {kind: n * dW.shape[2] for kind, n in work.evaluations.items()}
+        else:
+            work = Work(iterations=int(run.iterations))
+            work.evaluations |= {"gradient": run.gradient_evaluations, "structure": run.structure_evaluations}
+        return Followed(Ends(run.y, run.status), run.energy_defect, run.casimir_defect, work)
+
+    source = f"{scheme.source}; compiled engine"
+    return Method(scheme.name, prepare, follow, source, truncation=scheme.truncation)
+
+
+def _run(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array, *, track: bool) -> Ensemble:
+    try:
+        return run_chunk(scheme, problem, y0, h, dW, scheme.truncation, track=track)
+    except SepvError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise SchemeCrash(error, (problem.dimension, dW.shape[2])) from error
+
+
+def exact_time_change() -> Method:
+    """The exact solution itself, φ_θ(y0) with θ = T + Σ c_j W_j(T), by one dense solve for all paths.
+
+    It has no step size, so that all its points are one. Its error is the largest of the stated and the measured one:
+    where the reference has no closed form either, it would be compared with itself.
+    """
+
+    def job_for(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], tuple[Array, float]]:
+        def job() -> tuple[Array, float]:
+            flow = exact_flow(problem, problem.random_step(h * len(dW), dW.sum(axis=0)), y0, dense=True)
+            return flow.y, flow.error
+
+        return job
+
+    def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]:
+        solve = job_for(problem, y0, h, dW)
+        return lambda: finite_ends(problem, solve()[0])
+
+    def follow(problem: Problem, y0: Array, h: float, dW: Array) -> Followed:
+        work = Work()
+        y, error = job_for(counted(problem, work), y0, h, dW)()
+        states = np.stack([np.repeat(y0[:, None], y.shape[1], axis=1), y])
+        return Followed(finite_ends(problem, y), *invariant_defects(problem, states), work, error)
+
+    return Method("exact-flow", prepare, follow, "the exact time change, one dense solve", steps_matter=False)

@@ -1,0 +1,199 @@
+"""What a comparison found: one point for each method and step size, as data."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from sepv.verification._orders.convergence import Estimate
+
+FORMAT = 1
+
+
+@dataclass(frozen=True)
+class Seconds:
+    """Times of one run of all paths: the median and both quartiles of processor time, and two more.
+
+    Processor time, because another program on the same core doubles the clock's time of a long run and leaves that of
+    a short one. `wall` is the median by the clock, which is much larger only where a driver waits for something that
+    is not this process. `first` is what the first call took on top of the median: compilation, where a library
+    compiles; elsewhere noise around zero.
+    """
+
+    median: float
+    low: float
+    high: float
+    wall: float
+    first: float
+
+
+@dataclass(frozen=True)
+class Point:
+    """One method at one step size.
+
+    Attributes
+    ----------
+    strong, weak : Estimate
+        √E|y_N − y(T)|² and |E(y_N − y(T))| over the paths that were finished, with their intervals.
+    energy_defect, casimir_defect : float
+        The largest |H(y_n) − H(y_0)| over steps and paths, absolute, and the same over all Casimirs.
+    failures : int
+        Paths that ended in a step not solved, or left the domain.
+    evaluations : dict
+        For one step of one path, by kind; empty where nothing can be counted.
+    iterations : float, optional
+        Newton iterations for one step of one path.
+    steps_matter : bool
+        False for the exact time change, whose one point stands at steps = 1, h = T.
+    clipping : float
+        The rms error that truncated increments alone cause, in closed form (`sepv.exact._clipping`): no sample shows it.
+    """
+
+    method: str
+    h: float
+    steps: int
+    paths: int
+    failures: int
+    strong: Estimate
+    weak: Estimate
+    energy_defect: float
+    casimir_defect: float
+    seconds: Seconds
+    evaluations: dict[str, float]
+    iterations: float | None
+    steps_matter: bool = True
+    clipping: float = 0.0
+
+    @property
+    def error(self) -> float:
+        """The strong error of the sample and that of clipped increments, together."""
+        return math.hypot(self.strong.value, self.clipping)
+
+    @property
+    def nanoseconds(self) -> float:
+        """The median time of one step of one path."""
+        return 1e9 * self.seconds.median / (self.steps * self.paths)
+
+    @property
+    def microseconds_a_path(self) -> float:
+        """The median time of one whole path."""
+        return 1e6 * self.seconds.median / self.paths
+
+    def to_json(self) -> dict[str, Any]:
+        """For the schema ``comparison.schema.json``."""
+        return {
+            "method": self.method,
+            "h": self.h,
+            "steps": self.steps,
+            "paths": self.paths,
+            "failures": self.failures,
+            "strong_error": _estimate(self.strong),
+            "weak_error": _estimate(self.weak),
+            "clipping_error": self.clipping,
+            "energy_defect": _number(self.energy_defect),
+            "casimir_defect": _number(self.casimir_defect),
+            "seconds": vars(self.seconds) | {},
+            "ns_per_step": self.nanoseconds,
+            "evaluations_per_step": self.evaluations,
+            "iterations_per_step": self.iterations,
+        }
+
+
+@dataclass(frozen=True)
+class TimeToError:
+    """The time in which a method reaches a strong error, in µs a path, and the energy defect that it then has.
+
+    how : "between" two step sizes, by a line in logarithms; "beyond" the finest, by the slope of the last two errors
+    and the finest's time a step; "coarsest", where the coarsest is already better; "never", where errors do not shrink.
+    """
+
+    method: str
+    error: float
+    microseconds: float | None
+    energy_defect: float | None
+    how: str
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All points, in the order of methods and step sizes."""
+
+    problem: str
+    T: float
+    seed: int
+    repeats: int
+    confidence: float
+    environment: dict[str, str]
+    sources: dict[str, str]
+    has_casimirs: bool
+    points: tuple[Point, ...]
+    targets: tuple[float, ...] = ()
+    # Methods that were left out, and why.
+    failed: dict[str, str] = field(default_factory=dict)
+
+    def of(self, method: str) -> list[Point]:
+        """The points of one method, coarsest step first."""
+        return sorted((p for p in self.points if p.method == method), key=lambda p: p.steps)
+
+    def times_to_error(self) -> list[TimeToError]:
+        """For each method and each target."""
+        return [time_to_error(self.of(m), target) for m in self.sources for target in self.targets]
+
+    def to_json(self) -> dict[str, Any]:
+        """For the schema ``comparison.schema.json``."""
+        return {
+            **({"failed": self.failed} if self.failed else {}),
+            "format": FORMAT,
+            "problem": self.problem,
+            "T": self.T,
+            "seed": self.seed,
+            "repeats": self.repeats,
+            "confidence": self.confidence,
+            "environment": self.environment,
+            "methods": [{"name": n, "source": s} for n, s in self.sources.items()],
+            "points": [p.to_json() for p in self.points],
+            "times_to_error": [vars(t) | {} for t in self.times_to_error()],
+        }
+
+
+def time_to_error(points: list[Point], target: float) -> TimeToError:
+    """Where the line through the points (error, time) of one method reaches an error.
+
+    Errors are those of `Point.error`. Only step sizes at which every path was finished count: a method that loses its
+    worst paths looks good.
+    """
+    usable = [p for p in points if not p.failures and 0 < p.error < np.inf]
+    name = points[0].method if points else ""
+    if not usable:
+        return TimeToError(name, target, None, None, "never")
+    first = usable[0]
+    if first.error <= target:
+        return TimeToError(name, target, first.microseconds_a_path, first.energy_defect, "coarsest")
+    for coarse, fine in pairwise(usable):
+        if fine.error <= target < coarse.error:
+            return TimeToError(name, target, _on_line(coarse, fine, target), fine.energy_defect, "between")
+    if len(usable) < 2 or not usable[-1].error < 0.9 * usable[-2].error:
+        return TimeToError(name, target, None, None, "never")
+    before, last = usable[-2:]
+    order = np.log(before.error / last.error) / np.log(last.steps / before.steps)
+    more = float((last.error / target) ** (1 / order))
+    return TimeToError(name, target, more * last.microseconds_a_path, last.energy_defect, "beyond")
+
+
+def _on_line(coarse: Point, fine: Point, target: float) -> float:
+    x0, x1, x = (float(np.log(v)) for v in (coarse.error, fine.error, target))
+    t0, t1 = np.log(coarse.microseconds_a_path), np.log(fine.microseconds_a_path)
+    return float(np.exp(t0 + (t1 - t0) * (x - x0) / (x1 - x0)))
+
+
+def _estimate(e: Estimate) -> dict[str, float | None]:
+    return {"value": _number(e.value), "low": _number(max(e.low, 0.0)), "high": _number(e.high)}
+
+
+def _number(value: float) -> float | None:
+    """JSON has no infinity: an error without bound is null."""
+    return float(value) if np.isfinite(value) else None

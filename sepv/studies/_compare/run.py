@@ -1,0 +1,289 @@
+"""Run the methods of a comparison on the same paths, alternating, so that a slow minute is slow for all of them."""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from time import perf_counter, process_time
+from typing import Any
+
+import numpy as np
+
+from sepv.errors import SepvError, TargetError, UsageError
+from sepv.exact import clipping_error, exact_flow
+from sepv.problem import Array, Problem
+from sepv.simulate import _wiener as wiener
+from sepv.simulate._engine.workers import run_all
+from sepv.simulate._paths import step_count
+from sepv.solve import Status
+from sepv.studies._compare.method import Ends, Followed, Method
+from sepv.studies._compare.record import Comparison, Point, Seconds
+from sepv.verification._orders.convergence import GROUPS, Estimate, jackknife
+
+# Intervals are two-sided at this level, for each point by itself.
+ALPHA = 0.05
+# Drivers that go path by path get this many paths: at some 10 µs a step they would take hours with all of them.
+SINGLE_PATHS = 64
+# A job shorter than this is repeated within one reading of the clock.
+SHORTEST = 2e-3
+
+# What is being done, and how much of all is done, 0 to 1.
+Progress = Callable[[str, float], None]
+
+
+def compare(
+    methods: Sequence[Method],
+    problem: Problem,
+    *,
+    steps: Sequence[int],
+    T: float = 1.0,
+    paths: int = 1000,
+    repeats: int = 5,
+    seed: int = 0,
+    targets: Sequence[float] = (),
+    workers: Any = 1,
+    progress: Progress = lambda *_: None,
+) -> Comparison:
+    """Strong and weak error, defects, time and work of each method for each number of steps.
+
+    Parameters
+    ----------
+    steps : increasing numbers of steps, each dividing the last
+    paths : int ≥ 32
+        Of which path-by-path drivers take the first 64.
+    repeats : int ≥ 1
+        Timed rounds; in each round every method runs once at every step size, in a rotating order.
+    targets : strong errors
+        For which the time is wanted, see `Comparison.times_to_error`.
+    progress : callable (text, share), optional
+        Called before each piece of work with what it is and the share of all that is done, 0 to 1.
+    workers : int, executor, map-like callable, Dask client or its address
+        For the errors and defects (an int: threads). Times are always taken here, where all methods take turns.
+
+    Raises
+    ------
+    UsageError
+        For arguments that make no comparison.
+    """
+    _validate(methods, problem, steps, paths, repeats, targets)
+    for count in steps:
+        step_count(T / count, None, count)
+    start = np.array(problem.initial, dtype=np.float64)
+    fine = wiener.increments(seed, T=T, steps=steps[-1], noises=problem.noises, paths=paths)
+    exact = exact_flow(problem, problem.random_step(T, fine.sum(axis=0)))
+    coarse = {count: wiener.coarsen(fine, steps[-1] // count) for count in steps}
+    cells: list[tuple[Method, int]] = []
+    jobs: list[Callable[[], Ends]] = []
+    first: list[float] = []  # processor seconds of the very first call
+    watched: list[tuple[Any, ...]] = []
+    failed: dict[str, str] = {}
+    # Pieces of work: the first call of each cell, its errors, and its timed rounds. A first call may compile.
+    sizes = {method.name: tuple(steps) if method.steps_matter else tuple(steps[-1:]) for method in methods}
+    total, done = (2 + repeats) * sum(map(len, sizes.values())), 0
+    for method in methods:
+        lane = []
+        try:
+            for count in sizes[method.name]:
+                progress(f"{method.name}, {count} steps", done / total)
+                done += 1
+                dW = coarse[count] if method.batched else coarse[count][:, :, :SINGLE_PATHS]
+                job = method.prepare(problem, start, T / count, dW)
+                once = _time(job)[0]
+                lane.append(((method, count), job, once, (method.follow, problem, start, T / count, dW)))
+        except SepvError as error:  # this method's alone: the others are compared all the same
+            failed[method.name] = str(error)
+            continue
+        for cell, job, once, run in lane:
+            cells.append(cell)
+            jobs.append(job)
+            first.append(once)
+            watched.append(run)
+    followed: list[Followed | str] = [""] * len(watched)
+
+    def take(number: int, run: Followed | str) -> None:
+        nonlocal done
+        followed[number] = run
+        done += 1
+        progress(f"errors of {cells[number][0].name}, {cells[number][1]} steps", done / total)
+
+    run_all(_follow, watched, workers, threads=True, receive=take)
+    failed |= {cell[0].name: run for cell, run in zip(cells, followed, strict=True) if isinstance(run, str)}
+    there = [n for n, (method, _) in enumerate(cells) if method.name not in failed]
+    if not there:
+        raise TargetError(
+            expected="a method that takes its steps",
+            received="; ".join(f"{name}: {text.splitlines()[0]}" for name, text in failed.items()),
+            remedy="make one of them run on this problem first",
+        )
+    times = _alternate([jobs[n] for n in there], repeats, progress, done / total)
+    points = [
+        replace(
+            _point(*cells[n], T, ran, exact.y, np.array(row), first[n]),
+            clipping=clipping_error(problem, T=T, steps=cells[n][1], k=cells[n][0].truncation),
+        )
+        for n, row in zip(there, times, strict=True)
+        if not isinstance(ran := followed[n], str)
+    ]
+    return Comparison(
+        problem=problem.name,
+        T=T,
+        seed=seed,
+        repeats=repeats,
+        confidence=1 - ALPHA,
+        environment=environment(),
+        sources={m.name: m.source for m in methods if m.name not in failed},
+        failed=failed,
+        has_casimirs=bool(problem.casimirs or problem.linear_casimirs),
+        points=tuple(points),
+        targets=tuple(targets),
+    )
+
+
+def _follow(watched: tuple[Any, ...]) -> Followed | str:
+    """The run, or why there is none: the others are compared all the same."""
+    follow, *arguments = watched
+    try:
+        return follow(*arguments)
+    except SepvError as error:
+        return str(error)
+
+
+def _alternate(
+    jobs: Sequence[Callable[[], Ends]], repeats: int, progress: Progress, begin: float
+) -> list[list[tuple[float, float]]]:
+    """(processor, clock) seconds of each job in each round.
+
+    Rounds begin at another job each, so that no one always follows the same. `begin` is the share of all work that is
+    done before.
+    """
+    inner = [max(1, int(SHORTEST / max(_time(job)[1], 1e-9))) for job in jobs]
+    times: list[list[tuple[float, float]]] = [[] for _ in jobs]
+    for round_ in range(repeats):
+        offset = round_ * len(jobs) // repeats
+        for k in range(len(jobs)):
+            n = (k + offset) % len(jobs)
+            share = (round_ + k / len(jobs)) / repeats
+            text = f"timing, round {round_ + 1} of {repeats}: {k + 1} of {len(jobs)}"
+            progress(text, begin + (1 - begin) * share)
+            times[n].append(_time(jobs[n], inner[n]))
+    return times
+
+
+def _time(job: Callable[[], Ends], inner: int = 1) -> tuple[float, float]:
+    begin = process_time(), perf_counter()
+    for _ in range(inner):
+        job()
+    return (process_time() - begin[0]) / inner, (perf_counter() - begin[1]) / inner
+
+
+def _point(
+    method: Method, count: int, T: float, run: Followed, exact: Array, seconds: Array, first: float
+) -> Point:
+    paths = run.ends.y.shape[1]
+    done = run.ends.status == Status.CONVERGED
+    strong, weak = errors(run.ends.y[:, done] - exact[:, :paths][:, done])
+    if run.stated_error > strong.value:
+        strong = weak = Estimate(run.stated_error, 0.0, ALPHA)
+    processor, wall = seconds.T
+    median, low, high = (float(np.quantile(processor, q)) for q in (0.5, 0.25, 0.75))
+    cost = paths * (count if method.steps_matter else 1)
+    work = run.work
+    evaluations = {} if work is None else {k: n / cost for k, n in work.evaluations.items() if n}
+    if method.evaluations is not None:
+        evaluations = {"gradient": method.evaluations, "structure": method.evaluations}
+    return Point(
+        method=method.name,
+        h=T / count if method.steps_matter else T,
+        steps=count if method.steps_matter else 1,
+        paths=paths,
+        failures=int(np.count_nonzero(~done)),
+        strong=strong,
+        weak=weak,
+        energy_defect=_largest(run.energy_defect[done]),
+        casimir_defect=_largest(run.casimir_defect[done]),
+        seconds=Seconds(median, low, high, float(np.median(wall)), first - median),
+        evaluations=evaluations,
+        iterations=None if work is None or work.iterations is None else work.iterations / cost,
+        steps_matter=method.steps_matter,
+    )
+
+
+def errors(difference: Array) -> tuple[Estimate, Estimate]:
+    """Strong and weak error of the differences y_N − y(T), (d, M), with jackknife intervals over groups of paths."""
+    unbounded = Estimate(float("inf"), 0.0, ALPHA)
+    if difference.shape[1] < GROUPS:
+        return unbounded, unbounded
+    with np.errstate(over="ignore", invalid="ignore"):
+        squared = np.sum(difference**2, axis=0, keepdims=True)
+        if not np.all(np.isfinite(squared)) or not np.isfinite(np.mean(squared)):
+            return unbounded, unbounded
+        strong = jackknife(squared, lambda mean: float(np.sqrt(mean[0])), ALPHA)
+        return strong, jackknife(difference, lambda mean: float(np.linalg.norm(mean)), ALPHA)
+
+
+def _largest(values: Array) -> float:
+    return float(np.max(values)) if values.size and np.all(np.isfinite(values)) else float("inf")
+
+
+def _validate(
+    methods: Sequence[Method],
+    problem: Problem,
+    steps: Sequence[int],
+    paths: int,
+    repeats: int,
+    targets: Sequence[float],
+) -> None:
+    if problem.initial is None:
+        raise UsageError(
+            expected="a problem with an initial state", received=f"{problem.name} without one",
+            remedy="give initial= when making the problem",
+        )  # fmt: skip
+    grid = list(steps)
+    if not grid or grid != sorted(set(grid)) or grid[0] < 1 or any(grid[-1] % n for n in grid):
+        raise UsageError(
+            expected="increasing numbers of steps ≥ 1, each dividing the last",
+            received=f"{grid}",
+            remedy="such as 8,16,32,64: all step sizes then see the same paths",
+        )
+    names = [m.name for m in methods]
+    for ok, expected, received in (
+        (names and len(set(names)) == len(names), "methods with different names", names),
+        (isinstance(paths, int) and paths >= GROUPS, f"paths, an integer ≥ {GROUPS}", paths),
+        (isinstance(repeats, int) and repeats >= 1, "repeats, an integer ≥ 1", repeats),
+        (all(0 < t < np.inf for t in targets), "errors to pay for, finite and > 0", list(targets)),
+    ):
+        if not ok:
+            raise UsageError(expected=expected, received=repr(received), remedy=f"give {expected}")
+
+
+@contextmanager
+def one_core() -> Iterator[bool]:
+    """Keep this process on one core, so that no library is fast because it takes two; False where that cannot be."""
+    if not hasattr(os, "sched_setaffinity"):
+        yield False
+        return
+    cores = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {max(cores)})
+    try:
+        yield True
+    finally:
+        os.sched_setaffinity(0, cores)
+
+
+def environment() -> dict[str, str]:
+    """Versions of what took part, and the processor's kind."""
+    import scipy
+
+    from sepv._version import __version__
+
+    found = {"sepv": __version__, "python": platform.python_version(), "numpy": np.__version__}
+    found |= {"scipy": scipy.__version__, "machine": platform.machine()}
+    for name in ("numba", "jax", "diffrax", "torch", "torchsde"):
+        module = sys.modules.get(name)
+        if module is not None:
+            found[name] = str(getattr(module, "__version__", "?"))
+    return found

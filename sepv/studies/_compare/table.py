@@ -1,0 +1,208 @@
+"""A comparison as a table on the terminal, and as CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import statistics
+
+from rich import box
+from rich.cells import cell_len
+from rich.table import Table
+from rich.text import Text
+
+from sepv.studies._compare.record import Comparison, Point, TimeToError
+from sepv.verification._orders.convergence import Estimate
+from sepv.widths import fitted, kept, longest
+
+# Clipping that costs this share of the strong error is said: in squares it is a tenth of it.
+CLIPPED = 0.3
+# What a figure beside a time to an error means.
+MARKS = {"between": "", "beyond": "~", "coarsest": "≤"}
+# A driver whose time by the clock, in units of its processor time, is this many times what is usual waits for
+# something that is not this process. On a busy machine the clock runs faster for all of them.
+WAITS = 10.0
+
+COLUMN_WIDTHS = {
+    "steps": 6, "strong error": 12, "weak error": 11, "|ΔH|": 5, "|ΔC|": 5, "ns/step": 7, "±%": 3, "∇H": 4, "B": 4,
+    "Newton": 6, "failed": 8,
+}  # fmt: skip
+
+
+# What goes first where a terminal is narrow.
+DROPPED = ("±%", "B", "∇H", "Newton", "|ΔC|", "ns/step", "weak error", "|ΔH|", "failed")
+
+
+def point_tables(comparison: Comparison, width: int = 120) -> list[Text | Table]:
+    """One table for each method under its name, one row for each step size; the columns stand under each other."""
+    rounds = comparison.repeats
+    title = (
+        f"{comparison.problem}, T = {comparison.T:g}: errors with {comparison.confidence:.0%} intervals, the largest "
+        "defects; ns of processor time for a step of one path on one core, "
+        + (
+            f"median of {rounds} rounds ± half the distance of the quartiles"
+            if rounds > 1
+            else "of one round"
+        )
+    )
+    parts: list[Text | Table] = [Text(title, style="bold")]
+    columns = dict(COLUMN_WIDTHS)
+    if not any(p.failures for p in comparison.points):
+        del columns["failed"]
+    if rounds == 1:
+        del columns["±%"]  # of one number
+    rows = [dict(zip(COLUMN_WIDTHS, _cells(comparison, p), strict=True)) for p in comparison.points]
+    columns = {
+        name: max(least, cell_len(name), longest(row[name] for row in rows))
+        for name, least in columns.items()
+    }
+    columns = {name: columns[name] for name in kept(columns, width, DROPPED)}
+    for number, name in enumerate(comparison.sources):
+        heading = Text(name, style="bold")
+        table = Table(
+            box=None, title=heading, title_justify="left", show_header=number == 0, pad_edge=False, padding=(0, 1, 0, 0)
+        )  # fmt: skip
+        for column, least in columns.items():
+            table.add_column(column, justify="right", no_wrap=True, min_width=least)
+        for point in comparison.of(name):
+            cells = dict(zip(COLUMN_WIDTHS, _cells(comparison, point), strict=True))
+            table.add_row(*(cells[name] for name in columns))
+        parts.append(table)
+    return parts
+
+
+def _cells(comparison: Comparison, p: Point) -> list[str]:
+    spread = 50 * (p.seconds.high - p.seconds.low) / p.seconds.median
+    return [
+        str(p.steps) if p.steps_matter else "none",
+        _estimate(p.strong),
+        _weak(p.weak),
+        _defect(p.energy_defect),
+        _defect(p.casimir_defect) if comparison.has_casimirs else "–",
+        f"{p.nanoseconds:.3g}" if p.nanoseconds < 999 else f"{p.nanoseconds:.0f}",
+        f"{spread:.0f}",
+        _count(p.evaluations.get("gradient")),
+        _count(p.evaluations.get("structure")),
+        _count(p.iterations),
+        f"{p.failures}/{p.paths}" if p.failures else "",
+    ]
+
+
+def target_table(comparison: Comparison, width: int = 120) -> Table:
+    """The time of one path to each target error, with the energy defect there."""
+    table = Table(
+        box=box.SIMPLE_HEAD,
+        show_edge=False,
+        title=Text("µs a path to a strong error, and |ΔH| there", style="bold"),
+        title_justify="left",
+        pad_edge=False,
+        padding=(0, 1, 0, 0),
+    )
+    table.add_column("method")
+    for target in comparison.targets:
+        table.add_column(f"{target:.0e}", justify="right", no_wrap=True)
+        table.add_column("|ΔH|", justify="right", no_wrap=True)
+    found = {(t.method, t.error): t for t in comparison.times_to_error()}
+    for name in comparison.sources:
+        row = [found[name, target] for target in comparison.targets]
+        table.add_row(name, *(cell for t in row for cell in _target_cells(t)))
+    further = [f"{target:.0e}" for target in comparison.targets[:0:-1]]
+    return fitted(table, width, ["|ΔH|", *further])
+
+
+def notes(comparison: Comparison) -> list[str]:
+    """What a reader of the table must know: compilation, fewer paths, failed paths, drivers that wait."""
+    lines = []
+    ways = {t.how for t in comparison.times_to_error()}
+    if "beyond" in ways:
+        lines.append(
+            "~ beyond the finest step, by the slope of the last two errors; |ΔH| is that of the finest step"
+        )
+    if "coarsest" in ways:
+        lines.append("≤ already reached at the coarsest step")
+    most = max(p.paths for p in comparison.points)
+    busy = statistics.median(p.seconds.wall / p.seconds.median for p in comparison.points)
+    for name in comparison.sources:
+        points = comparison.of(name)
+        first = sum(p.seconds.first for p in points)
+        if first > 0.1 and first > 3 * sum(p.seconds.median for p in points):
+            lines.append(f"{name}: {first:.2g} s of compilation, not in the times above")
+        if points[0].paths < most:
+            lines.append(f"{name}: goes path by path, {points[0].paths} paths instead of {most}")
+        clipped = [p for p in points if p.clipping > CLIPPED * p.strong.value]
+        if clipped:
+            worst = max(clipped, key=lambda p: p.clipping / (p.strong.value or p.clipping))
+            lines.append(
+                f"{name}: truncated increments alone cost {worst.clipping:.1e} at {worst.steps} steps, which a sample "
+                "of this size does not show: the strong error is larger by that, in squares"
+            )
+        if any(p.failures for p in points):
+            lines.append(
+                f"{name}: paths that failed count in no error and no defect; such steps reach no target"
+            )
+        if all(p.seconds.wall > WAITS * busy * p.seconds.median for p in points):
+            lines.append(
+                f"{name}: much slower by the clock than its processor time says: it waits for something"
+            )
+    return lines
+
+
+COLUMNS = (
+    "problem", "method", "h", "steps", "paths", "failures", "strong_error", "strong_low", "strong_high",
+    "weak_error", "weak_low", "weak_high", "energy_defect", "casimir_defect", "seconds_median", "seconds_low",
+    "seconds_high", "seconds_wall", "seconds_first", "ns_per_step", "gradient_per_step", "structure_per_step",
+    "iterations_per_step",
+)  # fmt: skip
+
+
+def to_csv(comparison: Comparison) -> str:
+    """One line for each method and step size; empty where there is no number."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for name in comparison.sources:
+        for p in comparison.of(name):
+            s = p.seconds
+            row = (
+                comparison.problem, p.method, p.h, p.steps, p.paths, p.failures, *_ends(p.strong), *_ends(p.weak),
+                p.energy_defect, p.casimir_defect, s.median, s.low, s.high, s.wall, s.first, p.nanoseconds,
+                p.evaluations.get("gradient"), p.evaluations.get("structure"), p.iterations,
+            )  # fmt: skip
+            writer.writerow("" if v is None else v for v in row)
+    return text.getvalue()
+
+
+def _ends(e: Estimate) -> tuple[float, float, float]:
+    return e.value, max(e.low, 0.0), e.high
+
+
+def _target_cells(t: TimeToError) -> tuple[str, str]:
+    if t.microseconds is None or t.energy_defect is None:
+        return "–", ""
+    return f"{MARKS[t.how]}{_short(t.microseconds)}", _defect(t.energy_defect)
+
+
+def _short(value: float) -> str:
+    return f"{value:.3g}" if 1e-2 <= value < 1e4 else f"{value:.1e}"
+
+
+def _estimate(e: Estimate) -> str:
+    if not math.isfinite(e.value):
+        return "∞"
+    return f"{e.value:.1e}±{100 * e.half / e.value:.0f}%" if e.value else "0"
+
+
+def _weak(e: Estimate) -> str:
+    """An error that does not stand out of the noise of its sample is no more than an upper bound."""
+    if not math.isfinite(e.value):
+        return "∞"
+    return _estimate(e) if e.value > e.half else f"≤ {e.high:.1e}"
+
+
+def _defect(value: float) -> str:
+    return f"{value:.0e}" if math.isfinite(value) else "∞"
+
+
+def _count(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3g}"

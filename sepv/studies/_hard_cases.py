@@ -1,0 +1,281 @@
+"""A scheme on the hard cases: how each step ends, and the energy defect in extended precision.
+
+A step ends well in one of two ways: a value within the derived bound of `sepv.verification._tolerance`, or a refusal that
+the case allows. Everything else is counted: a value that is not finite or outside the domain, a defect
+beyond the bound, a refusal where a solution exists.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from sepv.errors import SepvError, StepFailure
+from sepv.problem import Array, GivenProblem, Problem
+from sepv.problem._fields import matvec
+from sepv.problems.hard import CATALOGUE, HardCase, Sample
+from sepv.reference.hard import exact_energy
+from sepv.reference.problem import exact_problem
+from sepv.schemes import Scheme
+from sepv.schemes._tableaux import amplification
+from sepv.simulate._paths import initial_state
+from sepv.solve import Status
+from sepv.verification import Case, energy_bound, energy_ulp, step_residual
+
+# Steps solved together; each batch draws an h of its own.
+BATCH = 500
+# What a value is called that is not one.
+UNMARKED = ("not finite", "outside the domain", "beyond the bound", "residual beyond the bound")
+
+
+@dataclass
+class Seen:
+    """What happened on one case.
+
+    Attributes
+    ----------
+    statuses : {name of Status: count}
+        How the steps ended; CRASH where the scheme raised anything but StepFailure.
+    wrong : {one of UNMARKED: count}
+        Values returned as solutions that are none.
+    defects : (n,)
+        Energy defects in energy ulps, of the steps that were solved.
+    ratio : float
+        The largest defect over its bound.
+    iterations : (n,)
+        Newton iterations of the solved steps, where the scheme reports them.
+    worst : Case or None
+        The step with the largest ratio, or the first that went wrong; None for problems that are not data.
+    laws : {law: (held, measured)}
+    unmeasured : int
+        Solved steps whose energy or its bound is beyond the largest binary64 number.
+    """
+
+    case: HardCase
+    steps: int = 0
+    statuses: dict[str, int] = field(default_factory=dict)
+    wrong: dict[str, int] = field(default_factory=dict)
+    defects: Array = field(default_factory=lambda: np.empty(0))
+    ratio: float = 0.0
+    iterations: Array = field(default_factory=lambda: np.empty(0))
+    worst: Case | None = None
+    laws: dict[str, tuple[int, int]] = field(default_factory=dict)
+    unmeasured: int = 0
+
+    @property
+    def solved(self) -> int:
+        """Steps with a solution."""
+        return self.statuses.get("CONVERGED", 0)
+
+    @property
+    def as_expected(self) -> bool:
+        """Only endings that the case allows, no wrong value, every law held."""
+        allowed = {"CONVERGED", *self.case.refusals}
+        return not self.wrong and set(self.statuses) <= allowed and all(a == b for a, b in self.laws.values())
+
+    def to_json(self) -> dict[str, Any]:
+        """The row of the table, every number of it."""
+        from sepv.verification._cases import case as cases
+
+        return {
+            "case": self.case.name,
+            "reason": self.case.reason,
+            "expected": self.case.expected,
+            "refusals_allowed": list(self.case.refusals),
+            "steps": self.steps,
+            "statuses": self.statuses,
+            "wrong": self.wrong,
+            "unmeasured": self.unmeasured,
+            "defect_median": _median(self.defects),
+            "defect_largest": float(self.defects.max()) if self.defects.size else None,
+            "largest_defect_over_bound": self.ratio,
+            "iterations_median": _median(self.iterations),
+            "iterations_largest": int(self.iterations.max()) if self.iterations.size else None,
+            "laws": {law: {"held": a, "measured": b} for law, (a, b) in self.laws.items()},
+            "as_expected": self.as_expected,
+            "worst": None if self.worst is None else cases.to_json(self.worst),
+        }
+
+
+def run(
+    scheme: Scheme,
+    cases: Iterable[HardCase] = CATALOGUE,
+    *,
+    steps: int = 200,
+    laws: int = 2,
+    seed: int = 0,
+    progress: Callable[[HardCase], None] = lambda _: None,
+) -> list[Seen]:
+    """Random steps of each case, and each law of a case on `laws` steps of it.
+
+    Parameters
+    ----------
+    steps : int ≥ 1
+        Of each case.
+    seed : int
+        The same seed draws the same steps, whichever cases are asked for.
+    """
+    found = []
+    for case in cases:
+        progress(case)
+        rng = np.random.default_rng([seed, *case.name.encode()])
+        seen = Seen(case)
+        held = _laws(scheme, case, case.sample(rng, laws), laws) if laws else {}
+        while seen.steps < steps:
+            _measure(seen, scheme, case.sample(rng, min(BATCH, steps - seen.steps)))
+        seen.laws = held
+        found.append(seen)
+    return found
+
+
+def _measure(seen: Seen, scheme: Scheme, sample: Sample) -> None:
+    """Add one batch to what was seen."""
+    problem, (y, h, dW) = seen.case.problem, sample
+    value, names, residual, iterations = _ask(scheme, problem, sample)
+    seen.steps += y.shape[1]
+    for name in np.unique(names):
+        seen.statuses[str(name)] = seen.statuses.get(str(name), 0) + int((names == name).sum())
+    solved = names == "CONVERGED"
+    finite = np.isfinite(value).all(axis=0)
+    _count(seen, sample, solved & ~finite, "not finite")
+    good = np.flatnonzero(solved & finite)
+    if problem.domain is not None:
+        inside = np.asarray(problem.domain(value[:, good]), dtype=bool)
+        _count(seen, sample, good[~inside], "outside the domain")
+        good = good[inside]
+    if not good.size:
+        return
+    y0, y1, used = y[:, good], value[:, good], dW[:, good]
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        allowed = step_residual(problem, y0, y1, h, used, scheme.solver_tolerance, scheme.stages)
+        bound = energy_bound(problem, y0, y1, allowed) + _tilt(seen.case, scheme, y0, y1, h, used)
+        if isinstance(seen.case.data, GivenProblem):
+            bound = bound + exact_problem(seen.case.data).uncertainty(y0, y1)
+        unit = energy_ulp(problem, y0, y1)
+    defect = energy_defects(seen.case, y0, y1)
+    if scheme.solve is not None:
+        _count(seen, sample, good[~(residual[good] <= allowed.max(axis=0))], "residual beyond the bound")
+    judged = np.isfinite(bound) & np.isfinite(unit)
+    seen.unmeasured += int((~judged).sum())
+    good, ratio = good[judged], defect[judged] / bound[judged]
+    seen.defects = np.concatenate([seen.defects, defect[judged] / unit[judged]])
+    seen.iterations = np.concatenate([seen.iterations, iterations[good]])
+    if not good.size:
+        return
+    if "energy" in scheme.claims:
+        _count(seen, sample, good[~(ratio <= 1)], "beyond the bound")
+        if not ratio.max() <= seen.ratio and not seen.wrong:
+            seen.worst = _as_case(seen.case, sample, int(good[np.argmax(ratio)]))
+    seen.ratio = max(seen.ratio, float(ratio.max()))
+
+
+def long_steps(problem: Problem, text: str = "") -> HardCase:
+    """Steps of a user's problem from states about its initial one, some far longer than its slopes allow.
+
+    Whatever is solved must be right; what is not may be refused.
+    """
+    from sepv.verification._cases.given import describe, reach
+
+    start = initial_state(problem, None)
+    longest = 10 * reach(problem) / 8  # an eighth of the reach is what the slopes allow
+
+    def sample(rng: np.random.Generator, lanes: int) -> Sample:
+        y = start[:, None] * rng.uniform(0.5, 1.5, (start.size, lanes))
+        if problem.domain is not None:
+            y = np.where(np.asarray(problem.domain(y), dtype=bool), y, start[:, None])
+        h = float(longest * 10.0 ** rng.uniform(-3, 0))
+        return Sample(y, h, np.sqrt(h) * rng.standard_normal((problem.noises, lanes)))
+
+    refusals = ("REFUSED", *(s.name for s in Status if s is not Status.CONVERGED))
+    return HardCase(
+        problem.name,
+        "a problem of your own: steps from a hundredth to ten times what its slopes allow",
+        "solved to the bound, or refused",
+        describe(problem, text),
+        sample,
+        refusals,
+    )
+
+
+def energy_defects(case: HardCase, y0: Array, y1: Array) -> Array:
+    """|H(y1) − H(y0)| of every lane, (M,), H evaluated at the binary64 states in extended precision."""
+    H = exact_energy(case.data)
+    return np.array([abs(float(H(b) - H(a))) for a, b in zip(y0.T, y1.T, strict=True)])
+
+
+def _ask(scheme: Scheme, problem: Problem, sample: Sample) -> tuple[Array, np.ndarray, Array, np.ndarray]:
+    """Value (d, M), name of the status, residual and iterations (M,): by `solve`, else one step at a time."""
+    y, h, dW = sample
+    if scheme.solve is not None:
+        solution = scheme.solve(problem, y, h, dW)
+        names = np.array([Status(int(s)).name for s in solution.status])
+        return solution.value, names, solution.residual, solution.iterations
+    from sepv.schemes._guard import raw_answer
+
+    value, names = np.full_like(y, np.nan), np.full(y.shape[1], "CONVERGED", dtype="<U16")
+    for lane in range(y.shape[1]):
+        try:
+            answer = np.asarray(raw_answer(scheme, problem, y[:, lane].copy(), h, dW[:, lane].copy()))
+            value[:, lane] = answer if answer.shape == (y.shape[0],) else np.nan
+        except StepFailure:
+            names[lane] = "REFUSED"
+        except SepvError:
+            names[lane] = "CRASH"
+    return value, names, np.zeros(y.shape[1]), np.zeros(y.shape[1])
+
+
+def _count(seen: Seen, sample: Sample, lanes: Array, what: str) -> None:
+    numbers = np.flatnonzero(lanes) if lanes.dtype == bool else lanes
+    if numbers.size:
+        if not seen.wrong:
+            seen.worst = _as_case(seen.case, sample, int(numbers[0]))
+        seen.wrong[what] = seen.wrong.get(what, 0) + int(numbers.size)
+
+
+def _tilt(case: HardCase, scheme: Scheme, y0: Array, y1: Array, h: float, dW: Array) -> Array | float:
+    """|Δ| gᵀ|S|g: what the symmetric part S of a nearly skew B does to H, with g bounded along the step.
+
+    The averages of a scheme with several stages exceed ∇H by up to `amplification`.
+    """
+    if not case.skewness:
+        return 0.0
+    problem = case.problem
+    along = np.linspace(0, 1, 9).reshape(1, -1, 1)
+    g = np.abs(problem.gradient(y0[:, None] + along * (y1 - y0)[:, None])).max(axis=1)
+    S = problem.structure(y0)
+    tilt: Array = np.sum(g * matvec(0.5 * np.abs(S + np.swapaxes(S, 0, 1)), g), axis=0)
+    # The mean of ∇H is below its largest value; 9 points may miss that by a little.
+    return 1.1 * amplification(scheme.stages) ** 2 * np.abs(problem.random_step(h, dW)) * tilt
+
+
+def _as_case(case: HardCase, sample: Sample, lane: int) -> Case | None:
+    if case.structure is not None:
+        return None
+    y, h, dW = sample
+    return Case(case.data, tuple(y[:, lane].tolist()), float(h), tuple(dW[:, lane].tolist()))
+
+
+def _laws(scheme: Scheme, case: HardCase, sample: Sample, count: int) -> dict[str, tuple[int, int]]:
+    """Each law of the case that the scheme claims, measured on the steps of the sample.
+
+    Where the case allows refusals, a law says something of the steps that were solved only.
+    """
+    from sepv.verification import Verdict, load_laws
+    from sepv.verification._cases import case as cases
+
+    wanted = [law for law in load_laws(case.laws) if law.claimed_by(scheme)] if case.laws else []
+    found = {}
+    for law in wanted:
+        witnesses = [_as_case(case, sample, lane) for lane in range(count)]
+        verdicts = [law.replay(law, scheme, cases.to_json(w)).verdict for w in witnesses if w is not None]
+        silent = (Verdict.ERROR, Verdict.NOT_APPLICABLE) if case.refusals else ()
+        measured = [v for v in verdicts if v not in silent]
+        found[law.name] = (sum(v is Verdict.HOLDS for v in measured), len(measured))
+    return found
+
+
+def _median(values: Sequence[float] | Array) -> float | None:
+    return float(np.median(values)) if len(values) else None

@@ -1,0 +1,86 @@
+"""§2: without noise (2.1) is the method of order two of Cohen and Hairer (2011)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from sepv import problems, schemes
+from sepv.exact import exact_flow
+from sepv.problem import Problem
+from sepv.studies._reproduce.job import Job, Results, Size
+from sepv.studies._reproduce.order import ERROR_AXIS, H_AXIS, SENTENCE
+from sepv.studies._reproduce.record import Panel, Statement, decide, series
+
+SYSTEMS: dict[str, Callable[..., Problem]] = {
+    "rigid-body": problems.rigid_body,
+    "pendulum": problems.pendulum,
+}
+SHOWN = ("energy-preserving", "midpoint", "discrete-gradient")
+T, STEPS = 1.0, (16, 32, 64, 128)
+
+
+def errors(scheme: str, problem: str) -> list[float]:
+    """|y_N − y(T)| with c = 0, for each number of steps."""
+    method, system = schemes.ALL[scheme], SYSTEMS[problem](noise=())
+    start, found = np.array(system.initial), []
+    exact = exact_flow(system, T).y
+    for steps in STEPS:
+        y = start
+        for _ in range(steps):
+            y = method.step(system, y, T / steps, np.empty(0))
+        found.append(float(np.linalg.norm(y - exact)))
+    return found
+
+
+def jobs(_size: Size) -> list[Job]:
+    """A job a scheme and problem; nothing is random, and no share is taken of it."""
+    return [
+        Job(("theory", "deterministic", s, p), errors, {"scheme": s, "problem": p}, 0.5)
+        for s in SHOWN
+        for p in SYSTEMS
+    ]
+
+
+def panels(results: Results) -> list[Panel]:
+    """Errors against h, and the slope of (2.1)."""
+    h = T / np.array(STEPS)
+    found = {(s, p): np.array(results["theory", "deterministic", s, p]) for s in SHOWN for p in SYSTEMS}
+    # The finest two: a local slope, with the coarser ones as a check that it has settled.
+    slopes = {key: -np.diff(np.log2(e)) for key, e in found.items()}
+    statements = []
+    for p in SYSTEMS:
+        seen = slopes["energy-preserving", p]
+        statements.append(
+            Statement(
+                text=f"{SENTENCE['energy-preserving']} reduces to the method of order two for c = 0, on the {p}",
+                source="§2",
+                verdict=decide(bool(abs(seen[-1] - 2) < 0.25), bool(abs(seen[-1] - 2) > 0.5)),
+                measured="slopes " + ", ".join(f"{v:.2f}" for v in seen),
+                criterion="the slope between the two finest steps is within 2 ± 1/4",
+            )
+        )
+    return [
+        Panel(
+            key="theory-deterministic-order",
+            figure="theory",
+            title="Without noise",
+            source="§2",
+            x=H_AXIS,
+            y=ERROR_AXIS,
+            series=tuple(series(f"{s}, {p}", h, e, scheme=s, style="both") for (s, p), e in found.items()),
+            parameters={"c": 0.0, "T": T, "N": list(STEPS)},
+            slopes=(1.0, 2.0),
+            statements=tuple(statements),
+            description="Energy-preserving and midpoint scheme have slope two. The discrete gradient scheme has slope "
+            "one where B is not constant, because it takes B at the start of the step.",
+            numbers={
+                f"{s}, {p}": {"errors": e.tolist(), "slopes": slopes[s, p].tolist()}
+                for (s, p), e in found.items()
+            },
+        )
+    ]
+
+
+PANELS = {"theory": panels}

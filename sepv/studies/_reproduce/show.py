@@ -1,0 +1,88 @@
+"""A reproduction on the terminal: the statements panel by panel, and progress with the time left."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from sepv.progress import showing
+from sepv.studies._reproduce.record import Statement, counts
+from sepv.studies._reproduce.suite import Progress, Reproduction
+
+_STYLES = {"holds": "green", "fails": "bold red", "open": "yellow"}
+
+
+def show(found: Reproduction, out: Console) -> None:
+    """Each panel's statements with what was measured."""
+    for panel in found.panels:
+        out.print(Text.assemble((panel.title, "bold"), f"  {panel.source}"))
+        rows = [Row("", f"chosen: {choice}", "dim") for choice in panel.chosen]
+        _print([*rows, *(row for s in panel.statements for row in _rows(s))], out)
+    if found.text:
+        out.print(Text("As printed", style="bold"))
+        _print([row for s in found.text for row in _rows(s)], out)
+
+
+class Row(NamedTuple):
+    """A verdict, or nothing, beside a paragraph."""
+
+    verdict: str
+    text: str
+    style: str = ""
+
+
+def _rows(s: Statement) -> list[Row]:
+    rows = [Row(s.verdict, f"{s.text} ({s.source})"), Row("", s.measured, "dim")]
+    if s.verdict != "holds":
+        rows.append(Row("", f"criterion: {s.criterion}", "dim"))
+        rows += [Row("", f"instead: {s.correction}", "dim")] if s.correction else []
+    return rows
+
+
+def _print(rows: Sequence[Row], out: Console) -> None:
+    """Paragraphs wrapped beside their verdicts; where no terminal reads it, one line each."""
+    if not out.is_terminal:
+        for row in rows:
+            out.print(Text(f"  {row.verdict:<6}{row.text}"), soft_wrap=True)
+    else:
+        table = Table.grid(padding=(0, 0, 0, 2))
+        table.add_column(width=6)
+        table.add_column()
+        for row in rows:
+            table.add_row(
+                Text(row.verdict, style=_STYLES.get(row.verdict, "")), Text(row.text, style=row.style)
+            )
+        out.print(table)
+    out.print()
+
+
+def summary(found: Reproduction) -> Text:
+    """One line: the counts, and how long it took."""
+    n = counts(found.statements)
+    text = Text(f"{sum(n.values())} statements: {n['holds']} hold, {n['fails']} do not, {n['open']} open; ")
+    text.append(
+        f"{len(found.panels)} panels in {found.seconds:.0f} s, {found.processor_seconds:.0f} s of processor time"
+    )
+    if found.size.share != 1:
+        text.append(f", with a share of {found.size.share:g} of the samples and steps", style="yellow")
+    return text.append(".")
+
+
+def dump(record: dict[str, Any]) -> str:
+    """JSON text, strict: no NaN."""
+    return json.dumps(record, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+@contextmanager
+def watching(quiet: bool = False) -> Iterator[Progress]:
+    """Progress on stderr: of estimated seconds, those that are done."""
+    with showing(quiet) as shown:
+        yield lambda done, total: shown.update(
+            f"{done:.0f} of {total:.0f} s of work", done / total if total else 1.0
+        )

@@ -1,0 +1,209 @@
+"""All figures: which jobs there are, running them in processes, and the record of what came out."""
+
+from __future__ import annotations
+
+import math
+import platform
+import time
+from collections.abc import Callable, Iterable
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from dataclasses import dataclass, replace
+from typing import Any
+
+from sepv._version import __version__
+from sepv.errors import UsageError
+from sepv.simulate._engine.workers import check, count, ended_at_once, run_all
+from sepv.studies._reproduce import (
+    deterministic,
+    errata,
+    extensions,
+    lemma,
+    local,
+    lotka_volterra,
+    oscillator,
+    pendulum,
+    printed,
+    remarks,
+    rigid_body,
+)
+from sepv.studies._reproduce.job import Job, Results, Size
+from sepv.studies._reproduce.record import Panel, Statement, counts, finite
+
+SECTIONS = (
+    oscillator,
+    rigid_body,
+    pendulum,
+    lotka_volterra,
+    deterministic,
+    lemma,
+    local,
+    remarks,
+    extensions,
+)
+FIGURES = ("4.1", "4.2", "4.3", "4.4", "4.5", "4.6")
+# Panels about §2, §3 and the remarks.
+THEORY = "theory"
+# Formulas and arguments of the text, which need no run.
+TEXT = "text"
+
+# (seconds of work done, seconds of work in all), both as estimated.
+Progress = Callable[[float, float], None]
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """What was computed, and how long it took: by the clock, and of processor time in all processes."""
+
+    panels: tuple[Panel, ...]
+    text: tuple[Statement, ...]
+    size: Size
+    seconds: float
+    processor_seconds: float
+    workers: int
+
+    @property
+    def statements(self) -> tuple[Statement, ...]:
+        """Those of the panels, then those of the text."""
+        return (*(s for p in self.panels for s in p.statements), *self.text)
+
+    def to_json(self) -> dict[str, Any]:
+        """The record as JSON, as sepv/schemas/reproduction.schema.json describes it."""
+        import numpy
+        import scipy
+
+        return {
+            "reproduction": {
+                "name": "sepv",
+                "version": __version__,
+                "seed": self.size.seed,
+                "share": self.size.share,
+                "engine": self.size.engine,
+                "seconds": round(self.seconds, 1),
+                "processor_seconds": round(self.processor_seconds, 1),
+                "workers": self.workers,
+                "python": platform.python_version(),
+                "numpy": numpy.__version__,
+                "scipy": scipy.__version__,
+                "of": "D. Cohen and G. Dujardin, Energy-preserving integrators for stochastic Poisson systems (2014)",
+            },
+            "counts": counts(self.statements),
+            "panels": [p.to_json() for p in self.panels],
+            "text": [finite(vars(s)) for s in self.text],
+        }
+
+
+def reproduce(
+    figures: Iterable[str] = (),
+    *,
+    size: Size | None = None,
+    workers: Any = 2,
+    progress: Progress = lambda _done, _all: None,
+) -> Reproduction:
+    """Compute panels.
+
+    Parameters
+    ----------
+    figures : names such as "4.3", "theory" or "text"; all of them by default.
+    workers : int, executor, map-like callable, Dask client or its address
+        Processes, or what `sepv.ensemble` takes. The numbers do not depend on it.
+
+    Raises
+    ------
+    UsageError
+        For a figure that the paper does not have.
+    """
+    wanted = tuple(dict.fromkeys(figures)) or (*FIGURES, THEORY, TEXT)
+    unknown = [f for f in wanted if f not in (*FIGURES, THEORY, TEXT)]
+    if unknown:
+        raise UsageError(
+            expected=f"figures among {', '.join((*FIGURES, THEORY, TEXT))}",
+            received=", ".join(map(repr, unknown)),
+            remedy="sepv reproduce 4.3, or no argument for all of them",
+        )
+    check(workers)
+    size, started = size or Size(), time.perf_counter()
+    sections = [(s, jobs) for s in SECTIONS if (jobs := _jobs(s, size, wanted))]
+    results = _run([job for _, jobs in sections for job in jobs], workers, progress)
+    panels = [p for s, _ in sections for p in _panels(s, results, wanted)]
+    return Reproduction(
+        panels=tuple(panels),
+        text=(*printed.statements(), *errata.statements()) if TEXT in wanted else (),
+        size=size,
+        seconds=time.perf_counter() - started,
+        processor_seconds=sum(results[("seconds",)].values()),
+        workers=count(workers),
+    )
+
+
+def _jobs(section: Any, size: Size, wanted: tuple[str, ...]) -> list[Job]:
+    return [replace(job, seconds=job.expected()) for job in section.jobs(size) if job.key[0] in wanted]
+
+
+def _panels(section: Any, results: Results, wanted: tuple[str, ...]) -> list[Panel]:
+    found = []
+    for figure, make in section.PANELS.items():
+        if figure in wanted:
+            panels = make(results)
+            seconds = sum(t for key, t in results[("seconds",)].items() if key[0] == figure)
+            found += [replace(p, seconds=round(seconds / len(panels), 2)) for p in panels]
+    return found
+
+
+def _run(jobs: list[Job], workers: Any, progress: Progress) -> Results:
+    """Every job, the longest first so that no process waits for a long one in the end."""
+    jobs = sorted(jobs, key=lambda j: -j.seconds)
+    total = sum(j.seconds for j in jobs)
+    results: Results = {("seconds",): {}}
+    if workers == 1 or len(jobs) < 2:
+        done = 0.0
+        for job in jobs:
+            progress(done, total)
+            results[job.key], results[("seconds",)][job.key] = _timed(job)
+            done += job.seconds
+        progress(total, total)
+        return results
+    if not isinstance(workers, int):
+        return _elsewhere(jobs, workers, progress)
+    with ended_at_once(ProcessPoolExecutor(workers)) as pool:
+        running = {pool.submit(_timed, job): job for job in jobs}
+        done = 0.0
+        since: dict[tuple[str, ...], float] = {}
+        while running:
+            finished, _ = wait(running, timeout=0.5, return_when=FIRST_COMPLETED)
+            for future in finished:
+                job = running.pop(future)
+                results[job.key], results[("seconds",)][job.key] = future.result()
+                done += job.seconds
+            now = time.perf_counter()
+            active = [since.setdefault(job.key, now) for job in list(running.values())[:workers]]
+            parts = (_part(job, now - start) for job, start in zip(running.values(), active, strict=False))
+            progress(done + sum(parts), total)
+    return results
+
+
+def _elsewhere(jobs: list[Job], workers: Any, progress: Progress) -> Results:
+    """The same on a cluster, where it cannot be seen how far a job is."""
+    results: Results = {("seconds",): {}}
+    done, total = 0.0, sum(j.seconds for j in jobs)
+
+    def take(number: int, found: tuple[Any, float]) -> None:
+        nonlocal done
+        job = jobs[number]
+        results[job.key], results[("seconds",)][job.key] = found
+        done += job.seconds
+        progress(done, total)
+
+    progress(done, total)
+    run_all(_timed, jobs, workers, threads=False, receive=take)
+    return results
+
+
+def _part(job: Job, elapsed: float) -> float:
+    """What a running job has done, as far as its estimate says: it nears the end and never reaches it."""
+    return job.seconds * (1 - math.exp(-elapsed / job.seconds))
+
+
+def _timed(job: Job) -> tuple[Any, float]:
+    """The job's result, and its processor time: a busy machine is not a slow program."""
+    started = time.process_time()
+    return job.function(**job.arguments), time.process_time() - started

@@ -1,0 +1,235 @@
+"""The branch of solutions y1(Δ) of y1 = y0 + Δ G(y0, y1) that starts in y0 at Δ = 0, followed to its end.
+
+By pseudo-arclength continuation (H. B. Keller, 1977): the unknown is (z, Δ) with z = y1 − y0, a step goes along the
+tangent of the curve F(z, Δ) = z − Δ G = 0 and is corrected across it, so that a fold, where ∂F/∂z is singular
+and dΔ/ds changes sign, is a point like any other. All states are followed together.
+
+Where the part {H = H(y0)} of the state space on which y1 lies is bounded, so are all solutions, and by the
+Leray-Schauder theorem the curve meets every Δ, beyond folds if need be. Where it is not, solutions may end.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from sepv.errors import UsageError
+from sepv.problem import Array, Problem
+from sepv.schemes import Scheme, both_invariants, energy_preserving, midpoint
+from sepv.schemes._one_step import Implicit
+from sepv.solve._solution import IncrementFunction, JacobianFunction
+
+MOST_STEPS = 4000
+# Arclengths, the longest beside 1 + |z|: a branch that escapes to infinity gets there.
+LONGEST, SHORTEST = 0.05, 1e-9
+# A fold is located to this arclength: Δ has a maximum there, so that its error is about the square.
+FOLD = 1e-6
+CORRECTIONS = 8
+# The curve may turn by arccos 0.95 ≈ 18° in a step.
+TURN = 0.95
+# |z| beyond this multiple of |y0|: the solution escapes to infinity.
+FAR = 1e6
+
+# Of differences, beside the component: their cube is as small as a rounding.
+WIDTH = 6e-6
+
+# R of each scheme whose right side is linear in one Δ, and ∂R/∂y1.
+EQUATIONS: dict[str, tuple[IncrementFunction, JacobianFunction]] = {
+    scheme.name: (step.increment, step.jacobian)
+    for scheme in (energy_preserving, midpoint, both_invariants)
+    if isinstance(step := scheme.step, Implicit)
+}
+
+
+class End(IntEnum):
+    """How a branch ends."""
+
+    RANGE = 0
+    FOLD = 1
+    BOUNDARY = 2
+    INFINITY = 3
+    LOST = 4
+
+    @property
+    def text(self) -> str:
+        """The end in words."""
+        return _TEXTS[self]
+
+
+_TEXTS = {
+    End.RANGE: "reaches the end of the range",
+    End.FOLD: "turns back at a fold",
+    End.BOUNDARY: "reaches the boundary of the domain",
+    End.INFINITY: "escapes to infinity",
+    End.LOST: "could not be followed further",
+}
+
+
+@dataclass(frozen=True)
+class Branch:
+    """The branches of M states in one direction of Δ.
+
+    Attributes
+    ----------
+    reach : (M,)
+        |Δ| up to which the branch is a function of Δ; the range where it goes on.
+    end : (M,)
+        `End` of each.
+    delta, z : (P, M), (P, d, M)
+        Points of the curves from Δ = 0 to the end, NaN after it.
+    """
+
+    reach: Array
+    end: np.ndarray
+    delta: Array
+    z: Array
+
+
+def follow(problem: Problem, y0: Array, furthest: float, scheme: Scheme = energy_preserving) -> Branch:
+    """The branches from the states y0 (d, M) for Δ between 0 and `furthest`, which may be negative.
+
+    Raises
+    ------
+    UsageError
+        For a scheme whose step is not an equation in one Δ.
+    """
+    if scheme.name not in EQUATIONS:
+        raise UsageError(
+            expected=f"a scheme whose step is an equation in Δ alone: {', '.join(EQUATIONS)}",
+            received=repr(scheme.name),
+            remedy="the map of energy-preserving shows what its relatives can expect",
+        )
+    if not (np.isfinite(furthest) and furthest != 0):
+        raise UsageError(
+            expected="a range of Δ, finite and not 0", received=repr(furthest), remedy="give the largest |Δ|"
+        )
+    with np.errstate(all="ignore"):
+        return _Follower(problem, y0, furthest, EQUATIONS[scheme.name][0]).run()
+
+
+class _Follower:
+    """The curve in units: z in those of y0, Δ in those of the range, n = d + 1 unknowns a lane."""
+
+    def __init__(self, problem: Problem, y0: Array, furthest: float, increment: IncrementFunction) -> None:
+        self.problem, self.y0, self.furthest, self.increment = problem, y0, furthest, increment
+        d, M = y0.shape
+        self.scale = self.scale_of(y0)
+        self.w = np.zeros((d + 1, M))
+        self.tangent = np.zeros((d + 1, M))
+        self.ds = np.full(M, 1e-3)
+        self.end = np.full(M, -1)
+
+    def equations(self, w: Array, lanes: np.ndarray) -> tuple[Array, Array]:
+        """F (d, M) and its derivative (d, d + 1, M), in units."""
+        y0, scale = self.y0[:, lanes], self.scale[lanes]
+        delta, z = self.furthest * w[-1], scale * w[:-1]
+        one = np.ones((1, lanes.size))
+        G = self.increment(self.problem, y0, y0 + z, one).value
+        K = np.stack([self.slope(y0, y0 + z, one, k) for k in range(len(z))], axis=1)
+        F = w[:-1] - delta * G / scale
+        J = np.concatenate(
+            [np.eye(len(w) - 1)[..., None] - delta * K, (-self.furthest * G / scale)[:, None]], axis=1
+        )
+        return F, J
+
+    def slope(self, y0: Array, y1: Array, one: Array, k: int) -> Array:
+        """∂G/∂y1_k by central differences, to about 1e-10: a fold is where these derivatives say, and analytic ones
+        of some H are averaged with a few nodes only.
+        """
+        size = np.abs(y1[k])
+        width = WIDTH * np.where(size > 1e-3 * self.scale_of(y1), size, 1e-3 * self.scale_of(y1))
+        if self.problem.domain is not None:
+            width = np.where(size > 0, np.minimum(width, WIDTH * size), width)
+        ahead, behind = y1.copy(), y1.copy()
+        ahead[k], behind[k] = y1[k] + width, y1[k] - width
+        up, down = (self.increment(self.problem, y0, y, one).value for y in (ahead, behind))
+        difference: Array = (up - down) / (ahead[k] - behind[k])
+        return difference
+
+    @staticmethod
+    def scale_of(y: Array) -> Array:
+        """The largest component of each state."""
+        return np.maximum(np.abs(y).max(axis=0), np.finfo(np.float64).tiny)
+
+    def run(self) -> Branch:
+        d, M = self.y0.shape
+        active = np.arange(M)
+        self.tangent[:, active] = self.direction(self.w, active, np.eye(d + 1)[:, -1:] * np.ones(M))
+        points = [self.w.copy()]
+        for _ in range(MOST_STEPS):
+            active = np.flatnonzero(self.end < 0)
+            if not active.size:
+                break
+            self.advance(active)
+            points.append(np.where(self.end < 0, self.w, np.nan))
+            ended = (self.end[active] >= 0) & (self.end[active] != End.LOST)
+            points[-1][:, active[ended]] = self.w[:, active[ended]]
+        self.end[self.end < 0] = End.LOST
+        curve = np.stack(points)
+        reach = np.abs(self.furthest) * np.minimum(self.w[-1], 1.0)
+        return Branch(reach, self.end, self.furthest * curve[:, -1], self.scale * curve[:, :-1])
+
+    def direction(self, w: Array, lanes: np.ndarray, before: Array) -> Array:
+        """The unit tangent that goes on in the direction `before`."""
+        _, J = self.equations(w, lanes)
+        side = np.zeros_like(w)
+        side[-1] = 1.0
+        t = _solve(np.concatenate([J, before[None]]), side)
+        return t / np.sqrt((t * t).sum(axis=0))
+
+    def advance(self, lanes: np.ndarray) -> None:
+        """A step of each lane, taken where it is good, with the length of the next one."""
+        t, ds = self.tangent[:, lanes], self.ds[lanes]
+        w, good, quick = self.correct(self.w[:, lanes] + ds * t, t, lanes)
+        new = self.direction(w, lanes, t)
+        good = np.asarray(good & np.isfinite(new).all(axis=0) & ((new * t).sum(axis=0) > TURN))
+        inside = np.ones(lanes.size, dtype=bool)
+        if self.problem.domain is not None:
+            inside = np.asarray(
+                self.problem.domain(self.y0[:, lanes] + self.scale[lanes] * w[:-1]), dtype=bool
+            )
+        folded = good & inside & (new[-1] <= 0)
+        # A step across a fold is taken only when it is short enough to be the fold.
+        taken = good & inside & (~folded | (ds <= FOLD))
+        here = lanes[taken]
+        self.w[:, here], self.tangent[:, here] = w[:, taken], new[:, taken]
+        self.ds[lanes] = np.where(taken, np.where(quick, 1.5, 1.0) * ds, 0.5 * ds)
+        self.ds[lanes] = np.minimum(self.ds[lanes], LONGEST * (1 + np.abs(self.w[:, lanes]).max(axis=0)))
+        self.end[lanes[taken & folded]] = End.FOLD
+        self.end[lanes[taken & ~folded & (w[-1] >= 1)]] = End.RANGE
+        self.end[lanes[taken & (np.abs(w[:-1]).max(axis=0) > FAR)]] = End.INFINITY
+        short = ~taken & (self.ds[lanes] < SHORTEST)
+        self.end[lanes[short]] = np.where(inside[short], End.LOST, End.BOUNDARY)
+
+    def correct(self, w: Array, t: Array, lanes: np.ndarray) -> tuple[Array, np.ndarray, np.ndarray]:
+        """Newton back to the curve, across t: where it arrived, and whether in at most three corrections."""
+        goal, size = w.copy(), np.full(lanes.size, np.inf)
+        arrived, turns = np.zeros(lanes.size, dtype=bool), np.zeros(lanes.size, dtype=int)
+        for _ in range(CORRECTIONS):
+            F, J = self.equations(w, lanes)
+            across = (t * (w - goal)).sum(axis=0)
+            p = _solve(np.concatenate([J, t[None]]), np.concatenate([F, across[None]]))
+            moves = np.abs(p).max(axis=0)
+            shrinking = moves <= 0.5 * size
+            arrived |= (moves <= 1e-12 * (1 + np.abs(w).max(axis=0))) | (arrived & shrinking)
+            w = np.where(arrived | ~np.isfinite(moves), w, w - p)
+            turns += ~arrived
+            size = moves
+            if arrived.all():
+                break
+        return w, arrived, np.asarray(turns <= 3)
+
+
+def _solve(A: Array, b: Array) -> Array:
+    """A x = b for A (n, n, M), b (n, M); NaN where A is singular."""
+    matrices, sides = np.moveaxis(A, -1, 0), b.T[..., None]
+    fine = np.asarray(np.isfinite(matrices).all(axis=(1, 2)) & np.isfinite(sides).all(axis=(1, 2)))
+    matrices = np.where(fine[:, None, None], matrices, np.eye(A.shape[0]))
+    try:
+        x = np.linalg.solve(matrices, sides)[..., 0].T
+    except np.linalg.LinAlgError:
+        # One singular matrix of a batch spoils the call: the pseudo-inverse of each is as good here.
+        x = (np.linalg.pinv(matrices) @ sides)[..., 0].T
+    return np.where(fine, x, np.nan)

@@ -1,0 +1,270 @@
+"""The map: states along an orbit of the exact flow × Δ, what exists there and what Newton finds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+
+from sepv.exact import exact_flow
+from sepv.problem import Array, Problem
+from sepv.schemes import Scheme, energy_preserving
+from sepv.solve import Status, solve
+from sepv.studies._solvability.branch import EQUATIONS, Branch, End, follow
+from sepv.studies._solvability.chance import chance_outside
+
+# A solution is the connected one where it agrees with it to this share of |y0| and the distance moved: both are known
+# to rounding times a condition that grows towards the fold.
+SAME = 1e-4
+# The shortest branches are looked for between the states: rounds, minima in each, new states on either side of one.
+ROUNDS, LOWEST, POINTS = 3, 2, 4
+
+
+class Finding(IntEnum):
+    """What there is at one state and Δ."""
+
+    FOUND = 0
+    MISSED = 1
+    ANOTHER = 2
+    NONE = 3
+    UNKNOWN = 4
+
+    @property
+    def text(self) -> str:
+        """The finding in words."""
+        return _TEXTS[self]
+
+
+_TEXTS = {
+    Finding.FOUND: "connected solution, found",
+    Finding.MISSED: "connected solution, not found",
+    Finding.ANOTHER: "another solution found",
+    Finding.NONE: "no connected solution, none found",
+    Finding.UNKNOWN: "branch lost",
+}
+
+
+@dataclass(frozen=True)
+class Shortest:
+    """How far branches reach, (R,) each way, from states at the times theta (R,) of the exact flow."""
+
+    theta: Array
+    forward: Array
+    backward: Array
+
+
+@dataclass(frozen=True)
+class Map:
+    """Solvability along an orbit.
+
+    Attributes
+    ----------
+    theta, states : (M,), (d, M)
+        Times of the exact flow from the initial state, and the states there. The random times of (1.1) pass through
+        no others; numerical paths do (`sepv.studies._solvability.paths`).
+    delta : (K,)
+        The grid of Δ, both signs.
+    findings : (K, M)
+        `Finding` at each.
+    forward, backward : Branch
+        For Δ > 0 and Δ < 0.
+    refined : Shortest
+        The same from further states, around those with the shortest branches.
+    """
+
+    problem: Problem
+    scheme: Scheme
+    theta: Array
+    states: Array
+    delta: Array
+    findings: np.ndarray
+    forward: Branch
+    backward: Branch
+    refined: Shortest
+
+    @property
+    def safe(self) -> tuple[float, float]:
+        """(−a, b): the shortest branches found, over the states of the map and those of `refined`.
+
+        Not a bound: between the states nothing is known, but that reaches are continuous where folds are.
+        """
+        ends = [(self.backward.reach, self.forward.reach), (self.refined.backward, self.refined.forward)]
+        low, high = (float(min(r[side].min(initial=np.inf) for r in ends)) for side in (0, 1))
+        return -low, high
+
+    def chances(self, h: float, k: int | None) -> Array:
+        """P(Δ of one step is outside the branch) for each state of the map, (M,)."""
+        return chance_outside(h, self.problem.c, -self.backward.reach, self.forward.reach, k)
+
+    def worst(self, h: float, k: int | None) -> float:
+        """The largest such probability, over the states of `refined` too."""
+        further = chance_outside(h, self.problem.c, -self.refined.backward, self.refined.forward, k)
+        return float(max(self.chances(h, k).max(), further.max(initial=0.0)))
+
+    def counts(self) -> dict[Finding, int]:
+        """How many points of the map there are of each kind."""
+        return {kind: int(np.count_nonzero(self.findings == kind)) for kind in Finding}
+
+    def to_json(self, steps: tuple[float, ...], k: int | None) -> dict[str, Any]:
+        """All numbers of the map."""
+        return {
+            "problem": self.problem.name,
+            "scheme": self.scheme.name,
+            "noise": self.problem.c.tolist(),
+            "safe": list(self.safe),
+            "theta": self.theta.tolist(),
+            "states": self.states.T.tolist(),
+            "delta": self.delta.tolist(),
+            "findings": {kind.text: count for kind, count in self.counts().items()},
+            "map": self.findings.T.tolist(),
+            "legend": {str(int(kind)): kind.text for kind in Finding},
+            "forward": _branch_json(self.forward),
+            "backward": _branch_json(self.backward),
+            "refined": {
+                "theta": self.refined.theta.tolist(),
+                "forward": self.refined.forward.tolist(),
+                "backward": self.refined.backward.tolist(),
+            },
+            "truncation": k,
+            "chances": [
+                {"h": h, "mean": float(self.chances(h, k).mean()), "worst": self.worst(h, k)} for h in steps
+            ],
+        }
+
+
+def _branch_json(branch: Branch) -> dict[str, Any]:
+    return {"reach": branch.reach.tolist(), "end": [End(int(e)).text for e in branch.end]}
+
+
+def solvability_map(
+    problem: Problem,
+    *,
+    scheme: Scheme = energy_preserving,
+    furthest: float = 1.0,
+    grid: int = 80,
+    states: int = 96,
+    time: float = 10.0,
+    y0: Array | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Map:
+    """The map over `states` states of the orbit through y0 at times from 0 to `time`, |Δ| ≤ `furthest`.
+
+    Parameters
+    ----------
+    grid : int
+        Points of Δ on each side of 0.
+
+    Raises
+    ------
+    UsageError
+        For a scheme or a problem that cannot be followed, or no initial state.
+    """
+    theta = np.linspace(0.0, time, states)
+    progress("the orbit")
+    y = exact_flow(problem, theta, y0).y
+    progress("branches")
+    forward, backward = follow(problem, y, furthest, scheme), follow(problem, y, -furthest, scheme)
+    steps = furthest * np.arange(1, grid + 1) / grid
+    rows: list[tuple[tuple[float, int], np.ndarray]] = []
+    for sign, branch in ((-1.0, backward), (1.0, forward)):
+        for number, delta in enumerate(sign * steps):
+            progress(f"Newton at Δ = {delta:.3g}, {len(rows) + 1} of {2 * grid}")
+            rows.append(((sign, number), _row(problem, scheme, y, delta, branch)))
+    ordered = sorted(rows, key=lambda item: item[0][0] * (item[0][1] + 1))
+    delta = np.concatenate([-steps[::-1], steps])
+    progress("the shortest branches")
+    refined = _refine(problem, scheme, y0, furthest, theta, forward.reach, backward.reach)
+    findings = np.stack([row for _, row in ordered])
+    return Map(problem, scheme, theta, y, delta, findings, forward, backward, refined)
+
+
+def _refine(
+    problem: Problem,
+    scheme: Scheme,
+    y0: Array | None,
+    furthest: float,
+    theta: Array,
+    forward: Array,
+    backward: Array,
+) -> Shortest:
+    """States around the lowest local minima of both reaches, closer with each round: by 5 each time."""
+    known, count = np.stack([theta, forward, backward]), theta.size
+    for _ in range(ROUNDS):
+        known = known[:, np.argsort(known[0])]
+        new = [t for row in (1, 2) for t in _between(known[0], known[row], furthest)]
+        if not new:
+            break
+        times = np.unique(new)
+        y = exact_flow(problem, times, y0).y
+        ahead, behind = follow(problem, y, furthest, scheme), follow(problem, y, -furthest, scheme)
+        known = np.concatenate([known, np.stack([times, ahead.reach, behind.reach])], axis=1)
+    further = known[:, ~np.isin(known[0], theta)] if known.shape[1] > count else known[:, :0]
+    return Shortest(*further)
+
+
+def _between(theta: Array, reach: Array, furthest: float) -> list[float]:
+    """POINTS times on either side of each of the LOWEST lowest local minima that end before the range does."""
+    padded = np.concatenate([[np.inf], reach, [np.inf]])
+    minima = np.flatnonzero((reach <= padded[:-2]) & (reach <= padded[2:]) & (reach < furthest))
+    found: list[float] = []
+    for i in minima[np.argsort(reach[minima], kind="stable")][:LOWEST]:
+        for j in (i - 1, i + 1):
+            if 0 <= j < theta.size:
+                found += np.linspace(theta[i], theta[j], POINTS + 2)[1:-1].tolist()
+    return found
+
+
+def _row(problem: Problem, scheme: Scheme, y: Array, delta: float, branch: Branch) -> np.ndarray:
+    """`Finding` of every state at one Δ."""
+    assert scheme.solve is not None
+    solution = scheme.solve(problem, y, delta, np.zeros((problem.noises, y.shape[1])))
+    solved = solution.status == Status.CONVERGED
+    exists = np.abs(delta) <= branch.reach
+    connected = _on_branch(problem, scheme, y, delta, branch)
+    size = np.abs(connected - y).max(axis=0) + np.abs(y).max(axis=0)
+    same = np.abs(solution.value - connected).max(axis=0) <= SAME * size
+    found = np.select(
+        [exists & solved & same, exists & ~solved, solved],
+        [Finding.FOUND, Finding.MISSED, Finding.ANOTHER],
+        Finding.NONE,
+    )
+    unknown = (branch.end == End.LOST) & ~exists & ~solved
+    return np.where(unknown, Finding.UNKNOWN, found)
+
+
+def _on_branch(problem: Problem, scheme: Scheme, y: Array, delta: float, branch: Branch) -> Array:
+    """y1 on the branch, solved from between the two points of the curve next to Δ."""
+    near = _interpolated(branch, delta)
+    step = np.full((1, y.shape[1]), delta)
+    solution = solve(problem, y, step, *EQUATIONS[scheme.name], start=near)
+    settled = solution.status == Status.CONVERGED
+    # Next to a fold the equation is nearly singular: the point between serves where it was not solved.
+    return np.where(settled, solution.value, y + near)
+
+
+def _place(branch: Branch, delta: float) -> tuple[np.ndarray, Array]:
+    """For each lane the last point of the curve before |Δ|, and where between it and the next one."""
+    reached = np.abs(branch.delta)
+    before = np.nanargmax(np.where(reached <= abs(delta), reached, -1.0), axis=0)
+    lanes = np.arange(branch.reach.size)
+    after = np.minimum(before + 1, len(reached) - 1)
+    while True:  # rejected steps repeat a point
+        same = (reached[after, lanes] <= reached[before, lanes]) & (after < len(reached) - 1)
+        if not same.any():
+            break
+        after = after + same
+    here, there = reached[before, lanes], reached[after, lanes]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = np.nan_to_num((abs(delta) - here) / (there - here))
+    return np.stack([before, after]), share
+
+
+def _interpolated(branch: Branch, delta: float) -> Array:
+    """z(Δ) of each lane between the points of its curve, (d, M)."""
+    (before, after), share = _place(branch, delta)
+    lanes = np.arange(branch.reach.size)
+    a, b = branch.z[before, :, lanes].T, branch.z[after, :, lanes].T
+    return a + share * np.where(np.isfinite(b), b - a, 0.0)

@@ -1,0 +1,164 @@
+"""Numerical paths followed until a step has no solution: how long a step size is safe, and for which scheme.
+
+The map takes states of the exact orbit. A numerical path leaves it wherever the scheme does not keep all invariants:
+(2.1) loses the logarithmic Casimir of Lotka-Volterra steadily, and comes to states with shorter branches. No state of
+the orbit says when; paths do.
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sepv.errors import TruncationWarning
+from sepv.problem import Array, Problem
+from sepv.schemes import Scheme
+from sepv.simulate import ensemble
+from sepv.solve import Status
+
+# The first horizon is this many steps; each next one is twice as long, over new paths.
+FIRST = 256
+# A next horizon is begun where twice what the last one took, and this much more, is left of the time.
+SPARE = 1.5
+# Confidence of the bound on the share of paths that fail.
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True)
+class Exits:
+    """What became of paths with one scheme and step size.
+
+    Attributes
+    ----------
+    until : float
+        The time to which the paths were followed.
+    paths : int
+    times : (F,)
+        When the step that failed began, of the paths that failed, increasing.
+    statuses : {name of Status: count}
+        How their steps failed.
+    asked : float
+        The time that was asked for; `until` is shorter where the budget ended.
+    """
+
+    scheme: str
+    h: float
+    until: float
+    paths: int
+    times: Array
+    statuses: dict[str, int]
+    asked: float
+
+    @property
+    def failed(self) -> int:
+        """How many paths met a step without a solution."""
+        return int(self.times.size)
+
+    @property
+    def first(self) -> float | None:
+        """The earliest exit, None where there was none."""
+        return float(self.times[0]) if self.failed else None
+
+    @property
+    def median(self) -> float | None:
+        """When half of the paths had failed, None where fewer did."""
+        half = (self.paths + 1) // 2
+        return float(self.times[half - 1]) if self.failed >= half else None
+
+    @property
+    def cut_short(self) -> bool:
+        """Whether paths are left that were not followed as far as was asked."""
+        return self.until < self.asked and self.failed < self.paths
+
+    @property
+    def share(self) -> float:
+        """The upper 95 % bound of the probability that a path fails until then (Clopper and Pearson)."""
+        from scipy.special import betaincinv
+
+        if self.failed == self.paths:
+            return 1.0
+        return float(betaincinv(self.failed + 1, self.paths - self.failed, CONFIDENCE))
+
+    def to_json(self) -> dict[str, Any]:
+        """All of it."""
+        return {
+            "scheme": self.scheme,
+            "h": self.h,
+            "until": self.until,
+            "asked": self.asked,
+            "paths": self.paths,
+            "times": self.times.tolist(),
+            "statuses": self.statuses,
+            "share_at_most": self.share,
+        }
+
+
+def follow_paths(
+    problem: Problem,
+    scheme: Scheme,
+    steps: Sequence[float],
+    *,
+    until: float,
+    paths: int = 48,
+    k: int | None = 2,
+    y0: Array | None = None,
+    seed: int = 0,
+    seconds: float = 60.0,
+    progress: Callable[[str], None] = lambda _: None,
+) -> list[Exits]:
+    """Paths of `scheme` with each step size, to the time `until` or as far as the seconds reach.
+
+    Horizons double, each over paths of its own, up to `until`; one at which all paths failed is the last. What is
+    left of the seconds is shared by the step sizes that are left.
+
+    Parameters
+    ----------
+    steps : step sizes; each horizon is a multiple of h.
+    k : truncation of the increments (Remark 2.1), None for none.
+    """
+    found, end = [], time.monotonic() + seconds
+    for number, h in enumerate(steps):
+        share = (end - time.monotonic()) / (len(steps) - number)
+        found.append(_follow(problem, scheme, h, until, paths, k, y0, seed, share, progress))
+    return found
+
+
+def _follow(
+    problem: Problem,
+    scheme: Scheme,
+    h: float,
+    until: float,
+    paths: int,
+    k: int | None,
+    y0: Array | None,
+    seed: int,
+    seconds: float,
+    progress: Callable[[str], None],
+) -> Exits:
+    most, begin, last = max(1, round(until / h)), time.monotonic(), 0.0
+    count = min(FIRST, most)
+    while True:
+        progress(f"{scheme.name}, h = {h:g}: {paths} paths to t = {count * h:g}")
+        started = time.monotonic()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", TruncationWarning)  # k is what was asked for
+            ends = ensemble(
+                scheme, problem, h=h, steps=count, paths=paths, seed=seed, y0=y0, truncation=k,
+            )  # fmt: skip
+        failed = ends.status != Status.CONVERGED
+        names, counts = np.unique(ends.status[failed], return_counts=True)
+        result = Exits(
+            scheme.name, h, count * h, paths, np.sort(ends.failed_step[failed]) * h,
+            {Status(int(s)).name: int(n) for s, n in zip(names, counts, strict=True)}, most * h,
+        )  # fmt: skip
+        # The first horizon's time is mostly that of compiling.
+        last = 0.0 if count == FIRST else time.monotonic() - started
+        spent = time.monotonic() - begin
+        if count == most or failed.all() or spent + SPARE * 2 * last > seconds:
+            return result
+        count = min(2 * count, most)

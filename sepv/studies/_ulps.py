@@ -1,0 +1,133 @@
+"""One-step defects in the unit of rounding: energy ulps, eps |∇H||y|, and Casimir ulps, eps |∇C||y|.
+
+The invariants are evaluated at the binary64 states in extended precision, so that what is measured is the
+scheme's and not the evaluation's. States lie on the exact orbit, increments are those of a step h.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+
+from sepv.errors import SepvError
+from sepv.exact import exact_flow
+from sepv.problem import Array, Problem
+from sepv.problems import FURTHER
+from sepv.reference.hard import exact_energy
+from sepv.reference.problem import exact_problem
+from sepv.schemes import Scheme
+from sepv.schemes._guard import raw_answer
+from sepv.simulate import _wiener as wiener
+from sepv.solve import Status
+from sepv.verification import energy_ulp
+from sepv.verification._cases.given import describe
+from sepv.verification._tolerance import casimir_ulp
+
+# One of each kind of solver that a library has; its adapter is loaded where the library is installed.
+PEERS = {
+    "diffrax": ("heun", "general_shark", "slow_rk", "reversible_heun"),
+    "torchsde": ("heun", "midpoint", "reversible_heun"),
+    "sdeint": ("strat_heun", "strat_srs2"),
+}
+# Steps for which every state of the orbit has a solution; the other problems have one for longer steps too.
+STEP = {"lotka-volterra": 2.0**-7}
+USUAL_STEP = 2.0**-5
+ORBIT = 10.0
+
+
+@dataclass(frozen=True)
+class Ulps:
+    """One scheme on one problem: median and largest defects, None where nothing was measured.
+
+    Attributes
+    ----------
+    casimir_median, casimir_largest : float or None
+        Over the quadratic and linear Casimirs that the problem names.
+    failed : int
+        Steps that were refused, crashed or ended in a value that is not finite; they are not in the others.
+    """
+
+    scheme: str
+    problem: str
+    h: float
+    steps: int
+    failed: int
+    energy_median: float | None
+    energy_largest: float | None
+    casimir_median: float | None
+    casimir_largest: float | None
+
+    def to_json(self) -> dict[str, Any]:
+        """All fields."""
+        return asdict(self)
+
+
+def peers() -> list[str]:
+    """Targets of the installed libraries' solvers."""
+    return [
+        f"sepv.peers.{library}:{name}"
+        for library, names in PEERS.items()
+        if find_spec(library)
+        for name in names
+    ]
+
+
+def one_step(
+    scheme: Scheme, problem: Problem, *, h: float | None = None, steps: int = 400, seed: int = 0
+) -> Ulps:
+    """The distribution over `steps` independent steps, the same ones for every scheme.
+
+    The H of a problem made of functions is evaluated by its own code, in the longest float that passes through it.
+    """
+    length = h or STEP.get(problem.name, USUAL_STEP)
+    rng = np.random.default_rng([seed, *problem.name.encode()])
+    y0 = exact_flow(problem, rng.uniform(0, ORBIT, steps)).y
+    dW = math.sqrt(length) * rng.standard_normal((problem.noises, steps))
+    y1, fine = _steps(scheme, problem, y0, length, wiener.truncate(dW, length, 2 if length < 1 else None))
+    energy, casimir = _defects(problem, y0[:, fine], y1[:, fine])
+    return Ulps(
+        scheme.name, problem.name, length, steps, int((~fine).sum()),
+        *(None if not values.size else float(of(values)) for values in (energy, casimir) for of in (np.median, np.max)),
+    )  # fmt: skip
+
+
+def _steps(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> tuple[Array, np.ndarray]:
+    """y1 (d, M), and where it is a value."""
+    if scheme.solve is not None:
+        solution = scheme.solve(problem, y, h, dW)
+        return solution.value, np.asarray(solution.status == Status.CONVERGED)
+    value = np.full_like(y, np.nan)
+    for lane in range(y.shape[1]):
+        try:
+            answer = np.asarray(raw_answer(scheme, problem, y[:, lane].copy(), h, dW[:, lane].copy()))
+        except SepvError:
+            continue
+        if answer.shape == y[:, lane].shape and answer.dtype == np.float64:
+            value[:, lane] = answer
+    return value, np.asarray(np.isfinite(value).all(axis=0))
+
+
+def _defects(problem: Problem, y0: Array, y1: Array) -> tuple[Array, Array]:
+    """Defects of H and the worst of the Casimirs for each step, in their units."""
+    data = problem.data if problem.name in FURTHER else describe(problem)
+    assert data is not None
+    H = exact_energy(data)
+    energy = [abs(float(H(b) - H(a))) for a, b in zip(y0.T, y1.T, strict=True)]
+    invariants = [*problem.casimirs, *problem.linear_casimirs]
+    if not invariants or not y0.size:
+        return np.array(energy) / energy_ulp(problem, y0, y1), np.empty(0)
+    exact = exact_problem(data, 40)
+    worst = []
+    for a, b in zip(y0.T, y1.T, strict=True):
+        before, after = exact.casimir_values(exact.state(a)), exact.casimir_values(exact.state(b))
+        worst.append(
+            max(
+                abs(float(v - u)) / casimir_ulp(C, a, b)
+                for u, v, C in zip(before, after, invariants, strict=True)
+            )
+        )
+    return np.array(energy) / energy_ulp(problem, y0, y1), np.array(worst)

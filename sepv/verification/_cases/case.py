@@ -1,0 +1,208 @@
+"""One question to a scheme: a problem as data, a state, a step. It prints, shrinks, pins and travels."""
+
+from __future__ import annotations
+
+import base64
+import json
+import zlib
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from sepv import problems
+from sepv.errors import UsageError
+from sepv.problem import Array, Description, GivenProblem, NamedProblem, PolynomialSystem, Problem
+from sepv.problem._hamiltonians import is_several
+from sepv.problem._json import problem_from_json, problem_to_json
+from sepv.problems._opaque import GIVEN, as_given
+from sepv.record._polynomial import parse_float
+from sepv.schemes._load import load_problem
+
+# A witness of sixty-four dimensions is a tenth of it.
+MOST_BYTES = 2**24
+
+
+@dataclass(frozen=True)
+class Case:
+    """A problem, a state y (d,), a step h and the Wiener increments dW (m,).
+
+    Attributes
+    ----------
+    given : str
+        How the scheme sees the problem: one of `sepv.problems._opaque.GIVEN`.
+    batch : int
+        For laws about batches: how many states are asked about together. 0 leaves it to the law.
+    times : int
+        For the contract: how often the question is asked in a row. 0 leaves it to the law.
+    """
+
+    problem: Description
+    y: tuple[float, ...]
+    h: float = 0.0
+    dW: tuple[float, ...] = ()
+    given: str = "data"
+    batch: int = 0
+    times: int = 0
+
+    def build(self) -> tuple[Problem, Array, float, Array]:
+        """The arguments of ``step``. The problem is the whole one; `sepv.schemes._guard.ask` shows it as it is given."""
+        problem = as_given(self.problem, self.given)
+        return problem, np.array(self.y), self.h, np.array(self.dW, dtype=np.float64)
+
+    def describe(self) -> str:
+        """The case for a reader; `to_json` keeps every bit."""
+        problem = problems.build(self.problem)
+        several = is_several(problem)
+        step = 0.0 if several else float(problem.random_step(self.h, np.array(self.dW, dtype=np.float64)))
+        return "\n".join(
+            [
+                *_describe_problem(self.problem),
+                *([] if self.given == "data" else [f"given as {self.given}: {GIVEN[self.given]}"]),
+                f"y = {_row(self.y)}",
+                f"h = {self.h!r}, c = {_row(problem.c)}, dW = {_row(self.dW)}"
+                + ("" if several else f", so Δ = {step!r}"),
+                *([f"in a batch of {self.batch}"] if self.batch else []),
+                *([f"asked {self.times} times in a row"] if self.times else []),
+            ]
+        )
+
+
+def with_noise(case: Case, c: tuple[float, ...], dW: tuple[float, ...]) -> Case:
+    """The same step of the same H and B with other noises."""
+    data = case.problem
+    if isinstance(data, PolynomialSystem):
+        changed: Description = replace(data, noise=c)
+    elif isinstance(data, NamedProblem):
+        parameters = tuple((k, c if k == "noise" else v) for k, v in data.parameters)
+        changed = NamedProblem(data.name, parameters)
+    else:
+        changed = _other_noise(data, c)
+    return replace(case, problem=changed, dW=dW)
+
+
+@lru_cache(maxsize=256)
+def _other_noise(given: GivenProblem, c: tuple[float, ...]) -> GivenProblem:
+    return GivenProblem(replace(given.problem, noise=c, check=False), given.target)
+
+
+def to_json(case: Case) -> dict[str, Any]:
+    """A JSON object, floats in hex."""
+    return {
+        "problem": problem_to_json(case.problem),
+        "y": [v.hex() for v in case.y],
+        "h": case.h.hex(),
+        "dW": [v.hex() for v in case.dW],
+        **({} if case.given == "data" else {"given": case.given}),
+        **({"batch": case.batch} if case.batch else {}),
+        **({"times": case.times} if case.times else {}),
+    }
+
+
+def from_json(data: Any) -> Case:
+    """The inverse of `to_json`.
+
+    Raises
+    ------
+    UsageError
+    """
+    try:
+        given = "given" in data["problem"]
+        return Case(
+            problem=(_given_problem if given else problem_from_json)(data["problem"]),
+            y=tuple(parse_float(v) for v in data["y"]),
+            h=parse_float(data["h"]),
+            dW=tuple(parse_float(v) for v in data["dW"]),
+            given=_given(data.get("given", "data")),
+            batch=int(data.get("batch", 0)),
+            times=int(data.get("times", 0)),
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise UsageError(
+            expected="a witness: problem, y, h, dW",
+            received=f"{type(error).__name__}: {error}",
+            remedy="copy it whole from a report",
+        ) from error
+
+
+def _given_problem(data: dict[str, Any]) -> GivenProblem:
+    """A problem made of functions, from where it was named.
+
+    Raises
+    ------
+    UsageError
+        For one that had no name a command can load.
+    """
+    target = str(data["given"])
+    if ":" not in target and target not in problems.FURTHER | problems.HAMILTONIANS:
+        raise UsageError(
+            expected="a witness whose problem can be loaded: a name, data, or module:attribute",
+            received=f"the problem {target!r}, which was handed over as an object",
+            remedy="name it as module:attribute with -p, or measure again in Python: verify(…, problems=[…])",
+        )
+    noise = tuple(parse_float(c) for c in data["noise"])
+    return GivenProblem(replace(load_problem(target), noise=noise, check=False), target)
+
+
+def _given(value: Any) -> str:
+    if value not in GIVEN:
+        raise ValueError(f"given as {value!r:.40}, not one of {', '.join(GIVEN)}")
+    return str(value)
+
+
+def to_token(case: Case) -> str:
+    """A short text for a command line, from which `from_token` makes the same case to the bit."""
+    packed = zlib.compress(json.dumps(to_json(case), separators=(",", ":")).encode(), 9)
+    return base64.urlsafe_b64encode(packed).decode().rstrip("=")
+
+
+def from_token(token: str) -> Case:
+    """The inverse of `to_token`.
+
+    Raises
+    ------
+    UsageError
+        For a text that is not a whole token.
+    """
+    try:
+        packed = base64.urlsafe_b64decode(token + "=" * (-len(token) % 4))
+        data = json.loads(_unpacked(packed))
+    except (ValueError, RecursionError, zlib.error) as error:
+        raise UsageError(
+            expected="a token that a report printed after --replay",
+            received=f"{token[:40]!r}… ({len(token)} characters)",
+            remedy="copy the whole command from the report",
+        ) from error
+    return from_json(data)
+
+
+def _unpacked(packed: bytes) -> bytes:
+    """The text of a token, which is never longer than MOST_BYTES: a few bytes can unpack to gigabytes."""
+    unpacker = zlib.decompressobj()
+    text = unpacker.decompress(packed, MOST_BYTES)
+    if not unpacker.eof:
+        raise ValueError("cut short, or longer than any witness")
+    return text
+
+
+def _row(values: Any) -> str:
+    return "(" + ", ".join(repr(float(v)) for v in values) + ")"
+
+
+def _describe_problem(data: Description) -> list[str]:
+    if isinstance(data, GivenProblem):
+        return [f"problem {data.target or data.problem.name}"]
+    if isinstance(data, NamedProblem):
+        given = ", ".join(f"{k} = {_row(v) if len(v) > 1 else repr(v[0])}" for k, v in data.parameters)
+        return [f"problem {data.name}: {given}"]
+    lines = [f"H(y) = {data.hamiltonian}"]
+    lines += [f"B{i + 1}{j + 1}(y) = {entry}" for i, j, entry in data.structure if entry.terms]
+    for n, G in enumerate(data.noise_structures, 1):
+        lines += [f"G{n}_{i + 1}{j + 1}(y) = {entry}" for i, j, entry in G if entry.terms]
+    lines += [f"H{n}(y) = {H}" for n, H in enumerate(data.noise_hamiltonians, 1)]
+    if data.nambu is not None:
+        lines += [f"g(y) = {data.nambu[0]}", f"C(y) = {data.nambu[1]}"]
+    lines += [f"Casimir yᵀAy with A = {[list(row) for row in A]}" for A in data.casimirs]
+    lines += [f"Casimir bᵀy with b = {list(b)}" for b in data.linear_casimirs]
+    return lines

@@ -1,0 +1,145 @@
+"""Families of systems that many schemes are made for: what `Scheme.systems` and ``sepv verify -p`` know by name.
+
+A family is a strategy of random systems, from which the laws about one step draw, and problems with an initial state,
+for the laws about many steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from hypothesis import assume
+from hypothesis import strategies as st
+
+from sepv import problems
+from sepv.problem import HamiltoniansProblem, PolynomialSystem
+from sepv.record import Polynomial
+from sepv.record import _polynomial as poly
+from sepv.verification.strategies import coefficients, hamiltonians, noises
+
+Row = tuple[float, ...]
+Constants = tuple[tuple[int, int, int, float], ...]
+Structure = tuple[tuple[int, int, Polynomial], ...]
+
+
+@st.composite
+def canonical_separable(draw: st.DrawFn, *, pairs: int = 3, degree: int = 6) -> PolynomialSystem:
+    """H = T(p) + V(q) with y = (p_1, …, p_n, q_1, …, q_n) and B = J⁻¹ of (1.3): q̇ = ∇T, ṗ = −∇V.
+
+    Examples shrink towards the harmonic oscillator in one pair.
+    """
+    n = draw(st.integers(1, pairs))
+    kinetic = _placed(draw(hamiltonians(n, 4 if draw(st.booleans()) else 2, least=2)), 2 * n, 0)
+    potential = _placed(draw(hamiltonians(n, degree)), 2 * n, n)
+    B = tuple((k, n + k, poly.constant(2 * n, -1.0)) for k in range(n))
+    return PolynomialSystem(2 * n, poly.add(kinetic, potential), B, draw(noises()))
+
+
+def _placed(p: Polynomial, dimension: int, first: int) -> Polynomial:
+    """The polynomial in the variables first, first + 1, … of a larger space."""
+    left, right = (0,) * first, (0,) * (dimension - first - p.dimension)
+    return poly.polynomial(dimension, [((*left, *e, *right), c) for e, c in p.terms])
+
+
+# Structure constants {y_i, y_j} = Σ_k c y_k as (i, j, k, c), quadratic Casimirs as diagonals or entries, linear ones.
+_ALGEBRAS: dict[str, tuple[int, Constants, tuple[dict[tuple[int, int], float], ...], tuple[Row, ...]]] = {
+    "so(3)": (3, ((0, 1, 2, -1.0), (0, 2, 1, 1.0), (1, 2, 0, -1.0)),
+              ({(0, 0): 1.0, (1, 1): 1.0, (2, 2): 1.0},), ()),
+    "sl(2)": (3, ((0, 1, 2, 1.0), (0, 2, 1, 1.0), (1, 2, 0, -1.0)),
+              ({(0, 0): 1.0, (1, 1): 1.0, (2, 2): -1.0},), ()),
+    "e(2)": (3, ((0, 1, 2, 1.0), (0, 2, 1, -1.0)), ({(1, 1): 1.0, (2, 2): 1.0},), ()),
+    "heisenberg": (3, ((0, 1, 2, 1.0),), (), ((0.0, 0.0, 1.0),)),
+    "e(3)": (6, ((0, 1, 2, 1.0), (0, 2, 1, -1.0), (1, 2, 0, 1.0), (0, 4, 5, 1.0), (0, 5, 4, -1.0), (1, 3, 5, -1.0),
+                 (1, 5, 3, 1.0), (2, 3, 4, 1.0), (2, 4, 3, -1.0)),
+             ({(3, 3): 1.0, (4, 4): 1.0, (5, 5): 1.0}, {(0, 3): 0.5, (1, 4): 0.5, (2, 5): 0.5}), ()),
+}  # fmt: skip
+
+
+def algebra(
+    name: str,
+) -> tuple[int, Structure, tuple[tuple[Row, ...], ...], tuple[Row, ...]]:
+    """(d, B(y) linear in y, quadratic Casimirs, linear Casimirs) of a Lie algebra of `_ALGEBRAS`."""
+    d, constants, quadratic, linear = _ALGEBRAS[name]
+    B = tuple((i, j, poly.scale(c, poly.variable(d, k))) for i, j, k, c in constants)
+    matrices = tuple(
+        tuple(tuple(entries.get((min(i, j), max(i, j)), 0.0) for j in range(d)) for i in range(d))
+        for entries in quadratic
+    )
+    return d, B, matrices, linear
+
+
+@st.composite
+def lie_poisson(draw: st.DrawFn, *, degree: int = 4) -> PolynomialSystem:
+    """B(y)_ij = Σ_k c_ij^k y_k of a Lie algebra, any polynomial H. Examples shrink towards so(3), H = ½|y|²."""
+    d, B, quadratic, linear = algebra(draw(st.sampled_from(list(_ALGEBRAS))))
+    return PolynomialSystem(d, draw(hamiltonians(d, degree)), B, draw(noises()), quadratic, linear)
+
+
+@st.composite
+def rigid_bodies(draw: st.DrawFn) -> PolynomialSystem:
+    """§4.2 with random moments of inertia: H = ½ Σ w_k y_k², w_k = 1/I_k in eighths. Examples shrink towards w = 1."""
+    d, B, quadratic, linear = algebra("so(3)")
+    weights = [draw(st.sampled_from([8, 4, 6, 10, 12, 16, 20, 24])) / 8 for _ in range(d)]
+    H = poly.polynomial(d, {tuple(2 * int(i == k) for i in range(d)): w / 2 for k, w in enumerate(weights)})
+    return PolynomialSystem(d, H, B, draw(noises()), quadratic, linear)
+
+
+def general(system: PolynomialSystem) -> bool:
+    """Whether some bracket {H_0, H_j} of several Hamiltonians does not vanish."""
+    return isinstance(problems.build(system), HamiltoniansProblem)
+
+
+@st.composite
+def so3_hamiltonians(draw: st.DrawFn, *, degree: int = 4) -> PolynomialSystem:
+    """B of the rigid body, any H_0, …, H_m that do not all commute with H_0. Examples shrink towards ½|y|²."""
+    d, B, quadratic, linear = algebra("so(3)")
+    c = draw(noises(least=1, most=3).filter(any))
+    H = draw(hamiltonians(d, degree))
+    others = tuple(draw(hamiltonians(d, degree)) for _ in c)
+    system = PolynomialSystem(d, H, B, c, quadratic, linear, noise_hamiltonians=others)
+    assume(general(system))
+    return system
+
+
+@st.composite
+def separable_hamiltonians(draw: st.DrawFn, *, pairs: int = 2, degree: int = 4) -> PolynomialSystem:
+    """H_0 = ½ Σ w_k p_k² + V(q), B = J⁻¹ and H_j = −Σ_k σ_jk q_k. Examples shrink towards the oscillator, pushed."""
+    n = draw(st.integers(1, pairs))
+    kinetic = [
+        (tuple(2 * int(i == k) for i in range(2 * n)), draw(st.sampled_from([0.5, 0.25, 1.0])))
+        for k in range(n)
+    ]
+    potential = _placed(draw(hamiltonians(n, degree)), 2 * n, n)
+    B = tuple((k, n + k, poly.constant(2 * n, -1.0)) for k in range(n))
+    c = draw(noises(least=1, most=2).filter(all))
+    pushes = [draw(st.lists(coefficients(), min_size=n, max_size=n)) for _ in c]
+    others = tuple(
+        poly.polynomial(
+            2 * n, [(tuple(int(i == n + k) for i in range(2 * n)), -s) for k, s in enumerate(row)]
+        )
+        for row in pushes
+    )
+    H = poly.add(poly.polynomial(2 * n, kinetic), potential)
+    return PolynomialSystem(2 * n, H, B, c, noise_hamiltonians=others)
+
+
+# name: (what it is, the strategy, problems for the laws about many steps)
+FAMILIES: dict[str, tuple[str, Callable[[], st.SearchStrategy[PolynomialSystem]], tuple[str, ...]]] = {
+    "canonical-separable": (
+        "H = T(p) + V(q), y = (p, q), B = J⁻¹",
+        canonical_separable,
+        ("harmonic-oscillator", "pendulum"),
+    ),
+    "lie-poisson": ("B linear in y, from a Lie algebra", lie_poisson, ("rigid-body",)),
+    "rigid-bodies": ("the rigid body with random inertia", rigid_bodies, ("rigid-body",)),
+    "so3-hamiltonians": (
+        "B of the rigid body, several Hamiltonians",
+        so3_hamiltonians,
+        ("random-inertia", "two-spins"),
+    ),
+    "separable-hamiltonians": (
+        "H = ½|p|² + V(q), additive noise in p",
+        separable_hamiltonians,
+        ("noisy-henon-heiles",),
+    ),
+}

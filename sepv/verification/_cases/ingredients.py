@@ -1,0 +1,215 @@
+"""Random parts of a case inside given strata: states, polynomials, skew structures and their Casimirs.
+
+Coefficients are small dyadic rationals times powers of two, so that a Casimir holds exactly as data. A size |y| far
+from 1 would leave one degree of H and B with any weight: three times in four each coefficient is divided by that size
+to the degree of its monomial.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import combinations, combinations_with_replacement, permutations
+from random import Random
+
+import numpy as np
+
+from sepv.record import Polynomial
+from sepv.record import _polynomial as poly
+from sepv.record._polynomial import Exponents
+from sepv.verification._cases.strata import Levels, Stratum, monomials
+from sepv.verification.strategies import linear_forms
+
+Entries = tuple[tuple[int, int, Polynomial], ...]
+Matrix = tuple[tuple[float, ...], ...]
+# Above it a table of all monomials is not worth making.
+FEW = 300
+# Entries of B above the diagonal, for large d: its derivatives are d³ polynomials.
+MOST_ENTRIES = 8
+# The share of states and of components of a state that are something other than generic.
+SOMETIMES = 1 / 8
+
+
+def integer(stratum: Stratum, random: Random) -> int:
+    """A whole number of the stratum, ends included."""
+    return random.randint(int(stratum.low), int(stratum.high))
+
+
+def less(stratum: Stratum, by: int) -> Stratum:
+    """The stratum lowered by so much, and not below zero."""
+    return Stratum(stratum.name, max(0, stratum.low - by), max(0, stratum.high - by))
+
+
+def sizes(levels: Levels, random: Random, least: int = 1) -> tuple[int, int, int]:
+    """(d, degree of H, terms of H), of which there are enough monomials of degree ≥ `least`."""
+    while True:
+        d = integer(levels["d"], random) if "d" in levels else 3
+        n, terms = integer(levels["degree of H"], random), integer(levels["terms of H"], random)
+        if n >= least and terms <= monomials(d, n) - monomials(d, least - 1):
+            return d, n, terms
+
+
+def state(d: int, size: Stratum, random: Random) -> tuple[tuple[float, ...], float]:
+    """A state, and the size for which coefficients are made: a power of two near |y|, or now and then 1."""
+    scale = math.exp(random.uniform(math.log(size.low), math.log(size.high)))
+    y = [random.choice([1.0, -1.0]) * scale * random.uniform(0.25, 1) for _ in range(d)]
+    for k in range(d):
+        if random.random() < SOMETIMES:
+            y[k] = random.choice([0.0, y[k] / 1024])
+    y[random.randrange(d)] = random.choice([1.0, -1.0]) * scale
+    return tuple(y), 2.0 ** round(math.log2(scale)) if random.random() < 0.75 else 1.0
+
+
+def coefficient(random: Random) -> float:
+    """A multiple of 1/4 between ±2, not zero."""
+    return random.choice([1.0, -1.0]) * random.randint(1, 8) / 4
+
+
+def some_monomials(d: int, n: int, count: int, random: Random, *, least: int = 1) -> list[Exponents]:
+    """So many different monomials of degree `least` to n: the first of degree n, about half of the others too."""
+    total = monomials(d, n) - monomials(d, least - 1)
+    count = min(count, total)
+    if total <= FEW:
+        every = [
+            exponents_of(d, chosen)
+            for k in range(least, n + 1)
+            for chosen in combinations_with_replacement(range(d), k)
+        ]
+        top = random.choice([e for e in every if sum(e) == n])
+        return [top, *random.sample([e for e in every if e != top], count - 1)]
+    found: dict[Exponents, None] = {}
+    while len(found) < count:
+        degree = n if not found or random.random() < 0.5 else random.randint(least, n)
+        found.setdefault(exponents_of(d, [random.randrange(d) for _ in range(degree)]))
+    return list(found)
+
+
+def exponents_of(d: int, chosen: Sequence[int]) -> Exponents:
+    """Of the monomial that is the product of the chosen coordinates."""
+    exponents = [0] * d
+    for k in chosen:
+        exponents[k] += 1
+    return tuple(exponents)
+
+
+def hamiltonian(d: int, n: int, terms: int, unit: float, random: Random, *, least: int = 1) -> Polynomial:
+    """A polynomial of degree n with so many terms, the coefficient of each divided by unit^degree."""
+    return poly.polynomial(
+        d,
+        [
+            (e, coefficient(random) * unit ** -sum(e))
+            for e in some_monomials(d, n, terms, random, least=least)
+        ],
+    )
+
+
+def scalar(d: int, degree: Stratum, unit: float, random: Random) -> Polynomial:
+    """1 and one or two terms more, of this degree."""
+    n = integer(degree, random)
+    if n == 0:
+        return poly.constant(d, 1.0)
+    more = hamiltonian(d, n, min(random.randint(1, 2), monomials(d, n)), unit, random)
+    return poly.add(poly.constant(d, 1.0), more)
+
+
+def noise(m: Stratum, random: Random) -> tuple[float, ...]:
+    """c_1 a power of two, as an exact way back needs; further ones any, zero among them."""
+    count = integer(m, random)
+    more = [random.choice([1.0, 0.5, 0.25, 0.3, 1.7, 0.0]) for _ in range(count - 1)]
+    c = (random.choice([1.0, 0.5, 2.0]), *more)
+    if count > 1 and {*c} <= {0.0, 1.0}:
+        c = (*c[:-1], 0.3)  # not all of them their own squares
+    return c if count else ()
+
+
+def skew(d: int, degree: Stratum, unit: float, random: Random) -> Entries:
+    """Any skew B of this degree; for degree 0 half of them canonical."""
+    if degree.high == 0 and random.random() < 0.5:
+        return tuple((2 * k, 2 * k + 1, poly.constant(d, -1.0)) for k in range(d // 2))
+    pairs = list(combinations(range(d), 2))
+    chosen = sorted(
+        random.sample(
+            pairs, random.randint(min(d - 1, len(pairs)), min(len(pairs), max(d - 1, MOST_ENTRIES)))
+        )
+    )
+    n = integer(degree, random)
+    entries = []
+    for place, (i, j) in enumerate(chosen):
+        own = n if place == 0 else random.randint(0, n)
+        entry = poly.constant(d, coefficient(random))
+        if own:
+            more = hamiltonian(d, own, min(random.randint(1, 2), monomials(d, own)), unit, random)
+            entry = more if random.random() < 0.5 else poly.add(entry, more)
+        entries.append((i, j, entry))
+    return tuple(entries)
+
+
+def structure(
+    casimirs: str, d: int, degree: Stratum, unit: float, random: Random
+) -> tuple[Entries, tuple[Matrix, ...], tuple[tuple[float, ...], ...]]:
+    """B, its quadratic and its linear Casimirs.
+
+    B_ij = g Σ T_ijk… v_k … with T totally antisymmetric and v = Ay for yᵀAy, v = b for bᵀy; or a B that leaves one
+    component out, of which any function is a Casimir. For two, the degree tells which: linear, one of each, quadratic.
+    """
+    if casimirs == "none":
+        return skew(d, degree, unit, random), (), ()
+    quadratic = min(2, int(degree.low)) if casimirs == "two" else int(casimirs == "quadratic")
+    if casimirs == "quadratic" and degree.high == 0:
+        left = random.randrange(d)
+        others = [k for k in range(d) if k != left]
+        B = tuple(
+            (others[i], others[j], poly.constant(d, e.terms[0][1]))
+            for i, j, e in skew(d - 1, degree, unit, random)
+        )
+        return B, (tuple(tuple(float(i == j == left) for j in range(d)) for i in range(d)),), ()
+    contraction: Entries = ()
+    while not contraction:
+        matrices = tuple(symmetric(d, random) for _ in range(quadratic))
+        vectors = tuple(vector(d, random) for _ in range((2 if casimirs == "two" else 1) - quadratic))
+        forms = [linear_forms(A) for A in matrices]
+        contraction = contracted(d, forms + [[poly.constant(d, x) for x in b] for b in vectors], random)
+    return times(scalar(d, less(degree, quadratic), unit, random), contraction), matrices, vectors
+
+
+def times(factor: Polynomial, entries: Entries) -> Entries:
+    """Each entry multiplied."""
+    return tuple((i, j, poly.multiply(factor, e)) for i, j, e in entries)
+
+
+def symmetric(d: int, random: Random) -> Matrix:
+    """The identity, or a symmetric matrix of small integers."""
+    A = (
+        np.diag([random.choice([1.0, 1.0, 2.0, -1.0]) for _ in range(d)])
+        if random.random() < 0.5
+        else np.eye(d)
+    )
+    for _ in range(random.randint(0, 2)):
+        i, j = random.randrange(d), random.randrange(d)
+        A[i, j] = A[j, i] = random.choice([1.0, -1.0, 2.0])
+    return tuple(map(tuple, A.tolist()))
+
+
+def vector(d: int, random: Random) -> tuple[float, ...]:
+    """Small integers, not all zero."""
+    b = [random.choice([0.0, 1.0, -1.0, 2.0]) for _ in range(d)]
+    b[random.randrange(d)] = 1.0
+    return tuple(b)
+
+
+def contracted(d: int, forms: list[list[Polynomial]], random: Random) -> Entries:
+    """B_ij = Σ T_ijk… v_k … for a random totally antisymmetric T with a few entries; nothing where the forms depend."""
+    rank = 2 + len(forms)
+    entries: dict[tuple[int, int], list[Polynomial]] = {}
+    for _ in range(random.randint(1, 3) if d > rank else 1):
+        indices = sorted(random.sample(range(d), rank))
+        weight = random.choice([1.0, -1.0, 2.0])
+        for order in permutations(indices):
+            if order[0] < order[1]:
+                parity = (-1) ** sum(a > b for a, b in combinations(order, 2))
+                product = poly.constant(d, weight * parity)
+                for form, k in zip(forms, order[2:], strict=True):
+                    product = poly.multiply(product, form[k])
+                entries.setdefault((order[0], order[1]), []).append(product)
+    added = [(i, j, poly.add(*parts)) for (i, j), parts in sorted(entries.items())]
+    return tuple(entry for entry in added if entry[2].terms)

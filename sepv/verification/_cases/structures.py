@@ -1,0 +1,355 @@
+"""Hypothesis strategies for the other classes of systems, and from which of them each law draws its cases.
+
+Random Nambu systems g(y), C(y), H(y) in dimension three; random structures G_j, those with a common Casimir,
+commuting families, and commuting Hamiltonians. Coefficients are small dyadic rationals, as in
+`sepv.verification.strategies`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+from hypothesis import assume
+from hypothesis import strategies as st
+
+from sepv import problems
+from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem, StructuresProblem
+from sepv.problems._several import commuting_actions, rotating_planes
+from sepv.record import Polynomial
+from sepv.record import _polynomial as poly
+from sepv.verification._cases.case import Case
+from sepv.verification.strategies import (
+    coefficients,
+    components,
+    contracted,
+    contraction_ball,
+    halved,
+    hamiltonians,
+    linear_forms,
+    noises,
+    paper_steps,
+    poisson_systems,
+    polynomials,
+    skew_structures,
+    steps,
+    symmetric_matrices,
+)
+
+# As the law "expansion" has it: Δ as a share of the radius inside which y1(Δ) is analytic.
+SHARE = 2.0**-9
+Cases = Callable[[], st.SearchStrategy[Case]]
+
+
+def sphere() -> Polynomial:
+    """½|y|² in three variables."""
+    return poly.polynomial(3, {tuple(2 * int(i == k) for i in range(3)): 0.5 for k in range(3)})
+
+
+@st.composite
+def factors(draw: st.DrawFn) -> Polynomial:
+    """g of degree 0 to 2. Examples shrink towards 1."""
+    if draw(st.booleans()):
+        return draw(polynomials(3, 2, least=0, terms=2))
+    return poly.constant(3, 1.0)
+
+
+@st.composite
+def nambu_systems(
+    draw: st.DrawFn,
+    *,
+    degree: int = 6,
+    casimirs: st.SearchStrategy[Polynomial] | None = None,
+    factor: st.SearchStrategy[Polynomial] | None = None,
+    noise: st.SearchStrategy[tuple[float, ...]] | None = None,
+) -> PolynomialSystem:
+    """B(y)v = g(y)(v × ∇C(y)), H of degree 1 to `degree`, C of degree 1 to 4 by default.
+
+    Examples shrink towards H = C = ½|y|² and g = 1.
+    """
+    C = draw(hamiltonians(3, 4) if casimirs is None else casimirs)
+    g = draw(factors() if factor is None else factor)
+    return problems.nambu_system(draw(hamiltonians(3, degree)), g, C, draw(noise or noises()))
+
+
+def quadratic_casimirs() -> st.SearchStrategy[Polynomial]:
+    """Homogeneous quadratic C, which (2.1) keeps too. Examples shrink towards ½|y|²."""
+    more = polynomials(3, 2, least=2).filter(lambda p: p.terms)  # terms may cancel
+    return st.one_of(
+        st.just(sphere()), more, more.map(lambda p: poly.add(sphere(), p)).filter(lambda p: p.terms)
+    )
+
+
+def linear_casimirs() -> st.SearchStrategy[Polynomial]:
+    """C = bᵀy: a constant B where g is one."""
+    return polynomials(3, 1, least=1).filter(lambda p: p.terms)
+
+
+def nambu_paper_steps() -> st.SearchStrategy[Case]:
+    """Steps of the rigid body and of Lotka-Volterra."""
+    names = ("rigid-body", "lotka-volterra")
+    return paper_steps().filter(lambda c: isinstance(c.problem, NamedProblem) and c.problem.name in names)
+
+
+def nambu_steps() -> st.SearchStrategy[Case]:
+    """Steps of random Nambu systems and of the paper's two."""
+    return st.one_of(steps(nambu_systems()), nambu_paper_steps())
+
+
+def _noisy() -> st.SearchStrategy[Case]:
+    """With c_1 = 1, as the way back of the law "symmetry" needs."""
+    first = noises(least=1).map(lambda c: (1.0, *c[1:]))
+    return st.one_of(steps(nambu_systems(noise=first)), nambu_paper_steps())
+
+
+@st.composite
+def _no_step(draw: st.DrawFn) -> Case:
+    """Noise that cancels h exactly: Δ = h + c ΔW = 0."""
+    case = draw(steps(nambu_systems(noise=st.just((0.5,)))))
+    return Case(case.problem, case.y, case.h, (-2 * case.h,))
+
+
+@st.composite
+def _at_rest(draw: st.DrawFn) -> Case:
+    """∇H(0) = 0: H has terms of degree ≥ 2 only."""
+    H = draw(hamiltonians(3, 5, least=2))
+    system = problems.nambu_system(H, draw(factors()), draw(hamiltonians(3, 4)))
+    return Case(system, (0.0, 0.0, 0.0), draw(st.sampled_from([1.0, 0.25])), (draw(components()),))
+
+
+@st.composite
+def _at_origin(draw: st.DrawFn) -> Case:
+    """y0 = 0, with the linear and quadratic terms of H and C and the constant and linear ones of g."""
+
+    def function() -> Polynomial:
+        linear = [(tuple(int(i == k) for i in range(3)), draw(coefficients())) for k in range(3)]
+        more = draw(polynomials(3, 4, least=2)) if draw(st.booleans()) else poly.polynomial(3, {})
+        return poly.add(poly.polynomial(3, linear), sphere(), more)
+
+    g = poly.add(poly.constant(3, 1.0), draw(polynomials(3, 2, least=1, terms=3)))
+    system = problems.nambu_system(function(), g, function())
+    radius = contraction_ball(problems.build(system), np.zeros(3))[0]
+    step = SHARE * min(radius, 1.0)
+    return Case(system, (0.0, 0.0, 0.0), step, (draw(st.sampled_from([0.0, 0.5, -0.25])) * step,))
+
+
+def _constant_structure() -> st.SearchStrategy[Case]:
+    """Constant B with noise; any B with noise of size zero."""
+    one = st.just(poly.constant(3, 1.0))
+    constant = nambu_systems(casimirs=linear_casimirs(), factor=one, noise=noises(least=1))
+    return st.one_of(steps(constant), steps(nambu_systems(noise=st.just((0.0, 0.0)))))
+
+
+def _several_noises() -> st.SearchStrategy[Case]:
+    return steps(nambu_systems(noise=noises(least=1, most=2).map(lambda c: (1.0, *c))))
+
+
+def _small() -> st.SearchStrategy[Case]:
+    """Small enough that a substitution stays readable."""
+    return steps(nambu_systems(degree=4, casimirs=hamiltonians(3, 3)))
+
+
+NAMBU: dict[str, Cases] = {
+    **dict.fromkeys(("contract", "reproducibility", "energy", "reference"), nambu_steps),
+    "casimir": lambda: steps(nambu_systems(casimirs=st.one_of(quadratic_casimirs(), linear_casimirs()))),
+    "any-casimir": nambu_steps,
+    "poisson-map": lambda: nambu_steps().map(halved),
+    "identity": lambda: st.one_of(_no_step(), _at_rest()),
+    "midpoint": lambda: steps(nambu_systems(degree=2, casimirs=quadratic_casimirs())),
+    "reduction": _constant_structure,
+    "noise-sum": _several_noises,
+    "random-step": _several_noises,
+    "expansion": _at_origin,
+    "symmetry": _noisy,
+    "equivariance": _small,
+}
+
+
+def families() -> st.SearchStrategy[PolynomialSystem]:
+    """Several structures: any, with a Casimir common to all, commuting, and several Hamiltonians that commute."""
+    return st.one_of(random_structures(), common_casimir_systems(), commuting_families())
+
+
+@st.composite
+def random_structures(draw: st.DrawFn, *, degree: int = 6, largest: int = 5) -> PolynomialSystem:
+    """Skew B, G_1, …, G_m of degree 0 to 2, any polynomial H. Examples shrink towards one G = B = J, H = ½|y|²."""
+    d = draw(st.integers(2, largest))
+    m = draw(st.integers(1, 3))
+    B, *G = (draw(skew_structures(d, 2)) for _ in range(m + 1))
+    c = draw(noises(least=m, most=m))
+    return PolynomialSystem(d, draw(hamiltonians(d, degree)), B, c, noise_structures=tuple(G))
+
+
+@st.composite
+def common_casimir_systems(draw: st.DrawFn, *, degree: int = 4) -> PolynomialSystem:
+    """B and all G_j contracted from totally antisymmetric tensors with one Ay, so that yᵀAy is a Casimir of each.
+
+    In dimension three they are g_j(y) times one matrix; in four the tensors differ.
+    """
+    d, m = draw(st.sampled_from([3, 4])), draw(st.integers(1, 2))
+    v = linear_forms(draw(symmetric_matrices(d)))
+    B, *G = (contracted(draw, d, [v]) for _ in range(m + 1))
+    A = tuple(tuple(float(dict(form.terms).get(_unit(d, k), 0.0)) for k in range(d)) for form in v)
+    c = draw(noises(least=m, most=m))
+    H = draw(hamiltonians(d, degree))
+    if not B or not all(G):  # a tensor of zeros
+        return draw(random_structures())
+    return PolynomialSystem(d, H, B, c, (A,), noise_structures=tuple(G))
+
+
+def action_polynomials(n: int, degree: int) -> st.SearchStrategy[Polynomial]:
+    """Polynomials in the actions I_1, …, I_n without constant term."""
+    return polynomials(n, degree, least=1, terms=3)
+
+
+@st.composite
+def commuting_families(draw: st.DrawFn) -> PolynomialSystem:
+    """Planes that turn at rates given by their actions. Examples shrink towards one plane, H = G = I_1."""
+    n, m = draw(st.integers(1, 2)), draw(st.integers(1, 2))
+    alpha = [[draw(polynomials(n, 1, least=0, terms=2)) for _ in range(n)] for _ in range(m)]
+    return rotating_planes(draw(action_polynomials(n, 2)), alpha, draw(noises(least=m, most=m)))
+
+
+@st.composite
+def commuting_hamiltonian_steps(draw: st.DrawFn) -> Case:
+    """Steps with several Hamiltonians, functions of the actions of one or two planes, away from the rest points.
+
+    S_j is singular where ∇H_0 = 0 and has no majorant near it: the step is a sixteenth of what the slopes of the
+    fields at y allow, which is measured and not derived.
+    """
+    n, m = draw(st.integers(1, 2)), draw(st.integers(1, 2))
+    H = poly.add(poly.polynomial(n, [(_unit(n, k), 1.0) for k in range(n)]), draw(action_polynomials(n, 2)))
+    system = commuting_actions(
+        H, [draw(action_polynomials(n, 2)) for _ in range(m)], draw(noises(least=m, most=m))
+    )
+    y = tuple(draw(st.sampled_from([0.5, 1.0, -0.75])) for _ in range(2 * n))
+    problem, state = problems.build(system), np.array(y)
+    assume(float(np.linalg.norm(problem.gradient(state))) > 0.25)
+    length = 1 / (16 * (1 + _steepest(problem, state)))
+    shares = [draw(st.sampled_from([1.0, 0.5, -0.5, 2.0**-10])) for _ in range(m)]
+    return Case(
+        system,
+        y,
+        length / (m + 1),
+        tuple(length / (m + 1) * s / (c or 1.0) for s, c in zip(shares, system.noise, strict=True)),
+    )
+
+
+@st.composite
+def critical_hamiltonian_steps(draw: st.DrawFn) -> Case:
+    """Steps with several Hamiltonians from a critical point of H_0 at which some B∇H_j is not zero: to be refused.
+
+    Either a plane that rests beside one that a noise turns, or a circle of critical points, H_0 = ½I² − I_0 I.
+    """
+    a, b = draw(st.sampled_from([(1.0, 0.0), (0.5, 0.5), (1.0, -2.0), (-0.25, 0.5)]))
+    y: tuple[float, ...]
+    if draw(st.booleans()):
+        n, kept, y = 2, 1, (0.0, 0.0, a, b)
+        H = poly.polynomial(
+            2, [((1, 0), 1.0), ((2, 0), draw(coefficients())), ((1, 1), draw(coefficients()))]
+        )
+    else:
+        # I_0 is a sum of squares of few bits: ∇H_0 = (I − I_0) y is exactly zero.
+        n, kept, y = 1, 0, (a, b)
+        H = poly.polynomial(1, [((2,), 0.5), ((1,), -0.5 * (a * a + b * b))])
+    m = draw(st.integers(1, 2))
+    others = [poly.polynomial(n, [(_unit(n, kept), 1.0)])]
+    others += [draw(action_polynomials(n, 2)) for _ in range(m - 1)]
+    system = commuting_actions(H, others, (1.0, 0.5)[:m])
+    h = draw(st.sampled_from([2.0**-3, 2.0**-6, 2.0**-10]))
+    dW = [draw(st.sampled_from([1.0, -1.0, 0.5])) * h**0.5 for _ in range(m)]
+    return Case(system, y, h, tuple(dW))
+
+
+def _steepest(problem: Problem, y: Array) -> float:
+    """The largest slope of the fields h B∇H and c_j G_j∇H at y, by differences, and their largest size."""
+    assert isinstance(problem, StructuresProblem)
+    worst = 0.0
+    for c, G in zip((1.0, *problem.c), (problem.structure, *problem.noise_structures), strict=True):
+        for k in range(y.size):
+            at = y.copy()
+            at[k] += 1e-6
+            field, moved = G(y) @ problem.gradient(y), G(at) @ problem.gradient(at)
+            worst = max(
+                worst, c * float(np.max(np.abs(moved - field))) / 1e-6, c * float(np.max(np.abs(field)))
+            )
+    return worst
+
+
+def several_steps() -> st.SearchStrategy[Case]:
+    """Steps of all kinds of systems with several structures."""
+    return st.one_of(steps(families()), commuting_hamiltonian_steps())
+
+
+@st.composite
+def _still(draw: st.DrawFn) -> Case:
+    """h = 0 and no noise, or ∇H = 0 at y."""
+    case = draw(steps(families()))
+    if draw(st.booleans()):
+        return Case(case.problem, case.y, 0.0, (0.0,) * len(case.dW))
+    assert isinstance(case.problem, PolynomialSystem)
+    d = case.problem.dimension
+    system = replace(
+        case.problem, hamiltonian=draw(hamiltonians(d, 5, least=2)), casimirs=(), linear_casimirs=()
+    )
+    return Case(system, (0.0,) * d, draw(st.sampled_from([1.0, 0.25])), case.dW)
+
+
+def _scaled_copies() -> st.SearchStrategy[Case]:
+    """G_j = B for all j: (2.1)."""
+
+    def copied(system: PolynomialSystem) -> PolynomialSystem:
+        return replace(system, noise_structures=(system.structure,) * len(system.noise))
+
+    with_noise = poisson_systems(degree=4, largest=4, structure_degree=2).filter(
+        lambda s: s.noise and s.structure
+    )
+    return steps(with_noise.map(copied))
+
+
+@st.composite
+def _several_at_origin(draw: st.DrawFn) -> Case:
+    """y0 = 0 with all terms that the fields and their slopes need there, inside the radius of the whole step."""
+    d, m = draw(st.integers(2, 4)), draw(st.integers(1, 2))
+    linear = poly.polynomial(d, [(_unit(d, k), draw(coefficients())) for k in range(d)])
+    square = poly.polynomial(d, [(tuple(2 * e for e in _unit(d, k)), 0.5) for k in range(d)])
+
+    def structure() -> tuple[tuple[int, int, Polynomial], ...]:
+        return tuple(
+            (
+                i,
+                j,
+                poly.add(poly.constant(d, draw(coefficients())), draw(polynomials(d, 2, least=1, terms=2))),
+            )
+            for i, j in combinations(range(d), 2)
+            if j == i + 1 or draw(st.booleans())
+        )
+
+    G = tuple(structure() for _ in range(m))
+    system = PolynomialSystem(d, poly.add(linear, square), structure(), (1.0,) * m, noise_structures=G)
+    radius = contraction_ball(problems.build(system), np.zeros(d))[0]
+    part = SHARE * min(radius, 1.0) / (m + 1)
+    return Case(
+        system, (0.0,) * d, part, tuple(draw(st.sampled_from([1.0, -0.5, 0.25])) * part for _ in range(m))
+    )
+
+
+def _unit(d: int, k: int) -> tuple[int, ...]:
+    return tuple(int(i == k) for i in range(d))
+
+
+SEVERAL: dict[str, Cases] = {
+    **dict.fromkeys(("contract", "reproducibility", "energy", "symmetry"), several_steps),
+    "reference": lambda: st.one_of(several_steps(), critical_hamiltonian_steps()),
+    "casimir": lambda: steps(common_casimir_systems().filter(lambda s: s.casimirs)),
+    "identity": _still,
+    "reduction": _scaled_copies,
+    "noise-sum": lambda: steps(families()),
+    "expansion": _several_at_origin,
+    "equivariance": lambda: steps(random_structures(degree=4, largest=4)),
+}
+
+# For each class of systems other than all of (1.1): where a law draws its cases.
+CASES: dict[str, dict[str, Cases]] = {"nambu": NAMBU, "several": SEVERAL}

@@ -1,0 +1,67 @@
+"""Whether a case tells right from wrong: a design that visits a pair of strata must show the faults that live there."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+
+from sepv.problem import Array, Problem, average_gradient
+from sepv.problem._fields import matvec
+from sepv.problem._structures import combined
+from sepv.verification._cases.case import Case
+from sepv.verification._cases.strata import Levels
+from sepv.verification._tolerance import casimir_bound, energy_bound, step_residual
+
+# How far above rounding the step must be, of which a small share may be wrong; and how far above its bound a fault that
+# errs by a power of the step. `benchmarks.power` measures what they lead to.
+MOTION, SHOWN = 1e7, 64.0
+# A share of the radius at which errors of a power of the step are above rounding.
+LONG = 0.5
+
+
+def tells(case: Case, levels: Levels) -> bool:
+    """Whether faults would show in this case that err by a power of the step, as they must where its strata are met.
+
+    For z = Δ B∇H, an explicit step: z and each structure's part of it must stand above rounding; ∇H at the midpoint in
+    place of its average must change H, B at y in place of the midpoint y1 and every quadratic Casimir, all by more
+    than SHOWN times what rounding may. Short steps, quadratic H and constant B are right either way.
+    """
+    if levels["step/radius"].high < LONG:
+        return True
+    problem, y, h, dW = case.build()
+    parts = np.array([h, *(problem.c * dW)])
+    with np.errstate(all="ignore"):
+        g = problem.gradient(y)
+        z = matvec(combined(problem, y, parts), g)
+        residual = step_residual(problem, y, y + z, h, dW)
+        alone = [matvec(combined(problem, y, part), g) for part in np.diag(parts)[parts != 0]]
+        moves = min(float(np.max(np.abs(v))) for v in (z, *alone)) > MOTION * float(np.max(residual))
+        return (
+            bool(moves)
+            and _curved(problem, levels, y, z, residual)
+            and _turning(problem, levels, y, z, residual, parts)
+        )
+
+
+def _curved(problem: Problem, levels: Levels, y: Array, z: Array, residual: Array) -> bool:
+    """Whether one quadrature node is too few, for H and for a Casimir whose gradient is averaged."""
+    found = []
+    if levels["degree of H"].high > 2:
+        found.append((problem, energy_bound(problem, y, y + z, residual)))
+    if problem.nambu is not None and levels["degree of C"].high > 2:
+        nambu = cast(Problem, problem.nambu)
+        found.append((nambu, np.abs(nambu.gradient(y)) @ residual))
+    wrong = (f.gradient(y + 0.5 * z) - average_gradient(f, y, y + z).value for f, _ in found)
+    return all(abs(w @ z) > SHOWN * bound for w, (_, bound) in zip(wrong, found, strict=True))
+
+
+def _turning(problem: Problem, levels: Levels, y: Array, z: Array, residual: Array, parts: Array) -> bool:
+    """Whether it matters where B is taken."""
+    degrees = [levels[axis].high for axis in ("degree of B", "degree of g") if axis in levels]
+    if max(degrees) < 1:
+        return True
+    moved = matvec(combined(problem, y + 0.5 * z, parts), problem.gradient(y)) - z
+    return bool(np.any(np.abs(moved) > SHOWN * residual)) and all(
+        abs(z @ A @ z) > SHOWN * casimir_bound(A, y, y + z, residual) for A in problem.casimirs
+    )

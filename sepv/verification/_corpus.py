@@ -1,0 +1,60 @@
+"""The corpus of witnesses: cases that caught a fault once, asked again before any search.
+
+``reference/witnesses/LAW.json``, as its schema describes it; docs/vectors.md is for whoever reads it without Python. A
+witness is a case of its law like any other: the law's own check measures it, with its own bound. So the corpus can
+find a fault sooner, and can accuse nobody whom a search could not.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.resources import files
+
+from sepv.verification._cases.case import Case, from_json
+
+FORMAT = "sepv-witnesses-1"
+FOLDER = files("sepv.reference") / "witnesses"
+
+
+@dataclass(frozen=True)
+class Witness:
+    """A case with what it caught.
+
+    Attributes
+    ----------
+    id : str
+        ``LAW/NUMBER``.
+    systems : str
+        The class of systems that it is a case of, as `sepv.schemes._scheme.Scheme.systems` has it.
+    found : str
+        The fault whose shrunk counterexample it is: a saboteur's name.
+    caught : tuple of str
+        All saboteurs that this case accuses.
+    """
+
+    id: str
+    systems: str
+    found: str
+    caught: tuple[str, ...]
+    case: Case
+
+
+@lru_cache(maxsize=64)
+def witnesses(law: str, systems: str = "") -> tuple[Witness, ...]:
+    """The witnesses of a law, of one class of systems or of all; none for a law that has no file."""
+    file = FOLDER / f"{law}.json"
+    if not file.is_file():
+        return ()
+    data = json.loads(file.read_text(encoding="utf-8"))
+    found = (
+        Witness(w["id"], w["systems"], w["found"], tuple(w["caught"]), from_json(w["case"]))
+        for w in data["witnesses"]
+    )
+    return tuple(w for w in found if systems in ("", w.systems))
+
+
+def cases(law: str, systems: str) -> tuple[Case, ...]:
+    """Their cases, in the order of the file: what catches most comes first."""
+    return tuple(w.case for w in witnesses(law, systems))

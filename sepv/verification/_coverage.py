@@ -1,0 +1,84 @@
+"""What the designs of the laws cover: the cases in each stratum, pairs of strata met, and pairs that cannot be."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from sepv.verification import _corpus as corpus
+from sepv.verification._cases.spaces import SPACES
+from sepv.verification._cases.strata import Space
+from sepv.verification._law import Law
+
+
+def pairs(space: Space) -> tuple[int, int]:
+    """(pairs of strata met by the design, pairs that are possible)."""
+    design = space.design()
+    sizes = [len(axis.strata) for axis in space.axes]
+    every = (sum(sizes) ** 2 - sum(n * n for n in sizes)) // 2
+    met = {pair for row in design.rows for pair in space.shown(row)}
+    return len(met), every - len(design.impossible)
+
+
+def cases_by_stratum(space: Space) -> dict[tuple[str, str], int]:
+    """How many cases of one design lie in each stratum, by the names of axis and stratum."""
+    return Counter(
+        (axis, stratum.name) for row in space.design().rows for axis, stratum in space.levels(row).items()
+    )
+
+
+def impossible(space: Space) -> dict[str, list[str]]:
+    """By reason, the pairs of strata that no case can have."""
+    found: dict[str, list[str]] = {}
+    for pair in sorted(space.design().impossible):
+        names = [f"{space.axes[f].name} {space.axes[f].strata[k].name}" for f, k in pair]
+        found.setdefault(space.impossible(pair), []).append(" and ".join(names))
+    return found
+
+
+def _strata(space: Space) -> list[tuple[str, str]]:
+    return [(axis.name, stratum.name) for axis in space.axes for stratum in axis.strata]
+
+
+def show(laws: Iterable[Law], systems: str, out: Console) -> None:
+    """Print the tables for these laws and this class of systems."""
+    chosen = [law.name for law in laws]
+    spaces = {name: space for name, space in SPACES.get(systems, {}).items() if name in chosen}
+    order = [name for name in chosen if name in spaces]
+    summary = Table(box=box.SIMPLE_HEAD, title="Cases by design, and pairs of strata that they meet")
+    for column in ("law", "witnesses", "cases", "pairs met", "possible", "impossible"):
+        summary.add_column(column, justify="left" if column == "law" else "right")
+    counts = {name: cases_by_stratum(spaces[name]) for name in order}
+    for name in order:
+        met, possible = pairs(spaces[name])
+        design = spaces[name].design()
+        known = len(corpus.cases(name, systems))
+        summary.add_row(name, *map(str, (known, len(design.rows), met, possible, len(design.impossible))))
+    out.print(summary)
+    out.print("witnesses: cases that caught a fault once (docs/vectors.md), asked before the design")
+    strata = Table(box=box.SIMPLE_HEAD, title="Cases in each stratum")
+    for column in ("axis", "stratum", "all"):
+        strata.add_column(column, justify="right" if column == "all" else "left")
+    for name in order:
+        strata.add_column(name[:5], justify="right")
+    seen = dict.fromkeys(key for name in order for key in _strata(spaces[name]))
+    axes = list(dict.fromkeys(axis for axis, _ in seen))
+    last = ""
+    for axis, stratum in sorted(seen, key=lambda key: axes.index(key[0])):
+        numbers = [counts[name].get((axis, stratum), 0) for name in order]
+        shown = [str(n) if n else "·" for n in numbers]
+        strata.add_row("" if axis == last else axis, stratum, str(sum(numbers)), *shown)
+        last = axis
+    out.print(strata)
+    reasons: dict[str, dict[str, None]] = {}
+    for name in order:
+        for reason, listed in impossible(spaces[name]).items():
+            reasons.setdefault(reason, {}).update(dict.fromkeys(listed))
+    for reason, which in reasons.items():
+        out.print(f"impossible, {reason}: {'; '.join(which)}", soft_wrap=True)
+    others = [name for name in chosen if name not in spaces]
+    out.print(f"without a design: {', '.join(others) or 'none'}", soft_wrap=True)

@@ -1,0 +1,216 @@
+"""What a scheme is held to from now on: a TOML file of claims and of known violations, strict both ways.
+
+    claims = ["contract", "casimir"]   # laws that must hold; leave it out where the scheme states its own
+    measured = ["contract", "casimir", "energy", "weak-order"]   # all that were asked for when it was pinned
+
+    [[expected]]                       # a law that it is known to break
+    law = "energy"
+    reason = "B is taken at y_n in the drift"
+    witness = "eNp1j88K…"              # as printed after --replay; for statistical laws a table { seed, paths }
+
+A known violation is checked by its witness and not by search, so that it costs one measurement and is never flaky.
+A violation that is not listed fails the run, and so does an entry that no longer fails. A file with ``claims`` is a
+pin: of the laws as they were measured (`pin`). There even a violation of a law that nobody claims must be listed, and
+a law that was not measured then, because it is newer or was not asked for, is named in the report.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from sepv.errors import UsageError
+from sepv.verification._cases import case as cases
+from sepv.verification._law import Finding, Verdict
+
+_ENTRY = {"law", "reason", "witness"}
+_KEYS = {"expected", "claims", "measured", "scheme"}
+_EXAMPLE = '[[expected]] with law = "…", reason = "…", witness = "…"; `--pin FILE` makes a first one'
+
+
+@dataclass(frozen=True)
+class ExpectedFailure:
+    """One entry: the law, why it fails, and the witness as JSON."""
+
+    law: str
+    reason: str
+    witness: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Expectations:
+    """A file: the laws that it claims and those that were measured for it, None where it does not say; its entries."""
+
+    claims: frozenset[str] | None = None
+    failures: dict[str, ExpectedFailure] = field(default_factory=dict)
+    measured: frozenset[str] | None = None
+
+    @property
+    def is_pin(self) -> bool:
+        """Whether every violation must be listed, claimed or not."""
+        return self.claims is not None
+
+    def unpinned(self, laws: Iterable[str]) -> tuple[str, ...]:
+        """Those of the laws that were not measured when the file was written; none where it does not say."""
+        if self.measured is None:
+            return ()
+        known = self.measured | set(self.failures) | (self.claims or frozenset())
+        return tuple(law for law in laws if law not in known)
+
+    def unasked(self, laws: Iterable[str]) -> tuple[str, ...]:
+        """What the file guards, and the laws leave out."""
+        left = {*self.failures, *(self.claims or ())} - set(laws)
+        return tuple(sorted(left))
+
+    def gaps(self, laws: Iterable[str]) -> list[str]:
+        """A sentence each for laws that the file does not know, and for those of a pin that were not asked for now."""
+        asked = list(laws)
+        kinds = (
+            ("Not in the pin, which was written without them", self.unpinned(asked)),
+            ("In the pin and not measured now", self.unasked(asked) if self.is_pin else ()),
+        )
+        return [f"{words}: {', '.join(which)}." for words, which in kinds if which]
+
+
+def load(path: str | Path, laws: Iterable[str]) -> Expectations:
+    """What a file says.
+
+    Raises
+    ------
+    UsageError
+        For a file that is missing or not TOML, an unknown or repeated law, a missing reason or witness, a law
+        that is both claimed and expected to fail.
+    """
+    try:
+        data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UsageError(
+            expected="a file of expected failures", received=f"{path}: {error.strerror}", remedy=_EXAMPLE
+        ) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise UsageError(expected=f"TOML in {path}", received=str(error), remedy=_EXAMPLE) from error
+    entries = data.get("expected", [])
+    if set(data) - _KEYS or not isinstance(entries, list):
+        raise UsageError(
+            expected=f"claims and tables [[expected]] in {path}",
+            received=f"keys {sorted(data)}",
+            remedy=_EXAMPLE,
+        )
+    known, found = tuple(laws), dict[str, ExpectedFailure]()
+    for number, entry in enumerate(entries, start=1):
+        failure = _entry(entry, f"{path}, entry {number}", known)
+        if failure.law in found:
+            raise UsageError(
+                expected="each law once", received=f"{failure.law!r} twice in {path}", remedy="keep one entry"
+            )
+        found[failure.law] = failure
+    claims, measured = (_names(key, data.get(key), str(path), known) for key in ("claims", "measured"))
+    both = sorted((claims or frozenset()) & set(found))
+    if both:
+        raise UsageError(
+            expected=f"each law of {path} either claimed or expected to fail",
+            received=f"both: {', '.join(both)}",
+            remedy="a law that the scheme breaks is no claim: take it out of claims",
+        )
+    return Expectations(claims, found, measured)
+
+
+def _names(key: str, value: Any, path: str, known: tuple[str, ...]) -> frozenset[str] | None:
+    if value is None:
+        return None
+    if not isinstance(value, list) or not all(name in known for name in value):
+        raise UsageError(
+            expected=f"{key} in {path}, a list of laws out of {', '.join(known)}",
+            received=f"{value!r}",
+            remedy="correct the names, or write the file anew with --pin",
+        )
+    return frozenset(value)
+
+
+def _entry(entry: Any, where: str, known: tuple[str, ...]) -> ExpectedFailure:
+    if not isinstance(entry, dict) or set(entry) != _ENTRY:
+        keys = sorted(entry) if isinstance(entry, dict) else type(entry).__name__
+        raise UsageError(expected=f"law, reason and witness in {where}", received=f"{keys}", remedy=_EXAMPLE)
+    law, reason, witness = entry["law"], entry["reason"], entry["witness"]
+    if law not in known:
+        raise UsageError(
+            expected=f"a law in {where}, one of {', '.join(known)}",
+            received=repr(law),
+            remedy="correct the name",
+        )
+    if not isinstance(reason, str) or not reason.strip():
+        raise UsageError(
+            expected=f"a reason in {where}", received=repr(reason), remedy="say why this failure is expected"
+        )
+    if isinstance(witness, str):
+        witness = cases.to_json(cases.from_token(witness))
+    if not isinstance(witness, dict):
+        raise UsageError(
+            expected=f"a witness in {where}: a token or a table",
+            received=f"{witness!r:.60}",
+            remedy="copy what the report prints after --replay",
+        )
+    return ExpectedFailure(law, reason, witness)
+
+
+def to_toml(scheme: str, findings: Iterable[Finding]) -> str:
+    """A first file of expected failures: the claimed laws that are violated; a person fills in the reasons.
+
+    What nobody claims is no failure, and is not listed: a scheme that gains a law must not turn a build red.
+    """
+    listed = [f for f in findings if f.claimed or f.expected is not None]
+    entries = _entries(f for f in listed if f.verdict is Verdict.VIOLATED)
+    title = f"# Expected failures of {_line(scheme)}. Replace each reason by yours."
+    return "\n".join([title, *(entries or ["# No claimed law is violated."])]) + "\n"
+
+
+def pin(scheme: str, findings: Iterable[Finding]) -> str:
+    """The whole of what was measured: what holds as claims, what is violated with its witness.
+
+    A law without a decision is among those measured only: it is not guarded until it is decided and pinned again.
+    """
+    found = [f for f in findings if f.verdict is not Verdict.NOT_MEASURED]
+    held = [f.law for f in found if f.verdict is Verdict.HOLDS]
+    lines = [
+        f"# What sepv found of {_line(scheme)}: these laws must hold from now on, and the violations below stay as",
+        "# they are. Both ways: a law that breaks turns the run red, and so does one that no longer fails.",
+        f"claims = [{', '.join(_quoted(law) for law in held)}]",
+        "# All that were asked for: a law that is not here is named when it is measured.",
+        f"measured = [{', '.join(_quoted(f.law) for f in found)}]",
+    ]
+    return "\n".join([*lines, *_entries(f for f in found if f.verdict is Verdict.VIOLATED)]) + "\n"
+
+
+def _entries(findings: Iterable[Finding]) -> list[str]:
+    lines = []
+    for f in findings:
+        size = (
+            "" if f.defect is None or f.bound is None else f": {f.defect:.3g} {f.unit} against {f.bound:.3g}"
+        )
+        lines += [
+            "",
+            "[[expected]]",
+            f"law = {_quoted(f.law)}",
+            f"reason = {_quoted(f.expected or 'violated when this file was written' + size)}",
+            f"witness = {_witness(f.witness or {})}",
+        ]
+    return lines
+
+
+def _witness(witness: dict[str, Any]) -> str:
+    if "problem" in witness:
+        return _quoted(cases.to_token(cases.from_json(witness)))
+    numbers = {k: v for k, v in witness.items() if isinstance(v, int)}
+    return "{ " + ", ".join(f"{k} = {v}" for k, v in numbers.items()) + " }"
+
+
+def _quoted(text: str) -> str:
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in escaped) + '"'
+
+
+def _line(text: str) -> str:
+    return "".join(c if c.isprintable() else " " for c in text)

@@ -1,0 +1,244 @@
+"""A law: a statement with its source, how it is measured, and what a measurement means."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from typing import Any
+
+from sepv.errors import UsageError
+from sepv.schemes import Scheme
+from sepv.schemes._point_laws import point_law
+
+
+class Verdict(Enum):
+    """What became of a law. Counts over a suite always add up to the number of its laws."""
+
+    HOLDS = "holds"
+    VIOLATED = "violated"
+    INCONCLUSIVE = "inconclusive"
+    NOT_APPLICABLE = "not_applicable"
+    ERROR = "error"
+    # Interrupted before it was decided: no word about the scheme.
+    NOT_MEASURED = "not_measured"
+
+    @property
+    def text(self) -> str:
+        """The verdict in words."""
+        return self.value.replace("_", " ")
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One measurement: the defect, the bound derived for it, both in `unit`, and a line for a reader."""
+
+    defect: float
+    bound: float
+    detail: str = ""
+
+    @property
+    def violates(self) -> bool:
+        """Whether the defect exceeds the bound; a defect that is not a number does."""
+        return not self.defect <= self.bound
+
+    @property
+    def ratio(self) -> float:
+        """Defect over bound, for comparing measurements."""
+        if self.bound > 0:
+            return self.defect / self.bound
+        return 0.0 if self.defect == 0 else float("inf")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a law found of a scheme.
+
+    Attributes
+    ----------
+    defect, bound, unit
+        The worst measurement; None where nothing was measured.
+    witness : dict or None
+        What shows a violation or an error: a `sepv.verification.Case` as JSON, or the setup of a statistical law.
+    replay : str
+        Arguments after ``sepv verify TARGET`` that show it again.
+    checks : int
+        Examples or paths that were measured.
+    message : str
+        The witness for a reader, or the reason of a verdict.
+    at_least : bool
+        Whether the bound is a lower one, as for a measured order.
+    traceback : str
+        Of an exception that the scheme raised.
+    expected : str or None
+        The reason of an expected failure, which was checked by its witness.
+    skipped : int
+        Cases that the scheme does not take (`sepv.errors.Skipped`).
+    """
+
+    law: str
+    verdict: Verdict
+    source: str
+    unit: str
+    claimed: bool = False
+    defect: float | None = None
+    bound: float | None = None
+    witness: dict[str, Any] | None = None
+    replay: str = ""
+    checks: int = 0
+    message: str = ""
+    seconds: float = 0.0
+    at_least: bool = False
+    traceback: str = ""
+    expected: str | None = None
+    skipped: int = 0
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How hard to look.
+
+    Attributes
+    ----------
+    examples : int
+        Hypothesis examples a law, after its design.
+    designs : int
+        How often a law visits its design, each time with other content in the same strata.
+    paths : int
+        Largest number of paths of a statistical law.
+    seed : int
+        Of examples and paths: the same seed gives the same run.
+    shrink_checks : int
+        How many checks a counterexample may be simplified with; 0 leaves it as it was found. A number and not a time,
+        so that a finding does not depend on what else the machine does.
+    corpus : bool
+        Whether known witnesses (`sepv.verification._corpus`) are asked before a law's design. Without them a count of examples says
+        what the search alone can do.
+    cache : dict
+        What the laws of one run hand on to each other. Leave it alone.
+    """
+
+    examples: int = 12
+    paths: int = 8192
+    seed: int = 0
+    shrink_checks: int = 500
+    designs: int = 1
+    corpus: bool = True
+    cache: dict[Any, Any] = field(default_factory=dict, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.examples < 1 or self.paths < 1 or self.designs < 1 or self.shrink_checks < 0:
+            raise UsageError(
+                expected="at least one example, one path and one design, and shrink_checks ≥ 0",
+                received=f"examples = {self.examples}, paths = {self.paths}, designs = {self.designs}, "
+                f"shrink_checks = {self.shrink_checks}",
+                remedy="leave them out for the usual effort",
+            )
+
+    def deeper(self) -> Effort:
+        """The nightly effort."""
+        return replace(self, examples=1000, designs=20, paths=16384, shrink_checks=5000, cache={})
+
+
+@dataclass(frozen=True)
+class Law:
+    """A property of one-step methods.
+
+    Attributes
+    ----------
+    run : (scheme, effort) -> Finding
+        Look for a violation.
+    replay : (scheme, witness) -> Finding
+        Measure one witness.
+    always_claimed : bool
+        For the contract of ``step``, which whoever hands over a scheme has signed.
+    level : int
+        Of conformance (`sepv.verification._levels`): 1 for what makes a one-step method, 2 for orders, 3 for all else.
+    needed : bool
+        Whether the level needs it even of a scheme that does not claim it.
+    cost : float
+        Processor seconds that it took for (2.1) when this was written, measured after the laws before it; laws that
+        share their paths are paid by the first. Only ratios matter, for the share of a run that is done.
+    """
+
+    name: str
+    statement: str
+    source: str
+    unit: str
+    run: Callable[[Law, Scheme, Effort], Finding]
+    replay: Callable[[Law, Scheme, dict[str, Any]], Finding]
+    always_claimed: bool = False
+    level: int = 3
+    needed: bool = False
+    cost: float = 1.0
+
+    def claimed_by(self, scheme: Scheme) -> bool:
+        """Whether the scheme says that it obeys this law."""
+        return self.always_claimed or self.name in scheme.claims
+
+    def finding(self, verdict: Verdict, **details: Any) -> Finding:
+        """A finding of this law."""
+        return Finding(law=self.name, verdict=verdict, source=self.source, unit=self.unit, **details)
+
+
+def pathwise(
+    run: Callable[[Law, Scheme, Effort], Finding],
+) -> Callable[[Law, Scheme, Effort], Finding]:
+    """`run` of a law about paths: not applicable to increments of a few points, which no Wiener process has."""
+
+    def asked(law: Law, scheme: Scheme, effort: Effort) -> Finding:
+        points = point_law(scheme.increments)
+        if points is None:
+            return run(law, scheme, effort)
+        text = f"{points.name} increments are no path of a Wiener process: see the laws about weak orders"
+        return law.finding(Verdict.NOT_APPLICABLE, message=text)
+
+    return asked
+
+
+Measure = Callable[[Law, Scheme, Effort], Finding]
+_collected: ContextVar[tuple[list[Finding], Measure | None] | None] = ContextVar("collected", default=None)
+
+
+@contextmanager
+def collecting(findings: list[Finding], measure: Measure | None = None) -> Iterator[None]:
+    """Within it `require` appends its findings to the list, measured by `measure`: for runners that show them."""
+    token = _collected.set((findings, measure))
+    try:
+        yield
+    finally:
+        _collected.reset(token)
+
+
+def require(law: Law, scheme: Scheme, effort: Effort | None = None) -> Finding:
+    """For tests: the law's finding, raising `LawViolated` where a claimed law is not found to hold.
+
+    An unclaimed law is measured too and returned; it fails no test.
+    """
+    __tracebackhide__ = True  # of pytest: the finding says what happened, frames of sepv do not
+    found, measure = _collected.get() or ([], None)
+    budget = effort or Effort()
+    measured = measure(law, scheme, budget) if measure else law.run(law, scheme, budget)
+    finding = replace(measured, claimed=law.claimed_by(scheme))
+    found.append(finding)
+    if finding.claimed and not (
+        finding.verdict is Verdict.HOLDS
+        or (finding.verdict is Verdict.NOT_APPLICABLE and not finding.skipped)
+    ):
+        raise LawViolated(finding)
+    return finding
+
+
+class LawViolated(AssertionError):
+    """A claimed law that does not hold, with its finding."""
+
+    def __init__(self, finding: Finding) -> None:
+        self.finding = finding
+        size = (
+            ""
+            if finding.defect is None
+            else f": {finding.defect:.3g} against {finding.bound:.3g} {finding.unit}"
+        )
+        super().__init__(f"{finding.law} ({finding.source}) {finding.verdict.text}{size}\n{finding.message}")

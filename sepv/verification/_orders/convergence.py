@@ -1,0 +1,259 @@
+"""Strong errors against the exact flow, and slopes with intervals whose false-alarm rate is stated.
+
+For one path all step sizes see the same Wiener process: increments of coarse steps are sums of those of
+the finest grid, truncated at each step size as Remark 2.1 says; the exact solution sees W(T) untruncated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from sepv.exact._several_structures import ends as exact_ends
+from sepv.exact._several_structures import finer, refined
+from sepv.problem import Array, HamiltoniansProblem, Problem
+from sepv.schemes import Scheme
+from sepv.simulate import _areas as areas
+from sepv.simulate import _wiener as wiener
+from sepv.simulate._paths import run_chunk
+from sepv.solve import Status
+
+# Paths are split into this many groups for the jackknife: enough for a t-quantile with 31 degrees of
+# freedom, few enough that the mean square over a group is nearly normal.
+GROUPS = 32
+# Errors below this many eps·scale are rounding, not order: such step sizes are left out.
+FLOOR = 1e4
+# High enough to see the bulk of the errors of few steps, whose median is small beside their mean square, low enough
+# for an interval of it from some hundred paths.
+QUANTILE = 0.8
+# Wide enough to hide what NumPy takes for a call: 1024 paths at once cost half of four times 256.
+_CHUNK = 1024
+
+
+@dataclass(frozen=True)
+class StrongErrors:
+    """Errors y_N − y(T) of M paths (L, d, M) for L numbers of steps, their squares |·|² (L, M), and failures.
+
+    `failures` counts paths with a step that was not solved or left the domain, for each number of steps.
+    `reference` is the rms error of a reference that is not exact, 0 where it is. `ends` (L, d, M) and `W` (L, m, M)
+    are y(T) and W(T), `weights` (L, M) the likelihood ratios that `squared` and `errors` already carry: what
+    `sepv.verification._orders.means` needs, empty where nobody asked for it. `tolerance` is what the scheme says of its own solver.
+    """
+
+    T: float
+    steps: tuple[int, ...]
+    squared: Array
+    errors: Array
+    failures: tuple[int, ...]
+    scale: float
+    floor: float = FLOOR
+    reference: float = 0.0
+    ends: Array = field(default_factory=lambda: np.empty(0))
+    W: Array = field(default_factory=lambda: np.empty(0))
+    weights: Array = field(default_factory=lambda: np.empty(0))
+    tolerance: float = 0.0
+
+    @property
+    def h(self) -> Array:
+        """The step sizes, (L,)."""
+        return self.T / np.array(self.steps, dtype=np.float64)
+
+    def rms(self) -> Array:
+        """√E|y_N − y(T)|², (L,)."""
+        return np.sqrt(np.mean(self.squared, axis=1))
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """value ± half-width: a two-sided interval that misses with probability alpha."""
+
+    value: float
+    half: float
+    alpha: float
+
+    @property
+    def low(self) -> float:
+        """Lower end."""
+        return self.value - self.half
+
+    @property
+    def high(self) -> float:
+        """Upper end."""
+        return self.value + self.half
+
+
+def strong_errors(
+    scheme: Scheme, problem: Problem, *, T: float, steps: Sequence[int], paths: range, seed: int = 0
+) -> StrongErrors:
+    """Run the paths numbered `paths` with each number of steps, from the problem's initial state.
+
+    Parameters
+    ----------
+    steps : increasing numbers of steps, each dividing the last.
+    """
+    start = np.array(problem.initial, dtype=np.float64)
+    finest = steps[-1]
+    squared = np.empty((len(steps), len(paths)))
+    errors = np.empty((len(steps), problem.dimension, len(paths)))
+    ends = np.empty((problem.dimension, len(paths)))
+    W = np.empty((problem.noises, len(paths)))
+    failures = np.zeros(len(steps), dtype=np.int64)
+    largest, reference = float(np.max(np.abs(start))), 0.0
+    for first in range(0, len(paths), _CHUNK):
+        here = slice(first, min(first + _CHUNK, len(paths)))
+        numbers = paths[here]
+        fine = wiener.increments(seed, T=T, steps=finest, noises=problem.noises, paths=numbers)
+        known, rough = exact_ends(problem, start, T, fine.sum(axis=0)), None
+        if known is not None:
+            exact = known
+        elif isinstance(problem, HamiltoniansProblem):
+            rough, exact, apart = refined(problem, start, T, finest, numbers, seed)
+            fine, reference = rough.coarse(finest).dW, max(reference, apart)
+        else:
+            fine, exact, apart = finer(problem, start, T, finest, numbers, seed)
+            reference = max(reference, apart)
+        if scheme.asks and rough is None:
+            rough = areas.drawn(seed, T=T, steps=areas.MORE * finest, noises=problem.noises, paths=numbers)
+            fine = rough.coarse(finest).dW
+        largest = max(largest, float(np.max(np.abs(exact))))
+        ends[:, here], W[:, here] = exact, fine.sum(axis=0)
+        for row, count in enumerate(steps):
+            raw = rough.rows(count, scheme.asks) if rough else wiener.coarsen(fine, finest // count)
+            result = run_chunk(scheme, problem, start, T / count, raw, scheme.truncation, track=False)
+            failures[row] += np.count_nonzero(result.status != Status.CONVERGED)
+            errors[row, :, here] = result.y - exact
+            with np.errstate(over="ignore"):  # a path that blows up has an infinite error, and is no accident
+                squared[row, here] = np.sum((result.y - exact) ** 2, axis=0)
+    levels = len(steps)
+    return StrongErrors(
+        T, tuple(steps), squared, errors, tuple(int(f) for f in failures), largest, FLOOR, reference,
+        np.broadcast_to(ends, (levels, *ends.shape)), np.broadcast_to(W, (levels, *W.shape)),
+        np.ones((levels, len(paths))), scheme.solver_tolerance,
+    )  # fmt: skip
+
+
+def join(parts: Sequence[StrongErrors]) -> StrongErrors:
+    """The errors of all the paths of several runs over the same steps."""
+    return replace(
+        parts[0],
+        squared=np.concatenate([p.squared for p in parts], axis=-1),
+        errors=np.concatenate([p.errors for p in parts], axis=-1),
+        ends=np.concatenate([p.ends for p in parts], axis=-1),
+        W=np.concatenate([p.W for p in parts], axis=-1),
+        weights=np.concatenate([p.weights for p in parts], axis=-1),
+        failures=tuple(int(n) for n in np.sum([p.failures for p in parts], axis=0)),
+        scale=max(p.scale for p in parts),
+        reference=max(p.reference for p in parts),
+    )
+
+
+def first(errors: StrongErrors, paths: int) -> StrongErrors:
+    """The first so many paths; `failures` and `scale` stay those of all."""
+    return replace(
+        errors,
+        **{
+            name: getattr(errors, name)[..., :paths] for name in ("squared", "errors", "ends", "W", "weights")
+        },
+    )
+
+
+def floors(errors: StrongErrors) -> Array:
+    """Errors below these, (L,), are rounding, or what the scheme says that its solver leaves after N steps."""
+    eps = float(np.finfo(np.float64).eps)
+    return errors.scale * (errors.floor * eps + np.array(errors.steps) * errors.tolerance)
+
+
+def above_floor(errors: StrongErrors) -> np.ndarray:
+    """Which step sizes have errors that are not rounding."""
+    return errors.rms() > floors(errors)
+
+
+def slope(errors: StrongErrors, alpha: float) -> Estimate:
+    """The mean-square order: the least-squares slope of log rms error against log h.
+
+    Its interval is a jackknife over groups of paths: the errors of one path at several step sizes
+    depend on each other, groups of paths do not.
+    """
+    kept = above_floor(errors)
+    x = np.log(errors.T / np.array(errors.steps, dtype=np.float64))[kept]
+    x = x - x.mean()
+    weights = x / np.sum(x * x)
+    return jackknife(errors.squared[kept], lambda mean: float(0.5 * (weights @ np.log(mean))), alpha)
+
+
+def log_decay(errors: StrongErrors, alpha: float) -> Estimate:
+    """ln(rms at the finest step / rms at the coarsest): 0 where the limit is another than the exact flow's."""
+    ends = errors.squared[[0, -1]]
+    return jackknife(ends, lambda mean: float(0.5 * np.log(mean[1] / mean[0])), alpha)
+
+
+def quantile_slope(errors: StrongErrors, alpha: float) -> Estimate:
+    """The order at which the QUANTILE of |e| falls from the coarsest kept step size to the finest one.
+
+    Where E|e_h|² ≤ (C h^p)², Chebyshev's inequality bounds every quantile of |e_h| by C' h^p: a quantile that falls
+    more slowly refutes the order. Its interval owes nothing to the tails: the number of paths with |e| below the
+    quantile is binomial, so that order statistics enclose it with a probability that is known for every
+    distribution (Clopper and Pearson 1934). Each of the four ends gets alpha/4.
+    """
+    kept = np.flatnonzero(above_floor(errors))
+    ordered = np.sort(errors.squared[[kept[0], kept[-1]]], axis=1)
+    paths = ordered.shape[1]
+    low = _binomial_quantile(alpha / 4, paths) - 1
+    high = _binomial_quantile(1 - alpha / 4, paths)
+    span = 2 * np.log(errors.steps[kept[-1]] / errors.steps[kept[0]])
+    if low < 0 or high >= paths:
+        return Estimate(0.0, np.inf, alpha)
+    (c_low, c_high), (f_low, f_high) = np.log(ordered[:, [low, high]])
+    ends = np.array([c_low - f_high, c_high - f_low]) / span
+    return Estimate(float(ends.mean()), float(np.ptp(ends)) / 2, alpha)
+
+
+def _binomial_quantile(level: float, paths: int) -> int:
+    """The smallest k with P(at most k of the paths lie below the QUANTILE) ≥ level."""
+    from scipy.special import bdtr, bdtrik  # scipy.stats would take a second to import
+
+    k = np.ceil(bdtrik(level, paths, QUANTILE))
+    return int(k - 1 if k >= 1 and bdtr(k - 1, paths, QUANTILE) >= level else k)
+
+
+def mean_square_order(
+    errors: StrongErrors, alpha: float, *, more: float = 1.0, weighted: bool = False
+) -> tuple[float, float, float]:
+    """The mean-square order (value, low, high): the slope of the rms error, checked by that of its bulk.
+
+    An rms error of heavy tails is underestimated in most samples, and the interval around it with it. So the order is
+    below `high` only where the intervals of both slopes say so: that of the quantile does so by chance with a
+    probability of alpha/2 at most, whatever the tails. It is above `low` where the one is and the other one's interval
+    does not contradict, or where the bulk is and the rms error, as it was sampled, falls as fast.
+
+    Parameters
+    ----------
+    more : the intervals that so many times the paths would give.
+    weighted : samples of `sepv.verification._orders.tilting`, whose tails are light and which have no quantile.
+    """
+    rms = slope(errors, alpha if weighted else alpha / 2)
+    half = rms.half / np.sqrt(more)
+    if weighted:
+        return rms.value, rms.value - half, rms.value + half
+    bulk = quantile_slope(errors, alpha / 2)
+    reach = bulk.half / np.sqrt(more)
+    low = max(min(rms.value - half, bulk.value + reach), min(bulk.value - reach, rms.value))
+    return rms.value, low, max(rms.value + half, bulk.value + reach)
+
+
+def jackknife(samples: Array, statistic: Callable[[Array], float], alpha: float) -> Estimate:
+    """statistic(mean over paths) with a delete-one-group interval, Student's t with GROUPS − 1 degrees."""
+    from scipy.special import stdtrit
+
+    parts = np.array_split(samples, GROUPS, axis=1)
+    groups = np.stack([part.sum(axis=1) for part in parts])
+    sizes = np.array([part.shape[1] for part in parts], dtype=np.float64)
+    total, count = groups.sum(axis=0), sizes.sum()
+    whole = float(statistic(total / count))
+    left_out = np.array(
+        [float(statistic((total - g) / (count - n))) for g, n in zip(groups, sizes, strict=True)]
+    )
+    error = float(np.sqrt((GROUPS - 1) / GROUPS * np.sum((left_out - left_out.mean()) ** 2)))
+    return Estimate(whole, float(stdtrit(GROUPS - 1, 1 - alpha / 2)) * error, alpha)

@@ -1,0 +1,158 @@
+"""Expectations over Wiener increments as finite sums: rules for ξ ~ N(0, I_m), seen by a scheme as ζ = clip(ξ, ±A_h).
+
+In one variable the axis is cut at A_h(1), A_h(2), …, A_h(k) of Remark 2.1, and every panel has the Gauss rule of the
+normal weight on it: a scheme that clips at one of these points is smooth on every panel. Beyond A_h(k), where the
+scheme sees A_h and the exact solution sees ξ, the tail has a rule of its own. Several variables take products of
+such rules while that is cheap, then products of small Gauss-Hermite rules, and from six on the degree-3 formula with
+the points ±√m e_j: all weights are positive, so that no error of a step can cancel another in a mean square.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise, product
+
+import numpy as np
+
+from sepv.problem import Array
+from sepv.record import gauss_legendre
+from sepv.schemes._point_laws import PointLaw
+from sepv.simulate import _wiener as wiener
+
+# Nodes of the discretised weight on a panel, from which its Gauss rule is made: n ≤ 24 of them are exact to rounding.
+_FINE = 96
+# A panel without an upper end is cut where the weight has fallen by 1e-35 from its lower end.
+_REACH = 12.7
+# Nodes of a tail, which cost no step of the scheme.
+TAIL = 8
+# Points in each variable of the product rules for three, four and five noises.
+FEW = {1: 8, 2: 6, 3: 6, 4: 4, 5: 3}
+
+
+@dataclass(frozen=True)
+class Rule:
+    """E g(ξ, ζ) ≈ Σ weights · g(xi, zeta[:, index]).
+
+    Attributes
+    ----------
+    xi : (m, n) nodes that the exact solution sees
+    weights : (n,), positive, of sum 1
+    zeta : (m, u) the different nodes that the scheme sees, u ≤ n
+    index : (n,) which of them belongs to each node
+    areas : (k, n), optional
+        Lévy areas with i < j over a step h = 1, which the exact solution sees too.
+    bridges : (m, n), optional
+        Space-time Lévy areas over a step h = 1.
+    degree : int
+        Polynomials of ξ up to this degree in every variable (in total for m ≥ 6) are integrated exactly.
+    """
+
+    xi: Array
+    weights: Array
+    zeta: Array
+    index: np.ndarray
+    degree: int
+    areas: Array | None = None
+    bridges: Array | None = None
+
+
+@lru_cache(maxsize=256)
+def rule(
+    noises: int, h: float, truncation: int | None, degree: int, panels: bool = True, fewer: int = 0
+) -> Rule:
+    """The rule for m noises and a step h of a scheme with truncation k, exact to this degree at least where m ≤ 2.
+
+    Without `panels` two variables take a product of small rules too, which do not see where a scheme clips; with
+    `fewer` they have so many nodes less. Without truncation the panels are those of k = 2, and the scheme sees the
+    tails too.
+    """
+    if noises == 0:
+        return Rule(np.zeros((0, 1)), np.ones(1), np.zeros((0, 1)), np.zeros(1, dtype=np.intp), degree)
+    if noises <= 2 and panels:
+        x, w, inside = _panels(
+            h, truncation, degree, (1,) if noises == 2 else range(1, (truncation or 2) + 1)
+        )
+        return _product(x, w, inside, noises, degree)
+    if noises in FEW:
+        n = FEW[noises] - fewer
+        x, w = _hermite(n)
+        return _product(x, w, _clip(x, h, truncation), noises, 2 * n - 1)
+    x = np.sqrt(noises) * np.concatenate([np.eye(noises), -np.eye(noises)], axis=1)
+    return Rule(x, np.full(2 * noises, 0.5 / noises), _clip(x, h, truncation), np.arange(2 * noises), 3)
+
+
+def point_rule(noises: int, law: PointLaw) -> Rule:
+    """E over m independent increments of a law of a few points: all their combinations, exact for every function."""
+    points = np.array(list(product(law.values, repeat=noises))).reshape(-1, noises).T
+    weights = np.prod(np.array(list(product(law.weights, repeat=noises))).reshape(-1, noises), axis=1)
+    return Rule(points, weights, points, np.arange(weights.size), law.degree)
+
+
+def _clip(x: Array, h: float, truncation: int | None) -> Array:
+    if truncation is None:
+        return x
+    A = wiener.truncation_bound(h, truncation)
+    return np.clip(x, -A, A)
+
+
+def _product(x: Array, w: Array, seen: Array, m: int, degree: int) -> Rule:
+    """The product of m equal rules in one variable; equal ζ are asked for once."""
+    different, number = np.unique(seen, return_inverse=True)
+    grids = np.array(list(product(range(x.size), repeat=m))).T
+    weights = np.prod(w[grids], axis=0)
+    shape = (different.size,) * m
+    flat, index = np.unique(np.ravel_multi_index(tuple(number[grids]), shape), return_inverse=True)
+    return Rule(
+        x[grids], weights / weights.sum(), different[np.array(np.unravel_index(flat, shape))], index, degree
+    )
+
+
+def _panels(h: float, truncation: int | None, degree: int, cuts: Iterable[int]) -> tuple[Array, Array, Array]:
+    """ξ, weights and ζ in one variable."""
+    last = wiener.truncation_bound(h, truncation or 2)
+    edges = [*(wiener.truncation_bound(h, k) for k in cuts if k < (truncation or 2)), last]
+    outer = max(3, degree // 2 + 1)
+    # Most of the probability is in the first panel: more nodes there than the degree asks for.
+    parts = [_normal_rule(-edges[0], edges[0], outer + 3)]
+    right = [_normal_rule(a, b, outer) for a, b in pairwise(edges)]
+    right.append(_normal_rule(last, last + _REACH, outer if truncation is None else TAIL))
+    for x, w in right:
+        parts += [(x, w), (-x, w)]
+    x, w = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return x, w, _clip(x, h, truncation)
+
+
+def _hermite(n: int) -> tuple[Array, Array]:
+    x, w = np.polynomial.hermite_e.hermegauss(n)
+    return x, w / w.sum()
+
+
+def _normal_rule(a: float, b: float, n: int) -> tuple[Array, Array]:
+    """The n-point Gauss rule of the weight φ(x) on [a, b], with weights of sum P(a < ξ < b).
+
+    Stieltjes' procedure on a fine discretisation of the weight gives the recurrence of its orthogonal polynomials, and
+    the eigenvalues of the Jacobi matrix are the nodes (Gautschi, Orthogonal Polynomials, 2004, §2.2). The weight is
+    taken relative to its largest value on the panel, which may be far out.
+    """
+    t, fine = gauss_legendre(_FINE)
+    x = a + (b - a) * t
+    nearest = 0.0 if a < 0 < b else min(abs(a), abs(b))
+    w = (b - a) * fine * np.exp(0.5 * (nearest - x) * (nearest + x))
+    alpha, beta = np.zeros(n), np.zeros(n)
+    before, p = np.zeros_like(x), np.ones_like(x)
+    norm = float(w.sum())
+    beta[0] = norm
+    for j in range(n):
+        square = w * p * p
+        size = float(square.sum())
+        alpha[j] = float((square * x).sum()) / size
+        if j:
+            beta[j] = size / norm
+        norm = size
+        p, before = (x - alpha[j]) * p - (beta[j] if j else 0.0) * before, p
+    values, vectors = np.linalg.eigh(
+        np.diag(alpha) + np.diag(np.sqrt(beta[1:]), 1) + np.diag(np.sqrt(beta[1:]), -1)
+    )
+    return values, vectors[0] ** 2 * beta[0] * np.exp(-0.5 * nearest * nearest) / np.sqrt(2 * np.pi)

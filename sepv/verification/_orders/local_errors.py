@@ -1,0 +1,374 @@
+"""Errors of one step by quadrature over ΔW, and orders read off at small steps: no sampling, no seed.
+
+Milstein's theorem (§3) takes a mean-square order p from two conditions on one step,
+
+    |E[y1 − φ]| ≤ C h^(p+1)  (3.8)    and    (E|y1 − φ|²)^½ ≤ C h^(p+½)  (3.9),
+
+and a weak order q from |E g(y1 − y0) − E g(φ − y0)| ≤ C h^(q+1) for monomials g of degree 1, …, 2q + 1. Here φ is the
+exact solution after the step from the same state: of (1.1) the flow at the time h + Σ c_jΔW_j, with several structures
+the problem's closed form, or where that has none its moments by the series of the generator. The scheme sees increments
+truncated as it declares, the exact solution sees them whole. Where it declares increments of a few points, the two
+expectations are apart: a finite sum of the scheme's, and the same quadrature for the exact solution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import combinations_with_replacement
+from math import factorial
+
+import numpy as np
+
+from sepv import problems
+from sepv.exact import exact_flow, log_flow
+from sepv.exact._dense_flow import FlowFailure
+from sepv.exact._log_flow import explicit
+from sepv.problem import (
+    Array,
+    HamiltoniansProblem,
+    PolynomialSystem,
+    Problem,
+    StructuresProblem,
+    column,
+    commutes,
+)
+from sepv.problem._checks import sample_states
+from sepv.record import _polynomial as poly
+from sepv.schemes import Scheme
+from sepv.schemes._explicit_tableaux import CLASSICAL
+from sepv.schemes._guard import guarded
+from sepv.schemes._orders import order_of
+from sepv.schemes._point_laws import point_law
+from sepv.simulate._paths import advance
+from sepv.solve import Status
+from sepv.verification._cases.given import problems_of, reach
+from sepv.verification._law import Effort
+from sepv.verification._orders.gaussian import Rule, point_rule
+from sepv.verification._orders.local_moments import FULL_DEGREE, SPLIT, exponents, moments_at
+from sepv.verification._orders.local_rules import rule_for
+
+_EPS = float(np.finfo(np.float64).eps)
+LEVELS = 10
+
+
+def five_noises() -> Problem:
+    """Quartic H, the Casimir |y|² and a factor that is not constant, in dimension three, with five different c_j."""
+    H: dict[tuple[int, ...], float] = {
+        (2, 0, 0): 0.5,
+        (0, 2, 0): 1.0,
+        (0, 0, 2): 0.25,
+        (2, 2, 0): 0.25,
+        (0, 1, 3): 0.125,
+    }
+    g: dict[tuple[int, ...], float] = {(0, 0, 0): 1.0, (1, 0, 0): 0.25}
+    C: dict[tuple[int, ...], float] = {(2, 0, 0): 0.5, (0, 2, 0): 0.5, (0, 0, 2): 0.5}
+    system = problems.nambu_system(
+        poly.polynomial(3, H), poly.polynomial(3, g), poly.polynomial(3, C), (0.5, 0.25, 0.375, 0.75, 0.3125)
+    )
+    problem = problems.polynomial_problem(system)
+    return replace(problem, initial=(0.75, -0.5, 0.5), name="quartic-top", check=False)
+
+
+CASES: dict[str, tuple[Callable[[], Problem], ...]] = {
+    "single": (problems.rigid_body, problems.pendulum, five_noises),
+    "nambu": (problems.rigid_body, problems.lotka_volterra, five_noises),
+    "several": (problems.commuting_rotations, problems.commuting_oscillators, problems.noncommuting_tops),
+    # In general, commutative, additive, and one noise that does not commute with the drift.
+    "hamiltonians": (
+        problems.random_inertia,
+        problems.two_spins,
+        problems.noisy_henon_heiles,
+        problems.random_maxwell_bloch,
+    ),
+}
+
+
+@lru_cache(maxsize=8)
+def cases(systems: str) -> tuple[Problem, ...]:
+    """The problems on which schemes for a class of systems are judged, made once."""
+    return tuple(make() for make in CASES[systems])
+
+
+def problems_for(scheme: Scheme) -> tuple[Problem, ...]:
+    """Those of its class of systems, or those that it is for.
+
+    Raises
+    ------
+    Skipped
+        Where it is for problems none of which has an initial state.
+    """
+    own = problems_of(scheme)
+    return cases(scheme.systems) if own is None else own
+
+
+@dataclass(frozen=True)
+class LocalErrors:
+    """Errors of one step from several states of a problem, at L step sizes that fall.
+
+    Attributes
+    ----------
+    h : (L,)
+    mean, rms, weak : (L,)
+        The largest over states of |E[y1 − φ]|, of (E|y1 − φ|²)^½ and over test functions too of |E g(y1) − E g(φ)|;
+        `rms` is NaN where only moments of the exact solution are known. Of several Hamiltonians that do not commute it
+        is the distance from the log-ODE of step two (`sepv.exact._log_flow`), which is O(h^{3/2}) from the solution.
+    exact_order : int
+        The quadrature leaves an error of this power of h in `mean` and `weak`: no larger slope can be seen.
+    scale : float
+        The largest component of a state.
+    flow : float
+        The error of the exact solution.
+    steps : int
+        Steps of the scheme.
+    column : str
+        The kind of noise (`sepv.schemes._orders.COLUMNS`).
+    failed : tuple of h at which a step was not solved, not finite or out of the domain; they are not among `h`.
+    """
+
+    problem: str
+    h: Array
+    mean: Array
+    rms: Array
+    weak: Array
+    exact_order: int
+    scale: float
+    flow: float
+    steps: int
+    failed: tuple[float, ...]
+    column: str = "one"
+
+
+def step_sizes(order: float) -> Array:
+    """LEVELS step sizes, coarse to fine, at which a scheme of this order has its local errors above rounding.
+
+    The local rms error is about h^(p+½): the finest is where that is 2⁻⁴⁰, or 2⁻⁴⁷ for high orders, whose constants are
+    small and whose range would be short. Large |ΔW| are far from any asymptotics at the coarse end of low orders.
+    """
+    coarse = 6.0 if order <= 1 else 4.0 if order <= 2 else 2.0
+    fine = (40.0 if order <= 2 else 47.0) / (order + 0.5)
+    return np.asarray(2.0 ** -np.round(np.linspace(coarse, max(fine, coarse + 4.5), LEVELS), 1))
+
+
+def _sizes(strong: float, weak: float) -> list[float]:
+    """The step sizes of the mean-square order; a weak order well above it has its own, larger ones, besides."""
+    found: list[float] = []
+    for h in sorted(
+        {*step_sizes(strong).tolist(), *(step_sizes(weak).tolist() if weak > strong + 0.5 else ())}
+    )[::-1]:
+        if not found or h < 0.75 * found[-1]:  # slopes over sizes next to each other say little
+            found.append(h)
+    return found
+
+
+def local_errors(scheme: Scheme, problem: Problem, effort: Effort) -> LocalErrors:
+    """The errors of one step, computed once for all laws of a run.
+
+    Raises
+    ------
+    Skipped
+        By a scheme that does not take the problem; for several structures without a closed form.
+    sepv.schemes._guard.SchemeCrash, SchemeFault
+        What the scheme does.
+    """
+    key = (
+        "local errors",
+        id(scheme.step),
+        scheme.asks,
+        scheme.truncation,
+        scheme.increments,
+        scheme.mean_square_order,
+        scheme.weak_order,
+        id(problem),
+    )
+    if key not in effort.cache:
+        effort.cache[key] = (
+            problem,
+            _measure(scheme, problem),
+        )  # the problem is kept, so that its id is its own
+    found: LocalErrors = effort.cache[key][1]
+    return found
+
+
+def _measure(scheme: Scheme, problem: Problem) -> LocalErrors:
+    kind = column(problem)
+    strong, weak = order_of(scheme.mean_square_order, kind), order_of(scheme.weak_order, kind)
+    asked, m = guarded(scheme), problem.noises
+    states, degree = local_states(problem), rule_degree(scheme)
+    # A user's problem may be faster than ours: its steps are as much shorter.
+    unit = reach(problem) if scheme.problems else 1.0
+    sizes = [h * unit for h in _sizes(strong, weak)]
+    rules = [(h, rule_for(scheme, problem, h, degree)) for h in sizes]
+    law = point_law(scheme.increments)
+    known = moments_only(problem)
+    top = max(FULL_DEGREE, int(2 * weak + 1)) if isinstance(problem, HamiltoniansProblem) else FULL_DEGREE
+    if known:
+        exact, flow = moments_at(problem, states, sizes, top)
+    else:
+        exact, flow = ends_at(problem, states, rules)
+    seen = (rules[0][1].degree + 1) // 2
+    if known and not isinstance(problem.data, PolynomialSystem):
+        seen = min(seen, SPLIT)
+    rules = rules[len(rules) - len(exact) :]
+    rows, failed, steps = [], [], 0
+    for (h, nodes), ends in zip(rules, exact, strict=True):
+        taken = nodes if law is None else point_rule(m, law)
+        y, ok = one_step(asked, problem, states, h, taken)
+        steps += taken.zeta.shape[1] * states.shape[1]
+        moved = y - states[..., None]
+        if ok and known:
+            first, _, second = against_moments(moved, ends, taken.weights, top)
+            rows.append((h, first, from_log_flow(problem, states, h, taken, y), second))
+        elif ok and law is not None:
+            rows.append((h, *apart(moved, taken.weights, ends - states[..., None], nodes.weights, weak)))
+        elif ok:
+            rows.append((h, *_norms(moved, ends - states[..., None], nodes.weights, weak)))
+        else:
+            failed.append(h)
+            rows = []  # only what is finer than every failure
+    kept, mean, rms, weakly = np.array(rows).reshape(-1, 4).T
+    return LocalErrors(
+        problem.name, kept, mean, rms, weakly, seen, float(np.max(np.abs(states))), flow, steps, tuple(failed), kind,
+    )  # fmt: skip
+
+
+def moments_only(problem: Problem) -> bool:
+    """Whether the exact solution has no formula, so that its moments alone are known, from the generator."""
+    if isinstance(problem, HamiltoniansProblem):
+        return problem.closed_form is None and not commutes(problem)
+    return isinstance(problem, StructuresProblem) and problem.closed_form is None
+
+
+def from_log_flow(problem: Problem, states: Array, h: float, nodes: Rule, y: Array) -> float:
+    """(E|y1 − φ|²)^½ with φ the log-ODE of step two, the largest over states; NaN where nothing gives it.
+
+    One step of order four of it: what that leaves is of the order of h^{5/2}, and φ is O(h^{3/2}) from the solution.
+    With space-time areas and noises that commute it has the brackets with the drift too, and is O(h²) from it.
+    """
+    general = column(problem) == "general"
+    if not isinstance(problem, HamiltoniansProblem) or (general and nodes.areas is None):
+        return float("nan")
+    n = nodes.weights.size
+    areas = h * nodes.areas if general and nodes.areas is not None else np.zeros((0, n))
+    parts = np.concatenate([np.full((1, n), h), problem.c[:, None] * np.sqrt(h) * nodes.xi])
+    bridges = None if general or nodes.bridges is None else np.sqrt(h) * nodes.bridges
+    worst = 0.0
+    for s, start in enumerate(states.T):
+        found = explicit(problem, np.repeat(start[:, None], n, axis=1), parts, areas, 1, CLASSICAL, bridges)
+        worst = max(worst, float(np.sum((y[:, s] - found) ** 2, axis=0) @ nodes.weights))
+    return float(np.sqrt(worst))
+
+
+def local_states(problem: Problem) -> Array:
+    """The states (d, S) from which steps are made."""
+    return np.array(list(sample_states(problem))[: 3 if problem.noises <= 1 else 2]).T
+
+
+def rule_degree(scheme: Scheme) -> int:
+    """The degree in √h of the terms that the quadrature over ΔW must see, for the orders that the scheme claims."""
+    return int(2 * max(order_of(p, "additive") for p in (scheme.mean_square_order, scheme.weak_order)) + 2)
+
+
+def one_step(scheme: Scheme, problem: Problem, states: Array, h: float, nodes: Rule) -> tuple[Array, bool]:
+    """y1 (d, S, n) from S states at the n nodes, and whether every step was made."""
+    d, S = states.shape
+    asked = nodes.zeta.shape[1]
+    y, status, _ = advance(
+        scheme, problem, np.repeat(states, asked, axis=1), h, np.tile(np.sqrt(h) * nodes.zeta, S)
+    )
+    return y.reshape(d, S, asked)[:, :, nodes.index], bool(np.all(status == Status.CONVERGED))
+
+
+def ends_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) -> tuple[list[Array], float]:
+    """The exact solutions (d, S, n) at each step size, and their error; from the coarsest that all states reach."""
+    form = getattr(problem, "closed_form", None)
+    if isinstance(problem, HamiltoniansProblem) and form is None:
+        return _flows_at(problem, states, rules)
+    if form is not None:
+        scale = float(np.max(np.abs(states)))
+        return [
+            np.stack([form(y, h, np.sqrt(h) * r.xi) for y in states.T], axis=1) for h, r in rules
+        ], 8 * _EPS * scale
+    times = [problem.random_step(h, np.sqrt(h) * r.xi) for h, r in rules]
+    while times:
+        try:
+            # The dense solve, not a closed form: it is exact at θ = 0, where closed forms are some roundings off.
+            flows = [exact_flow(problem, np.concatenate(times), y, dense=True) for y in states.T]
+        except FlowFailure:
+            times = times[1:]
+            continue
+        ends = np.stack([f.y for f in flows], axis=1)
+        cuts = np.cumsum([t.size for t in times])[:-1]
+        return np.split(ends, cuts, axis=2), max(f.error for f in flows)
+    return [], 0.0
+
+
+def _flows_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) -> tuple[list[Array], float]:
+    """As `ends_at` for Hamiltonians that commute: the flow of h f_0 + Σ c_j ΔW_j f_j at the time 1."""
+    found, worst = [], 0.0
+    for h, nodes in rules:
+        n = nodes.weights.size
+        parts = np.concatenate([np.full((1, n), h), problem.c[:, None] * np.sqrt(h) * nodes.xi])
+        ends = [
+            log_flow(problem, np.repeat(y[:, None], n, axis=1), parts, np.zeros((0, n))) for y in states.T
+        ]
+        found.append(np.stack([y for y, _ in ends], axis=1))
+        worst = max(worst, *(error for _, error in ends))
+    return found, worst
+
+
+def against_moments(
+    moved: Array, exact: Array, weights: Array, degree: int = FULL_DEGREE
+) -> tuple[float, float, float]:
+    """As `_norms`, where only the moments (A, S) of the exact solution are known, and no rms error."""
+    found = []
+    for alpha, value in zip(exponents(moved.shape[0], degree), exact, strict=True):
+        powers = np.prod([moved[i] ** a for i, a in enumerate(alpha)], axis=0)
+        found.append((powers @ weights - value) / factorial(sum(alpha)))
+    differences = np.array(found)
+    mean = np.sqrt(np.max(np.sum(differences[: moved.shape[0]] ** 2, axis=0)))
+    return float(mean), float("nan"), float(np.max(np.abs(differences)))
+
+
+def _norms(moved: Array, exact: Array, weights: Array, weak: float) -> tuple[float, float, float]:
+    """|E e|, (E|e|²)^½ and the largest |E g(y1 − y0) − E g(φ − y0)|, the largest over states; (d, S, n) both."""
+    error = moved - exact
+    mean = np.sqrt(np.max(np.sum((error @ weights) ** 2, axis=0)))
+    rms = np.sqrt(np.max(np.sum(error**2, axis=0) @ weights))
+    differences = [np.abs((g(moved) - g(exact)) @ weights) for g in polynomials(moved.shape[0], weak)]
+    return float(mean), float(rms), float(np.max(differences))
+
+
+def apart(
+    moved: Array, weights: Array, exact: Array, rule_weights: Array, weak: float
+) -> tuple[float, float, float]:
+    """As `_norms`, where scheme and exact solution have expectations of their own, and no rms error."""
+    mean = np.sqrt(np.max(np.sum((moved @ weights - exact @ rule_weights) ** 2, axis=0)))
+    found = [
+        np.max(np.abs(g(moved) @ weights - g(exact) @ rule_weights))
+        for g in polynomials(moved.shape[0], weak)
+    ]
+    return float(mean), float("nan"), float(max(found))
+
+
+def polynomials(dimension: int, weak: float) -> list[Callable[[Array], Array]]:
+    """Monomials of degree k = 1, 2, 3 in y − y0, and powers of linear forms up to k = 2q + 1, all over k!.
+
+    With the factor 1/k! they are Taylor coefficients: high powers do not hide what low ones show.
+    """
+
+    def monomial(indices: tuple[int, ...]) -> Callable[[Array], Array]:
+        return lambda x: np.prod(x[list(indices)], axis=0) / factorial(len(indices))
+
+    def power(k: int, direction: Array) -> Callable[[Array], Array]:
+        return lambda x: np.tensordot(direction, x, 1) ** k / factorial(k)
+
+    found = [
+        monomial(indices)
+        for k in range(1, FULL_DEGREE + 1)
+        for indices in combinations_with_replacement(range(dimension), k)
+    ]
+    forms = np.cos(np.outer(np.arange(1, dimension + 2), np.arange(1, dimension + 1)))  # none is special
+    forms /= np.linalg.norm(forms, axis=1, keepdims=True)
+    return found + [power(k, form) for k in range(FULL_DEGREE + 1, int(2 * weak + 1) + 1) for form in forms]

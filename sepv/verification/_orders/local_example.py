@@ -1,0 +1,89 @@
+"""What a reader sees of a law about errors of one step: a state, with what was expected from there and what came."""
+
+from __future__ import annotations
+
+from itertools import combinations_with_replacement
+
+import numpy as np
+
+from sepv.problem import Array, Problem
+from sepv.schemes import Scheme
+from sepv.schemes._guard import guarded
+from sepv.schemes._point_laws import point_law
+from sepv.verification._orders.gaussian import point_rule
+from sepv.verification._orders.local_errors import ends_at, local_states, moments_only, one_step, rule_degree
+from sepv.verification._orders.local_moments import moments_at
+from sepv.verification._orders.local_rules import rule_for
+from sepv.verification._worst_path import row
+
+
+def mean_example(scheme: Scheme, problem: Problem, h: float) -> str:
+    """E[y1 − y0] and E[φ − y0], φ the exact solution, from the state where they differ most; empty where they agree."""
+    states, came, expected = _means(scheme, problem, h)
+    apart = np.linalg.norm((came - expected)[: problem.dimension], axis=0)
+    s = int(np.argmax(apart)) if apart.size else 0
+    if not apart.size or not apart[s] > 0:
+        return ""
+    first = slice(0, problem.dimension)
+    return (
+        f"{problem.name}, from y0 = {row(states[:, s])} with h = {h:.6g}: E[y1 − y0] = {row(expected[first, s])} "
+        f"expected, {row(came[first, s])} came"
+    )
+
+
+def weak_example(scheme: Scheme, problem: Problem, h: float) -> str:
+    """As `mean_example`, or a second moment where those differ more than the means do."""
+    states, came, expected = _means(scheme, problem, h)
+    pairs = list(combinations_with_replacement(range(problem.dimension), 2))
+    apart = np.abs(came - expected)[: problem.dimension + len(pairs)]
+    apart[problem.dimension :] /= 2  # the test functions are Taylor coefficients
+    if not apart.size or np.argmax(apart.max(axis=1)) < problem.dimension:
+        return mean_example(scheme, problem, h)
+    n, s = np.unravel_index(np.argmax(apart), apart.shape)
+    i, j = (k + 1 for k in pairs[n - problem.dimension])
+    return (
+        f"{problem.name}, from y0 = {row(states[:, s])} with h = {h:.6g}: for z = y1 − y0, E[z{i} z{j}] = "
+        f"{expected[n, s]:.12g} expected, {came[n, s]:.12g} came"
+    )
+
+
+def _means(scheme: Scheme, problem: Problem, h: float) -> tuple[Array, Array, Array]:
+    """States (d, S), and the means (A, S) of monomials in y1 − y0 and in φ − y0: y_1, …, y_d, y_1², y_1y_2, …"""
+    states, m, law = local_states(problem), problem.noises, point_law(scheme.increments)
+    nodes = rule_for(scheme, problem, h, rule_degree(scheme))
+    taken = nodes if law is None else point_rule(m, law)
+    y, ok = one_step(guarded(scheme), problem, states, h, taken)
+    came = _monomials(y - states[..., None]) @ taken.weights
+    if moments_only(problem):
+        known, _ = moments_at(problem, states, [h])
+        return (states, came, known[0][: len(came)]) if ok and known else (states, came[:, :0], came[:, :0])
+    found, _ = ends_at(problem, states, [(h, nodes)])
+    if not ok or not found:
+        return states, came[:, :0], came[:, :0]
+    return states, came, _monomials(found[0] - states[..., None]) @ nodes.weights
+
+
+def _monomials(z: Array) -> Array:
+    """(A, S, n) of z (d, S, n): of degree one and two."""
+    pairs = combinations_with_replacement(range(len(z)), 2)
+    return np.concatenate([z, np.stack([z[i] * z[j] for i, j in pairs])])
+
+
+def step_example(scheme: Scheme, problem: Problem, h: float) -> str:
+    """y1 − y0 and φ − y0 for the increment that contributes most to E|y1 − φ|², at the state where that is largest."""
+    states = local_states(problem)
+    nodes = rule_for(scheme, problem, h, rule_degree(scheme))
+    y, ok = one_step(guarded(scheme), problem, states, h, nodes)
+    if moments_only(problem):
+        return ""
+    found, _ = ends_at(problem, states, [(h, nodes)])
+    if not ok or not found:
+        return ""
+    parts = np.sum((y - found[0]) ** 2, axis=0) * nodes.weights
+    s = int(np.argmax(parts.sum(axis=1)))
+    n = int(np.argmax(parts[s]))
+    expected, came = (end[:, s, n] - states[:, s] for end in (found[0], y))
+    return (
+        f"{problem.name}, from y0 = {row(states[:, s])} with h = {h:.6g}, ΔW = {row(np.sqrt(h) * nodes.xi[:, n])}: "
+        f"y1 − y0 = {row(expected)} expected, {row(came)} came"
+    )

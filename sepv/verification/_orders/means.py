@@ -1,0 +1,180 @@
+"""Means of errors: what a weak order and a limit say, judged by linear combinations of sample means.
+
+A mean of errors has an expansion μ(h) = a h^p + b h^(p+1) + c h^(p+2) + … in the step size (Talay and Tubaro 1990),
+and a claim is that its first coefficient a vanishes: p = 0 for a limit, p = q − 1 for a weak order q. The combination
+of three step sizes that leaves a alone is linear in the means, hence a mean over paths itself: its interval is
+Student's, and needs no logarithm of a number that may be zero. A mean that changes its sign at some h does it no harm.
+
+Errors are capped at the size of the solution, |e| ≤ max|y(T)|: that is a bounded test function, for which a weak order
+holds no less, and no path that runs away at a coarse step is the whole sample. `benchmarks.coverage` measures
+how often these intervals miss.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations_with_replacement
+
+import numpy as np
+
+from sepv.problem import Array, Problem
+from sepv.problem._hamiltonians import combined_field
+from sepv.verification._orders.convergence import Estimate, StrongErrors, jackknife
+
+# Means that stand less than this many standard errors out of the noise show no slope.
+SIGNAL = 5.0
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """A coefficient (K,) of K means in powers of h, its standard error (K,), and the change by the last step size.
+
+    `remainder` is how much the coefficient changed when the coarsest of its step sizes was taken in: an estimate of
+    what the powers that were left out contribute.
+    """
+
+    value: Array
+    error: Array
+    remainder: Array
+    paths: int
+    power: float = 0
+
+    def half(self, alpha: float, more: float = 1.0) -> Array:
+        """Half-widths (K,) of intervals all of which hold with probability 1 − alpha, with `more` times the paths."""
+        return critical(alpha / self.value.size, self.paths) * self.error / np.sqrt(more)
+
+
+def critical(alpha: float, paths: int) -> float:
+    """Student's two-sided quantile for a mean of so many paths."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(paths - 1, 1 - alpha / 2))
+
+
+def capped(errors: StrongErrors) -> Array:
+    """e (L, d, M) without its weights, shortened to |e| ≤ scale; a path that has run to infinity counts as scale."""
+    weights = errors.weights[:, None]
+    # A path of weight 0 was left out: its error is 0 already.
+    e = np.divide(errors.errors, weights, out=np.zeros_like(errors.errors), where=weights > 0)
+    e = np.nan_to_num(e, nan=errors.scale, posinf=errors.scale, neginf=-errors.scale)
+    size = np.max(np.abs(e), axis=1, keepdims=True)
+    return e * np.minimum(1.0, errors.scale / np.maximum(size, errors.scale * 1e-300))
+
+
+def moment_errors(errors: StrongErrors) -> Array:
+    """w (g(y_N) − g(y(T))) (L, K, M) for g = y_i and y_i y_j, in units of the spread of g(y(T)).
+
+    A g that hardly varies (a Casimir, say) is measured in thousandths of its size.
+    """
+    e, y = capped(errors), errors.ends
+    d = y.shape[1]
+    pairs = list(combinations_with_replacement(range(d), 2))
+    parts, spreads = [e[:, i] for i in range(d)], [_spread(y[0, i], errors, 1) for i in range(d)]
+    for i, j in pairs:
+        parts.append(e[:, i] * y[:, j] + y[:, i] * e[:, j] + e[:, i] * e[:, j])
+        spreads.append(_spread(y[0, i] * y[0, j], errors, 2))
+    return np.stack(parts, axis=1) * errors.weights[:, None] / np.array(spreads)[:, None]
+
+
+def _spread(g: Array, errors: StrongErrors, degree: int) -> float:
+    w = errors.weights[0]
+    middle = np.mean(w * g)
+    return max(float(np.sqrt(np.mean(w * (g - middle) ** 2))), 1e-3 * errors.scale**degree)
+
+
+def limit_errors(errors: StrongErrors, problem: Problem) -> tuple[list[str], Array]:
+    """What a wrong limit would be off by, (L, K, M): shares of the drift, the noise, each noise, Itô's correction.
+
+    To first order, a noise too large by the share γ moves y(T) by γ v with v = Σ c_j W_j G_j∇H, a drift by γ T B∇H, the
+    correction that turns Itô into Stratonovich by γ ½T Σ c_j² (G_j∇H)′G_j∇H. Each is ⟨v, e⟩/E|v|²: for the right
+    limit its mean vanishes with h, whatever v, because e does.
+    """
+    e = capped(errors)
+    rows = []
+    for level, W in enumerate(errors.W):
+        names, directions = _directions(problem, errors.ends[level], errors.T, W)
+        w = errors.weights[level]
+        rows.append([w * np.sum(v * e[level], 0) / np.mean(w * np.sum(v * v, 0)) for v in directions])
+    return names, np.array(rows)
+
+
+def _directions(problem: Problem, y: Array, T: float, W: Array) -> tuple[list[str], list[Array]]:
+    def field(j: int, y: Array) -> Array:
+        parts = np.zeros((1 + problem.noises, y.shape[1]))
+        parts[j] = 1.0
+        return np.asarray(combined_field(problem, y, parts))
+
+    noises = [c * W[j] * field(j + 1, y) for j, c in enumerate(problem.c)]
+    correction = np.zeros_like(y)
+    for j, c in enumerate(problem.c, 1):
+        f = field(j, y)
+        # A central difference: its error, some 1e-10, tilts the direction and changes nothing else.
+        ahead = 1e-5 / max(float(np.max(np.abs(f))), 1e-300) * f
+        slope = (field(j, y + ahead) - field(j, y - ahead)) * float(np.max(np.abs(f))) / 2e-5
+        correction += 0.5 * T * c**2 * slope
+    named = [("drift", T * field(0, y)), ("noise", np.sum(noises, axis=0))]
+    if len(noises) > 1:
+        named += [(f"noise {j}", v) for j, v in enumerate(noises, 1)]
+    named.append(("Itô correction", correction))
+    named = [(name, v) for name, v in named if np.any(v)]
+    return [name for name, _ in named], [v for _, v in named]
+
+
+def leading(samples: Array, h: Array, power: float) -> Coefficient:
+    """The coefficient of h^power in the means of samples (L, K, M), whose next powers are power + 1 and power + 2."""
+    chosen = sorted({0, len(h) // 2, len(h) - 1})
+    weights = _combination(h[chosen], power)
+    fewer = np.concatenate([[0.0], _combination(h[chosen[1:]], power)])
+    paths = samples.shape[2]
+    means = samples[chosen].mean(axis=2)
+    each = np.einsum("l,lkm->km", weights, samples[chosen])
+    error = each.std(axis=1, ddof=1) / np.sqrt(paths)
+    return Coefficient(weights @ means, error, np.abs((weights - fewer) @ means), paths, power)
+
+
+def _combination(h: Array, power: float) -> Array:
+    """λ with Σ λ_l h_l^(power + i) = 1 for i = 0, and 0 for i = 1, …, L − 1."""
+    unit = h / h[-1]
+    system = unit[None] ** (power + np.arange(len(h))[:, None])
+    return np.linalg.solve(system, np.eye(len(h))[0]) / float(h[-1]) ** power
+
+
+def decay(samples: Array, h: Array, alpha: float, more: float = 1.0) -> tuple[float, float, float]:
+    """The order at which the largest of K means falls from the coarsest step to the finest: value, low, high.
+
+    All of the 2K intervals hold with probability 1 − alpha; a mean within the noise is anything from zero to its
+    upper end, so that its side of the interval is infinite.
+    """
+    paths = samples.shape[2]
+    ends = samples[[0, -1]]
+    means = np.abs(ends.mean(axis=2))
+    half = critical(alpha / (2 * means.shape[1]), paths) * ends.std(axis=2, ddof=1) / np.sqrt(paths * more)
+    (c_low, f_low), (c_high, f_high) = np.max(means - half, axis=1), np.max(means + half, axis=1)
+    span = float(np.log(h[0] / h[-1]))
+    c, f = np.max(means, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        value = np.log(c / f) / span
+        low = np.log(c_low / f_high) / span if c_low > 0 else -np.inf
+        high = np.log(c_high / f_low) / span if f_low > 0 else np.inf
+    return float(value), float(low), float(high)
+
+
+def weak_slope(errors: StrongErrors, alpha: float) -> Estimate:
+    """For tables: the slope of log |E e| over the step sizes whose mean error stands out of the noise.
+
+    NaN, with an infinite interval, where fewer than two do. Laws judge by `leading` and `decay`.
+    """
+    d, paths = errors.errors.shape[1:]
+    size = np.linalg.norm(errors.errors.mean(axis=2), axis=1)
+    noise = np.linalg.norm(errors.errors.std(axis=2), axis=1) / np.sqrt(paths)
+    kept = np.flatnonzero(size > SIGNAL * noise)
+    if kept.size < 2:
+        return Estimate(np.nan, np.inf, alpha)
+    x = np.log(errors.h[kept])
+    x = (x - x.mean()) / np.sum((x - x.mean()) ** 2)
+    samples = errors.errors[kept].reshape(-1, paths)
+
+    def order(mean: Array) -> float:
+        return float(x @ np.log(np.linalg.norm(mean.reshape(-1, d), axis=1)))
+
+    return jackknife(samples, order, alpha)

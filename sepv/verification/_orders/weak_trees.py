@@ -1,0 +1,103 @@
+"""E g(y_N) for increments of a few points: all paths of N steps, and no sample.
+
+With n points and m noises a step has K = n^m ends, and N steps have K^N, each with its probability: the expectation
+is a finite sum. Against it stands E g(y(T)) by quadrature, so that the error of a weak order is exact to rounding, and
+falls with slope q over N = 1, 2, … steps of [0, T]. T is short, as K^N has to stay small: what is seen is whether the
+local errors add up as they should. There is no false alarm by chance.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sepv.errors import Skipped
+from sepv.problem import Array, PolynomialSystem, Problem
+from sepv.schemes import Scheme
+from sepv.schemes._guard import guarded
+from sepv.schemes._point_laws import PointLaw, point_law
+from sepv.simulate._paths import advance
+from sepv.solve import Status
+from sepv.verification._cases.given import reach
+from sepv.verification._law import Effort
+from sepv.verification._orders.gaussian import point_rule, rule
+from sepv.verification._orders.local_errors import LocalErrors, against_moments, apart, ends_at, moments_only
+from sepv.verification._orders.local_moments import moments_at
+
+# The end time: short enough for slopes within 0.1 of their limits, on Lotka-Volterra within 0.25, and long enough for
+# errors far above rounding.
+T = 0.0625
+STEPS = (1, 2, 3, 4, 6, 8)
+# Paths of N steps: of three points 3⁸ with one noise, 9⁴ with two, 27³ with three.
+LEAVES = 20000
+# As many numbers of steps as a slope takes; one that may accuse takes one more.
+ENOUGH = 3
+
+
+def tree(
+    scheme: Scheme, problem: Problem, start: Array, h: float, steps: int, law: PointLaw
+) -> tuple[Array, Array] | None:
+    """The ends (d, K^N) of all paths and their probabilities; None where a step was not made."""
+    points = point_rule(problem.noises, law)
+    y, weights = start[:, None], np.ones(1)
+    dW = np.sqrt(h) * points.zeta
+    for _ in range(steps):
+        y, status, _ = advance(
+            scheme, problem, np.repeat(y, dW.shape[1], axis=1), h, np.tile(dW, weights.size)
+        )
+        if np.any(status != Status.CONVERGED):
+            return None
+        weights = np.outer(weights, points.weights).ravel()
+    return y, weights
+
+
+def tree_errors(scheme: Scheme, problem: Problem, _effort: Effort) -> LocalErrors:
+    """The weak errors at T from the problem's initial state, at falling h = T/N.
+
+    Raises
+    ------
+    Skipped
+        For more noises than can be summed over.
+    """
+    law = point_law(scheme.increments)
+    assert law is not None
+    ends = len(law.values) ** problem.noises
+    counts = [n for n in STEPS if ends**n <= LEAVES]
+    if len(counts) < ENOUGH:
+        raise Skipped(f"{problem.name}: {ends} ends of a step are too many to sum over {ENOUGH} steps")
+    weak = 1.0 if scheme.weak_order is None else scheme.weak_order
+    start = np.array(problem.initial, dtype=np.float64)
+    end = T * (reach(problem) if scheme.problems else 1.0)
+    nodes = rule(problem.noises, end, None, int(2 * weak + 8))
+    known = moments_only(problem)
+    if known and not isinstance(problem.data, PolynomialSystem):
+        raise Skipped(
+            f"{problem.name} has no closed form, and is not given as data: its means over a time are not known"
+        )
+    exact, flow = (
+        moments_at(problem, start[:, None], [end])
+        if known
+        else ends_at(problem, start[:, None], [(end, nodes)])
+    )
+    asked, steps = guarded(scheme), 0
+    rows: list[tuple[float, float, float, float]] = []
+    failed: list[float] = []
+    for count in counts if exact else ():
+        found = tree(asked, problem, start, end / count, count, law)
+        steps += sum(ends ** (n + 1) for n in range(count))
+        if found is None:
+            failed.append(end / count)
+            rows.clear()  # only what is finer than every failure
+            continue
+        moved = (found[0] - start[:, None])[:, None]
+        errors = (
+            against_moments(moved, exact[0], found[1])
+            if known
+            else apart(moved, found[1], exact[0] - start[:, None, None], nodes.weights, weak)
+        )
+        rows.append((end / count, *errors))
+    h, mean, rms, weakly = np.array(rows).reshape(-1, 4).T
+    # What rounding and a solver leave in a step adds up over N of them.
+    scale = counts[-1] * float(np.max(np.abs(start)))
+    return LocalErrors(
+        problem.name, h, mean, rms, weakly, (nodes.degree + 1) // 2, scale, flow, steps, tuple(failed)
+    )

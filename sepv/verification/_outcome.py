@@ -1,0 +1,212 @@
+"""What a run found: the findings of its laws, counts, exit code, level of conformance, and all that as JSON."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from sepv._version import __version__
+from sepv.arguments import did_you_mean
+from sepv.errors import UsageError
+from sepv.schemes import Scheme
+from sepv.schemes._point_laws import NORMAL, point_law
+from sepv.verification._law import Effort, Finding, Verdict
+from sepv.verification._laws import load_laws
+from sepv.verification._levels import SUITE, Conformance, conformance
+
+
+@dataclass(frozen=True, repr=False)
+class Report:
+    """What the laws found of one scheme. `print` shows the table; so does a notebook.
+
+    Attributes
+    ----------
+    scheme : Scheme
+    findings : tuple of Finding
+        One for each law that was asked for, in the order of the suite: verdict, defect, bound, message, witness.
+    effort : Effort
+    interrupted : bool
+        Whether some laws were not measured.
+    pinned : bool
+        Whether the run was held to a pin (`sepv.verification._expected`): every violation must be claimed or listed there.
+    gaps : tuple of str
+        Sentences about laws that the pin says nothing of, or that it guards and that were not measured now.
+    target : str
+        What stands for the scheme, and what it is for, in a command; empty where no words do.
+    level : int or None
+        The level of conformance that was asked for.
+    """
+
+    scheme: Scheme
+    findings: tuple[Finding, ...]
+    effort: Effort
+    interrupted: bool = False
+    pinned: bool = False
+    target: str = ""
+    gaps: tuple[str, ...] = ()
+    level: int | None = None
+
+    @property
+    def conformance(self) -> Conformance | None:
+        """The level that the scheme reaches (`sepv.verification._levels`); None where laws of level 1 were not measured."""
+        return conformance(self.findings, load_laws())
+
+    @property
+    def short_of_level(self) -> bool:
+        """Whether the level that was asked for is not reached."""
+        reached = self.conformance if self.level is not None else None
+        return self.level is not None and (reached is None or reached.level < self.level)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many laws ended in each verdict; the sum is the number of laws asked for.
+
+        "not_measured" is there where the run was interrupted, and only there.
+        """
+        found = {v.value: sum(f.verdict is v for f in self.findings) for v in Verdict}
+        if not found[Verdict.NOT_MEASURED.value]:
+            del found[Verdict.NOT_MEASURED.value]
+        return found
+
+    @property
+    def exit_code(self) -> int:
+        """0: every claimed law holds. 1: one does not, or an expected failure passes. 3: an error. 130: interrupted.
+
+        A claimed law that is inconclusive, or whose cases the scheme skipped, was not shown to hold: 1. Nothing
+        measured at all: 1. A level of conformance that was asked for and is not reached: 1.
+        """
+        if self.interrupted:
+            return 130
+        if self.failing or self.short_of_level:
+            return 1
+        if any(f.verdict is Verdict.ERROR for f in self.findings):
+            return 3
+        measured = (Verdict.HOLDS, Verdict.VIOLATED, Verdict.INCONCLUSIVE)
+        return 0 if any(f.verdict in measured for f in self.findings) else 1
+
+    @property
+    def failing(self) -> tuple[Finding, ...]:
+        """Claimed laws that were not shown to hold, expected failures that no longer fail; violations outside a pin."""
+        return tuple(f for f in self.findings if fails(f, self.pinned))
+
+    def finding(self, law: str) -> Finding:
+        """The finding of one law.
+
+        Raises
+        ------
+        UsageError
+            For a law that is not in the report.
+        """
+        known = {f.law: f for f in self.findings}
+        found = known.get(str(law).replace("_", "-"))
+        if found is None:
+            raise UsageError(
+                expected=f"a law of this report, one of {', '.join(known)}",
+                received=did_you_mean(law, known),
+                remedy="ask for one of these, or measure more laws",
+            )
+        return found
+
+    def __str__(self) -> str:
+        """The table of the laws, the counterexamples and the last line, as `sepv verify` prints them."""
+        from sepv.verification._report import as_text
+
+        return as_text(self)
+
+    def __repr__(self) -> str:
+        """One line: the scheme and the counts."""
+        counts = ", ".join(f"{n} {Verdict(k).text}" for k, n in self.counts.items() if n)
+        return f"<Report of {self.scheme.name}: {counts}>"
+
+    def _repr_html_(self) -> str:
+        """The table in a notebook."""
+        from sepv.verification._report import as_html
+
+        return as_html(self)
+
+    def to_json(self) -> dict[str, Any]:
+        """The report as JSON: suite, scheme, counts, laws."""
+        points = point_law(self.scheme.increments)
+        return {
+            "suite": {
+                "name": "sepv",
+                "version": __version__,
+                "laws_version": SUITE,
+                "laws": len(self.findings),
+                "seed": self.effort.seed,
+                "examples": self.effort.examples,
+                "paths": self.effort.paths,
+            },
+            "scheme": {
+                "name": self.scheme.name,
+                "target": self.target,
+                "source": self.scheme.source,
+                "claims": sorted(self.scheme.claims),
+                "mean_square_order": self.scheme.mean_square_order,
+                "weak_order": self.scheme.weak_order,
+                "solver_tolerance": self.scheme.solver_tolerance,
+                "truncation": self.scheme.truncation,
+                "increments": NORMAL if points is None else points.name,
+            },
+            "conformance": _conformance_json(self.conformance),
+            "counts": self.counts,
+            "laws": [_finding_json(f) for f in self.findings],
+        }
+
+
+def _conformance_json(reached: Conformance | None) -> dict[str, Any] | None:
+    if reached is None:
+        return None
+    return {
+        "level": reached.level,
+        "laws": {str(level): list(names) for level, names in reached.laws.items()},
+        "waived": list(reached.waived),
+        "why_not_more": reached.why,
+    }
+
+
+def fails(f: Finding, pinned: bool = False) -> bool:
+    """Whether a finding turns a run red with exit code 1; under a pin every violation must be listed."""
+    if f.verdict in (Verdict.ERROR, Verdict.NOT_MEASURED):
+        return False  # exit codes of their own
+    if f.expected is not None:
+        return f.verdict is not Verdict.VIOLATED
+    if not f.claimed:
+        return pinned and f.verdict is Verdict.VIOLATED
+    # What the law says nothing about is no failure; what the scheme left out, or held when it was pinned, is.
+    unasked = f.verdict is Verdict.NOT_APPLICABLE and not f.skipped and not pinned
+    return f.verdict is not Verdict.HOLDS and not unasked
+
+
+def _finite(value: Any) -> Any:
+    """The same with null for numbers without size, such as an interval's open end: JSON has no infinity."""
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _finding_json(finding: Finding) -> dict[str, Any]:
+    def number(value: float | None) -> float | None:
+        # JSON has no infinity: a defect without size is null, and the message says what it is.
+        return value if value is not None and math.isfinite(value) else None
+
+    return {
+        "law": finding.law,
+        "claimed": finding.claimed,
+        "verdict": finding.verdict.value,
+        "defect": number(finding.defect),
+        "bound": number(finding.bound),
+        "at_least": finding.at_least,
+        "unit": finding.unit,
+        "source": finding.source,
+        "witness": _finite(finding.witness),
+        "replay": finding.replay,
+        "checks": finding.checks,
+        "skipped": finding.skipped,
+        "message": finding.message,
+        "expected": finding.expected,
+        "seconds": round(finding.seconds, 3),
+    }

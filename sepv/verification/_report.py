@@ -1,0 +1,318 @@
+"""A report on the terminal: the table, the counterexamples, and how to see them again."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+from collections.abc import Sequence
+from html import escape
+from typing import Any, Literal, TextIO
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from sepv.plain_text import ascii_text, cannot_show
+from sepv.verification._law import Finding, Verdict
+from sepv.verification._outcome import Report
+from sepv.widths import kept
+
+_STYLES = {
+    Verdict.HOLDS: "green",
+    Verdict.VIOLATED: "bold red",
+    Verdict.INCONCLUSIVE: "yellow",
+    Verdict.NOT_APPLICABLE: "dim",
+    Verdict.ERROR: "bold magenta",
+    Verdict.NOT_MEASURED: "dim",
+}
+MARKS = {
+    Verdict.HOLDS: "holds",
+    Verdict.VIOLATED: "–",
+    Verdict.INCONCLUSIVE: "?",
+    Verdict.NOT_APPLICABLE: "n/a",
+    Verdict.ERROR: "error",
+    Verdict.NOT_MEASURED: "",
+}
+# Claimed by whoever hands over a step; a scheme that claims nothing else guards nothing else.
+ALWAYS = ("contract",)
+# Two blank columns on each side are the difference between a table that fits 80 columns and one that does not.
+_BOX = box.SIMPLE_HEAD
+
+
+def console(file: TextIO | None = None, *, stderr: bool = False) -> Console:
+    """A console with colour on terminals only (rich obeys NO_COLOR), and wide enough for a table when piped."""
+    out = file or (sys.stderr if stderr else sys.stdout)
+    width = None if out.isatty() or "COLUMNS" in os.environ else 100
+    return (_Ascii if cannot_show(out) else _Console)(file=out, highlight=False, width=width)
+
+
+class _Console(Console):
+    """A console whose reader may go away (``| head``): 141 as for SIGPIPE, and not rich's 1, which is a verdict."""
+
+    def on_broken_pipe(self) -> None:
+        self.quiet = True
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise SystemExit(141)
+
+
+class _Ascii(_Console):
+    """A console of an encoding without our signs: texts and tables are put in ASCII before they are laid out."""
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        super().print(*(_in_ascii(o) for o in objects), **options)
+
+
+def _in_ascii(thing: Any) -> Any:
+    if isinstance(thing, str):
+        return ascii_text(thing)
+    if isinstance(thing, Text):
+        return Text(ascii_text(thing.plain), style=thing.style, overflow=thing.overflow)
+    if isinstance(thing, Table):
+        thing.title, thing.caption = _in_ascii(thing.title), _in_ascii(thing.caption)
+        for column in thing.columns:
+            column.header, column._cells = _in_ascii(column.header), [_in_ascii(c) for c in column._cells]
+    return thing
+
+
+def show(report: Report, target: str, out: Console, *, debug: bool = False) -> None:
+    """The table of a report, then each counterexample with the command that replays it."""
+    out.print(law_table(report, out.width))
+    said: set[str] = set()
+    for finding in report.findings:
+        # A scheme that cannot be asked says the same to every law: once is enough.
+        fault = finding.message.splitlines()[-3:] if finding.verdict is Verdict.ERROR else []
+        if fault and "\n".join(fault[:1]) in said:
+            continue
+        said.update(fault[:1])
+        if finding.verdict is Verdict.NOT_MEASURED:
+            continue  # the table and the last line say it
+        if finding.message or finding.verdict is not Verdict.HOLDS or finding.expected is not None:
+            _details(finding, target, out, debug)
+    line(out, summary(report, target))
+
+
+def as_text(report: Report) -> str:
+    """What `show` prints, as text without colour: for `print(report)`."""
+    out = io.StringIO()
+    name = report.scheme.name
+    show(report, name, Console(file=out, highlight=False, width=100, color_system=None))
+    return "\n".join(line.rstrip() for line in out.getvalue().rstrip().splitlines())
+
+
+def as_html(report: Report) -> str:
+    """The table and the last line as HTML, for a notebook; everything that a scheme says is escaped."""
+    table = law_table(report)
+    heads = "".join(f"<th>{escape(str(c.header))}</th>" for c in table.columns)
+    cells = [[escape(getattr(cell, "plain", str(cell))) for cell in c.cells] for c in table.columns]
+    rows = ["".join(f"<td>{cell}</td>" for cell in row) for row in zip(*cells, strict=True)]
+    body = "".join(f"<tr>{row}</tr>" for row in rows)
+    title = escape(getattr(table.title, "plain", str(table.title)))
+    return (
+        f"<table><caption>{title}</caption><thead><tr>{heads}</tr></thead><tbody>{body}</tbody></table>"
+        f"<p>{escape(summary(report).plain)}</p>"
+    )
+
+
+def line(out: Console, text: Text) -> None:
+    """A sentence: wrapped for a terminal, one line for a program that reads it."""
+    out.print(text, soft_wrap=not out.is_terminal)
+
+
+# What gives way first where a terminal is narrow; a law, its verdict and its defect are always there.
+_DROPPED = ("source", "unit", "claimed", "bound")
+_WRAPPED = ("unit", "source")
+_COLUMNS = ("law", "claimed", "verdict", "defect", "bound", "unit", "source")
+
+
+def law_table(report: Report, width: int = 100) -> Table:
+    """law, claimed, verdict, defect against bound, unit, source: what fits in so many columns, never half a number."""
+    title = Text(
+        report.scheme.name + (f" · {report.scheme.source}" if report.scheme.source else ""), style="bold"
+    )
+    rows = [_law_row(report, f) for f in report.findings]
+    headings: dict[str, str | Text] = {name: name for name in _COLUMNS}
+    needed = {
+        name: max(len(word) for row in [headings, *rows] for word in _pieces(name, str(row[name])))
+        for name in _COLUMNS
+    }
+    narrow = width < 60
+    # A blank after each column, the last one too; with lines, one between columns and one at either end.
+    left = kept(needed, width - 1 - 2 * (not narrow), _DROPPED, 1 if narrow else 2)
+    needed = {name: needed[name] for name in left}
+    # As wide as its title where that is what a terminal holds: a table of one law would break it.
+    table = Table(
+        box=None if narrow else _BOX, title=title, title_justify="left", pad_edge=False, padding=(0, 1, 0, 0),
+        min_width=min(title.cell_len, 80, width),
+    )  # fmt: skip
+    for name, least in needed.items():
+        side: Literal["left", "right"] = "right" if name in ("defect", "bound") else "left"
+        table.add_column(name, no_wrap=name not in _WRAPPED, min_width=least, justify=side)
+    for row in rows:
+        table.add_row(*(row[name] for name in needed))
+    return table
+
+
+def _pieces(name: str, text: str) -> list[str]:
+    return text.split() or [""] if name in _WRAPPED else [text]
+
+
+def _law_row(report: Report, f: Finding) -> dict[str, str | Text]:
+    text = "n/a" if f.verdict is Verdict.NOT_APPLICABLE else f.verdict.text
+    own = "yes" if f.law in report.scheme.claims else "always"
+    return {
+        "law": f.law,
+        "claimed": "fails" if f.expected is not None else own if f.claimed else "",
+        "verdict": Text(text, style=_STYLES[f.verdict]),
+        "defect": _number(f.defect),
+        "bound": "" if f.bound is None else f"{'≥' if f.at_least else '≤'} {_number(f.bound)}",
+        "unit": f.unit,
+        "source": f.source,
+    }
+
+
+def summary(report: Report, target: str = "") -> Text:
+    """One line: the counts, what the claims came to, the level; and what would guard a scheme that claims nothing.
+
+    Parameters
+    ----------
+    target : str
+        As the scheme was named on the command line, for the command that guards it.
+    """
+    return _outcome(report, target).append(_level(report))
+
+
+def _outcome(report: Report, target: str) -> Text:
+    counts = ", ".join(f"{n} {Verdict(k).text}" for k, n in report.counts.items() if n)
+    checks, skipped = (sum(getattr(f, what) for f in report.findings) for what in ("checks", "skipped"))
+    left_out = f", {skipped} skipped" if skipped else ""
+    text = Text(f"{_count(len(report.findings), 'law')}: {counts}; {_count(checks, 'check')}{left_out}. ")
+    if report.interrupted:
+        return text.append("Interrupted: what was not measured is not judged.", style="bold")
+    for gap in report.gaps:
+        text.append(f"{gap} ", style="yellow")
+    wrong = _complaints(report)
+    if wrong:
+        return text.append(" ".join(wrong), style="bold red")
+    errors = [f.law for f in report.findings if f.verdict is Verdict.ERROR]
+    if errors:
+        text.append(f"Ended in an error: {', '.join(errors)}. ", style="bold magenta")
+    claims = [
+        f for f in report.findings if f.claimed and f.expected is None and f.verdict is not Verdict.ERROR
+    ]
+    if not report.pinned and not frozenset(report.scheme.claims) - set(ALWAYS):
+        return text.append(_unguarded(report, target))
+    vacuous = [f.law for f in claims if f.verdict is Verdict.NOT_APPLICABLE]
+    held = len(claims) - len(vacuous)
+    if held:
+        text.append(
+            f"{'The' if held == 1 else 'All'} {_count(held, 'claimed law')} {'holds' if held == 1 else 'hold'}.",
+            style="green",
+        )
+    elif not vacuous and not errors:
+        text.append("None of them is claimed.")
+    if vacuous:
+        text.append(f" Claimed, but not about this scheme: {', '.join(vacuous)}.", style="yellow")
+    return text
+
+
+def _level(report: Report) -> Text:
+    """The level of conformance, where the run can say one."""
+    reached = report.conformance
+    if report.interrupted or (reached is None and report.level is None):
+        return Text("")
+    short = f" Level {report.level} was asked for." if report.short_of_level else ""
+    return Text(f" {reached}{short}", style="bold red" if short else "")
+
+
+def _complaints(report: Report) -> list[str]:
+    """What turns a run red, a sentence for each kind."""
+    found, failing = report.findings, report.failing
+    kinds = (
+        (
+            "Claimed and not found to hold",
+            [
+                f
+                for f in found
+                if f.claimed
+                and f.expected is None
+                and f.verdict in (Verdict.VIOLATED, Verdict.INCONCLUSIVE, Verdict.ERROR)
+            ],
+        ),
+        (
+            "Claimed and not measured",
+            [f for f in failing if f.expected is None and f.verdict is Verdict.NOT_APPLICABLE],
+        ),
+        ("Expected failures that pass", [f for f in failing if f.expected is not None]),
+        ("Violated and not in the pin", [f for f in failing if f.expected is None and not f.claimed]),
+    )
+    return [f"{words}: {', '.join(f.law for f in which)}." for words, which in kinds if which]
+
+
+def _unguarded(report: Report, target: str) -> str:
+    """Nothing was claimed: a green run says nothing about tomorrow's, and here is what would."""
+    own = [f.law for f in report.findings if f.verdict is Verdict.HOLDS and f.law not in ALWAYS]
+    named = f"sepv verify {target or 'TARGET'}"
+    guard = (
+        f"To guard what held today: {named} --claim {','.join(own)}; and what is violated with it"
+        if own
+        else ("To guard what is violated")
+    )
+    return (
+        f"Nothing is claimed, so nothing is guarded but the contract of a step. {guard}: {named} --pin FILE."
+    )
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" + ("" if number == 1 else "s")
+
+
+def matrix(reports: Sequence[Report]) -> Table:
+    """Scheme × law."""
+    table = Table(
+        box=_BOX, pad_edge=False, caption="+ claimed, – violated, ? inconclusive", caption_justify="left"
+    )
+    table.add_column("law")
+    for report in reports:
+        table.add_column(Text(report.scheme.name, overflow="fold"))
+    for row in zip(*(r.findings for r in reports), strict=True):
+        cells = [Text(MARKS[f.verdict] + (" +" if f.claimed else ""), style=_STYLES[f.verdict]) for f in row]
+        table.add_row(row[0].law, *cells)
+    return table
+
+
+def show_finding(finding: Finding, out: Console, *, debug: bool = False) -> None:
+    """One finding, as after a replay."""
+    line = Text.assemble(
+        (finding.law, "bold"), " ", (finding.verdict.text, _STYLES[finding.verdict]), f"  {finding.source}"
+    )
+    if finding.defect is not None:
+        line.append(f"  {_number(finding.defect)} against {_number(finding.bound)} {finding.unit}")
+    out.print(line)
+    _indented(finding.message + (f"\n{finding.traceback}" if debug else ""), out)
+
+
+def _details(finding: Finding, target: str, out: Console, debug: bool) -> None:
+    style = _STYLES[finding.verdict]
+    source = f"  {finding.source}" if finding.verdict is not Verdict.HOLDS else ""
+    out.print(Text.assemble((finding.law, "bold"), " ", (finding.verdict.text, style), source))
+    if finding.expected is not None and finding.verdict is Verdict.VIOLATED:
+        _indented(f"expected: {finding.expected}", out)
+    _indented(finding.message + (f"\n{finding.traceback}" if debug else ""), out)
+    if finding.replay and finding.verdict is not Verdict.HOLDS:
+        out.print(Text("  replay:", style="dim"))
+        # One line, however long: it is there to be copied.
+        out.print(Text(f"  sepv verify {target} {finding.replay}"), soft_wrap=True)
+    out.print()
+
+
+def _indented(message: str, out: Console) -> None:
+    for line in message.splitlines():
+        out.print(Text("  " + line), soft_wrap=not out.is_terminal)
+
+
+def _number(value: float | None) -> str:
+    if value is None:
+        return ""
+    return f"{value:.3g}" if 1e-3 <= abs(value) < 1e4 or not value else f"{value:.1e}"

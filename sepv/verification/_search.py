@@ -1,0 +1,377 @@
+"""Laws about single steps: a design visits every stratum of the cases, then Hypothesis looks for one that violates.
+
+Witnesses of the corpus come first (`sepv.verification._corpus`), then the design, since it misses no pair of strata (`sepv.verification._cases.strata`).
+Where a case of it violates, Hypothesis looks for a simpler one; where it finds none, the case itself is simplified
+(`sepv.verification._cases.shrink`).
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import chain
+from random import Random
+from typing import Any
+
+from hypothesis import HealthCheck, Phase, Verbosity, given, reject, settings, target
+from hypothesis import seed as hypothesis_seed
+from hypothesis import strategies as st
+from hypothesis.errors import Unsatisfiable
+
+from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure
+from sepv.schemes import Scheme
+from sepv.verification import _corpus as corpus
+from sepv.verification._cases import case as cases
+from sepv.verification._cases.case import Case
+from sepv.verification._cases.fixed_cases import may_be_refused
+from sepv.verification._cases.given import NOT_OF_HAMILTONIANS, cases_for
+from sepv.verification._cases.hamiltonians import HAMILTONIANS
+from sepv.verification._cases.same_draws import without_local_constants
+from sepv.verification._cases.shrink import shrunk
+from sepv.verification._cases.spaces import SPACES
+from sepv.verification._cases.strata import Space
+from sepv.verification._cases.structures import CASES
+from sepv.verification._law import Effort, Finding, Law, Measurement, Verdict
+
+Check = Callable[[Scheme, Case], Measurement]
+
+
+# Without a design there are so many times as many random examples, unless a law says otherwise.
+UNDESIGNED = 8
+# A search ends where the scheme has not taken so many cases for each that it did.
+MOST_SKIPPED = 20
+# Where a check takes longer than a fifth of a second, simplifying ends by the clock: a law may be given up after ten
+# minutes, and what was found must be said before. Only then does it depend on time how simple a counterexample is.
+MOST_SECONDS = 100.0
+# Cases of a design that cannot be measured, until it is given up: each may take as long as a call may.
+MOST_FAULTS = 4
+
+
+class _Violation(Exception):
+    """Raised inside a search: the case violates."""
+
+
+class _Fault(Exception):
+    """Raised inside a search: the case could not be measured."""
+
+
+class _Log:
+    """What a search has seen."""
+
+    def __init__(self) -> None:
+        self.checks = 0
+        self.worst: Measurement | None = None
+        self.violation: tuple[Case, Measurement] | None = None
+        self.fault: tuple[Case, Exception] | None = None
+        self.skipped: dict[str, int] = {}
+
+    @property
+    def failed(self) -> bool:
+        """Whether a case violated or could not be measured."""
+        return self.violation is not None or self.fault is not None
+
+    @property
+    def refused(self) -> int:
+        """How many cases the scheme did not take."""
+        return sum(self.skipped.values())
+
+
+class _Budget:
+    """So many checks to simplify what was found, from the first on."""
+
+    def __init__(self, checks: int) -> None:
+        self.left, self.end = checks, time.perf_counter() + MOST_SECONDS
+
+    def spend(self) -> bool:
+        """Whether another check may be made, which is then taken off."""
+        self.left -= 1
+        return self.left >= 0 and time.perf_counter() <= self.end
+
+
+@dataclass(frozen=True)
+class _Question:
+    """What is looked for: a law's cases by design, at random and by list, and its measurement.
+
+    Attributes
+    ----------
+    admits : case -> bool
+        Which cases the law speaks of, among those inside the contraction radius: simplifying must not leave them.
+    known : tuple of Case
+        Witnesses of the corpus, which are asked first.
+    """
+
+    space: Space | None
+    strategy: st.SearchStrategy[Case]
+    corners: Callable[[], Iterable[Case]]
+    check: Check
+    faults_violate: bool
+    admits: Callable[[Case], bool]
+    share: int
+    known: tuple[Case, ...] = ()
+
+
+def searched(
+    *,
+    name: str,
+    statement: str,
+    source: str,
+    unit: str,
+    cases: Callable[[], st.SearchStrategy[Case]],
+    check: Check,
+    faults_violate: bool = False,
+    always_claimed: bool = False,
+    not_applicable: Callable[[Scheme], str] = lambda _: "",
+    corners: Callable[[], Iterable[Case]] = tuple,
+    admits: Callable[[Case], bool] = lambda _: True,
+    undesigned: int = UNDESIGNED,
+    level: int = 3,
+    needed: bool = False,
+    cost: float = 1.0,
+) -> Law:
+    """A law whose cases are drawn by a design and by a strategy, and measured one by one.
+
+    The design is the law's in `sepv.verification._cases.spaces.SPACES`. A scheme for a special class of systems is asked about those
+    (`sepv.verification._cases.structures.CASES`).
+
+    Parameters
+    ----------
+    check : (scheme, case) -> Measurement
+        May raise what `sepv.schemes._guard.ask` raises.
+    faults_violate : bool
+        For the contract: an answer of the wrong shape or type is a violation there, an error elsewhere.
+    not_applicable : scheme -> str
+        Why the law says nothing about this scheme; empty where it does.
+    corners : () -> iterable of Case
+        Measured with every seed.
+    admits : case -> bool
+        Which cases the law speaks of, where not all: a counterexample is simplified to such a case only.
+    undesigned : int
+        How many times as many random examples there are where there is no design.
+    level, needed, cost
+        As for `sepv.verification.Law`.
+    """
+
+    def question(scheme: Scheme) -> _Question | str:
+        """What is looked for, or why nothing is."""
+        own = cases_for(name, scheme)
+        if isinstance(own, str):
+            return own
+        if own is not None:
+            return _Question(None, own, tuple, check, faults_violate, lambda _: False, undesigned)
+        space, known = SPACES[scheme.systems].get(name), corpus.cases(name, scheme.systems)
+        if scheme.systems == "single":
+            return _Question(space, cases(), corners, check, faults_violate, admits, undesigned, known)
+        special = (HAMILTONIANS if scheme.systems == "hamiltonians" else CASES[scheme.systems]).get(name)
+        if special is None:
+            why = NOT_OF_HAMILTONIANS.get(name) if scheme.systems == "hamiltonians" else None
+            return why or f"the law is not about the systems that the scheme takes ({scheme.systems})"
+        return _Question(space, special(), tuple, check, faults_violate, admits, undesigned, known)
+
+    def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
+        asked = not_applicable(scheme) or question(scheme)
+        if isinstance(asked, str):
+            return law.finding(Verdict.NOT_APPLICABLE, message=asked)
+        return _search(law, scheme, effort, asked)
+
+    def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
+        log = _Log()
+        with suppress(_Violation, _Fault, Skipped):
+            _measure(log, scheme, _from_json(witness), check, faults_violate)
+        return _conclude(law, log)
+
+    return Law(name, statement, source, unit, run, replay, always_claimed, level, needed, cost)
+
+
+def _from_json(witness: dict[str, Any]) -> Case:
+    return cases.from_json(witness)
+
+
+def _search(law: Law, scheme: Scheme, effort: Effort, asked: _Question) -> Finding:
+    log, start = _Log(), time.perf_counter()
+    known = asked.known if effort.corpus else ()
+    visited = (case for n in range(effort.designs) for case in _designed(asked.space, effort.seed, n))
+    _visit(log, scheme, chain(known, visited, asked.corners()), asked)
+    if not (log.failed and effort.shrink_checks == 0):
+        violation, fault = log.violation, log.fault
+        # A witness was shrunk when it was found: a search for a simpler one would come back to it.
+        if violation is None or violation[0] not in known:
+            _explore(log, scheme, effort, asked)
+        if (log.violation or log.fault) in (violation, fault) and log.failed:
+            _simplify(log, scheme, effort, asked)
+    return replace(_conclude(law, log), seconds=time.perf_counter() - start)
+
+
+def _designed(space: Space | None, seed: int, repeat: int) -> list[Case]:
+    """The cases of a design in random order, so that no kind of case is always the first to be met."""
+    if space is None:
+        return []
+    found = [case for _, case in space.cases(seed + 1000003 * repeat)]
+    Random(seed).shuffle(found)
+    return found
+
+
+def _explore(log: _Log, scheme: Scheme, effort: Effort, asked: _Question) -> None:
+    """Random cases, driven towards a large defect beside the bound; the first violation is shrunk."""
+    measured_before = log.checks
+    simplifying: _Budget | None = None
+
+    def body(case: Case) -> None:
+        nonlocal simplifying
+        # Nothing is shrunk for ever: when the budget is spent every case passes, which ends it. Nor are cases drawn for
+        # ever that the scheme does not take.
+        if simplifying is not None and not simplifying.spend():
+            return
+        if log.refused > MOST_SKIPPED * (1 + log.checks - measured_before):
+            return
+        try:
+            measured = _measure(log, scheme, case, asked.check, asked.faults_violate)
+        except Skipped:
+            reject()  # the budget goes to cases that the program takes
+        except (_Violation, _Fault):
+            simplifying = simplifying or _Budget(effort.shrink_checks)
+            raise
+        if 0 < measured.ratio < float("inf"):
+            target(measured.ratio, label="defect / bound")
+
+    chosen = settings(
+        max_examples=effort.examples if asked.space else asked.share * effort.examples,
+        database=None,
+        deadline=None,
+        derandomize=False,
+        print_blob=False,
+        report_multiple_bugs=True,
+        verbosity=Verbosity.quiet,
+        phases=(Phase.generate, Phase.target, Phase.shrink),
+        # Cases are large by nature, and a slow scheme is not the strategy's fault.
+        suppress_health_check=list(HealthCheck),
+    )
+    test = hypothesis_seed(effort.seed)(chosen(given(case=asked.strategy)(body)))
+    try:
+        with warnings.catch_warnings(), without_local_constants():
+            warnings.simplefilter("ignore")  # the scheme's own warnings are not findings
+            test()
+    except KeyboardInterrupt:
+        raise
+    except Unsatisfiable:
+        if not log.skipped:
+            raise
+    except BaseException:
+        if simplifying is None:
+            raise  # not about the scheme: a defect of this suite, which must be seen
+
+
+def _visit(log: _Log, scheme: Scheme, visited: Iterable[Case], asked: _Question) -> None:
+    """The cases in turn, up to the first that violates; what cannot be measured may hide what violates, a few times."""
+    faults: list[tuple[Case, Exception]] = []
+    with warnings.catch_warnings(), suppress(_Violation):
+        warnings.simplefilter("ignore")
+        for case in visited:
+            with suppress(Skipped, _Fault):
+                _measure(log, scheme, case, asked.check, asked.faults_violate)
+            if log.fault is not None:
+                faults.append(log.fault)
+                log.fault = None
+            if len(faults) >= MOST_FAULTS:
+                break
+    log.fault = faults[0] if faults else None
+
+
+def _simplify(log: _Log, scheme: Scheme, effort: Effort, asked: _Question) -> None:
+    """The violation or fault found, at the simplest case that shows it."""
+    case, _ = log.violation or log.fault or (None, None)
+    assert case is not None
+    checks = log.checks
+    best, budget = (log.violation, log.fault, log.worst), _Budget(effort.shrink_checks)
+
+    def fails(candidate: Case) -> bool | None:
+        nonlocal best
+        if not asked.admits(candidate):
+            return False
+        if not budget.spend():
+            return None
+        trial = _Log()
+        with warnings.catch_warnings(), suppress(_Violation, _Fault, Skipped):
+            warnings.simplefilter("ignore")
+            _measure(trial, scheme, candidate, asked.check, asked.faults_violate)
+        log.checks += trial.checks
+        # What violates must not turn into something that could not be measured, nor the other way round.
+        same = (trial.violation is None) == (log.violation is None) and trial.failed
+        if same:
+            best = trial.violation, trial.fault, trial.worst or log.worst
+        return same
+
+    shrunk(case, fails)
+    log.violation, log.fault, log.worst = best
+    log.checks = max(checks, log.checks)
+
+
+def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate: bool) -> Measurement:
+    """Measure and log one case; raises _Violation or _Fault, from places of their own."""
+    log.checks += 1
+    try:
+        measured = check(scheme, case)
+    except Skipped as skipped:
+        log.checks -= 1
+        if case.given != "data":
+            # A scheme that cannot run functions is asked about the same system as data: the design stays whole.
+            return _measure(log, scheme, replace(case, given="data"), check, faults_violate)
+        log.skipped[skipped.reason] = log.skipped.get(skipped.reason, 0) + 1
+        raise
+    except (SepvError, ArithmeticError) as error:
+        if isinstance(error, StepFailure) and may_be_refused(case):
+            reason = "a longer step than every scheme must take was refused"
+            log.checks -= 1
+            log.skipped[reason] = log.skipped.get(reason, 0) + 1
+            raise Skipped(reason) from error
+        if case.h < 0:
+            # Time runs backwards in some of the cases. Who does not solve for it is told, and accused of nothing.
+            # One line for each kind of error, with what the first of them said.
+            kind = f"a step back in time, h < 0, ended in {type(error).__name__}"
+            said = str(error).partition("\n")[0]
+            reason = next((r for r in log.skipped if r.startswith(kind)), f"{kind}, the first: {said}")
+            log.checks -= 1
+            log.skipped[reason] = log.skipped.get(reason, 0) + 1
+            raise Skipped(reason) from error
+        if faults_violate and isinstance(error, SchemeFault):
+            log.violation = case, Measurement(1.0, 0.0, str(error))
+            log.worst = log.violation[1]
+            raise _Violation from error
+        log.fault = case, error
+        raise _Fault from error
+    if log.worst is None or not measured.ratio <= log.worst.ratio:
+        log.worst = measured
+    if measured.violates:
+        log.violation = case, measured
+        raise _Violation
+    return measured
+
+
+def _conclude(law: Law, log: _Log) -> Finding:
+    size = {"defect": log.worst.defect, "bound": log.worst.bound} if log.worst else {}
+    if log.violation is not None:
+        case, measured = log.violation
+        message = f"{case.describe()}\n{measured.detail}"
+        return law.finding(
+            Verdict.VIOLATED, checks=log.checks, message=message, **_witness(law, case), **size
+        )
+    if log.fault is not None:
+        case, error = log.fault
+        kind = "not solved" if isinstance(error, StepFailure) else "not measured"
+        message = f"{kind}:\n{case.describe()}\n{error}"
+        trace = getattr(error, "traceback", "")
+        return law.finding(
+            Verdict.ERROR, checks=log.checks, message=message, traceback=trace, **_witness(law, case), **size
+        )
+    skipped = "\n".join(f"{count} cases skipped: {reason}" for reason, count in log.skipped.items())
+    left_out = sum(log.skipped.values())
+    if not log.checks:
+        verdict = Verdict.NOT_APPLICABLE if skipped else Verdict.ERROR
+        return law.finding(verdict, message=skipped or "no case was measured", skipped=left_out)
+    return law.finding(Verdict.HOLDS, checks=log.checks, message=skipped, skipped=left_out, **size)
+
+
+def _witness(law: Law, case: Case) -> dict[str, Any]:
+    return {"witness": cases.to_json(case), "replay": f"--law {law.name} --replay {cases.to_token(case)}"}

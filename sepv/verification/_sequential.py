@@ -1,0 +1,314 @@
+"""Statistical verdicts: more paths only while the verdict is open, up to a budget, then inconclusive.
+
+FALSE_ALARM bounds the probability that chance in the paths makes a whole run of all laws accuse a correct scheme. It is
+split evenly over the statistical laws, the problems and the looks (Bonferroni): each look judges by intervals that
+together miss with that share. What the intervals really miss is measured by `benchmarks.coverage`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from sepv import problems
+from sepv.errors import Skipped
+from sepv.problem import NamedProblem, Problem
+from sepv.schemes import Scheme
+from sepv.schemes._guard import guarded
+from sepv.verification._cases.given import problems_of, reach
+from sepv.verification._law import Effort, Finding, Law, Verdict
+from sepv.verification._orders.convergence import StrongErrors, first, join, strong_errors
+from sepv.verification._orders.tilting import tilted_errors
+from sepv.verification._worst_path import worst_path
+
+FALSE_ALARM = 1e-4
+# mean-square-order, weak-order, right-limit, commutation, rounding.
+STATISTICAL_LAWS = 5
+FIRST_LOOK = 512
+# Looks grow by this: few of them leave each a larger share of the false alarms.
+GROWTH = 4
+# A scheme that takes one state at a time gets one path for each of so many of the budget, but a first look:
+# with steps of 200 µs, that is 9 s a problem.
+SINGLE = 16
+# From this claimed order on the mean square error lives on increments too rare for plain sampling.
+TILTED = 1.5
+# At these orders finer steps are at the rounding floor.
+FEW = ((6, (8, 12, 16)), (5, (8, 16, 32)))
+# Where no more than this share of the paths cannot be solved the step sizes are halved, so many times at most: a scheme
+# may refuse a step on a rare large increment, and shows its order at steps that it takes. Leaving such paths out would
+# be a bias.
+RARE, HALVED = 1 / 64, 2
+# How many times the paths are tried when a reader is told what a verdict would take.
+_MORE = tuple(4**k for k in range(1, 9))
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A problem, an end time and increasing numbers of steps over it."""
+
+    problem: str
+    T: float
+    steps: tuple[int, ...]
+    given: Problem | None = None
+
+    def build(self) -> Problem:
+        """The problem itself."""
+        return problems.by_name(self.problem) if self.given is None else self.given
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """What the errors of one problem say: a verdict, and a number with its interval in the unit of the law."""
+
+    verdict: Verdict
+    value: float
+    low: float
+    high: float
+    bound: float
+    text: str = ""
+
+
+# (problem, errors, alpha, more): `more` asks what so many times the paths would say.
+Assess = Callable[[Problem, StrongErrors, float, float], Assessment]
+
+
+def setups(
+    systems: str = "single", truncation: int | None = 2, order: float | None = None
+) -> tuple[Setup, ...]:
+    """The problems, end times and steps on which schemes for a class of systems are judged.
+
+    For "single", a non-constant B with one noise and a non-quadratic H with two: no large step of theirs is unsolvable.
+    The coarsest step is halved where increments are not truncated or are drawn by `sepv.verification._orders.tilting`: a random step then
+    may be more than 1, far from any asymptotics.
+    """
+    names = {
+        "nambu": ("rigid-body", "lotka-volterra"),
+        "several": ("commuting-rotations", "commuting-oscillators"),
+        "hamiltonians": ("random-inertia", "kubo-oscillator"),
+    }.get(systems, ("rigid-body", "pendulum"))
+    return tuple(_setup(name, truncation, order) for name in names)
+
+
+def _setup(name: str, truncation: int | None, order: float | None) -> Setup:
+    if name == "lotka-volterra":  # at steps that have solutions
+        return Setup(name, 0.25, (32, 64, 128))
+    if name == "kubo-oscillator":  # schemes for several Hamiltonians ask for their gradients
+        return replace(_setup("", truncation, order), problem=name, given=problems.kubo_by_hamiltonians())
+    if name == "random-inertia":  # long enough for means to stand out of paths of order ½
+        return Setup(name, 1.0, (4, 16, 64))
+    if order is not None and order >= TILTED:
+        return Setup(name, 0.5, next((steps for least, steps in FEW if order >= least), (8, 16, 64)))
+    return Setup(name, 0.5, (8, 16, 64) if truncation is None else (4, 16, 64))
+
+
+def setups_for(scheme: Scheme) -> tuple[Setup, ...]:
+    """The setups of a scheme, by what it says of itself; a user's problems where it is for those."""
+    facts = (scheme.truncation, scheme.mean_square_order)
+    own = problems_of(scheme)
+    return setups(scheme.systems, *facts) if own is None else tuple(_given(p, *facts) for p in own)
+
+
+def _given(problem: Problem, truncation: int | None, order: float | None) -> Setup:
+    """A user's problem: as the paper's where it is one of those, else over a time that its slopes allow."""
+    if problem.data in [known.data for known in map(problems.by_name, problems.NAMED)]:
+        assert isinstance(problem.data, NamedProblem)
+        return replace(_setup(problem.data.name, truncation, order), given=problem)
+    if problem.name in problems.HAMILTONIANS and _built_in(problem):
+        return replace(_setup(problem.name, truncation, order), given=problem)
+    return replace(_setup(problem.name, truncation, order), T=reach(problem), given=problem)
+
+
+def _built_in(problem: Problem) -> bool:
+    """Whether it is the one of its name, from its own initial state."""
+    known = problems.by_name(problem.name)
+    return problem.dimension == known.dimension and all(
+        np.array_equal(getattr(problem, key), getattr(known, key)) for key in ("c", "initial")
+    )
+
+
+def is_tilted(scheme: Scheme) -> bool:
+    """Whether its errors are drawn by `sepv.verification._orders.tilting`, and carry weights."""
+    return scheme.mean_square_order is not None and scheme.mean_square_order >= TILTED
+
+
+def budget(scheme: Scheme, effort: Effort) -> int:
+    """Most paths of a law: fewer for a scheme that takes one state at a time."""
+    return effort.paths if scheme.batched else min(effort.paths, max(FIRST_LOOK, effort.paths // SINGLE))
+
+
+def looks(paths: int) -> list[int]:
+    """Numbers of paths after which to judge: 512, 2048, … up to the budget."""
+    counts = [min(FIRST_LOOK, paths)]
+    while counts[-1] < paths:
+        counts.append(min(counts[-1] * GROWTH, paths))
+    return counts
+
+
+def share(scheme: Scheme, effort: Effort, problems: int) -> float:
+    """The share of FALSE_ALARM of one problem at one look of one law."""
+    return FALSE_ALARM / (STATISTICAL_LAWS * problems * len(looks(budget(scheme, effort))))
+
+
+def sampled(scheme: Scheme, setup: Setup, paths: int, effort: Effort) -> StrongErrors:
+    """The errors of the first `paths` paths, computed once for all laws of a run."""
+    order = scheme.mean_square_order
+    key = (id(scheme.step), scheme.truncation, scheme.increments, order, setup)
+    have: StrongErrors | None = effort.cache.get(key)
+    done = have.squared.shape[1] if have else 0
+    if done < paths:
+        problem, wanted, asked = setup.build(), range(done, paths), guarded(scheme)
+        if order is not None and is_tilted(scheme):
+            more = tilted_errors(
+                asked, problem, T=setup.T, steps=setup.steps, paths=wanted, seed=effort.seed, order=order
+            )
+        else:
+            more = strong_errors(asked, problem, T=setup.T, steps=setup.steps, paths=wanted, seed=effort.seed)
+        have = join([have, more]) if have else more
+        effort.cache[key] = have
+    assert have is not None
+    return have if any(have.failures) else first(have, paths)  # nothing is judged by paths that failed
+
+
+def judge(
+    law: Law,
+    scheme: Scheme,
+    effort: Effort,
+    assess: Assess,
+    *,
+    at_least: bool = True,
+    setups: Sequence[Setup] | None = None,
+) -> Finding:
+    """The worst verdict over the problems, each from as many paths as it takes.
+
+    Parameters
+    ----------
+    at_least : whether the bound of an assessment is a lower one.
+    """
+    setups = setups_for(scheme) if setups is None else setups
+    alpha = share(scheme, effort, len(setups))
+    found: list[tuple[Setup, StrongErrors, Assessment]] = []
+    lines: list[str] = []
+    skipped: list[Skipped] = []
+    for setup in setups:
+        try:
+            used, errors, assessment, refused = _judge_one(scheme, setup, effort, assess, alpha)
+        except Skipped as skip:  # a program need not take every problem
+            skipped.append(skip)
+            lines.append(f"{setup.problem}: skipped, {skip.reason}")
+            continue
+        if assessment is None:
+            return _failed(law, setup, errors)
+        found.append((used, errors, assessment))
+        if refused:
+            lines.append(f"{refused}; judged with {', '.join(map(str, used.steps))} steps instead")
+        needed = f"{law.unit} {'≥' if at_least else '≤'} {assessment.bound:.3g}"
+        lines.append(
+            f"{setup.problem}: {assessment.text} from {errors.squared.shape[1]} paths"
+            + ("" if assessment.verdict is Verdict.HOLDS else f", {needed} needed")
+        )
+    if not found:
+        raise skipped[0]
+    order = (Verdict.VIOLATED, Verdict.INCONCLUSIVE, Verdict.HOLDS)
+    verdict = min((a.verdict for *_, a in found), key=order.index)
+    sign = 1.0 if at_least else -1.0
+    worst = min((a for *_, a in found if a.verdict is verdict), key=lambda a: sign * (a.value - a.bound))
+    measured = [_measured(*each) for each in found]
+    if verdict is not Verdict.HOLDS:
+        lines += [_errors_text(m) for m in measured]
+    if verdict is Verdict.INCONCLUSIVE:
+        lines += [
+            _wanted(scheme, setup, assess, errors, alpha)
+            for setup, errors, a in found
+            if a.verdict is Verdict.INCONCLUSIVE
+        ]
+    if verdict is not Verdict.HOLDS:
+        setup, errors = next((s, e) for s, e, a in found if a.verdict is verdict)
+        lines.append(worst_path(setup.build(), errors, effort.seed, drawn=not is_tilted(scheme)))
+        lines.append(
+            f"intervals miss with probability {alpha:.1e}; false alarms of a whole run ≤ {FALSE_ALARM:g}"
+        )
+    return law.finding(
+        verdict,
+        defect=worst.value,
+        bound=worst.bound,
+        at_least=at_least,
+        checks=sum(m["paths"] for m in measured),
+        message="\n".join(lines),
+        witness={"seed": effort.seed, "paths": effort.paths, "alpha": alpha, "measured": measured},
+        replay=f"--law {law.name} --seed {effort.seed} --paths {effort.paths}",
+    )
+
+
+def _judge_one(
+    scheme: Scheme, setup: Setup, effort: Effort, assess: Assess, alpha: float
+) -> tuple[Setup, StrongErrors, Assessment | None, str]:
+    """One problem at its step sizes, or halved where few paths failed; and what failed.
+
+    There is no assessment where paths failed in the end. That looks are begun anew adds to FALSE_ALARM what it has for
+    these looks times the probability that a path fails: a few per cent of it, or nothing.
+    """
+    refused = ""
+    for halved in range(1 + HALVED):
+        used = replace(setup, steps=tuple(n << halved for n in setup.steps))
+        errors, assessment = _look(scheme, used, effort, assess, alpha)
+        if assessment is not None or max(errors.failures) > RARE * errors.squared.shape[1]:
+            break
+        refused = _failures(setup, errors)
+    return used, errors, assessment, refused
+
+
+def _look(
+    scheme: Scheme, setup: Setup, effort: Effort, assess: Assess, alpha: float
+) -> tuple[StrongErrors, Assessment | None]:
+    """More paths of one problem while the verdict is open; no assessment where paths failed."""
+    problem = setup.build()
+    for paths in looks(budget(scheme, effort)):
+        errors = sampled(scheme, setup, paths, effort)
+        if any(errors.failures):
+            return errors, None
+        assessment = assess(problem, errors, alpha, 1.0)
+        if assessment.verdict is not Verdict.INCONCLUSIVE:
+            break
+    return errors, assessment
+
+
+def _wanted(scheme: Scheme, setup: Setup, assess: Assess, errors: StrongErrors, alpha: float) -> str:
+    """How many paths would settle it, were the means what they are seen to be."""
+    paths, problem = errors.squared.shape[1], setup.build()
+    for factor in _MORE:
+        if assess(problem, errors, alpha, factor).verdict is not Verdict.INCONCLUSIVE:
+            wanted = paths * factor
+            steps, option = wanted * sum(setup.steps), wanted if scheme.batched else wanted * SINGLE
+            more = "" if scheme.batched else "; a step that takes batches, (d, M), gets so many by itself"
+            return f"{setup.problem}: about {wanted} paths, {steps} steps, would settle it (--paths {option}{more})"
+    return f"{setup.problem}: more paths would not settle it, at these steps it is too near the bound"
+
+
+def _measured(setup: Setup, errors: StrongErrors, found: Assessment) -> dict[str, Any]:
+    return {
+        "problem": setup.problem,
+        "T": setup.T,
+        "steps": errors.steps,
+        "paths": errors.squared.shape[1],
+        "rms_error": errors.rms().tolist(),
+        "estimate": found.value,
+        "interval": [found.low, found.high],
+    }
+
+
+def _errors_text(m: dict[str, Any]) -> str:
+    errors = ", ".join(f"{e:.3g}" for e in m["rms_error"])
+    return f"{m['problem']}, T = {m['T']:g}: rms error {errors} with {', '.join(map(str, m['steps']))} steps"
+
+
+def _failures(setup: Setup, errors: StrongErrors) -> str:
+    counts = ", ".join(f"{n} with {s} steps" for n, s in zip(errors.failures, errors.steps, strict=True) if n)
+    drawn = errors.squared.shape[1]
+    return f"{setup.problem}: of {drawn} paths, not solved, not finite or out of the domain: {counts}"
+
+
+def _failed(law: Law, setup: Setup, errors: StrongErrors) -> Finding:
+    return law.finding(Verdict.ERROR, checks=errors.squared.shape[1], message=_failures(setup, errors))

@@ -1,0 +1,196 @@
+"""Groups of laws in processes of their own: started here, asked one group at a time, ended whatever happens.
+
+Each worker is a fresh interpreter (`sepv.verification._worker`), not a fork: a scheme's library may have threads, and a fork of
+threads can hang. What goes in and out is pickled. A worker that dies takes one law with it, not the run.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import queue
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import Any
+
+from sepv.errors import UsageError
+
+# Seconds from SIGTERM, on which a worker ends its own children, to SIGKILL.
+GRACE = 1.0
+
+
+@dataclass(frozen=True)
+class Task:
+    """What every worker is told first: the scheme, by name where it has one, and how to measure it."""
+
+    scheme: Any
+    claims: frozenset[str]
+    effort: Any
+    timeout: float
+    failures: dict[str, Any]
+    problems: Any = None
+
+
+class Died(Exception):
+    """A worker ended before it answered, with this status."""
+
+
+class _Worker:
+    """A process, and a thread that reads what it says into the queue of all."""
+
+    def __init__(self, task: bytes, said: queue.Queue[tuple[_Worker, Any]]) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "sepv.verification._worker"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            # Ctrl-C goes to the parent, which ends the workers: a session of their own keeps it from them.
+            start_new_session=True,
+            # The package must be found before the task, which carries the path, can be read.
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
+        )
+        self.left: list[str] = []
+        self._write(task)
+        self.listener = threading.Thread(target=self._listen, args=(said,), daemon=True)
+        self.listener.start()
+
+    def give(self, group: Sequence[str]) -> None:
+        """Ask for these laws, in this order."""
+        self.left = list(group)
+        self._write(pickle.dumps(self.left))
+
+    def _write(self, data: bytes) -> None:
+        assert self.process.stdin
+        with suppress(BrokenPipeError):  # the reader sees its end
+            self.process.stdin.write(data)
+            self.process.stdin.flush()
+
+    def _listen(self, said: queue.Queue[tuple[_Worker, Any]]) -> None:
+        assert self.process.stdout
+        with self.process.stdout as pipe:
+            try:
+                while True:
+                    said.put((self, pickle.load(pipe)))
+            except Exception:  # the end of the pipe, or half a message before it
+                said.put((self, Died(f"{self.process.wait()}")))
+
+    def end(self, number: int) -> None:
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.process.pid, number)
+
+
+def run(
+    task: Task,
+    groups: Sequence[Sequence[str]],
+    jobs: int,
+    receive: Callable[[str, Any], None],
+) -> None:
+    """Measure the groups on so many workers; `receive` gets each law's name, first with None, then with its finding.
+
+    A law whose worker died is received with `Died`; the rest of its group goes to another worker.
+
+    Raises
+    ------
+    UsageError
+        For a scheme that cannot go to another process; and what a worker raised of that kind.
+    RuntimeError
+        A defect of the suite in a worker, with its traceback.
+    """
+    data, waiting = _pickled(task), [list(group) for group in groups]
+    said: queue.Queue[tuple[_Worker, Any]] = queue.Queue()
+    with _ended() as workers:
+        busy: set[_Worker] = set()
+
+        def start() -> None:
+            workers.append(_Worker(data, said))
+            busy.add(workers[-1])
+            workers[-1].give(waiting.pop(0))
+
+        for _ in range(min(jobs, len(waiting))):
+            start()
+        while busy:
+            worker, word = _next(said)
+            if isinstance(word, Died):
+                busy.discard(worker)
+                if worker.left:
+                    receive(worker.left.pop(0), word)
+                    waiting[:0] = [worker.left] if worker.left else []
+                if waiting:
+                    start()
+                continue
+            name, finding = _law(word)
+            receive(name, finding)
+            if finding is not None:
+                worker.left.remove(name)
+            if not worker.left and waiting:
+                worker.give(waiting.pop(0))
+            elif not worker.left:
+                busy.discard(worker)
+
+
+def measured(task: Task, group: Sequence[str]) -> list[tuple[str, Any]]:
+    """One group in one process of its own, for a worker of a cluster: names with findings or `Died`.
+
+    There a time limit needs a main thread, which a cluster's worker keeps to itself, and a crash must end one process.
+    """
+    found: list[tuple[str, Any]] = []
+    run(task, [group], 1, lambda name, finding: None if finding is None else found.append((name, finding)))
+    return found
+
+
+def _law(word: tuple[Any, ...]) -> tuple[str, Any]:
+    kind, *rest = word
+    if kind == "usage":
+        raise UsageError(expected=rest[0], received=rest[1], remedy=rest[2])
+    if kind == "defect":
+        raise RuntimeError(f"in a worker:\n{rest[0]}")
+    return rest[0], rest[1]
+
+
+def _next(said: queue.Queue[tuple[_Worker, Any]]) -> tuple[_Worker, Any]:
+    while True:
+        with suppress(queue.Empty):
+            # With a timeout, so that Ctrl-C is seen on every system.
+            return said.get(timeout=0.5)
+
+
+@contextmanager
+def _ended() -> Iterator[list[_Worker]]:
+    workers: list[_Worker] = []
+    try:
+        yield workers
+    finally:
+        for worker in workers:
+            worker.end(signal.SIGTERM)
+        for worker in workers:
+            try:
+                worker.process.wait(GRACE)
+            except subprocess.TimeoutExpired:
+                worker.end(signal.SIGKILL)
+                worker.process.wait()
+            worker.listener.join(GRACE)
+            assert worker.process.stdin
+            with suppress(OSError):
+                worker.process.stdin.close()
+
+
+def _pickled(task: Task) -> bytes:
+    try:
+        # Where modules of the user are found goes first: as here.
+        data = pickle.dumps((list(sys.path), os.getcwd(), pickle.dumps(task)))
+        owner = getattr(getattr(task.scheme, "step", None), "__module__", "")
+    except Exception as error:
+        received = f"{type(error).__name__}: {error}"
+    else:
+        if owner != "__main__":
+            return data
+        received = "a function of the script or session that runs, which another process cannot import"
+    raise UsageError(
+        expected="a scheme that another process can import, for jobs > 1",
+        received=received,
+        remedy="name it as module:attribute, or leave jobs out",
+    )

@@ -1,0 +1,267 @@
+"""What "exact" may mean in binary64: the bounds of the laws, derived.
+
+Notation: u = eps/2; |·| of a matrix or vector is entrywise; M_g ≥ |∇H| and M_B ≥ |B| are majorants (sums of
+absolute values of terms), to which rounding errors are relative whatever cancels.
+
+**Residual.** A step that solves y1 = y0 + ΔB∇̄H as well as binary64 allows leaves, component by component,
+
+    r_i = K u (max(|y0|_∞, |y1|_∞) + |Δ|₁ Σ_j M_B,ij M_g,j),     |Δ|₁ = |h| + Σ_j |c_j ΔW_j|:
+
+one rounding of y1 itself, the stagnation of the iteration at the scale of y, and the rounding of R. K counts
+the operations behind one entry: at most 2ν + T for a sum of T terms of degree ν evaluated at rounded
+quadrature points, d for the product B∇̄H, and 8 for Δ, weights and the final sum. A factor of 4 covers
+implementations that order the same operations differently. A scheme that states its own solver's
+tolerance gets |y| times that on top.
+
+**Several stages.** A stage of a method with s of them leaves r too, with two more sums, of s stages and of ⌈sν/2⌉
+nodes, and averages that multiply errors of ∇H by up to max_i b_i⁻¹∫|ℓ_i| (1.57 for six stages). y1 = y0 + Σ b_j z_j
+with b_j ≥ 0 and Σ b_j = 1: what follows holds as for one stage, because H(y1) − H(y0) = Σ_j b_j g_jᵀ z_j.
+
+**Energy.** H(y1) − H(y0) = ∇̄Hᵀ(y1 − y0) (fundamental theorem), and ∇̄Hᵀ B ∇̄H = 0 for the computed skew B, so that
+|ΔH| ≤ Σ_i M_g,i r_i. **Casimirs**: the same with M_∇C. **Error of y1**: |(I − ∂R/∂y1)⁻¹| r.
+
+**Many steps** (Brouwer 1937). The sum y0 + z is rounded to nearest, component by component, with errors that are
+spread evenly over ±½ulp(y1_i): a step moves an invariant I by √(Σ_i (∂_iI ulp(y_i))²/12) in the root mean square,
+n steps by √n times that. For small |Δ| this is nearly all: the rounding of z itself is |z|/|y| of it. Means that are
+not quite zero show after 10⁶ steps and more, and are not predicted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from sepv.problem import Array, HamiltoniansProblem, Problem, StructuresProblem
+from sepv.problem._fields import contract, matmul, matvec
+from sepv.problem._problem import Function
+from sepv.record import PolynomialMap
+from sepv.schemes._tableaux import amplification, exact_nodes
+
+EPS = float(np.finfo(np.float64).eps)
+TINY = float(np.finfo(np.float64).tiny)
+
+
+def gradient_majorant(problem: Problem, *states: Array) -> Array:
+    """M_g (d,) over the given states: absolute coefficients for polynomials, else |∇H| + |H″||y|.
+
+    The second form is what one rounding of y does to a well-written ∇H.
+    """
+    return np.asarray(np.max([_slope_majorant(problem.gradient, problem.hessian, y) for y in states], axis=0))
+
+
+def _slope_majorant(gradient: Function, hessian: Function | None, y: Array) -> Array:
+    if isinstance(gradient, PolynomialMap):
+        return gradient.majorant(y)
+    return np.asarray(np.abs(gradient(y)) + matvec(np.abs(slopes(gradient, hessian, y)), np.abs(y)))
+
+
+def structure_majorant(problem: Problem, *states: Array) -> Array:
+    """M_B (d, d) over the given states: absolute coefficients, else |B| + |B′||y|."""
+    rows = []
+    for y in states:
+        if isinstance(problem.structure, PolynomialMap):
+            rows.append(problem.structure.majorant(y))
+        else:
+            rows.append(np.abs(problem.structure(y)))
+            slope = np.abs(slopes(problem.structure, problem.structure_derivative, y))
+            rows[-1] = rows[-1] + np.einsum("ijk...,k...->ij...", slope, np.abs(y))
+    return np.max(rows, axis=0)
+
+
+def slopes(function: Function, derivative: Function | None, y: Array) -> Array:
+    """∂function/∂y (…, d, ...) at y (d, ...): as given, else by central differences, good to six digits: for sizes."""
+    if derivative is not None:
+        return derivative(y)
+    columns = []
+    with np.errstate(all="ignore"):
+        for k in range(y.shape[0]):
+            step = np.zeros_like(y)
+            step[k] = 2.0**-17 * (1 + np.abs(y[k]))
+            columns.append((function(y + step) - function(y - step)) / (2 * step[k]))
+    return np.stack(columns, axis=function(y).ndim - (y.ndim - 1))
+
+
+def _largest(structure: Any, *states: Array) -> Array:
+    """M_G (d, d) of a noise structure over the states: its own majorant, else |G|."""
+    majorant = getattr(structure, "majorant", None)
+    rows = [np.abs(structure(y)) if majorant is None else majorant(y) for y in states]
+    return np.asarray(np.max(rows, axis=0))
+
+
+def operations(problem: Problem, stages: int = 1) -> float:
+    """K of the module's docstring."""
+    terms, degree, nodes = 6, 2, 2 * (stages + 4)  # of a quadrature that is refined until it is exact
+    if isinstance(problem.gradient, PolynomialMap) and isinstance(problem.structure, PolynomialMap):
+        rows = [*problem.gradient.rows, *problem.structure.rows]
+        if isinstance(problem, HamiltoniansProblem):
+            rows += [p for g in problem.noise_gradients if isinstance(g, PolynomialMap) for p in g.rows]
+        terms, degree = max(len(p.terms) for p in rows), max(p.degree for p in rows) + 1
+        nodes = exact_nodes(stages, degree)
+    single = 4.0 * (2 * degree + terms + problem.dimension + 8)
+    if stages == 1:
+        return single
+    return amplification(stages) * (single + 4.0 * (stages + nodes))
+
+
+def step_residual(
+    problem: Problem,
+    y0: Array,
+    y1: Array,
+    h: float,
+    dW: Array,
+    solver_tolerance: float = 0.0,
+    stages: int = 1,
+) -> Array:
+    """r (d,): the residual that a step solved to rounding may leave; (d, M) for a batch."""
+    scale = np.maximum(np.abs(y0).max(axis=0), np.abs(y1).max(axis=0))
+    length = abs(h) + np.tensordot(problem.c, np.abs(dW), axes=1)
+    B = structure_majorant(problem, y0, y1)
+    if isinstance(problem, StructuresProblem):
+        B = np.max([B, *(_largest(G, y0, y1) for G in problem.noise_structures)], axis=0)
+    flow = matvec(B, _any_gradient(problem, y0, y1))
+    return 0.5 * EPS * operations(problem, stages) * (scale + length * flow) + solver_tolerance * scale + TINY
+
+
+def majorants(problem: Problem, reach: Array) -> tuple[Array, Array, Array, Array]:
+    """M_B, M_g and those of their derivatives for |y| ≤ `reach` (d, ...), of polynomial data.
+
+    The largest over all structures, or over all Hamiltonians, where there are several.
+    """
+    B, g, dB, H = (
+        _of_polynomials(f, reach)
+        for f in (problem.structure, problem.gradient, problem.structure_derivative, problem.hessian)
+    )
+    if isinstance(problem, StructuresProblem) and problem.noise_structure_derivatives:
+        B = np.max([B, *(_of_polynomials(G, reach) for G in problem.noise_structures)], axis=0)
+        dB = np.max([dB, *(_of_polynomials(D, reach) for D in problem.noise_structure_derivatives)], axis=0)
+    if isinstance(problem, HamiltoniansProblem):
+        g = np.max([g, *(_of_polynomials(f, reach) for f in problem.noise_gradients)], axis=0)
+        H = np.max([H, *(_of_polynomials(f, reach) for f in problem.noise_hessians)], axis=0)
+    return B, g, dB, H
+
+
+def _of_polynomials(function: object, reach: Array) -> Array:
+    assert isinstance(function, PolynomialMap)
+    return function.majorant(reach)
+
+
+def correction_rounding(problem: Problem, y0: Array, y1: Array, h: float) -> Array:
+    """What rounding may change in Itô's correction ½ Σ c_j² h f′f, (d,), for polynomial data.
+
+    A scheme that treats drift and noise apart may have it; where the increments are small beside √h it is more than
+    what they move. f errs by K u M_f and f′ by K u M_f′, so that the sum errs by Σ c_j² |h| K u M_f′ M_f.
+    """
+    B, g, dB, H = majorants(problem, np.maximum(np.abs(y0), np.abs(y1)))
+    factor = 0.5 * EPS * operations(problem) * abs(h) * float(problem.c @ problem.c)
+    return np.asarray(factor * matvec(contract(dB, g) + matmul(B, H), matvec(B, g)))
+
+
+def _any_gradient(problem: Problem, y0: Array, y1: Array) -> Array:
+    """M_g of H, and of all H_j where there are several Hamiltonians."""
+    own = gradient_majorant(problem, y0, y1)
+    if not isinstance(problem, HamiltoniansProblem):
+        return own
+    hessians = problem.noise_hessians or (None,) * problem.noises
+    alike = zip(problem.noise_gradients, hessians, strict=True)
+    return np.max([own, *(_slope_majorant(g, H, y) for g, H in alike for y in (y0, y1))], axis=0)
+
+
+# As many nodes as a quadrature that is exact to rounding may take: 33 Chebyshev points, 20 Gauss nodes, …
+QUADRATURE_NODES = 40
+
+
+def quadrature_rounding(problem: Problem, y0: Array, y1: Array, h: float, dW: Array) -> Array:
+    """What another quadrature of ∇̄H, exact but for rounding, may change in the right side: (d,).
+
+    A sum of N products w_n ∇H(y_n) in any order is off by at most (N + 2)u Σ|w_n||∇H(y_n)| (Higham, *Accuracy and
+    Stability of Numerical Algorithms*, §3.1), weights rounded; rounded points y_n are part of M_g where H is no
+    polynomial, and a few of N where it is. Weights are positive with sum 1, so that it is N u |Δ|₁ M_B M_g.
+    0 where that overflows: nothing is excused there.
+    """
+    with np.errstate(all="ignore"):
+        length = abs(h) + float(np.sum(np.abs(problem.c * dW)))
+        flow = matvec(structure_majorant(problem, y0, y1), gradient_majorant(problem, y0, y1))
+        return np.nan_to_num(0.5 * EPS * QUADRATURE_NODES * length * flow, nan=0.0, posinf=0.0)
+
+
+def energy_bound(problem: Problem, y0: Array, y1: Array, residual: Array) -> Any:
+    """|H(y1) − H(y0)| that this residual may cause."""
+    return np.sum(gradient_majorant(problem, y0, y1) * residual, axis=0) + TINY
+
+
+def casimir_bound(A: Array, y0: Array, y1: Array, residual: Array) -> float:
+    """|C(y1) − C(y0)| that this residual may cause, for C = yᵀAy (matrix A) or C = bᵀy (vector A)."""
+    if A.ndim == 1:
+        return float(np.abs(A) @ residual) + TINY
+    return float((np.abs(A) @ (np.abs(y0) + np.abs(y1))) @ residual) + TINY
+
+
+def energy_ulp(problem: Problem, y0: Array, y1: Array) -> Any:
+    """The unit of energy defects: eps |∇H| |y|, what one rounding of y does to H."""
+    slopes = [np.linalg.norm(problem.gradient(y), axis=0) * np.linalg.norm(y, axis=0) for y in (y0, y1)]
+    return EPS * np.maximum(np.maximum(*slopes), TINY)
+
+
+def casimir_ulp(A: Array, y0: Array, y1: Array) -> float:
+    """The unit of Casimir defects: eps |∇C| |y|."""
+    slopes = [float(np.linalg.norm(A if A.ndim == 1 else 2 * A @ y) * np.linalg.norm(y)) for y in (y0, y1)]
+    return EPS * max(*slopes, TINY)
+
+
+def rounding_walk(gradient: Array, states: Array) -> float:
+    """Root mean square of what the rounding of one step does to an invariant, averaged over states (see above).
+
+    Parameters
+    ----------
+    gradient : (d, M)
+        That of the invariant, at `states` (d, M).
+
+    Returns
+    -------
+    float
+        0 where it overflows: nothing is predicted there, and nothing excused.
+    """
+    with np.errstate(all="ignore"):
+        roundings = gradient * np.spacing(np.abs(states))
+        walk = float(np.sqrt(np.mean(np.sum(roundings * roundings, axis=0)) / 12))
+    return walk if np.isfinite(walk) else 0.0
+
+
+def state_ulp(*states: Array) -> float:
+    """The unit of errors of a state: eps times its largest component."""
+    return EPS * max(TINY, *(float(np.max(np.abs(y))) for y in states))
+
+
+# Of the references that `state_error` compares with: fourteen more than a binary64 number has, relative to the largest
+# component, to which the bound is relative too.
+DIGITS = 30
+
+
+def state_error(
+    exact: Sequence[Any],
+    condition: Sequence[Sequence[float]],
+    problem: Problem,
+    y0: Array,
+    y1: Array,
+    h: float,
+    dW: Array,
+    solver_tolerance: float = 0.0,
+    stages: int = 1,
+) -> tuple[float, float]:
+    """(error, bound) of y1 against an exact step, in ulp of the largest component: the worst component.
+
+    Parameters
+    ----------
+    exact : d numbers of extended precision
+        The solution of the step's equation.
+    condition : (d, d)
+        |(I − ∂R/∂y1)⁻¹|, which turns residuals into errors. The bound adds the rounding of y1 itself.
+    """
+    unit = state_ulp(y0, y1)
+    error = np.array([abs(float(a - float(b))) for a, b in zip(exact, y1, strict=True)])
+    residual = step_residual(problem, y0, y1, h, dW, solver_tolerance, stages)
+    bound = np.array(condition) @ residual + EPS * np.abs(y1)
+    k = int(np.argmax(error / bound))
+    return float(error[k]) / unit, float(bound[k]) / unit

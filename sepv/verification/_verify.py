@@ -1,0 +1,246 @@
+"""The suite: the laws run on a scheme, one after the other or side by side."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from sepv.errors import ClusterFailure, SepvError, Skipped, TargetError, UsageError
+from sepv.schemes import Scheme
+from sepv.schemes._load import load_scheme, words_for
+from sepv.schemes._scheme import Step
+from sepv.simulate._engine.workers import run_all
+from sepv.verification import _side_by_side as side_by_side
+from sepv.verification._cases.given import items
+from sepv.verification._deadline import TimedOut, deadline
+from sepv.verification._expected import Expectations, ExpectedFailure
+from sepv.verification._expected import load as load_expected
+from sepv.verification._law import Effort, Finding, Law, Verdict
+from sepv.verification._laws import LAWS, LOCAL, SAMPLED, laws_of, listed, load_laws
+from sepv.verification._outcome import Report
+
+Progress = Callable[[Law, "Finding | None"], None]
+
+
+def verify(
+    scheme: str | Scheme | Step,
+    *,
+    laws: Iterable[str] | None = None,
+    claims: Iterable[str] = (),
+    effort: Effort | None = None,
+    timeout: float = 600.0,
+    progress: Progress | None = None,
+    expected: str | Path | None = None,
+    jobs: int = 1,
+    problems: Any = None,
+    workers: Any = None,
+    level: int | None = None,
+) -> Report:
+    """Measure every law on a scheme, claimed or not.
+
+    Parameters
+    ----------
+    scheme : str, Scheme or function
+        As for `sepv.schemes._load.load_scheme`.
+    laws : iterable of str, or one string with commas, optional
+        Only these; all by default.
+    claims : iterable of str, or one string with commas
+        Laws to hold it to beyond what it claims itself.
+    timeout : float
+        Seconds for one law, in the main thread of a POSIX system: a scheme that does not come back ends
+        in the verdict `error`. Python code can be interrupted so, a compiled loop cannot.
+    progress : callable (law, finding or None), optional
+        Called before each law with None, and after it with its finding.
+    expected : path, optional
+        A file of claims and of expected failures (`sepv.verification._expected`): the claims are added, and the laws expected to
+        fail are checked by the pinned witness alone.
+    jobs : int
+        Laws measured side by side in so many processes, with the same verdicts. The scheme must be one that another
+        process can import.
+    problems : problem or strategy, or a list of them, optional
+        What the scheme is for, where that is not every system of its class: built-in names, families
+        (`sepv.verification._cases.families`), ``module:attribute``, ``.json`` files, `Problem` records, Hypothesis strategies of
+        `PolynomialSystem` or `Problem`. Laws draw their cases from these alone.
+    workers : executor, map-like callable, Dask client or its address, optional
+        The same on other machines (docs/clusters.md): what an engine for `sepv.ensemble` is serves here. Where a
+        cluster is lost, the laws that were not decided are not measured, and the report counts as interrupted.
+    effort : Effort, optional
+        How hard to look; ``Effort().deeper()`` for a night.
+    level : 1, 2 or 3, optional
+        Only the laws up to this level of conformance (`sepv.verification._levels`), which must be reached; not beside `laws`.
+
+    Returns
+    -------
+    Report
+        A finding for each law; `print` shows the table, `exit_code` is that of ``sepv verify``.
+
+    Raises
+    ------
+    TargetError, UsageError
+        For a scheme that cannot be loaded, an unknown law or claim.
+
+    Examples
+    --------
+    >>> import sepv
+    >>> report = sepv.verify("midpoint", laws="energy,casimir")
+    >>> report.counts["holds"], report.counts["violated"], report.exit_code
+    (1, 1, 0)
+    >>> report.finding("energy").verdict.text  # its message has the counterexample
+    'violated'
+    """
+    chosen, effort = laws_of(laws, level), effort or Effort()
+    if not isinstance(jobs, int) or isinstance(jobs, bool) or jobs < 1:
+        raise UsageError(expected="jobs, an integer ≥ 1", received=repr(jobs), remedy="jobs=2 for two cores")
+    known = load_expected(expected, LAWS) if expected is not None else Expectations()
+    candidate = _load(scheme, {*listed(claims), *(known.claims or ())}, timeout, problems)
+    load_laws(candidate.claims)
+    found: dict[str, Finding] = {}
+
+    def receive(law: Law, finding: Finding | None) -> None:
+        if finding is not None:
+            finding = found[law.name] = replace(finding, claimed=law.claimed_by(candidate))
+        if progress:
+            progress(law, finding)
+
+    interrupted, why = False, "interrupted before it was decided"
+    try:
+        if workers is not None or (jobs > 1 and len(chosen) > 1):
+            named = scheme if isinstance(scheme, str) else candidate
+            claimed = frozenset(candidate.claims)
+            task = side_by_side.Task(named, claimed, effort, timeout, known.failures, problems)
+            _side_by_side(task, chosen, jobs if workers is None else workers, receive)
+        else:
+            for law in chosen:
+                receive(law, None)
+                receive(law, _run(law, candidate, effort, timeout, known.failures.get(law.name)))
+    except KeyboardInterrupt:
+        interrupted = True
+    except ClusterFailure as error:
+        interrupted, why = True, str(error)
+    for law in chosen:
+        if law.name not in found:
+            unmeasured = law.finding(Verdict.NOT_MEASURED, message=why)
+            found[law.name] = replace(unmeasured, claimed=law.claimed_by(candidate))
+    return Report(
+        candidate,
+        tuple(found[law.name] for law in chosen),
+        effort,
+        interrupted,
+        known.is_pin,
+        words_for(scheme, problems),
+        tuple(known.gaps(law.name for law in chosen)),
+        level,
+    )
+
+
+def _side_by_side(
+    task: side_by_side.Task, chosen: list[Law], workers: Any, receive: Callable[[Law, Finding | None], None]
+) -> None:
+    """The sampled laws first, which take longest and share their paths; each other law by itself."""
+    by_name = {law.name: law for law in chosen}
+    shared = [[name for name in by_name if name in family] for family in (SAMPLED, LOCAL)]
+    groups = [group for group in shared if group]
+    groups += [[name] for name in by_name if name not in (*SAMPLED, *LOCAL)]
+
+    def take(name: str, found: Finding | side_by_side.Died | None) -> None:
+        law = by_name[name]
+        if isinstance(found, side_by_side.Died):
+            found = law.finding(
+                Verdict.ERROR,
+                message=f"the process that measured it ended with status {found}: the scheme crashed it",
+            )
+        receive(law, found)
+
+    if isinstance(workers, int):
+        side_by_side.run(task, groups, workers, take)
+        return
+
+    def arrived(_number: int, found: list[tuple[str, Any]]) -> None:
+        for name, finding in found:
+            take(name, None)
+            take(name, finding)
+
+    run_all(partial(side_by_side.measured, task), groups, workers, threads=False, receive=arrived)
+
+
+def _load(scheme: str | Scheme | Step, claims: Iterable[str], timeout: float, problems: Any = None) -> Scheme:
+    """The scheme: a bare function is called once or twice to see whether it takes batches, and may not come back."""
+    try:
+        with deadline(timeout):
+            return load_candidate(scheme, listed(claims), problems)
+    except TimedOut:
+        raise TargetError(
+            expected="a scheme that can be loaded, and a step that comes back",
+            received=f"nothing: it did not come back within {timeout:g} s",
+            remedy="a step of a small problem takes milliseconds; look for a loop that does not end",
+        ) from None
+
+
+def load_candidate(scheme: str | Scheme | Step, claims: Iterable[str], problems: Any = None) -> Scheme:
+    """The scheme under verification, with what it is for."""
+    if problems is None:
+        return load_scheme(scheme, claims)
+    own = items(problems)
+    fixed = [p for item in own for p in item.problems]
+    return replace(load_scheme(scheme, claims, fixed), problems=own)
+
+
+def replay(scheme: str | Scheme | Step, law: str, witness: dict[str, Any]) -> Finding:
+    """Measure one law on one witness, as a report holds it."""
+    candidate = load_scheme(scheme)
+    (chosen,) = load_laws([law])
+    return replace(chosen.replay(chosen, candidate, witness), claimed=chosen.claimed_by(candidate))
+
+
+def measure(
+    law: Law, scheme: Scheme, effort: Effort, timeout: float = 600.0, failure: ExpectedFailure | None = None
+) -> Finding:
+    """One law on one scheme: by its search, or by the witness of an expected failure.
+
+    Raises
+    ------
+    UsageError
+        For a witness that is not one of the law's.
+    """
+    return _run(law, scheme, effort, timeout, failure)
+
+
+def _run(
+    law: Law, scheme: Scheme, effort: Effort, timeout: float, failure: ExpectedFailure | None
+) -> Finding:
+    start = time.perf_counter()
+    try:
+        with deadline(timeout):
+            finding = law.replay(law, scheme, failure.witness) if failure else law.run(law, scheme, effort)
+    except TimedOut:
+        finding = law.finding(
+            Verdict.ERROR, message=f"the scheme did not come back: stopped after {timeout:g} s (--timeout)"
+        )
+    except Skipped as skipped:
+        finding = law.finding(Verdict.NOT_APPLICABLE, message=str(skipped), skipped=1)
+    except KeyError as error:
+        if failure is None:
+            raise
+        raise _wrong_witness(law, f"no {error}") from error
+    except SepvError as error:
+        if failure is not None and type(error) is UsageError:
+            raise _wrong_witness(law, error.received) from error
+        finding = law.finding(Verdict.ERROR, message=str(error), traceback=getattr(error, "traceback", ""))
+    if failure:
+        finding = replace(finding, expected=failure.reason)
+        if finding.verdict is not Verdict.VIOLATED:
+            note = f"expected to be violated ({failure.reason}), but its witness is not: remove the entry"
+            finding = replace(finding, message=f"{note}\n{finding.message}".strip())
+    return replace(finding, seconds=time.perf_counter() - start)
+
+
+def _wrong_witness(law: Law, received: str) -> UsageError:
+    return UsageError(
+        expected=f"a witness of the law {law.name} in the file of expected failures",
+        received=received,
+        remedy="copy what the report prints after --replay, or write the file anew with --pin or --write-expected",
+    )

@@ -1,0 +1,363 @@
+"""Hypothesis strategies: random skew B(y), polynomial H, Casimirs by construction, and steps with a solution.
+
+All coefficients are small dyadic rationals: products and sums of a few of them are exact in binary64, so
+that a Casimir holds exactly as data and a defect is the scheme's. Everything shrinks towards
+H = ½|y|², B = J or hat(y), c = (1), h = 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from itertools import combinations, permutations
+
+import numpy as np
+from hypothesis import strategies as st
+
+from sepv import problems
+from sepv.problem import Array, Description, NamedProblem, PolynomialSystem, Problem
+from sepv.problem._fields import contract, matmul, matvec
+from sepv.record import Polynomial, PolynomialMap
+from sepv.record import _polynomial as poly
+from sepv.verification._cases.case import Case
+from sepv.verification._tolerance import majorants
+
+# A contraction factor of 1/4 leaves a unique solution near y0 for every scheme that evaluates B and ∇H
+# between y0 and y1, and makes |(I − ∂R/∂y1)⁻¹| at most 4/3.
+CONTRACTION = 0.25
+
+
+# Strategies are made once: Hypothesis validates each that is made anew, which costs as much as its draws.
+_SIGNS = st.sampled_from([1.0, -1.0])
+_KINDS = st.sampled_from(["kinetic", *["kinetic and more", "any"] * 2])
+# Every fourth step or so is short: what is right for long steps may be cut short for those.
+_LENGTHS = st.sampled_from([1.0, 1.0, 1.0, 2.0**-10])
+# A quadrature error grows like the length to the power of the degree: half of all parts are whole.
+_PARTS = st.one_of(st.just(1.0), st.floats(0, 1 - 2.0**-10).map(lambda x: 1 - x))
+
+
+@cache
+def coefficients(largest: int = 8) -> st.SearchStrategy[float]:
+    """Multiples of 1/4 between ±largest/4, not zero. Examples shrink towards 1."""
+    magnitudes = st.integers(0, largest - 1).map(lambda k: ((k + 3) % largest + 1) / 4)
+    return st.builds(lambda sign, size: sign * size, _SIGNS, magnitudes)
+
+
+@cache
+def components(bound: float = 2.0) -> st.SearchStrategy[float]:
+    """Components of a state in ±bound; below 1e-6 they are zero. Examples shrink towards 1 and 0.
+
+    States of extreme size are a matter of their own: a law about rounding is best searched at scale 1.
+    """
+    spread = st.floats(-bound, bound).map(lambda x: x if abs(x) >= 1e-6 else 0.0)
+    return st.one_of(st.sampled_from([1.0, 0.0, -1.0]), spread)
+
+
+@cache
+def dimensions(least: int, most: int) -> st.SearchStrategy[int]:
+    """Dimensions, half of them one of the two smallest: steps there are longest within their radius."""
+    return st.one_of(st.integers(least, min(least + 1, most)), st.integers(least, most))
+
+
+@cache
+def _degrees(least: int, degree: int) -> st.SearchStrategy[int]:
+    return st.one_of(st.integers(least, degree), st.just(degree))
+
+
+@cache
+@st.composite
+def monomials(draw: st.DrawFn, dimension: int, degree: int, *, least: int = 1) -> tuple[int, ...]:
+    """Exponents of total degree between `least` and `degree`, often the highest. Examples shrink towards y1^least."""
+    exponents, index = [0] * dimension, st.integers(0, dimension - 1)
+    for _ in range(draw(_degrees(least, degree))):
+        exponents[draw(index)] += 1
+    return tuple(exponents)
+
+
+@cache
+def _terms(
+    dimension: int, degree: int, least: int, most: int
+) -> st.SearchStrategy[list[tuple[tuple[int, ...], float]]]:
+    term = st.tuples(monomials(dimension, degree, least=least), coefficients())
+    return st.lists(term, min_size=1, max_size=most)
+
+
+@cache
+@st.composite
+def polynomials(
+    draw: st.DrawFn, dimension: int, degree: int, *, least: int = 1, terms: int = 5
+) -> Polynomial:
+    """Polynomials with one to `terms` terms. Examples shrink towards y1^least."""
+    return poly.polynomial(dimension, draw(_terms(dimension, degree, least, terms)))
+
+
+@cache
+@st.composite
+def hamiltonians(draw: st.DrawFn, dimension: int, degree: int = 6, *, least: int = 1) -> Polynomial:
+    """Polynomial H. Examples shrink towards ½|y|² (towards y1 for degree 1)."""
+    kinetic = poly.add(
+        *(
+            poly.polynomial(dimension, {tuple(2 * int(i == k) for i in range(dimension)): 0.5})
+            for k in range(dimension)
+        )
+    )
+    if degree < 2:
+        return draw(polynomials(dimension, degree, least=min(least, degree)))
+    kind = draw(_KINDS)
+    if kind == "kinetic":
+        return kinetic
+    more = draw(polynomials(dimension, degree, least=least))
+    total = poly.add(kinetic, more) if kind == "kinetic and more" else more
+    return total if total.terms else kinetic
+
+
+def canonical(dimension: int) -> tuple[tuple[int, int, Polynomial], ...]:
+    """The constant B of (1.3), block by block; an odd last component does not move."""
+    return tuple((2 * k, 2 * k + 1, poly.constant(dimension, -1.0)) for k in range(dimension // 2))
+
+
+@cache
+@st.composite
+def skew_structures(
+    draw: st.DrawFn, dimension: int, degree: int = 3
+) -> tuple[tuple[int, int, Polynomial], ...]:
+    """Skew B(y) with polynomial entries of degree 0 to `degree`. Examples shrink towards B = J."""
+    if draw(st.sampled_from(["canonical", "any", "any"])) == "canonical":
+        return canonical(dimension)
+    pairs = draw(
+        st.lists(
+            st.sampled_from(list(combinations(range(dimension), 2))),
+            min_size=1,
+            max_size=dimension * (dimension - 1) // 2,
+            unique=True,
+        )
+    )
+    return tuple((i, j, draw(polynomials(dimension, degree, least=0, terms=3))) for i, j in sorted(pairs))
+
+
+@cache
+@st.composite
+def symmetric_matrices(draw: st.DrawFn, dimension: int) -> tuple[tuple[float, ...], ...]:
+    """Symmetric integer matrices, not zero. Examples shrink towards the identity."""
+    A = np.eye(dimension)
+    for i, j in draw(st.lists(st.tuples(*[st.integers(0, dimension - 1)] * 2), max_size=4)):
+        A[i, j] = A[j, i] = draw(st.integers(-2, 2))
+    if not A.any():
+        A[0, 0] = 1.0
+    return tuple(map(tuple, A.tolist()))
+
+
+@st.composite
+def casimir_systems(draw: st.DrawFn, degree: int = 6, *, largest: int = 6) -> PolynomialSystem:
+    """Systems with quadratic or linear Casimirs, d = 3 to `largest`. Examples shrink towards B = hat(y), H = ½|y|².
+
+    Three constructions: B_ij = g Σ_k T_ijk v_k with T totally antisymmetric; B = |v|²S + v(Sv)ᵀ − (Sv)vᵀ with S
+    skew, v = Ay; and, for two Casimirs, B_ij = Σ_kl T_ijkl v_k w_l.
+    """
+    d = draw(dimensions(3, largest))
+    kind = draw(
+        st.sampled_from(["tensor", "linear", "skew", "two"] if d > 3 else ["tensor", "linear", "skew"])
+    )
+    A = draw(symmetric_matrices(d))
+    v = linear_forms(A)
+    quadratic: tuple[tuple[tuple[float, ...], ...], ...] = (A,)
+    linear: tuple[tuple[float, ...], ...] = ()
+    if kind == "skew":
+        B = _skew_family(draw, d, v)
+    elif kind == "two":
+        second = draw(symmetric_matrices(d))
+        B, quadratic = contracted(draw, d, [v, linear_forms(second)]), (A, second)
+    elif kind == "linear":
+        b = tuple(draw(st.lists(st.integers(-2, 2).map(float), min_size=d, max_size=d).filter(any)))
+        B, quadratic, linear = contracted(draw, d, [[poly.constant(d, x) for x in b]]), (), (b,)
+    else:
+        B = contracted(draw, d, [v])
+    return PolynomialSystem(d, draw(hamiltonians(d, degree)), B, draw(noises()), quadratic, linear)
+
+
+@cache
+def noises(least: int = 0, most: int = 3) -> st.SearchStrategy[tuple[float, ...]]:
+    """Noise coefficients c_j ≥ 0. Examples shrink towards (1)."""
+    some = st.lists(st.sampled_from([1.0, 0.5, 2.0, 0.25, 0.0]), min_size=max(least, 1), max_size=most).map(
+        tuple
+    )
+    return some if least > 0 else st.one_of(some, st.just(()))
+
+
+@st.composite
+def poisson_systems(
+    draw: st.DrawFn, degree: int = 6, *, least: int = 1, largest: int = 6, structure_degree: int = 3
+) -> PolynomialSystem:
+    """Systems of dimension 2 to `largest` with H of degree 1 to `degree`. Examples shrink towards the oscillator."""
+    d = draw(dimensions(2, largest))
+    return PolynomialSystem(
+        d,
+        draw(hamiltonians(d, degree, least=least)),
+        draw(skew_structures(d, structure_degree)),
+        draw(noises()),
+    )
+
+
+def paper_problems() -> st.SearchStrategy[NamedProblem]:
+    """The paper's four problems with its parameters."""
+    data = [problems.by_name(name).data for name in problems.NAMED]
+    return st.sampled_from([entry for entry in data if isinstance(entry, NamedProblem)])
+
+
+@st.composite
+def steps(draw: st.DrawFn, systems: st.SearchStrategy[PolynomialSystem] | None = None) -> Case:
+    """A state and a step inside the contraction radius, so that a solution near y0 exists and is unique there.
+
+    Examples shrink towards y = (1, …, 1) and h = 1, or the largest h that the radius allows.
+    """
+    data = draw(poisson_systems() if systems is None else systems)
+    y = tuple(draw(st.lists(components(), min_size=data.dimension, max_size=data.dimension)))
+    radius = contraction_radius(problems.build(data), np.array(y))
+    return draw(steps_within(data, y, min(radius, 4.0)))
+
+
+@st.composite
+def paper_steps(draw: st.DrawFn) -> Case:
+    """A step of one of the paper's problems near its initial state, with h and the increments of §4."""
+    data = draw(paper_problems())
+    initial = np.asarray(problems.build(data).initial)
+    y = tuple(float(a) * draw(st.floats(0.5, 1.5)) + draw(st.sampled_from([0.0, 0.1, 0.3])) for a in initial)
+    longest = paper_reach(data.name)
+    return draw(steps_within(data, y, draw(st.sampled_from([longest, longest / 2, longest / 4, 2.0**-7]))))
+
+
+def paper_reach(name: str) -> float:
+    """The largest |h| + Σ|c_jΔW_j| of steps of a paper's problem that each scheme must take.
+
+    Lotka-Volterra has states near its own where |Δ| = 0.26 has no solution: an eighth of that. The others were solved
+    at |Δ| = 1/2 from 10⁵ states each, and led back by −Δ.
+    """
+    return 2.0**-5 if name == "lotka-volterra" else 0.5
+
+
+def any_steps() -> st.SearchStrategy[Case]:
+    """Steps of random polynomial systems, with and without Casimirs, and of the paper's problems."""
+    return st.one_of(steps(), steps(casimir_systems()), paper_steps())
+
+
+@st.composite
+def steps_within(draw: st.DrawFn, data: Description, y: tuple[float, ...], radius: float) -> Case:
+    """|h| + Σ|c_j ΔW_j| ≤ radius, each part a share of it."""
+    c = problems.build(data).c
+    length = radius * draw(_LENGTHS)
+    share = length / (1 + np.count_nonzero(c))
+    h = min(1.0, share * draw(_PARTS))
+    dW = tuple(float(draw(_SIGNS) * draw(_PARTS) * (share / cj if cj else 1.0)) for cj in c)
+    return Case(data, y, float(h), dW)
+
+
+def halved(case: Case) -> Case:
+    """Half the step: what a bound from Cauchy's estimate needs for all states around y (`sepv.verification._poisson_map`)."""
+    return replace(case, h=case.h / 2, dW=tuple(v / 2 for v in case.dW))
+
+
+def in_the_mean(case: Case) -> Case:
+    """h with h + 4√h Σ c_j inside the contraction radius, and no increments."""
+    problem, y, _, _ = case.build()
+    radius, noise = min(contraction_ball(problem, y)[0], 1.0), 4 * float(problem.c.sum())
+    root = (-noise + (noise * noise + 4 * radius) ** 0.5) / 2
+    return replace(case, h=root * root, dW=(0.0,) * problem.noises)
+
+
+def is_short(case: Case) -> bool:
+    """Whether a step of polynomial data is inside half its contraction radius; True for other problems."""
+    problem, y, h, dW = case.build()
+    if not isinstance(problem.gradient, PolynomialMap):
+        return True
+    return bool(abs(h) + np.sum(np.abs(problem.c * dW)) <= contraction_radius(problem, y) / 2)
+
+
+def contraction_radius(problem: Problem, y: Array) -> float:
+    """A radius for |h| + Σ|c_jΔW_j| inside which every implicit scheme's step from y is a contraction.
+
+    On the ball |y1 − y0|_∞ ≤ r the majorants M_B, M_g and those of their derivatives bound R by |Δ| G and its
+    Lipschitz constant by |Δ| L with L = |B′|M_g + M_B|H″| (twice that of (2.1), as the coordinate
+    increments of a discrete gradient need). Then |Δ| ≤ min(r/G, CONTRACTION/L) maps the ball into itself.
+
+    `problem` must be polynomial data.
+    """
+    return contraction_ball(problem, y)[0]
+
+
+def contraction_ball(problem: Problem, y: Array) -> tuple[float, float]:
+    """(radius, r): for |Δ| ≤ radius the solution stays within r of y, also for complex Δ: majorants bound both.
+
+    Any r > 0 gives a radius. Those tried are parts of |y|, the scale of the system near y, and of 1 + |y|, for states
+    at and near the origin.
+    """
+    largest = float(np.max(np.abs(y)))
+    sizes = [(1 + largest) * 2.0**-k for k in range(6)] + [largest * 2.0**-k for k in range(-1, 6) if largest]
+    balls = np.array(sizes)
+    reach = np.abs(y)[:, None] + balls
+    B, g, dB, H = majorants(problem, reach)
+    field = np.max(matvec(B, g), axis=0)
+    slope = np.max(np.sum(contract(dB, g) + matmul(B, H), axis=1), axis=0)
+    with np.errstate(all="ignore"):
+        # Where nothing moves any step is short enough; majorants that overflow leave no step at all.
+        radii = np.minimum(
+            np.where(field > 0, balls / field, np.inf), np.where(slope > 0, CONTRACTION / slope, np.inf)
+        )
+    best = int(np.argmax(np.nan_to_num(radii, nan=0.0, posinf=np.inf)))
+    return float(radii[best]), float(balls[best])
+
+
+def linear_forms(A: tuple[tuple[float, ...], ...]) -> list[Polynomial]:
+    """The components of Ay."""
+    d = len(A)
+    return [poly.add(*(poly.scale(a, poly.variable(d, k)) for k, a in enumerate(row))) for row in A]
+
+
+def _parity(order: tuple[int, ...]) -> int:
+    return (-1) ** sum(a > b for a, b in combinations(order, 2))
+
+
+def contracted(
+    draw: st.DrawFn, d: int, forms: list[list[Polynomial]]
+) -> tuple[tuple[int, int, Polynomial], ...]:
+    """B_ij = g Σ T_{ij k…} v_k …, T totally antisymmetric of rank 2 + len(forms), g a polynomial for d = 3."""
+    entries: dict[tuple[int, int], list[Polynomial]] = {}
+    for indices in combinations(range(d), 2 + len(forms)):
+        weight = 1.0 if d == 3 else draw(st.sampled_from([1.0, 0.0, -1.0, 2.0]))
+        if not weight:
+            continue
+        for order in permutations(indices):
+            if order[0] < order[1]:
+                factor = poly.constant(d, weight * _parity(order))
+                for form, k in zip(forms, order[2:], strict=True):
+                    factor = poly.multiply(factor, form[k])
+                entries.setdefault((order[0], order[1]), []).append(factor)
+    g = poly.constant(d, 1.0)
+    if d == 3 and draw(st.booleans()):
+        g = draw(polynomials(d, 2, least=0, terms=2))
+    return tuple(
+        (i, j, poly.multiply(g, poly.add(*summands))) for (i, j), summands in sorted(entries.items())
+    )
+
+
+def _skew_family(draw: st.DrawFn, d: int, v: list[Polynomial]) -> tuple[tuple[int, int, Polynomial], ...]:
+    """B = |v|²S + v(Sv)ᵀ − (Sv)vᵀ, for which Bᵀv = 0."""
+    S = np.zeros((d, d))
+    for i, j in combinations(range(d), 2):
+        S[i, j] = draw(st.sampled_from([0.0, 1.0, -1.0]))
+        S[j, i] = -S[i, j]
+    if not S.any():
+        S[0, 1], S[1, 0] = 1.0, -1.0
+    norm = poly.add(*(poly.multiply(f, f) for f in v))
+    turned = [poly.add(*(poly.scale(float(S[i, k]), v[k]) for k in range(d))) for i in range(d)]
+    return tuple(
+        (
+            i,
+            j,
+            poly.add(
+                poly.scale(float(S[i, j]), norm),
+                poly.multiply(v[i], turned[j]),
+                poly.scale(-1.0, poly.multiply(turned[i], v[j])),
+            ),
+        )
+        for i, j in combinations(range(d), 2)
+    )
