@@ -5,8 +5,8 @@ together, whose own error is √1000 times smaller. Misses are counted on both s
 wholly below the value, and can accuse; `above` one that lies above it, and can let a fault pass. Several means count as
 one miss. The last rows are verdicts: how often a law, run at that alpha on one problem, calls the scheme violated.
 
-Schemes of order 2 and more are measured as their laws measure them, on the weighted samples of `sepv.verification._orders.tilting`, which
-have no quantile.
+Schemes of order 2 and more are measured as their laws measure them, on the weighted samples of
+`sepv.verification._orders.tilting`, which have no quantile.
 
 The laws use an alpha near 3e-6, where no count reaches. What is measured is how the misses compare with what they
 should be as alpha falls; the verdicts show what is left of them where it takes two intervals to accuse.

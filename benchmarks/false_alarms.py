@@ -5,10 +5,10 @@
     python -m benchmarks.false_alarms --runs 40 --only built-in           or --only unusual
 
 A run is every law that a scheme claims, at the default budget, with a seed that was never used before. The schemes
-take turns: the built-in ones, and the correct ones that look unusual (`sepv.faults._saboteurs.unusual`). A false alarm is a
-claimed law that ends in `violated`, or in `error`. A law that ends `inconclusive` accuses nobody, and is counted beside
-it. With no false alarm in n runs, the probability of one is below 1 − 0.05^(1/n) ≈ 3/n at 95 % confidence (Clopper and
-Pearson 1934).
+take turns: the built-in ones, and the correct ones that look unusual (`sepv.faults._saboteurs.unusual`). A
+false alarm is a claimed law that ends in `violated`, or in `error`. A law that ends `inconclusive` accuses
+nobody, and is counted beside it. With no false alarm in n runs, the probability of one is below 1 −
+0.05^(1/n) ≈ 3/n at 95 % confidence (Clopper and Pearson 1934).
 """
 
 from __future__ import annotations

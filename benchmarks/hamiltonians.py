@@ -82,7 +82,7 @@ CLAIMS = (
 )
 TITLE = """# Several Hamiltonians: what schemes claim, and what was found
 
-dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j) with {H_0, H_j} ≠ 0: see `sepv.problem._hamiltonians`. This page is what
+dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j) with {H_0, H_j} ≠ 0: see `sepv.problem.HamiltoniansProblem`. This page is what
 `python -m benchmarks.hamiltonians` prints.
 """
 MATRIX = """

@@ -16,7 +16,7 @@ from sepv.reference.problem import exact_problem
 import sepv
 from benchmarks import over, start
 from sepv import problems, schemes
-from sepv.schemes._division import divided
+from sepv.schemes import divided
 
 NAMES = ("both-invariants", "energy-preserving", "collocation-2", "collocation-3")
 EVERY = 16

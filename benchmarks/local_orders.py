@@ -15,8 +15,7 @@ from rich.table import Table
 
 from benchmarks import over, start
 from sepv import schemes
-from sepv.schemes import Scheme
-from sepv.schemes._scheme import weakly
+from sepv.schemes import Scheme, weakly
 from sepv.verification import Finding, Verdict, verify
 
 LAWS = ("local-mean", "local-mean-square", "local-weak")

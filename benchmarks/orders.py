@@ -1,13 +1,14 @@
 """Mean-square and weak orders of s-stage collocation, with invariants beside them: ``python -m benchmarks.orders``.
 
 Against the exact flow at the random time, every step size with paths of its own, importance sampled from two stages on
-(`sepv.verification._orders.tilting`): the mean square of an error of order s is a (4s + 2)th moment, which plain paths do not see. Intervals
-are 99 %. Defects are the largest over 256 plain paths, relative to the invariant's size at the start, in binary64.
+(`sepv.verification._orders.tilting`): the mean square of an error of order s is a (4s + 2)th moment, which
+plain paths do not see. Intervals are 99 %. Defects are the largest over 256 plain paths, relative to the
+invariant's size at the start, in binary64.
 
 Clipped increments (Remark 2.1) are rarer than any sample sees: what they add to the mean square is added in closed
-form (`sepv.exact._clipping`), and paths of the sample that have one are left out. ``--stall`` shows the error of three stages
-with the paper's truncation k = 2 beside larger ones, and what of it is clipping. ``--clipping`` prints that for all
-stages.
+form (`sepv.exact._clipping`), and paths of the sample that have one are left out. ``--stall`` shows the
+error of three stages with the paper's truncation k = 2 beside larger ones, and what of it is clipping.
+``--clipping`` prints that for all stages.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Brouwer's law over many steps: ``python -m benchmarks.rounding [--steps 1e8]``.
 
 (2.1) on the paper's four problems with the compiled engine: how H and the Casimirs walk, plain and with compensated
-summation, beside what `sepv.verification._tolerance.rounding_walk` predicts. Invariants are evaluated in extended precision. Bias is
-the mean over paths at the end, a step, and in standard errors; growth is the exponent of the root mean square over the
-last ten doublings, with a 99 % bootstrap interval over paths.
+summation, beside what `sepv.verification._tolerance.rounding_walk` predicts. Invariants are evaluated in
+extended precision. Bias is the mean over paths at the end, a step, and in standard errors; growth is the
+exponent of the root mean square over the last ten doublings, with a 99 % bootstrap interval over paths.
 
 Lotka-Volterra takes h = 2⁻²⁰. (2.1) does not keep its Casimir, which is not quadratic: over 10⁸ steps of 2⁻¹⁰ it
 wanders off so far that every path meets a step without a solution.

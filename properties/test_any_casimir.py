@@ -10,8 +10,7 @@ from sepv.reference.problem import exact_problem
 
 from sepv.problem import Problem
 from sepv.record import PolynomialMap
-from sepv.schemes import Scheme
-from sepv.schemes._guard import ask
+from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Effort, Measurement, require, searched, step_residual
 from sepv.verification._cases.structures import nambu_steps
 from sepv.verification._tolerance import EPS, TINY

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from sepv.reference.problem import exact_problem
 
 from sepv.problem import NamedProblem
-from sepv.schemes import Scheme
-from sepv.schemes._guard import ask
+from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Effort, Measurement, casimir_bound, require, searched, step_residual
 from sepv.verification._cases.fixed_cases import with_casimirs
 from sepv.verification._tolerance import casimir_ulp

@@ -19,8 +19,8 @@ import numpy as np
 from sepv.errors import SchemeFault, StepFailure
 from sepv.problem import Array, Problem
 from sepv.problems._opaque import shown
-from sepv.schemes import Scheme
-from sepv.schemes._guard import ask, check_answer, raw_answer
+from sepv.schemes import Scheme, ask
+from sepv.schemes._guard import check_answer, raw_answer
 from sepv.verification import Case, Effort, Finding, Law, Measurement, Verdict, require, searched
 from sepv.verification._cases.case import to_json, to_token
 from sepv.verification._cases.fixed_cases import corners

@@ -7,8 +7,7 @@ from sepv.reference.problem import exact_problem
 
 from sepv.errors import StepFailure
 from sepv.problem import PolynomialSystem
-from sepv.schemes import Scheme
-from sepv.schemes._guard import ask
+from sepv.schemes import Scheme, ask
 from sepv.verification import (
     Case,
     Effort,
@@ -20,7 +19,8 @@ from sepv.verification import (
     step_residual,
 )
 from sepv.verification._cases.fixed_cases import for_energy, may_be_refused
-from sepv.verification.strategies import any_steps, contraction_radius
+from sepv.verification._contraction import contraction_radius
+from sepv.verification.strategies import any_steps
 
 STEPS = 3
 

@@ -13,8 +13,7 @@ from sepv.errors import Skipped
 from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem
 from sepv.problems._polynomial_system import drift_of_energy
 from sepv.record import PolynomialMap
-from sepv.schemes import Scheme
-from sepv.schemes._guard import ask
+from sepv.schemes import Scheme, ask
 from sepv.verification import (
     Case,
     Effort,

@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from sepv.problem import HamiltoniansProblem, NamedProblem, PolynomialSystem
 from sepv.problem._hamiltonians import is_several
 from sepv.record import _polynomial as poly
-from sepv.schemes import Scheme
-from sepv.schemes._guard import ask
+from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Effort, Measurement, require, searched, state_ulp
 from sepv.verification.strategies import components, hamiltonians, poisson_systems, skew_structures, steps
 

@@ -8,8 +8,7 @@ from __future__ import annotations
 from hypothesis import strategies as st
 from sepv.reference.steps import reference_step
 
-from sepv.schemes import Scheme
-from sepv.schemes._guard import ask
+from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Effort, Measurement, require, searched
 from sepv.verification._cases.fixed_cases import with_quadratic_hamiltonian
 from sepv.verification._tolerance import DIGITS, state_error

@@ -13,8 +13,7 @@ from sepv.errors import Skipped
 from sepv.problem import GivenProblem, HamiltoniansProblem, PolynomialSystem
 from sepv.problem._hamiltonians import is_several
 from sepv.record import Polynomial
-from sepv.schemes import Scheme
-from sepv.schemes._guard import ask
+from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Effort, Measurement, require, searched, state_ulp, step_residual
 from sepv.verification._cases.case import with_noise
 from sepv.verification.strategies import CONTRACTION, noises, poisson_systems, steps

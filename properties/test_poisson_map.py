@@ -11,8 +11,8 @@ from sepv.schemes import Scheme
 from sepv.verification import Effort, require, searched
 from sepv.verification._cases.fixed_cases import corners
 from sepv.verification._cases.poisson import poisson_steps
+from sepv.verification._contraction import is_short
 from sepv.verification._poisson_map import check
-from sepv.verification.strategies import is_short
 
 
 def test_poisson_map(scheme: Scheme, effort: Effort) -> None:

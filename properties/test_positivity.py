@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 from sepv import problems
 from sepv.errors import Skipped, StepFailure
 from sepv.problem import NamedProblem
-from sepv.schemes import Scheme, splitting
-from sepv.schemes._guard import ask
+from sepv.schemes import Scheme, ask, splitting
 from sepv.verification import Case, Effort, Measurement, require, searched
 from sepv.verification.strategies import coefficients, noises
 

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from sepv.errors import Skipped
 from sepv.problem import Array, PolynomialSystem, Problem
-from sepv.schemes import Scheme
-from sepv.schemes._guard import ask
+from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Effort, Measurement, require, searched, state_ulp, step_residual
 from sepv.verification._amplification import amplification
 from sepv.verification._cases.fixed_cases import corners

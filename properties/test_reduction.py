@@ -11,8 +11,7 @@ from sepv.reference.steps import reference_step
 
 from sepv.problem import PolynomialSystem
 from sepv.record import _polynomial as poly
-from sepv.schemes import Scheme
-from sepv.schemes._guard import ask
+from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Effort, Measurement, require, searched
 from sepv.verification._cases.fixed_cases import with_constant_structure
 from sepv.verification._tolerance import DIGITS, state_error

@@ -22,8 +22,7 @@ from sepv.reference.vector import ReferenceVector, load, schemes_with_vectors
 
 from sepv.errors import StepFailure
 from sepv.problem import Array
-from sepv.schemes import Scheme
-from sepv.schemes._guard import ask
+from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Effort, Finding, Law, Measurement, Verdict, require, searched, state_ulp
 from sepv.verification._cases.fixed_cases import corners
 from sepv.verification._tolerance import DIGITS, EPS, TINY, quadrature_rounding, state_error
@@ -32,7 +31,8 @@ from sepv.verification.strategies import any_steps
 # A vector's `rounding` is what one evaluation of the equation in binary64 may be off by. As in
 # sepv.verification._tolerance, a factor of 4 covers implementations that order the same operations differently.
 ORDER_OF_OPERATIONS = 4.0
-# How the reference calls a step with several Hamiltonians from a critical point of the first (`sepv.problem._structures`).
+# How the reference calls a step with several Hamiltonians from a critical point of the first
+# (`sepv.problem._structures`).
 UNDEFINED = "a structure is undefined"
 
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sepv.schemes import Scheme
-from sepv.schemes._guard import ask
+from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Effort, Measurement, require, searched, state_ulp
 from sepv.verification._cases.fixed_cases import corners
 from sepv.verification._cases.given import may_ask

@@ -45,8 +45,9 @@ SEVERAL_RUNS = (("commuting-rotations", 0.01, 256), ("commuting-oscillators", 0.
 # So many times as many steps with `--deep`.
 DEEPER, DEEP_EXAMPLES = 8, 1000
 FIRST = 32  # the first checkpoint; then doubled
-# How many times √n of the predicted rounding of a step (`sepv.verification._tolerance`). The core is at 1, where 60 paths measure a
-# root mean square to 9 %; the rest is room for other orders of operations: a hundred roundings of y a step.
+# How many times √n of the predicted rounding of a step (`sepv.verification._tolerance`). The core is at 1,
+# where 60 paths measure a root mean square to 9 %; the rest is room for other orders of operations: a
+# hundred roundings of y a step.
 ALLOWED = 10.0
 # The mean that roundings of a correct scheme may have, as a share of w: rounding to nearest is not quite unbiased, and
 # an iteration leaves a little. Measured over 10⁸ steps: 7e-4 for the pendulum, less elsewhere (docs/hard-cases.md).

@@ -12,8 +12,8 @@ from sepv.reference.steps import step_condition
 
 from sepv.errors import SchemeFault, Skipped, StepFailure
 from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem
-from sepv.schemes import Scheme
-from sepv.schemes._guard import SchemeCrash, ask
+from sepv.schemes import Scheme, ask
+from sepv.schemes._guard import SchemeCrash
 from sepv.verification import Case, Effort, Measurement, require, searched, state_ulp, step_residual
 from sepv.verification._amplification import amplification
 from sepv.verification._cases.fixed_cases import corners

@@ -10,8 +10,8 @@ from sepv.schemes import Scheme
 from sepv.verification import Effort, require, searched
 from sepv.verification._cases.fixed_cases import with_constant_structure
 from sepv.verification._cases.poisson import constant_structure_steps
+from sepv.verification._contraction import is_short
 from sepv.verification._poisson_map import check
-from sepv.verification.strategies import is_short
 
 
 def test_symplecticity(scheme: Scheme, effort: Effort) -> None:

@@ -14,8 +14,8 @@ Of four statements the first three show that a weak order q holds, the last one 
 step must not accuse; the fall, because a coefficient that is small beside the error proper does not show at these
 steps. Where the means are within the noise neither says anything: `inconclusive`, with the paths it would take.
 
-With increments of a few points nothing is sampled: E g(y_N) is a sum over all paths (`sepv.verification._orders.weak_trees`), and its error
-has a slope without noise.
+With increments of a few points nothing is sampled: E g(y_N) is a sum over all paths
+(`sepv.verification._orders.weak_trees`), and its error has a slope without noise.
 """
 
 from __future__ import annotations

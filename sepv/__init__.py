@@ -5,6 +5,7 @@ integrate, ensemble, long_path     one path, the ends of many, one of any length
 exact_flow(problem, theta)         the exact solution at random times
 Scheme, Problem, PolynomialSystem  the records that a user makes
 schemes, problems, strategies      the built-in schemes and problems, and random systems for Hypothesis
+simulate, exact, large, …          the rooms of the package, each with what it has for you
 Effort, Report, Verdict, Ensemble, Trajectory, and the errors, of which `Skipped` is raised by a step
 
 >>> import sepv
@@ -23,9 +24,16 @@ from typing import TYPE_CHECKING, Any
 from sepv._version import __version__ as __version__
 
 if TYPE_CHECKING:
+    from sepv import exact as exact
     from sepv import large as large
+    from sepv import problem as problem
     from sepv import problems as problems
+    from sepv import record as record
     from sepv import schemes as schemes
+    from sepv import simulate as simulate
+    from sepv import solve as solve
+    from sepv import studies as studies
+    from sepv import verification as verification
     from sepv.errors import ChunkFailure as ChunkFailure
     from sepv.errors import ClusterFailure as ClusterFailure
     from sepv.errors import Interrupted as Interrupted
@@ -41,7 +49,6 @@ if TYPE_CHECKING:
     from sepv.problem._problem import Problem as Problem
     from sepv.schemes._point_laws import PointLaw as PointLaw
     from sepv.schemes._scheme import Scheme as Scheme
-    from sepv.simulate import _wiener as wiener
     from sepv.simulate._engine.ensemble import ensemble as ensemble
     from sepv.simulate._engine.long import long_path as long_path
     from sepv.simulate._paths import Ensemble as Ensemble
@@ -84,16 +91,30 @@ _HOME = {
         "sepv.errors",
     ),
 }
-_MODULES = ("large", "problems", "schemes", "strategies", "wiener")
+# The rooms that a user enters; `strategies` is the one of them that stands in another.
+_MODULES = (
+    "exact",
+    "large",
+    "problem",
+    "problems",
+    "record",
+    "schemes",
+    "simulate",
+    "solve",
+    "studies",
+    "verification",
+)
 
 
 def __getattr__(name: str) -> Any:
     if name in _MODULES:
         return import_module(f"sepv.{name}")
+    if name == "strategies":
+        return import_module("sepv.verification.strategies")
     if name in _HOME:
         return getattr(import_module(_HOME[name]), name)
     raise AttributeError(f"module 'sepv' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted((*_HOME, *_MODULES, "__version__"))
+    return sorted((*_HOME, *_MODULES, "strategies", "__version__"))

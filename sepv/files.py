@@ -1,19 +1,15 @@
-"""Files that a run leaves for other programs: JSON, JUnit XML, a badge. Written whole or not at all."""
+"""Files that a run leaves: written whole or not at all, and the JSON Schemas that they obey."""
 
 from __future__ import annotations
 
 import json
 import os
-import re
 import tempfile
+from importlib.resources import files
 from pathlib import Path
-from xml.etree import ElementTree
+from typing import Any
 
 from sepv.errors import UsageError
-from sepv.verification import Finding, Report, Verdict
-
-# What XML 1.0 cannot hold, not even escaped.
-_NOT_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def require_folder(path: str | None) -> None:
@@ -48,59 +44,30 @@ def write_atomically(path: str, content: str | bytes) -> None:
         raise
 
 
-def report_json(report: Report) -> str:
-    """The report as JSON text, as the schema in the package describes it."""
-    return json.dumps(report.to_json(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+# What has one: the files of `--json` of these commands, a bundle's manifest, a record of `sepv peers`.
+SCHEMAS = ("comparison", "hard", "manifest", "peers", "report", "reproduction", "solvability", "ulps")
 
 
-def junit_xml(report: Report) -> str:
-    """The report as JUnit XML: a law is a test case; what is not claimed cannot fail and is skipped instead."""
-    suite = ElementTree.Element(
-        "testsuite",
-        name=_clean(f"sepv {report.scheme.name}"),
-        tests=str(len(report.findings)),
-        time=f"{sum(f.seconds for f in report.findings):.3f}",
-    )
-    tally = {"failure": 0, "error": 0, "skipped": 0}
-    for f in report.findings:
-        test = ElementTree.SubElement(
-            suite, "testcase", classname=_clean(report.scheme.name), name=f.law, time=f"{f.seconds:.3f}"
+def schema(name: str) -> dict[str, Any]:
+    """The JSON Schema of one of `SCHEMAS`.
+
+    Raises
+    ------
+    UsageError
+    """
+    if name not in SCHEMAS:
+        raise UsageError(
+            expected=f"a schema, one of {', '.join(SCHEMAS)}", received=repr(name), remedy="correct the name"
         )
-        kind = _junit_kind(report, f)
-        if kind:
-            tally[kind] += 1
-            ElementTree.SubElement(
-                test, kind, message=_clean(f"{f.verdict.text} ({f.source})")
-            ).text = _clean(f.message)
-    for kind, attribute in (("failure", "failures"), ("error", "errors"), ("skipped", "skipped")):
-        suite.set(attribute, str(tally[kind]))
-    root = ElementTree.Element("testsuites")
-    root.append(suite)
-    ElementTree.indent(root)
-    return '<?xml version="1.0" encoding="utf-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+    text = (files("sepv") / "schemas" / f"{name}.schema.json").read_text(encoding="utf-8")
+    found: dict[str, Any] = json.loads(text)
+    return found
 
 
-def _junit_kind(report: Report, f: Finding) -> str:
-    if f in report.failing:
-        return "failure"
-    if f.verdict is Verdict.ERROR:
-        return "error"
-    return "" if f.verdict is Verdict.HOLDS else "skipped"
+def fault(data: Any, schema: dict[str, Any]) -> str:
+    """The fault that says most of what is wrong, with its place; empty where data obey the schema."""
+    from jsonschema import Draft202012Validator
+    from jsonschema.exceptions import best_match
 
-
-def badge_json(report: Report) -> str:
-    """What a badge service that takes endpoints shows: the level, the suite's version, how many claimed laws hold."""
-    vacuous = (Verdict.NOT_APPLICABLE, Verdict.NOT_MEASURED)
-    claimed = [f for f in report.findings if f.claimed and (f.verdict not in vacuous or f in report.failing)]
-    held = sum(f.verdict is Verdict.HOLDS for f in claimed)
-    color = "brightgreen" if report.exit_code == 0 else "red"
-    message = f"{held}/{len(claimed)} claimed laws hold" if claimed else "no claims"
-    reached = report.conformance
-    if reached is not None:
-        waived = f", {len(reached.waived)} waived" if reached.waived else ""
-        message = f"level {reached.level} of suite {reached.suite}{waived}: {message}"
-    return json.dumps({"schemaVersion": 1, "label": "sepv", "message": message, "color": color}) + "\n"
-
-
-def _clean(text: str) -> str:
-    return _NOT_XML.sub("�", text)
+    error = best_match(Draft202012Validator(schema).iter_errors(data))
+    return "" if error is None else f"{error.json_path}: {error.message:.200}"

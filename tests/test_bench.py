@@ -214,7 +214,7 @@ def test_two_checkouts_take_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 # The command
 
 
-MODULE = "from sepv.schemes.energy_preserving import scheme\nfrom sepv.schemes.euler_heun import step\n"
+MODULE = "from sepv.schemes._energy_preserving import scheme\nfrom sepv.schemes._euler_heun import step\n"
 
 
 @pytest.fixture

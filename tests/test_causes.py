@@ -44,9 +44,9 @@ def test_a_sampled_law_names_a_path_that_a_reader_can_run(law: str) -> None:
     problem = problems.by_name(line.partition(",")[0])
     y0, W, expected, came = (numbers(v) for v in re.findall(r"\(([-\de., +]+)\)", line)[:4])
     # The recipe for its increments is Python; what came is what the scheme makes of them.
-    recipe = re.search(r"sepv\.(wiener\.increments\(.*\))$", line)
+    recipe = re.search(r"sepv\.simulate\.(increments\(.*\))$", line)
     assert recipe is not None
-    dW = eval(recipe[1], {"wiener": wiener, "range": range})
+    dW = eval(recipe[1], {"increments": wiener.increments, "range": range})
     assert np.allclose(W, dW.sum(axis=0)[:, 0], rtol=1e-11)
     h = 0.5 / len(dW)
     y = np.array(problem.initial)

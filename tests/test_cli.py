@@ -12,7 +12,7 @@ from click.testing import CliRunner, Result
 
 from sepv.commands import main
 
-CORRECT = "from sepv.schemes.energy_preserving import step as correct\n"
+CORRECT = "from sepv.schemes._energy_preserving import step as correct\n"
 
 
 @pytest.fixture

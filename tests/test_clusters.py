@@ -26,7 +26,8 @@ from sepv import problems, schemes
 from sepv.errors import Interrupted
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._engine import on_dask
-from sepv.simulate._engine.workers import AHEAD, run_all
+from sepv.simulate._engine.crew import AHEAD
+from sepv.simulate._engine.workers import run_all
 from sepv.simulate._results.labelled import AXES
 
 distributed = pytest.importorskip("distributed")

@@ -20,9 +20,9 @@ from rich.text import Text
 import sepv
 from sepv import problems, schemes
 from sepv.commands import main
+from sepv.files import schema
 from sepv.problem import Array, Problem
-from sepv.schemas import comparison_schema
-from sepv.schemes._load import load_problem
+from sepv.schemes import load_problem
 from sepv.simulate import _wiener as wiener
 from sepv.studies._compare import Comparison, Method, compare, exact_time_change, from_scheme, picture, table
 from sepv.studies._compare.choose import PEERS
@@ -122,7 +122,7 @@ def test_work_is_counted_state_by_state() -> None:
 
 def test_the_document_matches_its_schema_and_the_csv_has_a_line_for_each_point(found: Comparison) -> None:
     document = json.loads(json.dumps(found.to_json(), allow_nan=False))
-    jsonschema.validate(document, comparison_schema())
+    jsonschema.validate(document, schema("comparison"))
     assert len(document["points"]) == 2 * len(STEPS) + 1
     rows = list(csv.DictReader(io.StringIO(table.to_csv(found))))
     assert [float(r["strong_error"]) for r in rows] == [p.strong.value for p in found.points]
@@ -286,13 +286,13 @@ QUICK = "--steps 4,8 --paths 32 --repeats 1"
 
 
 def test_the_command_prints_and_writes(call: Callable[..., Result], tmp_path: Path) -> None:
-    code = "from sepv.schemes.midpoint import step as mine\n"
+    code = "from sepv.schemes._midpoint import step as mine\n"
     result = call(f"compare energy-preserving mine:mine {QUICK} --json c.json --csv c.csv", code)
     assert result.exit_code == 0, result.output
     for word in ("rigid-body", "energy-preserving", "mine:mine", "strong error", "ns/step", "1e-02"):
         assert word in result.output
     document = json.loads((tmp_path / "c.json").read_text())
-    jsonschema.validate(document, comparison_schema())
+    jsonschema.validate(document, schema("comparison"))
     assert [m["name"] for m in document["methods"]] == ["energy-preserving", "mine:mine"]
     assert len((tmp_path / "c.csv").read_text().splitlines()) == 5
 
@@ -360,7 +360,7 @@ def late(problem, y, h, dW):
 
 def test_every_peer_is_named_after_the_library_that_it_drives() -> None:
     for name, home in PEERS.items():
-        assert home.startswith(f"sepv.peers.driven_{name.split('-')[0]}:")
+        assert home.startswith(f"sepv.peers._driven_{name.split('-')[0]}:")
 
 
 def test_an_absent_library_is_named_with_its_remedy(

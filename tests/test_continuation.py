@@ -10,8 +10,7 @@ import pytest
 import sepv
 from sepv import problems, schemes
 from sepv.errors import StepFailure, UsageError
-from sepv.schemes._continuation import continued
-from sepv.schemes._division import divided
+from sepv.schemes import continued, divided
 
 EP = schemes.energy_preserving
 

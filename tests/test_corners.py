@@ -19,7 +19,7 @@ from sepv.verification._cases.fixed_cases import (
     with_constant_structure,
     with_quadratic_hamiltonian,
 )
-from sepv.verification.strategies import contraction_radius
+from sepv.verification._contraction import contraction_radius
 
 
 @pytest.mark.parametrize("name", schemes.ALL)

@@ -12,7 +12,7 @@ from benchmarks import witnesses as maker
 from sepv.commands import main
 from sepv.faults import _fault_detection as teeth
 from sepv.faults._saboteurs import ALL, unusual
-from sepv.schemas import fault
+from sepv.files import fault
 from sepv.verification import Effort, Verdict, load_laws, verify
 from sepv.verification import _corpus as corpus
 from sepv.verification._cases.case import to_json, to_token

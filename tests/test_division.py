@@ -10,7 +10,7 @@ import pytest
 import sepv
 from sepv import problems, schemes
 from sepv.errors import StepFailure, TruncationWarning, UsageError
-from sepv.schemes._division import divided
+from sepv.schemes import divided
 from sepv.verification import verify
 
 

@@ -83,7 +83,7 @@ exec {sys.executable} -m sepv "$@"
     scripts["pip"] = f"""echo "$@" >> {tmp_path}/installed"""
     (tmp_path / "mypkg").mkdir()
     (tmp_path / "mypkg" / "__init__.py").touch()
-    (tmp_path / "mypkg" / "scheme.py").write_text("from sepv.schemes.midpoint import step as scheme\n")
+    (tmp_path / "mypkg" / "scheme.py").write_text("from sepv.schemes._midpoint import step as scheme\n")
     for name, body in scripts.items():
         (tools / name).write_text(f"#!/bin/sh\n{body}\n")
         (tools / name).chmod(0o755)

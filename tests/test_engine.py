@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 import sepv
 from sepv import problems, schemes
 from sepv.problem import HamiltoniansProblem
-from sepv.schemes._division import divided
+from sepv.schemes import divided
 from sepv.simulate import _wiener as wiener
 from sepv.solve import Status
 

@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sepv import external, problems, schemes
+from sepv import problems, schemes
 from sepv.errors import SchemeFault, Skipped, UsageError
+from sepv.external import _errors as errors
 from sepv.external import check_protocol, load_program
 from sepv.schemes import Scheme
 from sepv.verification import LAWS, Effort, Verdict, verify
@@ -92,107 +93,107 @@ def ask(command: str, lanes: int = 1, **options: float) -> np.ndarray:
 
 
 MISBEHAVIOUR = {
-    "crashes": ("hello(); read(); os.kill(os.getpid(), signal.SIGSEGV)", external.ProgramExit, "SIGSEGV"),
-    "exits": ("hello(); read(); sys.exit(7)", external.ProgramExit, "exit code 7"),
-    "raises": ("hello(); read(); 1 / 0", external.ProgramExit, "ZeroDivisionError"),
-    "exits before hello": ("sys.exit(3)", external.ProgramExit, "exit code 3"),
+    "crashes": ("hello(); read(); os.kill(os.getpid(), signal.SIGSEGV)", errors.ProgramExit, "SIGSEGV"),
+    "exits": ("hello(); read(); sys.exit(7)", errors.ProgramExit, "exit code 7"),
+    "raises": ("hello(); read(); 1 / 0", errors.ProgramExit, "ZeroDivisionError"),
+    "exits before hello": ("sys.exit(3)", errors.ProgramExit, "exit code 3"),
     "closes its stdout": (
         "hello(); read(); os.close(1); time.sleep(60)",
-        external.ProgramExit,
+        errors.ProgramExit,
         "closed its output",
     ),
-    "sleeps": ("hello(); read(); time.sleep(60)", external.CallTimeout, "nothing"),
+    "sleeps": ("hello(); read(); time.sleep(60)", errors.CallTimeout, "nothing"),
     "sleeps through SIGTERM": (
         "signal.signal(signal.SIGTERM, signal.SIG_IGN); hello(); read(); time.sleep(60)",
-        external.CallTimeout,
+        errors.CallTimeout,
         "nothing",
     ),
-    "ends no line": ("hello(); read(); put('{'); time.sleep(60)", external.CallTimeout, "1 bytes without"),
+    "ends no line": ("hello(); read(); put('{'); time.sleep(60)", errors.CallTimeout, "1 bytes without"),
     "leaves a grandchild": (
         "hello(); read()\nif os.fork() == 0:\n    note(); time.sleep(60)\nsys.exit(5)",
-        external.ProgramExit,
+        errors.ProgramExit,
         "exit code 5",
     ),
-    "prints text": ("hello(); read(); put('step 1 of 1\\n')", external.NotJson, "step 1 of 1"),
-    "greets": ("put('Welcome\\n'); hello()", external.NotJson, "Welcome"),
-    "prints an empty line": ("hello(); read(); put('\\n')", external.NotJson, "Expecting value"),
-    "prints bytes": ("hello(); read(); put(b'\\xff\\xfe\\n')", external.NotJson, "xff"),
+    "prints text": ("hello(); read(); put('step 1 of 1\\n')", errors.NotJson, "step 1 of 1"),
+    "greets": ("put('Welcome\\n'); hello()", errors.NotJson, "Welcome"),
+    "prints an empty line": ("hello(); read(); put('\\n')", errors.NotJson, "Expecting value"),
+    "prints bytes": ("hello(); read(); put(b'\\xff\\xfe\\n')", errors.NotJson, "xff"),
     "prints a bare NaN": (
         "hello(); say(id=read()['id'], y_next=[[float('nan')]])",
-        external.NotJson,
+        errors.NotJson,
         "NaN is not",
     ),
-    "prints half of it": ('hello(); read(); put(\'{"id":1,"y_n\\n\')', external.NotJson, "Unterminated"),
-    "nests deeply": ("hello(); read(); put('[' * 500000 + '\\n')", external.NotJson, "recursion"),
-    "prints a long integer": ("hello(); read(); put('9' * 10000 + '\\n')", external.NotJson, "digits"),
-    "prints a list": ("hello(); read(); put('[1]\\n')", external.BadAnswer, "JSON object"),
-    "takes another id": ("hello(); read(); say(id=99, skip='')", external.WrongId, "message 1"),
-    "gives no id": ("hello(); read(); say(skip='')", external.WrongId, "message 1"),
-    "gives true as id": ("hello(); read(); say(id=True, skip='')", external.WrongId, "message 1"),
-    "prints 10 MB": ("hello(); read(); put('x' * 10_000_000)", external.LineTooLong, "1048576 bytes"),
+    "prints half of it": ('hello(); read(); put(\'{"id":1,"y_n\\n\')', errors.NotJson, "Unterminated"),
+    "nests deeply": ("hello(); read(); put('[' * 500000 + '\\n')", errors.NotJson, "recursion"),
+    "prints a long integer": ("hello(); read(); put('9' * 10000 + '\\n')", errors.NotJson, "digits"),
+    "prints a list": ("hello(); read(); put('[1]\\n')", errors.BadAnswer, "JSON object"),
+    "takes another id": ("hello(); read(); say(id=99, skip='')", errors.WrongId, "message 1"),
+    "gives no id": ("hello(); read(); say(skip='')", errors.WrongId, "message 1"),
+    "gives true as id": ("hello(); read(); say(id=True, skip='')", errors.WrongId, "message 1"),
+    "prints 10 MB": ("hello(); read(); put('x' * 10_000_000)", errors.LineTooLong, "1048576 bytes"),
     "prints a JSON line of 10 MB": (
         "hello(); say(id=read()['id'], skip='x' * 10_000_000)",
-        external.LineTooLong,
+        errors.LineTooLong,
         "1048576 bytes",
     ),
     "prints without end": (
         "hello(); read()\nwhile True: put('x' * 4096)",
-        external.LineTooLong,
+        errors.LineTooLong,
         "1048576 bytes",
     ),
-    "answers nothing": ("hello(); say(id=read()['id'])", external.BadAnswer, "exactly one of"),
+    "answers nothing": ("hello(); say(id=read()['id'])", errors.BadAnswer, "exactly one of"),
     "answers twice over": (
         "hello(); say(id=read()['id'], skip='', error='')",
-        external.BadAnswer,
+        errors.BadAnswer,
         "exactly one",
     ),
-    "skips without words": ("hello(); say(id=read()['id'], skip=1)", external.BadAnswer, "exactly one of"),
+    "skips without words": ("hello(); say(id=read()['id'], skip=1)", errors.BadAnswer, "exactly one of"),
     "answers decimals": (
         "hello(); say(id=read()['id'], y_next=[['0.1', '1']])",
-        external.BadAnswer,
+        errors.BadAnswer,
         "hex float",
     ),
     "answers numbers": (
         "hello(); say(id=read()['id'], y_next=[[1.0, 2.0]])",
-        external.BadAnswer,
+        errors.BadAnswer,
         "hex float",
     ),
-    "answers null": ("hello(); say(id=read()['id'], y_next=None)", external.WrongShape, "None"),
+    "answers null": ("hello(); say(id=read()['id'], y_next=None)", errors.WrongShape, "None"),
     "forgets a component": (
         "hello(); say(id=read()['id'], y_next=[['0x1p+0']])",
-        external.WrongShape,
+        errors.WrongShape,
         "2 numbers",
     ),
     "forgets the outer list": (
         "hello(); say(id=read()['id'], y_next=['0x1p+0', '0x1p+0'])",
-        external.WrongShape,
+        errors.WrongShape,
         "1 states",
     ),
-    "answers nan": ("hello(); say(id=read()['id'], y_next=[['nan', '0x1p+0']])", external.NotFinite, "nan"),
+    "answers nan": ("hello(); say(id=read()['id'], y_next=[['nan', '0x1p+0']])", errors.NotFinite, "nan"),
     "answers -inf": (
         "hello(); say(id=read()['id'], y_next=[['-inf', '0x1p+0']])",
-        external.NotFinite,
+        errors.NotFinite,
         "-inf",
     ),
     "overflows": (
         "hello(); say(id=read()['id'], y_next=[['0x1p+0', '0x1p+1024']])",
-        external.NotFinite,
+        errors.NotFinite,
         "1024",
     ),
     "refuses": (
         "hello(); say(id=read()['id'], error='no \\x1b[31m root')",
-        external.StepRefused,
+        errors.StepRefused,
         r"\x1b[31m root",
     ),
-    "skips": ("hello(); say(id=read()['id'], skip='only d = 3')", external.Skipped, "only d = 3"),
-    "takes other problems": ("hello(problems=['rigid-body']); read()", external.Skipped, "does not name"),
-    "speaks protocol 2": ("hello(protocol=2)", external.BadAnswer, "the number 1"),
-    "has no name": ("hello(scheme='')", external.BadAnswer, "1 to 80 printable"),
-    "has escapes in its name": ("hello(scheme='\\x1b[31m')", external.BadAnswer, "1 to 80 printable"),
-    "misspells a member": ("hello(claim=['energy'])", external.BadAnswer, "claim in hello"),
-    "claims a text": ("hello(claims='energy')", external.BadAnswer, "a list of names"),
-    "takes no problem": ("hello(problems=[])", external.BadAnswer, "what the program can be asked"),
-    "takes no steps": ("hello(max_steps=0)", external.BadAnswer, "an integer ≥ 1"),
+    "skips": ("hello(); say(id=read()['id'], skip='only d = 3')", Skipped, "only d = 3"),
+    "takes other problems": ("hello(problems=['rigid-body']); read()", Skipped, "does not name"),
+    "speaks protocol 2": ("hello(protocol=2)", errors.BadAnswer, "the number 1"),
+    "has no name": ("hello(scheme='')", errors.BadAnswer, "1 to 80 printable"),
+    "has escapes in its name": ("hello(scheme='\\x1b[31m')", errors.BadAnswer, "1 to 80 printable"),
+    "misspells a member": ("hello(claim=['energy'])", errors.BadAnswer, "claim in hello"),
+    "claims a text": ("hello(claims='energy')", errors.BadAnswer, "a list of names"),
+    "takes no problem": ("hello(problems=[])", errors.BadAnswer, "what the program can be asked"),
+    "takes no steps": ("hello(max_steps=0)", errors.BadAnswer, "an integer ≥ 1"),
 }
 
 
@@ -215,23 +216,23 @@ def test_a_child_that_never_reads_does_not_block(child, lanes):
         "say(id=0, protocol=1, scheme='deaf', problems=['harmonic-oscillator'], max_steps=1024); time.sleep(60)"
     )
     start = time.perf_counter()
-    with pytest.raises((external.NeverReads, external.CallTimeout)) as caught:
+    with pytest.raises((errors.NeverReads, errors.CallTimeout)) as caught:
         ask(command, lanes)
     assert time.perf_counter() - start < SOON
     # Only Linux tells how much of a short message lies in the pipe.
     if lanes > 1 or sys.platform == "linux":
-        assert type(caught.value) is external.NeverReads
+        assert type(caught.value) is errors.NeverReads
 
 
 def test_a_child_that_prints_and_never_reads_fills_no_memory(child):
     command = child("hello(max_steps=1024)\nwhile True: put('{}\\n' * 1000)")
-    with pytest.raises(external.LineTooLong):
+    with pytest.raises(errors.LineTooLong):
         ask(command, lanes=4000, call_timeout=5.0)
 
 
 def test_a_child_that_closes_its_stdin_is_found_out(child):
     command = child("hello(max_steps=1024); os.close(0); time.sleep(60)")
-    with pytest.raises(external.ProgramExit, match="closed its input"):
+    with pytest.raises(errors.ProgramExit, match="closed its input"):
         ask(command, lanes=4000, call_timeout=5.0)
 
 
@@ -254,7 +255,7 @@ def test_stderr_is_free_and_its_end_is_shown(child):
 sys.stderr.write("x" * 1_000_000); hello(); read()
 sys.stderr.write("\\nout of \\x07 memory"); sys.exit(1)
 """
-    with pytest.raises(external.ProgramExit, match=r"\| out of \\x07 memory") as caught:
+    with pytest.raises(errors.ProgramExit, match=r"\| out of \\x07 memory") as caught:
         ask(child(code))
     assert len(str(caught.value)) < 3000
 
@@ -263,7 +264,7 @@ def test_a_line_too_many_is_found_out_at_the_next_message(child):
     code = "hello()\nwhile True: message = read(); states(message); states(message)"
     with load_program(child(code), **QUICK) as scheme:
         assert np.array_equal(scheme.step(OSCILLATOR, Y, 0.5, DW), Y)
-        with pytest.raises(external.WrongId, match="message 2"):
+        with pytest.raises(errors.WrongId, match="message 2"):
             scheme.step(OSCILLATOR, Y, 0.5, DW)
 
 
@@ -277,7 +278,7 @@ while True:
 """
     with load_program(child(code), **QUICK) as scheme:
         for _ in range(3):
-            with pytest.raises(external.ProgramExit, match="SIGABRT"):
+            with pytest.raises(errors.ProgramExit, match="SIGABRT"):
                 scheme.step(OSCILLATOR, 2 * Y, 0.5, DW)
             assert np.array_equal(scheme.step(OSCILLATOR, Y, 0.5, DW), Y)
 
@@ -286,7 +287,7 @@ def test_the_run_has_a_time_of_its_own(child):
     with load_program(child("hello(); read(); time.sleep(60)"), call_timeout=30.0, run_timeout=1.0) as scheme:
         start = time.perf_counter()
         for _ in range(2):
-            with pytest.raises(external.RunTimeout, match="at most 1 s"):
+            with pytest.raises(errors.RunTimeout, match="at most 1 s"):
                 scheme.step(OSCILLATOR, Y, 0.5, DW)
         assert time.perf_counter() - start < SOON
 
@@ -302,7 +303,7 @@ while message := read():
     with load_program(child(code), **QUICK) as scheme:
         assert scheme.batched
         assert np.array_equal(scheme.step(OSCILLATOR, y, 0.5, np.zeros((1, 10))), y)
-        with pytest.raises(external.Skipped, match="cannot travel"):
+        with pytest.raises(Skipped, match="cannot travel"):
             scheme.step(unnamed(), Y, 0.5, DW)
     with pytest.raises(UsageError, match="within `with"):
         scheme.step(OSCILLATOR, Y, 0.5, DW)
@@ -321,10 +322,10 @@ def unnamed():
 @pytest.mark.parametrize(
     ("command", "kind"),
     [
-        ("./no-such-program", external.StartFailure),
-        ("{folder}", external.StartFailure),
-        ("{folder}/not-executable", external.StartFailure),
-        ("a\0b", external.StartFailure),
+        ("./no-such-program", errors.StartFailure),
+        ("{folder}", errors.StartFailure),
+        ("{folder}/not-executable", errors.StartFailure),
+        ("a\0b", errors.StartFailure),
         ("", UsageError),
         ("'unclosed", UsageError),
     ],
@@ -336,9 +337,9 @@ def test_a_program_that_cannot_be_started_is_named(tmp_path, command, kind):
 
 
 def test_wrong_shapes_and_nan_are_faults_of_the_scheme_and_all_else_is_not():
-    for kind in (external.WrongShape, external.NotFinite):
+    for kind in (errors.WrongShape, errors.NotFinite):
         assert issubclass(kind, SchemeFault)
-    for kind in external.ProgramError.__subclasses__():
+    for kind in errors.ProgramError.__subclasses__():
         assert not issubclass(kind, SchemeFault)
 
 

@@ -12,10 +12,10 @@ from click.testing import CliRunner
 
 from sepv import schemes
 from sepv.commands import main
-from sepv.files import badge_json, junit_xml, report_json, write_atomically
-from sepv.schemas import report_schema
+from sepv.files import schema, write_atomically
 from sepv.schemes import Scheme
 from sepv.verification import Effort, Report, verify
+from sepv.verification._written import badge_json, junit_xml, report_json
 
 FEW = Effort(examples=15, paths=256)
 
@@ -47,11 +47,11 @@ def made() -> dict[str, Report]:
 
 
 def test_json_is_as_the_schema_says_and_counts_add_up(made: dict[str, Report]) -> None:
-    schema = report_schema()
-    jsonschema.Draft202012Validator.check_schema(schema)
+    described = schema("report")
+    jsonschema.Draft202012Validator.check_schema(described)
     for report in made.values():
         data = json.loads(report_json(report))
-        jsonschema.validate(data, schema)
+        jsonschema.validate(data, described)
         assert sum(data["counts"].values()) == len(data["laws"]) == data["suite"]["laws"]
 
 
@@ -66,7 +66,7 @@ def test_the_schema_refuses_what_is_no_report(made: dict[str, Report]) -> None:
         other = json.loads(json.dumps(data))
         spoil(other)
         with pytest.raises(jsonschema.ValidationError):
-            jsonschema.validate(other, report_schema())
+            jsonschema.validate(other, schema("report"))
 
 
 def test_junit_counts_what_is_in_it(made: dict[str, Report]) -> None:
@@ -136,7 +136,7 @@ def test_expected_failures_are_strict_both_ways(tmp_path: Path) -> None:
 # Euler-Maruyama on the Stratonovich coefficients as they are: it converges to the Itô solution.
 ITO = """
 import sepv
-from sepv.fields import vector_field
+from sepv.problem._fields import vector_field
 
 def step(problem, y, h, dW):
     return y + vector_field(problem, y) * problem.random_step(h, dW)

@@ -23,8 +23,8 @@ from sepv.record import _polynomial as poly
 from sepv.verification import Effort, Verdict
 from sepv.verification._cases import case, families
 from sepv.verification._cases.given import cases_for, items, measured_radius
+from sepv.verification._contraction import contraction_radius
 from sepv.verification._verify import replay
-from sepv.verification.strategies import contraction_radius
 
 FEW = Effort(examples=8, paths=256, shrink_checks=30)
 SEARCHED = "contract,identity,energy,casimir,noise-sum,symmetry,reduction,reference,midpoint"

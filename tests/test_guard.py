@@ -18,7 +18,7 @@ from sepv.verification import Effort, Verdict, verify
 from sepv.verification._report import summary
 
 LAWS = ["--law", "contract", "--law", "energy", "--law", "casimir"]
-MODULE = "from sepv.schemes.{} import step\n"
+MODULE = "from sepv.schemes._{} import step\n"
 
 
 @pytest.fixture

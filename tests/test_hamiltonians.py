@@ -31,10 +31,9 @@ from sepv.problem._fields import matvec
 from sepv.problem._hamiltonians import bracket, combined_field, noise_field, noise_slope
 from sepv.problems._polynomial_system import drift_of_energy
 from sepv.record import _polynomial as poly
-from sepv.schemes import Scheme
+from sepv.schemes import Orders, Scheme, ask
 from sepv.schemes._further import as_matrix, as_rows, some
-from sepv.schemes._guard import ask
-from sepv.schemes._orders import Orders, order_of
+from sepv.schemes._orders import order_of
 from sepv.simulate import _areas as areas
 from sepv.verification import Case, Effort, Verdict
 from sepv.verification._cases import case as cases
@@ -42,11 +41,11 @@ from sepv.verification._cases.case import from_token, to_token
 from sepv.verification._cases.families import separable_hamiltonians, so3_hamiltonians
 from sepv.verification._cases.hamiltonians import any_hamiltonians, hamiltonian_steps
 from sepv.verification._cases.shrink import shrunk
+from sepv.verification._contraction import contraction_ball
 from sepv.verification._orders.local_errors import local_errors
 from sepv.verification._orders.local_moments import exponents
 from sepv.verification._orders.local_rules import rule_for
 from sepv.verification._sequential import setups
-from sepv.verification.strategies import contraction_ball
 
 QUICK = Effort(examples=4, shrink_checks=0)
 KEPT = (

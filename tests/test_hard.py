@@ -14,9 +14,9 @@ from sepv.reference.hard import exact_energy
 from sepv import problems, schemes
 from sepv.commands import main
 from sepv.errors import ProblemError, StepFailure
+from sepv.files import schema
 from sepv.problem import Problem, average_gradient, check_problem
 from sepv.problems import hard
-from sepv.schemas import hard_schema
 from sepv.solve import Status
 from sepv.solve._solution import Solution
 from sepv.studies._hard_cases import Seen, run
@@ -157,9 +157,9 @@ def test_the_command_shows_the_table_and_writes_json(tmp_path) -> None:
     assert result.exit_code == 0, result.output
     for word in ("rank-0", "20 solved", "0 not finite", "2 cases as expected"):
         assert word in result.output
-    report, schema = json.loads(out.read_text()), hard_schema()
-    jsonschema.Draft202012Validator.check_schema(schema)
-    jsonschema.validate(report, schema)
+    report, described = json.loads(out.read_text()), schema("hard")
+    jsonschema.Draft202012Validator.check_schema(described)
+    jsonschema.validate(report, described)
     assert len(report["cases"][1]["worst"]["y"]) > 1
     for spoil in (
         {"seed": -1},
@@ -167,7 +167,7 @@ def test_the_command_shows_the_table_and_writes_json(tmp_path) -> None:
         {"more": 1},
     ):
         with pytest.raises(jsonschema.ValidationError):
-            jsonschema.validate(report | spoil, schema)
+            jsonschema.validate(report | spoil, described)
     assert [c["case"] for c in report["cases"]] == ["rank-0", "mixed-scales"]
     assert all(c["statuses"] == {"CONVERGED": 20} for c in report["cases"])
 

@@ -12,8 +12,8 @@ import sepv
 
 FUNCTIONS = ("verify", "integrate", "ensemble", "exact_flow")
 RECORDS = ("Problem", "Scheme", "Report", "Trajectory", "Ensemble", "Effort")
-WITH_EXAMPLES = ("Problem", "Scheme", "verify", "integrate", "ensemble", "exact_flow", "adapters.posing:pose",
-                 "adapters.posing:field_in")  # fmt: skip
+WITH_EXAMPLES = ("Problem", "Scheme", "verify", "integrate", "ensemble", "exact_flow", "peers.posing:pose",
+                 "peers.posing:field_in")  # fmt: skip
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)

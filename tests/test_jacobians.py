@@ -45,7 +45,7 @@ def generic(degree: int = 4) -> Problem:
 def module_of(name: str):
     import importlib
 
-    return importlib.import_module(f"sepv.schemes.{name}").step
+    return importlib.import_module(f"sepv.schemes._{name}").step
 
 
 def known(name: str) -> np.ndarray:

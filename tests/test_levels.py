@@ -14,9 +14,9 @@ from click.testing import CliRunner
 import sepv
 from sepv.commands import main
 from sepv.errors import UsageError
-from sepv.files import badge_json
-from sepv.schemas import report_schema
+from sepv.files import schema
 from sepv.verification import LEVELS, SUITE, Effort, Finding, Report, Verdict, conformance, load_laws
+from sepv.verification._written import badge_json
 
 DOC = (Path(__file__).resolve().parents[1] / "docs" / "levels.md").read_text()
 LAWS = load_laws()
@@ -102,7 +102,7 @@ def test_badge_json_and_last_line_name_level_and_version() -> None:
     )
     assert json.loads(badge_json(report))["message"].startswith(f"level 2 of suite {SUITE}: ")
     data = report.to_json()
-    jsonschema.validate(data, report_schema())
+    jsonschema.validate(data, schema("report"))
     assert data["suite"]["laws_version"] == SUITE
     assert data["conformance"]["laws"]["2"] == ORDERS
     assert data["conformance"]["why_not_more"] == "casimir violated"

@@ -20,7 +20,7 @@ PROGRAM = shlex.join([sys.executable, str(ROOT / "examples" / "euler_heun_plain.
 MODULE = '''
 import numpy as np
 import sepv
-from sepv.fields import vector_field
+from sepv.problem._fields import vector_field
 
 def step(problem, y, h, dW):
     delta = problem.random_step(h, dW)
@@ -201,7 +201,7 @@ def test_laws_about_many_steps_fit_the_problems_beyond_the_paper(problem: str) -
 NARROW = '''
 import numpy as np
 import sepv
-from sepv.fields import vector_field
+from sepv.problem._fields import vector_field
 
 def ring():
     """States within 1 % of the circle; what is outside has no meaning."""
@@ -232,7 +232,7 @@ def first_lane(problem, y, h, dW):
 def test_a_step_on_a_narrow_domain_is_seen_to_take_batches(folder: Path, domain: str) -> None:
     module = f"narrow_{len(domain)}"
     (folder / f"{module}.py").write_text(NARROW.replace("DOMAIN", domain))
-    from sepv.schemes._load import load_problem, load_scheme
+    from sepv.schemes import load_problem, load_scheme
 
     ring = load_problem(f"{module}:ring")
     assert load_scheme(f"{module}:step", problems=[ring]).batched

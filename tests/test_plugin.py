@@ -21,7 +21,7 @@ OTHERS = len(LAWS) - 5
 
 MINE = """
 import sepv
-from sepv.schemes.midpoint import step
+from sepv.schemes._midpoint import step
 
 honest = sepv.Scheme("honest", step, claims=["casimir", "identity"])
 liar = sepv.Scheme("liar", step, claims=["energy"])

@@ -13,8 +13,9 @@ from sepv import problems, schemes
 from sepv.errors import UsageError
 from sepv.problem import Problem
 from sepv.record import _polynomial as poly
-from sepv.schemes._point_laws import THREE_POINT, TWO_POINT, PointLaw, point_law
-from sepv.schemes._scheme import PATHWISE, weakly
+from sepv.schemes import PointLaw, weakly
+from sepv.schemes._point_laws import THREE_POINT, TWO_POINT, point_law
+from sepv.schemes._scheme import PATHWISE
 from sepv.simulate import _wiener as wiener
 from sepv.verification import Verdict
 from sepv.verification._orders.gaussian import point_rule

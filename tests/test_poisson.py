@@ -18,8 +18,8 @@ from sepv.record import _polynomial as poly
 from sepv.schemes import Scheme, by_name, midpoint
 from sepv.verification import Case, Effort, Verdict
 from sepv.verification._cases.poisson import poisson_steps, poisson_structures
+from sepv.verification._contraction import contraction_ball, is_short
 from sepv.verification._poisson_map import check
-from sepv.verification.strategies import contraction_ball, is_short
 
 QUICK = Effort(examples=10, shrink_checks=0)
 

@@ -14,7 +14,8 @@ import pytest
 import sepv
 from sepv.peers.posing import field_in, pose
 from sepv.problem import vector_field
-from sepv.schemes._guard import SchemeCrash, ask
+from sepv.schemes import ask
+from sepv.schemes._guard import SchemeCrash
 from sepv.verification import Verdict
 
 NAMES = ["rigid-body", "pendulum", "lotka-volterra", "harmonic-oscillator"]

@@ -16,8 +16,8 @@ from pathlib import Path
 import pytest
 
 import benchmarks
-from sepv import progress
 from sepv.verification import Verdict, load_laws
+from sepv.verification import _progress as progress
 from sepv.verification._report import console
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -56,7 +56,10 @@ def test_what_is_quick_or_quiet_says_nothing(capfd: pytest.CaptureFixture[str]) 
 
 
 # A shell that starts jobs in the background has them ignore SIGINT.
-START = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from sepv.commands._cli import main; main()"
+START = (
+    "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    "from sepv.commands import main; main()"
+)
 
 
 @pytest.mark.parametrize("arguments", ["verify midpoint -j 2", "teeth b-at-y0 b-at-y1", "reproduce 4.4"])

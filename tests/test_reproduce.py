@@ -16,7 +16,7 @@ from click.testing import CliRunner
 from sepv import problems, schemes
 from sepv.commands import main
 from sepv.errors import UsageError
-from sepv.schemas import reproduction_schema
+from sepv.files import schema
 from sepv.studies._reproduce import (
     Reproduction,
     Size,
@@ -51,7 +51,7 @@ def verdicts(found: Reproduction, words: str) -> set[str]:
 
 def test_a_record_obeys_its_schema_and_holds_no_nan(rigid: Reproduction) -> None:
     data = json.loads(json.dumps(rigid.to_json(), allow_nan=False))
-    jsonschema.validate(data, reproduction_schema())
+    jsonschema.validate(data, schema("reproduction"))
     assert [p["key"] for p in data["panels"]] == ["4.3-casimir", "4.3-hamiltonian", "4.3-order"]
     assert sum(data["counts"].values()) == len(rigid.statements)
 
@@ -202,7 +202,7 @@ def test_the_command_writes_numbers_and_prints_verdicts(
     assert result.exit_code == 0, result.output
     assert "fails 0 ≤ E[ξ² − ζ_h²] = " in result.stdout
     assert "\x1b" not in result.output
-    jsonschema.validate(json.loads(Path("paper.json").read_text()), reproduction_schema())
+    jsonschema.validate(json.loads(Path("paper.json").read_text()), schema("reproduction"))
     assert sorted(p.name for p in tmp_path.rglob("*.json")) == ["paper.json", "reproduction.json"]
     wrong = CliRunner().invoke(main, ["reproduce", "4.9"])
     assert wrong.exit_code == 2

@@ -18,8 +18,8 @@ from sepv.schemes import (
     modified_weak_two,
     several_structures,
     splitting,
+    weakly,
 )
-from sepv.schemes._scheme import weakly
 from sepv.verification import LAWS, Effort, Verdict
 from sepv.verification._cases.fixed_cases import for_energy
 from sepv.verification._cases.spaces import SPACES

@@ -13,8 +13,7 @@ import pytest
 import sepv
 from sepv import problems, schemes
 from sepv.errors import TruncationWarning
-from sepv.schemes._continuation import continued
-from sepv.schemes._division import divided
+from sepv.schemes import continued, divided
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._paths import CHUNK, Batch, advance, initial_state, prepared, run_chunk, step_count
 from sepv.solve import Status

@@ -14,7 +14,7 @@ import sepv
 from sepv import problems, schemes
 from sepv.commands import main
 from sepv.errors import UsageError
-from sepv.schemas import solvability_schema
+from sepv.files import schema
 from sepv.simulate import _wiener as wiener
 from sepv.studies._solvability import (
     End,
@@ -194,12 +194,12 @@ def test_the_command_prints_numbers_and_writes_json(tmp_path) -> None:
         "solution connected to y0", "turns back at a fold", "2^-3", "worst", "rough from", "first exit", "safe"
     ):  # fmt: skip
         assert word in result.output
-    data, schema = json.loads(out.read_text()), solvability_schema()
-    jsonschema.Draft202012Validator.check_schema(schema)
-    jsonschema.validate(data, schema)
+    data, described = json.loads(out.read_text()), schema("solvability")
+    jsonschema.Draft202012Validator.check_schema(described)
+    jsonschema.validate(data, described)
     for spoil in ({"safe": [0.0]}, {"map": [[5]]}, {"truncation": 0}, {"more": 1}, {"paths": [{}]}):
         with pytest.raises(jsonschema.ValidationError):
-            jsonschema.validate(data | spoil, schema)
+            jsonschema.validate(data | spoil, described)
     assert len(data["forward"]["reach"]) == len(data["theta"]) == 6
     assert len(data["map"][0]) == len(data["delta"]) == 8
     assert sum(data["findings"].values()) == 48

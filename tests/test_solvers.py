@@ -28,7 +28,7 @@ LIBRARIES = ("diffrax", "torchsde", "sdeint")
 
 def solver(library: str, name: str) -> Solver:
     pytest.importorskip(library, reason=f"{library} is not installed: the extra `peers`")
-    found: tuple[Solver, ...] = import_module(f"sepv.peers.general_{library}").SOLVERS
+    found: tuple[Solver, ...] = import_module(f"sepv.peers._general_{library}").SOLVERS
     return next(each for each in found if each.name == f"{library} {name}")
 
 
@@ -151,7 +151,7 @@ def test_the_page_is_of_the_solvers_that_are_here() -> None:
     page = (Path(__file__).resolve().parents[1] / "docs" / "solvers.md").read_text("utf-8")
     for library in LIBRARIES:
         try:
-            own = import_module(f"sepv.peers.general_{library}").SOLVERS
+            own = import_module(f"sepv.peers._general_{library}").SOLVERS
         except ModuleNotFoundError:
             continue
         for each in own:

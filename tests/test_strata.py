@@ -14,8 +14,7 @@ from sepv.errors import UsageError
 from sepv.problem import NamedProblem, PolynomialSystem
 from sepv.problem import Problem as ProblemRecord
 from sepv.problems._opaque import GIVEN, shown
-from sepv.schemes import Scheme, energy_preserving, milstein
-from sepv.schemes._guard import ask
+from sepv.schemes import Scheme, ask, energy_preserving, milstein
 from sepv.verification import LAWS, Case, Effort, Verdict, verify
 from sepv.verification import _corpus as corpus
 from sepv.verification import _coverage as coverage
@@ -25,8 +24,8 @@ from sepv.verification._cases.fixed_cases import for_energy
 from sepv.verification._cases.shrink import shrunk
 from sepv.verification._cases.spaces import SINGLE, SPACES
 from sepv.verification._cases.strata import Levels
+from sepv.verification._contraction import contraction_radius
 from sepv.verification._search import MOST_SKIPPED
-from sepv.verification.strategies import contraction_radius
 
 ALL = [(kind, law) for kind, laws in SPACES.items() for law in laws]
 

@@ -12,14 +12,14 @@ from click.testing import CliRunner
 import sepv
 from sepv import problems, schemes
 from sepv.commands import main
-from sepv.schemas import ulps_schema
+from sepv.files import schema
 from sepv.schemes import Scheme
 from sepv.studies._ulps import one_step
 
 
 @pytest.mark.parametrize("name", problems.NAMED)
 def test_the_energy_preserving_scheme_stays_within_two_ulps(name: str) -> None:
-    """Two is no bound (that is derived in sepv.verification._tolerance, and larger): it is what 10⁶ steps have shown, doubled."""
+    """Two is no bound (that is derived, and larger): it is what 10⁶ steps have shown, doubled."""
     found = one_step(schemes.energy_preserving, problems.by_name(name), steps=200)
     assert found.failed == 0
     assert 0 < found.energy_median < found.energy_largest < 2
@@ -77,12 +77,12 @@ def test_the_command_prints_a_table_and_writes_json(tmp_path) -> None:
     arguments = "ulps energy-preserving euler-heun -p rigid-body -p pendulum --steps 20 --json"
     result = CliRunner().invoke(main, [*arguments.split(), str(out)])
     assert result.exit_code == 0, result.output
-    rows, schema = json.loads(out.read_text()), ulps_schema()
-    jsonschema.Draft202012Validator.check_schema(schema)
-    jsonschema.validate(rows, schema)
+    rows, described = json.loads(out.read_text()), schema("ulps")
+    jsonschema.Draft202012Validator.check_schema(described)
+    jsonschema.validate(rows, described)
     for spoil in ({"h": 0}, {"energy_median": -1.0}, {"failed": None}, {"more": 1}):
         with pytest.raises(jsonschema.ValidationError):
-            jsonschema.validate([rows[0] | spoil], schema)
+            jsonschema.validate([rows[0] | spoil], described)
     assert [(r["scheme"], r["problem"]) for r in rows] == [
         (s, p) for s in ("energy-preserving", "euler-heun") for p in ("rigid-body", "pendulum")
     ]

@@ -9,8 +9,8 @@ import pytest
 
 from sepv import StepFailure, problems, schemes, verify
 from sepv.faults._saboteurs import unusual
-from sepv.schemes import Scheme
-from sepv.schemes._guard import Refusal, ask
+from sepv.schemes import Scheme, ask
+from sepv.schemes._guard import Refusal
 from sepv.simulate._paths import run_chunk
 from sepv.verification import Effort, Verdict
 

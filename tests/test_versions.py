@@ -20,8 +20,8 @@ from sepv.peers import _peer as peer
 from sepv.peers import _trend as trend
 from sepv.peers._trend_page import page
 from sepv.peers._versions import VERSIONS
-from sepv.progress import Shown
 from sepv.verification import Effort
+from sepv.verification._progress import Shown
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "results"

@@ -9,7 +9,7 @@ import sepv
 from sepv import problems, schemes
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.record import _polynomial as poly
-from sepv.schemes._guard import ask
+from sepv.schemes import ask
 from sepv.verification import Case
 from sepv.verification._cases.spaces import SPACES
 

@@ -66,9 +66,9 @@ def bench(
     sepv bench mymodule:step -p mymodule:problem
     """
     from sepv.files import require_folder, write_atomically
-    from sepv.progress import showing
     from sepv.studies._bench import cases, pairs, store
     from sepv.studies._bench.gate import check
+    from sepv.verification._progress import showing
 
     if against and against_ref:
         raise UsageError(

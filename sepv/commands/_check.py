@@ -39,9 +39,9 @@ def check(
     """
     from sepv.errors import TargetError
     from sepv.external import load_program
-    from sepv.progress import showing
     from sepv.verification import _report as page
     from sepv.verification import consistent
+    from sepv.verification._progress import showing
     from sepv.verification._submission import Outcome, again, read
     from sepv.verification._verify import load_candidate
 

@@ -12,10 +12,10 @@ from typing import Any
 
 import click
 
+from sepv._arguments import did_you_mean
+from sepv._terminal import cannot_show, never_fail
 from sepv._version import __version__
-from sepv.arguments import did_you_mean
 from sepv.commands._shared import EXIT_CODES
-from sepv.plain_text import cannot_show, never_fail
 
 # By heading, in the order in which --help shows them: the name of a command, and where it is.
 GROUPS = {

@@ -83,14 +83,14 @@ def compare(
     A scheme that fails is left out and named at the end; the exit code is 3 then.
     """
     from sepv.files import require_folder, write_atomically
-    from sepv.progress import showing
-    from sepv.schemes._load import load_problem
+    from sepv.schemes import load_problem
     from sepv.studies._compare import compare as run
     from sepv.studies._compare import picture as drawing
     from sepv.studies._compare import table
     from sepv.studies._compare.choose import PEERS, installed_peers
     from sepv.studies._compare.method import from_scheme
     from sepv.studies._compare.run import one_core
+    from sepv.verification._progress import showing
     from sepv.verification._report import console
 
     drawing.require_picture(picture)

@@ -39,7 +39,7 @@ def exact(
     from sepv.reference.elliptic import closed_form, has_closed_form
     from sepv.reference.flow import enclosed, taylor
     from sepv.reference.steps import require_digits
-    from sepv.schemes._load import load_problem
+    from sepv.schemes import load_problem
     from sepv.verification._report import console
 
     require_digits(digits)

@@ -66,7 +66,7 @@ def hard(
     from rich.text import Text
 
     from sepv.problems.hard import CATALOGUE, by_name
-    from sepv.schemes._load import load_problem
+    from sepv.schemes import load_problem
     from sepv.studies._hard_cases import long_steps
     from sepv.verification._report import console, line
 
@@ -78,8 +78,8 @@ def hard(
             out.print(f"[bold]{case.name}[/bold]\n  hard: {case.reason}\n  expected: {case.expected}")
         return
     from sepv.files import require_folder, write_atomically
-    from sepv.progress import showing
     from sepv.studies._hard_cases import run
+    from sepv.verification._progress import showing
 
     require_folder(json_file)
     asked = [target] if target else [] if programs else ["energy-preserving"]
@@ -107,7 +107,7 @@ def _table(name: str, seen: Sequence[Seen], width: int) -> Table:
     from rich.table import Table
     from rich.text import Text
 
-    from sepv.widths import fitted
+    from sepv._terminal import fitted
 
     table = Table(
         box=None,

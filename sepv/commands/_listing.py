@@ -23,9 +23,9 @@ def list_(debug: bool) -> None:  # noqa: ARG001  (every command takes it)
     from rich.table import Table
 
     from sepv import problems, schemes
+    from sepv._terminal import fitted
     from sepv.verification import load_laws
     from sepv.verification._report import console
-    from sepv.widths import fitted
 
     out = console()
     for title, heading, rows in (
@@ -66,9 +66,10 @@ def _order(scheme: Any) -> str:
 
 def _families(schemes: Any) -> list[tuple[str, str, str]]:
     """One row for each family: its members are NAME-1 … NAME-6."""
+    from sepv.schemes._tableaux import MAX_STAGES
+
     return [
-        (f"{name}-s, s = 1 … {schemes.MAX_STAGES}", "s", make(1).source)
-        for name, make in schemes.FAMILIES.items()
+        (f"{name}-s, s = 1 … {MAX_STAGES}", "s", make(1).source) for name, make in schemes.FAMILIES.items()
     ]
 
 

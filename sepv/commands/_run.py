@@ -54,7 +54,7 @@ def run(
     """
     from sepv.errors import UsageError
     from sepv.files import require_folder
-    from sepv.schemes._load import load_problem
+    from sepv.schemes import load_problem
     from sepv.simulate import long_path
 
     require_folder(json_file)
@@ -133,7 +133,7 @@ def _whole(name: str, value: float) -> int:
 
 @contextmanager
 def _bar(total: int, quiet: bool) -> Iterator[Callable[[int, int], None]]:
-    from sepv.progress import showing
+    from sepv.verification._progress import showing
 
     with showing(quiet) as shown:
         yield lambda done, _total: shown.update(f"{done:,} of {total:,} steps", done / total)

@@ -52,7 +52,7 @@ def candidates(
     UsageError
         Where there is neither a target nor a program.
     """
-    from sepv.schemes._load import load_scheme
+    from sepv.schemes import load_scheme
 
     with ExitStack() as stack:
         found = [(target, load_scheme(target, problems=problems)) for target in targets]

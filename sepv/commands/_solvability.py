@@ -115,7 +115,7 @@ def solvability(
     import numpy as np
 
     from sepv.files import require_folder, write_atomically
-    from sepv.schemes._load import load_problem, load_scheme
+    from sepv.schemes import load_problem, load_scheme
     from sepv.studies._compare.picture import require_picture
     from sepv.studies._solvability import Exits, follow_paths, solvability_map
     from sepv.verification._report import console
@@ -207,7 +207,7 @@ def _show(found: Map, furthest: float, k: int | None, out: Any) -> None:
         + "."
     )
     law = f"truncated with k = {k}" if k else "untruncated"
-    from sepv.widths import fitted
+    from sepv._terminal import fitted
 
     out.print(f"\nP(Δ of a step is off the branch), c = {found.problem.c.tolist()}, {law}:")
     out.print(fitted(_table(found, k), out.width, ["worst state"]))
@@ -243,7 +243,7 @@ def _show_exits(exits: Sequence[Exits], out: Any) -> None:
     """How long paths found a solution of each step."""
     from rich.table import Table
 
-    from sepv.widths import fitted
+    from sepv._terminal import fitted
 
     if not exits:
         return

@@ -41,7 +41,7 @@ def step(
     from sepv.commands._reference import description, numbers, row
     from sepv.reference.balls import require_flint
     from sepv.reference.steps import find_equation, reference_step, require_digits
-    from sepv.schemes._load import load_problem
+    from sepv.schemes import load_problem
     from sepv.verification._report import console
 
     require_digits(digits)
@@ -98,8 +98,7 @@ def _show(out: Any, scheme: str, problem: Any, y0: Any, h: float, dW: Any, found
 def _float64(scheme: str, problem: Any, y0: Any, h: float, dW: Any) -> Any:
     import numpy as np
 
-    from sepv.schemes._guard import ask
-    from sepv.schemes._load import load_scheme
+    from sepv.schemes import ask, load_scheme
 
     return ask(load_scheme(scheme), problem, np.array(y0), h, np.array(dW, dtype=np.float64))
 

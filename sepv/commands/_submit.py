@@ -38,9 +38,9 @@ def submit(target: str | None, program: str | None, out: str, quiet: bool, **opt
     """
     from sepv.external import load_program
     from sepv.files import require_folder, write_atomically
-    from sepv.progress import watching
     from sepv.verification import Effort, bundle, load_laws, verify
     from sepv.verification import _report as page
+    from sepv.verification._progress import watching
     from sepv.verification._submission import Asked, source
 
     if bool(target) == bool(program):

@@ -45,8 +45,8 @@ def teeth(
 
     from sepv.faults import _fault_detection as suite
     from sepv.files import require_folder, write_atomically
-    from sepv.progress import showing
     from sepv.verification import Effort
+    from sepv.verification._progress import showing
     from sepv.verification._report import console, line
 
     require_folder(json_file)

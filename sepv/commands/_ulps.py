@@ -51,12 +51,12 @@ def ulps(
     from rich.table import Table
 
     from sepv import problems, schemes
+    from sepv._terminal import fitted
     from sepv.files import require_folder, write_atomically
-    from sepv.progress import showing
-    from sepv.schemes._load import load_problem
+    from sepv.schemes import load_problem
     from sepv.studies import _ulps as unit
+    from sepv.verification._progress import showing
     from sepv.verification._report import console
-    from sepv.widths import fitted
 
     require_folder(json_file)
     asked = [*(targets or (() if programs else tuple(schemes.ALL))), *(unit.peers() if peers else ())]

@@ -97,7 +97,7 @@ def verify(targets: tuple[str, ...], laws: tuple[str, ...], claims: tuple[str, .
 
 def _coverage(targets: tuple[str, ...], laws: tuple[str, ...]) -> int:
     """``--coverage``: the designs for the class of systems that each target takes."""
-    from sepv.schemes._load import load_scheme
+    from sepv.schemes import load_scheme
     from sepv.verification import _report as page
     from sepv.verification import load_laws
     from sepv.verification._coverage import show
@@ -178,10 +178,10 @@ def _verify(
 ) -> int:
     from dataclasses import replace
 
-    from sepv.progress import watching
     from sepv.verification import _report as page
     from sepv.verification import verify as run
     from sepv.verification._laws import laws_of
+    from sepv.verification._progress import watching
 
     out, reports = page.console(), []
     for target in targets:
@@ -204,8 +204,9 @@ def _verify(
 
 def _write(report: Any, files: dict[str, str | None], named: str) -> None:
     """The files; of an interrupted run none that later runs would be held to."""
-    from sepv.files import badge_json, junit_xml, report_json, write_atomically
+    from sepv.files import write_atomically
     from sepv.verification._expected import pin, to_toml
+    from sepv.verification._written import badge_json, junit_xml, report_json
 
     texts = {
         "json": report_json,

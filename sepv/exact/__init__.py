@@ -1,7 +1,8 @@
 """The exact flow at the random time h + Σ c_jΔW_j (Proposition 2.1), and references where there is none.
 
 Read `_flow` first; it takes a closed form (`_closed_forms`) where the problem has one, else a dense solution
-(`_dense_flow`). `_several_structures` and `_log_flow` are for the wider classes, `_clipping` has the error of Remark 2.1's clip.
+(`_dense_flow`). `_several_structures` and `_log_flow` are for the wider classes, `_clipping` has the error
+of Remark 2.1's clip.
 """
 
 from __future__ import annotations

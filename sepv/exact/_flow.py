@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sepv.arguments import floats
+from sepv._arguments import floats
 from sepv.errors import UsageError
 from sepv.exact._closed_forms import CLOSED_FORMS
 from sepv.exact._dense_flow import solve_dense
 from sepv.problem import Array, NamedProblem, Problem, vector_field
 from sepv.problem._hamiltonians import is_several
-from sepv.schemes._load import load_problem
+from sepv.schemes import load_problem
 
 _EPS = float(np.finfo(np.float64).eps)
 

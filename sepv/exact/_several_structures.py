@@ -7,11 +7,11 @@ four times smaller at least, which is estimated from the same path with half as 
 error of the finest step and adds 3 % to its rms at most, 0.01 to a slope over step sizes that differ by 16.
 
 **Several Hamiltonians.** Where all fields commute y(T) is the flow of T f_0 + Σ c_j W_j(T) f_j at the time 1. Else the
-reference is the log-ODE of step two (`sepv.exact._log_flow`) over a rough path, increments and Lévy areas, refined FINER
-times: of mean-square order 1 whether or not the noises commute, so that against a scheme of order 1 its error is
-smaller by FINER, and far smaller against one of order ½. It is estimated by the distance from twice as long steps.
-Twice the one less the other is the reference: errors of paths are hardly changed by that, and their mean is O(δ²), for
-weak order 2.
+reference is the log-ODE of step two (`sepv.exact._log_flow`) over a rough path, increments and Lévy areas,
+refined FINER times: of mean-square order 1 whether or not the noises commute, so that against a scheme of
+order 1 its error is smaller by FINER, and far smaller against one of order ½. It is estimated by the
+distance from twice as long steps. Twice the one less the other is the reference: errors of paths are hardly
+changed by that, and their mean is O(δ²), for weak order 2.
 """
 
 from __future__ import annotations

@@ -7,23 +7,9 @@ whole process group; the next call starts a fresh one, so that a case that crash
 
 from __future__ import annotations
 
-from sepv.errors import Skipped as Skipped
 from sepv.external._check import Check as Check
 from sepv.external._check import check_protocol as check_protocol
 from sepv.external._check import describe as describe
-from sepv.external._errors import BadAnswer as BadAnswer
-from sepv.external._errors import CallTimeout as CallTimeout
-from sepv.external._errors import LineTooLong as LineTooLong
-from sepv.external._errors import NeverReads as NeverReads
-from sepv.external._errors import NotFinite as NotFinite
-from sepv.external._errors import NotJson as NotJson
 from sepv.external._errors import ProgramError as ProgramError
-from sepv.external._errors import ProgramExit as ProgramExit
-from sepv.external._errors import RunTimeout as RunTimeout
-from sepv.external._errors import StartFailure as StartFailure
-from sepv.external._errors import StepRefused as StepRefused
-from sepv.external._errors import WrongId as WrongId
-from sepv.external._errors import WrongShape as WrongShape
-from sepv.external._messages import Hello as Hello
 from sepv.external._program import Program as Program
 from sepv.external._program import load_program as load_program

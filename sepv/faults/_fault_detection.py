@@ -20,7 +20,7 @@ from rich.text import Text
 
 from sepv.errors import UsageError
 from sepv.faults._saboteurs import ALL, Saboteur
-from sepv.simulate._engine.workers import ended_at_once
+from sepv.simulate._engine.crew import ended_at_once
 from sepv.verification import LAWS, Effort, Verdict, load_laws, verify
 
 SEEDS = tuple(range(10))

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sepv.errors import UsageError
+from sepv.files import fault, schema
 
 # A key that tells a file's kind, and whether the files of a kind are reports on a scheme, comparisons, …
 KINDS = {"suite": "verify", "reproduction": "reproduce", "times_to_error": "compare", "records": "bench"}
@@ -64,22 +65,17 @@ def _read(path: Path) -> Any:
 
 def _check(kind: str, data: dict[str, Any], path: str | Path) -> None:
     """The file obeys the schema in the package."""
-    from sepv import schemas
-
     if kind == "bench":
         from sepv.studies._bench import store
 
         store.load(str(path))  # its own check
         return
-    schema = {
-        "verify": schemas.report_schema,
-        "compare": schemas.comparison_schema,
-        "reproduce": schemas.reproduction_schema,
-    }[kind]()
-    fault = schemas.fault(data, schema)
-    if fault:
+    wrong = fault(
+        data, schema({"verify": "report", "compare": "comparison", "reproduce": "reproduction"}[kind])
+    )
+    if wrong:
         raise UsageError(
             expected=f"the JSON of sepv {kind}, as its schema describes it",
-            received=f"{path}: {fault}",
+            received=f"{path}: {wrong}",
             remedy="write the file anew with this version of sepv",
         )

@@ -17,7 +17,7 @@ from typing import Any
 
 from sepv.errors import UsageError
 from sepv.files import write_atomically
-from sepv.progress import Shown
+from sepv.verification._progress import Shown
 
 
 @dataclass(frozen=True)

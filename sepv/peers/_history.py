@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from sepv.errors import UsageError
-from sepv.files import write_atomically
-from sepv.schemas import fault, peers_schema
+from sepv.files import fault, schema, write_atomically
 
 
 @dataclass(frozen=True)
@@ -54,7 +53,7 @@ def add(folder: Path, data: dict[str, Any]) -> Path:
     UsageError
         For data that are no record, and where this version has one of today already.
     """
-    if wrong := fault(data, peers_schema()):
+    if wrong := fault(data, schema("peers")):
         raise UsageError(
             expected="a record of a version", received=wrong, remedy="measure it with `sepv peers`"
         )
@@ -84,7 +83,7 @@ def load(folder: Path) -> dict[str, list[Record]]:
     for path in sorted(folder.glob("*/*.json")):
         try:
             data = json.loads(path.read_text(encoding="utf-8"))
-            wrong = fault(data, peers_schema())
+            wrong = fault(data, schema("peers"))
         except ValueError as error:
             data, wrong = {}, str(error)
         if wrong:

@@ -26,8 +26,8 @@ from sepv.peers._cells import Cell, measured
 from sepv.peers._deviations import shown_by
 from sepv.peers._measurements import LIBRARIES, law_cells, path_cells, path_verdicts, release, silent
 from sepv.peers._multistep import PathSolver
-from sepv.progress import showing
 from sepv.verification import SUITE, Effort, Law, Verdict, load_laws
+from sepv.verification._progress import showing
 
 FORMAT = 1
 # Those that are quick enough for many versions. The local laws, by quadrature over several noises, see most faults

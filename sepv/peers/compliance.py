@@ -22,9 +22,9 @@ from sepv.peers._deviations import shown_by
 from sepv.peers._measurements import ENERGY_STEPS, LIBRARIES, PATHS, SETUPS, path_cells, scheme_cells
 from sepv.peers._multistep import PathSolver
 from sepv.peers._rows import Row, path_row, scheme_row
-from sepv.progress import Shown, showing
 from sepv.schemes import energy_preserving
 from sepv.verification import LAWS, Effort, load_laws
+from sepv.verification._progress import Shown, showing
 from sepv.verification._sequential import FALSE_ALARM, FIRST_LOOK
 
 

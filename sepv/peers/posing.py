@@ -24,7 +24,7 @@ from sepv.problem._hamiltonians import is_several
 from sepv.problems._polynomial_system import structure_entries
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
-from sepv.schemes._load import load_problem
+from sepv.schemes import load_problem
 
 __all__ = ["Formulas", "PathSolver", "field_in", "in_blocks", "pose"]
 

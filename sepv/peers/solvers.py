@@ -22,8 +22,8 @@ from sepv.peers._general import ALPHA, KEPT, PATHS, SINGLE, STEPS, T, cells, lim
 from sepv.peers._measurements import LIBRARIES, release
 from sepv.peers._solver import KINDS, Solver
 from sepv.peers.compliance import Deviation, _table, deviations_shown_by
-from sepv.progress import Shown, showing
 from sepv.verification import Effort, Verdict
+from sepv.verification._progress import Shown, showing
 
 # Half-way to the next lower order, as the laws about orders have it.
 MARGIN = 0.25
@@ -98,7 +98,7 @@ def lines(
     chosen: dict[str, tuple[Solver, ...]] = {}
     for library in libraries:
         try:
-            chosen[library] = import_module(f"sepv.peers.general_{library}").SOLVERS
+            chosen[library] = import_module(f"sepv.peers._general_{library}").SOLVERS
         except ModuleNotFoundError as error:
             click.echo(f"{library} left out: no module named {error.name!r}", err=True)
     found = measured(

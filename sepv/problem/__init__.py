@@ -1,9 +1,9 @@
 """What a problem is: a structure matrix B, a Hamiltonian H, noises c, and what is derived from them.
 
 Read `_problem` first (the records), then `_derived` (gradient, Hessian, B′ and averages, from the record of B and H),
-`_checks` (what is held against what), `_averaged_gradient` and `_fields` (formulas of B and H for batches). Wider classes:
-`_structures` (a structure for each noise), `_hamiltonians` (a Hamiltonian for each noise), `_nambu`; `_poisson` has
-Jacobi's identity, `_json` what is written and read.
+`_checks` (what is held against what), `_averaged_gradient` and `_fields` (formulas of B and H for batches).
+Wider classes: `_structures` (a structure for each noise), `_hamiltonians` (a Hamiltonian for each noise),
+`_nambu`; `_poisson` has Jacobi's identity, `_json` what is written and read.
 """
 
 from __future__ import annotations

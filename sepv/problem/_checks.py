@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sepv.errors import ProblemError
-from sepv.problem._problem import Array, Problem
+from sepv.problem._derived import Array
+
+if TYPE_CHECKING:
+    from sepv.problem._problem import Problem
 
 # Rounding only separates a right gradient from its complex step, by eps times the cancellation inside
 # H. 1e-9 is a heuristic that leaves room for a loss of seven digits there and still sees any wrong term.

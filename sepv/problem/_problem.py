@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sepv.arguments import floats
+from sepv._arguments import floats
 from sepv.errors import ProblemError, UsageError
 from sepv.problem._derived import derive
 from sepv.problem._nambu import Nambu
@@ -41,7 +41,8 @@ class PolynomialSystem:
     noise_structures : tuple of structures, optional
         G_1, …, G_m, each like `structure`: several structures. The Casimirs are then those common to all.
     noise_hamiltonians : tuple of polynomials, optional
-        H_1, …, H_m: several Hamiltonians (`sepv.problem._hamiltonians`), whether or not {H, H_j} = 0. At most one of the two.
+        H_1, …, H_m: several Hamiltonians (`sepv.problem._hamiltonians`), whether or not {H, H_j} = 0. At
+        most one of the two.
     """
 
     dimension: int
@@ -80,7 +81,8 @@ class Problem:
         The structure matrix B(y), skew-symmetric.
     hamiltonian : callable, (d, ...) -> (...)
         H. Together with `structure` it is enough where both consist of arithmetic, indexing and NumPy's elementwise
-        functions: they are then called once with symbols, and what is not given below is derived (`sepv.problem._derived`).
+        functions: they are then called once with symbols, and what is not given below is derived
+        (`sepv.problem._derived`).
     gradient : callable, (d, ...) -> (d, ...), optional
         ∇H. Where it is given nothing is derived, and it is compared with H.
     noise : array_like, shape (m,)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import lru_cache
 
-from sepv.arguments import did_you_mean
+from sepv._arguments import did_you_mean
 from sepv.errors import UsageError
 from sepv.problem import Description, GivenProblem, NamedProblem, PolynomialSystem, Problem
 from sepv.problem import from_json as from_json

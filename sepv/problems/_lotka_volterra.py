@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sepv.arguments import is_number
+from sepv._arguments import is_number
 from sepv.errors import ProblemError
 from sepv.problem import Array, Nambu, NamedProblem, Problem
 from sepv.problems._parts import flows, total

@@ -18,8 +18,8 @@ from sepv.record._means import mean_gradient as mean_gradient
 from sepv.record._polynomial import Polynomial as Polynomial
 from sepv.record._polynomial import PolynomialMap as PolynomialMap
 from sepv.record._polynomial import polynomial as polynomial
+from sepv.record._protocol import CannotRecord as CannotRecord
+from sepv.record._protocol import select as select
 from sepv.record._quadrature import gauss_legendre as gauss_legendre
-from sepv.record._symbols import CannotRecord as CannotRecord
 from sepv.record._symbols import Symbol as Symbol
 from sepv.record._symbols import Tape as Tape
-from sepv.record._symbols import select as select

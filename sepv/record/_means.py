@@ -19,9 +19,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sepv.record._derivative import gradient, hessian, jacobian, reachable
+from sepv.record._protocol import select
 from sepv.record._quadrature import gauss_legendre
 from sepv.record._replay import substitute
-from sepv.record._symbols import Symbol, select
+from sepv.record._symbols import Symbol
 
 # Beyond so many nodes a rule written out is longer than the adaptive quadrature of most steps.
 MOST_NODES = 16

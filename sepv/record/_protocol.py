@@ -15,10 +15,37 @@ import numpy as np
 from sepv.record._functions import FUNCTIONS
 
 
-def _choose(condition: Any, a: Any, b: Any) -> Any:
-    from sepv.record._symbols import select
+class CannotRecord(TypeError):
+    """Why a function cannot be recorded: it wants to know the value of a symbol, or calls what is no such function."""
 
-    return select(condition, a, b)
+    def __init__(self, what: str) -> None:
+        super().__init__(
+            f"{what}. A function is recorded where it consists of arithmetic, indexing, NumPy's elementwise functions "
+            "and np.where; what branches on values or calls into other libraries runs on NumPy as it is"
+        )
+
+
+class Element:
+    """What these functions must know of a `Symbol`, which is made of them."""
+
+    __slots__ = ()
+    tape: Any
+
+    @property
+    def number(self) -> float | None:
+        """The value of a constant."""
+        raise NotImplementedError
+
+
+def select(condition: Any, a: Any, b: Any) -> Any:
+    """a where the condition holds, else b, both evaluated."""
+    if not isinstance(condition, Element):
+        return a if condition else b
+    if condition.number is not None:
+        return a if condition.number else b
+    tape = condition.tape
+    first, second = tape.symbol(a), tape.symbol(b)
+    return first if first.index == second.index else tape.write("select", condition, first, second)
 
 
 def _elementary(name: str) -> Callable[[Any], Any]:
@@ -49,8 +76,8 @@ _UFUNCS: dict[Any, Callable[..., Any]] = {
     np.bitwise_or: operator.or_,
     np.logical_not: operator.invert,
     np.invert: operator.invert,
-    np.maximum: lambda a, b: _choose(a >= b, a, b),
-    np.minimum: lambda a, b: _choose(a <= b, a, b),
+    np.maximum: lambda a, b: select(a >= b, a, b),
+    np.minimum: lambda a, b: select(a <= b, a, b),
     **{
         getattr(np, name): _elementary(name)
         for name in FUNCTIONS
@@ -84,8 +111,6 @@ def _wrapped(value: Any) -> Any:
 
 def array_ufunc(self: Any, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:  # noqa: ARG001 - NumPy's
     """NumPy's hook for elementwise functions and their reductions."""
-    from sepv.record._symbols import CannotRecord
-
     out = options.pop("out", None)
     options.pop("dtype", None)
     plain = [_plain(value) for value in inputs]
@@ -105,7 +130,7 @@ def array_ufunc(self: Any, ufunc: Any, method: str, *inputs: Any, **options: Any
 def array_function(self: Any, function: Any, types: Any, arguments: Any, options: Any) -> Any:  # noqa: ARG001 - NumPy's
     """NumPy's hook for all other functions: `np.where` and `np.sinc`, and those that only move elements about."""
     if function is np.where and len(arguments) == 3:
-        return _wrapped(np.frompyfunc(_choose, 3, 1)(*map(_plain, arguments)))
+        return _wrapped(np.frompyfunc(select, 3, 1)(*map(_plain, arguments)))
     if function is np.sinc:
         return _sinc(arguments[0])
     if function in (np.all, np.any):
@@ -128,9 +153,7 @@ def _as_array(value: Any) -> Any:
 
 def _unwrapped(value: Any) -> Any:
     """Arguments in which no array and no symbol answers for itself."""
-    from sepv.record._symbols import Symbol
-
-    if isinstance(value, (SymbolArray, Symbol)):
+    if isinstance(value, (SymbolArray, Element)):
         return _plain(value)
     if isinstance(value, (list, tuple)):
         return type(value)(_unwrapped(v) for v in value)

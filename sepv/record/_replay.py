@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from sepv.record._derivative import reachable
-from sepv.record._symbols import Symbol, array, select
+from sepv.record._protocol import select
+from sepv.record._symbols import Symbol, array
 
 ARITHMETIC: dict[str, Callable[..., Any]] = {
     "add": operator.add,

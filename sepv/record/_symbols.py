@@ -16,21 +16,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sepv.record._functions import FUNCTIONS
-from sepv.record._protocol import SymbolArray, array_function, array_ufunc
+from sepv.record._protocol import CannotRecord, Element, SymbolArray, array_function, array_ufunc, select
 
 # Whole powers up to this one are products, as NumPy's square is. They are lines "whole", which multiply like any
 # product, but are known for what they are: xⁿ⁻¹·x is xⁿ, with the derivative n xⁿ⁻¹.
 LARGEST_POWER = 32
-
-
-class CannotRecord(TypeError):
-    """Why a function cannot be recorded: it wants to know the value of a symbol, or calls what is no such function."""
-
-    def __init__(self, what: str) -> None:
-        super().__init__(
-            f"{what}. A function is recorded where it consists of arithmetic, indexing, NumPy's elementwise functions "
-            "and np.where; what branches on values or calls into other libraries runs on NumPy as it is"
-        )
 
 
 class Operation(NamedTuple):
@@ -111,7 +101,7 @@ def _as_symbol(tape: Tape, value: Any) -> Symbol | None:
     return None
 
 
-class Symbol:
+class Symbol(Element):
     """A line of a tape, with the arithmetic of numbers."""
 
     __slots__ = ("index", "tape")
@@ -385,14 +375,3 @@ def _logical(name: str, a: Symbol, b: Symbol) -> Symbol:
             decided = bool(condition.number) == (name == "or")
             return condition if decided else other
     return a if a.index == b.index else _ordered(name, a, b)
-
-
-def select(condition: Any, a: Any, b: Any) -> Any:
-    """a where the condition holds, else b, both evaluated."""
-    if not isinstance(condition, Symbol):
-        return a if condition else b
-    if condition.number is not None:
-        return a if condition.number else b
-    tape = condition.tape
-    first, second = tape.symbol(a), tape.symbol(b)
-    return first if first.index == second.index else tape.write("select", condition, first, second)

@@ -1,16 +1,24 @@
-"""The schemes, one file each: those of the paper, and families of higher order by their number of stages."""
+"""The schemes, one file each: those of the paper, and families of higher order by their number of stages.
+
+Read `_scheme` first (what a scheme says of itself), `_energy_preserving` (equation (2.1)) and `_one_step` (a
+formula becomes a scheme). `_guard` asks a scheme and checks what it answers, `_load` finds it by name,
+`_point_laws` has increments with two or three values, `_division` and `_continuation` solve long steps.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
-from sepv.arguments import did_you_mean
-from sepv.errors import UsageError
 from sepv.schemes._area_midpoint import scheme as area_midpoint
 from sepv.schemes._both_invariants import scheme as both_invariants
+from sepv.schemes._catalogue import ALL as ALL
+from sepv.schemes._catalogue import FAMILIES as FAMILIES
+from sepv.schemes._catalogue import HAMILTONIANS as HAMILTONIANS
+from sepv.schemes._catalogue import MORE as MORE
+from sepv.schemes._catalogue import by_name as by_name
 from sepv.schemes._collocation import collocation as collocation
+from sepv.schemes._continuation import continued as continued
 from sepv.schemes._darboux_lie import scheme as darboux_lie
 from sepv.schemes._discrete_gradient import scheme as discrete_gradient
+from sepv.schemes._division import divided as divided
 from sepv.schemes._drift_preserving import scheme as drift_preserving
 from sepv.schemes._energy_preserving import scheme as energy_preserving
 from sepv.schemes._euler_heun import scheme as euler_heun
@@ -18,87 +26,47 @@ from sepv.schemes._euler_maruyama import scheme as euler_maruyama
 from sepv.schemes._explicit import explicit as explicit
 from sepv.schemes._gauss import gauss as gauss
 from sepv.schemes._gonzalez import scheme as gonzalez
+from sepv.schemes._guard import ask as ask
 from sepv.schemes._isospectral_midpoint import scheme as isospectral_midpoint
 from sepv.schemes._itoh_abe import scheme as itoh_abe
+from sepv.schemes._load import load_problem as load_problem
+from sepv.schemes._load import load_scheme as load_scheme
 from sepv.schemes._midpoint import scheme as midpoint
 from sepv.schemes._milstein import scheme as milstein
 from sepv.schemes._modified_weak_two import scheme as modified_weak_two
+from sepv.schemes._one_step import RANDOM_STEP as RANDOM_STEP
+from sepv.schemes._one_step import Explicit as Explicit
+from sepv.schemes._one_step import implicit as implicit
+from sepv.schemes._one_step import one_step as one_step
+from sepv.schemes._orders import Orders as Orders
+from sepv.schemes._point_laws import PointLaw as PointLaw
 from sepv.schemes._projected import projected as projected
-from sepv.schemes._scheme import Scheme
+from sepv.schemes._scheme import Scheme as Scheme
+from sepv.schemes._scheme import weakly as weakly
 from sepv.schemes._several_structures import scheme as several_structures
 from sepv.schemes._splitting import scheme as splitting
 from sepv.schemes._stochastic_midpoint import scheme as stochastic_midpoint
 from sepv.schemes._stochastic_splitting import scheme as stochastic_splitting
-from sepv.schemes._tableaux import MAX_STAGES
-
-ALL: dict[str, Scheme] = {
-    s.name: s for s in (energy_preserving, midpoint, discrete_gradient, euler_heun, milstein, euler_maruyama)
-}
-# What the paper does not have.
-MORE: dict[str, Scheme] = {
-    s.name: s
-    for s in (
-        both_invariants,
-        several_structures,
-        gonzalez,
-        itoh_abe,
-        modified_weak_two,
-        splitting,
-        explicit(4),
-        explicit(8),
-        projected(4),
-        projected(8),
-    )
-}
-# For several Hamiltonians that need not commute.
-HAMILTONIANS: dict[str, Scheme] = {
-    s.name: s
-    for s in (
-        stochastic_midpoint,
-        area_midpoint,
-        stochastic_splitting,
-        isospectral_midpoint,
-        darboux_lie,
-        drift_preserving,
-    )
-}
-# Families: NAME-s is their member with s stages, s = 1 … MAX_STAGES.
-FAMILIES: dict[str, Callable[[int], Scheme]] = {"collocation": collocation, "gauss": gauss}
-
-
-def by_name(name: str) -> Scheme:
-    """A scheme of `ALL`, `MORE` or `HAMILTONIANS`, or a member of a family: "collocation-3"; "_" and "-" are the same.
-
-    Raises
-    ------
-    UsageError
-    """
-    wanted = name.replace("_", "-")
-    for schemes in (ALL, MORE, HAMILTONIANS):
-        if wanted in schemes:
-            return schemes[wanted]
-    family, _, stages = wanted.rpartition("-")
-    if family in FAMILIES and stages.isdecimal() and 1 <= int(stages) <= MAX_STAGES:
-        return FAMILIES[family](int(stages))
-    families = ", ".join(f"{f}-1 … {f}-{MAX_STAGES}" for f in FAMILIES)
-    raise UsageError(
-        expected=f"a built-in scheme: {', '.join([*ALL, *MORE, *HAMILTONIANS])}, {families}",
-        received=did_you_mean(name, [*ALL, *MORE, *HAMILTONIANS]),
-        remedy="see `sepv list`",
-    )
-
 
 __all__ = [
     "ALL",
     "FAMILIES",
     "HAMILTONIANS",
     "MORE",
+    "RANDOM_STEP",
+    "Explicit",
+    "Orders",
+    "PointLaw",
+    "Scheme",
     "area_midpoint",
+    "ask",
     "both_invariants",
     "by_name",
     "collocation",
+    "continued",
     "darboux_lie",
     "discrete_gradient",
+    "divided",
     "drift_preserving",
     "energy_preserving",
     "euler_heun",
@@ -106,14 +74,19 @@ __all__ = [
     "explicit",
     "gauss",
     "gonzalez",
+    "implicit",
     "isospectral_midpoint",
     "itoh_abe",
+    "load_problem",
+    "load_scheme",
     "midpoint",
     "milstein",
     "modified_weak_two",
+    "one_step",
     "projected",
     "several_structures",
     "splitting",
     "stochastic_midpoint",
     "stochastic_splitting",
+    "weakly",
 ]

@@ -35,7 +35,8 @@ from sepv.solve._implicit import into_domain, iterate
 from sepv.solve._solution import Equations, Evaluation, Solution, merge
 
 _EPS = float(np.finfo(np.float64).eps)
-# Where H is no polynomial: nodes of the first rule beyond s, and the largest rule, as in `sepv.problem._averaged_gradient`.
+# Where H is no polynomial: nodes of the first rule beyond s, and the largest rule, as in
+# `sepv.problem._averaged_gradient`.
 FIRST_NODES, MAX_NODES = 4, 128
 
 

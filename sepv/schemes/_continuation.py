@@ -48,7 +48,7 @@ def continued(scheme: Scheme) -> Scheme:
         raise UsageError(
             expected="an implicit scheme whose solve takes a start",
             received=f"the scheme {scheme.name!r}",
-            remedy="take a smaller h, or divide steps that fail (sepv.schemes._division.divided)",
+            remedy="take a smaller h, or divide steps that fail (sepv.schemes.divided)",
         )
     inner: Callable[..., Solution] = scheme.solve
 

@@ -1,7 +1,8 @@
 """What a step may ask for beside h and ΔW: Lévy areas, space-time ones, or increments of a half (`Scheme.asks`).
 
-Laws that draw them (`sepv.simulate._areas`) keep them in further rows of dW (m, ...): (m + k, ...) with the A_ij for i < j, the
-H_i, or the increments W(h/2) − W(0). `answer` takes them apart and calls the step with a fifth argument.
+Laws that draw them (`sepv.simulate._areas`) keep them in further rows of dW (m, ...): (m + k, ...) with the
+A_ij for i < j, the H_i, or the increments W(h/2) − W(0). `answer` takes them apart and calls the step with a
+fifth argument.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from sepv.arguments import did_you_mean
+from sepv._arguments import did_you_mean
 from sepv.errors import TargetError, UsageError
 from sepv.problem import NamedProblem, PolynomialSystem, Problem
 from sepv.record._polynomial import parse_float
@@ -99,7 +99,7 @@ def _check_signature(step: Any, name: str, count: int = 4) -> None:
 
 def _named(target: str, problems: Iterable[Problem]) -> Scheme:
     if ":" not in target:
-        from sepv.schemes import by_name
+        from sepv.schemes._catalogue import by_name
 
         try:
             return by_name(target)
@@ -153,7 +153,7 @@ def load_problem(target: Any) -> Problem:
 
 def words_for(scheme: Any, problems: Any = None) -> str:
     """What stands for a scheme, and for what it is for, after ``sepv verify``; empty where nothing can be typed."""
-    from sepv.schemes import by_name
+    from sepv.schemes._catalogue import by_name
 
     words = scheme if isinstance(scheme, str) else ""
     if isinstance(scheme, Scheme):

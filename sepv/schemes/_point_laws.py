@@ -19,7 +19,7 @@ from functools import cached_property
 from itertools import accumulate
 from typing import TYPE_CHECKING
 
-from sepv.arguments import did_you_mean
+from sepv._arguments import did_you_mean
 from sepv.errors import UsageError
 
 if TYPE_CHECKING:

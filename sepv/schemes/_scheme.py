@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sepv.arguments import floats, is_number
+from sepv._arguments import floats, is_number
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem
 from sepv.schemes._point_laws import PointLaw, point_law
@@ -54,7 +54,7 @@ class Scheme:
         The laws it says it obeys. Laws that are not claimed are measured and printed all the same.
     source : str
         Where the formula comes from.
-    mean_square_order, weak_order : float or `sepv.schemes._orders.Orders`, optional
+    mean_square_order, weak_order : float or `sepv.schemes.Orders`, optional
         Claimed orders, in general or for each kind of noise: with the first, the laws "local-mean",
         "local-mean-square", "mean-square-order" and "right-limit" are claimed, with the second "local-weak" and
         "weak-order".
@@ -66,8 +66,8 @@ class Scheme:
     truncation : int, optional
         k of Remark 2.1 for the increments the scheme wants; None for untruncated.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
-        The increments it is meant for (`sepv.schemes._point_laws`). Those of a few points are bounded, so that `truncation` is
-        None; such a scheme has a weak order alone.
+        The increments it is meant for (`sepv.schemes._point_laws`). Those of a few points are bounded, so
+        that `truncation` is None; such a scheme has a weak order alone.
     batched : bool
         Whether `step` takes batches.
     systems : str
@@ -133,7 +133,7 @@ class Scheme:
                 raise UsageError(
                     expected="a weak order alone, for increments of a few points",
                     received=f"mean_square_order = {self.mean_square_order!r} with {law.name} increments",
-                    remedy="sepv.schemes._scheme.weakly(scheme, increments) drops what a scheme claims of paths",
+                    remedy="sepv.schemes.weakly(scheme, increments) drops what a scheme claims of paths",
                 )
         if self.mean_square_order is not None:
             claims |= PATHWISE - {"commutation"}

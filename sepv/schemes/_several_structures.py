@@ -6,8 +6,8 @@ y1 = y0 + [h B(ȳ) + Σ_j c_j ΔŴ_j G_j(ȳ)] ∫₀¹ ∇H(y0 + τ(y1 − y0)) 
 B and all G_j, as in Proposition 3.2. **Mean-square order** 1 for one noise, and for several whose fields G_j∇H commute;
 ½ otherwise: the scheme sees no iterated integrals ∫W_i∘dW_j, which are of the order of h where fields do not commute.
 Where G_j = B it is (2.1). Several Hamiltonians with {H_0, H_j} = 0 are posed in this form by
-`sepv.problem.commuting_hamiltonians`; a step at or next to a critical point of H_0, where S_j∇̄H_0 does not stand for
-B∇H_j, has the status UNDEFINED.
+`sepv.problem.commuting_hamiltonians`; a step at or next to a critical point of H_0, where
+S_j∇̄H_0 does not stand for B∇H_j, has the status UNDEFINED.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Paths and ensembles: Wiener increments, the loop over steps, the compiled engine, workers and clusters.
 
-Read `_wiener` first (increments that depend on the path and the step alone), `_areas` (Lévy areas), `_paths` (one path, the
-NumPy batch), then `_engine` (chunks of paths by NumPy or compiled, on threads, processes or a cluster) and `_results`
-(what is kept of many paths).
+Read `_wiener` first (increments that depend on the path and the step alone), `_areas` (Lévy areas), `_paths`
+(one path, the NumPy batch), then `_engine` (chunks of paths by NumPy or compiled, on threads, processes or a
+cluster) and `_results` (what is kept of many paths).
 """
 
 from __future__ import annotations

@@ -10,15 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sepv.arguments import floats, is_number
+from sepv._arguments import floats, is_number
 from sepv.errors import StepFailure, TruncationWarning, UsageError
 from sepv.problem import Array, Problem
-from sepv.schemes import Scheme
+from sepv.schemes import PointLaw, Scheme, ask, load_problem, load_scheme, weakly
 from sepv.schemes._further import answer, further_rows
-from sepv.schemes._guard import ask
-from sepv.schemes._load import load_problem, load_scheme
-from sepv.schemes._point_laws import PointLaw
-from sepv.schemes._scheme import REFUSALS, Step, weakly
+from sepv.schemes._scheme import REFUSALS, Step
 from sepv.simulate import _areas as areas
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._results.labelled import to_xarray
@@ -75,9 +72,9 @@ class Ensemble:
     engine : "numpy" or "compiled"
     reason : why it was not the compiled engine.
     divisions : int
-        Steps and parts of steps that were divided, over all paths (`sepv.schemes._division.divided`).
+        Steps and parts of steps that were divided, over all paths (`sepv.schemes.divided`).
     continuations : int
-        Shares of steps solved on the way to failed ones (`sepv.schemes._continuation.continued`).
+        Shares of steps solved on the way to failed ones (`sepv.schemes.continued`).
     repeated : int
         Chunks that had to be computed again because a worker raised or died.
     reduced : dict of `sepv.simulate._results.reductions.Summary`
@@ -144,7 +141,8 @@ def integrate(
     truncation : int or None
         k of Remark 2.1; by default the scheme's own. None for untruncated.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
-        By default the scheme's own. Each is taken at the rank of the increment drawn or given (`sepv.simulate._wiener.seen`).
+        By default the scheme's own. Each is taken at the rank of the increment drawn or given
+        (`sepv.simulate._wiener.seen`).
 
     Returns
     -------

@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from sepv.errors import UsageError
 from sepv.problem import Array
-from sepv.schemes._point_laws import PointLaw, point_law
+from sepv.schemes import PointLaw
+from sepv.schemes._point_laws import point_law
 
 # Levels of at most this many increments share the path's first stream.
 TOP = 64

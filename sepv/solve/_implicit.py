@@ -44,7 +44,8 @@ STAGNATION = float(np.sqrt(_EPS))
 ROUNDING = 256 * _EPS
 # Unknowns of a single lane up to which numbers are quicker than arrays.
 FEW = 64
-# The rounding of a sum of a dozen terms, beside their absolute values: far below the K of `sepv.verification._tolerance`.
+# The rounding of a sum of a dozen terms, beside their absolute values: far below the K of
+# `sepv.verification._tolerance`.
 TERMS = 16 * _EPS
 
 

@@ -1,7 +1,7 @@
 """A scheme on the hard cases: how each step ends, and the energy defect in extended precision.
 
-A step ends well in one of two ways: a value within the derived bound of `sepv.verification._tolerance`, or a refusal that
-the case allows. Everything else is counted: a value that is not finite or outside the domain, a defect
+A step ends well in one of two ways: a value within the derived bound of `sepv.verification._tolerance`, or a
+refusal that the case allows. Everything else is counted: a value that is not finite or outside the domain, a defect
 beyond the bound, a refusal where a solution exists.
 """
 

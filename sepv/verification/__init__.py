@@ -1,9 +1,10 @@
 """From a scheme to verdicts: laws, their cases, their bounds, and the run that measures them.
 
 Read `_law` first (a law, an effort, a verdict), then `_verify` (a run over all laws) with `_laws` (their list) and
-`_outcome` (the report). `_search` has laws about single steps, whose cases come from `strategies` and `_cases`; `_sequential`
-laws about whole paths, and `_orders` laws about orders. `_tolerance` derives every bound. `_report` shows a run,
-`_submission` checks somebody else's. The laws themselves, one a file, are `sepv.properties`.
+`_outcome` (the report). `_search` has laws about single steps, whose cases come from `strategies` and
+`_cases`; `_sequential` laws about whole paths, and `_orders` laws about orders. `_tolerance` derives every
+bound. `_report` shows a run, `_submission` checks somebody else's. The laws themselves, one a file, are
+`sepv.properties`.
 """
 
 from __future__ import annotations

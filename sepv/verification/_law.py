@@ -61,7 +61,8 @@ class Finding:
     defect, bound, unit
         The worst measurement; None where nothing was measured.
     witness : dict or None
-        What shows a violation or an error: a `sepv.verification.Case` as JSON, or the setup of a statistical law.
+        What shows a violation or an error: a `sepv.verification.Case` as JSON, or the setup of a
+        statistical law.
     replay : str
         Arguments after ``sepv verify TARGET`` that show it again.
     checks : int
@@ -114,8 +115,8 @@ class Effort:
         How many checks a counterexample may be simplified with; 0 leaves it as it was found. A number and not a time,
         so that a finding does not depend on what else the machine does.
     corpus : bool
-        Whether known witnesses (`sepv.verification._corpus`) are asked before a law's design. Without them a count of examples says
-        what the search alone can do.
+        Whether known witnesses (`sepv.verification._corpus`) are asked before a law's design. Without them a
+        count of examples says what the search alone can do.
     cache : dict
         What the laws of one run hand on to each other. Leave it alone.
     """

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from importlib import import_module
 
-from sepv.arguments import did_you_mean
+from sepv._arguments import did_you_mean
 from sepv.errors import UsageError
 from sepv.verification._law import Law
 from sepv.verification._levels import LEVELS

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from sepv._arguments import did_you_mean
 from sepv._version import __version__
-from sepv.arguments import did_you_mean
 from sepv.errors import UsageError
 from sepv.schemes import Scheme
 from sepv.schemes._point_laws import NORMAL, point_law
@@ -29,7 +29,8 @@ class Report:
     interrupted : bool
         Whether some laws were not measured.
     pinned : bool
-        Whether the run was held to a pin (`sepv.verification._expected`): every violation must be claimed or listed there.
+        Whether the run was held to a pin (`sepv.verification._expected`): every violation must be claimed or
+        listed there.
     gaps : tuple of str
         Sentences about laws that the pin says nothing of, or that it guards and that were not measured now.
     target : str
@@ -49,7 +50,7 @@ class Report:
 
     @property
     def conformance(self) -> Conformance | None:
-        """The level that the scheme reaches (`sepv.verification._levels`); None where laws of level 1 were not measured."""
+        """The level that the scheme reaches; None where laws of level 1 were not measured."""
         return conformance(self.findings, load_laws())
 
     @property

@@ -5,8 +5,9 @@
     E|B||Φ′|ᵀ + |Φ′||B|Eᵀ + E|B|Eᵀ,    |B(y1 + e) − B(y1)| for the error e of y1,    and roundings of the products.
 
 For polynomial data inside half the contraction radius the disc of Cauchy's estimate is known: with r the ball of
-`sepv.verification.strategies.contraction_ball`, every y0 + ζe_j, |ζ| ≤ r/2, moves by at most r/2 and stays in the ball, so that
-ρ = M = r/2. For other problems the formula of order four stands for what that of order six may be off by.
+`sepv.verification._contraction.contraction_ball`, every y0 + ζe_j, |ζ| ≤ r/2, moves by at most r/2 and stays
+in the ball, so that ρ = M = r/2. For other problems the formula of order four stands for what that of order
+six may be off by.
 """
 
 from __future__ import annotations
@@ -17,13 +18,12 @@ from sepv.errors import Skipped
 from sepv.problem import Array, Problem
 from sepv.problem import _poisson as poisson
 from sepv.record import PolynomialMap
-from sepv.schemes import Scheme
-from sepv.schemes._guard import ask
+from sepv.schemes import Scheme, ask
 from sepv.verification._amplification import amplification
 from sepv.verification._cases.case import Case
+from sepv.verification._contraction import contraction_ball
 from sepv.verification._law import Measurement
 from sepv.verification._tolerance import EPS, TINY, operations, step_residual, structure_majorant
-from sepv.verification.strategies import contraction_ball
 
 # Steps with a derivative known to fewer digits say nothing about the structure.
 ROUGH = 1e-6

@@ -7,17 +7,18 @@ import os
 import sys
 from collections.abc import Sequence
 from html import escape
-from typing import Any, Literal, TextIO
+from typing import TYPE_CHECKING, Any, Literal, TextIO
 
 from rich import box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from sepv.plain_text import ascii_text, cannot_show
+from sepv._terminal import ascii_text, cannot_show, kept
 from sepv.verification._law import Finding, Verdict
-from sepv.verification._outcome import Report
-from sepv.widths import kept
+
+if TYPE_CHECKING:
+    from sepv.verification._outcome import Report
 
 _STYLES = {
     Verdict.HOLDS: "green",

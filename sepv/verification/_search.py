@@ -1,8 +1,8 @@
 """Laws about single steps: a design visits every stratum of the cases, then Hypothesis looks for one that violates.
 
-Witnesses of the corpus come first (`sepv.verification._corpus`), then the design, since it misses no pair of strata (`sepv.verification._cases.strata`).
-Where a case of it violates, Hypothesis looks for a simpler one; where it finds none, the case itself is simplified
-(`sepv.verification._cases.shrink`).
+Witnesses of the corpus come first (`sepv.verification._corpus`), then the design, since it misses no pair of
+strata (`sepv.verification._cases.strata`). Where a case of it violates, Hypothesis looks for a simpler one;
+where it finds none, the case itself is simplified (`sepv.verification._cases.shrink`).
 """
 
 from __future__ import annotations
@@ -133,13 +133,13 @@ def searched(
 ) -> Law:
     """A law whose cases are drawn by a design and by a strategy, and measured one by one.
 
-    The design is the law's in `sepv.verification._cases.spaces.SPACES`. A scheme for a special class of systems is asked about those
-    (`sepv.verification._cases.structures.CASES`).
+    The design is the law's in `sepv.verification._cases.spaces.SPACES`. A scheme for a special class of
+    systems is asked about those (`sepv.verification._cases.structures.CASES`).
 
     Parameters
     ----------
     check : (scheme, case) -> Measurement
-        May raise what `sepv.schemes._guard.ask` raises.
+        May raise what `sepv.schemes.ask` raises.
     faults_violate : bool
         For the contract: an answer of the wrong shape or type is a violation there, an error elsewhere.
     not_applicable : scheme -> str

@@ -81,8 +81,8 @@ def setups(
     """The problems, end times and steps on which schemes for a class of systems are judged.
 
     For "single", a non-constant B with one noise and a non-quadratic H with two: no large step of theirs is unsolvable.
-    The coarsest step is halved where increments are not truncated or are drawn by `sepv.verification._orders.tilting`: a random step then
-    may be more than 1, far from any asymptotics.
+    The coarsest step is halved where increments are not truncated or are drawn by
+    `sepv.verification._orders.tilting`: a random step then may be more than 1, far from any asymptotics.
     """
     names = {
         "nambu": ("rigid-body", "lotka-volterra"),

@@ -1,7 +1,8 @@
 """Groups of laws in processes of their own: started here, asked one group at a time, ended whatever happens.
 
-Each worker is a fresh interpreter (`sepv.verification._worker`), not a fork: a scheme's library may have threads, and a fork of
-threads can hang. What goes in and out is pickled. A worker that dies takes one law with it, not the run.
+Each worker is a fresh interpreter (`sepv.verification._worker`), not a fork: a scheme's library may have
+threads, and a fork of threads can hang. What goes in and out is pickled. A worker that dies takes one law
+with it, not the run.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ from typing import Any
 
 from sepv._version import __version__
 from sepv.errors import SepvError, UsageError
-from sepv.schemas import fault, manifest_schema, report_schema
+from sepv.files import fault, schema
 from sepv.schemes._load import load_object
 from sepv.verification._law import Effort, Finding, Verdict
 from sepv.verification._laws import load_laws
@@ -185,14 +185,14 @@ def read(path: str | Path) -> Bundle:
                 raise _no_bundle(path, f"more than {LARGEST >> 20} MiB")
             texts = {name: folder.read(name).decode() for name in folder.namelist()}
         manifest = json.loads(texts.pop(MANIFEST))
-        if wrong := fault(manifest, manifest_schema()):
+        if wrong := fault(manifest, schema("manifest")):
             raise _no_bundle(path, f"{MANIFEST}, {wrong}")
         hashes = {name: _hash(text.encode()) for name, text in texts.items()}
         if hashes != manifest["files"]:
             changed = sorted(set(hashes.items()) ^ set(manifest["files"].items()))
             raise _no_bundle(path, f"other hashes of {', '.join(sorted({name for name, _ in changed}))}")
         report = json.loads(texts[REPORT])
-        if wrong := fault(report, report_schema()):
+        if wrong := fault(report, schema("report")):
             raise _no_bundle(path, f"{REPORT}, {wrong}")
     except UsageError:
         raise

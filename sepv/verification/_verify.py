@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from sepv.errors import ClusterFailure, SepvError, Skipped, TargetError, UsageError
-from sepv.schemes import Scheme
-from sepv.schemes._load import load_scheme, words_for
+from sepv.schemes import Scheme, load_scheme
+from sepv.schemes._load import words_for
 from sepv.schemes._scheme import Step
 from sepv.simulate._engine.workers import run_all
 from sepv.verification import _side_by_side as side_by_side
@@ -45,7 +45,7 @@ def verify(
     Parameters
     ----------
     scheme : str, Scheme or function
-        As for `sepv.schemes._load.load_scheme`.
+        As for `sepv.schemes.load_scheme`.
     laws : iterable of str, or one string with commas, optional
         Only these; all by default.
     claims : iterable of str, or one string with commas
@@ -56,22 +56,23 @@ def verify(
     progress : callable (law, finding or None), optional
         Called before each law with None, and after it with its finding.
     expected : path, optional
-        A file of claims and of expected failures (`sepv.verification._expected`): the claims are added, and the laws expected to
-        fail are checked by the pinned witness alone.
+        A file of claims and of expected failures (`sepv.verification._expected`): the claims are added, and
+        the laws expected to fail are checked by the pinned witness alone.
     jobs : int
         Laws measured side by side in so many processes, with the same verdicts. The scheme must be one that another
         process can import.
     problems : problem or strategy, or a list of them, optional
         What the scheme is for, where that is not every system of its class: built-in names, families
-        (`sepv.verification._cases.families`), ``module:attribute``, ``.json`` files, `Problem` records, Hypothesis strategies of
-        `PolynomialSystem` or `Problem`. Laws draw their cases from these alone.
+        (`sepv.verification._cases.families`), ``module:attribute``, ``.json`` files, `Problem` records,
+        Hypothesis strategies of `PolynomialSystem` or `Problem`. Laws draw their cases from these alone.
     workers : executor, map-like callable, Dask client or its address, optional
         The same on other machines (docs/clusters.md): what an engine for `sepv.ensemble` is serves here. Where a
         cluster is lost, the laws that were not decided are not measured, and the report counts as interrupted.
     effort : Effort, optional
         How hard to look; ``Effort().deeper()`` for a night.
     level : 1, 2 or 3, optional
-        Only the laws up to this level of conformance (`sepv.verification._levels`), which must be reached; not beside `laws`.
+        Only the laws up to this level of conformance (`sepv.verification._levels`), which must be reached;
+        not beside `laws`.
 
     Returns
     -------

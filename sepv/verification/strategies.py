@@ -15,16 +15,31 @@ import numpy as np
 from hypothesis import strategies as st
 
 from sepv import problems
-from sepv.problem import Array, Description, NamedProblem, PolynomialSystem, Problem
-from sepv.problem._fields import contract, matmul, matvec
-from sepv.record import Polynomial, PolynomialMap
+from sepv.problem import Description, NamedProblem, PolynomialSystem
+from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 from sepv.verification._cases.case import Case
-from sepv.verification._tolerance import majorants
+from sepv.verification._contraction import CONTRACTION, contraction_ball, contraction_radius
 
-# A contraction factor of 1/4 leaves a unique solution near y0 for every scheme that evaluates B and ∇H
-# between y0 and y1, and makes |(I − ∂R/∂y1)⁻¹| at most 4/3.
-CONTRACTION = 0.25
+# What a user draws from; the parts below serve the strategies of other classes of systems.
+__all__ = [
+    "CONTRACTION",
+    "any_steps",
+    "casimir_systems",
+    "coefficients",
+    "hamiltonians",
+    "noises",
+    "paper_problems",
+    "paper_steps",
+    "poisson_systems",
+    "polynomials",
+    "skew_structures",
+    "steps",
+]
+
+
+def __dir__() -> list[str]:
+    return __all__
 
 
 # Strategies are made once: Hypothesis validates each that is made anew, which costs as much as its draws.
@@ -252,7 +267,7 @@ def steps_within(draw: st.DrawFn, data: Description, y: tuple[float, ...], radiu
 
 
 def halved(case: Case) -> Case:
-    """Half the step: what a bound from Cauchy's estimate needs for all states around y (`sepv.verification._poisson_map`)."""
+    """Half the step: what a bound from Cauchy's estimate needs for all states around y (law poisson-map)."""
     return replace(case, h=case.h / 2, dW=tuple(v / 2 for v in case.dW))
 
 
@@ -262,48 +277,6 @@ def in_the_mean(case: Case) -> Case:
     radius, noise = min(contraction_ball(problem, y)[0], 1.0), 4 * float(problem.c.sum())
     root = (-noise + (noise * noise + 4 * radius) ** 0.5) / 2
     return replace(case, h=root * root, dW=(0.0,) * problem.noises)
-
-
-def is_short(case: Case) -> bool:
-    """Whether a step of polynomial data is inside half its contraction radius; True for other problems."""
-    problem, y, h, dW = case.build()
-    if not isinstance(problem.gradient, PolynomialMap):
-        return True
-    return bool(abs(h) + np.sum(np.abs(problem.c * dW)) <= contraction_radius(problem, y) / 2)
-
-
-def contraction_radius(problem: Problem, y: Array) -> float:
-    """A radius for |h| + Σ|c_jΔW_j| inside which every implicit scheme's step from y is a contraction.
-
-    On the ball |y1 − y0|_∞ ≤ r the majorants M_B, M_g and those of their derivatives bound R by |Δ| G and its
-    Lipschitz constant by |Δ| L with L = |B′|M_g + M_B|H″| (twice that of (2.1), as the coordinate
-    increments of a discrete gradient need). Then |Δ| ≤ min(r/G, CONTRACTION/L) maps the ball into itself.
-
-    `problem` must be polynomial data.
-    """
-    return contraction_ball(problem, y)[0]
-
-
-def contraction_ball(problem: Problem, y: Array) -> tuple[float, float]:
-    """(radius, r): for |Δ| ≤ radius the solution stays within r of y, also for complex Δ: majorants bound both.
-
-    Any r > 0 gives a radius. Those tried are parts of |y|, the scale of the system near y, and of 1 + |y|, for states
-    at and near the origin.
-    """
-    largest = float(np.max(np.abs(y)))
-    sizes = [(1 + largest) * 2.0**-k for k in range(6)] + [largest * 2.0**-k for k in range(-1, 6) if largest]
-    balls = np.array(sizes)
-    reach = np.abs(y)[:, None] + balls
-    B, g, dB, H = majorants(problem, reach)
-    field = np.max(matvec(B, g), axis=0)
-    slope = np.max(np.sum(contract(dB, g) + matmul(B, H), axis=1), axis=0)
-    with np.errstate(all="ignore"):
-        # Where nothing moves any step is short enough; majorants that overflow leave no step at all.
-        radii = np.minimum(
-            np.where(field > 0, balls / field, np.inf), np.where(slope > 0, CONTRACTION / slope, np.inf)
-        )
-    best = int(np.argmax(np.nan_to_num(radii, nan=0.0, posinf=np.inf)))
-    return float(radii[best]), float(balls[best])
 
 
 def linear_forms(A: tuple[tuple[float, ...], ...]) -> list[Polynomial]:

@@ -19,17 +19,19 @@ from sepv.problem._fields import matvec
 from sepv.problem._nambu import cross
 from sepv.problem._structures import noise_structures
 from sepv.schemes import (
+    PointLaw,
     Scheme,
     both_invariants,
     collocation,
     energy_preserving,
+    implicit,
     modified_weak_two,
     several_structures,
+    weakly,
 )
 from sepv.schemes._both_invariants import required
-from sepv.schemes._one_step import each_noise, implicit
-from sepv.schemes._point_laws import PointLaw
-from sepv.schemes._scheme import Step, as_lanes, weakly
+from sepv.schemes._one_step import each_noise
+from sepv.schemes._scheme import Step, as_lanes
 from sepv.schemes._tableaux import exact_nodes, gauss_tableau, moments
 from sepv.solve import Fields
 
@@ -39,7 +41,7 @@ Tables = Callable[[int, int], tuple[Array, Array]]
 
 
 def staged(stages: int, tables: Tables) -> Step:
-    """Collocation with other weights W and integrals P than `sepv.schemes._tableaux.moments`, by fixed-point iteration."""
+    """Collocation with weights W and integrals P of `tables`, by fixed-point iteration."""
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         y0, noise = as_lanes(problem, y, h, dW)

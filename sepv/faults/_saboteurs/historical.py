@@ -17,8 +17,7 @@ import numpy as np
 from sepv.faults._saboteurs.record import Saboteur
 from sepv.problem import Array, Problem, vector_field
 from sepv.problem._fields import derivative_along
-from sepv.schemes import Scheme, euler_heun, milstein
-from sepv.schemes._one_step import RANDOM_STEP
+from sepv.schemes import RANDOM_STEP, Scheme, euler_heun, milstein
 from sepv.schemes._scheme import as_lanes
 
 # (problem, y (d, M), h, dW (m, M)) -> y1 − y (d, M)

@@ -12,7 +12,7 @@ from sepv.errors import StepFailure
 from sepv.faults._saboteurs.formula import _b_at_y0
 from sepv.faults._saboteurs.record import Saboteur, around, right_side
 from sepv.problem import Array, Problem
-from sepv.schemes._one_step import implicit
+from sepv.schemes import implicit
 from sepv.schemes._scheme import Step, as_lanes
 
 _CONTRACT = ("contract",)

@@ -13,8 +13,7 @@ from typing import Any
 from sepv.faults._saboteurs.record import Saboteur, explicit_step
 from sepv.problem import Array, Problem
 from sepv.problem._problem import Flow
-from sepv.schemes import Scheme, energy_preserving, midpoint, splitting
-from sepv.schemes._one_step import implicit
+from sepv.schemes import Scheme, energy_preserving, implicit, midpoint, splitting
 from sepv.schemes._scheme import Step
 from sepv.solve import Fields
 

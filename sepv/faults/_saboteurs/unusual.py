@@ -18,11 +18,11 @@ from sepv.errors import Skipped
 from sepv.problem import Array, Problem, vector_field
 from sepv.problem._fields import matvec
 from sepv.record import gauss_legendre
-from sepv.schemes import Scheme, collocation, energy_preserving, gauss, midpoint
+from sepv.schemes import Scheme, collocation, energy_preserving, gauss, implicit, midpoint
 from sepv.schemes._energy_preserving import jacobian
 from sepv.schemes._explicit import end
 from sepv.schemes._explicit_tableaux import TABLEAUX
-from sepv.schemes._one_step import Implicit, drift_and_noise, implicit
+from sepv.schemes._one_step import Implicit, drift_and_noise
 from sepv.schemes._scheme import Step, as_lanes
 from sepv.solve import Fields, Increment
 from sepv.solve._formula import Asked

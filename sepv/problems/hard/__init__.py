@@ -6,16 +6,16 @@
 from __future__ import annotations
 
 from sepv.errors import UsageError
-from sepv.problems.hard import fields, mechanics, populations, scales, steps
-from sepv.problems.hard.record import HardCase as HardCase
-from sepv.problems.hard.record import Sample as Sample
+from sepv.problems.hard import _fields, _mechanics, _populations, _scales, _steps
+from sepv.problems.hard._record import HardCase as HardCase
+from sepv.problems.hard._record import Sample as Sample
 
 CATALOGUE: tuple[HardCase, ...] = (
-    *steps.CASES,
-    *mechanics.CASES,
-    *populations.CASES,
-    *scales.CASES,
-    *fields.CASES,
+    *_steps.CASES,
+    *_mechanics.CASES,
+    *_populations.CASES,
+    *_scales.CASES,
+    *_fields.CASES,
 )
 
 

@@ -2,7 +2,8 @@
 
 The problem is an argument, the address of a function, so that this file is compiled once for all kernels.
 A lane comes here where it is not done after the steps that all lanes take together, or is in any trouble. Loops are
-written out: an operation on arrays takes half a second to compile. Needs numba; loaded by `sepv.simulate._engine.store`.
+written out: an operation on arrays takes half a second to compile. Needs numba; loaded by
+`sepv.simulate._engine.store`.
 """
 
 from __future__ import annotations

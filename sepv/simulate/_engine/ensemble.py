@@ -11,19 +11,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sepv._arguments import require_flag
 from sepv._version import __version__
-from sepv.arguments import require_flag
 from sepv.errors import ChunkFailure, Interrupted, UsageError
 from sepv.problem import Problem
-from sepv.schemes import Scheme
+from sepv.schemes import PointLaw, Scheme, load_problem, load_scheme
 from sepv.schemes._guard import ask_once
-from sepv.schemes._load import load_problem, load_scheme
-from sepv.schemes._point_laws import PointLaw, point_law
+from sepv.schemes._point_laws import point_law
 from sepv.schemes._scheme import Step
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._engine.compile import FEW, CannotCompile, kernel
 from sepv.simulate._engine.module import LANES
-from sepv.simulate._engine.task import Task, portable, run
+from sepv.simulate._engine.run import run
+from sepv.simulate._engine.task import Task, portable
 from sepv.simulate._engine.total import InMemory, OnDisk, Reduced, Reducing, Total
 from sepv.simulate._engine.workers import check, is_far, run_all
 from sepv.simulate._engine.workers import count as threads_of
@@ -86,8 +86,9 @@ def ensemble(
     truncation : int or None
         k of Remark 2.1; by default the scheme's own. None for untruncated.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
-        By default the scheme's own. Each is taken at the rank of the increment drawn or given (`sepv.simulate._wiener.seen`), so
-        that a path number means the same stream whatever increments it takes; `Ensemble.W` stays that of the stream.
+        By default the scheme's own. Each is taken at the rank of the increment drawn or given
+        (`sepv.simulate._wiener.seen`), so that a path number means the same stream whatever increments it
+        takes; `Ensemble.W` stays that of the stream.
     refine : int, optional
         See `sepv.simulate.increments`.
     dW : (N, m, M), optional

@@ -10,13 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sepv.arguments import require_flag
+from sepv._arguments import require_flag
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem
-from sepv.schemes import Scheme
+from sepv.schemes import PointLaw, Scheme, load_problem, load_scheme
 from sepv.schemes._guard import ask_once
-from sepv.schemes._load import load_problem, load_scheme
-from sepv.schemes._point_laws import PointLaw
 from sepv.schemes._scheme import Step
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._engine.ensemble import choose

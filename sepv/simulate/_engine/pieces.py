@@ -3,8 +3,8 @@
 numba's inference takes seconds over a thousand statements, and inlines what it pleases. A piece is a single call to it,
 that becomes exactly the instructions of its lines in their order, two interleaved lanes included, so that the loops
 around it are ordinary functions (`sepv.simulate._engine.kernels`) and still become SIMD code. Its lines are those that
-`sepv.simulate._engine.text` writes: assignments of +, −, ×, ÷, comparisons, &, |, `fma`, `pick`, `no`, `abs`, elements of arrays
-and functions of numbers. Needs numba.
+`sepv.simulate._engine.text` writes: assignments of +, −, ×, ÷, comparisons, &, |, `fma`, `pick`, `no`,
+`abs`, elements of arrays and functions of numbers. Needs numba.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """How the engine takes the step of each scheme: by the record of its formula, or by code for staged and projected ones.
 
-R and K share what they have in common, since an expression written twice has one name: see `sepv.simulate._engine.text`.
+R and K share what they have in common, since an expression written twice has one name: see
+`sepv.simulate._engine.text`.
 """
 
 from __future__ import annotations
@@ -10,11 +11,11 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 from sepv import schemes
-from sepv.schemes import MAX_STAGES, Scheme, explicit
+from sepv.schemes import Scheme, explicit
 from sepv.schemes import _one_step as one_step
 from sepv.schemes._energy_preserving import formula as energy_preserving
 from sepv.schemes._midpoint import formula as midpoint
-from sepv.schemes._tableaux import gauss_tableau
+from sepv.schemes._tableaux import MAX_STAGES, gauss_tableau
 from sepv.simulate._engine.recorded import RecordedProblem
 from sepv.simulate._engine.text import Expression, Table, Text
 from sepv.solve import _formula as formula

@@ -241,8 +241,8 @@ def rules(stages: int, ladder: Sequence[int]) -> tuple[np.ndarray, np.ndarray, A
     counts, firsts : (2 R,)
         Nodes of each rule, and where they begin.
     nodes : (N, 2s)
-        The weights of each node in the sums of the g_i, and those of the z_j in its state (`sepv.schemes._tableaux.moments`).
-        With s nodes the first are the identity.
+        The weights of each node in the sums of the g_i, and those of the z_j in its state
+        (`sepv.schemes._tableaux.moments`). With s nodes the first are the identity.
     table : (N + s + 1, 2s)
         The same, A of the Gauss method, and its b.
     """

@@ -16,8 +16,8 @@ import numba
 # What the generated code is linked with: when one of these changes, so does the name of every module.
 _SOURCES = (
     "functions.py", "lanes.py", "module.py", "pieces.py", "signatures.py", "specialise.py", "stages.py",
-    "kernels/common.py", "kernels/newton.py", "kernels/projected.py", "kernels/stages.py", "../implicit.py",
-    "../solution.py", "../tableaux.py", "../average.py",
+    "kernels/common.py", "kernels/newton.py", "kernels/projected.py", "kernels/stages.py", "../../solve/_implicit.py",
+    "../../solve/_solution.py", "../../schemes/_tableaux.py", "../../problem/_averaged_gradient.py",
 )  # fmt: skip
 
 
@@ -58,7 +58,7 @@ def is_there(name: str) -> bool:
 
 
 def ordinary(name: str) -> ModuleType:
-    """`sepv.simulate._engine.driver` or `sepv.simulate._engine.careful`, compiled, known by its content and what it is linked with."""
+    """The module `driver` or `careful`, compiled, known by its content and what it is linked with."""
     if name not in _ordinary:
         _ordinary[name] = load((Path(__file__).parent / f"{name}.py").read_text(encoding="utf-8"))
     return _ordinary[name]

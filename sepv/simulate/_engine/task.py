@@ -12,7 +12,7 @@ from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
 from sepv.problems import build
 from sepv.schemes import Scheme
 from sepv.simulate import _wiener as wiener
-from sepv.simulate._engine.workers import Halted, halted
+from sepv.simulate._engine.crew import Halted, halted
 from sepv.simulate._paths import Batch, Ensemble
 
 # Steps whose increments the NumPy engine holds at once.
@@ -53,26 +53,6 @@ def portable(problem: Problem) -> Problem | PolynomialSystem | NamedProblem:
     if problem.data is not None and np.array_equal(build(problem.data).c, problem.c):
         return problem.data
     return problem
-
-
-def run(task: Task) -> Ensemble:
-    """The chunk's ends."""
-    problem = task.problem if isinstance(task.problem, Problem) else build(task.problem)
-    if task.compiled:
-        from sepv.simulate._engine.chunk import run_compiled
-
-        return run_compiled(task, problem)
-    return _run_numpy(task, problem)
-
-
-def _run_numpy(task: Task, problem: Problem) -> Ensemble:
-    chunk = NumpyChunk(task, problem)
-    kept = np.empty((len(task.stops), problem.dimension, task.count))
-    for place, stop in enumerate(task.stops):
-        chunk.advance(stop - chunk.done)
-        kept[place] = chunk.states()
-    chunk.advance(task.steps - chunk.done)
-    return chunk.result(kept)
 
 
 class NumpyChunk:

@@ -6,65 +6,19 @@ here; what the others finished is kept. At most so many chunks are on their way 
 
 from __future__ import annotations
 
-import multiprocessing
 import pickle
-import signal
-import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
-from contextlib import contextmanager
-from queue import SimpleQueue
-from typing import Any, NamedTuple, Protocol, TypeVar
+from concurrent.futures import Executor
+from typing import Any, TypeVar
 
 from sepv.errors import UsageError
+from sepv.simulate._engine.crew import Crew, Futures, cannot_travel, crew_of_processes, crew_of_threads
 
 T = TypeVar("T")
 R = TypeVar("R")
 
-# Chunks on their way for each worker: one that it computes, and others so that it never waits for the next.
-AHEAD = 4
-# Workers of an executor that does not say how many it has.
-UNKNOWN = 16
 # Chunks in one call of a map, where results must not pile up.
 LOT = 64
-
-
-class Outcome(NamedTuple):
-    """What became of a task: its result where it is `ok`, else why there is none."""
-
-    number: int
-    ok: bool
-    result: Any
-
-
-class Crew(Protocol):
-    """Workers that take numbered tasks."""
-
-    def room(self) -> int:
-        """How many tasks may be beyond the first unfinished one."""
-
-    def submit(self, numbered: Sequence[tuple[int, Any]]) -> None:
-        """Send tasks on their way."""
-
-    def finished(self) -> list[Outcome]:
-        """What has finished since, at least one: waits for it."""
-
-    def cancel(self) -> None:
-        """What has not begun is not wanted any more."""
-
-
-class Halted(Exception):
-    """A chunk that was stopped because nobody wants it any more."""
-
-
-# Set in a thread whose chunk nobody wants any more: compiled code looks at it between pieces.
-_halt = threading.local()
-
-
-def halted() -> bool:
-    """Whether the chunk that this thread computes is not wanted any more."""
-    event = getattr(_halt, "event", None)
-    return event is not None and event.is_set()
 
 
 def check(workers: Any) -> None:
@@ -155,7 +109,7 @@ def run_all(
                 pickle.dumps((function, tasks[0]))
             except (TypeError, AttributeError, pickle.PickleError) as error:
                 raise cannot_travel(error) from error
-        with (_threads if threads else _processes)(min(workers, len(tasks)), function) as crew:
+        with (crew_of_threads if threads else crew_of_processes)(min(workers, len(tasks)), function) as crew:
             return _flow(crew, function, tasks, receive)
     cluster, executor = _dask(workers), _executor(workers)
     if cluster is not None:
@@ -192,123 +146,6 @@ def _flow(
     finally:
         crew.cancel()
     return again
-
-
-class Futures:
-    """The crew of an executor; of any whose futures have `add_done_callback`."""
-
-    def __init__(self, executor: Any, function: Callable[[Any], Any]) -> None:
-        self.executor, self.function = executor, function
-        self.running: dict[int, Any] = {}
-        self.done: SimpleQueue[int] = SimpleQueue()
-
-    def room(self) -> int:
-        """Four for each worker."""
-        return AHEAD * int(getattr(self.executor, "_max_workers", UNKNOWN))
-
-    def submit(self, numbered: Sequence[tuple[int, Any]]) -> None:
-        """To the executor, one by one."""
-        for number, task in numbered:
-            self._submit(number, task)
-
-    def _submit(self, number: int, task: Any) -> None:
-        """Where the executor is broken or shut, the task counts as lost."""
-        try:
-            future = self.executor.submit(self.function, task)
-        except RuntimeError as error:
-            future = Future()
-            future.set_exception(error)
-        if not hasattr(future, "add_done_callback"):
-            raise UsageError(
-                expected="an executor whose futures have add_done_callback, as those of concurrent.futures have",
-                received=f"{type(self.executor).__name__}, which gives a {type(future).__name__}",
-                remedy="its map, or an executor that it gives, such as get_executor()",
-            )
-        self.running[number] = future
-        future.add_done_callback(lambda _: self.done.put(number))
-
-    def finished(self) -> list[Outcome]:
-        """Waits for one, takes all that are there."""
-        numbers = [self.done.get()]
-        while not self.done.empty():
-            numbers.append(self.done.get())
-        return [self._outcome(number) for number in numbers]
-
-    def _outcome(self, number: int) -> Outcome:
-        future = self.running.pop(number)
-        if future.cancelled():
-            return Outcome(number, False, "cancelled")
-        error = future.exception()
-        return Outcome(number, False, error) if error is not None else Outcome(number, True, future.result())
-
-    def cancel(self) -> None:
-        """What has not begun."""
-        for future in self.running.values():
-            future.cancel()
-
-
-@contextmanager
-def _threads(count: int, function: Callable[[Any], Any]) -> Iterator[Futures]:
-    event = threading.Event()
-
-    def begin() -> None:
-        _halt.event = event
-
-    with ThreadPoolExecutor(count, initializer=begin) as pool:
-        try:
-            yield Futures(pool, function)
-        except BaseException:
-            event.set()
-            raise
-
-
-@contextmanager
-def _processes(count: int, function: Callable[[Any], Any]) -> Iterator[Futures]:
-    before = set(multiprocessing.active_children())
-    with ProcessPoolExecutor(count, initializer=_die_silently) as pool:
-        crew = _Processes(pool, function)
-        try:
-            yield crew
-        finally:
-            if crew.running:
-                for child in set(multiprocessing.active_children()) - before:
-                    child.terminate()
-
-
-@contextmanager
-def ended_at_once(pool: ProcessPoolExecutor) -> Iterator[ProcessPoolExecutor]:
-    """The pool for a block; where that is left by an exception, such as Ctrl-C, its processes are not waited for."""
-    before = set(multiprocessing.active_children())
-    with pool:
-        try:
-            yield pool
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for child in set(multiprocessing.active_children()) - before:
-                child.kill()
-            raise
-
-
-class _Processes(Futures):
-    def cancel(self) -> None:
-        """What is still running is not wanted, and its processes are ended.
-
-        Futures that are cancelled as well would make the pool's own thread fail when it finds its processes gone.
-        """
-
-
-def cannot_travel(error: Exception) -> UsageError:
-    """For what another process cannot be given."""
-    return UsageError(
-        expected="a scheme, a problem and functionals that can go to another process",
-        received=f"{type(error).__name__}: {error}",
-        remedy="functions of a module, problems that are data; or workers=1",
-    )
-
-
-def _die_silently() -> None:
-    """Ctrl-C reaches the processes of a pool as well: they have nothing to say about it."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 class _Guarded:
@@ -360,7 +197,7 @@ def _mapped(
             one = next(found)
         except Exception:  # the end of it, one way or the other
             return
-        # What is not ours, put there by a map of its own mind, is as good as missing.
+        # Whatever else a map returns counts as missing, and is computed here.
         if isinstance(one, tuple) and len(one) == 3 and one[1]:
             yield one[0], one[2]
 

@@ -1,7 +1,8 @@
 """A kernel being written: what the kernels of all schemes have in common.
 
-The loops are functions of `sepv.simulate._engine.kernels`. What they do to a lane is written here: straight-line code with
-selects, so that it becomes SIMD code. All state of a block lies in one scratch buffer at fixed offsets.
+The loops are functions of `sepv.simulate._engine.kernels`. What they do to a lane is written here:
+straight-line code with selects, so that it becomes SIMD code. All state of a block lies in one scratch
+buffer at fixed offsets.
 """
 
 from __future__ import annotations
@@ -81,7 +82,7 @@ class Writer(ABC):
 
     @abstractmethod
     def pieces(self) -> dict[str, tuple[list[str], str]]:
-        """The kernel's code for a lane, by the names of `sepv.simulate._engine.kernels.names`, and what each adds up."""
+        """The code for a lane, by the names of `kernels.names`, and what each piece adds up."""
 
     def states(self) -> dict[str, list[str]]:
         """Code for a state, where the kernel has any."""

@@ -64,7 +64,7 @@ CASES: tuple[Case, ...] = (
 
 def own_case(target: str) -> Case:
     """A user's problem, by name, file or module:attribute, from its own initial state with 16 steps of 2⁻⁵."""
-    from sepv.schemes._load import load_problem
+    from sepv.schemes import load_problem
 
     problem = load_problem(target)
     initial = None if problem.initial is None else [float(v) for v in np.asarray(problem.initial)]

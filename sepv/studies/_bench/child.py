@@ -1,8 +1,8 @@
 """One checkout's side of a paired measurement: a process that measures or times when it is told to.
 
-Runs as a script with the checkout first on the path; `measure.py` and `work.py` are taken from beside this file, so
-that both sides are measured by the same code however old the other checkout is. JSON lines on stdin and stdout; what
-a scheme prints goes to stderr.
+Runs as a script with the checkout first on the path; `measure.py` and `_evaluation_count.py` are taken from
+beside this file, so that both sides are measured by the same code however old the other checkout is. JSON
+lines on stdin and stdout; what a scheme prints goes to stderr.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def main() -> None:
     os.dup2(2, 1)
     import sepv  # noqa: F401  (what follows belongs to the checkout's sepv)
 
-    _from_file("sepv.studies._evaluation_count", HERE.parent / "work.py")
+    _from_file("sepv.studies._evaluation_count", HERE.parent / "_evaluation_count.py")
     measuring = _from_file("sepv.studies._bench.measure", HERE / "measure.py")
     scheme = None
     for line in sys.stdin:
@@ -45,7 +45,7 @@ def main() -> None:
         answer: dict[str, Any]
         try:
             if "load" in question:
-                from sepv.schemes._load import load_scheme
+                from sepv.schemes import load_scheme
 
                 scheme = load_scheme(question["load"])
                 home = sys.modules[question["load"].partition(":")[0] if ":" in question["load"] else "sepv"]

@@ -1,7 +1,7 @@
 """What a scheme does in one case: work as exact integers, errors and defects path by path, time.
 
-This file also runs inside another checkout (`sepv.studies._bench.child`), which may be older than itself: it stands on the
-contract of a scheme and on names that every release has, `exact_flow`, `problems`, `wiener.truncate`.
+This file also runs inside another checkout (`sepv.studies._bench.child`), which may be older than itself: it
+stands on the contract of a scheme and on names that every release has, `exact_flow`, `problems`, `wiener.truncate`.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def build(case: dict[str, Any]) -> Problem:
     """The problem of a case."""
     given = case["problem"]
     if isinstance(given, str) and ":" in given:  # a user's own, which only newer releases can be asked for
-        from sepv.schemes._load import load_problem
+        from sepv.schemes import load_problem
 
         problem = load_problem(given)
     else:

@@ -8,7 +8,7 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
-from sepv.widths import fitted
+from sepv._terminal import fitted
 
 # The counters in the order of the columns, and their headings.
 HEADINGS = {

@@ -9,25 +9,25 @@ import numpy as np
 
 from sepv.errors import SchemeFault, TargetError
 from sepv.problem import Problem
-from sepv.schemes._guard import ask
-from sepv.schemes._load import load_object, load_scheme
+from sepv.schemes import ask, load_scheme
+from sepv.schemes._load import load_object
 from sepv.studies._compare.method import Method, exact_time_change, from_scheme
 
 # Other libraries' solvers under the best driver one can give them, and the library each needs.
 PEERS = {
-    "diffrax-heun": "sepv.peers.driven_diffrax:heun",
-    "diffrax-heun-vmap": "sepv.peers.driven_diffrax:heun_vmap",
-    "diffrax-euler-heun": "sepv.peers.driven_diffrax:euler_heun",
-    "diffrax-reversible-heun": "sepv.peers.driven_diffrax:reversible_heun",
-    "diffrax-spark": "sepv.peers.driven_diffrax:spark",
-    "diffrax-slow-rk": "sepv.peers.driven_diffrax:slow_rk",
-    "diffrax-tsit5": "sepv.peers.driven_diffrax:tsit5",
-    "diffrax-dopri8": "sepv.peers.driven_diffrax:dopri8",
-    "diffrax-dopri8-vmap": "sepv.peers.driven_diffrax:dopri8_vmap",
-    "torchsde-heun": "sepv.peers.driven_torchsde:heun",
-    "torchsde-midpoint": "sepv.peers.driven_torchsde:midpoint",
-    "torchsde-reversible-heun": "sepv.peers.driven_torchsde:reversible_heun",
-    "sdeint-heun": "sepv.peers.driven_sdeint:heun",
+    "diffrax-heun": "sepv.peers._driven_diffrax:heun",
+    "diffrax-heun-vmap": "sepv.peers._driven_diffrax:heun_vmap",
+    "diffrax-euler-heun": "sepv.peers._driven_diffrax:euler_heun",
+    "diffrax-reversible-heun": "sepv.peers._driven_diffrax:reversible_heun",
+    "diffrax-spark": "sepv.peers._driven_diffrax:spark",
+    "diffrax-slow-rk": "sepv.peers._driven_diffrax:slow_rk",
+    "diffrax-tsit5": "sepv.peers._driven_diffrax:tsit5",
+    "diffrax-dopri8": "sepv.peers._driven_diffrax:dopri8",
+    "diffrax-dopri8-vmap": "sepv.peers._driven_diffrax:dopri8_vmap",
+    "torchsde-heun": "sepv.peers._driven_torchsde:heun",
+    "torchsde-midpoint": "sepv.peers._driven_torchsde:midpoint",
+    "torchsde-reversible-heun": "sepv.peers._driven_torchsde:reversible_heun",
+    "sdeint-heun": "sepv.peers._driven_sdeint:heun",
 }
 EXACT = "exact-flow"
 NUMPY = "numpy/"

@@ -12,9 +12,9 @@ from rich.cells import cell_len
 from rich.table import Table
 from rich.text import Text
 
+from sepv._terminal import fitted, kept, longest
 from sepv.studies._compare.record import Comparison, Point, TimeToError
 from sepv.verification._orders.convergence import Estimate
-from sepv.widths import fitted, kept, longest
 
 # Clipping that costs this share of the strong error is said: in squares it is a tenth of it.
 CLIPPED = 0.3

@@ -7,8 +7,8 @@ import numpy as np
 from sepv import problems, schemes
 from sepv.exact._several_structures import heun
 from sepv.problem import Array
+from sepv.schemes import weakly
 from sepv.schemes._areas import step_with_areas
-from sepv.schemes._scheme import weakly
 from sepv.schemes._several_stages import step_with_stages
 from sepv.simulate import _wiener as wiener
 from sepv.studies._reproduce.job import Job, Results, Size

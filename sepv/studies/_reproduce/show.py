@@ -11,9 +11,9 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from sepv.progress import showing
 from sepv.studies._reproduce.record import Statement, counts
 from sepv.studies._reproduce.suite import Progress, Reproduction
+from sepv.verification._progress import showing
 
 _STYLES = {"holds": "green", "fails": "bold red", "open": "yellow"}
 

@@ -12,7 +12,8 @@ from typing import Any
 
 from sepv._version import __version__
 from sepv.errors import UsageError
-from sepv.simulate._engine.workers import check, count, ended_at_once, run_all
+from sepv.simulate._engine.crew import ended_at_once
+from sepv.simulate._engine.workers import check, count, run_all
 from sepv.studies._reproduce import (
     deterministic,
     errata,

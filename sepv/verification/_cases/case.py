@@ -18,7 +18,7 @@ from sepv.problem._hamiltonians import is_several
 from sepv.problem._json import problem_from_json, problem_to_json
 from sepv.problems._opaque import GIVEN, as_given
 from sepv.record._polynomial import parse_float
-from sepv.schemes._load import load_problem
+from sepv.schemes import load_problem
 
 # A witness of sixty-four dimensions is a tenth of it.
 MOST_BYTES = 2**24
@@ -47,7 +47,7 @@ class Case:
     times: int = 0
 
     def build(self) -> tuple[Problem, Array, float, Array]:
-        """The arguments of ``step``. The problem is the whole one; `sepv.schemes._guard.ask` shows it as it is given."""
+        """The arguments of ``step``. The problem is the whole one; `sepv.schemes.ask` shows it as given."""
         problem = as_given(self.problem, self.given)
         return problem, np.array(self.y), self.h, np.array(self.dW, dtype=np.float64)
 

@@ -1,7 +1,7 @@
 """Random content inside given strata: a system, a state and a step inside the contraction radius.
 
-The parts come from `sepv.verification._cases.ingredients`. Then H is multiplied by the power of two that makes the wanted |Δ| as long as
-the contraction radius, to which it is inversely proportional.
+The parts come from `sepv.verification._cases.ingredients`. Then H is multiplied by the power of two that
+makes the wanted |Δ| as long as the contraction radius, to which it is inversely proportional.
 """
 
 from __future__ import annotations
@@ -40,8 +40,9 @@ from sepv.verification._cases.ingredients import (
 )
 from sepv.verification._cases.strata import Levels, Stratum, monomials
 from sepv.verification._cases.telling import tells
+from sepv.verification._contraction import contraction_ball, contraction_radius
 from sepv.verification._tolerance import gradient_majorant, structure_majorant
-from sepv.verification.strategies import contraction_ball, contraction_radius, linear_forms
+from sepv.verification.strategies import linear_forms
 
 # Draws until a point at rest may be the origin, where monomials are too few for any other.
 ATTEMPTS = 30

@@ -17,7 +17,8 @@ from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 from sepv.verification._cases.case import Case
-from sepv.verification.strategies import contraction_radius, paper_reach
+from sepv.verification._contraction import contraction_radius
+from sepv.verification.strategies import paper_reach
 
 # |Δ| at which every problem of the paper was solved from thousands of states near its initial one: 1/2, and
 # 1/32 for Lotka-Volterra, which has states with no solution at |Δ| = 0.26.

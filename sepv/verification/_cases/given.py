@@ -1,8 +1,9 @@
 """Cases from problems that a user names: what a scheme is for is what it is judged on.
 
-An item is a problem (by name, ``module:attribute``, file, record or data), a family of `sepv.verification._cases.families`, or a Hypothesis
-strategy of problems, of their data or of whole cases. Each law takes of it what it speaks of, changes the noise where
-it is about the noise, and says why where it can say nothing.
+An item is a problem (by name, ``module:attribute``, file, record or data), a family of
+`sepv.verification._cases.families`, or a Hypothesis strategy of problems, of their data or of whole cases.
+Each law takes of it what it speaks of, changes the noise where it is about the noise, and says why where it
+can say nothing.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from hypothesis import seed as hypothesis_seed
 from hypothesis import strategies as st
 
 from sepv import problems as named
-from sepv.arguments import did_you_mean
+from sepv._arguments import did_you_mean
 from sepv.errors import Skipped, UsageError
 from sepv.problem import (
     Array,
@@ -34,18 +35,13 @@ from sepv.problem._checks import sample_states
 from sepv.problem._hamiltonians import is_several, noise_hessian
 from sepv.problem._poisson import derivative_of_structure
 from sepv.problems._polynomial_system import drift_of_energy
-from sepv.schemes._load import load_object, load_problem
+from sepv.schemes import load_problem
+from sepv.schemes._load import load_object
 from sepv.verification._cases.case import Case, with_noise
 from sepv.verification._cases.families import FAMILIES
+from sepv.verification._contraction import contraction_radius
 from sepv.verification._tolerance import slopes
-from sepv.verification.strategies import (
-    CONTRACTION,
-    components,
-    contraction_radius,
-    halved,
-    in_the_mean,
-    steps_within,
-)
+from sepv.verification.strategies import CONTRACTION, components, halved, in_the_mean, steps_within
 
 # Longest steps: those at which the paper's problems were solved from 10⁵ states each (see `paper_steps`).
 LONGEST = {"lotka-volterra": 2.0**-5, "pendulum": 0.5, "rigid-body": 0.5, "harmonic-oscillator": 0.5}
@@ -207,7 +203,8 @@ USUAL, NARROWEST = 5, 20
 
 
 def measured_radius(problem: Problem, y: Array) -> float:
-    """As `sepv.verification.strategies.contraction_radius`, with maxima over some states of the ball in place of majorants, halved.
+    """As `sepv.verification._contraction.contraction_radius`, with maxima over some states of the ball in
+    place of majorants, halved.
 
     The maxima are no bounds: between the states looked at the slopes may be larger. The half is a heuristic for that.
     A step that is refused inside it says more of the radius than of the scheme, and is reported as not solved.

@@ -22,11 +22,11 @@ from sepv.schemes import stochastic_splitting
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.families import general, separable_hamiltonians
 from sepv.verification._cases.poisson import constant_structures, poisson_structures
+from sepv.verification._contraction import contraction_ball
 from sepv.verification.strategies import (
     casimir_systems,
     coefficients,
     components,
-    contraction_ball,
     halved,
     hamiltonians,
     in_the_mean,

@@ -18,7 +18,7 @@ from sepv.problem import PolynomialSystem
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 from sepv.verification._cases.case import Case
-from sepv.verification.strategies import contraction_radius
+from sepv.verification._contraction import contraction_radius
 
 Entries = tuple[tuple[int, int, Polynomial], ...]
 

@@ -21,11 +21,11 @@ from sepv.problems._several import commuting_actions, rotating_planes
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 from sepv.verification._cases.case import Case
+from sepv.verification._contraction import contraction_ball
 from sepv.verification.strategies import (
     coefficients,
     components,
     contracted,
-    contraction_ball,
     halved,
     hamiltonians,
     linear_forms,

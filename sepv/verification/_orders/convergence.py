@@ -39,7 +39,8 @@ class StrongErrors:
     `failures` counts paths with a step that was not solved or left the domain, for each number of steps.
     `reference` is the rms error of a reference that is not exact, 0 where it is. `ends` (L, d, M) and `W` (L, m, M)
     are y(T) and W(T), `weights` (L, M) the likelihood ratios that `squared` and `errors` already carry: what
-    `sepv.verification._orders.means` needs, empty where nobody asked for it. `tolerance` is what the scheme says of its own solver.
+    `sepv.verification._orders.means` needs, empty where nobody asked for it. `tolerance` is what the scheme
+    says of its own solver.
     """
 
     T: float

@@ -18,7 +18,7 @@ import numpy as np
 
 from sepv.problem import Array
 from sepv.record import gauss_legendre
-from sepv.schemes._point_laws import PointLaw
+from sepv.schemes import PointLaw
 from sepv.simulate import _wiener as wiener
 
 # Nodes of the discretised weight on a panel, from which its Gauss rule is made: n ≤ 24 of them are exact to rounding.

@@ -1,6 +1,7 @@
 """Expectations over what a step sees: increments, and the areas, space-time areas or halves that it asks for.
 
-Nodes are in units of √h, further rows too (A = √h · row, H = √h · row), as `sepv.verification._orders.local_errors` scales them.
+Nodes are in units of √h, further rows too (A = √h · row, H = √h · row), as
+`sepv.verification._orders.local_errors` scales them.
 """
 
 from __future__ import annotations

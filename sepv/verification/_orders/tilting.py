@@ -13,8 +13,9 @@ of each other: which increments matter depends on the step.
 
 Paths on which Remark 2.1 truncates an increment are left out where k is large enough for the order, k ≥ 2p: their
 probability is at most 2N·P(ξ > A_h), too small for a sample to see. What is estimated is then E|e|² over the other
-paths; what clipping adds to it is known in closed form (`sepv.exact.clipping_error`, squared), of order 2p or more,
-and has to be added where the size of the error counts and not its order. With a smaller k those paths stay in.
+paths; what clipping adds to it is known in closed form (`sepv.exact.clipping_error`, squared), of
+order 2p or more, and has to be added where the size of the error counts and not its order. With a smaller k
+those paths stay in.
 """
 
 from __future__ import annotations
@@ -67,7 +68,8 @@ def tilted_increments(
 def tilted_errors(
     scheme: Scheme, problem: Problem, *, T: float, steps: Sequence[int], paths: range, seed: int, order: float
 ) -> StrongErrors:
-    """As `sepv.verification._orders.convergence.strong_errors`, tilted for a scheme of this mean-square order; errors carry their weights.
+    """As `sepv.verification._orders.convergence.strong_errors`, tilted for a scheme of this mean-square
+    order; errors carry their weights.
 
     Its `squared` is w|e|² and its `errors` are w·e, so that means over paths estimate E|e|² and E e, without what
     clipped increments add where k ≥ 2·order (see above).

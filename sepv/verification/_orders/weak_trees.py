@@ -12,9 +12,9 @@ import numpy as np
 
 from sepv.errors import Skipped
 from sepv.problem import Array, PolynomialSystem, Problem
-from sepv.schemes import Scheme
+from sepv.schemes import PointLaw, Scheme
 from sepv.schemes._guard import guarded
-from sepv.schemes._point_laws import PointLaw, point_law
+from sepv.schemes._point_laws import point_law
 from sepv.simulate._paths import advance
 from sepv.solve import Status
 from sepv.verification._cases.given import reach

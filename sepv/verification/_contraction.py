@@ -1,0 +1,57 @@
+"""How long a step may be so that every implicit scheme's equation is a contraction: a bound from the problem alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sepv.problem import Array, Problem
+from sepv.problem._fields import contract, matmul, matvec
+from sepv.record import PolynomialMap
+from sepv.verification._cases.case import Case
+from sepv.verification._tolerance import majorants
+
+# A contraction factor of 1/4 leaves a unique solution near y0 for every scheme that evaluates B and ∇H
+# between y0 and y1, and makes |(I − ∂R/∂y1)⁻¹| at most 4/3.
+CONTRACTION = 0.25
+
+
+def is_short(case: Case) -> bool:
+    """Whether a step of polynomial data is inside half its contraction radius; True for other problems."""
+    problem, y, h, dW = case.build()
+    if not isinstance(problem.gradient, PolynomialMap):
+        return True
+    return bool(abs(h) + np.sum(np.abs(problem.c * dW)) <= contraction_radius(problem, y) / 2)
+
+
+def contraction_radius(problem: Problem, y: Array) -> float:
+    """A radius for |h| + Σ|c_jΔW_j| inside which every implicit scheme's step from y is a contraction.
+
+    On the ball |y1 − y0|_∞ ≤ r the majorants M_B, M_g and those of their derivatives bound R by |Δ| G and its
+    Lipschitz constant by |Δ| L with L = |B′|M_g + M_B|H″| (twice that of (2.1), as the coordinate
+    increments of a discrete gradient need). Then |Δ| ≤ min(r/G, CONTRACTION/L) maps the ball into itself.
+
+    `problem` must be polynomial data.
+    """
+    return contraction_ball(problem, y)[0]
+
+
+def contraction_ball(problem: Problem, y: Array) -> tuple[float, float]:
+    """(radius, r): for |Δ| ≤ radius the solution stays within r of y, also for complex Δ: majorants bound both.
+
+    Any r > 0 gives a radius. Those tried are parts of |y|, the scale of the system near y, and of 1 + |y|, for states
+    at and near the origin.
+    """
+    largest = float(np.max(np.abs(y)))
+    sizes = [(1 + largest) * 2.0**-k for k in range(6)] + [largest * 2.0**-k for k in range(-1, 6) if largest]
+    balls = np.array(sizes)
+    reach = np.abs(y)[:, None] + balls
+    B, g, dB, H = majorants(problem, reach)
+    field = np.max(matvec(B, g), axis=0)
+    slope = np.max(np.sum(contract(dB, g) + matmul(B, H), axis=1), axis=0)
+    with np.errstate(all="ignore"):
+        # Where nothing moves any step is short enough; majorants that overflow leave no step at all.
+        radii = np.minimum(
+            np.where(field > 0, balls / field, np.inf), np.where(slope > 0, CONTRACTION / slope, np.inf)
+        )
+    best = int(np.argmax(np.nan_to_num(radii, nan=0.0, posinf=np.inf)))
+    return float(radii[best]), float(balls[best])

@@ -1,0 +1,71 @@
+"""A report for other programs: JSON, JUnit XML, a badge."""
+
+from __future__ import annotations
+
+import json
+import re
+from xml.etree import ElementTree
+
+from sepv.verification._law import Finding, Verdict
+from sepv.verification._outcome import Report
+
+# What XML 1.0 cannot hold, not even escaped.
+_NOT_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def report_json(report: Report) -> str:
+    """The report as JSON text, as the schema in the package describes it."""
+    return json.dumps(report.to_json(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def junit_xml(report: Report) -> str:
+    """The report as JUnit XML: a law is a test case; what is not claimed cannot fail and is skipped instead."""
+    suite = ElementTree.Element(
+        "testsuite",
+        name=_clean(f"sepv {report.scheme.name}"),
+        tests=str(len(report.findings)),
+        time=f"{sum(f.seconds for f in report.findings):.3f}",
+    )
+    tally = {"failure": 0, "error": 0, "skipped": 0}
+    for f in report.findings:
+        test = ElementTree.SubElement(
+            suite, "testcase", classname=_clean(report.scheme.name), name=f.law, time=f"{f.seconds:.3f}"
+        )
+        kind = _junit_kind(report, f)
+        if kind:
+            tally[kind] += 1
+            ElementTree.SubElement(
+                test, kind, message=_clean(f"{f.verdict.text} ({f.source})")
+            ).text = _clean(f.message)
+    for kind, attribute in (("failure", "failures"), ("error", "errors"), ("skipped", "skipped")):
+        suite.set(attribute, str(tally[kind]))
+    root = ElementTree.Element("testsuites")
+    root.append(suite)
+    ElementTree.indent(root)
+    return '<?xml version="1.0" encoding="utf-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def _junit_kind(report: Report, f: Finding) -> str:
+    if f in report.failing:
+        return "failure"
+    if f.verdict is Verdict.ERROR:
+        return "error"
+    return "" if f.verdict is Verdict.HOLDS else "skipped"
+
+
+def badge_json(report: Report) -> str:
+    """What a badge service that takes endpoints shows: the level, the suite's version, how many claimed laws hold."""
+    vacuous = (Verdict.NOT_APPLICABLE, Verdict.NOT_MEASURED)
+    claimed = [f for f in report.findings if f.claimed and (f.verdict not in vacuous or f in report.failing)]
+    held = sum(f.verdict is Verdict.HOLDS for f in claimed)
+    color = "brightgreen" if report.exit_code == 0 else "red"
+    message = f"{held}/{len(claimed)} claimed laws hold" if claimed else "no claims"
+    reached = report.conformance
+    if reached is not None:
+        waived = f", {len(reached.waived)} waived" if reached.waived else ""
+        message = f"level {reached.level} of suite {reached.suite}{waived}: {message}"
+    return json.dumps({"schemaVersion": 1, "label": "sepv", "message": message, "color": color}) + "\n"
+
+
+def _clean(text: str) -> str:
+    return _NOT_XML.sub("�", text)
