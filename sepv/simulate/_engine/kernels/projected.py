@@ -68,6 +68,10 @@ def advance(
 def refused(S: Any, I: Any) -> int:
     """What is wrong with every lane that is left; how many there are."""
     trouble = 0
+    for k in range(L):  # a loop of its own, without branches: it is made in every step
+        trouble += 1 if I[BUSY + k] != 0 else 0
+    if trouble == 0:
+        return 0
     for k in range(L):
         if I[BUSY + k] != 0:
             size = 0.0
@@ -75,5 +79,4 @@ def refused(S: Any, I: Any) -> int:
                 size += abs(S[UNKNOWN_ROWS + i * L + k])
             code = NO_CONVERGENCE if size < INF else BROKEN
             I[STATUS + k] = LEFT_DOMAIN if I[BUSY + k] == 2 else code
-            trouble += 1
     return trouble
