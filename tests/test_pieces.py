@@ -11,8 +11,8 @@ import pytest
 pytest.importorskip("numba")
 from numba import njit
 
-from sepv.engine.functions import fma, logarithm, no, pick, sincos
-from sepv.engine.pieces import lane_piece, loaded, state_piece
+from sepv.simulate._engine.functions import fma, logarithm, no, pick, sincos
+from sepv.simulate._engine.pieces import lane_piece, loaded, state_piece
 
 L, PARAMETERS, NAN, HALF = 4, ("c0", "p0"), math.nan, 0.5
 LINES = [
