@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import replace
+from functools import partial
+from itertools import product
 
 import numpy as np
 import pytest
@@ -33,7 +35,9 @@ from sepv.problems._polynomial_system import drift_of_energy
 from sepv.record import _polynomial as poly
 from sepv.schemes import Orders, Scheme, ask
 from sepv.schemes._further import as_matrix, as_rows, some
+from sepv.schemes._one_step import each_noise
 from sepv.schemes._orders import order_of
+from sepv.schemes._scheme import as_lanes
 from sepv.simulate import _areas as areas
 from sepv.verification import Case, Effort, Verdict
 from sepv.verification._cases import case as cases
@@ -74,6 +78,7 @@ def test_problems_agree_with_themselves_and_their_flows_with_their_fields(name: 
 def test_the_kind_of_noise_is_told_by_brackets() -> None:
     expected = {
         "random-inertia": "general", "two-spins": "commutative", "noisy-henon-heiles": "additive",
+        "pushed-henon-heiles": "additive", "commuting-twists": "commutative", "twisted-top": "one",
         "random-maxwell-bloch": "one", "point-vortices": "general", "random-lotka-volterra": "general",
         "kubo-oscillator": "one", "rigid-body": "one", "pendulum": "one",
     }  # fmt: skip
@@ -346,6 +351,68 @@ def test_paths_of_the_class_are_of_problems_with_a_gradient_for_each_noise() -> 
             )
     with pytest.raises(AttributeError, match="several structures"):
         _ = problems.noncommuting_tops().noise_gradients
+
+
+def _explicit(problem: Problem, y: Array, h: float, dW: Array, share: float) -> Array:
+    """A Runge-Kutta method of two stages: the explicit midpoint rule for a share of ½, Heun's for 1."""
+    state, noise = as_lanes(problem, y, h, dW)
+    parts = each_noise(problem, h, noise)
+    first = combined_field(problem, state, parts)
+    second = combined_field(problem, state + share * first, parts)
+    return np.asarray(state + (1 - 0.5 / share) * first + 0.5 / share * second).reshape(y.shape)
+
+
+def _one_sided(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """Milstein's terms ½ΔW_iΔW_j g_j′g_i by differences over √h, which leave ½√h g_j″(g_i, g_i) in them."""
+    state, noise = as_lanes(problem, y, h, dW)
+    value = state + combined_field(problem, state, each_noise(problem, h, noise))
+    for i, j in product(range(problem.noises), repeat=2):
+        ahead = state + np.sqrt(h) * problem.c[i] * noise_field(problem, i, state)
+        change = noise_field(problem, j, ahead) - noise_field(problem, j, state)
+        value = value + 0.5 * noise[i] * noise[j] * problem.c[j] * change / np.sqrt(h)
+    return np.asarray(value).reshape(y.shape)
+
+
+def _without_cross_terms(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """Milstein's terms of each noise with itself alone."""
+    state, noise = as_lanes(problem, y, h, dW)
+    value = state + combined_field(problem, state, each_noise(problem, h, noise))
+    for j, c in enumerate(problem.c):
+        turned = matvec(noise_slope(problem, j, state), noise_field(problem, j, state))
+        value = value + 0.5 * (c * noise[j]) ** 2 * turned
+    return np.asarray(value).reshape(y.shape)
+
+
+def test_default_problems_show_errors_that_symmetric_ones_hide() -> None:
+    """Of pushed momenta, of linear noise fields, and of noises apart, the wrong claims would seem right."""
+    strong, weak = Orders(0.5, commutative=1.0), Orders(1.0, additive=2.0)
+    verdicts = {}
+    for name, share in (("explicit-midpoint", 0.5), ("heun", 1.0)):
+        step = partial(_explicit, share=share)
+        scheme = Scheme(name, step, systems="hamiltonians", truncation=None, weak_order=weak, batched=True)
+        verdicts[name] = sepv.verify(scheme, laws=["local-weak"]).finding("local-weak").verdict
+        narrow = replace(scheme, problems=("noisy-henon-heiles",))
+        assert sepv.verify(narrow, laws=["local-weak"]).finding("local-weak").verdict is Verdict.HOLDS
+    assert verdicts == {"explicit-midpoint": Verdict.VIOLATED, "heun": Verdict.HOLDS}
+
+    sided = Scheme(
+        "one-sided",
+        _one_sided,
+        systems="hamiltonians",
+        truncation=None,
+        mean_square_order=strong,
+        weak_order=1.0,
+    )
+    report = sepv.verify(sided, laws=["local-mean", "local-weak"])
+    assert {f.verdict for f in report.findings} == {Verdict.VIOLATED}
+    narrow = sepv.verify(replace(sided, problems=("two-spins", "random-maxwell-bloch")), laws=["local-mean"])
+    assert narrow.finding("local-mean").verdict is Verdict.HOLDS
+
+    apart = replace(sided, name="apart", step=_without_cross_terms, weak_order=None, claims=())
+    law = "local-mean-square"
+    assert sepv.verify(apart, laws=[law]).finding(law).verdict is Verdict.VIOLATED
+    alone = sepv.verify(replace(apart, problems=("two-spins",)), laws=[law])
+    assert alone.finding(law).verdict is Verdict.HOLDS
 
 
 def test_schemes_refuse_what_they_do_not_take() -> None:

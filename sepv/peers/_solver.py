@@ -8,21 +8,23 @@ reference: space-time Lévy areas, or the areas A_ij (`sepv.simulate._areas`).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
+from sepv import problems
 from sepv.peers._multistep import Path
-from sepv.problem import PolynomialSystem, Problem
-from sepv.problems import noisy_henon_heiles, polynomial_problem, random_inertia
-from sepv.problems._spins import spin_system
-from sepv.record import Polynomial
-from sepv.record import _polynomial as poly
-from sepv.record._polynomial import Exponents
+from sepv.problem import Problem
 from sepv.schemes import Scheme
 from sepv.schemes._scheme import Step
 
 # One system for each kind of noise: polynomial, so that the generator knows its means, and without a symmetry by which
-# an error would vanish that other systems show. Noise fields are not linear, additive noise moves p and q.
+# an error would vanish that other systems show.
+PROBLEMS: dict[str, Callable[[], Problem]] = {
+    "general": problems.random_inertia,
+    "commutative": problems.commuting_twists,
+    "one": problems.twisted_top,
+    "additive": problems.pushed_henon_heiles,
+}
 KINDS = {
     "general": "rigid body, H_1 = y_1²/2, H_2 = y_2² (`random-inertia`)",
     "commutative": "the same H_0 and B, H_1 = y_3²/2, H_2 = y_3 + y_3³/6: fields along one rotation",
@@ -34,33 +36,7 @@ KINDS = {
 @lru_cache(maxsize=8)
 def problem_of(kind: str) -> Problem:
     """The system for this kind of noise, made once."""
-    if kind == "general":
-        return random_inertia()
-    if kind == "additive":
-        data = noisy_henon_heiles().data
-        others = (
-            _sum(4, {(1, 0, 0, 0): 1.0, (0, 0, 1, 0): -0.5}),
-            _sum(4, {(0, 1, 0, 0): 0.5, (0, 0, 0, 1): -1.0}),
-        )
-        assert isinstance(data, PolynomialSystem)
-        pushed = replace(data, noise_hamiltonians=others, noise=(0.5, 0.5))
-        return _named(pushed, (0.2, -0.1, 0.3, 0.2), "pushed-henon-heiles")
-    data, start = random_inertia().data, (0.8, 0.6, 0.3)
-    assert isinstance(data, PolynomialSystem)
-    noises = {
-        "commutative": (_sum(3, {(0, 0, 2): 0.5}), _sum(3, {(0, 0, 1): 1.0, (0, 0, 3): 1 / 6})),
-        "one": (_sum(3, {(2, 0, 0): 0.5, (0, 1, 1): 0.5, (0, 0, 1): 1.0}),),
-    }[kind]
-    system = spin_system(1, data.hamiltonian, (0.5,) * len(noises), noises)
-    return _named(system, start, {"commutative": "one-axis", "one": "one-noise"}[kind])
-
-
-def _sum(dimension: int, terms: Mapping[Exponents, float]) -> Polynomial:
-    return poly.polynomial(dimension, terms)
-
-
-def _named(data: PolynomialSystem, start: tuple[float, ...], name: str) -> Problem:
-    return replace(polynomial_problem(data), initial=start, name=name, check=False)
+    return PROBLEMS[kind]()
 
 
 @dataclass(frozen=True)

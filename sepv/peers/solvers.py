@@ -20,7 +20,7 @@ from sepv.errors import SepvError
 from sepv.peers._cells import measured
 from sepv.peers._general import ALPHA, KEPT, PATHS, SINGLE, STEPS, T, cells, limit_of, orders
 from sepv.peers._measurements import LIBRARIES, release
-from sepv.peers._solver import KINDS, Solver
+from sepv.peers._solver import KINDS, Solver, problem_of
 from sepv.peers.compliance import Deviation, _table, deviations_shown_by
 from sepv.verification import Effort, Verdict
 from sepv.verification._progress import Shown, showing
@@ -146,6 +146,7 @@ def _marked(each: Line) -> tuple[str, ...]:
 
 def _introduction() -> str:
     problems = "\n".join(f"- {kind}: {text}" for kind, text in KINDS.items())
+    names = ", ".join(f"`{problem_of(kind).name}`" for kind in KINDS)
     return f"""\
 dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j), posed to each solver through its own library's code in float64, with the
 given increments. The kinds of noise are general; commutative, with vanishing brackets of the noise fields; one noise;
@@ -153,7 +154,7 @@ additive, with constant fields. One problem for each, with c_j = ½:
 
 {problems}
 
-Kinds that a solver does not take have no line.
+(in this order {names}). Kinds that a solver does not take have no line.
 
 **Orders of one step** are those that Milstein's theorem takes from the laws *local-mean*, *local-mean-square* and
 *local-weak* ([laws](laws.md)): slopes of errors by quadrature, with no path and no chance. The reference shows strong

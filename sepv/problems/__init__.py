@@ -17,6 +17,7 @@ from sepv.problems._lotka_volterra import lotka_volterra as lotka_volterra
 from sepv.problems._maxwell_bloch import maxwell_bloch as maxwell_bloch
 from sepv.problems._nambu_system import nambu_system as nambu_system
 from sepv.problems._noisy_oscillators import noisy_henon_heiles as noisy_henon_heiles
+from sepv.problems._noisy_oscillators import pushed_henon_heiles as pushed_henon_heiles
 from sepv.problems._oscillator import harmonic_oscillator as harmonic_oscillator
 from sepv.problems._pendulum import pendulum as pendulum
 from sepv.problems._point_vortices import point_vortices as point_vortices
@@ -28,7 +29,9 @@ from sepv.problems._several import commuting_oscillators as commuting_oscillator
 from sepv.problems._several import commuting_rotations as commuting_rotations
 from sepv.problems._several import noncommuting_drift as noncommuting_drift
 from sepv.problems._several import noncommuting_tops as noncommuting_tops
+from sepv.problems._spins import commuting_twists as commuting_twists
 from sepv.problems._spins import random_inertia as random_inertia
+from sepv.problems._spins import twisted_top as twisted_top
 from sepv.problems._spins import two_spins as two_spins
 from sepv.problems._toda import toda as toda
 
@@ -52,11 +55,14 @@ SEVERAL: dict[str, Callable[..., Problem]] = {
 }
 # With several Hamiltonians that do not commute.
 HAMILTONIANS: dict[str, Callable[..., Problem]] = {
+    "commuting-twists": commuting_twists,
     "noisy-henon-heiles": noisy_henon_heiles,
     "point-vortices": point_vortices,
+    "pushed-henon-heiles": pushed_henon_heiles,
     "random-inertia": random_inertia,
     "random-lotka-volterra": random_lotka_volterra,
     "random-maxwell-bloch": random_maxwell_bloch,
+    "twisted-top": twisted_top,
     "two-spins": two_spins,
 }
 

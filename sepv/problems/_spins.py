@@ -5,6 +5,7 @@ B is that of the rigid body in each block of three, B(y)v = y × v, so that ever
 - Random inertia: H_0 = ½ Σ y_i²/I_i and H_j = ½ y_j²/Î_j for the first m axes, whose fields do not commute. C.-E.
 Bréhier,
   D. Cohen and T. Jahnke, Splitting integrators for stochastic Lie-Poisson systems (Math. Comp. 92, 2023).
+- Twists: the same H_0 with nonlinear noise, of one Hamiltonian or of two that commute.
 - Two spins: Heisenberg's H_0 = −J s_1·s_2 + ½ D (s_1z² + s_2z²), and a random field at each site, H_j = b_j·s_j. The
 fields
   of the two noises commute, as they turn different spins; with the drift they do not.
@@ -75,6 +76,32 @@ def two_spins(
     ]
     problem = polynomial_problem(spin_system(2, poly.polynomial(6, terms), noise, others))
     return replace(problem, initial=(0.8, 0.6, 0.0, 0.0, 0.6, -0.8), name="two-spins", check=False)
+
+
+def twisted_top(noise: Sequence[float] = (0.5,)) -> Problem:
+    """The rigid body of `random_inertia` from (0.8, 0.6, 0.3) with H_1 = ½y_1² + ½y_2y_3 + y_3: g″(g, g) ≠ 0 for its g.
+
+    Where noise fields are linear, as those of two spins, errors of differences over a length of √h vanish.
+    """
+    twist = poly.polynomial(3, [((2, 0, 0), 0.5), ((0, 1, 1), 0.5), ((0, 0, 1), 1.0)])
+    return _twisted((twist,), noise, "twisted-top")
+
+
+def commuting_twists(noise: Sequence[float] = (0.5, 0.5)) -> Problem:
+    """The same with H_1 = ½y_3² and H_2 = y_3 + y_3³/6: rotations about one axis, at rates that depend on y_3.
+
+    They commute and g_2′g_1 ≠ 0, where it vanishes for two spins, each of which has a noise of its own.
+    """
+    first = poly.polynomial(3, [((0, 0, 2), 0.5)])
+    second = poly.polynomial(3, [((0, 0, 1), 1.0), ((0, 0, 3), 1 / 6)])
+    return _twisted((first, second), noise, "commuting-twists")
+
+
+def _twisted(others: Sequence[Polynomial], noise: Sequence[float], name: str) -> Problem:
+    data = random_inertia().data
+    assert isinstance(data, PolynomialSystem)
+    problem = polynomial_problem(spin_system(1, data.hamiltonian, noise, others))
+    return replace(problem, initial=(0.8, 0.6, 0.3), name=name, check=False)
 
 
 def _square(d: int, k: int) -> tuple[int, ...]:

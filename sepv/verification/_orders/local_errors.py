@@ -75,12 +75,13 @@ CASES: dict[str, tuple[Callable[[], Problem], ...]] = {
     "single": (problems.rigid_body, problems.pendulum, five_noises),
     "nambu": (problems.rigid_body, problems.lotka_volterra, five_noises),
     "several": (problems.commuting_rotations, problems.commuting_oscillators, problems.noncommuting_tops),
-    # In general, commutative, additive, and one noise that does not commute with the drift.
+    # In general, commutative, additive, and one noise that does not commute with the drift: each without a symmetry
+    # by which errors of a step vanish that other systems show.
     "hamiltonians": (
         problems.random_inertia,
-        problems.two_spins,
-        problems.noisy_henon_heiles,
-        problems.random_maxwell_bloch,
+        problems.commuting_twists,
+        problems.pushed_henon_heiles,
+        problems.twisted_top,
     ),
 }
 
