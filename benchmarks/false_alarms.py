@@ -30,7 +30,7 @@ from sepv.simulate._engine.workers import run_all
 from sepv.verification import Effort, Verdict, load_laws, verify
 
 GROUPS: dict[str, dict[str, Scheme]] = {
-    "built-in": {**schemes.ALL, **schemes.MORE, "collocation-2": schemes.collocation(2)},
+    "built-in": {**schemes.PAPER, **schemes.EXTENSIONS, "collocation-2": schemes.collocation(2)},
     "unusual": unusual.ALL,
 }
 

@@ -32,8 +32,8 @@ from sepv.simulate._engine.chunk import Chunk
 from sepv.simulate._engine.task import Task
 
 PATHS, STEPS, H, ONE = 5008, 100, 0.01, 200_000
-# Lotka-Volterra has steps without solution at h = 0.01 on some paths.
-STEP = {"lotka-volterra": 2.0**-7}
+# h, or a quarter of the longest step that a problem states: Lotka-Volterra has steps without solution at h = 0.01.
+
 EP = schemes.energy_preserving
 
 
@@ -161,7 +161,8 @@ def many_paths(limit: Limit | None, dW: np.ndarray, rounds: int) -> None:
             limit.many(iterations)()
             notes[len(jobs) - 1] = f"{limit.defect():.1e}"
     for name in ("rigid-body", "pendulum", "lotka-volterra"):
-        problem, h = problems.by_name(name), STEP.get(name, H)
+        problem = problems.by_name(name)
+        h = min(H, (problem.longest_step or 1.0) / 4)
         scale = np.sqrt(h / H)
         increments = np.ascontiguousarray(scale * np.repeat(dW, problem.noises, axis=1))
         for what, job in (("increments given", given(problem, h, increments)), ("drawn", drawn(problem, h))):

@@ -30,7 +30,7 @@ POINTS = (
 def every() -> list[Scheme]:
     """The built-in schemes, and the families up to six stages."""
     families = [family(s) for family in schemes.FAMILIES.values() for s in range(1, 7)]
-    return [*schemes.ALL.values(), *schemes.MORE.values(), *families]
+    return [*schemes.PAPER.values(), *schemes.EXTENSIONS.values(), *families]
 
 
 def shown(finding: Finding) -> str:

@@ -87,7 +87,7 @@ def speed() -> None:
     """One reference step at 50 digits, set-up and all."""
     print("one step at 50 digits from y, h and dW to y1 (least of 200, µs)")
     names = [n for n in EQUATIONS if n != "averaged-vector-field"]
-    for problem in over((p() for p in problems.NAMED.values()), lambda p: p.name):
+    for problem in over((p() for p in problems.PAPER.values()), lambda p: p.name):
         y, dW = tuple(map(float, problem.initial)), (0.05,) * problem.noises
         row = []
         for name in names:

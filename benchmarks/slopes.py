@@ -29,7 +29,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--paths", type=int, default=1024)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("schemes", nargs="*", default=list(schemes.ALL), metavar="scheme")
+    parser.add_argument("schemes", nargs="*", default=list(schemes.PAPER), metavar="scheme")
     options = parser.parse_args()
     table = Table(title=f"mean-square slopes, {options.paths} paths, 99 % intervals", title_justify="left")
     for heading in ("scheme", "problem", "slope", "interval", "rms error, coarsest to finest"):
@@ -37,7 +37,7 @@ def main() -> None:
     for name in over(options.schemes):
         for problem, (T, steps) in over(GRIDS.items(), lambda item: item[0]):
             errors = strong_errors(
-                schemes.ALL[name], problems.by_name(problem), T=T, steps=steps, paths=range(options.paths),
+                schemes.PAPER[name], problems.by_name(problem), T=T, steps=steps, paths=range(options.paths),
                 seed=options.seed,
             )  # fmt: skip
             found = slope(errors, 0.01)

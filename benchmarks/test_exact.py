@@ -11,7 +11,7 @@ from sepv import problems
 from sepv.exact import exact_flow
 
 
-@pytest.mark.parametrize("name", problems.NAMED)
+@pytest.mark.parametrize("name", problems.PAPER)
 @pytest.mark.parametrize("dense", [False, True], ids=["closed form", "dense"])
 def test_exact_flow(benchmark: Any, name: str, dense: bool) -> None:
     problem, theta = problems.by_name(name), np.linspace(-5, 8, 5000)

@@ -96,7 +96,7 @@ def _must_hold(law: Law, systems: str, case: Case) -> None:
 
 def right(law: Law, systems: str) -> list[Scheme]:
     """Built-in schemes of the class that claim the law."""
-    every = {**schemes.ALL, **schemes.MORE}.values()
+    every = {**schemes.PAPER, **schemes.EXTENSIONS}.values()
     return [s for s in every if s.systems == systems and law.claimed_by(s)]
 
 

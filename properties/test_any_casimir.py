@@ -37,7 +37,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     assert exact.casimir is not None
     before, after = exact.casimir(exact.state(y)), exact.casimir(exact.state(y1))
     M = slope(problem, y, y1)
-    residual = 2 * step_residual(problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages)
+    residual = 2 * step_residual(problem, y, y1, h, dW, scheme)
     unit = EPS * max(float(np.linalg.norm(M) * np.linalg.norm(v)) for v in (y, y1)) + TINY
     detail = f"C(y1) − C(y0) = {float(after - before):.6g}, C(y0) = {float(before):.6g}, y1 = {y1.tolist()}"
     return Measurement(abs(float(after - before)) / unit, (float(M @ residual) + TINY) / unit, detail)

@@ -27,7 +27,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     exact = exact_problem(case.problem, 40)
-    residual = step_residual(problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages)
+    residual = step_residual(problem, y, y1, h, dW, scheme)
     before, after = exact.casimir_values(exact.state(y)), exact.casimir_values(exact.state(y1))
     found = []
     for A, c0, c1 in zip((*problem.casimirs, *problem.linear_casimirs), before, after, strict=True):

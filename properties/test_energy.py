@@ -43,9 +43,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
             raise
         before, after = exact.hamiltonian(exact.state(y)), exact.hamiltonian(exact.state(y1))
         unit = energy_ulp(problem, y, y1)
-        bound = energy_bound(
-            problem, y, y1, step_residual(problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages)
-        )
+        bound = energy_bound(problem, y, y1, step_residual(problem, y, y1, h, dW, scheme))
         bound = bound + exact.uncertainty(y, y1)
         found = Measurement(
             abs(float(after - before)) / unit,

@@ -66,7 +66,7 @@ def _mean(scheme: Scheme, problem: Problem, y: Array, h: float, fewer: int) -> t
     else:
         ends = np.stack([ask(scheme, problem, y, h, w) for w in noise.T], axis=1)
     dW = noise[: problem.noises]
-    residual = step_residual(problem, states, ends, h, dW, scheme.solver_tolerance, scheme.stages)
+    residual = step_residual(problem, states, ends, h, dW, scheme)
     wrong = energy_bound(problem, states, ends, residual) + EPS * operations(problem) * _size(problem, ends)
     weights = nodes.weights
     return float(problem.hamiltonian(ends)[nodes.index] @ weights), float(wrong[nodes.index] @ weights)

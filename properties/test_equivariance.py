@@ -123,7 +123,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     share = min(1.0, shortest / length)
     h, dW = share * h, share * dW
     y1 = ask(scheme, problem, y, h, dW)
-    residual = float(step_residual(problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages).max())
+    residual = float(step_residual(problem, y, y1, h, dW, scheme).max())
     apart = "random-step" not in scheme.claims
     if apart:
         residual += float(correction_rounding(problems.build(case.problem), y, y1, h).max())
@@ -134,7 +134,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         expected = P @ y1 + b
         start, end = (EPS * float(np.max(np.abs(P) @ np.abs(v) + np.abs(b))) for v in (y, y1))
         allowed = float(np.abs(P).sum(axis=1).max()) * residual + (1 + CONTRACTION) * start + end
-        allowed += float(step_residual(other, z, z1, h, dW, scheme.solver_tolerance, scheme.stages).max())
+        allowed += float(step_residual(other, z, z1, h, dW, scheme).max())
         if apart:
             allowed += float(correction_rounding(other, z, z1, h).max())
         unit = state_ulp(z, z1)

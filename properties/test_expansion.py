@@ -91,7 +91,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
                 step, noise = sign * share * h, sign * share * dW
             y1 = ask(scheme, problem, y, step, noise)
             values[share, sign] = y1
-            residual = step_residual(problem, y, y1, step, noise, scheme.solver_tolerance, scheme.stages)
+            residual = step_residual(problem, y, y1, step, noise, scheme)
             rounding = max(rounding, float(residual.max()))
     x = delta / radius
     tail = x**4 / (1 - x * x)
@@ -177,7 +177,7 @@ def higher_coefficients(scheme: Scheme, case: Case, radius: float, r: float) -> 
         noise = share * dW if x > 0 else turned(problem, step, share * dW)
         y1 = ask(scheme, problem, y, step, noise)
         values.append(y1)
-        residual = step_residual(problem, y, y1, step, noise, scheme.solver_tolerance, scheme.stages)
+        residual = step_residual(problem, y, y1, step, noise, scheme)
         rounding.append(float(residual.max()))
     exact = flow_series(case.problem, case.y, last)
     found = []

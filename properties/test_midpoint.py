@@ -26,9 +26,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     y1 = ask(scheme, problem, y, h, dW)
     method = "midpoint" if scheme.stages == 1 else f"gauss-{scheme.stages}"
     exact = reference_step(method, case.problem, case.y, h, case.dW, DIGITS)
-    error, bound = state_error(
-        exact.y1, exact.condition, problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages
-    )
+    error, bound = state_error(exact.y1, exact.condition, problem, y, y1, h, dW, scheme)
     name = "the midpoint rule" if scheme.stages == 1 else f"the {scheme.stages}-stage Gauss method"
     return Measurement(error, bound, f"y1 = {y1.tolist()}, {error:.3g} ulp from {name}")
 

@@ -94,7 +94,7 @@ def _furthest(scheme: Scheme, case: Case, others: dict[str, Case]) -> Measuremen
     """The largest distance of the other cases' steps from the case's own."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
-    residual = float(step_residual(problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages).max())
+    residual = float(step_residual(problem, y, y1, h, dW, scheme).max())
     unit, worst = state_ulp(y, y1), Measurement(0.0, 0.0)
     for name, other in others.items():
         answer = ask(scheme, *other.build())

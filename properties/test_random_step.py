@@ -39,14 +39,12 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     if not others:
         raise Skipped("a problem without noise has one split of Δ only")
     y1 = ask(scheme, problem, y, h, dW)
-    own = step_residual(problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages)
+    own = step_residual(problem, y, y1, h, dW, scheme)
     amplified = amplification(scheme, case)
     unit, worst = state_ulp(y, y1), Measurement(0.0, 0.0)
     for name, other_h, other_dW in others:
         answer = ask(scheme, problem, y, other_h, other_dW)
-        residual = own + step_residual(
-            problem, y, answer, other_h, other_dW, scheme.solver_tolerance, scheme.stages
-        )
+        residual = own + step_residual(problem, y, answer, other_h, other_dW, scheme)
         allowed = amplified * float(residual.max())
         distance = float(np.max(np.abs(answer - y1)))
         detail = (

@@ -41,9 +41,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     if scheme.systems == "several" and isinstance(case.problem, PolynomialSystem):
         single = replace(case.problem, noise_structures=())
         exact = reference_step("energy-preserving", single, case.y, h, case.dW, DIGITS)
-        error, bound = state_error(
-            exact.y1, exact.condition, problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages
-        )
+        error, bound = state_error(exact.y1, exact.condition, problem, y, y1, h, dW, scheme)
         return Measurement(error, bound, f"y1 = {y1.tolist()}, {error:.3g} ulp from (2.1), all G_j = B")
     method = equation_for(scheme.systems, scheme.stages)
     if problem.c.any() and scheme.stages == 1:
@@ -61,9 +59,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
             )
         exact = reference_step(method, case.problem, case.y, h, case.dW, DIGITS)
         name = "the deterministic method"
-    error, bound = state_error(
-        exact.y1, exact.condition, problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages
-    )
+    error, bound = state_error(exact.y1, exact.condition, problem, y, y1, h, dW, scheme)
     return Measurement(error, bound, f"y1 = {y1.tolist()}, {error:.3g} ulp from {name}")
 
 

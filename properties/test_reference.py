@@ -74,9 +74,7 @@ def _against_mpmath(scheme: Scheme, case: Case, near: Array | None = None) -> Me
         if failure.status.startswith(UNDEFINED):
             return Measurement(float("inf"), 0.0, f"y1 = {y1.tolist()}, and no refusal: {failure.status}")
         raise
-    error, bound = state_error(
-        exact.y1, exact.condition, problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages
-    )
+    error, bound = state_error(exact.y1, exact.condition, problem, y, y1, h, dW, scheme)
     equation = method if isinstance(method, str) else method.name
     name = "the solution of (2.1)" if equation == "energy-preserving" else equation
     return Measurement(error, bound, f"y1 = {y1.tolist()}, {error:.3g} ulp from {name}")

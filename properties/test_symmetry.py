@@ -40,10 +40,8 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     returned = _back(scheme, problem, y1, h, dW)
-    residual = step_residual(problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages)
-    residual = residual + step_residual(
-        problem, y1, returned, -h, -dW, scheme.solver_tolerance, scheme.stages
-    )
+    residual = step_residual(problem, y, y1, h, dW, scheme)
+    residual = residual + step_residual(problem, y1, returned, -h, -dW, scheme)
     if isinstance(problem, HamiltoniansProblem):  # whose equation the references do not have
         bound = np.full(y.size, amplification(scheme, case) * float(residual.max()))
     else:

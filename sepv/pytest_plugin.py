@@ -93,10 +93,10 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """One test for each law and scheme."""
     if "scheme" not in metafunc.fixturenames or not _is_law(metafunc.module):
         return
-    from sepv.schemes import ALL, load_scheme
+    from sepv.schemes import PAPER, load_scheme
 
     asked = metafunc.config.getoption("--scheme") or getattr(metafunc.module, "sepv_schemes", None)
-    names = asked or metafunc.config.getini("sepv_schemes") or list(ALL)
+    names = asked or metafunc.config.getini("sepv_schemes") or list(PAPER)
     try:
         schemes = [load_scheme(name, _listed(metafunc.config).claims or ()) for name in names]
     except SepvError as error:

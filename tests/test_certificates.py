@@ -15,7 +15,7 @@ from sepv.verification import Case, strategies
 
 pytest.importorskip("flint", reason="the extra certify is not installed")
 
-PAPER = {name: factory().data for name, factory in problems.NAMED.items()}
+PAPER = {name: factory().data for name, factory in problems.PAPER.items()}
 
 
 def start(name: str) -> tuple[tuple[float, ...], float, tuple[float, ...]]:

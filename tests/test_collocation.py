@@ -141,7 +141,7 @@ def test_steps_too_large_for_the_octant_are_failures_and_no_numbers() -> None:
 @pytest.mark.parametrize("s", STAGES)
 def test_steps_of_a_batch_are_the_steps_of_its_states(s: int) -> None:
     scheme = schemes.collocation(s)
-    for name in problems.NAMED:
+    for name in problems.PAPER:
         problem = problems.by_name(name)
         rng = np.random.default_rng(1)
         y = np.asarray(problem.initial)[:, None] + 0.05 * rng.standard_normal((problem.dimension, 6))

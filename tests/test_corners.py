@@ -22,10 +22,10 @@ from sepv.verification._cases.fixed_cases import (
 from sepv.verification._contraction import contraction_radius
 
 
-@pytest.mark.parametrize("name", schemes.ALL)
+@pytest.mark.parametrize("name", schemes.PAPER)
 def test_every_scheme_solves_every_corner(name: str) -> None:
     for case in corners():
-        assert np.isfinite(schemes.ALL[name].step(*case.build())).all(), case.describe()
+        assert np.isfinite(schemes.PAPER[name].step(*case.build())).all(), case.describe()
 
 
 def test_each_degree_has_a_step_that_shows_a_node_too_few() -> None:

@@ -33,14 +33,14 @@ def bare(given: sepv.Problem, **changes) -> sepv.Problem:
 
 
 @pytest.mark.parametrize(
-    "name", [*problems.NAMED, *problems.FURTHER, *problems.SEVERAL, *problems.HAMILTONIANS]
+    "name", [*problems.PAPER, *problems.EXTENSIONS, *problems.SEVERAL, *problems.HAMILTONIANS]
 )
 def test_the_parts_of_every_problem_by_name_belong_together(name) -> None:
     """B skew, ∇H of H, H″ of ∇H, B′ of B, Casimirs: those that are derived, and those that are written."""
     check_problem(problems.by_name(name))
 
 
-@pytest.mark.parametrize("name", problems.NAMED)
+@pytest.mark.parametrize("name", problems.PAPER)
 def test_slopes_and_means_are_those_of_the_oracle(name) -> None:
     """In 50 digits, for segments from nothing to several times the state."""
     given = problems.by_name(name)

@@ -194,7 +194,12 @@ def test_the_engine_takes_the_formula_of_any_scheme_and_nothing_that_is_around_o
 
     own = formula_of(energy_preserving)
     assert own is not None
-    for scheme in (*schemes.ALL.values(), *schemes.MORE.values(), schemes.gauss(3), schemes.collocation(2)):
+    for scheme in (
+        *schemes.PAPER.values(),
+        *schemes.EXTENSIONS.values(),
+        schemes.gauss(3),
+        schemes.collocation(2),
+    ):
         taken = scheme.name not in ("splitting", "modified-weak-2")
         assert (formula_of(scheme) is not None) == taken, scheme.name
     assert formula_of(replace(EP, name="another")) == own

@@ -50,7 +50,7 @@ def test_closed_forms_agree_with_the_dense_solve(name: str) -> None:
         assert dense.method != closed.method or name == "pendulum"  # a separatrix is left to the dense solve
 
 
-@pytest.mark.parametrize("name", problems.NAMED)
+@pytest.mark.parametrize("name", problems.PAPER)
 def test_the_flow_is_a_flow_and_keeps_what_it_must(name: str) -> None:
     problem = problems.by_name(name)
     flow = exact_flow(problem, np.array([-1.5, 0.0, 2.5]))
@@ -63,7 +63,7 @@ def test_the_flow_is_a_flow_and_keeps_what_it_must(name: str) -> None:
     assert np.ptp(problem.hamiltonian(flow.y)) <= 2 * slope * flow.error
 
 
-@pytest.mark.parametrize("name", problems.NAMED)
+@pytest.mark.parametrize("name", problems.PAPER)
 def test_the_stated_error_covers_the_error(name: str) -> None:
     problem = problems.by_name(name)
     exact = exact_problem(problem.data, 30)

@@ -21,7 +21,8 @@ from sepv.verification._orders.local_orders import judge_slope
 LOCAL = ("local-mean", "local-mean-square", "local-weak")
 H = 2.0 ** -np.arange(6.0, 27.0, 2.0)
 BUILT_IN = (
-    *schemes.ALL.values(), *schemes.MORE.values(), *(schemes.collocation(s) for s in (2, 3, 4)), schemes.gauss(2),
+    *schemes.PAPER.values(), *schemes.EXTENSIONS.values(), *(schemes.collocation(s) for s in (2, 3, 4)),
+    schemes.gauss(2),
 )  # fmt: skip
 
 

@@ -18,7 +18,7 @@ from sepv.verification import strategies
 from sepv.verification._cases import case as cases
 
 
-@pytest.mark.parametrize("name", problems.NAMED)
+@pytest.mark.parametrize("name", problems.PAPER)
 def test_the_papers_problems_agree_with_themselves(name: str) -> None:
     problem = problems.by_name(name)
     check_problem(problem)
@@ -139,7 +139,7 @@ def test_one_dimension_means_that_nothing_moves() -> None:
         hamiltonian=lambda y: y[0] ** 2,
         gradient=lambda y: np.stack([2 * y[0]]),
     )
-    for scheme in sepv.schemes.ALL.values():
+    for scheme in sepv.schemes.PAPER.values():
         assert scheme.step(still, np.array([1.5]), 0.5, np.array([0.25])).tolist() == [1.5]
     with pytest.raises(ProblemError, match="skew"):
         sepv.Problem(

@@ -120,7 +120,7 @@ def test_orders_and_claims() -> None:
         with pytest.raises(UsageError, match="one of 4, 8"):
             schemes.projected(order)
     scheme = schemes.projected(8)
-    assert schemes.by_name("projected_8") is schemes.MORE["projected-8"]
+    assert schemes.by_name("projected_8") is schemes.EXTENSIONS["projected-8"]
     assert schemes.projected(8) is scheme
     assert (scheme.name, scheme.truncation, scheme.mean_square_order, scheme.weak_order) == (
         "projected-8",

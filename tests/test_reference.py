@@ -63,7 +63,7 @@ def test_gauss_nodes_integrate_powers_exactly(nodes: int) -> None:
 @given(strategies.any_steps())
 def test_the_core_agrees_with_every_reference(case: Case) -> None:
     problem, y, h, dW = case.build()
-    for name, scheme in schemes.ALL.items():
+    for name, scheme in schemes.PAPER.items():
         step = reference_step(name, case.problem, case.y, case.h, case.dW)
         units = error_units(case.problem, list(case.y), case.h, list(case.dW), step)
         y1 = scheme.step(problem, y, h, dW)

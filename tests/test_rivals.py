@@ -13,7 +13,7 @@ from sepv.exact import exact_flow
 from sepv.schemes._explicit_tableaux import TABLEAUX
 from sepv.verification import Case, state_ulp, strategies
 
-RIVALS = [*schemes.MORE.values(), *(schemes.gauss(s) for s in range(1, 7))]
+RIVALS = [*schemes.EXTENSIONS.values(), *(schemes.gauss(s) for s in range(1, 7))]
 
 
 @given(strategies.any_steps(), st.integers(1, 6))

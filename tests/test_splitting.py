@@ -10,7 +10,7 @@ from sepv import problems, schemes
 from sepv.errors import Skipped
 from sepv.problem import vector_field
 
-NAMES = tuple(problems.NAMED)
+NAMES = tuple(problems.PAPER)
 
 
 @pytest.mark.parametrize("name", NAMES)

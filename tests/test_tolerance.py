@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import sepv
-from sepv import problems
+from sepv import problems, schemes
 from sepv.problem import PolynomialSystem, StructuresProblem
 from sepv.record import _polynomial as poly
 from sepv.schemes._tableaux import amplification
@@ -116,9 +116,11 @@ def test_the_residual_has_the_size_of_the_state_of_the_step_and_of_the_solver() 
     found = tolerance.step_residual(problem, y0, y1, h, dW)
     assert np.allclose(found, expected, rtol=SAME, atol=0)
     assert np.array_equal(tolerance.step_residual(problem, y1, y0, h, dW), found)
-    lazy = tolerance.step_residual(problem, y0, y1, h, dW, solver_tolerance=1e-6)
+    lazy = tolerance.step_residual(
+        problem, y0, y1, h, dW, replace(schemes.energy_preserving, solver_tolerance=1e-6)
+    )
     assert np.allclose(lazy - found, 8e-6, rtol=SAME, atol=0)
-    twice = tolerance.step_residual(problem, y0, y1, h, dW, stages=2)
+    twice = tolerance.step_residual(problem, y0, y1, h, dW, schemes.collocation(2))
     factor = tolerance.operations(problem, 2) / tolerance.operations(problem)
     assert np.allclose(twice, factor * found, rtol=SAME, atol=0)
     assert np.all(tolerance.step_residual(problem, 0 * y0, 0 * y0, 0.0, 0 * dW) == TINY)
@@ -251,9 +253,9 @@ def test_errors_of_a_state_are_judged_in_their_worst_component() -> None:
             assert bound == pytest.approx(bounds[k] / (4 * EPS), rel=SAME, abs=0)
             assert error == pytest.approx(100 * bound, rel=SAME, abs=0)
         exact = [mpmath.mpf(-4), mpmath.mpf(1)]
-        for keys in ({"solver_tolerance": 1e-3}, {"stages": 4}):
-            r = tolerance.step_residual(problem, y0, y1, 0.25, dW, **keys)
-            error, bound = tolerance.state_error(exact, np.eye(2), problem, y0, y1, 0.25, dW, **keys)
+        for scheme in (replace(schemes.energy_preserving, solver_tolerance=1e-3), schemes.collocation(4)):
+            r = tolerance.step_residual(problem, y0, y1, 0.25, dW, scheme)
+            error, bound = tolerance.state_error(exact, np.eye(2), problem, y0, y1, 0.25, dW, scheme)
             assert error == 0
             assert bound == pytest.approx((r + EPS * np.array([4.0, 1.0]))[0] / (4 * EPS), rel=SAME, abs=0)
 

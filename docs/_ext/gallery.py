@@ -53,7 +53,7 @@ INTRODUCTIONS = {
 
 
 def _problems(folder: Path) -> Iterator[str]:
-    for name in (*sepv.problems.NAMED, *sepv.problems.FURTHER):
+    for name in (*sepv.problems.PAPER, *sepv.problems.EXTENSIONS):
         problem = sepv.problems.by_name(name)
         increments = np.random.default_rng(1).normal(scale=np.sqrt(T / STEPS), size=(problem.noises, STEPS))
         times = np.linspace(0.0, T, STEPS + 1)
@@ -72,12 +72,12 @@ def _problems(folder: Path) -> Iterator[str]:
 
 
 def _maker(name: str) -> Any:
-    return {**sepv.problems.NAMED, **sepv.problems.FURTHER}[name]
+    return {**sepv.problems.PAPER, **sepv.problems.EXTENSIONS}[name]
 
 
 def _schemes(folder: Path) -> Iterator[str]:
     problem = sepv.problems.by_name("pendulum")
-    for name, scheme in {**sepv.schemes.ALL, **sepv.schemes.MORE}.items():
+    for name, scheme in {**sepv.schemes.PAPER, **sepv.schemes.EXTENSIONS}.items():
         heading = f"## {name}\n\n{scheme.source}."
         try:
             path = sepv.integrate(scheme, problem, h=T / 512, T=T, seed=1)

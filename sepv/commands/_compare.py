@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
@@ -14,9 +15,9 @@ import click
 from sepv.commands._shared import EXEC, FILE, Renamed, Workers, candidates, friendly
 from sepv.errors import SepvError, UsageError
 
-# T and numbers of steps by default. Lotka-Volterra needs h ≤ 2⁻⁷: coarser steps need not have a solution.
-GRIDS = {"lotka-volterra": (1.0, "128,256,512,1024")}
-GRID = (1.0, "8,16,32,64,128")
+# By default T = 1, with five numbers of steps up to this one. The coarsest step is a quarter of the longest one that
+# the problem states, or of 1/2.
+MOST_STEPS = 1024
 
 
 class Numbers(click.ParamType):
@@ -96,10 +97,10 @@ def compare(
     drawing.require_picture(picture)
     for path in (options["json_file"], options["csv_file"], picture):
         require_folder(path)
-    T, steps = _grid(problem, options["T"], options["steps"])
     out = console()
     with one_core() as alone, showing(options["quiet"]) as line:
         system = _problem(load_problem(problem), options["initial"])
+        T, steps = options["T"] or 1.0, options["steps"] or _usual_steps(system)
         names = list(dict.fromkeys((*targets, *(installed_peers() if options["peers"] else ()))))
         if not names and not programs:
             raise UsageError(
@@ -164,9 +165,9 @@ def _methods(
     return methods, failed
 
 
-def _grid(problem: str, T: float | None, steps: tuple[int, ...] | None) -> tuple[float, tuple[int, ...]]:
-    usual_T, usual_steps = GRIDS.get(problem.replace("_", "-"), GRID)
-    return T or usual_T, steps or tuple(int(n) for n in usual_steps.split(","))
+def _usual_steps(problem: Any) -> tuple[int, ...]:
+    coarsest = math.ceil(4 / (problem.longest_step or 0.5))
+    return tuple(n for n in (coarsest * 2**k for k in range(5)) if n <= max(coarsest, MOST_STEPS))
 
 
 def _problem(problem: Any, initial: tuple[float, ...] | None) -> Any:

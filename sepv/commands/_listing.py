@@ -34,11 +34,11 @@ def list_(debug: bool) -> None:  # noqa: ARG001  (every command takes it)
             ("scheme", "order", "source"),
             [
                 (s.name, _order(s), s.source)
-                for s in (schemes.ALL | schemes.MORE | schemes.HAMILTONIANS).values()
+                for s in (schemes.PAPER | schemes.EXTENSIONS | schemes.HAMILTONIANS).values()
             ]
             + _families(schemes),
         ),
-        ("Problems", ("problem", "d, m", "what"), _problem_rows(problems.NAMED | problems.FURTHER)),
+        ("Problems", ("problem", "d, m", "what"), _problem_rows(problems.PAPER | problems.EXTENSIONS)),
         (
             "Problems with several structures or Hamiltonians",
             ("problem", "d, m", "what"),

@@ -89,7 +89,7 @@ def complete_schemes(_context: click.Context, _parameter: click.Parameter, incom
     """Built-in schemes, for shell completion."""
     from sepv import schemes
 
-    return [name for name in schemes.ALL if name.startswith(incomplete)]
+    return [name for name in schemes.PAPER if name.startswith(incomplete)]
 
 
 def listed(_context: click.Context, _parameter: click.Parameter, values: tuple[str, ...]) -> tuple[str, ...]:

@@ -59,8 +59,8 @@ def ulps(
     from sepv.verification._report import console
 
     require_folder(json_file)
-    asked = [*(targets or (() if programs else tuple(schemes.ALL))), *(unit.peers() if peers else ())]
-    chosen = [load_problem(name) for name in (names or tuple(problems.NAMED))]
+    asked = [*(targets or (() if programs else tuple(schemes.PAPER))), *(unit.peers() if peers else ())]
+    chosen = [load_problem(name) for name in (names or tuple(problems.PAPER))]
     rows: list[Any] = []
     with candidates(asked, programs) as wanted, showing() as line:
         for _, scheme in wanted:

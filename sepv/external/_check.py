@@ -75,10 +75,10 @@ def describe(checks: Iterable[Check]) -> str:
 
 
 def _try_hello(program: Program, laws: set[str] | None) -> str:
-    from sepv.problems import NAMED
+    from sepv.problems import PAPER
 
     said = program.hello()
-    for key, names, known in (("claims", said.claims, laws), ("problems", said.problems, set(NAMED))):
+    for key, names, known in (("claims", said.claims, laws), ("problems", said.problems, set(PAPER))):
         strange = sorted(set(names) - known) if known is not None else []
         if strange:
             raise BadAnswer(

@@ -20,7 +20,7 @@ from sepv.external._errors import BadAnswer, CallTimeout, NeverReads, ProgramErr
 from sepv.external._messages import MOST_STEPS, PROTOCOL, Hello, decode, read_hello, row, states, travelling
 from sepv.external._text import clean, shown
 from sepv.problem import Array, Problem
-from sepv.problems import NAMED
+from sepv.problems import PAPER
 from sepv.schemes import Scheme
 from sepv.schemes._scheme import as_lanes
 
@@ -146,7 +146,7 @@ class Program:
             increments=said.increments,
             batched=True,
             # Else a search would spend its cases on polynomials that the program has already refused.
-            problems=() if said.polynomial else tuple(name for name in said.problems if name in NAMED),
+            problems=() if said.polynomial else tuple(name for name in said.problems if name in PAPER),
         )
 
     def step(self, problem: Problem, y: Array, h: float, dW: Array) -> Array:

@@ -109,6 +109,9 @@ class Problem:
         All that the functions say, as numbers: made by `sepv.problems`, not by hand.
     nambu : Nambu, optional
         For d = 3: the Casimir C and the factor g with B(y)v = g(y)(v × ∇C(y)).
+    longest_step : float, optional
+        The largest |h| + Σ|c_jΔW_j| from states near the initial one of which a solution is known for every scheme.
+        Where it is stated, studies take their steps from it, and laws ask for no longer ones.
     flows : sequence of callables (y, t) -> (d, ...), optional
         Exact flows of B∇H_k at times t (...), for parts H_k with H = ΣH_k: splitting methods need them.
     check : bool
@@ -158,6 +161,7 @@ class Problem:
     initial: ArrayLike | None = None
     nambu: Nambu | None = None
     flows: tuple[Flow, ...] = ()
+    longest_step: float | None = None
     name: str = "problem"
     data: PolynomialSystem | NamedProblem | None = None
     check: InitVar[bool] = True

@@ -35,14 +35,18 @@ from sepv.problems._spins import twisted_top as twisted_top
 from sepv.problems._spins import two_spins as two_spins
 from sepv.problems._toda import toda as toda
 
-NAMED: dict[str, Callable[..., Problem]] = {
+PAPER: dict[str, Callable[..., Problem]] = {
     "harmonic-oscillator": harmonic_oscillator,
     "rigid-body": rigid_body,
     "pendulum": pendulum,
     "lotka-volterra": lotka_volterra,
 }
 # Not of the paper: two of them serve the hard cases.
-FURTHER: dict[str, Callable[..., Problem]] = {"kepler": kepler, "maxwell-bloch": maxwell_bloch, "toda": toda}
+EXTENSIONS: dict[str, Callable[..., Problem]] = {
+    "kepler": kepler,
+    "maxwell-bloch": maxwell_bloch,
+    "toda": toda,
+}
 
 
 # With several structures or Hamiltonians.
@@ -69,7 +73,7 @@ HAMILTONIANS: dict[str, Callable[..., Problem]] = {
 
 def by_name(name: str) -> Problem:
     """A problem with its default parameters, the paper's for the paper's; hyphens and underscores are the same."""
-    known = NAMED | FURTHER | SEVERAL | HAMILTONIANS
+    known = PAPER | EXTENSIONS | SEVERAL | HAMILTONIANS
     factory = known.get(name.replace("_", "-"))
     if factory is None:
         raise UsageError(
@@ -92,7 +96,7 @@ def build(data: Description) -> Problem:
 @lru_cache(maxsize=128)
 def _named(data: NamedProblem) -> Problem:
     """Recording takes as long as a few steps: once for a name and parameters."""
-    known = NAMED | FURTHER | HAMILTONIANS
+    known = PAPER | EXTENSIONS | HAMILTONIANS
     factory = known.get(data.name)
     if factory is None:
         raise UsageError(

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from sepv.schemes._area_midpoint import scheme as area_midpoint
 from sepv.schemes._both_invariants import scheme as both_invariants
-from sepv.schemes._catalogue import ALL as ALL
+from sepv.schemes._catalogue import EXTENSIONS as EXTENSIONS
 from sepv.schemes._catalogue import FAMILIES as FAMILIES
 from sepv.schemes._catalogue import HAMILTONIANS as HAMILTONIANS
-from sepv.schemes._catalogue import MORE as MORE
+from sepv.schemes._catalogue import PAPER as PAPER
 from sepv.schemes._catalogue import by_name as by_name
 from sepv.schemes._collocation import collocation as collocation
 from sepv.schemes._continuation import continued as continued
@@ -49,10 +49,10 @@ from sepv.schemes._stochastic_midpoint import scheme as stochastic_midpoint
 from sepv.schemes._stochastic_splitting import scheme as stochastic_splitting
 
 __all__ = [
-    "ALL",
+    "EXTENSIONS",
     "FAMILIES",
     "HAMILTONIANS",
-    "MORE",
+    "PAPER",
     "RANDOM_STEP",
     "Explicit",
     "Orders",

@@ -31,11 +31,11 @@ from sepv.schemes._stochastic_midpoint import scheme as stochastic_midpoint
 from sepv.schemes._stochastic_splitting import scheme as stochastic_splitting
 from sepv.schemes._tableaux import MAX_STAGES
 
-ALL: dict[str, Scheme] = {
+PAPER: dict[str, Scheme] = {
     s.name: s for s in (energy_preserving, midpoint, discrete_gradient, euler_heun, milstein, euler_maruyama)
 }
 # What the paper does not have.
-MORE: dict[str, Scheme] = {
+EXTENSIONS: dict[str, Scheme] = {
     s.name: s
     for s in (
         both_invariants,
@@ -67,14 +67,14 @@ FAMILIES: dict[str, Callable[[int], Scheme]] = {"collocation": collocation, "gau
 
 
 def by_name(name: str) -> Scheme:
-    """A scheme of `ALL`, `MORE` or `HAMILTONIANS`, or a member of a family: "collocation-3"; "_" and "-" are the same.
+    """A built-in scheme, or a member of a family such as "collocation-3"; "_" and "-" are the same.
 
     Raises
     ------
     UsageError
     """
     wanted = name.replace("_", "-")
-    for schemes in (ALL, MORE, HAMILTONIANS):
+    for schemes in (PAPER, EXTENSIONS, HAMILTONIANS):
         if wanted in schemes:
             return schemes[wanted]
     family, _, stages = wanted.rpartition("-")
@@ -82,7 +82,7 @@ def by_name(name: str) -> Scheme:
         return FAMILIES[family](int(stages))
     families = ", ".join(f"{f}-1 … {f}-{MAX_STAGES}" for f in FAMILIES)
     raise UsageError(
-        expected=f"a built-in scheme: {', '.join([*ALL, *MORE, *HAMILTONIANS])}, {families}",
-        received=did_you_mean(name, [*ALL, *MORE, *HAMILTONIANS]),
+        expected=f"a built-in scheme: {', '.join([*PAPER, *EXTENSIONS, *HAMILTONIANS])}, {families}",
+        received=did_you_mean(name, [*PAPER, *EXTENSIONS, *HAMILTONIANS]),
         remedy="see `sepv list`",
     )

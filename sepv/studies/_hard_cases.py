@@ -150,7 +150,7 @@ def _measure(seen: Seen, scheme: Scheme, sample: Sample) -> None:
         return
     y0, y1, used = y[:, good], value[:, good], dW[:, good]
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-        allowed = step_residual(problem, y0, y1, h, used, scheme.solver_tolerance, scheme.stages)
+        allowed = step_residual(problem, y0, y1, h, used, scheme)
         bound = energy_bound(problem, y0, y1, allowed) + _tilt(seen.case, scheme, y0, y1, h, used)
         if isinstance(seen.case.data, GivenProblem):
             bound = bound + exact_problem(seen.case.data).uncertainty(y0, y1)

@@ -16,7 +16,7 @@ import numpy as np
 from sepv.errors import SepvError
 from sepv.exact import exact_flow
 from sepv.problem import Array, Problem
-from sepv.problems import FURTHER
+from sepv.problems import EXTENSIONS
 from sepv.reference.hard import exact_energy
 from sepv.reference.problem import exact_problem
 from sepv.schemes import Scheme
@@ -33,8 +33,7 @@ PEERS = {
     "torchsde": ("heun", "midpoint", "reversible_heun"),
     "sdeint": ("strat_heun", "strat_srs2"),
 }
-# Steps for which every state of the orbit has a solution; the other problems have one for longer steps too.
-STEP = {"lotka-volterra": 2.0**-7}
+# The usual step, or a quarter of the longest that a problem states: every state of the orbit then has a solution.
 USUAL_STEP = 2.0**-5
 ORBIT = 10.0
 
@@ -83,7 +82,7 @@ def one_step(
 
     The H of a problem made of functions is evaluated by its own code, in the longest float that passes through it.
     """
-    length = h or STEP.get(problem.name, USUAL_STEP)
+    length = h or min(USUAL_STEP, (problem.longest_step or 1.0) / 4)
     rng = np.random.default_rng([seed, *problem.name.encode()])
     y0 = exact_flow(problem, rng.uniform(0, ORBIT, steps)).y
     dW = math.sqrt(length) * rng.standard_normal((problem.noises, steps))
@@ -113,7 +112,7 @@ def _steps(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> t
 
 def _defects(problem: Problem, y0: Array, y1: Array) -> tuple[Array, Array]:
     """Defects of H and the worst of the Casimirs for each step, in their units."""
-    data = problem.data if problem.name in FURTHER else describe(problem)
+    data = problem.data if problem.name in EXTENSIONS else describe(problem)
     assert data is not None
     H = exact_energy(data)
     energy = [abs(float(H(b) - H(a))) for a, b in zip(y0.T, y1.T, strict=True)]

@@ -37,7 +37,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     answers = _steps(scheme, problem, poisson.shifted(y, widths), h, dW)
     y1 = answers[:, 0]
     # Majorants at the shifted states are larger by far less than a factor of two.
-    residual = 2 * step_residual(problem, y, y1, h, dW, scheme.solver_tolerance, scheme.stages)
+    residual = 2 * step_residual(problem, y, y1, h, dW, scheme)
     error = amplification(scheme, case) * float(residual.max())
     slope, doubt = poisson.derivative(answers, widths)
     if rho:

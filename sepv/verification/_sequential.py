@@ -113,7 +113,7 @@ def setups_for(scheme: Scheme) -> tuple[Setup, ...]:
 
 def _given(problem: Problem, truncation: int | None, order: float | None) -> Setup:
     """A user's problem: as the paper's where it is one of those, else over a time that its slopes allow."""
-    if problem.data in [known.data for known in map(problems.by_name, problems.NAMED)]:
+    if problem.data in [known.data for known in map(problems.by_name, problems.PAPER)]:
         assert isinstance(problem.data, NamedProblem)
         return replace(_setup(problem.data.name, truncation, order), given=problem)
     if problem.name in problems.HAMILTONIANS and _built_in(problem):

@@ -37,6 +37,7 @@ from sepv.problem import Array, HamiltoniansProblem, Problem, StructuresProblem
 from sepv.problem._fields import contract, matmul, matvec
 from sepv.problem._problem import Function
 from sepv.record import PolynomialMap
+from sepv.schemes import Scheme
 from sepv.schemes._tableaux import amplification, exact_nodes
 
 EPS = float(np.finfo(np.float64).eps)
@@ -111,10 +112,13 @@ def step_residual(
     y1: Array,
     h: float,
     dW: Array,
-    solver_tolerance: float = 0.0,
-    stages: int = 1,
+    scheme: Scheme | None = None,
 ) -> Array:
-    """r (d,): the residual that a step solved to rounding may leave; (d, M) for a batch."""
+    """r (d,): the residual that a step may leave that is solved as the scheme says; (d, M) for a batch.
+
+    Without a scheme: solved to rounding, with one stage.
+    """
+    solver_tolerance, stages = (0.0, 1) if scheme is None else (scheme.solver_tolerance, scheme.stages)
     scale = np.maximum(np.abs(y0).max(axis=0), np.abs(y1).max(axis=0))
     length = abs(h) + np.tensordot(problem.c, np.abs(dW), axes=1)
     B = structure_majorant(problem, y0, y1)
@@ -247,8 +251,7 @@ def state_error(
     y1: Array,
     h: float,
     dW: Array,
-    solver_tolerance: float = 0.0,
-    stages: int = 1,
+    scheme: Scheme | None = None,
 ) -> tuple[float, float]:
     """(error, bound) of y1 against an exact step, in ulp of the largest component: the worst component.
 
@@ -261,7 +264,7 @@ def state_error(
     """
     unit = state_ulp(y0, y1)
     error = np.array([abs(float(a - float(b))) for a, b in zip(exact, y1, strict=True)])
-    residual = step_residual(problem, y0, y1, h, dW, solver_tolerance, stages)
+    residual = step_residual(problem, y0, y1, h, dW, scheme)
     bound = np.array(condition) @ residual + EPS * np.abs(y1)
     k = int(np.argmax(error / bound))
     return float(error[k]) / unit, float(bound[k]) / unit

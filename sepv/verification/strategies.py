@@ -215,7 +215,7 @@ def poisson_systems(
 
 def paper_problems() -> st.SearchStrategy[NamedProblem]:
     """The paper's four problems with its parameters."""
-    data = [problems.by_name(name).data for name in problems.NAMED]
+    data = [problems.by_name(name).data for name in problems.PAPER]
     return st.sampled_from([entry for entry in data if isinstance(entry, NamedProblem)])
 
 
@@ -235,19 +235,11 @@ def steps(draw: st.DrawFn, systems: st.SearchStrategy[PolynomialSystem] | None =
 def paper_steps(draw: st.DrawFn) -> Case:
     """A step of one of the paper's problems near its initial state, with h and the increments of §4."""
     data = draw(paper_problems())
-    initial = np.asarray(problems.build(data).initial)
+    problem = problems.build(data)
+    initial, longest = np.asarray(problem.initial), problem.longest_step
+    assert longest is not None
     y = tuple(float(a) * draw(st.floats(0.5, 1.5)) + draw(st.sampled_from([0.0, 0.1, 0.3])) for a in initial)
-    longest = paper_reach(data.name)
     return draw(steps_within(data, y, draw(st.sampled_from([longest, longest / 2, longest / 4, 2.0**-7]))))
-
-
-def paper_reach(name: str) -> float:
-    """The largest |h| + Σ|c_jΔW_j| of steps of a paper's problem that each scheme must take.
-
-    Lotka-Volterra has states near its own where |Δ| = 0.26 has no solution: an eighth of that. The others were solved
-    at |Δ| = 1/2 from 10⁵ states each, and led back by −Δ.
-    """
-    return 2.0**-5 if name == "lotka-volterra" else 0.5
 
 
 def any_steps() -> st.SearchStrategy[Case]:

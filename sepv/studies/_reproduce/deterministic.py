@@ -23,7 +23,7 @@ T, STEPS = 1.0, (16, 32, 64, 128)
 
 def errors(scheme: str, problem: str) -> list[float]:
     """|y_N − y(T)| with c = 0, for each number of steps."""
-    method, system = schemes.ALL[scheme], SYSTEMS[problem](noise=())
+    method, system = schemes.PAPER[scheme], SYSTEMS[problem](noise=())
     start, found = np.array(system.initial), []
     exact = exact_flow(system, T).y
     for steps in STEPS:

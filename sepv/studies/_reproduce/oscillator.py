@@ -40,7 +40,7 @@ def jobs(size: Size) -> list[Job]:
     """Four long runs, and the errors of six schemes."""
     found, steps = [*order.jobs(ORDER, size), *fine_step.jobs(FINE, size)], size.steps(STEPS)
     for name in SHOWN:
-        implicit = schemes.ALL[name].solve is not None
+        implicit = schemes.PAPER[name].solve is not None
         arguments = {
             "scheme": name,
             "problem": PROBLEM,

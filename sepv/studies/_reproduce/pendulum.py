@@ -252,7 +252,7 @@ def _used(found: dict[str, runs.Run]) -> dict[str, object]:
     return {**_PARAMETERS, "T": next(iter(found.values())).steps * H}
 
 
-assert set(SHOWN) <= set(schemes.ALL)
-assert PROBLEM in problems.NAMED
+assert set(SHOWN) <= set(schemes.PAPER)
+assert PROBLEM in problems.PAPER
 
 PANELS = {"4.4": long_time, "4.5": convergence}

@@ -135,7 +135,7 @@ def _given_problem(data: dict[str, Any]) -> GivenProblem:
         For one that had no name a command can load.
     """
     target = str(data["given"])
-    if ":" not in target and target not in problems.FURTHER | problems.HAMILTONIANS:
+    if ":" not in target and target not in problems.EXTENSIONS | problems.HAMILTONIANS:
         raise UsageError(
             expected="a witness whose problem can be loaded: a name, data, or module:attribute",
             received=f"the problem {target!r}, which was handed over as an object",

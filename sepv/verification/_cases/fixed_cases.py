@@ -18,11 +18,7 @@ from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 from sepv.verification._cases.case import Case
 from sepv.verification._contraction import contraction_radius
-from sepv.verification.strategies import paper_reach
 
-# |Δ| at which every problem of the paper was solved from thousands of states near its initial one: 1/2, and
-# 1/32 for Lotka-Volterra, which has states with no solution at |Δ| = 0.26.
-_LONGEST = {"lotka-volterra": 2.0**-5}
 # A state of the pendulum from which the angle moves by 1.5 in a step of ½.
 _FAST = (3.0, 1.0)
 
@@ -56,7 +52,7 @@ def may_be_refused(case: Case) -> bool:
     if not isinstance(case.problem, NamedProblem):
         return False
     problem, _, h, dW = case.build()
-    return abs(h) + float(np.abs(problem.c * dW).sum()) > paper_reach(case.problem.name)
+    return abs(h) + float(np.abs(problem.c * dW).sum()) > (problem.longest_step or 0.0)
 
 
 def with_quadratic_hamiltonian() -> tuple[Case, ...]:
@@ -136,12 +132,13 @@ def _longest(data: PolynomialSystem, y: tuple[float, ...]) -> tuple[Case, Case]:
 
 def _papers() -> list[Case]:
     found = []
-    for name in problems.NAMED:
+    for name in problems.PAPER:
         problem = problems.by_name(name)
         assert isinstance(problem.data, NamedProblem)
+        assert problem.longest_step is not None
         y = tuple(float(v) for v in np.asarray(problem.initial))
         for sign in (1.0, -1.0):
-            found.append(_split(problem.data, y, _LONGEST.get(name, 0.5), sign))
+            found.append(_split(problem.data, y, problem.longest_step, sign))
     # A fast pendulum, whose angle moves by 1.5: H has no degree, and four nodes are not enough.
     fast = problems.by_name("pendulum").data
     assert isinstance(fast, NamedProblem)

@@ -43,10 +43,8 @@ from sepv.verification._contraction import contraction_radius
 from sepv.verification._tolerance import slopes
 from sepv.verification.strategies import CONTRACTION, components, halved, in_the_mean, steps_within
 
-# Longest steps: those at which the paper's problems were solved from 10⁵ states each (see `paper_steps`).
-LONGEST = {"lotka-volterra": 2.0**-5, "pendulum": 0.5, "rigid-body": 0.5, "harmonic-oscillator": 0.5}
 # Of the references: names whose H, B and ∇H exist in extended precision.
-EXACT_NAMES = frozenset(LONGEST)
+EXACT_NAMES = frozenset(named.PAPER)
 
 
 @dataclass(frozen=True)
@@ -106,7 +104,7 @@ def _item(asked: Any) -> Item:
     try:
         problem = load_problem(asked)
     except UsageError as error:
-        known = [*FAMILIES, *named.NAMED, *named.FURTHER, *named.SEVERAL, *named.HAMILTONIANS]
+        known = [*FAMILIES, *named.PAPER, *named.EXTENSIONS, *named.SEVERAL, *named.HAMILTONIANS]
         raise UsageError(
             expected=f"{error.expected}; or a family, one of {', '.join(FAMILIES)}; or a Hypothesis strategy of them",
             received=did_you_mean(text, known) if text and ":" not in text else error.received,
@@ -172,12 +170,21 @@ def near(draw: st.DrawFn, description: Description) -> Case:
     y = _state(draw, problem)
     if isinstance(description, PolynomialSystem):
         radius = min(contraction_radius(problem, np.array(y)), 4.0)
-    elif isinstance(description, NamedProblem) and description == named.by_name(description.name).data:
-        radius = LONGEST[description.name]
+    elif (
+        isinstance(description, NamedProblem)
+        and problem.longest_step is not None
+        and _as_by_name(description)
+    ):
+        radius = problem.longest_step
     else:
         radius = min(measured_radius(problem, np.array(y)), 4.0)
     assume(radius > 0)
     return draw(steps_within(description, y, radius * draw(st.sampled_from([1.0, 0.5, 0.25, 2.0**-6]))))
+
+
+def _as_by_name(description: NamedProblem) -> bool:
+    """With the default parameters, of which a problem's longest step speaks."""
+    return description == named.by_name(description.name).data
 
 
 def _state(draw: st.DrawFn, problem: Problem) -> tuple[float, ...]:
