@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from math import prod
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -114,10 +115,14 @@ def _compiled(text: str) -> Callable[..., tuple[Any, ...]]:
 
 @dataclass(frozen=True)
 class Evaluator:
-    """Outputs of a shape as a function of arrays (d, ...): their text, so that it travels to other processes."""
+    """Outputs of a shape as a function of arrays (d, ...): their text, so that it travels to other processes.
+
+    `places` are those of the outputs that are not zero whatever the arguments.
+    """
 
     source: Source
     shape: tuple[int, ...]
+    places: tuple[int, ...]
 
     def __call__(self, *arguments: Array) -> Array:
         """The outputs, of shape (*shape, ...)."""
@@ -127,12 +132,15 @@ class Evaluator:
         except ZeroDivisionError:  # of a number of Python's, which functions of a single state are made of
             return np.asarray(self(*(a[..., None] for a in given))[..., 0])
         batch = given[0].shape[1:]
-        found = np.empty((len(values), *batch), dtype=np.result_type(*given, np.float64))
-        for i, value in enumerate(values):
+        found = np.zeros((prod(self.shape), *batch), dtype=np.result_type(*given, np.float64))
+        for i, value in zip(self.places, values, strict=True):
             found[i] = value
         return found.reshape(self.shape + batch)
 
 
 def evaluator(inputs: Sequence[Any], outputs: Any) -> Evaluator:
     """The outputs, an array of symbols, as a function of arrays, one for each vector of inputs."""
-    return Evaluator(source(inputs, outputs), np.shape(outputs))
+    flat = np.asarray(outputs, dtype=object).ravel()
+    tape = inputs[0][0].tape
+    places = tuple(i for i, v in enumerate(flat) if tape.symbol(v).number != 0)
+    return Evaluator(source(inputs, [flat[i] for i in places]), np.shape(outputs), places)
