@@ -9,7 +9,7 @@ import numpy as np
 
 from sepv.large._problem import LargeProblem, Sparse
 from sepv.problem import Array
-from sepv.record import gauss_legendre
+from sepv.record import gauss_legendre, mean_nodes
 from sepv.solve._linearised import Tangent
 
 
@@ -45,7 +45,7 @@ class Answers:
         problem = self.problem
         if problem.mean_gradient is not None:
             return np.asarray(problem.mean_gradient(self.y0, self.y1))
-        points, weights = gauss_legendre(max(1, -(-problem.degree // 2)))
+        points, weights = gauss_legendre(mean_nodes(problem.degree))
         return np.asarray(
             sum(w * problem.gradient(self.y0 + t * self.z) for t, w in zip(points, weights, strict=True))
         )
@@ -76,7 +76,7 @@ class Slopes:
     def mean_gradient(self, y: Array, z: Tangent) -> Tangent:  # noqa: ARG002 - y0 and z
         """∫₀¹∇H(y + τz)dτ; H″ by a few nodes, whose error costs iterations and no accuracy."""
         asked, degree = self._asked, self.problem.degree
-        points, weights = gauss_legendre(3 if degree is None else max(1, -(-degree // 2)))
+        points, weights = gauss_legendre(3 if degree is None else mean_nodes(degree))
         first, *others = (
             w * t * self.problem.hessian(asked.y0 + t * asked.z) for t, w in zip(points, weights, strict=True)
         )

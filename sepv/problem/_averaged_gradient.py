@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sepv.problem._problem import Array, Problem
-from sepv.record import gauss_legendre
+from sepv.record import gauss_legendre, mean_nodes
 
 _EPS = float(np.finfo(np.float64).eps)
 # Adaptive rule: doubled until two rules agree. 128 nodes resolve integrands analytic within about a
@@ -38,7 +38,7 @@ def average_gradient(problem: Problem, y0: Array, y1: Array) -> Average:
         value = problem.mean_gradient(y0, y1)
         return Average(value, np.ones(shape, dtype=np.int64), np.zeros(shape), np.ones(shape, dtype=bool))
     if problem.degree is not None:
-        nodes = max(1, -(-problem.degree // 2))
+        nodes = mean_nodes(problem.degree)
         value = _quadrature(problem, y0, y1, nodes)[0]
         return Average(value, np.full(shape, nodes), np.zeros(shape), np.ones(shape, dtype=bool))
     return _adaptive(problem, y0, y1)
@@ -52,7 +52,7 @@ def average_hessian(problem: Problem, y0: Array, y1: Array) -> Array | None:
     """
     if problem.hessian is None:
         return None
-    nodes = 3 if problem.degree is None else max(1, -(-problem.degree // 2))
+    nodes = 3 if problem.degree is None else mean_nodes(problem.degree)
     points, weights = gauss_legendre(nodes)
     factors = weights * points
     total = np.zeros((problem.dimension, *y0.shape))

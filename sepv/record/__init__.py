@@ -21,5 +21,6 @@ from sepv.record._polynomial import polynomial as polynomial
 from sepv.record._protocol import CannotRecord as CannotRecord
 from sepv.record._protocol import select as select
 from sepv.record._quadrature import gauss_legendre as gauss_legendre
+from sepv.record._quadrature import mean_nodes as mean_nodes
 from sepv.record._symbols import Symbol as Symbol
 from sepv.record._symbols import Tape as Tape

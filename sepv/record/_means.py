@@ -20,7 +20,7 @@ import numpy as np
 
 from sepv.record._derivative import gradient, hessian, jacobian, reachable
 from sepv.record._protocol import select
-from sepv.record._quadrature import gauss_legendre
+from sepv.record._quadrature import gauss_legendre, mean_nodes
 from sepv.record._replay import substitute
 from sepv.record._symbols import Symbol
 
@@ -87,7 +87,7 @@ def mean(output: Any, inputs: Any, z: Any) -> Mean:
             continue
         part = factor * _quotient(term, inputs, z)
         total = part if total is None else total + part
-    nodes = max(1, -(-(degree(polynomial, inputs) or 0) // 2))
+    nodes = mean_nodes(degree(polynomial, inputs) or 0)
     if nodes > MOST_NODES:
         raise NoClosedForm(f"a polynomial H whose mean takes {nodes} Gauss nodes")
     # The derivative of a rule is one of H″, and symmetric, which the chain rule does not see.

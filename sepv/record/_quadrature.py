@@ -34,3 +34,8 @@ def _polished(nodes: int, guess: float) -> tuple[Decimal, Decimal]:
         slope = nodes * (x * p - previous) / (x * x - 1)
         x -= p / slope
     return (1 + x) / 2, 1 / ((1 - x * x) * slope * slope)
+
+
+def mean_nodes(degree: int) -> int:
+    """⌈ν/2⌉: nodes that average the gradient of a polynomial H of degree ν along a segment exactly."""
+    return max(1, -(-degree // 2))
