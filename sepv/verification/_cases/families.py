@@ -135,7 +135,7 @@ FAMILIES: dict[str, tuple[str, Callable[[], st.SearchStrategy[PolynomialSystem]]
     "so3-hamiltonians": (
         "B of the rigid body, several Hamiltonians",
         so3_hamiltonians,
-        ("random-inertia", "two-spins"),
+        ("random-inertia", "two-spins", "commuting-twists", "twisted-top"),
     ),
     "separable-hamiltonians": (
         "H = ½|p|² + V(q), additive noise in p",
