@@ -577,3 +577,19 @@ def test_a_system_without_noise_is_compiled() -> None:
         plain = sepv.ensemble(EP, problem, h=1 / 16, steps=8, paths=paths, engine="numpy")
         assert found.W.shape == (0, paths)
         assert np.max(np.abs(found.y - plain.y)) < 1e-14
+
+
+def test_a_chunk_in_which_a_lane_first_needs_care_begins_anew(monkeypatch) -> None:
+    """Steps of Lotka-Volterra without a solution: what looks at one lane is compiled when it is asked for."""
+    from sepv.simulate._engine import store
+
+    arguments = {"h": 0.1, "steps": 8, "paths": 300, "engine": "compiled", "times": [0.4, 0.8]}
+    known = sepv.ensemble(EP, "lotka-volterra", **arguments)
+    assert store.is_there("careful")
+    monkeypatch.delitem(store._ordinary, "careful")
+    again = sepv.ensemble(EP, "lotka-volterra", **arguments)
+    assert store.is_there("careful")
+    assert 0 < np.count_nonzero(known.status) < 300
+    for key in ("y", "W", "states", "status", "failed_step", "energy_defect"):
+        assert np.array_equal(getattr(known, key), getattr(again, key)), key
+    assert known.iterations == again.iterations
