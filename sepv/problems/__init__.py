@@ -71,6 +71,7 @@ HAMILTONIANS: dict[str, Callable[..., Problem]] = {
 }
 
 
+@lru_cache(maxsize=64)
 def by_name(name: str) -> Problem:
     """A problem with its default parameters, the paper's for the paper's; hyphens and underscores are the same."""
     known = PAPER | EXTENSIONS | SEVERAL | HAMILTONIANS
