@@ -18,6 +18,7 @@ from benchmarks import over, start
 from sepv import large
 from sepv.large import LargeProblem
 from sepv.large._schemes import LargeStep
+from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.solve import Status
 
@@ -34,7 +35,7 @@ SIZES = (100, 316, 1000, 3162, 10_000)
 
 def seconds(step: LargeStep, problem: LargeProblem) -> float:
     """Processor time of one step, the mean of STEPS along a path."""
-    dW = wiener.truncate(wiener.increments(0, T=H * STEPS, steps=STEPS, noises=1)[:, :, 0], H)
+    dW = bounded.truncate(wiener.increments(0, T=H * STEPS, steps=STEPS, noises=1)[:, :, 0], H)
     y = problem.initial
     begin = process_time()
     for row in dW:

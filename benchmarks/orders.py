@@ -6,7 +6,7 @@ plain paths do not see. Intervals are 99 %. Defects are the largest over 256 pla
 invariant's size at the start, in binary64.
 
 Clipped increments (Remark 2.1) are rarer than any sample sees: what they add to the mean square is added in closed
-form (`sepv.exact._clipping`), and paths of the sample that have one are left out. ``--stall`` shows the
+form (`sepv.exact._truncation_error`), and paths of the sample that have one are left out. ``--stall`` shows the
 error of three stages with the paper's truncation k = 2 beside larger ones, and what of it is clipping.
 ``--clipping`` prints that for all stages.
 """

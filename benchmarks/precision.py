@@ -2,7 +2,7 @@
 
 Every scheme sees the same paths; the error is against the exact flow at the random time. Evaluations are those of ∇H
 for one path over [0, T], Newton's iterations included, its Hessians not. The error is that on unclipped paths and, in
-squares, what clipped increments add by `sepv.exact._clipping`; the exact time change itself costs one normal
+squares, what clipped increments add by `sepv.exact._truncation_error`; the exact time change itself costs one normal
 number a path and one dense solve for all, and has no step size. Points with a step that was not solved are left out.
 
 The picture needs matplotlib (the extra ``plots``).
@@ -26,6 +26,7 @@ from sepv.exact import clipping_error, exact_flow
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
 from sepv.schemes._explicit_tableaux import TABLEAUX
+from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._paths import run_chunk
 
@@ -70,7 +71,7 @@ def measure(
     for count in over(steps, lambda count: f"N = {count}"):
         raw = wiener.coarsen(fine, fine.shape[0] // count)
         ends = run_chunk(scheme, problem, start, T / count, raw, scheme.truncation)
-        uncut = np.all(wiener.truncate(raw, T / count, scheme.truncation) == raw, axis=(0, 1))
+        uncut = np.all(bounded.truncate(raw, T / count, scheme.truncation) == raw, axis=(0, 1))
         squared = np.mean(np.sum((ends.y - exact)[:, uncut] ** 2, axis=0))
         cost = clipping_error(problem, T=T, steps=count, k=scheme.truncation)
         error = float(np.sqrt(squared + cost**2))

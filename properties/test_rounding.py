@@ -27,6 +27,7 @@ from sepv.errors import Skipped
 from sepv.problem import Array, HamiltoniansProblem, Problem
 from sepv.schemes import Scheme
 from sepv.schemes._guard import guarded
+from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._paths import advance
 from sepv.solve import Status
@@ -166,7 +167,7 @@ def energy_walk(
     """
     asked, exact = guarded(scheme), exact_problem(describe(problem), 30)
     raw = wiener.increments(seed, T=h * steps, steps=steps, noises=problem.noises, paths=PATHS)
-    dW = wiener.seen(raw, h, scheme.truncation, scheme.increments)
+    dW = bounded.seen(raw, h, scheme.truncation, scheme.increments)
     y0 = np.array(problem.initial, dtype=np.float64)
     y = np.repeat(y0[:, None], PATHS, axis=1)
     H0, unit = exact.hamiltonian(exact.state(y0)), float(energy_ulp(problem, y0, y0))

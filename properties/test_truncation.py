@@ -22,6 +22,7 @@ from sepv.errors import Skipped
 from sepv.problem import Problem
 from sepv.schemes import Scheme, ask
 from sepv.schemes._point_laws import point_law
+from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.verification import Effort, Finding, Law, Verdict, require
 from sepv.verification._orders.local_errors import problems_for
@@ -72,8 +73,8 @@ def _ratios(h: float, k: int, seed: int) -> list[tuple[float, str]]:
     """Each quantity over its bound."""
     raw = wiener.increments(seed, T=h, steps=1, noises=1, paths=512)
     # Draws alone would hardly reach A_h: multiples of them do.
-    zeta = wiener.truncate(np.concatenate([raw, 8 * raw]), h, k) / math.sqrt(h)
-    bound = wiener.truncation_bound(h, k)
+    zeta = bounded.truncate(np.concatenate([raw, 8 * raw]), h, k) / math.sqrt(h)
+    bound = bounded.truncation_bound(h, k)
     loss = float(lost_variance(h, k))
     allowed = (1 + 2 * math.sqrt(2 * k * abs(math.log(h)))) * h**k
     found = [
@@ -97,7 +98,7 @@ def _responses(scheme: Scheme, k: int) -> Iterator[tuple[float, str]]:
     for problem in problems:
         try:
             for h in SMALL:
-                A = wiener.truncation_bound(h, k)
+                A = bounded.truncation_bound(h, k)
                 for j in np.flatnonzero(problem.c):
                     size, place = _weakest(scheme, problem, h, A, int(j))
                     text = (
@@ -116,7 +117,7 @@ def _weakest(scheme: Scheme, problem: Problem, h: float, A: float, j: int) -> tu
     xi = A * np.arange(-PARTS, PARTS + 1) / PARTS
     y = np.repeat(np.asarray(problem.initial, dtype=np.float64)[:, None], xi.size, axis=1)
     dW = np.zeros((problem.noises, xi.size))
-    dW[j] = wiener.truncate(np.sqrt(h) * xi, h, scheme.truncation)
+    dW[j] = bounded.truncate(np.sqrt(h) * xi, h, scheme.truncation)
     if scheme.batched:
         ends = ask(scheme, problem, y, h, dW)
     else:

@@ -13,6 +13,7 @@ from sepv.exact import exact_flow
 from sepv.problem import Array, Problem, vector_field
 from sepv.schemes import Scheme
 from sepv.schemes._energy_preserving import step as exact_step
+from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.verification import Case, Effort, Finding, Verdict, load_laws, verify
 
@@ -50,7 +51,7 @@ def test_a_sampled_law_names_a_path_that_a_reader_can_run(law: str) -> None:
     assert np.allclose(W, dW.sum(axis=0)[:, 0], rtol=1e-11)
     h = 0.5 / len(dW)
     y = np.array(problem.initial)
-    for row in wiener.truncate(dW, h, 2):
+    for row in bounded.truncate(dW, h, 2):
         y = euler(problem, y, h, row[:, 0])
     assert np.allclose(y, came, rtol=1e-10)
     assert np.allclose(y0, problem.initial)
@@ -67,7 +68,7 @@ def test_a_law_by_quadrature_names_a_state_and_a_step(law: str) -> None:
     y0, *rest = (numbers(v) for v in re.findall(r"\(([-\de., +]+)\)", line))
     problem, (expected, came) = problems.by_name(line.partition(",")[0]), rest[-2:]
     if law == "local-mean-square":
-        (dW, *_), seen = rest, wiener.truncate(rest[0], h, 2)
+        (dW, *_), seen = rest, bounded.truncate(rest[0], h, 2)
         assert np.allclose(euler(problem, y0, h, seen) - y0, came, rtol=1e-8)
         ends = exact_flow(problem, np.array([problem.random_step(h, dW)]), y0).y[:, 0]
         assert np.allclose(ends - y0, expected, rtol=1e-8)

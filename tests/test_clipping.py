@@ -11,8 +11,9 @@ import pytest
 from sepv import exact_flow, problems, schemes
 from sepv.errors import UsageError
 from sepv.exact import clipping_error
-from sepv.exact._clipping import lost_mean_square
+from sepv.exact._truncation_error import lost_mean_square
 from sepv.schemes._scheme import truncation_for
+from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.verification._orders.tilting import tilted_errors
 from sepv.verification._tolerance import EPS
@@ -31,7 +32,7 @@ def test_the_mean_square_of_what_is_clipped_is_an_integral(A: float) -> None:
 def test_clipping_alone_moves_the_end_as_far_as_it_says(problem: problems.Problem, k: int) -> None:
     """The exact flow at the clipped and at the unclipped random time, 20000 paths of 8 steps."""
     raw = wiener.increments(3, T=1.0, steps=8, noises=problem.noises, paths=20_000)
-    cut = wiener.truncate(raw, 1 / 8, k)
+    cut = bounded.truncate(raw, 1 / 8, k)
     ends = [exact_flow(problem, problem.random_step(1.0, dW.sum(axis=0))).y for dW in (raw, cut)]
     squared = np.sum((ends[0] - ends[1]) ** 2, axis=0)
     error = float(np.std(squared)) / math.sqrt(squared.size)
@@ -46,7 +47,7 @@ def test_what_clipping_costs_on_the_rigid_body() -> None:
     body = problems.rigid_body()
     for steps, k, expected in ((128, 2, 7.0e-4), (128, 4, 3.4e-6), (128, 6, 2.0e-8), (8, 8, 1.5e-5)):
         found = clipping_error(body, T=1.0, steps=steps, k=k)
-        A = wiener.truncation_bound(1 / steps, k)
+        A = bounded.truncation_bound(1 / steps, k)
         assert found == pytest.approx(expected, rel=0.12)
         assert 0.6 < found / math.sqrt(lost_mean_square(A)) < 0.8
     assert clipping_error(body, T=1.0, steps=8, k=None) == 0

@@ -34,7 +34,7 @@ from sepv.problem._hamiltonians import bracket, combined_field, noise_field, noi
 from sepv.problems._polynomial_system import drift_of_energy
 from sepv.record import _polynomial as poly
 from sepv.schemes import Orders, Scheme, ask
-from sepv.schemes._further import as_matrix, as_rows, some
+from sepv.schemes._further_increments import as_matrix, as_rows, some
 from sepv.schemes._one_step import each_noise
 from sepv.schemes._orders import order_of
 from sepv.schemes._scheme import as_lanes

@@ -18,8 +18,8 @@ from sepv.record import _polynomial as poly
 from sepv.schemes._energy_preserving import jacobian
 from sepv.schemes._energy_preserving import step as preserving
 from sepv.solve import Status
-from sepv.solve import _implicit as implicit
-from sepv.solve._implicit import iterate
+from sepv.solve import _newton as implicit
+from sepv.solve._newton import iterate
 from sepv.solve._solution import Equations, Solution
 from sepv.verification import Case, strategies
 

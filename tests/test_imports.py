@@ -52,7 +52,7 @@ def imports(path: Path) -> set[str]:
 
 
 def room(module: str) -> str:
-    """sepv.solve._implicit stands in sepv.solve."""
+    """sepv.solve._newton stands in sepv.solve."""
     return ".".join(module.split(".")[:2])
 
 

@@ -13,8 +13,8 @@ from sepv.errors import StepFailure
 from sepv.solve import Increment, Status
 from sepv.solve import _damped as damped
 from sepv.solve import _differences as differences
-from sepv.solve import _implicit as implicit
-from sepv.solve._implicit import MAX_HALVINGS, into_domain, iterate
+from sepv.solve import _newton as implicit
+from sepv.solve._newton import MAX_HALVINGS, into_domain, iterate
 from sepv.solve._solution import Equations, Evaluation, Solution, merge, require_converged
 
 EPS = 2.0**-52

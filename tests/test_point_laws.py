@@ -16,6 +16,7 @@ from sepv.record import _polynomial as poly
 from sepv.schemes import PointLaw, weakly
 from sepv.schemes._point_laws import THREE_POINT, TWO_POINT, point_law
 from sepv.schemes._scheme import PATHWISE
+from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.verification import Verdict
 from sepv.verification._orders.gaussian import point_rule
@@ -46,7 +47,7 @@ def test_moments_are_those_of_a_normal_number_up_to_twice_the_weak_order_plus_on
 @pytest.mark.parametrize("law", [TWO_POINT, THREE_POINT, FOUR_POINT], ids=lambda law: law.name)
 def test_each_value_is_taken_with_its_probability(law: PointLaw) -> None:
     dW = wiener.increments(3, T=1.0, steps=64, noises=2, paths=4096)
-    taken = wiener.seen(dW, 1 / 64, None, law)
+    taken = bounded.seen(dW, 1 / 64, None, law)
     for value, weight in zip(law.values, law.weights, strict=True):
         count = int(np.count_nonzero(taken == value / 8))
         # Five standard deviations: a false alarm of 6e-7 for each of the nine counts, were the seed not fixed.
@@ -65,8 +66,8 @@ def test_thresholds_cut_off_the_weights_and_are_as_symmetric_as_the_law() -> Non
 def test_increments_of_a_law_are_left_as_they_are() -> None:
     for law in (TWO_POINT, THREE_POINT, FOUR_POINT):
         own = 0.25 * np.array(law.values)
-        assert np.array_equal(wiener.seen(own, 0.0625, None, law), own)
-    assert np.array_equal(wiener.seen([5.0], 0.25, 2, "normal"), wiener.truncate([5.0], 0.25, 2))
+        assert np.array_equal(bounded.seen(own, 0.0625, None, law), own)
+    assert np.array_equal(bounded.seen([5.0], 0.25, 2, "normal"), bounded.truncate([5.0], 0.25, 2))
 
 
 def _drifting() -> Problem:

@@ -14,6 +14,7 @@ import sepv
 from sepv import problems, schemes
 from sepv.errors import TruncationWarning
 from sepv.schemes import continued, divided
+from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._paths import CHUNK, Batch, advance, initial_state, prepared, run_chunk, step_count
 from sepv.solve import Status
@@ -157,7 +158,7 @@ def test_paths_of_explicit_schemes_are_those_of_their_ensembles() -> None:
     assert many.gradient_evaluations == many.structure_evaluations == many.iterations == 0
     # θ(T) needs the increments as they were, not as the scheme saw them.
     raw = wiener.increments(3, T=1.0, steps=8, noises=2, refine=None)
-    assert np.array_equal(one.dW, wiener.truncate(raw, 0.125, schemes.euler_heun.truncation)[:, :, 0])
+    assert np.array_equal(one.dW, bounded.truncate(raw, 0.125, schemes.euler_heun.truncation)[:, :, 0])
 
 
 @pytest.mark.parametrize("remedy", [lambda s: s, divided, continued])

@@ -15,7 +15,7 @@ from sepv import problems, schemes
 from sepv.commands import main
 from sepv.errors import UsageError
 from sepv.files import schema
-from sepv.simulate import _wiener as wiener
+from sepv.simulate import _truncation as bounded
 from sepv.studies._solvability import (
     End,
     Exits,
@@ -149,7 +149,7 @@ def test_exits_are_counted() -> None:
 def test_chances_are_those_of_simulated_steps(noise: tuple[float, ...], k: int | None) -> None:
     h, low, high = 2.0**-3, np.array([-0.2, -0.05]), np.array([0.3, 0.45])
     rng = np.random.default_rng(2)
-    dW = wiener.truncate(math.sqrt(h) * rng.standard_normal((len(noise), 400_000)), h, k)
+    dW = bounded.truncate(math.sqrt(h) * rng.standard_normal((len(noise), 400_000)), h, k)
     delta = h + np.array(noise) @ dW
     for i in range(2):
         chance = float(chance_outside(h, noise, low[i : i + 1], high[i : i + 1], k)[0])
@@ -160,7 +160,7 @@ def test_chances_are_those_of_simulated_steps(noise: tuple[float, ...], k: int |
 
 def test_truncation_makes_far_steps_impossible() -> None:
     h = 2.0**-8
-    reach = h + 0.5 * math.sqrt(h) * wiener.truncation_bound(h, 2)
+    reach = h + 0.5 * math.sqrt(h) * bounded.truncation_bound(h, 2)
     inside, outside = (np.array([factor * reach]) for factor in (0.999, 1.001))
     low = np.array([-10.0])
     assert chance_outside(h, [0.5], low, outside, 2)[0] == 0

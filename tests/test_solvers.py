@@ -19,7 +19,7 @@ from sepv.peers._posing_fields import pose_fields
 from sepv.peers._solver import KINDS, Solver, problem_of
 from sepv.problem import column, ito_drift, vector_field
 from sepv.problem._hamiltonians import noise_field
-from sepv.schemes._further import answer
+from sepv.schemes._further_increments import answer
 from sepv.simulate import _areas as areas
 from sepv.verification import Effort
 

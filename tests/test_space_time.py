@@ -10,7 +10,7 @@ from sepv.problem import Array, Problem
 from sepv.problem._fields import matvec
 from sepv.problem._hamiltonians import noise_field
 from sepv.schemes import Scheme
-from sepv.schemes._further import some
+from sepv.schemes._further_increments import some
 from sepv.schemes._orders import Orders
 from sepv.simulate import _areas as areas
 from sepv.verification import Effort, Verdict, verify

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from sepv.errors import UsageError
+from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 
 
@@ -49,24 +50,24 @@ def test_increments_are_independent_normals_of_variance_h() -> None:
 @pytest.mark.parametrize(("h", "k"), [(0.01, 2), (0.5, 1), (2**-9, 6)])
 def test_truncation_is_that_of_the_remark(h: float, k: int) -> None:
     bound = math.sqrt(2 * k * abs(math.log(h)))
-    assert wiener.truncation_bound(h, k) == bound
+    assert bounded.truncation_bound(h, k) == bound
     x = np.array([-10.0, -0.5, 0.0, 0.5, 10.0]) * math.sqrt(h)
-    assert wiener.truncate(x, h, k) == pytest.approx(
+    assert bounded.truncate(x, h, k) == pytest.approx(
         np.clip(x, -bound * math.sqrt(h), bound * math.sqrt(h)), rel=1e-15
     )
-    assert np.array_equal(wiener.truncate(x, h, None), x)
+    assert np.array_equal(bounded.truncate(x, h, None), x)
 
 
 @pytest.mark.parametrize("h", [1.0, 1.5, 0.0, -0.1, float("nan")])
 def test_truncation_beyond_its_range_is_refused(h: float) -> None:
     with pytest.raises(UsageError, match="0 < h < 1"):
-        wiener.truncate(np.zeros(3), h)
+        bounded.truncate(np.zeros(3), h)
 
 
 @pytest.mark.parametrize("k", [0, -1, 1.5])
 def test_truncation_parameter_must_be_a_positive_integer(k: float) -> None:
     with pytest.raises(UsageError, match="integer ≥ 1"):
-        wiener.truncate(np.zeros(3), 0.1, k)  # type: ignore[arg-type]  # on purpose
+        bounded.truncate(np.zeros(3), 0.1, k)  # type: ignore[arg-type]  # on purpose
 
 
 @pytest.mark.parametrize(
@@ -191,7 +192,7 @@ def test_a_bridge_halves_with_the_deviation_at_its_first_half() -> None:
 def test_defaults_are_one_path_and_the_truncation_of_the_paper() -> None:
     assert wiener.increments(0, T=1.0, steps=4, noises=1).shape == (4, 1, 1)
     far = np.array([-100.0, 100.0])
-    assert np.array_equal(wiener.truncate(far, 0.1), wiener.truncate(far, 0.1, 2))
-    assert wiener.truncate(far, 0.1, 3)[1] > wiener.truncate(far, 0.1, 2)[1]
-    assert wiener.truncate([1, 2], 0.1, None).dtype == np.float64
+    assert np.array_equal(bounded.truncate(far, 0.1), bounded.truncate(far, 0.1, 2))
+    assert bounded.truncate(far, 0.1, 3)[1] > bounded.truncate(far, 0.1, 2)[1]
+    assert bounded.truncate([1, 2], 0.1, None).dtype == np.float64
     assert wiener.increments(0, T=1.0, steps=1, noises=1).shape == (1, 1, 1)

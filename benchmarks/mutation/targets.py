@@ -70,7 +70,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
         *STRUCTURES,
         "tests/test_projected.py",
     ),
-    "sepv.solve._implicit": (
+    "sepv.solve._newton": (
         *IMPLICIT,
         CATALOGUE,
         "tests/test_schemes.py",

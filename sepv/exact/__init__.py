@@ -1,14 +1,14 @@
 """The exact flow at the random time h + Σ c_jΔW_j (Proposition 2.1), and references where there is none.
 
 Read `_flow` first; it takes a closed form (`_closed_forms`) where the problem has one, else a dense solution
-(`_dense_flow`). `_several_structures` and `_log_flow` are for the wider classes, `_clipping` has the error
+(`_dense_flow`). `_several_structures` and `_log_flow` are for the wider classes, `_truncation_error` has the error
 of Remark 2.1's clip.
 """
 
 from __future__ import annotations
 
-from sepv.exact._clipping import clipping_error as clipping_error
 from sepv.exact._closed_forms import CLOSED_FORMS as CLOSED_FORMS
 from sepv.exact._flow import ExactFlow as ExactFlow
 from sepv.exact._flow import exact_flow as exact_flow
 from sepv.exact._log_flow import log_flow as log_flow
+from sepv.exact._truncation_error import clipping_error as clipping_error

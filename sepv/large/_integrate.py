@@ -11,6 +11,7 @@ from sepv.errors import StepFailure, UsageError
 from sepv.large._problem import LargeProblem
 from sepv.large._schemes import LargeStep
 from sepv.problem import Array
+from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.solve import Status
 
@@ -90,7 +91,7 @@ def integrate(
                 received=f"shape {array.shape}",
                 remedy="one row of dW for each step, one number of y0 for each component",
             )
-    used = wiener.truncate(raw, h, truncation)
+    used = bounded.truncate(raw, h, truncation)
     start, first = y, _casimirs(problem, y)
     scale = float(np.sum(np.abs(problem.terms(y))))
     worst, iterations = np.zeros(3), 0

@@ -1,4 +1,4 @@
-"""The step of a scheme's formula for one large state: Newton's method of `sepv.solve._implicit`, with sparse matrices.
+"""The step of a scheme's formula for one large state: Newton's method of `sepv.solve._newton`, with sparse matrices.
 
 The linear algebra is LAPACK's band solver where the band is narrow, SuperLU elsewhere. Both are linear in d for the
 neighbour couplings of a chain.
@@ -18,8 +18,8 @@ from sepv.problem import Array
 from sepv.problem._fields import Algebra
 from sepv.solve import Increment, Status
 from sepv.solve._formula import Formula
-from sepv.solve._implicit import newton
 from sepv.solve._linearised import Tangent
+from sepv.solve._newton import newton
 from sepv.solve._solution import Equations, Evaluation
 
 # A band solver touches 2l + u + 1 numbers a row, fill of pivoting included; wider than this, SuperLU is faster.

@@ -15,11 +15,11 @@ from sepv.record._derivative import jacobian as jacobian
 from sepv.record._means import NoClosedForm as NoClosedForm
 from sepv.record._means import degree as degree
 from sepv.record._means import mean_gradient as mean_gradient
+from sepv.record._numpy_protocol import CannotRecord as CannotRecord
+from sepv.record._numpy_protocol import select as select
 from sepv.record._polynomial import Polynomial as Polynomial
 from sepv.record._polynomial import PolynomialMap as PolynomialMap
 from sepv.record._polynomial import polynomial as polynomial
-from sepv.record._protocol import CannotRecord as CannotRecord
-from sepv.record._protocol import select as select
 from sepv.record._quadrature import gauss_legendre as gauss_legendre
 from sepv.record._quadrature import mean_nodes as mean_nodes
 from sepv.record._symbols import Symbol as Symbol

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sepv.record._functions import FUNCTIONS
-from sepv.record._protocol import CannotRecord, select
+from sepv.record._numpy_protocol import CannotRecord, select
 from sepv.record._symbols import Symbol, array
 
 # What does not change with its arguments, or where it does not change where it changes smoothly.

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sepv.record._derivative import reachable
-from sepv.record._protocol import select
+from sepv.record._numpy_protocol import select
 from sepv.record._symbols import Symbol, array
 
 ARITHMETIC: dict[str, Callable[..., Any]] = {

@@ -16,7 +16,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sepv.record._functions import FUNCTIONS
-from sepv.record._protocol import CannotRecord, Element, SymbolArray, array_function, array_ufunc, select
+from sepv.record._numpy_protocol import (
+    CannotRecord,
+    Element,
+    SymbolArray,
+    array_function,
+    array_ufunc,
+    select,
+)
 
 # Whole powers up to this one are products, as NumPy's square is. They are lines "whole", which multiply like any
 # product, but are known for what they are: xⁿ⁻¹·x is xⁿ, with the derivative n xⁿ⁻¹.

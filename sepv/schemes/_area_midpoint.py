@@ -17,7 +17,7 @@ import numpy as np
 from sepv.errors import Skipped
 from sepv.problem import Array, HamiltoniansProblem, Problem, hamiltonian_field
 from sepv.problem._hamiltonians import bracket
-from sepv.schemes._further import as_rows
+from sepv.schemes._further_increments import as_rows
 from sepv.schemes._one_step import EVERY, each_noise, no_jacobian
 from sepv.schemes._scheme import Scheme, as_lanes
 from sepv.solve import Increment

@@ -14,7 +14,7 @@ vanishes at each of them.
 **Order.** The deterministic order is 2s: a local error C(y)Δ^{2s+1} with E Δ^{2s+1} = O(h^{s+1}) and root mean square
 O(h^{s+1/2}), so that Milstein's theorem gives mean-square order s; the same for the weak order. The increments must
 be truncated with k ≥ 2s: with less, what Remark 2.1 cuts off costs the order. With k = 2s it has order s too, and is
-more than the method's own error from three stages on (`sepv.exact._clipping`): the default is k = 4s.
+more than the method's own error from three stages on (`sepv.exact._truncation_error`): the default is k = 4s.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from sepv.schemes._one_step import ENERGY_PRESERVING, one_step, solved_by
 from sepv.schemes._scheme import Scheme, as_lanes, truncation_for
 from sepv.schemes._tableaux import check_stages, exact_nodes, gauss_tableau, moments
 from sepv.solve import Increment, Status
-from sepv.solve._implicit import into_domain, iterate
+from sepv.solve._newton import into_domain, iterate
 from sepv.solve._solution import Equations, Evaluation, Solution, merge
 
 _EPS = float(np.finfo(np.float64).eps)

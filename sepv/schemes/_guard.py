@@ -14,7 +14,7 @@ from sepv.errors import SchemeFault, SepvError, StepFailure
 from sepv.problem import Array, Problem
 from sepv.problem._hamiltonians import is_several
 from sepv.problems._opaque import shown
-from sepv.schemes._further import answer, joined
+from sepv.schemes._further_increments import answer, joined
 from sepv.schemes._scheme import REFUSALS, Scheme
 
 

@@ -27,7 +27,7 @@ from sepv.schemes._one_step import one_step, solved_by
 from sepv.schemes._scheme import Scheme, as_lanes, truncation_for
 from sepv.solve import Status
 from sepv.solve._formula import Asked
-from sepv.solve._implicit import ROUNDING
+from sepv.solve._newton import ROUNDING
 from sepv.solve._solution import Solution
 
 # Each iteration gains a factor of about |I″||y1 − y*|/|∇I|; a step that needs more than this is far too coarse.
@@ -93,7 +93,7 @@ def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> S
             z[:, lanes] -= correction
             residual[lanes] = change
             # What no longer shrinks is the rounding of r_k = g_kᵀz beside |∇I_k|, at most K·eps·|z| where K operations
-            # stand behind g_k: no more of them than behind R in `sepv.solve._implicit`.
+            # stand behind g_k: no more of them than behind R in `sepv.solve._newton`.
             stays = (change >= 0.5 * before[lanes]) & (change <= ROUNDING * scale[lanes])
             done = (change <= TINY * scale[lanes]) | stays
             broken = ~np.isfinite(change)

@@ -35,7 +35,8 @@ def truncation_for(order: float) -> int:
     """k of Remark 2.1 for a scheme of mean-square order p: the paper's 2 for p = 1, and 4p beyond.
 
     k ≥ 2p is what the order needs. With k = 2p clipping alone costs an error of order p, which for many stages is
-    larger than their own (`sepv.exact._clipping`); with 4p it costs h^{2p}. The price is a bound of |Δ| larger by √2.
+    larger than their own (`sepv.exact.clipping_error`); with 4p it costs h^{2p}. The price is a bound of |Δ| larger
+    by √2.
     """
     return 2 if order <= 1 else round(4 * order)
 

@@ -1,8 +1,8 @@
 """Paths and ensembles: Wiener increments, the loop over steps, the compiled engine, workers and clusters.
 
-Read `_wiener` first (increments that depend on the path and the step alone), `_areas` (Lévy areas), `_paths`
-(one path, the NumPy batch), then `_engine` (chunks of paths by NumPy or compiled, on threads, processes or a
-cluster) and `_results` (what is kept of many paths).
+Read `_wiener` first (increments that depend on the path and the step alone), `_truncation` (Remark 2.1),
+`_areas` (Lévy areas), `_paths` (one path, the NumPy batch), then `_engine` (chunks of paths by NumPy or
+compiled, on threads, processes or a cluster) and `_results` (what is kept of many paths).
 """
 
 from __future__ import annotations
@@ -14,6 +14,6 @@ from sepv.simulate._engine.long import long_path as long_path
 from sepv.simulate._paths import Ensemble as Ensemble
 from sepv.simulate._paths import Trajectory as Trajectory
 from sepv.simulate._paths import integrate as integrate
+from sepv.simulate._truncation import truncate as truncate
+from sepv.simulate._truncation import truncation_bound as truncation_bound
 from sepv.simulate._wiener import increments as increments
-from sepv.simulate._wiener import truncate as truncate
-from sepv.simulate._wiener import truncation_bound as truncation_bound

@@ -14,9 +14,10 @@ from sepv._arguments import floats, is_number
 from sepv.errors import StepFailure, TruncationWarning, UsageError
 from sepv.problem import Array, Problem
 from sepv.schemes import PointLaw, Scheme, ask, load_problem, load_scheme, weakly
-from sepv.schemes._further import answer, further_rows
+from sepv.schemes._further_increments import answer, further_rows
 from sepv.schemes._scheme import REFUSALS, Step
 from sepv.simulate import _areas as areas
+from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._results.labelled import to_xarray
 from sepv.simulate._results.reductions import Summary
@@ -142,7 +143,7 @@ def integrate(
         k of Remark 2.1; by default the scheme's own. None for untruncated.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
         By default the scheme's own. Each is taken at the rank of the increment drawn or given
-        (`sepv.simulate._wiener.seen`).
+        (`sepv.simulate._truncation.seen`).
 
     Returns
     -------
@@ -177,7 +178,7 @@ def integrate(
             received=f"shape {raw.shape}",
             remedy=f"one row a step{', with the ' + scheme.asks + ' that the scheme asks for' if scheme.asks else ''}",
         )
-    used = np.concatenate([wiener.seen(raw[:, :m], h, k, scheme.increments), raw[:, m:]], axis=1)
+    used = np.concatenate([bounded.seen(raw[:, :m], h, k, scheme.increments), raw[:, m:]], axis=1)
     y = np.empty((problem.dimension, count + 1))
     y[:, 0] = start
     evaluations = divisions = continuations = 0
@@ -242,7 +243,7 @@ def chosen_truncation(scheme: Scheme, truncation: int | None) -> int | None:
     """
     k = scheme.truncation if truncation == -1 else truncation
     order = scheme.mean_square_order
-    # k < 1 is no truncation at all, and refused by `wiener.truncate`.
+    # k < 1 is no truncation at all, and refused by `truncate`.
     if k is not None and order is not None and 1 <= k < 2 * order:
         warnings.warn(
             f"Truncation k = {k} costs {scheme.name} its mean-square order {order:g}: the error stalls at order "
@@ -258,13 +259,13 @@ def run_chunk(
 ) -> Ensemble:
     """Paths from y0 (d,) over the Wiener increments raw (N, m, M), truncated with k or as the scheme wants them.
 
-    Further rows are what the scheme asks for beside them (`sepv.schemes._further`).
+    Further rows are what the scheme asks for beside them (`sepv.schemes._further_increments`).
 
     Without `track` the invariants are not followed, and their defects are zero.
     """
     batch = Batch(scheme, problem, y0, raw.shape[2], track=track)
     m = problem.noises
-    for increment, further in zip(wiener.seen(raw[:, :m], h, k, scheme.increments), raw[:, m:], strict=True):
+    for increment, further in zip(bounded.seen(raw[:, :m], h, k, scheme.increments), raw[:, m:], strict=True):
         batch.step(h, np.concatenate([increment, further]) if len(further) else increment)
     return batch.result(raw[:, :m].sum(axis=0))
 

@@ -1,4 +1,4 @@
-"""Wiener increments: truncation (Remark 2.1), and one path refined consistently over step sizes.
+"""Wiener increments: one path refined consistently over step sizes.
 
 Every path has random streams of its own, so that path number p is the same numbers whatever else is
 asked for with it, by whichever engine. A stream is numpy's SFC64, whose state is cheap to set: two words
@@ -9,7 +9,6 @@ own, read in the order of time, so that a path of any length can be drawn piece 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -18,8 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from sepv.errors import UsageError
 from sepv.problem import Array
-from sepv.schemes import PointLaw
-from sepv.schemes._point_laws import point_law
 
 # Levels of at most this many increments share the path's first stream.
 TOP = 64
@@ -27,77 +24,6 @@ TOP = 64
 MIXING = 18
 # Streams of a path are told apart by the low six bits of a word: more levels than 2**58 steps have.
 STREAMS = 64
-
-
-def truncation_bound(h: float, k: int) -> float:
-    """A_h = √(2k|ln h|) of Remark 2.1, for 0 < h < 1.
-
-    Raises
-    ------
-    UsageError
-        For h ≥ 1, where |ln h| no longer measures how small h is (at h = 1 it would set every increment
-        to zero): Remark 2.1 is about h < 1, and no other rule is silently put in its place.
-    """
-    if not 0 < h < 1:
-        raise UsageError(
-            expected="0 < h < 1 for truncated increments (Remark 2.1)",
-            received=f"h = {h!r}",
-            remedy="a smaller step, or untruncated increments (truncation=None)",
-        )
-    return math.sqrt(2 * k * abs(math.log(h)))
-
-
-def truncate(dW: ArrayLike, h: float, k: int | None = 2) -> Array:
-    """ΔŴ = √h clip(ΔW/√h, ±A_h) for increments over the step h; unchanged for k = None.
-
-    Parameters
-    ----------
-    dW : array_like of any shape
-        Wiener increments of variance h.
-    k : int, optional
-        As in A_h; 2 in the paper. E[(ΔW − ΔŴ)²] ≤ h^(k+1)(1 + 2√(2k|ln h|)).
-    """
-    increments = np.asarray(dW, dtype=np.float64)
-    if k is None:
-        return increments
-    if k != int(k) or k < 1:
-        raise UsageError(
-            expected="truncation k, an integer ≥ 1, or None", received=repr(k), remedy="the paper takes k = 2"
-        )
-    bound = truncation_bound(h, k) * math.sqrt(h)
-    return np.clip(increments, -bound, bound)
-
-
-def seen(dW: ArrayLike, h: float, k: int | None = 2, increments: str | PointLaw | None = None) -> Array:
-    """What a scheme sees of Wiener increments: truncated ones, or those of a law of a few points.
-
-    Parameters
-    ----------
-    dW : array_like of any shape
-        Wiener increments of variance h.
-    k : int, optional
-        As for `truncate`, for normal increments. The others are bounded as they are.
-    increments : "normal", "two-point", "three-point" or PointLaw, optional
-        Each increment becomes the value of that law at its own rank (`sepv.schemes._point_laws`), times √h.
-
-    Examples
-    --------
-    >>> seen([-1.0, -0.1, 0.2, 2.0], 0.25, None, "two-point").tolist()
-    [-0.5, -0.5, 0.5, 0.5]
-    """
-    law = point_law(increments)
-    if law is None:
-        return truncate(dW, h, k)
-    thresholds, values = points(h, law)
-    return values[np.searchsorted(thresholds, np.asarray(dW, dtype=np.float64), side="right")]
-
-
-def points(h: float, law: PointLaw | None) -> tuple[Array, Array]:
-    """The thresholds and values of the law's increments over a step h; empty for normal increments."""
-    if law is None:
-        return np.empty(0), np.empty(0)
-    root = math.sqrt(h)
-    return root * np.array(law.thresholds), root * np.array(law.values)
 
 
 def increments(

@@ -1,13 +1,13 @@
 """The implicit equation of a step: z = R(z), its stop rule and how it ends.
 
 Read `_formula` first (a scheme's formula and what it may ask of a problem), then `_solution` (the records of a solve),
-`_implicit` (Newton's iteration for a batch, each lane by itself) with `_damped` and `_differences`, `_recorded` and
+`_newton` (Newton's iteration for a batch, each lane by itself) with `_damped` and `_differences`, `_recorded` and
 `_linearised` (the equation and its Jacobian from the record of a formula), `_straight` (one state without batches).
 """
 
 from __future__ import annotations
 
 from sepv.solve._formula import Fields as Fields
-from sepv.solve._implicit import solve as solve
+from sepv.solve._newton import solve as solve
 from sepv.solve._solution import Increment as Increment
 from sepv.solve._solution import Status as Status

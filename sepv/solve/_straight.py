@@ -2,7 +2,7 @@
 
 For problems that go by a name, whose formulas are fixed: recording takes as long as a few steps, too long for a random
 system. The correction (1 − K)⁻¹(z − R) is recorded with R, so that an iteration is one function of arrays, or of
-numbers for a single state, whose bits are the same. The iteration stops as that of `sepv.solve._implicit` does, with
+numbers for a single state, whose bits are the same. The iteration stops as that of `sepv.solve._newton` does, with
 corrections beside |y0| alone. What does not arrive in MOST iterations, leaves the domain or overflows is left to that
 one, from the start: what becomes of a lane never depends on the others.
 """
@@ -23,7 +23,7 @@ from sepv.problem._fields import cramer
 from sepv.record import CannotRecord, NoClosedForm
 from sepv.record._arrays import Source, source
 from sepv.solve._formula import Formula
-from sepv.solve._implicit import ROUNDING, STAGNATION
+from sepv.solve._newton import ROUNDING, STAGNATION
 from sepv.solve._recorded import Recorded
 from sepv.solve._solution import Solution
 

@@ -21,7 +21,7 @@ from sepv.reference.hard import exact_energy
 from sepv.reference.problem import exact_problem
 from sepv.schemes import Scheme
 from sepv.schemes._guard import raw_answer
-from sepv.simulate import _wiener as wiener
+from sepv.simulate import _truncation as bounded
 from sepv.solve import Status
 from sepv.verification import energy_ulp
 from sepv.verification._cases.given import describe
@@ -86,7 +86,7 @@ def one_step(
     rng = np.random.default_rng([seed, *problem.name.encode()])
     y0 = exact_flow(problem, rng.uniform(0, ORBIT, steps)).y
     dW = math.sqrt(length) * rng.standard_normal((problem.noises, steps))
-    y1, fine = _steps(scheme, problem, y0, length, wiener.truncate(dW, length, 2 if length < 1 else None))
+    y1, fine = _steps(scheme, problem, y0, length, bounded.truncate(dW, length, 2 if length < 1 else None))
     energy, casimir = _defects(problem, y0[:, fine], y1[:, fine])
     return Ulps(
         scheme.name, problem.name, length, steps, int((~fine).sum()),

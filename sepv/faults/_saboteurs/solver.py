@@ -26,7 +26,7 @@ def _fixed_point(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
 
 
 def _slope(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
-    """∂R/∂z: analytic, else by differences as in `sepv.solve._implicit`."""
+    """∂R/∂z: analytic, else by differences as in `sepv.solve._newton`."""
     known = jacobian(problem, y0, y0 + z, step)
     if known is not None:
         return known

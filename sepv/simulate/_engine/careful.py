@@ -1,4 +1,4 @@
-"""One lane by itself: Newton's iteration with every test of `sepv.solve._implicit` and `sepv.schemes.collocation`.
+"""One lane by itself: Newton's iteration with every test of `sepv.solve._newton` and `sepv.schemes.collocation`.
 
 The problem is an argument, the address of a function, so that this file is compiled once for all kernels.
 A lane comes here where it is not done after the steps that all lanes take together, or is in any trouble. Loops are
@@ -31,7 +31,7 @@ from sepv.simulate._engine.module import (
     TURNED,
 )
 from sepv.simulate._engine.signatures import CAREFUL, address, call_problem
-from sepv.solve._implicit import MAX_HALVINGS, MAX_ITERATIONS, ROUNDING, STAGNATION
+from sepv.solve._newton import MAX_HALVINGS, MAX_ITERATIONS, ROUNDING, STAGNATION
 
 # What `shape` says: sizes, rows of S, places of I; the counts of nodes of all rules follow, then where they begin.
 LANES, D, UNKNOWNS, KNOWN, UNKNOWN_ROWS, STEP_ROWS, STAGES, RULES, EXACT, WORK, EVALUATIONS, COUNTS = range(

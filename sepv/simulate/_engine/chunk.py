@@ -8,6 +8,7 @@ import numpy as np
 
 from sepv.problem import Array, Problem
 from sepv.schemes._point_laws import point_law
+from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._engine.compile import FEW, Kernel, kernel
 from sepv.simulate._engine.crew import Halted, halted
@@ -71,8 +72,8 @@ class Chunk:
         self.top = np.empty((blocks, coarse, m, lanes))
         self.spreads = wiener.spreads(task.h * task.steps, self.grid)
         k = task.truncation
-        self.bound = math.inf if k is None else wiener.truncation_bound(task.h, k) * math.sqrt(task.h)
-        self.thresholds, self.values = wiener.points(task.h, point_law(task.scheme.increments))
+        self.bound = math.inf if k is None else bounded.truncation_bound(task.h, k) * math.sqrt(task.h)
+        self.thresholds, self.values = bounded.points(task.h, point_law(task.scheme.increments))
         self.given = np.empty((0, m, 0)) if task.dW is None else np.ascontiguousarray(task.dW)
         start_streams(self.rng, self.top, self.spreads, self.grid.base, self.grid.top)
 

@@ -19,6 +19,7 @@ from sepv.schemes import PointLaw, Scheme, load_problem, load_scheme
 from sepv.schemes._guard import ask_once
 from sepv.schemes._point_laws import point_law
 from sepv.schemes._scheme import Step
+from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._engine.compile import FEW, CannotCompile, kernel
 from sepv.simulate._engine.module import LANES
@@ -87,7 +88,7 @@ def ensemble(
         k of Remark 2.1; by default the scheme's own. None for untruncated.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
         By default the scheme's own. Each is taken at the rank of the increment drawn or given
-        (`sepv.simulate._wiener.seen`), so that a path number means the same stream whatever increments it
+        (`sepv.simulate._truncation.seen`), so that a path number means the same stream whatever increments it
         takes; `Ensemble.W` stays that of the stream.
     refine : int, optional
         See `sepv.simulate.increments`.
@@ -158,7 +159,7 @@ def ensemble(
             remedy="sepv.integrate for one path, or sepv.simulate.drawn and the scheme's step for many",
         )
     if k is not None:
-        wiener.truncate(np.zeros(1), h, k)  # refuses h and k that Remark 2.1 does not cover
+        bounded.truncate(np.zeros(1), h, k)  # refuses h and k that Remark 2.1 does not cover
     wiener.validate(seed, h * count, count, problem.noises, range(paths))
     wiener.grid(count, refine)
     ask_once(scheme, problem, start, float(h))

@@ -16,6 +16,7 @@ from sepv.problem import Array, Problem
 from sepv.schemes import PointLaw, Scheme, load_problem, load_scheme
 from sepv.schemes._guard import ask_once
 from sepv.schemes._scheme import Step
+from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._engine.ensemble import choose
 from sepv.simulate._engine.task import NumpyChunk, Task
@@ -130,7 +131,7 @@ def long_path(
     start = initial_state(problem, y0)
     scheme, k = prepared(scheme, truncation, increments)
     if k is not None:
-        wiener.truncate(np.zeros(1), h, k)
+        bounded.truncate(np.zeros(1), h, k)
     wiener.validate(seed, h * count, count, problem.noises, range(path, path + 1))
     ask_once(scheme, problem, start, float(h))
     compiled, reason = choose(engine, scheme, problem, compensated, lanes=1)

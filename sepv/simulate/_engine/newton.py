@@ -3,7 +3,7 @@
 A lane is done where its correction m, applied, leaves an error below rounding: Newton's corrections shrink
 quadratically, so that the next one is m³/m_before², or m by the relative error of Newton's matrix where that is more.
 A lane that is not done after a few steps, that overflows or leaves the domain, is solved again by itself with every
-test of `sepv.solve._implicit`: stagnation, a correction halved until it stays in the domain, a status.
+test of `sepv.solve._newton`: stagnation, a correction halved until it stays in the domain, a status.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 A sweep z_i ← Δ B(Y_i) g_i costs evaluations and s² d products, where a step of Newton's iteration eliminates s·d
 unknowns. Each sweep gains a factor of about Δ|f′|/4; at steps that make sense all of them cost less than one
 elimination. A lane is done where the correction to come, m²/m_before, is below rounding; one whose corrections do
-not shrink is solved by itself, by Newton's iteration with every test of `sepv.solve._implicit`.
+not shrink is solved by itself, by Newton's iteration with every test of `sepv.solve._newton`.
 
 Where H is no polynomial, a last sweep by half as many nodes again must change nothing but roundings. A lane where it
 does, or with a point outside the domain, is left to Newton's iteration as well, whose nodes are doubled until two

@@ -11,6 +11,7 @@ import numpy as np
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
 from sepv.problems import build
 from sepv.schemes import Scheme
+from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._engine.crew import Halted, halted
 from sepv.simulate._paths import Batch, Ensemble
@@ -75,7 +76,7 @@ class NumpyChunk:
             if halted():
                 raise Halted
             self.batch.step(
-                self.task.h, wiener.seen(raw, self.task.h, self.task.truncation, self.task.scheme.increments)
+                self.task.h, bounded.seen(raw, self.task.h, self.task.truncation, self.task.scheme.increments)
             )
             self.W += raw
 

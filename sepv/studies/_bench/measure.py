@@ -1,7 +1,7 @@
 """What a scheme does in one case: work as exact integers, errors and defects path by path, time.
 
 This file also runs inside another checkout (`sepv.studies._bench.child`), which may be older than itself: it
-stands on the contract of a scheme and on names that every release has, `exact_flow`, `problems`, `wiener.truncate`.
+stands on the contract of a scheme and on names that every release has, `exact_flow`, `problems`, `truncate`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from sepv.exact import exact_flow
 from sepv.problem import Problem
 from sepv.schemes import Scheme
 from sepv.schemes._scheme import REFUSALS
-from sepv.simulate import _wiener as wiener
+from sepv.simulate import _truncation as bounded
 from sepv.studies._evaluation_count import Work, counted
 
 # Means over this many groups of paths are kept, for jackknife intervals of ratios over the same paths.
@@ -76,7 +76,7 @@ def raw_increments(problem: Problem, case: dict[str, Any]) -> np.ndarray:
 
 def increments(scheme: Scheme, problem: Problem, case: dict[str, Any]) -> np.ndarray:
     """The same, truncated as the scheme asks for."""
-    return wiener.truncate(raw_increments(problem, case), case["h"], scheme.truncation)
+    return bounded.truncate(raw_increments(problem, case), case["h"], scheme.truncation)
 
 
 def run(

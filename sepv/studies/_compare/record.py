@@ -50,7 +50,7 @@ class Point:
     steps_matter : bool
         False for the exact time change, whose one point stands at steps = 1, h = T.
     clipping : float
-        The rms error that truncated increments alone cause, in closed form (`sepv.exact._clipping`): no
+        The rms error that truncated increments alone cause, in closed form (`sepv.exact._truncation_error`): no
         sample shows it.
     """
 

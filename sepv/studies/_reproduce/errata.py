@@ -13,7 +13,7 @@ import numpy as np
 
 from sepv import problems
 from sepv.problem import Array
-from sepv.simulate import _wiener as wiener
+from sepv.simulate import _truncation as bounded
 from sepv.studies._reproduce import printed
 from sepv.studies._reproduce.record import Statement, decide
 
@@ -140,7 +140,7 @@ def _increments_of_two_one() -> Statement:
         solved = True
     except StepFailure:
         solved = False
-    bound = math.sqrt(0.25) * wiener.truncation_bound(0.25, 2)
+    bound = math.sqrt(0.25) * bounded.truncation_bound(0.25, 2)
     return Statement(
         text="the scheme (2.1) has the factor h + cΔW_n with Wiener increments",
         source="(2.1)",
@@ -192,7 +192,7 @@ def _row_vector() -> Statement:
 def _solvability() -> Statement:
     """√h A_h for k = 2 has its maximum 2/√e at h = 1/e."""
     h = math.exp(-1)
-    reach = math.sqrt(h) * wiener.truncation_bound(h, 2)
+    reach = math.sqrt(h) * bounded.truncation_bound(h, 2)
     return Statement(
         text="for all h ∈ (0, 1) the numerical solutions have the expansion (3.1)",
         source="Lemma 3.2",

@@ -9,6 +9,7 @@ import numpy as np
 from sepv import problems, schemes
 from sepv.exact import exact_flow
 from sepv.problem import Array
+from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.studies._reproduce import fine_step, invariants, order, runs
 from sepv.studies._reproduce.job import Job, Results, Size
@@ -207,7 +208,7 @@ def convergence(results: Results) -> list[Panel]:
 def _cayley() -> Statement:
     """The explicit formula of §4.1 against a step of the scheme."""
     h, problem = H, problems.by_name(PROBLEM)
-    dW = wiener.truncate(wiener.increments(1, T=h, steps=1, noises=1, paths=256)[0], h)
+    dW = bounded.truncate(wiener.increments(1, T=h, steps=1, noises=1, paths=256)[0], h)
     p, x = np.repeat(np.array(problem.initial)[:, None], 256, axis=1)
     delta = h + dW[0]
     printed = np.stack([-delta * x + (1 - delta**2 / 4) * p, (1 - delta**2 / 4) * x + delta * p]) / (
@@ -231,7 +232,7 @@ def growth_per_step(name: str, h: float) -> tuple[float, float]:
     (1 − (hS + S²)/2)² + (h + S)² for Euler-Heun.
     """
     nodes, weights = np.polynomial.hermite_e.hermegauss(80)
-    S = np.sqrt(h) * np.clip(nodes, *wiener.truncation_bound(h, 2) * np.array([-1, 1]))
+    S = np.sqrt(h) * np.clip(nodes, *bounded.truncation_bound(h, 2) * np.array([-1, 1]))
     real = {"euler-maruyama": h / 2 + 0 * S, "milstein": S**2 / 2, "euler-heun": (h * S + S**2) / 2}[name]
     ln, w = np.log((1 - real) ** 2 + (h + S) ** 2), weights / weights.sum()
     mean = float(w @ ln)

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from sepv import problems
-from sepv.simulate import _wiener as wiener
+from sepv.simulate import _truncation as bounded
 from sepv.studies._reproduce.record import Statement, decide
 
 
@@ -30,7 +30,7 @@ def _truncation() -> Statement:
     rows = []
     for exponent in (2, 6, 10):
         h = 2.0**-exponent
-        A = wiener.truncation_bound(h, 2)
+        A = bounded.truncation_bound(h, 2)
         rows.append((exponent, moment_gap(A), (1 + 2 * A) * h**2))
     return Statement(
         text="0 ≤ E[ξ² − ζ_h²] = (1 + 2√(2k|ln h|)) h^k",
@@ -44,7 +44,7 @@ def _truncation() -> Statement:
 
 def _third_moment() -> Statement:
     h, c = 2.0**-4, 1.0
-    gap = moment_gap(wiener.truncation_bound(h, 2))
+    gap = moment_gap(bounded.truncation_bound(h, 2))
     printed, true = h**3 + 3 * c**2 * h**2, h**3 + 3 * c**2 * h**2 * (1 - gap)
     return Statement(
         text="E[(h + cΔŴ)³] = h³ + 3c²h²",

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from sepv import problems, schemes
+from sepv import problems
 from sepv.exact import exact_flow
 from sepv.problem import Array, Problem
 from sepv.problems._canonical import structure
+from sepv.schemes._energy_preserving import scheme as SCHEME
 from sepv.simulate import _wiener as wiener
 from sepv.simulate import ensemble
 from sepv.studies._reproduce.job import Job, Results, Size
@@ -20,7 +21,6 @@ from sepv.verification import Effort
 from sepv.verification._orders.convergence import StrongErrors, slope
 from sepv.verification._orders.local_errors import local_errors
 
-SCHEME = schemes.energy_preserving
 # k of Remark 2.1 with which no sample of the order panel has a clipped increment: one that has is an error of its own.
 UNCLIPPED = 4
 STEPS, SAMPLES = (32, 64, 128, 256), 1000

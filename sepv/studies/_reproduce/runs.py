@@ -16,6 +16,7 @@ from sepv.errors import UsageError
 from sepv.exact import exact_flow
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
+from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate import ensemble
 from sepv.simulate._paths import Batch
@@ -132,7 +133,7 @@ def _follow_numpy(
     first = np.empty((system.dimension, raw.shape[0] + 1))
     first[:, 0] = batch.y[:, 0]
     energies: list[Array] = []
-    for n, increment in enumerate(wiener.seen(raw, h, method.truncation, method.increments)):
+    for n, increment in enumerate(bounded.seen(raw, h, method.truncation, method.increments)):
         batch.step(h, increment)
         first[:, n + 1] = batch.y[:, 0]
         if n + 1 == checkpoints[len(energies)]:
@@ -175,7 +176,7 @@ def truncated(problem: str, *, T: float, steps: Sequence[int], samples: int, see
     found = []
     for count in steps:
         raw = wiener.coarsen(fine, steps[-1] // count)
-        found.append(int(np.count_nonzero(wiener.truncate(raw, T / count) != raw)))
+        found.append(int(np.count_nonzero(bounded.truncate(raw, T / count) != raw)))
     return found
 
 

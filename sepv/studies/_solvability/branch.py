@@ -17,7 +17,10 @@ import numpy as np
 
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem
-from sepv.schemes import Scheme, both_invariants, energy_preserving, midpoint
+from sepv.schemes import Scheme
+from sepv.schemes._both_invariants import scheme as both_invariants
+from sepv.schemes._energy_preserving import scheme as energy_preserving
+from sepv.schemes._midpoint import scheme as midpoint
 from sepv.schemes._one_step import Implicit
 from sepv.solve._solution import IncrementFunction, JacobianFunction
 

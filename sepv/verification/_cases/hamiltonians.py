@@ -18,7 +18,7 @@ from sepv import problems
 from sepv.problem import Array, NamedProblem, PolynomialSystem, vector_field
 from sepv.problem._hamiltonians import noise_field
 from sepv.record import _polynomial as poly
-from sepv.schemes import stochastic_splitting
+from sepv.schemes._stochastic_splitting import scheme as stochastic_splitting
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.families import general, separable_hamiltonians
 from sepv.verification._cases.poisson import constant_structures, poisson_structures

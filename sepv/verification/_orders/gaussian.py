@@ -19,7 +19,7 @@ import numpy as np
 from sepv.problem import Array
 from sepv.record import gauss_legendre
 from sepv.schemes import PointLaw
-from sepv.simulate import _wiener as wiener
+from sepv.simulate import _truncation as bounded
 
 # Nodes of the discretised weight on a panel, from which its Gauss rule is made: n ≤ 24 of them are exact to rounding.
 _FINE = 96
@@ -93,7 +93,7 @@ def point_rule(noises: int, law: PointLaw) -> Rule:
 def _clip(x: Array, h: float, truncation: int | None) -> Array:
     if truncation is None:
         return x
-    A = wiener.truncation_bound(h, truncation)
+    A = bounded.truncation_bound(h, truncation)
     return np.clip(x, -A, A)
 
 
@@ -111,8 +111,8 @@ def _product(x: Array, w: Array, seen: Array, m: int, degree: int) -> Rule:
 
 def _panels(h: float, truncation: int | None, degree: int, cuts: Iterable[int]) -> tuple[Array, Array, Array]:
     """ξ, weights and ζ in one variable."""
-    last = wiener.truncation_bound(h, truncation or 2)
-    edges = [*(wiener.truncation_bound(h, k) for k in cuts if k < (truncation or 2)), last]
+    last = bounded.truncation_bound(h, truncation or 2)
+    edges = [*(bounded.truncation_bound(h, k) for k in cuts if k < (truncation or 2)), last]
     outer = max(3, degree // 2 + 1)
     # Most of the probability is in the first panel: more nodes there than the degree asks for.
     parts = [_normal_rule(-edges[0], edges[0], outer + 3)]

@@ -27,7 +27,7 @@ import numpy as np
 from sepv.exact import exact_flow
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
-from sepv.simulate import _wiener as wiener
+from sepv.simulate import _truncation as bounded
 from sepv.simulate._paths import run_chunk
 from sepv.solve import Status
 from sepv.verification._orders.convergence import StrongErrors
@@ -95,7 +95,7 @@ def tilted_errors(
             )
             k = scheme.truncation
             if k is not None and k >= 2 * order:
-                bound = wiener.truncation_bound(T / count, k) * np.sqrt(T / count)
+                bound = bounded.truncation_bound(T / count, k) * np.sqrt(T / count)
                 weights = weights * np.all(np.abs(raw) <= bound, axis=(0, 1))
             exact = exact_flow(problem, problem.random_step(T, raw.sum(axis=0))).y
             largest = max(largest, float(np.max(np.abs(exact))))
