@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from sepv.schemes._catalogue import BY_FILE as BY_FILE
 from sepv.schemes._catalogue import EXTENSIONS as EXTENSIONS
 from sepv.schemes._catalogue import FAMILIES as FAMILIES
 from sepv.schemes._catalogue import HAMILTONIANS as HAMILTONIANS
@@ -35,13 +36,13 @@ from sepv.schemes._scheme import weakly as weakly
 
 
 def __getattr__(name: str) -> Any:  # a Scheme; mypy leaves a class that is named here unresolved
-    """A scheme of the catalogue, with "_" for "-"."""
-    for schemes in (PAPER, EXTENSIONS, HAMILTONIANS):
-        if name.replace("_", "-") in schemes and not name.startswith("_"):
-            return schemes[name.replace("_", "-")]
+    """A scheme of the catalogue by its file: `midpoint` for `_midpoint.py`."""
+    if name in BY_FILE:
+        return BY_FILE[name]
     raise AttributeError(f"module 'sepv.schemes' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    named = (name.replace("-", "_") for name in (*PAPER, *EXTENSIONS, *HAMILTONIANS))
-    return sorted({*(name for name in globals() if not name.startswith("_")), *named} - {"annotations"})
+    return sorted(
+        {*(name for name in globals() if not name.startswith("_")), *BY_FILE} - {"Any", "annotations"}
+    )

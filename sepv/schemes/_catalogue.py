@@ -14,10 +14,14 @@ from sepv.schemes._projected import projected
 from sepv.schemes._scheme import Scheme
 from sepv.schemes._tableaux import MAX_STAGES
 
+# By the names of their files, which are those of Python.
+BY_FILE: dict[str, Scheme] = {}
+
 
 def _listed(*files: str) -> dict[str, Scheme]:
-    found = [import_module(f"sepv.schemes._{file}").scheme for file in files]
-    return {scheme.name: scheme for scheme in found}
+    found = {file: import_module(f"sepv.schemes._{file}").scheme for file in files}
+    BY_FILE.update(found)
+    return {scheme.name: scheme for scheme in found.values()}
 
 
 PAPER = _listed(
