@@ -79,7 +79,8 @@ def _problem_rows(factories: dict[str, Any]) -> list[tuple[str, str, str]]:
     rows = []
     for name, factory in factories.items():
         alone = modules.count(factory.__module__) == 1
-        words = (sys.modules[factory.__module__] if alone else factory).__doc__ or ""
+        module = sys.modules[factory.__module__].__doc__ if alone else None
+        words = (module or factory.__doc__ or "").strip()
         problem = factory()
-        rows.append((name, f"{problem.dimension}, {problem.noises}", words.splitlines()[0]))
+        rows.append((name, f"{problem.dimension}, {problem.noises}", words.partition("\n")[0]))
     return rows
