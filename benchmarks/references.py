@@ -17,8 +17,8 @@ from sepv.reference.vector import FLOW, ReferenceVector, load
 from benchmarks import over, start
 from sepv import problems, schemes
 from sepv.errors import SepvError, StepFailure
+from sepv.record._binary64 import EPS, TINY
 from sepv.verification import Case, state_ulp
-from sepv.verification._tolerance import EPS, TINY
 
 
 def family(v: ReferenceVector) -> str:

@@ -10,10 +10,10 @@ from sepv.reference.problem import exact_problem
 
 from sepv.problem import Problem
 from sepv.record import PolynomialMap
+from sepv.record._binary64 import EPS, TINY
 from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Effort, Measurement, require, searched, step_residual
 from sepv.verification._cases.structures import nambu_steps
-from sepv.verification._tolerance import EPS, TINY
 
 
 def slope(problem: Problem, *states: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import Any
 
 from sepv.problem import Problem
-from sepv.schemes import Scheme
+from sepv.schemes import Scheme, Systems
 from sepv.verification import Effort, Finding, Law, Verdict, require
 from sepv.verification._law import pathwise
 from sepv.verification._orders.convergence import StrongErrors, mean_square_order
@@ -51,7 +51,7 @@ def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) ->
 
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
     """The slopes on commuting families, on noises that commute with a drift that does not, and on none that do."""
-    if scheme.systems != "several":
+    if scheme.systems != Systems.SEVERAL:
         return law.finding(Verdict.NOT_APPLICABLE, message="the scheme is not for several structures")
     return judge(law, scheme, effort, assess, at_least=False, setups=SETUPS)
 

@@ -13,7 +13,8 @@ from sepv.errors import Skipped
 from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem
 from sepv.problems._polynomial_system import drift_of_energy
 from sepv.record import PolynomialMap
-from sepv.schemes import Scheme, ask
+from sepv.record._binary64 import EPS, TINY
+from sepv.schemes import Scheme, Systems, ask
 from sepv.verification import (
     Case,
     Effort,
@@ -26,7 +27,7 @@ from sepv.verification import (
 )
 from sepv.verification._cases.hamiltonians import additive_steps
 from sepv.verification._orders.local_rules import rule_for
-from sepv.verification._tolerance import EPS, TINY, operations
+from sepv.verification._tolerance import operations
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
@@ -80,7 +81,7 @@ def _size(problem: Problem, y: Array) -> Array:
 
 def keeps_energy(scheme: Scheme) -> str:
     """Why the law does not apply."""
-    if scheme.systems in ("single", "nambu", "several") and not scheme.problems:
+    if scheme.systems in (Systems.SINGLE, Systems.NAMBU, Systems.SEVERAL) and not scheme.problems:
         return "the exact flow keeps H: see the law energy"
     return ""
 

@@ -10,10 +10,11 @@ from sepv.problem import Array, PolynomialSystem
 from sepv.problems import nambu_system
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
+from sepv.record._binary64 import EPS
 from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Effort, Measurement, require, searched, state_ulp, step_residual
 from sepv.verification._contraction import contraction_radius
-from sepv.verification._tolerance import EPS, correction_rounding
+from sepv.verification._tolerance import correction_rounding
 from sepv.verification.strategies import CONTRACTION, poisson_systems, steps
 
 

@@ -25,10 +25,10 @@ from sepv.problem._hamiltonians import is_several
 from sepv.problem._structures import combined, combined_slope
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
+from sepv.record._binary64 import TINY
 from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Effort, Measurement, require, searched, step_residual
 from sepv.verification._contraction import contraction_ball
-from sepv.verification._tolerance import TINY
 from sepv.verification.strategies import coefficients, polynomials
 
 # Δ as a share of the radius ϱ inside which y1(Δ) is analytic: balances x⁴ against K·eps/x.

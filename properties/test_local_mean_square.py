@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sepv.schemes import Scheme
+from sepv.schemes import Scheme, Systems
 from sepv.schemes._orders import order_of
 from sepv.verification import Effort, Finding, Law, Verdict, require
 from sepv.verification._law import pathwise
@@ -21,7 +21,11 @@ def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
         return order_of(claimed, found.column, unclaimed(found.column)) + 0.5 - MARGIN
 
     known = 1.5 if scheme.asks == "space-time" else 1.0
-    if claimed is not None and order_of(claimed, "additive") > known and scheme.systems == "hamiltonians":
+    if (
+        claimed is not None
+        and order_of(claimed, "additive") > known
+        and scheme.systems == Systems.HAMILTONIANS
+    ):
         text = f"of several Hamiltonians the reference of this law is known up to order {known:g}"
         return law.finding(Verdict.NOT_APPLICABLE, message=text)
     return judge(law, scheme, effort, lambda found: found.rms, least, example=step_example)

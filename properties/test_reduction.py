@@ -11,7 +11,7 @@ from sepv.reference.steps import reference_step
 
 from sepv.problem import PolynomialSystem
 from sepv.record import _polynomial as poly
-from sepv.schemes import Scheme, ask
+from sepv.schemes import Scheme, Systems, ask
 from sepv.verification import Case, Effort, Measurement, require, searched
 from sepv.verification._cases.fixed_cases import with_constant_structure
 from sepv.verification._tolerance import DIGITS, state_error
@@ -38,7 +38,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     """Distance from (2.2), or from the deterministic step, at 30 digits."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
-    if scheme.systems == "several" and isinstance(case.problem, PolynomialSystem):
+    if scheme.systems == Systems.SEVERAL and isinstance(case.problem, PolynomialSystem):
         single = replace(case.problem, noise_structures=())
         exact = reference_step("energy-preserving", single, case.y, h, case.dW, DIGITS)
         error, bound = state_error(exact.y1, exact.condition, problem, y, y1, h, dW, scheme)

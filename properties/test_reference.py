@@ -22,10 +22,11 @@ from sepv.reference.vector import ReferenceVector, load, schemes_with_vectors
 
 from sepv.errors import StepFailure
 from sepv.problem import Array
-from sepv.schemes import Scheme, ask
+from sepv.record._binary64 import EPS, TINY
+from sepv.schemes import Scheme, Systems, ask
 from sepv.verification import Case, Effort, Finding, Law, Measurement, Verdict, require, searched, state_ulp
 from sepv.verification._cases.fixed_cases import corners
-from sepv.verification._tolerance import DIGITS, EPS, TINY, quadrature_rounding, state_error
+from sepv.verification._tolerance import DIGITS, quadrature_rounding, state_error
 from sepv.verification.strategies import any_steps
 
 # A vector's `rounding` is what one evaluation of the equation in binary64 may be off by. As in
@@ -60,7 +61,7 @@ def _against_mpmath(scheme: Scheme, case: Case, near: Array | None = None) -> Me
     try:
         y1 = ask(scheme, problem, y, h, dW)
     except StepFailure:
-        if scheme.systems == "several" and _undefined(scheme, case):
+        if scheme.systems == Systems.SEVERAL and _undefined(scheme, case):
             return Measurement(0.0, 0.0, f"refused, as is right: {UNDEFINED}")
         raise
     start = None if near is None else near.tolist()

@@ -25,7 +25,8 @@ from sepv.reference.problem import exact_problem
 from sepv import problems
 from sepv.errors import Skipped
 from sepv.problem import Array, HamiltoniansProblem, Problem
-from sepv.schemes import Scheme
+from sepv.record._binary64 import EPS, TINY
+from sepv.schemes import Scheme, Systems
 from sepv.schemes._guard import guarded
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
@@ -33,7 +34,7 @@ from sepv.simulate._paths import advance
 from sepv.solve import Status
 from sepv.verification import Effort, Finding, Law, Verdict, energy_ulp, require
 from sepv.verification._cases.given import NOT_OF_HAMILTONIANS, describe, problems_of, reach
-from sepv.verification._tolerance import EPS, TINY, rounding_walk
+from sepv.verification._tolerance import rounding_walk
 
 PATHS = 60
 # (problem, h, steps): two long runs, and large steps, where a solver that stops early shows. How small a drift shows is
@@ -147,11 +148,11 @@ def runs_for(scheme: Scheme) -> list[tuple[Problem, float, int]]:
     own = problems_of(scheme)
     if own is not None:
         own = tuple(problem for problem in own if not isinstance(problem, HamiltoniansProblem))
-    if scheme.systems == "hamiltonians" or own == ():
+    if scheme.systems == Systems.HAMILTONIANS or own == ():
         raise Skipped(NOT_OF_HAMILTONIANS["rounding"])
     if own is None:
-        known = {"nambu": NAMBU_RUNS, "several": SEVERAL_RUNS}.get(scheme.systems, RUNS)
-        return [(problems.by_name(name), h, steps) for name, h, steps in known]
+        runs: dict[str, Any] = {Systems.NAMBU: NAMBU_RUNS, Systems.SEVERAL: SEVERAL_RUNS}
+        return [(problems.by_name(name), h, steps) for name, h, steps in runs.get(scheme.systems, RUNS)]
     share = max(1, -(-len(own) // 2))
     # Whole doublings of the first checkpoint.
     long, short = (FIRST * 2 ** max(1, int(np.log2(steps / FIRST / share))) for steps in (256, 128))

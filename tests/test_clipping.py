@@ -12,11 +12,11 @@ from sepv import exact_flow, problems, schemes
 from sepv.errors import UsageError
 from sepv.exact import clipping_error
 from sepv.exact._truncation_error import lost_mean_square
+from sepv.record._binary64 import EPS
 from sepv.schemes._scheme import truncation_for
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.verification._orders.tilting import tilted_errors
-from sepv.verification._tolerance import EPS
 
 
 @pytest.mark.parametrize("A", [0.0, 0.5, 2.0, 5.0, 12.0])

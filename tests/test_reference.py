@@ -17,8 +17,8 @@ from sepv.reference.steps import reference_step
 from sepv import problems, schemes
 from sepv.errors import StepFailure, UsageError
 from sepv.problem import NamedProblem
+from sepv.record._binary64 import EPS
 from sepv.verification import Case, strategies
-from sepv.verification._tolerance import EPS
 
 
 @settings(max_examples=40)

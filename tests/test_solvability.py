@@ -18,8 +18,8 @@ from sepv.files import schema
 from sepv.simulate import _truncation as bounded
 from sepv.studies._solvability import (
     End,
+    Ending,
     Exits,
-    Finding,
     chance_outside,
     follow,
     follow_paths,
@@ -90,10 +90,10 @@ def test_the_map_agrees_with_the_fold_of_lotka_volterra() -> None:
     assert 0.26 < high < 0.29
     assert -0.6 < low < -0.4
     inside = (found.delta > low) & (found.delta < high)
-    assert (found.findings[inside] == Finding.FOUND).all()
+    assert (found.findings[inside] == Ending.FOUND).all()
     assert sum(found.counts().values()) == found.findings.size == 20 * 24
-    assert found.counts()[Finding.NONE] > 0
-    assert found.counts()[Finding.UNKNOWN] == 0
+    assert found.counts()[Ending.NONE] > 0
+    assert found.counts()[Ending.UNKNOWN] == 0
     p = [found.chances(2.0**-n, 2).mean() for n in (3, 4, 5, 7)]
     assert p[0] > p[1] > p[2] > 0 == p[3]
 

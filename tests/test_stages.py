@@ -15,11 +15,11 @@ from sepv.problem import PolynomialSystem
 from sepv.problem._fields import linear_solve
 from sepv.problems import hard
 from sepv.record import _polynomial as poly
+from sepv.record._binary64 import EPS
 from sepv.schemes._collocation import _Stages, solve_stages
 from sepv.schemes._tableaux import exact_nodes, gauss_tableau, moments
 from sepv.solve import Status
 from sepv.solve._solution import Equations
-from sepv.verification._tolerance import EPS
 
 STAGES = range(1, 7)
 LANES = np.arange(3)

@@ -20,6 +20,7 @@ from sepv.problem import CommutingStructure, PolynomialSystem, StructuresProblem
 from sepv.problem._structures import combined, combined_slope, noise_structures
 from sepv.problems._several import closed_form, commuting_actions
 from sepv.record import _polynomial as poly
+from sepv.record._binary64 import EPS, TINY
 from sepv.solve import Status
 from sepv.verification import Case
 from sepv.verification._cases.case import from_json, to_json
@@ -28,7 +29,6 @@ from sepv.verification._cases.structures import (
     critical_hamiltonian_steps,
     several_steps,
 )
-from sepv.verification._tolerance import EPS, TINY
 
 
 @given(commuting_hamiltonian_steps())

@@ -14,9 +14,10 @@ import sepv
 from sepv import problems, schemes
 from sepv.problem import PolynomialSystem, StructuresProblem
 from sepv.record import _polynomial as poly
+from sepv.record._binary64 import EPS, TINY
 from sepv.schemes._tableaux import amplification
 from sepv.verification import _tolerance as tolerance
-from sepv.verification._tolerance import EPS, QUADRATURE_NODES, TINY, quadrature_rounding
+from sepv.verification._tolerance import QUADRATURE_NODES, quadrature_rounding
 
 # The same formula in another order: a dozen operations on numbers that do not cancel.
 SAME = 12 * EPS

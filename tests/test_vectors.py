@@ -18,9 +18,9 @@ from sepv.reference.vector import FLOW, FOLDER, ReferenceVector, digest, load, s
 
 from sepv import exact_flow, problems, schemes
 from sepv.errors import StepFailure, UsageError
+from sepv.record._binary64 import EPS, TINY
 from sepv.schemes import Scheme
 from sepv.verification import Case
-from sepv.verification._tolerance import EPS, TINY
 
 ALL = [v for scheme in SCHEMES for v in load(scheme)]
 SCHEMA = json.loads((FOLDER / "vectors.schema.json").read_text())

@@ -16,8 +16,8 @@ import numpy as np
 from sepv.errors import SepvError
 from sepv.problem import Array
 from sepv.record import gauss_legendre
+from sepv.record._binary64 import EPS
 
-_EPS = float(np.finfo(np.float64).eps)
 _MAX_PANELS = 50_000
 _PICARD = 60
 
@@ -87,7 +87,7 @@ def solve_dense(
     A, w, to_series = _tables(stages)
     sign = 1.0 if end >= 0 else -1.0
     t, y, low = 0.0, y0, np.zeros(len(y0))
-    slope = float(np.max(np.abs(f(y[:, None])))) + _EPS
+    slope = float(np.max(np.abs(f(y[:, None])))) + EPS
     width = shrink * min(0.5, 0.5 * (1 + float(np.max(np.abs(y)))) / slope)
     edges, starts, series = [0.0], [], []
     while abs(t) < abs(end):
@@ -129,7 +129,7 @@ def _panel(f: Callable[[Array], Array], y: Array, H: float, A: Array, to_series:
             F = new
             if not np.isfinite(size):
                 return F, 0
-            if change <= 4 * _EPS * size or (change >= previous and change <= 1e-12 * size):
+            if change <= 4 * EPS * size or (change >= previous and change <= 1e-12 * size):
                 break
             previous = change
         else:
@@ -139,9 +139,9 @@ def _panel(f: Callable[[Array], Array], y: Array, H: float, A: Array, to_series:
     tail = np.max(np.abs(F @ to_series[-3:].T) * weights) * abs(H)
     # The largest component on the panel, also where y starts at the origin and the flow leaves it.
     scale = max(float(np.max(np.abs(y))), abs(H) * size)
-    if tail <= 1e-3 * _EPS * scale:
+    if tail <= 1e-3 * EPS * scale:
         return F, 2
-    return F, int(tail <= 4 * _EPS * scale)
+    return F, int(tail <= 4 * EPS * scale)
 
 
 def _oriented(edges: Array, starts: Array, series: Array, end_state: Array, sign: float) -> DenseSolution:

@@ -19,9 +19,8 @@ from sepv.exact._closed_forms import CLOSED_FORMS
 from sepv.exact._dense_flow import solve_dense
 from sepv.problem import Array, NamedProblem, Problem, vector_field
 from sepv.problem._hamiltonians import is_several
+from sepv.record._binary64 import EPS
 from sepv.schemes import load_problem
-
-_EPS = float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True)
@@ -104,7 +103,7 @@ def exact_flow(
     else:
         y, method = result
         speed = float(np.max(np.abs(vector_field(problem, y))))
-        error = 16 * _EPS * (float(np.max(np.abs(y))) + speed * (1 + float(np.max(np.abs(flat)))))
+        error = 16 * EPS * (float(np.max(np.abs(y))) + speed * (1 + float(np.max(np.abs(flat)))))
     return ExactFlow(y.reshape(problem.dimension, *times.shape), error, method)
 
 
@@ -117,7 +116,7 @@ def _dense_flow(problem: Problem, y0: Array, theta: Array) -> tuple[Array, float
 
     y, check = _evaluate(f, y0, theta, 20, 0.8), _evaluate(f, y0, theta, 16, 0.6)
     scale = float(np.max(np.abs(y)))
-    return y, 4 * float(np.max(np.abs(y - check))) + 8 * _EPS * scale
+    return y, 4 * float(np.max(np.abs(y - check))) + 8 * EPS * scale
 
 
 def _evaluate(f: Callable[[Array], Array], y0: Array, theta: Array, stages: int, shrink: float) -> Array:

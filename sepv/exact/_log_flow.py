@@ -16,9 +16,9 @@ import numpy as np
 
 from sepv.problem import Array, Problem
 from sepv.problem._hamiltonians import bracket, combined_field, drift_bracket
+from sepv.record._binary64 import EPS
 from sepv.schemes._explicit_tableaux import CLASSICAL, DORMAND_PRINCE_8, ExplicitTableau
 
-_EPS = float(np.finfo(np.float64).eps)
 # The steps of an explicit method in s are doubled until nothing changes by more than roundings.
 FEWEST, MOST = 4, 64
 
@@ -75,8 +75,8 @@ def log_flow(problem: Problem, y: Array, parts: Array, areas: Array) -> tuple[Ar
         apart, scale = float(np.max(np.abs(finer - found))), float(np.max(np.abs(finer)))
         found = finer
         # The error of the finer ones is a 256th of what they are apart, until roundings are more.
-        error = apart / 128 + 16 * _EPS * scale
-        if apart <= 128 * _EPS * scale or steps >= MOST:
+        error = apart / 128 + 16 * EPS * scale
+        if apart <= 128 * EPS * scale or steps >= MOST:
             return found, error
 
 

@@ -66,13 +66,13 @@ class Bite:
         return {**self.__dict__, "verdict": self.verdict.value, "kills": self.kills}
 
 
-Progress = Callable[[int, int, Sequence[Bite]], None]
+FaultProgress = Callable[[int, int, Sequence[Bite]], None]
 
 
 def run(
     names: Iterable[str] | None = None,
     seeds: Iterable[int] = SEEDS,
-    progress: Progress | None = None,
+    progress: FaultProgress | None = None,
     *,
     laws: Iterable[str] | None = None,
     effort: Effort | None = None,

@@ -14,7 +14,7 @@ from functools import lru_cache
 from sepv import problems
 from sepv.peers._multistep import Path
 from sepv.problem import Problem
-from sepv.schemes import Scheme
+from sepv.schemes import Scheme, Systems
 from sepv.schemes._scheme import Step
 
 # One system for each kind of noise: polynomial, so that the generator knows its means, and without a symmetry by which
@@ -80,7 +80,7 @@ class Solver:
             source=self.source,
             truncation=None,
             batched=self.batched,
-            systems="hamiltonians",
+            systems=Systems.HAMILTONIANS,
             asks=self.asks,
             problems=(problem_of(kind),),
         )

@@ -13,8 +13,8 @@ import numpy as np
 
 from sepv.problem._problem import Array, Problem
 from sepv.record import gauss_legendre, mean_nodes
+from sepv.record._binary64 import EPS
 
-_EPS = float(np.finfo(np.float64).eps)
 # Adaptive rule: doubled until two rules agree. 128 nodes resolve integrands analytic within about a
 # tenth of the segment's length of it; what is rougher is reported, not returned as if it were right.
 _LADDER = (4, 8, 16, 32, 64, 128)
@@ -101,7 +101,7 @@ def argument_rounding(problem: Problem, *states: Array) -> Array:
         for y in states:
             change = problem.gradient(y * (1 + 2.0**-26)) - problem.gradient(y)
             worst = np.fmax(worst, np.max(np.abs(change), axis=0) * 2.0**26)
-    return _EPS * worst
+    return EPS * worst
 
 
 def _adaptive(problem: Problem, y0: Array, y1: Array) -> Average:
@@ -117,7 +117,7 @@ def _adaptive(problem: Problem, y0: Array, y1: Array) -> Average:
         value[:, open_], error[open_] = finer, difference
         evaluations[open_] += nodes
         # Both rules sum `nodes` terms with a rounding error each: below that they agree.
-        open_ = open_[~(difference <= nodes * _EPS * _size(terms))]
+        open_ = open_[~(difference <= nodes * EPS * _size(terms))]
         if not open_.size:
             break
     else:

@@ -10,6 +10,7 @@ import numpy as np
 
 from sepv.errors import ProblemError
 from sepv.problem._derived import Array
+from sepv.record._binary64 import EPS, TINY
 
 if TYPE_CHECKING:
     from sepv.problem._problem import Problem
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 # H. 1e-9 is a heuristic that leaves room for a loss of seven digits there and still sees any wrong term.
 GRADIENT_TOLERANCE = 1e-9
 # B is used as it is, so that a defect of skewness goes into the energy at its full size: a few eps only.
-SKEW_TOLERANCE = 8 * np.finfo(np.float64).eps
+SKEW_TOLERANCE = 8 * EPS
 # ∇CᵀB is a sum of d products, each with a few rounding errors of its own.
 CASIMIR_TOLERANCE = 1e-12
 SAMPLES = 5
@@ -76,7 +77,7 @@ def _check_skew(problem: Problem, y: Array) -> None:
     B = problem.structure(y)
     defect = np.abs(B + B.T)
     i, j = np.unravel_index(np.argmax(defect), defect.shape)
-    if not defect[i, j] <= SKEW_TOLERANCE * max(np.abs(B).max(), np.finfo(np.float64).tiny):
+    if not defect[i, j] <= SKEW_TOLERANCE * max(np.abs(B).max(), TINY):
         raise ProblemError(
             expected="a skew-symmetric structure matrix, B_ij = −B_ji",
             received=f"B[{i + 1},{j + 1}] = {B[i, j]!r} and B[{j + 1},{i + 1}] = {B[j, i]!r} at y = {y.tolist()}",
@@ -133,7 +134,7 @@ def _check_casimirs(problem: Problem, y: Array) -> None:
     for key, slope in named:
         product, size = slope @ B, np.abs(slope) @ np.abs(B)
         k = int(np.argmax(np.abs(product)))
-        if not abs(product[k]) <= CASIMIR_TOLERANCE * max(size.max(), np.finfo(np.float64).tiny):
+        if not abs(product[k]) <= CASIMIR_TOLERANCE * max(size.max(), TINY):
             raise ProblemError(
                 expected=f"{key} to be a Casimir: ∇CᵀB = 0 for all y",
                 received=f"(∇CᵀB)[{k + 1}] = {float(product[k])!r} at y = {y.tolist()}",

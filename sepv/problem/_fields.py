@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sepv.problem._problem import Array, Problem
+from sepv.record._binary64 import EPS, TINY
 
-_ROOT = float(np.sqrt(np.finfo(np.float64).eps))
-_TINY = float(np.finfo(np.float64).tiny)
+_ROOT = float(np.sqrt(EPS))
 # Differences are taken for so many states at a time: beyond, memory grows and nothing is gained.
 LANES = 256
 
@@ -109,7 +109,7 @@ def forward_differences(
     R and `inside` are asked for several components at once, as lanes, for few lanes; they are told the lanes' numbers.
     """
     n, M = z.shape
-    width = _ROOT * np.maximum(reach, _TINY)
+    width = _ROOT * np.maximum(reach, TINY)
     found = np.empty((len(base), n, M))
     together = max(1, LANES // max(M, 1))
     for first in range(0, n, together):

@@ -33,6 +33,7 @@ from sepv.problem._checks import sample_states
 from sepv.problem._fields import casimir_gradients, dot, matvec
 from sepv.problem._poisson import jacobi_defect as jacobi_defect  # noqa: PLC0414  (for readers of this module)
 from sepv.problem._problem import Array, Function, Problem
+from sepv.record._binary64 import EPS, TINY
 
 # y(T) from y0 (d,), T and W(T) (m, M), where the flows commute.
 ClosedForm = Callable[[Array, float, Array], Array]
@@ -42,10 +43,9 @@ BRACKET_TOLERANCE = 1e-12
 # every h: m and w are then the means of a parabola over a chord and its middle, 1/12 and 1/8. Elsewhere the share is of
 # the order of |y1 − y0|², and a step with a quarter is worth nothing anyway.
 MISSED = 0.25
-_EPS = float(np.finfo(np.float64).eps)
 # w is no more than its own rounding, and v is more than that: some sums of a dozen terms, and a wide margin, since
 # next to an isolated critical point both vanish alike.
-ROUNDING_OF_W, ROUNDING_OF_V = 16 * _EPS, 1024 * _EPS
+ROUNDING_OF_W, ROUNDING_OF_V = 16 * EPS, 1024 * EPS
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +143,7 @@ def undefined(problem: Problem, y0: Array, y1: Array, mean: Array, parts: Array)
         if isinstance(G, CommutingStructure):
             missed, field, rounding = G.missed(y0 + 0.5 * (y1 - y0), mean)
             # What is below a rounding of y moves nothing.
-            allowed = np.abs(part) * (MISSED * field + rounding) + _EPS * size
+            allowed = np.abs(part) * (MISSED * field + rounding) + EPS * size
             found |= (part != 0) & ~(np.abs(part) * missed <= allowed)
     return found
 
@@ -307,7 +307,7 @@ def _check_bracket(drift: Problem, gradient: Function, j: int) -> None:
     for y in sample_states(drift):
         w, v = drift.gradient(y), matvec(drift.structure(y), gradient(y))
         bracket, size = float(w @ v), float(np.linalg.norm(w) * np.linalg.norm(v))
-        if not abs(bracket) <= BRACKET_TOLERANCE * max(size, np.finfo(np.float64).tiny):
+        if not abs(bracket) <= BRACKET_TOLERANCE * max(size, TINY):
             raise ProblemError(
                 expected=f"{{H_0, H_{j}}} = ∇H_0ᵀ B ∇H_{j} = 0 everywhere: else H_0 is not kept",
                 received=f"{{H_0, H_{j}}} = {bracket!r} at y = {y.tolist()}",

@@ -20,6 +20,7 @@ from sepv.problem import (
 from sepv.problems._nambu_system import check_nambu
 from sepv.record import Polynomial, PolynomialMap
 from sepv.record import _polynomial as poly
+from sepv.record._binary64 import EPS
 
 # d³ polynomials are the derivatives of B.
 MAX_DIMENSION = 64
@@ -152,7 +153,7 @@ def vanishes(found: tuple[Polynomial, list[Polynomial]]) -> bool:
     """Whether all coefficients are rounding beside those of the products."""
     total, terms = found
     size = max((abs(c) for p in terms for _, c in p.terms), default=0.0)
-    return all(abs(c) <= 64 * np.finfo(np.float64).eps * size for _, c in total.terms)
+    return all(abs(c) <= 64 * EPS * size for _, c in total.terms)
 
 
 def drift_of_energy(data: PolynomialSystem) -> float | None:
@@ -232,7 +233,7 @@ def _check_casimir(name: str, slope: list[Polynomial], entries: list[list[Polyno
         total = poly.add(*products)
         size = max((abs(c) for p in products for _, c in p.terms), default=0.0)
         worst = max((abs(c) for _, c in total.terms), default=0.0)
-        if worst > 64 * np.finfo(np.float64).eps * size:
+        if worst > 64 * EPS * size:
             raise ProblemError(
                 expected=f"{name} to be a Casimir: ∇CᵀB = 0 for all y",
                 received=f"(∇CᵀB)[{j + 1}] ∝ {total}",

@@ -32,6 +32,7 @@ from sepv.schemes._orders import Orders as Orders
 from sepv.schemes._point_laws import PointLaw as PointLaw
 from sepv.schemes._projected import projected as projected
 from sepv.schemes._scheme import Scheme as Scheme
+from sepv.schemes._scheme import Systems as Systems
 from sepv.schemes._scheme import weakly as weakly
 
 

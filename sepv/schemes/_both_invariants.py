@@ -14,6 +14,7 @@ from sepv.errors import Skipped
 from sepv.problem import Nambu, Problem
 from sepv.problem._nambu import cross
 from sepv.schemes._one_step import ENERGY_PRESERVING, implicit, one_step
+from sepv.schemes._scheme import Systems
 from sepv.solve import Fields
 
 
@@ -44,5 +45,5 @@ scheme = one_step(
     step,
     ENERGY_PRESERVING | {"any-casimir"},
     "(2.1) with ∇C averaged too",
-    systems="nambu",
+    systems=Systems.NAMBU,
 )

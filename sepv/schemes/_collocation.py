@@ -27,6 +27,7 @@ import numpy as np
 from sepv.problem import Array, Problem, average_gradient
 from sepv.problem._averaged_gradient import argument_rounding
 from sepv.problem._fields import hessian, linear_solve, matmul, matvec, structure_slope
+from sepv.record._binary64 import EPS
 from sepv.schemes._one_step import ENERGY_PRESERVING, one_step, solved_by
 from sepv.schemes._scheme import Scheme, as_lanes, truncation_for
 from sepv.schemes._tableaux import check_stages, exact_nodes, gauss_tableau, moments
@@ -34,7 +35,6 @@ from sepv.solve import Increment, Status
 from sepv.solve._newton import into_domain, iterate
 from sepv.solve._solution import Equations, Evaluation, Solution, merge
 
-_EPS = float(np.finfo(np.float64).eps)
 # Where H is no polynomial: nodes of the first rule beyond s, and the largest rule, as in
 # `sepv.problem._averaged_gradient`.
 FIRST_NODES, MAX_NODES = 4, 128
@@ -173,7 +173,7 @@ def _agrees(system: _Stages, solution: Solution, lanes: np.ndarray) -> np.ndarra
     finer, size = system.averages(z, lanes, nodes)
     used = system.averages(z, lanes, system.nodes)[0]
     y0, y1 = system.y0[:, lanes], system.y0[:, lanes] + z.sum(axis=1) / system.stages
-    rounding = nodes * _EPS * size + 4 * argument_rounding(system.problem, y0, y1)
+    rounding = nodes * EPS * size + 4 * argument_rounding(system.problem, y0, y1)
     return np.asarray(np.max(np.abs(finer - used), axis=(0, 1)) <= rounding)
 
 

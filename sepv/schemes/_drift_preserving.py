@@ -20,7 +20,7 @@ from sepv.problem import Array, HamiltoniansProblem, Problem, column
 from sepv.problem._hamiltonians import noise_field
 from sepv.schemes._energy_preserving import formula, jacobian
 from sepv.schemes._one_step import EVERY, implicit
-from sepv.schemes._scheme import Scheme, as_lanes
+from sepv.schemes._scheme import Scheme, Systems, as_lanes
 
 
 def _time(problem: Problem, h: float, noise: Array) -> Array:  # noqa: ARG001  (the signature of `parts`)
@@ -67,6 +67,6 @@ scheme = Scheme(
     weak_order=2.0,
     truncation=None,
     batched=True,
-    systems="separable-hamiltonians",
+    systems=Systems.SEPARABLE_HAMILTONIANS,
     asks="halves",
 )

@@ -26,7 +26,7 @@ from sepv.problem import Array, Problem
 from sepv.problem._hamiltonians import noise_gradients
 from sepv.schemes._one_step import EVERY, each_noise, no_jacobian, one_step, solved_by
 from sepv.schemes._orders import Orders
-from sepv.schemes._scheme import as_lanes
+from sepv.schemes._scheme import Systems, as_lanes
 from sepv.solve import Increment
 from sepv.solve import solve as solve_implicit
 from sepv.solve._solution import Solution
@@ -92,5 +92,5 @@ scheme = one_step(
     weak_order=1.0,
     mean_square_order=Orders(0.5, commutative=1.0),
     solve=solve,
-    systems="so3-hamiltonians",
+    systems=Systems.SO3_HAMILTONIANS,
 )

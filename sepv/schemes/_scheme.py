@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from typing import Any
 
 import numpy as np
@@ -17,11 +18,23 @@ from sepv.solve._solution import Solution, require_converged
 
 # What a step may ask for beside h and the increments.
 ASKS = ("", "areas", "halves", "space-time")
+
+
 # The classes of systems that a scheme may be for; `sepv.verification._cases.structures` has cases for each.
-SYSTEMS = (
-    "single", "nambu", "several", "hamiltonians", "canonical-separable", "lie-poisson", "rigid-bodies",
-    "so3-hamiltonians", "separable-hamiltonians",
-)  # fmt: skip
+class Systems(StrEnum):
+    """A class of systems. A string of the same text is as good."""
+
+    SINGLE = "single"
+    NAMBU = "nambu"
+    SEVERAL = "several"
+    HAMILTONIANS = "hamiltonians"
+    CANONICAL_SEPARABLE = "canonical-separable"
+    LIE_POISSON = "lie-poisson"
+    RIGID_BODIES = "rigid-bodies"
+    SO3_HAMILTONIANS = "so3-hamiltonians"
+    SEPARABLE_HAMILTONIANS = "separable-hamiltonians"
+
+
 # How a scheme says that it did not solve a step, when it does not know `sepv.StepFailure` (an ArithmeticError too).
 REFUSALS = (ArithmeticError, np.linalg.LinAlgError)
 # What speaks of paths, and says nothing of increments that only have the law of some moments.
@@ -116,7 +129,7 @@ class Scheme:
     increments: str | PointLaw | None = None
     batched: bool = False
     stages: int = 1
-    systems: str = "single"
+    systems: str = Systems.SINGLE
     asks: str = ""
     problems: Iterable[Any] = ()
 
@@ -140,12 +153,13 @@ class Scheme:
             claims |= PATHWISE - {"commutation"}
         if self.weak_order is not None:
             claims |= {"weak-order", "local-weak"}
-        if self.systems not in SYSTEMS:
+        if self.systems not in tuple(Systems):
             raise UsageError(
-                expected=f"systems, one of {', '.join(SYSTEMS)}",
+                expected=f"systems, one of {', '.join(Systems)}",
                 received=repr(self.systems),
                 remedy="leave it out for a scheme for (1.1)",
             )
+        object.__setattr__(self, "systems", Systems(self.systems))
         if self.asks not in ASKS:
             raise UsageError(
                 expected='asks, "areas", "halves" or "space-time"',

@@ -19,6 +19,7 @@ import numpy as np
 from sepv.problem import Array, CommutingStructure, Problem, average_gradient
 from sepv.problem._structures import combined, noise_structures, undefined
 from sepv.schemes._one_step import ENERGY_PRESERVING, each_noise, implicit, one_step
+from sepv.schemes._scheme import Systems
 from sepv.solve import Fields, Status
 from sepv.solve._linearised import derivative
 from sepv.solve._solution import Solution
@@ -51,5 +52,5 @@ scheme = one_step(
     step,
     (ENERGY_PRESERVING | {"commutation"}) - {"midpoint", "random-step"},
     "Cohen and Dujardin (2014), §1",
-    systems="several",
+    systems=Systems.SEVERAL,
 )

@@ -16,6 +16,7 @@ from typing import Any
 
 from sepv.schemes._one_step import EVERY, each_noise, implicit, one_step
 from sepv.schemes._orders import Orders
+from sepv.schemes._scheme import Systems
 from sepv.solve import Fields
 from sepv.solve._linearised import derivative
 
@@ -44,5 +45,5 @@ scheme = one_step(
     "Milstein, Repin and Tretyakov (2002), for any B",
     weak_order=1.0,
     mean_square_order=Orders(0.5, commutative=1.0),
-    systems="hamiltonians",
+    systems=Systems.HAMILTONIANS,
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -121,7 +121,7 @@ def integrate(
     y0: ArrayLike | None = None,
     seed: int = 0,
     dW: ArrayLike | None = None,
-    truncation: int | None = -1,
+    truncation: int | Literal["own"] | None = "own",
     increments: str | PointLaw | None = None,
 ) -> Trajectory:
     """One path from y0 (default: the problem's initial state).
@@ -139,7 +139,7 @@ def integrate(
         Of the increments: path 0 of `ensemble` with the same seed.
     dW : (N, m), optional
         Untruncated increments to use; else those of `wiener.increments(seed, …)`, path 0.
-    truncation : int or None
+    truncation : int, "own" or None
         k of Remark 2.1; by default the scheme's own. None for untruncated.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
         By default the scheme's own. Each is taken at the rank of the increment drawn or given
@@ -214,7 +214,7 @@ def _drawn(scheme: Scheme, problem: Problem, seed: int, T: float, steps: int) ->
 
 
 def prepared(
-    scheme: Scheme, truncation: int | None, increments: str | PointLaw | None
+    scheme: Scheme, truncation: int | Literal["own"] | None, increments: str | PointLaw | None
 ) -> tuple[Scheme, int | None]:
     """The scheme with the increments asked for, its own for None, and k: of increments of a few points None.
 
@@ -226,7 +226,7 @@ def prepared(
     if increments is not None:
         scheme = weakly(scheme, increments)
     if isinstance(scheme.increments, PointLaw):
-        if truncation not in (-1, None):
+        if truncation not in ("own", None):
             raise UsageError(
                 expected="truncation=None, or left out, with increments of a few points",
                 received=f"truncation = {truncation!r} with {scheme.increments.name} increments",
@@ -236,12 +236,12 @@ def prepared(
     return scheme, chosen_truncation(scheme, truncation)
 
 
-def chosen_truncation(scheme: Scheme, truncation: int | None) -> int | None:
-    """k of Remark 2.1: the scheme's own for −1; a warning where it costs the scheme its order.
+def chosen_truncation(scheme: Scheme, truncation: int | Literal["own"] | None) -> int | None:
+    """k of Remark 2.1: the scheme's own for "own"; a warning where it costs the scheme its order.
 
     What Remark 2.1 cuts off has a mean square O(h^{k+1}) a step, and order p has room for h^{2p+1}: k ≥ 2p.
     """
-    k = scheme.truncation if truncation == -1 else truncation
+    k = scheme.truncation if truncation == "own" else truncation
     order = scheme.mean_square_order
     # k < 1 is no truncation at all, and refused by `truncate`.
     if k is not None and order is not None and 1 <= k < 2 * order:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from sepv.problem import Array, Problem
 from sepv.problem._fields import Algebra, matvec
 from sepv.record import PolynomialMap
+from sepv.record._binary64 import EPS, TINY
 from sepv.solve._damped import approach
 from sepv.solve._differences import difference_jacobian, slopes
 from sepv.solve._solution import (
@@ -30,23 +31,21 @@ from sepv.solve._solution import (
     merge,
 )
 
-_EPS = float(np.finfo(np.float64).eps)
-_TINY = float(np.finfo(np.float64).tiny)
 # A residual of a few of the smallest numbers there are is none.
 _QUANTA = 4 * float(np.finfo(np.float64).smallest_subnormal)
 # Newton needs 3 to 5 iterations for steps that make sense; 40 leave room for damped starts.
 MAX_ITERATIONS = 40
 MAX_HALVINGS = 40
 # Corrections that stop shrinking are rounding, not divergence, only when they are small: √eps.
-STAGNATION = float(np.sqrt(_EPS))
+STAGNATION = float(np.sqrt(EPS))
 # … and when the residual is rounding too: a few hundred operations stand behind R, each rounded at the scale of y.
 # Without this, corrections that shrink slowly (Newton's matrix is approximate for some H) pass for stagnation.
-ROUNDING = 256 * _EPS
+ROUNDING = 256 * EPS
 # Unknowns of a single lane up to which numbers are quicker than arrays.
 FEW = 64
 # The rounding of a sum of a dozen terms, beside their absolute values: far below the K of
 # `sepv.verification._tolerance`.
-TERMS = 16 * _EPS
+TERMS = 16 * EPS
 
 
 def solve(
@@ -169,7 +168,7 @@ def _newton_of_many(
     # Where y1 is 2^52 times y0 or more, an ulp of it says nothing about the components that stayed small. Where
     # y0 = 0 nothing says what small is: a component that cancels to zero would never settle.
     before = size_all.max(axis=0)
-    vast_all = np.where(before > 0, before / _EPS, np.inf)
+    vast_all = np.where(before > 0, before / EPS, np.inf)
     residual = np.full(count, np.inf)
     iterations, gradients, structures = np.zeros((3, count), dtype=np.int64)
     status = np.full(count, Status.NO_CONVERGENCE, dtype=np.int64)
@@ -191,7 +190,7 @@ def _newton_of_many(
             correction = algebra.correction(K, F)
             reach, moves = y + np.abs(z), np.abs(correction)
             scale, move = reach.max(axis=0), moves.max(axis=0)
-            size = (moves / (reach + _EPS * scale + _TINY)).max(axis=0)
+            size = (moves / (reach + EPS * scale + TINY)).max(axis=0)
             solved, broken, singular = _stopped(rest, move, K, algebra)
             # Stagnation needs both measures to stop shrinking: a component near zero moves by a large share of
             # itself long before the others have arrived.
@@ -222,7 +221,7 @@ def _newton_of_many(
 
 def _small(size: Array, moves: Array, reach: Array, vast: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Where the correction is below half an ulp of every component, and no share of those that a vast one hides."""
-    small: NDArray[np.bool_] = size <= 0.5 * _EPS
+    small: NDArray[np.bool_] = size <= 0.5 * EPS
     if vast.any():
         small &= ~(vast & (moves > STAGNATION * reach).any(axis=0))
     return small
@@ -274,10 +273,10 @@ def _newton_of_one(
             if not solved and not math.isfinite(move):
                 status = Status.SINGULAR if np.all(algebra.finite(K)) else Status.OVERFLOW
                 break
-            size = _largest([a / (b + _EPS * scale + _TINY) for a, b in zip(moves, reach, strict=True)])
+            size = _largest([a / (b + EPS * scale + TINY) for a, b in zip(moves, reach, strict=True)])
             stuck = size >= 0.5 * last_size and move >= 0.5 * last_move
-            vast = before > 0 and scale > before / _EPS
-            small = size <= 0.5 * _EPS and not (
+            vast = before > 0 and scale > before / EPS
+            small = size <= 0.5 * EPS and not (
                 vast and any(a > STAGNATION * b for a, b in zip(moves, reach, strict=True))
             )
             still = small or (move <= STAGNATION * scale and stuck)

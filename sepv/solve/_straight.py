@@ -22,6 +22,7 @@ from sepv.problem import Array, NamedProblem, Problem
 from sepv.problem._fields import cramer
 from sepv.record import CannotRecord, NoClosedForm
 from sepv.record._arrays import Source, source
+from sepv.record._binary64 import EPS, TINY
 from sepv.solve._formula import Formula
 from sepv.solve._newton import ROUNDING, STAGNATION
 from sepv.solve._recorded import Recorded
@@ -38,8 +39,6 @@ MOST_KEPT = 128
 _KEPT: dict[Any, Iteration | None] = {}
 # Where functions of problems by name are from: written there, or derived.
 _OWN = ("sepv.problems.", "sepv.record.", "sepv.problem._derived")
-_EPS = float(np.finfo(np.float64).eps)
-_TINY = float(np.finfo(np.float64).tiny)
 _QUANTA = 4 * float(np.finfo(np.float64).smallest_subnormal)
 
 
@@ -99,13 +98,13 @@ class Iteration:
             if near.any():
                 reach = [a + np.abs(b) for a, b in zip(sizes, z, strict=True)]
                 scale = reduce(np.maximum, reach)
-                least = _EPS * scale + _TINY
+                least = EPS * scale + TINY
                 sharing = [a / (b + least) for a, b in zip(moves, reach, strict=True)]
                 np.copyto(size, reduce(np.maximum, sharing), where=near)
                 rest = reduce(np.maximum, map(np.abs, out[:d]))
-                still = (size <= 0.5 * _EPS) | ((size >= 0.5 * last_size) & (move >= 0.5 * last_move))
+                still = (size <= 0.5 * EPS) | ((size >= 0.5 * last_size) & (move >= 0.5 * last_move))
                 ended = go_on & near & still & (rest <= ROUNDING * scale + _QUANTA)
-                there = np.flatnonzero(ended & (_EPS * scale <= limit))
+                there = np.flatnonzero(ended & (EPS * scale <= limit))
                 if there.size:
                     where = lanes[there]
                     for into, value in zip(change, z, strict=True):
@@ -140,11 +139,11 @@ class Iteration:
                 if move <= STAGNATION * limit:
                     reach = [a + abs(b) for a, b in zip(sizes, z, strict=True)]
                     scale = max(reach)
-                    least = _EPS * scale + _TINY
+                    least = EPS * scale + TINY
                     size = max([a / (b + least) for a, b in zip(moves, reach, strict=True)])
                     rest = max([abs(v) for v in out[:d]])
-                    still = size <= 0.5 * _EPS or (size >= 0.5 * last_size and move >= 0.5 * last_move)
-                    if still and rest <= ROUNDING * scale + _QUANTA and _EPS * scale <= limit:
+                    still = size <= 0.5 * EPS or (size >= 0.5 * last_size and move >= 0.5 * last_move)
+                    if still and rest <= ROUNDING * scale + _QUANTA and EPS * scale <= limit:
                         return np.array(z)[:, None], np.array([rest]), np.array([number])
                 z = [a - b for a, b in zip(z, corrections, strict=True)]
                 last_size, last_move = size, move

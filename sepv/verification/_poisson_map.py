@@ -18,12 +18,13 @@ from sepv.errors import Skipped
 from sepv.problem import Array, Problem
 from sepv.problem import _poisson as poisson
 from sepv.record import PolynomialMap
+from sepv.record._binary64 import EPS, TINY
 from sepv.schemes import Scheme, ask
 from sepv.verification._amplification import amplification
 from sepv.verification._cases.case import Case
 from sepv.verification._contraction import contraction_ball
 from sepv.verification._law import Measurement
-from sepv.verification._tolerance import EPS, TINY, operations, step_residual, structure_majorant
+from sepv.verification._tolerance import operations, step_residual, structure_majorant
 
 # Steps with a derivative known to fewer digits say nothing about the structure.
 ROUGH = 1e-6

@@ -15,7 +15,7 @@ from rich.console import Console
 
 from sepv.verification import Finding, Law
 from sepv.verification._report import console
-from sepv.verification._verify import Progress
+from sepv.verification._verify import LawProgress
 
 # Seconds after which a line is printed where nobody sees a bar; then one every REPEAT.
 FIRST_LINES = (2.0, 5.0, 10.0, 20.0)
@@ -94,7 +94,7 @@ def _bar(shown: Shown, out: Console, done: threading.Event) -> None:
 
 
 @contextmanager
-def watching(quiet: bool = False, laws: Sequence[Law] = ()) -> Iterator[Progress]:
+def watching(quiet: bool = False, laws: Sequence[Law] = ()) -> Iterator[LawProgress]:
     """A progress callback for `sepv.verification.verify` of these laws, each of which counts by its cost."""
     whole = sum(law.cost for law in laws)
     with showing(quiet) as shown:

@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 from hypothesis.errors import Unsatisfiable
 
 from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure
-from sepv.schemes import Scheme
+from sepv.schemes import Scheme, Systems
 from sepv.verification import _corpus as corpus
 from sepv.verification._cases import case as cases
 from sepv.verification._cases.case import Case
@@ -162,11 +162,13 @@ def searched(
         if own is not None:
             return _Question(None, own, tuple, check, faults_violate, lambda _: False, undesigned)
         space, known = SPACES[scheme.systems].get(name), corpus.cases(name, scheme.systems)
-        if scheme.systems == "single":
+        if scheme.systems == Systems.SINGLE:
             return _Question(space, cases(), corners, check, faults_violate, admits, undesigned, known)
-        special = (HAMILTONIANS if scheme.systems == "hamiltonians" else CASES[scheme.systems]).get(name)
+        special = (HAMILTONIANS if scheme.systems == Systems.HAMILTONIANS else CASES[scheme.systems]).get(
+            name
+        )
         if special is None:
-            why = NOT_OF_HAMILTONIANS.get(name) if scheme.systems == "hamiltonians" else None
+            why = NOT_OF_HAMILTONIANS.get(name) if scheme.systems == Systems.HAMILTONIANS else None
             return why or f"the law is not about the systems that the scheme takes ({scheme.systems})"
         return _Question(space, special(), tuple, check, faults_violate, admits, undesigned, known)
 

@@ -37,11 +37,9 @@ from sepv.problem import Array, HamiltoniansProblem, Problem, StructuresProblem
 from sepv.problem._fields import contract, matmul, matvec
 from sepv.problem._problem import Function
 from sepv.record import PolynomialMap
+from sepv.record._binary64 import EPS, TINY
 from sepv.schemes import Scheme
 from sepv.schemes._tableaux import amplification, exact_nodes
-
-EPS = float(np.finfo(np.float64).eps)
-TINY = float(np.finfo(np.float64).tiny)
 
 
 def gradient_majorant(problem: Problem, *states: Array) -> Array:

@@ -23,7 +23,7 @@ from sepv.verification._law import Effort, Finding, Law, Verdict
 from sepv.verification._laws import LAWS, LOCAL, SAMPLED, laws_of, listed, load_laws
 from sepv.verification._outcome import Report
 
-Progress = Callable[[Law, "Finding | None"], None]
+LawProgress = Callable[[Law, "Finding | None"], None]
 
 
 def verify(
@@ -33,7 +33,7 @@ def verify(
     claims: Iterable[str] = (),
     effort: Effort | None = None,
     timeout: float = 600.0,
-    progress: Progress | None = None,
+    progress: LawProgress | None = None,
     expected: str | Path | None = None,
     jobs: int = 1,
     problems: Any = None,

@@ -10,12 +10,12 @@ import numpy as np
 from sepv.faults._saboteurs.record import Saboteur, around, explicit, right_side
 from sepv.problem import Array, Problem
 from sepv.problem._fields import linear_solve
+from sepv.record._binary64 import EPS, TINY
 from sepv.schemes import Scheme
 from sepv.schemes._energy_preserving import jacobian
 from sepv.schemes._one_step import random_step
 from sepv.schemes._scheme import Step
 
-_EPS = float(np.finfo(np.float64).eps)
 _SEEN = ("energy", "casimir", "midpoint", "symmetry", "reference", "rounding")
 
 Correction = Callable[[Problem, Array, Array, Array], Array]
@@ -31,7 +31,7 @@ def _slope(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
     if known is not None:
         return known
     base, columns = right_side(problem, y0, y0 + z, step), []
-    width = 2.0**-26 * np.maximum(np.max(np.abs(y0) + np.abs(z), axis=0), float(np.finfo(np.float64).tiny))
+    width = 2.0**-26 * np.maximum(np.max(np.abs(y0) + np.abs(z), axis=0), TINY)
     for k in range(y0.shape[0]):
         moved = y0 + z
         moved[k] += width
@@ -158,7 +158,7 @@ _TABLE = (
     (
         "silent-cap",
         "the fixed-point iteration stops silently after 60 times, converged or not",
-        explicit(_iterated(_fixed_point, 60, 0.5 * _EPS)),
+        explicit(_iterated(_fixed_point, 60, 0.5 * EPS)),
         # Not energy: long steps overflow, which is an error of that law.
         ("rounding",),
     ),

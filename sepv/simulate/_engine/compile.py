@@ -13,7 +13,7 @@ from sepv.errors import Skipped
 from sepv.problem import Array, CommutingStructure, HamiltoniansProblem, Problem, StructuresProblem
 from sepv.problem._structures import noise_structures
 from sepv.record import CannotRecord, NoClosedForm
-from sepv.schemes import Scheme
+from sepv.schemes import Scheme, Systems
 from sepv.schemes._one_step import each_noise
 from sepv.simulate._engine.explicit import ExplicitWriter
 from sepv.simulate._engine.module import LANES
@@ -105,7 +105,7 @@ def taken(scheme: Scheme, problem: Problem) -> Formula:
         except Skipped as why:
             raise CannotCompile(str(why)) from why
     if isinstance(problem, HamiltoniansProblem):
-        if scheme.systems != "hamiltonians" or formula.parts is not each_noise:
+        if scheme.systems != Systems.HAMILTONIANS or formula.parts is not each_noise:
             raise CannotCompile(
                 f"{problem.name} has several Hamiltonians, the scheme {scheme.name!r} takes one"
             )

@@ -6,7 +6,7 @@ import hashlib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -52,7 +52,7 @@ def ensemble(
     paths: int | None = None,
     seed: int = 0,
     y0: ArrayLike | None = None,
-    truncation: int | None = -1,
+    truncation: int | Literal["own"] | None = "own",
     increments: str | PointLaw | None = None,
     refine: int | None = None,
     dW: ArrayLike | None = None,
@@ -84,7 +84,7 @@ def ensemble(
         Of the increments.
     y0 : (d,), optional
         By default the problem's initial state.
-    truncation : int or None
+    truncation : int, "own" or None
         k of Remark 2.1; by default the scheme's own. None for untruncated.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
         By default the scheme's own. Each is taken at the rank of the increment drawn or given

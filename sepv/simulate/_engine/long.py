@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -83,7 +83,7 @@ def long_path(
     seed: int = 0,
     path: int = 0,
     y0: ArrayLike | None = None,
-    truncation: int | None = -1,
+    truncation: int | Literal["own"] | None = "own",
     increments: str | PointLaw | None = None,
     refine: int | None = None,
     every: int | None = None,

@@ -15,7 +15,7 @@ from sepv.simulate._results.labelled import AXES
 from sepv.simulate._results.reductions import Functionals, Summary, reached, reduce_chunk
 from sepv.simulate._results.zarr_store import COUNTED, ZarrStore
 
-Progress = Callable[[int, int], None] | None
+PathProgress = Callable[[int, int], None] | None
 Counts = dict[str, int]
 
 
@@ -64,7 +64,7 @@ def _counts(chunk: Ensemble) -> Counts:
 class InMemory:
     """The ensemble being filled, chunk by chunk, in place."""
 
-    def __init__(self, task: Task, empty: Ensemble, progress: Progress) -> None:
+    def __init__(self, task: Task, empty: Ensemble, progress: PathProgress) -> None:
         M = task.count
         room: dict[str, Any] = {
             key: np.empty((*getattr(empty, key).shape[:-1], M), dtype=getattr(empty, key).dtype)
@@ -108,7 +108,7 @@ class Reduced:
         self,
         task: Task,
         empty: Ensemble,
-        progress: Progress,
+        progress: PathProgress,
         functionals: Functionals,
         until: Mapping[str, float] | None,
     ) -> None:
@@ -157,7 +157,7 @@ class OnDisk:
         self,
         task: Task,
         empty: Ensemble,
-        progress: Progress,
+        progress: PathProgress,
         where: Any,
         size: int,
         functionals: Functionals | None,

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sepv.errors import UsageError
+from sepv.record._binary64 import TINY
 
 # Relative error of a quantile. The counts of a normal variable then take some 100 kB, whatever their number.
 ACCURACY = 1e-3
 # Numbers smaller than the smallest normal one count as 0.
-_TINY = float(np.finfo(np.float64).tiny)
 _LARGEST = math.log(float(np.finfo(np.float64).max))
 
 
@@ -78,9 +78,9 @@ def sketch(values: Any, accuracy: float = ACCURACY) -> Sketch:
     log_gamma, offset = _buckets(accuracy)
     numbers = np.asarray(values, dtype=np.float64)
     size = np.abs(numbers)
-    index = np.ceil(np.log(np.maximum(size, _TINY)) / log_gamma).astype(np.int32) + offset
+    index = np.ceil(np.log(np.maximum(size, TINY)) / log_gamma).astype(np.int32) + offset
     keys, counts = np.unique(
-        np.where(size < _TINY, 0, np.where(numbers < 0, -index, index)).astype(np.int32), return_counts=True
+        np.where(size < TINY, 0, np.where(numbers < 0, -index, index)).astype(np.int32), return_counts=True
     )
     return Sketch(keys, counts.astype(np.int64), accuracy)
 
@@ -88,4 +88,4 @@ def sketch(values: Any, accuracy: float = ACCURACY) -> Sketch:
 def _buckets(accuracy: float) -> tuple[float, int]:
     """ln γ, and what makes every index positive."""
     log_gamma = math.log1p(accuracy) - math.log1p(-accuracy)
-    return log_gamma, math.ceil(-math.log(_TINY) / log_gamma) + 2
+    return log_gamma, math.ceil(-math.log(TINY) / log_gamma) + 2

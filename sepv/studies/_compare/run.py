@@ -32,7 +32,7 @@ SINGLE_PATHS = 64
 SHORTEST = 2e-3
 
 # What is being done, and how much of all is done, 0 to 1.
-Progress = Callable[[str, float], None]
+MethodProgress = Callable[[str, float], None]
 
 
 def compare(
@@ -46,7 +46,7 @@ def compare(
     seed: int = 0,
     targets: Sequence[float] = (),
     workers: Any = 1,
-    progress: Progress = lambda *_: None,
+    progress: MethodProgress = lambda *_: None,
 ) -> Comparison:
     """Strong and weak error, defects, time and work of each method for each number of steps.
 
@@ -153,7 +153,7 @@ def _follow(watched: tuple[Any, ...]) -> Followed | str:
 
 
 def _alternate(
-    jobs: Sequence[Callable[[], Ends]], repeats: int, progress: Progress, begin: float
+    jobs: Sequence[Callable[[], Ends]], repeats: int, progress: MethodProgress, begin: float
 ) -> list[list[tuple[float, float]]]:
     """(processor, clock) seconds of each job in each round.
 

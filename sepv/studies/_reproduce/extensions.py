@@ -7,6 +7,7 @@ import numpy as np
 from sepv import problems, schemes
 from sepv.exact._several_structures import heun
 from sepv.problem import Array
+from sepv.record._binary64 import EPS
 from sepv.schemes import weakly
 from sepv.schemes._areas import step_with_areas
 from sepv.schemes._several_stages import step_with_stages
@@ -115,7 +116,7 @@ def _areas(found: dict[str, list[float]]) -> Panel:
     h = T / np.array(STEPS)
     slopes = {key: float(np.polyfit(np.log(h), np.log(found[key]), 1)[0]) for key in ("without", "with")}
     energy = max(found["energy"])
-    limit = 64 * float(np.finfo(np.float64).eps)
+    limit = 64 * EPS
     statement = Statement(
         text="(ours) With Lévy areas the energy-preserving scheme for several structures has mean-square order 1 "
         "where the noises do not commute, and ½ without; H is kept",
@@ -179,7 +180,7 @@ def _staged(found: dict[int, list[float]]) -> Panel:
 def _weak(found: dict[str, dict[str, list[float]]]) -> Panel:
     slopes = {}
     for name, e in found.items():
-        kept = [n for n, v in enumerate(e["weak"]) if v > 1e4 * np.finfo(np.float64).eps][-2:]
+        kept = [n for n, v in enumerate(e["weak"]) if v > 1e4 * EPS][-2:]
         rise = np.log(e["weak"][kept[0]] / e["weak"][kept[1]])
         slopes[name] = float(rise / np.log(e["h"][kept[0]] / e["h"][kept[1]]))
     same = abs(slopes["energy-preserving"] - slopes["midpoint"])

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from sepv import problems, schemes
+from sepv.record._binary64 import EPS
 from sepv.studies._reproduce.job import Job, Results, Size
 from sepv.studies._reproduce.order import H_AXIS, SENTENCE, STATED
 from sepv.studies._reproduce.record import Axis, Panel, Statement, decide, series
@@ -64,7 +65,7 @@ def jobs(_size: Size) -> list[Job]:
 
 def _slope(h: list[float], errors: list[float]) -> float:
     """Between the two finest steps at which the error is 10⁴ roundings of y, |y| ≈ 1, or more."""
-    kept = [n for n, e in enumerate(errors) if e > 1e4 * np.finfo(np.float64).eps]
+    kept = [n for n, e in enumerate(errors) if e > 1e4 * EPS]
     first, last = kept[-2:]
     return float(np.log(errors[first] / errors[last]) / np.log(h[first] / h[last]))
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sepv.record._binary64 import EPS
 from sepv.studies._reproduce import runs
 from sepv.studies._reproduce.job import Job, Results, Size
 from sepv.studies._reproduce.record import Axis, Panel, Series, Statement, decide, series
@@ -113,7 +114,7 @@ def same_statement(
     a, b = found[one], found[other]
     difference = float(np.max(np.abs(a.errors - b.errors)))
     # Rounding enters at every step and is carried to the end by the flow's Lipschitz constant, e^2 or less here.
-    bound = 64 * runs.EPS * a.scale * max(a.steps)
+    bound = 64 * EPS * a.scale * max(a.steps)
     return Statement(
         text=f"{SENTENCE[one]} and {SENTENCE[other].replace('The', 'the')} are one integrator here, because {reason}",
         source=source,

@@ -9,6 +9,7 @@ import numpy as np
 from sepv import problems, schemes
 from sepv.exact import exact_flow
 from sepv.problem import Array
+from sepv.record._binary64 import EPS
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.studies._reproduce import fine_step, invariants, order, runs
@@ -215,7 +216,7 @@ def _cayley() -> Statement:
         1 + delta**2 / 4
     )
     gap = float(np.max(np.abs(schemes.energy_preserving.step(problem, np.stack([p, x]), h, dW) - printed)))
-    limit = 8 * runs.EPS * 0.2
+    limit = 8 * EPS * 0.2
     return Statement(
         text="Scheme (2.2) reduces to the explicit formula of §4.1",
         source="§4.1",

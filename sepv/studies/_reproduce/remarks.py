@@ -11,6 +11,7 @@ from sepv import problems
 from sepv.exact import exact_flow
 from sepv.problem import Array, Problem
 from sepv.problems._canonical import structure
+from sepv.record._binary64 import EPS
 from sepv.schemes._energy_preserving import scheme as SCHEME
 from sepv.simulate import _wiener as wiener
 from sepv.simulate import ensemble
@@ -71,7 +72,7 @@ def sublinear_step() -> list[float]:
     """Slopes of |E[y1 − φ]| and (E|y1 − φ|²)^½ after one step, by quadrature."""
     found = local_errors(SCHEME, sublinear(), Effort())
     # Three steps well above rounding: the errors are 1e-6 and less there.
-    kept = [n for n, e in enumerate(found.mean) if e > 1e4 * float(np.finfo(np.float64).eps)][-3:]
+    kept = [n for n, e in enumerate(found.mean) if e > 1e4 * EPS][-3:]
     x = np.log(found.h[kept])
     return [float(np.polyfit(x, np.log(e[kept]), 1)[0]) for e in (found.mean, found.rms)]
 
@@ -211,7 +212,7 @@ def _in_the_set(name: str, found: dict[str, float]) -> Statement:
         "rigid-body": "the convex hull of the ellipsoid H(y) = H(y0) contains those of the rigid body",
     }[name]
     # H is kept up to 8 eps √N of itself, and the share is a square root of it.
-    limit = 1 + 8 * float(np.finfo(np.float64).eps) * SET_STEPS**0.5
+    limit = 1 + 8 * EPS * SET_STEPS**0.5
     return Statement(
         text=stated,
         source="Remark 3.5",

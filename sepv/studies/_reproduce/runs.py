@@ -15,14 +15,13 @@ from sepv import problems, schemes
 from sepv.errors import UsageError
 from sepv.exact import exact_flow
 from sepv.problem import Array, Problem
+from sepv.record._binary64 import EPS
 from sepv.schemes import Scheme
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate import ensemble
 from sepv.simulate._paths import Batch
 from sepv.verification._orders.convergence import StrongErrors
-
-EPS = float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from sepv.studies._reproduce.record import Statement, counts
-from sepv.studies._reproduce.suite import Progress, Reproduction
+from sepv.studies._reproduce.suite import Reproduction, ShareProgress
 from sepv.verification._progress import showing
 
 _STYLES = {"holds": "green", "fails": "bold red", "open": "yellow"}
@@ -80,8 +80,8 @@ def dump(record: dict[str, Any]) -> str:
 
 
 @contextmanager
-def watching(quiet: bool = False) -> Iterator[Progress]:
-    """Progress on stderr: of estimated seconds, those that are done."""
+def watching(quiet: bool = False) -> Iterator[ShareProgress]:
+    """ShareProgress on stderr: of estimated seconds, those that are done."""
     with showing(quiet) as shown:
         yield lambda done, total: shown.update(
             f"{done:.0f} of {total:.0f} s of work", done / total if total else 1.0

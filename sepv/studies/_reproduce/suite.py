@@ -48,7 +48,7 @@ THEORY = "theory"
 TEXT = "text"
 
 # (seconds of work done, seconds of work in all), both as estimated.
-Progress = Callable[[float, float], None]
+ShareProgress = Callable[[float, float], None]
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def reproduce(
     *,
     size: Size | None = None,
     workers: Any = 2,
-    progress: Progress = lambda _done, _all: None,
+    progress: ShareProgress = lambda _done, _all: None,
 ) -> Reproduction:
     """Compute panels.
 
@@ -150,7 +150,7 @@ def _panels(section: Any, results: Results, wanted: tuple[str, ...]) -> list[Pan
     return found
 
 
-def _run(jobs: list[Job], workers: Any, progress: Progress) -> Results:
+def _run(jobs: list[Job], workers: Any, progress: ShareProgress) -> Results:
     """Every job, the longest first so that no process waits for a long one in the end."""
     jobs = sorted(jobs, key=lambda j: -j.seconds)
     total = sum(j.seconds for j in jobs)
@@ -182,7 +182,7 @@ def _run(jobs: list[Job], workers: Any, progress: Progress) -> Results:
     return results
 
 
-def _elsewhere(jobs: list[Job], workers: Any, progress: Progress) -> Results:
+def _elsewhere(jobs: list[Job], workers: Any, progress: ShareProgress) -> Results:
     """The same on a cluster, where it cannot be seen how far a job is."""
     results: Results = {("seconds",): {}}
     done, total = 0.0, sum(j.seconds for j in jobs)

@@ -6,7 +6,7 @@ from sepv.studies._solvability.branch import Branch as Branch
 from sepv.studies._solvability.branch import End as End
 from sepv.studies._solvability.branch import follow as follow
 from sepv.studies._solvability.chance import chance_outside as chance_outside
-from sepv.studies._solvability.map import Finding as Finding
+from sepv.studies._solvability.map import Ending as Ending
 from sepv.studies._solvability.map import Map as Map
 from sepv.studies._solvability.map import solvability_map as solvability_map
 from sepv.studies._solvability.paths import Exits as Exits

@@ -17,6 +17,7 @@ import numpy as np
 
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem
+from sepv.record._binary64 import TINY
 from sepv.schemes import Scheme
 from sepv.schemes._both_invariants import scheme as both_invariants
 from sepv.schemes._energy_preserving import scheme as energy_preserving
@@ -154,7 +155,7 @@ class _Follower:
     @staticmethod
     def scale_of(y: Array) -> Array:
         """The largest component of each state."""
-        return np.maximum(np.abs(y).max(axis=0), np.finfo(np.float64).tiny)
+        return np.maximum(np.abs(y).max(axis=0), TINY)
 
     def run(self) -> Branch:
         d, M = self.y0.shape

@@ -23,7 +23,7 @@ SAME = 1e-4
 ROUNDS, LOWEST, POINTS = 3, 2, 4
 
 
-class Finding(IntEnum):
+class Ending(IntEnum):
     """What there is at one state and Δ."""
 
     FOUND = 0
@@ -39,11 +39,11 @@ class Finding(IntEnum):
 
 
 _TEXTS = {
-    Finding.FOUND: "connected solution, found",
-    Finding.MISSED: "connected solution, not found",
-    Finding.ANOTHER: "another solution found",
-    Finding.NONE: "no connected solution, none found",
-    Finding.UNKNOWN: "branch lost",
+    Ending.FOUND: "connected solution, found",
+    Ending.MISSED: "connected solution, not found",
+    Ending.ANOTHER: "another solution found",
+    Ending.NONE: "no connected solution, none found",
+    Ending.UNKNOWN: "branch lost",
 }
 
 
@@ -68,7 +68,7 @@ class Map:
     delta : (K,)
         The grid of Δ, both signs.
     findings : (K, M)
-        `Finding` at each.
+        `Ending` at each.
     forward, backward : Branch
         For Δ > 0 and Δ < 0.
     refined : Shortest
@@ -104,9 +104,9 @@ class Map:
         further = chance_outside(h, self.problem.c, -self.refined.backward, self.refined.forward, k)
         return float(max(self.chances(h, k).max(), further.max(initial=0.0)))
 
-    def counts(self) -> dict[Finding, int]:
+    def counts(self) -> dict[Ending, int]:
         """How many points of the map there are of each kind."""
-        return {kind: int(np.count_nonzero(self.findings == kind)) for kind in Finding}
+        return {kind: int(np.count_nonzero(self.findings == kind)) for kind in Ending}
 
     def to_json(self, steps: tuple[float, ...], k: int | None) -> dict[str, Any]:
         """All numbers of the map."""
@@ -120,7 +120,7 @@ class Map:
             "delta": self.delta.tolist(),
             "findings": {kind.text: count for kind, count in self.counts().items()},
             "map": self.findings.T.tolist(),
-            "legend": {str(int(kind)): kind.text for kind in Finding},
+            "legend": {str(int(kind)): kind.text for kind in Ending},
             "forward": _branch_json(self.forward),
             "backward": _branch_json(self.backward),
             "refined": {
@@ -218,7 +218,7 @@ def _between(theta: Array, reach: Array, furthest: float) -> list[float]:
 
 
 def _row(problem: Problem, scheme: Scheme, y: Array, delta: float, branch: Branch) -> np.ndarray:
-    """`Finding` of every state at one Δ."""
+    """`Ending` of every state at one Δ."""
     assert scheme.solve is not None
     solution = scheme.solve(problem, y, delta, np.zeros((problem.noises, y.shape[1])))
     solved = solution.status == Status.CONVERGED
@@ -228,11 +228,11 @@ def _row(problem: Problem, scheme: Scheme, y: Array, delta: float, branch: Branc
     same = np.abs(solution.value - connected).max(axis=0) <= SAME * size
     found = np.select(
         [exists & solved & same, exists & ~solved, solved],
-        [Finding.FOUND, Finding.MISSED, Finding.ANOTHER],
-        Finding.NONE,
+        [Ending.FOUND, Ending.MISSED, Ending.ANOTHER],
+        Ending.NONE,
     )
     unknown = (branch.end == End.LOST) & ~exists & ~solved
-    return np.where(unknown, Finding.UNKNOWN, found)
+    return np.where(unknown, Ending.UNKNOWN, found)
 
 
 def _on_branch(problem: Problem, scheme: Scheme, y: Array, delta: float, branch: Branch) -> Array:

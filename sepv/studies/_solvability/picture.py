@@ -11,16 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from sepv.studies._solvability.map import Finding, Map
+from sepv.studies._solvability.map import Ending, Map
 from sepv.studies._solvability.paths import Exits
 
 # Okabe and Ito, ordered from light to dark, so that they differ without colour too.
 COLOURS = {
-    Finding.FOUND: "#DDEEF8",
-    Finding.MISSED: "#E69F00",
-    Finding.ANOTHER: "#009E73",
-    Finding.NONE: "#333333",
-    Finding.UNKNOWN: "#CC79A7",
+    Ending.FOUND: "#DDEEF8",
+    Ending.MISSED: "#E69F00",
+    Ending.ANOTHER: "#009E73",
+    Ending.NONE: "#333333",
+    Ending.UNKNOWN: "#CC79A7",
 }
 _STYLE = {"font.size": 9, "svg.fonttype": "none", "svg.hashsalt": "sepv"}
 
@@ -52,8 +52,8 @@ def _map(axes: Any, map_: Map) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    colours = ListedColormap([COLOURS[kind] for kind in Finding])
-    edges = BoundaryNorm(np.arange(len(Finding) + 1) - 0.5, len(Finding))
+    colours = ListedColormap([COLOURS[kind] for kind in Ending])
+    edges = BoundaryNorm(np.arange(len(Ending) + 1) - 0.5, len(Ending))
     axes.pcolormesh(
         map_.delta, map_.theta, map_.findings.T, cmap=colours, norm=edges, shading="nearest", rasterized=True
     )

@@ -14,6 +14,7 @@ import numpy as np
 from sepv.exact._several_structures import ends as exact_ends
 from sepv.exact._several_structures import finer, refined
 from sepv.problem import Array, HamiltoniansProblem, Problem
+from sepv.record._binary64 import EPS
 from sepv.schemes import Scheme
 from sepv.simulate import _areas as areas
 from sepv.simulate import _wiener as wiener
@@ -162,8 +163,7 @@ def first(errors: StrongErrors, paths: int) -> StrongErrors:
 
 def floors(errors: StrongErrors) -> Array:
     """Errors below these, (L,), are rounding, or what the scheme says that its solver leaves after N steps."""
-    eps = float(np.finfo(np.float64).eps)
-    return errors.scale * (errors.floor * eps + np.array(errors.steps) * errors.tolerance)
+    return errors.scale * (errors.floor * EPS + np.array(errors.steps) * errors.tolerance)
 
 
 def above_floor(errors: StrongErrors) -> np.ndarray:

@@ -36,6 +36,7 @@ from sepv.problem import (
 )
 from sepv.problem._checks import sample_states
 from sepv.record import _polynomial as poly
+from sepv.record._binary64 import EPS
 from sepv.schemes import Scheme
 from sepv.schemes._explicit_tableaux import CLASSICAL
 from sepv.schemes._guard import guarded
@@ -49,7 +50,6 @@ from sepv.verification._orders.gaussian import Rule, point_rule
 from sepv.verification._orders.local_moments import FULL_DEGREE, SPLIT, exponents, moments_at
 from sepv.verification._orders.local_rules import rule_for
 
-_EPS = float(np.finfo(np.float64).eps)
 LEVELS = 10
 
 
@@ -290,7 +290,7 @@ def ends_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) ->
         scale = float(np.max(np.abs(states)))
         return [
             np.stack([form(y, h, np.sqrt(h) * r.xi) for y in states.T], axis=1) for h, r in rules
-        ], 8 * _EPS * scale
+        ], 8 * EPS * scale
     times = [problem.random_step(h, np.sqrt(h) * r.xi) for h, r in rules]
     while times:
         try:

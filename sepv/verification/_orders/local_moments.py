@@ -23,6 +23,7 @@ from sepv.errors import Skipped
 from sepv.exact._log_flow import runge_kutta
 from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, vector_field
 from sepv.problem._hamiltonians import noise_field
+from sepv.record._binary64 import EPS
 from sepv.reference.generator import is_linear, moments
 from sepv.schemes._explicit_tableaux import DORMAND_PRINCE_8
 
@@ -36,7 +37,6 @@ SHORT = 4
 POINTS = {0: 1, 1: 6, 2: 5, 3: 4}
 # The power of h that the extrapolated splitting leaves.
 SPLIT = 4
-_EPS = float(np.finfo(np.float64).eps)
 # Steps of a flow are doubled until they agree, or so often.
 _MOST = 32
 
@@ -146,9 +146,9 @@ def _flow(field: Callable[[Array], Array], y: Array, times: Array) -> tuple[Arra
     with np.errstate(all="ignore"):  # too long a step is not finite, and is seen
         found = runge_kutta(slope, y, 1, DORMAND_PRINCE_8)
         steps, error = 1, np.inf
-        while steps < _MOST and error > 16 * _EPS * np.max(np.abs(y)):
+        while steps < _MOST and error > 16 * EPS * np.max(np.abs(y)):
             steps *= 2
             finer = runge_kutta(slope, y, steps, DORMAND_PRINCE_8)
-            error = float(np.max(np.abs(finer - found))) / 128 + 8 * _EPS * float(np.max(np.abs(finer)))
+            error = float(np.max(np.abs(finer - found))) / 128 + 8 * EPS * float(np.max(np.abs(finer)))
             found = finer
     return found, error

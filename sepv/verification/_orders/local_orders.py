@@ -15,12 +15,12 @@ import numpy as np
 
 from sepv.errors import Skipped
 from sepv.problem import Array, Problem
+from sepv.record._binary64 import EPS
 from sepv.schemes import Scheme
 from sepv.schemes._orders import order_of
 from sepv.verification._law import Effort, Finding, Law, Verdict
 from sepv.verification._orders.local_errors import LEVELS, LocalErrors, local_errors, problems_for
 
-_EPS = float(np.finfo(np.float64).eps)
 # Local rms errors have orders that are multiples of ½: half-way to the next lower one. Slopes at the fine end are
 # within 0.1 of their limits; the slowest to come there are those where clipping contributes h^(k+1)|ln h|^(-3/2).
 MARGIN = 0.25
@@ -160,8 +160,8 @@ def judge(
         bound = least(found)
         tolerance = scheme.solver_tolerance
         seen = judge_slope(
-            found.h, sizes, bound, (ROUNDING * _EPS + 2 * tolerance) * found.scale + 2 * found.flow,
-            CLEAR * (FLOOR * _EPS + tolerance) * found.scale,
+            found.h, sizes, bound, (ROUNDING * EPS + 2 * tolerance) * found.scale + 2 * found.flow,
+            CLEAR * (FLOOR * EPS + tolerance) * found.scale,
         )  # fmt: skip
         slopes.append((seen, bound))
         measured.append(_measured(found, sizes, seen, bound))
