@@ -66,7 +66,7 @@ class Futures:
         self.done: SimpleQueue[int] = SimpleQueue()
 
     def room(self) -> int:
-        """Four for each worker."""
+        """How many tasks may be on their way: four for each worker."""
         return AHEAD * int(getattr(self.executor, "_max_workers", UNKNOWN))
 
     def submit(self, numbered: Sequence[tuple[int, Any]]) -> None:
@@ -105,7 +105,7 @@ class Futures:
         return Outcome(number, False, error) if error is not None else Outcome(number, True, future.result())
 
     def cancel(self) -> None:
-        """What has not begun."""
+        """Cancel what has not begun."""
         for future in self.running.values():
             future.cancel()
 

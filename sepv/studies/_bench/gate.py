@@ -2,7 +2,7 @@
 
 Counters: one more is worse; integers have no noise. Errors and defects: the ratio over the same paths, and its
 interval by a jackknife over groups of paths; worse is what is larger with an error probability of 1e-3 and by more
-than a tolerance that says what nobody means by a regression. Time: see `sepv.studies._bench.pairs`.
+than a tolerance, below which a change is no regression. Time: see `sepv.studies._bench.pairs`.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ from sepv.problem import Array
 from sepv.studies._bench import child
 from sepv.studies._bench.gate import ALPHA, Check
 
-# One reading of the clock: long against its resolution, short against the moods of a machine.
+# One reading of the clock: long against its resolution, short against the changes in load of a machine.
 READING = 0.02
 PAIRS = 8
 FEWEST_BATCHES = 4
