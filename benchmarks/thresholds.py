@@ -10,9 +10,10 @@ from __future__ import annotations
 import argparse
 
 from benchmarks import over, start
-from sepv.faults._saboteurs.record import claiming, implicit_step, right_side
+from sepv.faults._saboteurs.record import claiming
 from sepv.problem import Array, Problem
-from sepv.schemes import Scheme
+from sepv.schemes import Scheme, implicit
+from sepv.schemes._energy_preserving import formula
 from sepv.verification import LAWS, Effort, Verdict, verify
 
 # Below an ulp of Δ nothing is left of a fault.
@@ -25,7 +26,7 @@ def wrong(noise: float, drift: float) -> Scheme:
     def parts(problem: Problem, h: float, dW: Array) -> Array:
         return (h * (1 + drift) + (1 + noise) * problem.random_step(0.0, dW))[None]
 
-    return claiming(implicit_step(right_side, parts), name="wrong noise or drift")
+    return claiming(implicit(formula, parts=parts), name="wrong noise or drift")
 
 
 def verdict(law: str, of: str, size: float) -> Verdict:

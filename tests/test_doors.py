@@ -82,7 +82,8 @@ def test_ctrl_c_keeps_what_was_decided(tmp_path: Path) -> None:
         "    return y.copy()\n"
     )
     (tmp_path / "run.py").write_text(
-        "import signal\nfrom pathlib import Path\nfrom sepv import suite\nfrom sepv.commands._cli import main\n"
+        "import signal\nfrom pathlib import Path\nfrom sepv.commands import main\n"
+        "from sepv.verification import _verify as suite\n"
         # A shell that starts jobs in the background has them ignore SIGINT: here they shall not.
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "run = suite._run\n"

@@ -14,6 +14,7 @@ import pytest
 
 from sepv import external, problems, schemes
 from sepv.external import Program, check_protocol, load_program
+from sepv.external._errors import StepRefused
 from sepv.problem import PolynomialSystem
 from sepv.record import polynomial
 from sepv.verification import LAWS, Effort, verify
@@ -121,7 +122,7 @@ asked.write(sys.stdin.readline())
     assert y.tolist() == [[-0.5, 1.0], [1.0, 0.5]]
     square = ((0, 1, polynomial(2, [((0, 0), 1.0), ((2, 0), 1.0)])),)
     unsolvable = problems.build(PolynomialSystem(2, polynomial(2, [((0, 1), 1.0)]), square, ()))
-    with pytest.raises(external.StepRefused, match="no convergence"):
+    with pytest.raises(StepRefused, match="no convergence"):
         scheme.step(unsolvable, np.zeros(2), 2.0, np.zeros(0))
     strange, unknown = (turns[n][0].split(",", 1)[1].rstrip("\n")[:-1] for n in (3, 4))
     assert program.ask(strange) == ("skip", "unknown problem")

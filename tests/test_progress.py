@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -121,8 +122,9 @@ def test_a_benchmark_says_how_far_it_is_and_ends_with_a_word(words: str) -> None
     assert "Traceback" not in out + err
 
 
-def test_every_benchmark_starts_with_its_progress() -> None:
+def test_every_benchmark_is_imported_and_starts_with_its_progress() -> None:
     for file in sorted((ROOT / "benchmarks").glob("*.py")):
+        import_module(f"benchmarks.{file.stem}")
         text = file.read_text(encoding="utf-8")
         if 'if __name__ == "__main__":' in text:
             assert text.endswith('if __name__ == "__main__":\n    start(main)\n'), file
