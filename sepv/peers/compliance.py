@@ -21,6 +21,7 @@ from sepv.peers._cells import Cell, measured
 from sepv.peers._deviations import shown_by
 from sepv.peers._measurements import ENERGY_STEPS, LIBRARIES, PATHS, SETUPS, path_cells, scheme_cells
 from sepv.peers._multistep import PathSolver
+from sepv.peers._options import page_options
 from sepv.peers._rows import Row, path_row, scheme_row
 from sepv.schemes import energy_preserving
 from sepv.verification import LAWS, Effort, load_laws
@@ -134,16 +135,7 @@ def deviations_shown_by(folder: Path) -> list[Deviation]:
 
 
 @click.command()
-@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="Write the page to this file.")
-@click.option(
-    "--keep",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="A folder for what is measured: what it holds is not measured again, so that an interrupted run goes on.",
-)
-@click.option("--library", "libraries", multiple=True, type=click.Choice(LIBRARIES), help="Only this one.")
-@click.option(
-    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths."
-)
+@page_options
 def main(out: Path | None, keep: Path | None, libraries: tuple[str, ...], seed: int) -> None:
     """Measure every law on every solver that the adapters cover, and write the table as Markdown."""
     # Counterexamples are not shown here, so that little is spent on simplifying them.

@@ -20,6 +20,7 @@ from sepv.errors import SepvError
 from sepv.peers._cells import measured
 from sepv.peers._general import ALPHA, KEPT, PATHS, SINGLE, STEPS, T, cells, limit_of, orders
 from sepv.peers._measurements import LIBRARIES, release
+from sepv.peers._options import page_options
 from sepv.peers._solver import KINDS, Solver, problem_of
 from sepv.peers.compliance import Deviation, _table, deviations_shown_by
 from sepv.verification import Effort, Verdict
@@ -181,16 +182,7 @@ number of terms must grow like 1/h). The table says what the methods do with the
 
 
 @click.command()
-@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="Write the page to this file.")
-@click.option(
-    "--keep",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="A folder for what is measured: what it holds is not measured again, so that an interrupted run goes on.",
-)
-@click.option("--library", "libraries", multiple=True, type=click.Choice(LIBRARIES), help="Only this one.")
-@click.option(
-    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths."
-)
+@page_options
 def main(out: Path | None, keep: Path | None, libraries: tuple[str, ...], seed: int) -> None:
     """Measure the orders of other libraries' solvers by kind of noise, and write the table as Markdown."""
     if keep is not None:
