@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("numba")
 from numba import njit
 
-from sepv.simulate._engine.functions import fma, logarithm, no, pick, sincos
+from sepv.simulate._engine.functions import fma, logarithm, not_, select, sincos
 from sepv.simulate._engine.pieces import lane_piece, loaded, state_piece
 
 L, PARAMETERS, NAN, HALF = 4, ("c0", "p0"), math.nan, 0.5
@@ -19,13 +19,13 @@ LINES = [
     "u = buffer[n, 1, k]",
     "y = S[0 + k]",
     "a = fma(c0, u, -y) * p0 - 2.0 / y",
-    "b = pick((a > 0.0) & no(u <= y) | (y == HALF), a, NAN)",
+    "b = select((a > 0.0) & not_(u <= y) | (y == HALF), a, NAN)",
     "t = sincos(u)",
     "r = t[0] + t[1] ** 3.0 + logarithm(abs(a)) + (h - bound) * 2 + n",
     "S[4 + k] = b",
     "S[8 + k] = r",
-    "I[k] = pick(r != r, 7, -first)",
-    "total += pick(I[k] < 0, 1, 0)",
+    "I[k] = select(r != r, 7, -first)",
+    "total += select(I[k] < 0, 1, 0)",
     "total += k",
 ]
 
@@ -34,9 +34,9 @@ def by_python(S: np.ndarray, I: np.ndarray, buffer: np.ndarray, n: int, k: int, 
     """The same lines."""
     names: dict[str, Any] = {
         "S": S, "I": I, "buffer": buffer, "n": n, "k": k, "first": 3, "h": 0.25, "bound": 0.125, "HALF": HALF,
-        "NAN": NAN, "c0": q[0], "p0": q[1], "total": 0, "abs": abs, "no": lambda v: not v,
+        "NAN": NAN, "c0": q[0], "p0": q[1], "total": 0, "abs": abs, "not_": lambda v: not v,
         "fma": lambda a, b, c: float(np.longdouble(a) * np.longdouble(b) + np.longdouble(c)),
-        "pick": lambda c, a, b: a if c else b, "logarithm": lambda x: float(np.log(x)),
+        "select": lambda c, a, b: a if c else b, "logarithm": lambda x: float(np.log(x)),
         "sincos": lambda x: (math.sin(x), math.cos(x)),
     }  # fmt: skip
     exec("\n".join(LINES), names)
@@ -45,7 +45,7 @@ def by_python(S: np.ndarray, I: np.ndarray, buffer: np.ndarray, n: int, k: int, 
 
 def test_the_lines_of_a_lane_are_its_instructions() -> None:
     known = {"PARAMETERS": PARAMETERS, "NAN": NAN, "HALF": HALF}
-    known |= {"fma": fma, "no": no, "pick": pick, "sincos": sincos, "logarithm": logarithm}
+    known |= {"fma": fma, "not_": not_, "select": select, "sincos": sincos, "logarithm": logarithm}
     piece, parameters = lane_piece(LINES, "total", known), loaded(2)
 
     @njit(error_model="numpy")

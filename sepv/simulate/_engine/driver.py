@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from sepv.simulate._engine.functions import pick
+from sepv.simulate._engine.functions import select
 from sepv.simulate._engine.lanes import fill
 from sepv.simulate._engine.module import LANES, PENDING
 from sepv.simulate._engine.signatures import CAREFUL, RUN, address, call_advance, call_fill
@@ -70,7 +70,7 @@ def _to_points(out: Any, count: int, thresholds: Any, values: Any) -> None:
                 u = out[i, j, k]
                 v = values[0]
                 for t in range(thresholds.shape[0]):
-                    v = pick(u >= thresholds[t], values[t + 1], v)
+                    v = select(u >= thresholds[t], values[t + 1], v)
                 out[i, j, k] = v
 
 

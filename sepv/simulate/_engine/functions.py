@@ -48,7 +48,7 @@ def bits_float(typingctx: Any, x: Any) -> Any:  # noqa: ARG001 - numba's signatu
 
 
 @intrinsic
-def pick(typingctx: Any, condition: Any, a: Any, b: Any) -> Any:  # noqa: ARG001 - numba's signature
+def select(typingctx: Any, condition: Any, a: Any, b: Any) -> Any:  # noqa: ARG001 - numba's signature
     """a where the condition holds, else b, both evaluated: a branch would keep a loop from becoming SIMD code."""
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001 - numba's
@@ -69,7 +69,7 @@ def fma(typingctx: Any, a: Any, b: Any, c: Any) -> Any:  # noqa: ARG001 - numba'
 
 
 @intrinsic
-def wide(typingctx: Any) -> Any:  # noqa: ARG001 - numba's signature
+def prefer_512_bit(typingctx: Any) -> Any:  # noqa: ARG001 - numba's signature
     """Asks LLVM for registers of 512 bits where there are any: on Intel's it takes 256 by default.
 
     For loops of nothing but arithmetic that is 1.4 times slower. llvmlite knows no such attribute of a function
@@ -84,7 +84,7 @@ def wide(typingctx: Any) -> Any:  # noqa: ARG001 - numba's signature
 
 
 @intrinsic
-def no(typingctx: Any, condition: Any) -> Any:  # noqa: ARG001 - numba's signature
+def not_(typingctx: Any, condition: Any) -> Any:  # noqa: ARG001 - numba's signature
     """Not the condition, without a branch."""
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001 - numba's
@@ -113,7 +113,7 @@ def sincos(x: float) -> tuple[float, float]:
     r = reduced - k * _PART_3
     # What r has lost: the same for all x of a binade and quadrant, a bias of a tenth of a rounding without it.
     low = (reduced - r) - k * _PART_3
-    r = pick(abs(x) <= _LARGEST_ANGLE, r, np.nan)
+    r = select(abs(x) <= _LARGEST_ANGLE, r, np.nan)
     z = r * r
     s = sine_tail(z)
     sine = r + (z * r * (-1.66666666666666324348e-01 + z * s) + low * (1.0 - 0.5 * z))
@@ -126,10 +126,10 @@ def sincos(x: float) -> tuple[float, float]:
     w = 1.0 - half
     cos = w + (((1.0 - w) - half) + (z * z * c - r * low))
     odd = (quadrant & 1) != 0
-    a = pick(odd, cos, sine)
-    b = pick(odd, sine, cos)
-    a = pick((quadrant & 2) != 0, -a, a)
-    b = pick(((quadrant + 1) & 2) != 0, -b, b)
+    a = select(odd, cos, sine)
+    b = select(odd, sine, cos)
+    a = select((quadrant & 2) != 0, -a, a)
+    b = select(((quadrant + 1) & 2) != 0, -b, b)
     return a, b
 
 
@@ -144,12 +144,12 @@ def sinc(x: float) -> tuple[float, float]:
     """sin(x)/x, and its derivative (to a few digits where x is small: it serves Newton's Jacobian)."""
     sine, cos = sincos(x)
     flat = abs(x) < 1e-3
-    safe = pick(flat, 1.0, x)
+    safe = select(flat, 1.0, x)
     z = x * x
     s = sine_tail(z)
     # The quotient rounds twice, 0.53·2⁻⁵³ in the root mean square where the series has 0.29·2⁻⁵³.
-    value = pick(z < 0.6, 1.0 + z * (-1.66666666666666324348e-01 + z * s), sine / safe)
-    slope = pick(flat, -x * (1.0 / 3.0 - z / 30.0), (cos - value) / safe)
+    value = select(z < 0.6, 1.0 + z * (-1.66666666666666324348e-01 + z * s), sine / safe)
+    slope = select(flat, -x * (1.0 / 3.0 - z / 30.0), (cos - value) / safe)
     return value, slope
 
 
@@ -174,7 +174,7 @@ def logarithm(x: float) -> float:
     half = 0.5 * f * f
     dk = float(k)
     value = dk * _LN2_HIGH - ((half - (s * (half + R) + dk * _LN2_LOW)) - f)
-    return pick((x > 0.0) & (x < np.inf), value, np.nan)
+    return select((x > 0.0) & (x < np.inf), value, np.nan)
 
 
 @_inline
@@ -183,8 +183,8 @@ def log1p_ratio(x: float) -> tuple[float, float]:
     u = 1.0 + x
     # ln(1 + x) = ln u + (x − (u − 1))/u to first order in the rounding of u; where u = 1 it is x.
     correction = (x - (u - 1.0)) / u
-    safe = pick(x == 0.0, 1.0, x)
-    value = pick(x == 0.0, 1.0, (logarithm(u) + correction) / safe)
+    safe = select(x == 0.0, 1.0, x)
+    value = select(x == 0.0, 1.0, (logarithm(u) + correction) / safe)
     a = 1.0 + 0.1127016653792583 * x
     b = 1.0 + 0.5 * x
     c = 1.0 + 0.8872983346207417 * x
@@ -200,9 +200,9 @@ def log1p_ratio(x: float) -> tuple[float, float]:
 def expm1_ratio(x: float) -> tuple[float, float]:
     """expm1(x)/x, 1 at 0, and its derivative (to a few digits where x is small: it serves Newton's Jacobian)."""
     flat = abs(x) < 1e-3
-    safe = pick(x == 0.0, 1.0, x)
-    value = pick(x == 0.0, 1.0, math.expm1(x) / safe)
-    slope = pick(flat, 0.5 + x * (1.0 / 3.0 + 0.125 * x), (1.0 + x * value - value) / safe)
+    safe = select(x == 0.0, 1.0, x)
+    value = select(x == 0.0, 1.0, math.expm1(x) / safe)
+    slope = select(flat, 0.5 + x * (1.0 / 3.0 + 0.125 * x), (1.0 + x * value - value) / safe)
     return value, slope
 
 

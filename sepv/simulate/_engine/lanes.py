@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numba.np.random._constants import fi_double, ki_double, wi_double, ziggurat_nor_inv_r, ziggurat_nor_r
 
-from sepv.simulate._engine.functions import pick
+from sepv.simulate._engine.functions import select
 from sepv.simulate._engine.signatures import FILL, START_STREAMS
 from sepv.simulate._wiener import MIXING
 
@@ -90,8 +90,8 @@ def normals(rng: Any, s: int, out: Any, i: int, j: int, raw: Any) -> None:
         layer = r & np.uint64(0xFF)
         rabs = np.int64(r >> np.uint64(9)) & _MANTISSA
         x = rabs * _WIDTH[layer]
-        out[i, j, k] = pick((r & np.uint64(0x100)) != 0, -x, x)
-        missed += pick(rabs >= _LIMIT[layer], 1, 0)
+        out[i, j, k] = select((r & np.uint64(0x100)) != 0, -x, x)
+        missed += select(rabs >= _LIMIT[layer], 1, 0)
     if missed:
         for k in range(lanes):
             r = raw[k]

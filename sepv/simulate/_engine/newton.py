@@ -11,11 +11,11 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from sepv.simulate._engine.code_builder import CodeBuilder, Expression, Table, shown
 from sepv.simulate._engine.linear import solve
 from sepv.simulate._engine.module import GROUP, LEFT
 from sepv.simulate._engine.recorded import RecordedProblem
-from sepv.simulate._engine.schemes import Formula, middle, rate
-from sepv.simulate._engine.text import Expression, Table, Text, shown
+from sepv.simulate._engine.schemes import Formula, middle, scaled_field
 from sepv.simulate._engine.writer import Writer
 
 # Sweeps z ← Δ f(ȳ) before Newton's iteration. Where H is at most quadratic they solve the equation itself and leave
@@ -56,14 +56,14 @@ class NewtonWriter(Writer):
 
     def states(self) -> dict[str, list[str]]:
         """The equation and the domain, for a lane by itself."""
-        d, e = self.d, Text(self.parameters)
+        d, code = self.d, CodeBuilder(self.parameters)
         y, z = [f"y{i}" for i in range(d)], [f"z{i}" for i in range(d)]
-        e.lines += [f"{v} = x[{i}]" for i, v in enumerate([*y, *z])]
-        e.lines += [f"{name} = v[{i}]" for i, name in enumerate(self.known)]
-        F, A = self.system(e, y, z)
-        e.lines += [f"b[{i}] = {f}" for i, f in enumerate(F)]
-        e.lines += [f"A[{i}, {j}] = {shown(v)}" for i, row in enumerate(A) for j, v in enumerate(row)]
-        return {"equation": e.lines, "domain": self.in_domain()}
+        code.lines += [f"{v} = x[{i}]" for i, v in enumerate([*y, *z])]
+        code.lines += [f"{name} = v[{i}]" for i, name in enumerate(self.known)]
+        F, A = self.system(code, y, z)
+        code.lines += [f"b[{i}] = {f}" for i, f in enumerate(F)]
+        code.lines += [f"A[{i}, {j}] = {shown(v)}" for i, row in enumerate(A) for j, v in enumerate(row)]
+        return {"equation": code.lines, "domain": self.in_domain()}
 
     def side_by_side(self, lines: list[str]) -> list[str]:
         """The lines for a lane, those of one of the second half after each of one of the first.
@@ -86,53 +86,57 @@ class NewtonWriter(Writer):
         A lane where sweeps do not contract begins anew, at zero: its P is infinite.
         """
         n = self.unknowns
-        e = Text(self.parameters)
-        y = self.loaded(e, "Y", "y")
-        e.lines += ["busy = I[ALIVE + k] != 0", f"scale = {' + '.join(f'abs({v})' for v in y)}"]
+        code = CodeBuilder(self.parameters)
+        y = self.loaded(code, "Y", "y")
+        code.lines += ["busy = I[ALIVE + k] != 0", f"scale = {' + '.join(f'abs({v})' for v in y)}"]
         z = ["0.0"] * n
         for _ in range(self.sweeps):
-            z = [shown(v) for v in self.swept(e, y, z)]
-        z = self.kept_inside(e, y, z) if self.sweeps else z
-        e.lines += self.contraction(e, y, z) if self.sweeps else []
+            z = [shown(v) for v in self.swept(code, y, z)]
+        z = self.kept_inside(code, y, z) if self.sweeps else z
+        code.lines += self.contraction(code, y, z) if self.sweeps else []
         inverse = None
         for step in range(self.steps):
-            c, inverse = self.newton(e, y, z, inverse)
-            e.lines += [*(["before = m"] if step else []), *self.magnitude(c)]
-            z = [e.let(f"-{b}") if a == "0.0" else e.let(f"{a} - {b}") for a, b in zip(z, c, strict=True)]
-            z = self.kept_inside(e, y, z)
-        e.lines += self.test(compared=True) if self.steps else ["m = INF", "still = busy"]
+            c, inverse = self.newton(code, y, z, inverse)
+            code.lines += [*(["before = m"] if step else []), *self.magnitude(c)]
+            z = [
+                code.let(f"-{b}") if a == "0.0" else code.let(f"{a} - {b}") for a, b in zip(z, c, strict=True)
+            ]
+            z = self.kept_inside(code, y, z)
+        code.lines += self.test(compared=True) if self.steps else ["m = INF", "still = busy"]
         if self.sweeps:
-            e.lines += ["still = still | busy & no(contracts)", "m = pick(contracts, m, INF)"]
-        e.lines += [f"{self.at('Z', i)} = {v}" for i, v in enumerate(z)]
-        e.lines += [
+            code.lines += ["still = still | busy & not_(contracts)", "m = select(contracts, m, INF)"]
+        code.lines += [f"{self.at('Z', i)} = {v}" for i, v in enumerate(z)]
+        code.lines += [
             f"{self.at('P')} = m",
             f"{self.at('X')} = scale",
             *self.stored(),
-            "left += pick(still, 1, 0)",
-            "I[BUSY + k] = pick(still, 1, 0)",
+            "left += select(still, 1, 0)",
+            "I[BUSY + k] = select(still, 1, 0)",
         ]
-        return e.lines
+        return code.lines
 
-    def swept(self, e: Text, y: list[str], z: list[str]) -> list[Expression]:
+    def swept(self, code: CodeBuilder, y: list[str], z: list[str]) -> list[Expression]:
         """Δ f(ȳ) for whatever schemes that see Δ; the right side itself for others."""
         if self.known == ["delta"]:
-            return rate(e, self.problem, middle(e, y, z), "delta")
-        return self.problem.increment(e, self.formula.recorded, y, z, self.known)
+            return scaled_field(code, self.problem, middle(code, y, z), "delta")
+        return self.problem.increment(code, self.formula.recorded, y, z, self.known)
 
-    def contraction(self, e: Text, y: list[str], z: list[str]) -> list[str]:
+    def contraction(self, code: CodeBuilder, y: list[str], z: list[str]) -> list[str]:
         """Whether sweeps gain a factor of two: ‖K‖ ≤ ½, in the norm of Frobenius, which is never less than the others.
 
         There is one solution near zero then (Banach), the one that Newton's iteration finds from there.
         """
-        K = [v for row in self.problem.equation(e, self.formula.recorded, y, z, self.known)[1] for v in row]
-        return [f"contracts = {shown(e.dot(K, K))} <= 0.25"]
+        K = [
+            v for row in self.problem.equation(code, self.formula.recorded, y, z, self.known)[1] for v in row
+        ]
+        return [f"contracts = {shown(code.dot(K, K))} <= 0.25"]
 
-    def kept_inside(self, e: Text, y: list[str], z: list[str]) -> list[str]:
+    def kept_inside(self, code: CodeBuilder, y: list[str], z: list[str]) -> list[str]:
         """z, no number where its state is outside the domain: nothing is computed with that, and it is never done."""
         if not self.has_domain():
             return z
-        e.lines.append(f"inside = {self.inside(e, y, z)}")
-        return [e.let(f"pick({self.inside(e, y, z)}, {v}, NAN)") for v in z]
+        code.lines.append(f"inside = {self.inside(code, y, z)}")
+        return [code.let(f"select({self.inside(code, y, z)}, {v}, NAN)") for v in z]
 
     def test(self, compared: bool) -> list[str]:
         """Whether the correction of size m, applied, leaves an error below rounding.
@@ -145,60 +149,60 @@ class NewtonWriter(Writer):
         return [
             *first,
             "next = (m * m * m <= LEFT * scale * (before * before)) | (before <= FIRST * scale)",
-            f"near = m <= {LEFT / self.problem.rate!r} * scale",
+            f"near = m <= {LEFT / self.problem.convergence_rate!r} * scale",
             f"done = (next & near{'' if compared else ' & later'}) | (m <= TINY * scale)",
-            f"still = busy & no(done{' & inside' if self.has_domain() else ''})",
+            f"still = busy & not_(done{' & inside' if self.has_domain() else ''})",
         ]
 
     def newton(
-        self, e: Text, y: list[str], z: list[str], near: str | None = None
+        self, code: CodeBuilder, y: list[str], z: list[str], near: str | None = None
     ) -> tuple[list[str], str | None]:
         """The correction (1 − K)⁻¹F: see `sepv.simulate._engine.linear.solve`."""
-        F, A = self.system(e, y, z)
-        return solve(e, A, list(F), near)
+        F, A = self.system(code, y, z)
+        return solve(code, A, list(F), near)
 
-    def system(self, e: Text, y: list[str], z: list[str]) -> tuple[list[str], Table]:
+    def system(self, code: CodeBuilder, y: list[str], z: list[str]) -> tuple[list[str], Table]:
         """F = z − R and 1 − K."""
         n = len(z)
-        R, K = self.problem.equation(e, self.formula.recorded, y, z, self.known)
-        F = [_minus(e, z[i], R[i]) for i in range(n)]
-        return F, [[_one_minus(e, i == j, K[i][j]) for j in range(n)] for i in range(n)]
+        R, K = self.problem.equation(code, self.formula.recorded, y, z, self.known)
+        F = [_minus(code, z[i], R[i]) for i in range(n)]
+        return F, [[_one_minus(code, i == j, K[i][j]) for j in range(n)] for i in range(n)]
 
     def iteration(self) -> list[str]:
         """A step of all lanes and its test; a lane in any trouble stays busy, and is left to `_carefully`."""
         n, d = self.unknowns, self.d
-        e = Text(self.parameters)
+        code = CodeBuilder(self.parameters)
         y, z = [f"y{i}" for i in range(d)], [f"z{i}" for i in range(n)]
-        e.lines += [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
-        e.lines += [f"before = {self.at('P')}", *self.recalled()]
-        e.lines += [f"{v} = pick(before < INF, {self.at('Z', i)}, 0.0)" for i, v in enumerate(z)]
-        c, _ = self.newton(e, y, z)
-        moved = self.kept_inside(e, y, [e.let(f"{a} - {b}") for a, b in zip(z, c, strict=True)])
-        e.lines += [
+        code.lines += [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
+        code.lines += [f"before = {self.at('P')}", *self.recalled()]
+        code.lines += [f"{v} = select(before < INF, {self.at('Z', i)}, 0.0)" for i, v in enumerate(z)]
+        c, _ = self.newton(code, y, z)
+        moved = self.kept_inside(code, y, [code.let(f"{a} - {b}") for a, b in zip(z, c, strict=True)])
+        code.lines += [
             *self.magnitude(c),
             "busy = I[BUSY + k] != 0",
             f"scale = {self.at('X')}",
             f"{self.at('P')} = m",
             *self.test(compared=False),
         ]
-        e.lines += [f"{self.at('Z', i)} = pick(busy, {moved[i]}, {self.at('Z', i)})" for i in range(n)]
-        e.lines += ["left += pick(still, 1, 0)", "I[BUSY + k] = pick(still, 1, 0)"]
-        return e.lines
+        code.lines += [f"{self.at('Z', i)} = select(busy, {moved[i]}, {self.at('Z', i)})" for i in range(n)]
+        code.lines += ["left += select(still, 1, 0)", "I[BUSY + k] = select(still, 1, 0)"]
+        return code.lines
 
-    def inside(self, e: Text, y: list[str], z: list[str]) -> str:
+    def inside(self, code: CodeBuilder, y: list[str], z: list[str]) -> str:
         """Whether all states that belong to z are in the domain."""
-        found = [self.problem.domain(e, state) for state in self.formula.states(e, y, z)]
+        found = [self.problem.domain(code, state) for state in self.formula.states(code, y, z)]
         return " & ".join(f"({f})" for f in found)
 
 
-def _minus(e: Text, z: str, value: Expression) -> str:
+def _minus(code: CodeBuilder, z: str, value: Expression) -> str:
     if value is None:
         return z
-    return e.let(f"-{value}") if z == "0.0" else e.let(f"{z} - {value}")
+    return code.let(f"-{value}") if z == "0.0" else code.let(f"{z} - {value}")
 
 
-def _one_minus(e: Text, diagonal: bool, value: Expression) -> Expression:
+def _one_minus(code: CodeBuilder, diagonal: bool, value: Expression) -> Expression:
     """An entry of 1 − K."""
     if value is None:
         return "(1.0)" if diagonal else None
-    return e.let(f"1.0 - {value}") if diagonal else e.let(f"-{value}")
+    return code.let(f"1.0 - {value}") if diagonal else code.let(f"-{value}")

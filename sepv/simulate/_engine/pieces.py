@@ -9,7 +9,7 @@ seconds over a thousand statements.
 
 What stays printed is straight-line code: the record of R and K, the correction, the test of a step. Two lanes of it are
 interleaved, line by line. Lines are those that `text` writes: assignments of +, −, ×, ÷, comparisons, &, |, `fma`,
-`pick`, `no`, `abs`, elements of arrays and functions of numbers. Needs numba.
+`select`, `not_`, `abs`, elements of arrays and functions of numbers. Needs numba.
 """
 
 from __future__ import annotations
@@ -123,9 +123,9 @@ class _Lines:
     def called(self, name: str, arguments: list[Any]) -> Any:
         """One of the operations without branches, or a function that numba compiles."""
         builder = self.builder
-        if name == "pick":
+        if name == "select":
             return builder.select(*arguments)
-        if name == "no":
+        if name == "not_":
             return builder.not_(arguments[0])
         if name == "fma":
             return builder.fma(*arguments)

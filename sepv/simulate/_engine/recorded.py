@@ -12,7 +12,7 @@ import numpy as np
 
 from sepv.record import NoClosedForm, Symbol, Tape, gradient, hessian, jacobian
 from sepv.record._derivative import reachable
-from sepv.simulate._engine.text import Expression, Table, Text, shown
+from sepv.simulate._engine.code_builder import CodeBuilder, Expression, Table, shown
 from sepv.solve._formula import Formula
 from sepv.solve._recorded import Recorded
 
@@ -34,7 +34,7 @@ _EXACT = 2.0**-40
 _PRODUCTS = ("multiply", "whole")
 
 
-def emit(e: Text, values: Mapping[int, Expression], outputs: Sequence[Symbol]) -> list[Expression]:
+def emit(code: CodeBuilder, values: Mapping[int, Expression], outputs: Sequence[Symbol]) -> list[Expression]:
     """The outputs written into a text, with the inputs of these lines as given; a·b + c is fused.
 
     A product is fused into the sum that is its only user.
@@ -47,7 +47,7 @@ def emit(e: Text, values: Mapping[int, Expression], outputs: Sequence[Symbol]) -
     def value(index: int) -> Expression:
         """A line's value; a product that has one user is written where it is used."""
         if index not in found:
-            found[index] = e.product(*map(value, tape.lines[index].arguments))
+            found[index] = code.product(*map(value, tape.lines[index].arguments))
         return found[index]
 
     def factors(symbol: Symbol) -> tuple[Expression, Expression] | None:
@@ -61,50 +61,52 @@ def emit(e: Text, values: Mapping[int, Expression], outputs: Sequence[Symbol]) -
         if line.name == "input":
             found[index] = values[index]
         elif line.name == "constant":
-            found[index] = e.number(line.value) if line.value else None
+            found[index] = code.number(line.value) if line.value else None
         elif line.name in ("add", "subtract"):
             a, b = symbol.arguments
             second = factors(b)
             first = factors(a) if second is None else None
-            found[index] = _sum(e, line.name, (a, first), (b, second), value)
+            found[index] = _sum(code, line.name, (a, first), (b, second), value)
         elif line.name not in _PRODUCTS or users[index] > 1:
-            found[index] = _operation(e, symbol, [value(i) for i in line.arguments])
+            found[index] = _operation(code, symbol, [value(i) for i in line.arguments])
     return [value(symbol.index) for symbol in outputs]
 
 
 _Term = tuple[Symbol, tuple[Expression, Expression] | None]
 
 
-def _sum(e: Text, name: str, left: _Term, right: _Term, value: Callable[[int], Expression]) -> Expression:
+def _sum(
+    code: CodeBuilder, name: str, left: _Term, right: _Term, value: Callable[[int], Expression]
+) -> Expression:
     """The sum or difference of two terms, one of which may be given as its factors."""
     (a, first), (b, second) = left, right
     if second is not None:
         before = value(a.index)
-        return e.plus(*second, before) if name == "add" else e.minus(before, *second)
+        return code.plus(*second, before) if name == "add" else code.minus(before, *second)
     last = value(b.index)
     if first is not None:
-        return e.plus(*first, last if name == "add" else e.product("(-1.0)", last))
+        return code.plus(*first, last if name == "add" else code.product("(-1.0)", last))
     if name == "add" or last is None:
-        return e.total([value(a.index), last])
-    return e.product("(-1.0)", last) if value(a.index) is None else e.let(f"{value(a.index)} - {last}")
+        return code.total([value(a.index), last])
+    return code.product("(-1.0)", last) if value(a.index) is None else code.let(f"{value(a.index)} - {last}")
 
 
-def _operation(e: Text, symbol: Symbol, arguments: list[Expression]) -> Expression:  # noqa: PLR0911 - an operation a line
+def _operation(code: CodeBuilder, symbol: Symbol, arguments: list[Expression]) -> Expression:  # noqa: PLR0911 - an operation a line
     name, texts = symbol.line.name, [shown(a) for a in arguments]
     if name == "negative":
-        return e.product("(-1.0)", arguments[0])
+        return code.product("(-1.0)", arguments[0])
     if name in _PRODUCTS:
-        return e.product(*arguments)
+        return code.product(*arguments)
     if name == "divide":
-        return None if arguments[0] is None else e.let(f"{texts[0]} / {texts[1]}")
+        return None if arguments[0] is None else code.let(f"{texts[0]} / {texts[1]}")
     if name == "power":
-        return e.let(f"{texts[0]} ** {e.number(symbol.line.value)}")
+        return code.let(f"{texts[0]} ** {code.number(symbol.line.value)}")
     if name == "select":
-        return e.let(f"pick({', '.join(texts)})")
+        return code.let(f"select({', '.join(texts)})")
     if name in _CONDITIONS:
-        return e.let(_CONDITIONS[name].format(*texts))
+        return code.let(_CONDITIONS[name].format(*texts))
     call, place = _CALLS.get(name, (name, None))
-    return e.let(f"{call}({texts[0]})") if place is None else e.call(call, texts, 2)[place]
+    return code.let(f"{call}({texts[0]})") if place is None else code.call(call, texts, 2)[place]
 
 
 _CONDITIONS = {
@@ -113,12 +115,12 @@ _CONDITIONS = {
     "equal": "{} == {}",
     "and": "({}) & ({})",
     "or": "({}) | ({})",
-    "not": "no({})",
+    "not": "not_({})",
 }
 
 
 class RecordedProblem(Recorded):
-    """A problem's functions, each written into a `Text` for given names of the components: d of y, d of z = y1 − y.
+    """A problem's functions, written into a `CodeBuilder` for given names of components: d of y, d of z = y1 − y.
 
     Raises
     ------
@@ -137,7 +139,7 @@ class RecordedProblem(Recorded):
         return self.mean.nodes
 
     @property
-    def rate(self) -> float:
+    def convergence_rate(self) -> float:
         """The relative error of Newton's matrix."""
         with suppress(NoClosedForm):  # which a formula that asks for the mean gradient has said already
             jacobian(self.mean.value, self.z)
@@ -149,61 +151,61 @@ class RecordedProblem(Recorded):
         return found.gradients, found.structures
 
     def increment(
-        self, e: Text, formula: Formula, y: Sequence[str], z: Sequence[str], step: Sequence[str]
+        self, code: CodeBuilder, formula: Formula, y: Sequence[str], z: Sequence[str], step: Sequence[str]
     ) -> list[Expression]:
         """R(y, z; step), of an explicit formula without z."""
         found = self.equation_of(formula, len(step), apart=bool(z))
-        return printed(e, [(self.y, y), (self.z, z), (found.step, step)], found.R)
+        return printed(code, [(self.y, y), (self.z, z), (found.step, step)], found.R)
 
     def equation(
-        self, e: Text, formula: Formula, y: Sequence[str], z: Sequence[str], step: Sequence[str]
+        self, code: CodeBuilder, formula: Formula, y: Sequence[str], z: Sequence[str], step: Sequence[str]
     ) -> tuple[list[Expression], Table]:
         """R of z = R(y, z; step) and K = ∂R/∂z, from the record of the scheme's formula."""
         found = self.equation_of(formula, len(step))
         d, inputs = self.dimension, [(self.y, y), (self.z, z), (found.step, step)]
-        entries = printed(e, inputs, [*found.R, *found.K.ravel()])
+        entries = printed(code, inputs, [*found.R, *found.K.ravel()])
         return entries[:d], _table(entries[d:], d)
 
-    def hamiltonian(self, e: Text, y: Sequence[str]) -> Expression:
+    def hamiltonian(self, code: CodeBuilder, y: Sequence[str]) -> Expression:
         """H(y)."""
-        return self._printed(e, y, [self.H])[0]
+        return self._printed(code, y, [self.H])[0]
 
-    def gradient(self, e: Text, y: Sequence[str]) -> list[Expression]:
+    def gradient(self, code: CodeBuilder, y: Sequence[str]) -> list[Expression]:
         """∇H(y)."""
-        return self._printed(e, y, self.slope)
+        return self._printed(code, y, self.slope)
 
-    def hessian(self, e: Text, y: Sequence[str]) -> Table:
+    def hessian(self, code: CodeBuilder, y: Sequence[str]) -> Table:
         """H″(y)."""
-        return _table(self._printed(e, y, self._hessian.ravel()), self.dimension)
+        return _table(self._printed(code, y, self._hessian.ravel()), self.dimension)
 
     @cached_property
     def _hessian(self) -> Any:
         return hessian(self.slope, self.y)
 
-    def structure(self, e: Text, y: Sequence[str]) -> Table:
+    def structure(self, code: CodeBuilder, y: Sequence[str]) -> Table:
         """B(y)."""
-        return _table(self._printed(e, y, self.B.ravel()), self.dimension)
+        return _table(self._printed(code, y, self.B.ravel()), self.dimension)
 
     @cached_property
     def _structure_derivative(self) -> Any:
         return jacobian(self.B.ravel(), self.y).reshape((*self.B.shape, -1))
 
-    def structure_derivative(self, e: Text, y: Sequence[str]) -> list[Table]:
+    def structure_derivative(self, code: CodeBuilder, y: Sequence[str]) -> list[Table]:
         """∂B_ij/∂y_k at [k][i][j]."""
         slopes = np.moveaxis(self._structure_derivative, 2, 0)
-        return [_table(self._printed(e, y, table.ravel()), self.dimension) for table in slopes]
+        return [_table(self._printed(code, y, table.ravel()), self.dimension) for table in slopes]
 
-    def mean_gradient(self, e: Text, y: Sequence[str], z: Sequence[str]) -> list[Expression]:
+    def mean_gradient(self, code: CodeBuilder, y: Sequence[str], z: Sequence[str]) -> list[Expression]:
         """∫₀¹∇H(y + τz)dτ."""
-        return self._printed(e, y, self.mean.value, z)
+        return self._printed(code, y, self.mean.value, z)
 
-    def domain(self, e: Text, y: Sequence[str]) -> str | None:
+    def domain(self, code: CodeBuilder, y: Sequence[str]) -> str | None:
         """Whether y is in the domain."""
-        return None if self.inside is None else shown(self._printed(e, y, [self.inside])[0])
+        return None if self.inside is None else shown(self._printed(code, y, [self.inside])[0])
 
-    def casimirs(self, e: Text, y: Sequence[str]) -> list[Expression]:
+    def casimirs(self, code: CodeBuilder, y: Sequence[str]) -> list[Expression]:
         """The quadratic Casimirs, then the linear ones."""
-        return self._printed(e, y, self._casimirs)
+        return self._printed(code, y, self._casimirs)
 
     @cached_property
     def _casimirs(self) -> list[Symbol]:
@@ -211,25 +213,27 @@ class RecordedProblem(Recorded):
         values = [y @ (A @ y) for A in self.problem.casimirs] + [b @ y for b in self.problem.linear_casimirs]
         return [self.tape.symbol(v) for v in values]
 
-    def casimir_gradients(self, e: Text, ends: Sequence[str]) -> Table:
+    def casimir_gradients(self, code: CodeBuilder, ends: Sequence[str]) -> Table:
         """Their gradients averaged along a segment, whose ends have the sum `ends`: ∇C at half of it."""
-        slopes = [self._printed(e, ends, gradient(C, self.y)) for C in self._casimirs]
+        slopes = [self._printed(code, ends, gradient(C, self.y)) for C in self._casimirs]
         # A quadratic C has a gradient linear in y.
         quadratic = len(self.problem.casimirs)
-        return [[e.product("(0.5)", v) for v in row] for row in slopes[:quadratic]] + slopes[quadratic:]
+        return [[code.product("(0.5)", v) for v in row] for row in slopes[:quadratic]] + slopes[quadratic:]
 
-    def _printed(self, e: Text, y: Sequence[str], outputs: Any, z: Sequence[str] = ()) -> list[Expression]:
-        return printed(e, [(self.y, y), (self.z, z)], outputs)
+    def _printed(
+        self, code: CodeBuilder, y: Sequence[str], outputs: Any, z: Sequence[str] = ()
+    ) -> list[Expression]:
+        return printed(code, [(self.y, y), (self.z, z)], outputs)
 
 
-def printed(e: Text, inputs: Sequence[tuple[Any, Sequence[str]]], outputs: Any) -> list[Expression]:
+def printed(code: CodeBuilder, inputs: Sequence[tuple[Any, Sequence[str]]], outputs: Any) -> list[Expression]:
     """The outputs written into a text under the names of the inputs' components; the name "0.0" is zero."""
     values = {
         x.index: None if name == "0.0" else name
         for vector, names in inputs
         for x, name in zip(vector, names, strict=False)
     }
-    return emit(e, values, list(outputs))
+    return emit(code, values, list(outputs))
 
 
 def imports(tape: Tape) -> str:

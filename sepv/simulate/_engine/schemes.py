@@ -1,7 +1,7 @@
 """How the engine takes the step of each scheme: by the record of its formula, or by code for staged and projected ones.
 
 R and K share what they have in common, since an expression written twice has one name: see
-`sepv.simulate._engine.text`.
+`sepv.simulate._engine.code_builder`.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from sepv.schemes import _one_step as one_step
 from sepv.schemes._energy_preserving import formula as energy_preserving
 from sepv.schemes._midpoint import formula as midpoint
 from sepv.schemes._tableaux import MAX_STAGES, gauss_tableau
+from sepv.simulate._engine.code_builder import CodeBuilder, Expression, Table
 from sepv.simulate._engine.recorded import RecordedProblem
-from sepv.simulate._engine.text import Expression, Table, Text
 from sepv.solve import _formula as formula
 
 
@@ -41,13 +41,13 @@ class Formula:
         """What the lanes call it."""
         return _NAMES.get(self.parts) or ["span", *(f"noise{j}" for j in range(noises))]
 
-    def update(self, e: Text, z: Sequence[str]) -> list[str]:
+    def update(self, code: CodeBuilder, z: Sequence[str]) -> list[str]:
         """y1 − y0."""
         return list(z)
 
-    def states(self, e: Text, y: Sequence[str], z: Sequence[str]) -> list[list[str]]:
+    def states(self, code: CodeBuilder, y: Sequence[str], z: Sequence[str]) -> list[list[str]]:
         """The states that must lie in the domain."""
-        return [[e.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)]]
+        return [[code.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)]]
 
 
 _NAMES: dict[one_step.Parts, list[str]] = {
@@ -56,41 +56,45 @@ _NAMES: dict[one_step.Parts, list[str]] = {
 }
 
 
-def field(e: Text, B: Table, g: Sequence[Expression]) -> list[Expression]:
+def field(code: CodeBuilder, B: Table, g: Sequence[Expression]) -> list[Expression]:
     """B g."""
-    return [e.dot(row, g) for row in B]
+    return [code.dot(row, g) for row in B]
 
 
-def scaled(e: Text, factor: str, table: Table) -> Table:
+def scaled(code: CodeBuilder, factor: str, table: Table) -> Table:
     """factor·table for a skew table."""
     d = len(table)
-    upper = {(i, j): e.product(factor, table[i][j]) for i in range(d) for j in range(i + 1, d)}
+    upper = {(i, j): code.product(factor, table[i][j]) for i in range(d) for j in range(i + 1, d)}
     found: Table = [[None] * d for _ in range(d)]
     for (i, j), value in upper.items():
-        found[i][j], found[j][i] = value, e.product("(-1.0)", value)
+        found[i][j], found[j][i] = value, code.product("(-1.0)", value)
     return found
 
 
-def middle(e: Text, y: Sequence[str], z: Sequence[str]) -> list[str]:
+def middle(code: CodeBuilder, y: Sequence[str], z: Sequence[str]) -> list[str]:
     """ȳ = y + z/2."""
-    return [a if b == "0.0" else str(e.plus("(0.5)", b, a)) for a, b in zip(y, z, strict=True)]
+    return [a if b == "0.0" else str(code.plus("(0.5)", b, a)) for a, b in zip(y, z, strict=True)]
 
 
-def rate(e: Text, problem: RecordedProblem, y: Sequence[str], delta: str = "(1.0)") -> list[Expression]:
+def scaled_field(
+    code: CodeBuilder, problem: RecordedProblem, y: Sequence[str], delta: str = "(1.0)"
+) -> list[Expression]:
     """Δ f(y), f = B∇H multiplied out where that is a few monomials: explicit steps do not need B and ∇H apart."""
     if problem.field is not None:
-        return [e.polynomial(p, y, delta) for p in problem.field]
-    return [e.product(delta, v) for v in field(e, problem.structure(e, y), problem.gradient(e, y))]
+        return [code.polynomial(p, y, delta) for p in problem.field]
+    return [
+        code.product(delta, v) for v in field(code, problem.structure(code, y), problem.gradient(code, y))
+    ]
 
 
-def at(e: Text, y: Sequence[str], z: Sequence[str], integrals: Any) -> list[str]:
+def at(code: CodeBuilder, y: Sequence[str], z: Sequence[str], integrals: Any) -> list[str]:
     """u = y + Σ_j integrals_j z_j, the stages one after the other in z."""
     d = len(y)
     state = list(y)
     for j, weight in enumerate(integrals):
         for k in range(d):
             if z[j * d + k] != "0.0":
-                state[k] = str(e.plus(e.number(float(weight)), z[j * d + k], state[k]))
+                state[k] = str(code.plus(code.number(float(weight)), z[j * d + k], state[k]))
     return state
 
 
@@ -105,7 +109,7 @@ class Collocation(Formula):
 
     def sweep(
         self,
-        e: Text,
+        code: CodeBuilder,
         problem: RecordedProblem,
         y: Sequence[str],
         z: Sequence[str],
@@ -115,23 +119,23 @@ class Collocation(Formula):
         """The right-hand sides at z, the stages one after the other; the g_i are the ∇H(Y_i) where not given."""
         R: list[Expression] = []
         for i, row in enumerate(gauss_tableau(self.stages).A):
-            Y = at(e, y, z, row)
-            g = problem.gradient(e, Y) if averages is None else averages[i]
-            R += field(e, scaled(e, delta, problem.structure(e, Y)), g)
+            Y = at(code, y, z, row)
+            g = problem.gradient(code, Y) if averages is None else averages[i]
+            R += field(code, scaled(code, delta, problem.structure(code, Y)), g)
         return R
 
-    def update(self, e: Text, z: Sequence[str]) -> list[str]:
+    def update(self, code: CodeBuilder, z: Sequence[str]) -> list[str]:
         """Σ b_i z_i."""
         d = len(z) // self.stages
         sums: list[Expression] = [None] * d
         for j, b in enumerate(gauss_tableau(self.stages).b):
-            sums = [e.plus(e.number(float(b)), z[j * d + k], sums[k]) for k in range(d)]
+            sums = [code.plus(code.number(float(b)), z[j * d + k], sums[k]) for k in range(d)]
         return [str(s) for s in sums]
 
-    def states(self, e: Text, y: Sequence[str], z: Sequence[str]) -> list[list[str]]:
+    def states(self, code: CodeBuilder, y: Sequence[str], z: Sequence[str]) -> list[list[str]]:
         """y1 and the stages."""
         tableau = gauss_tableau(self.stages)
-        return [at(e, y, z, row) for row in (tableau.b, *tableau.A)]
+        return [at(code, y, z, row) for row in (tableau.b, *tableau.A)]
 
 
 @dataclass(frozen=True)

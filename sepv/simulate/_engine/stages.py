@@ -21,8 +21,8 @@ from sepv.problem import Array
 from sepv.record import gauss_legendre
 from sepv.schemes._collocation import FIRST_NODES, MAX_NODES
 from sepv.schemes._tableaux import exact_nodes, gauss_tableau, moments
+from sepv.simulate._engine.code_builder import CodeBuilder, Expression, Table, shown
 from sepv.simulate._engine.schemes import Collocation, at
-from sepv.simulate._engine.text import Expression, Table, Text, shown
 from sepv.simulate._engine.writer import Writer
 
 # Sweeps before the first test, which costs half a sweep, and sweeps after it: while one lane of a block goes on, each
@@ -84,81 +84,84 @@ class StagesWriter(Writer):
         """G_i = Σ W_in ∇H(u_n): none of it, and a node; nothing where a sweep is written out."""
         if self.straight:
             return [], []
-        e, s, d = Text(self.parameters), self.formula.stages, self.d
-        y, z = self.lane(e)
+        code, s, d = CodeBuilder(self.parameters), self.formula.stages, self.d
+        y, z = self.lane(code)
         u = list(y)
         for j in range(s):
-            u = [e.let(f"fma(b{j}, {z[j * d + i]}, {v})") for i, v in enumerate(u)]
-        g = [shown(v) for v in self.problem.gradient(e, u)]
+            u = [code.let(f"fma(b{j}, {z[j * d + i]}, {v})") for i, v in enumerate(u)]
+        g = [shown(v) for v in self.problem.gradient(code, u)]
         for i in range(s):
             for r in range(d):
                 total = self.at("G", i * d + r)
-                e.lines.append(f"{total} = {total} + a{i} * {g[r]}")
-        return [f"{self.at('G', i)} = 0.0" for i in range(self.unknowns)], e.lines
+                code.lines.append(f"{total} = {total} + a{i} * {g[r]}")
+        return [f"{self.at('G', i)} = 0.0" for i in range(self.unknowns)], code.lines
 
-    def sweep(self, e: Text, y: list[str], z: list[str]) -> list[str]:
+    def sweep(self, code: CodeBuilder, y: list[str], z: list[str]) -> list[str]:
         """R(z)."""
         d, s = self.d, self.formula.stages
         g = None if self.straight else [[self.at("G", i * d + r) for r in range(d)] for i in range(s)]
-        return [shown(v) for v in self.formula.sweep(e, self.problem, y, z, "delta", g)]
+        return [shown(v) for v in self.formula.sweep(code, self.problem, y, z, "delta", g)]
 
-    def lane(self, e: Text) -> tuple[list[str], list[str]]:
+    def lane(self, code: CodeBuilder) -> tuple[list[str], list[str]]:
         """y, z and Δ of lane k."""
-        y, z = self.loaded(e, "Y", "y"), self.loaded(e, "Z", "z")
-        e.lines.append(f"delta = {self.at('D')}")
+        y, z = self.loaded(code, "Y", "y"), self.loaded(code, "Z", "z")
+        code.lines.append(f"delta = {self.at('D')}")
         return y, z
 
     def first(self) -> list[str]:
         """The first sweep from z = 0, where one evaluation serves all stages."""
-        e = Text(self.parameters)
-        y = self.loaded(e, "Y", "y")
-        g = self.problem.gradient(e, y)
-        R = [shown(e.product("delta", e.dot(row, g))) for row in self.problem.structure(e, y)]
-        e.lines += [f"{self.at('Z', i)} = {R[i % self.d]}" for i in range(self.unknowns)]
-        e.lines += [
+        code = CodeBuilder(self.parameters)
+        y = self.loaded(code, "Y", "y")
+        g = self.problem.gradient(code, y)
+        R = [shown(code.product("delta", code.dot(row, g))) for row in self.problem.structure(code, y)]
+        code.lines += [f"{self.at('Z', i)} = {R[i % self.d]}" for i in range(self.unknowns)]
+        code.lines += [
             f"{self.at('P')} = INF",
             f"{self.at('X')} = {' + '.join(f'abs({v})' for v in y)}",
             f"{self.at('D')} = delta",
             "I[BUSY + k] = I[ALIVE + k]",
         ]
-        return e.lines
+        return code.lines
 
     def blind(self) -> list[str]:
         """A sweep without a test, by the nodes of the stages alone, which are good enough for a start."""
-        e = Text(self.parameters)
-        y, R = self.lane(e)
+        code = CodeBuilder(self.parameters)
+        y, R = self.lane(code)
         for _ in range(FUSED if self.straight else 1):
-            R = [shown(v) for v in self.formula.sweep(e, self.problem, y, R, "delta", None)]
-        return [*e.lines, *(f"{self.at('Z', i)} = {v}" for i, v in enumerate(R))]
+            R = [shown(v) for v in self.formula.sweep(code, self.problem, y, R, "delta", None)]
+        return [*code.lines, *(f"{self.at('Z', i)} = {v}" for i, v in enumerate(R))]
 
     def iteration(self) -> list[str]:
         """The end of a sweep of all lanes, and its test."""
-        e = Text(self.parameters)
-        y, z = self.lane(e)
-        R = self.sweep(e, y, z)
-        e.lines += [
+        code = CodeBuilder(self.parameters)
+        y, z = self.lane(code)
+        R = self.sweep(code, y, z)
+        code.lines += [
             f"m = {' + '.join(f'abs({a} - {b})' for a, b in zip(R, z, strict=True))}",
             "busy = I[BUSY + k] == 1",
             f"scale = {self.at('X')}",
             f"before = {self.at('P')}",
             f"{self.at('P')} = m",
             f"done = (m * m <= LEFT * (scale * before)) & (before < INF) | (m <= {self.unknowns} * TINY * scale)",
-            f"stays = no(m <= {SHRINKS} * before)",
+            f"stays = not_(m <= {SHRINKS} * before)",
             "done = done | (stays & (m <= ROUNDING * scale))",
-            "slow = stays & no(done)",
-            *(f"{self.at('Z', i)} = pick(busy, {a}, {b})" for i, (a, b) in enumerate(zip(R, z, strict=True))),
-            "left += pick(busy & no(done) & no(slow), 1, 0)",
-            f"I[BUSY + k] = pick(busy, pick(done, {3 if self.checked else 0}, pick(slow, 2, 1)), I[BUSY + k])",
+            "slow = stays & not_(done)",
+            *(
+                f"{self.at('Z', i)} = select(busy, {a}, {b})"
+                for i, (a, b) in enumerate(zip(R, z, strict=True))
+            ),
+            "left += select(busy & not_(done) & not_(slow), 1, 0)",
+            f"I[BUSY + k] = select(busy, select(done, {3 if self.checked else 0}, select(slow, 2, 1)), I[BUSY + k])",
         ]
-        return e.lines
+        return code.lines
 
     def check(self) -> list[str]:
         """The last sweep by a finer rule, and whether all points are in the domain."""
-        e = Text(self.parameters)
-        y, z = self.lane(e)
-        R = self.sweep(e, y, z)
+        code = CodeBuilder(self.parameters)
+        y, z = self.lane(code)
+        R = self.sweep(code, y, z)
         size = " + ".join(f"abs({v})" for v in z)
-        e.lines += [
+        code.lines += [
             f"m = {' + '.join(f'abs({a} - {b})' for a, b in zip(R, z, strict=True))}",
             f"fine = (m <= {2.0**-48!r} * ({size})) | (m <= {self.unknowns} * TINY * {self.at('X')})",
             "asked = I[BUSY + k] == 3",
@@ -167,18 +170,18 @@ class StagesWriter(Writer):
         inside = "asked"
         if self.has_domain():
             P = moments(self.formula.stages, self.nodes)[1]
-            points = [*self.formula.states(e, y, z), *(at(e, y, z, row) for row in P)]
-            inside = " & ".join(["asked", *(f"({self.problem.domain(e, point)})" for point in points)])
-        e.lines += [
+            points = [*self.formula.states(code, y, z), *(at(code, y, z, row) for row in P)]
+            inside = " & ".join(["asked", *(f"({self.problem.domain(code, point)})" for point in points)])
+        code.lines += [
             f"inside = {inside}",
             *(
-                f"{self.at('Z', i)} = pick(asked, {a}, {b})"
+                f"{self.at('Z', i)} = select(asked, {a}, {b})"
                 for i, (a, b) in enumerate(zip(R, z, strict=True))
             ),
-            "left += pick(asked & inside & no(fine), 1, 0)",
-            "I[BUSY + k] = pick(asked, pick(inside, pick(fine, 0, 1), 2), I[BUSY + k])",
+            "left += select(asked & inside & not_(fine), 1, 0)",
+            "I[BUSY + k] = select(asked, select(inside, select(fine, 0, 1), 2), I[BUSY + k])",
         ]
-        return e.lines
+        return code.lines
 
     def ladder(self) -> list[int]:
         """Nodes of the rules, each of which is tried where the one before did not suffice."""
@@ -201,14 +204,14 @@ class StagesWriter(Writer):
         x = [f"x{i}" for i in range(d)]
         load = [f"{v} = x[{i}]" for i, v in enumerate(x)]
         for name, of in (("gradient", "b"), ("hessian", "A"), ("structure", "A")):
-            e = Text(self.parameters)
-            values = getattr(self.problem, name)(e, x)
-            found[name] = [*load, *e.lines, *_entries(of, values)]
-        e = Text(self.parameters)
-        derivative = self.problem.structure_derivative(e, x)
-        g = [e.let(f"v[{i}]") for i in range(d)]
-        turned: Table = [[e.dot(derivative[k][r], g) for k in range(d)] for r in range(d)]
-        return found | {"turned": [*load, *e.lines, *_entries("A", turned)]}
+            code = CodeBuilder(self.parameters)
+            values = getattr(self.problem, name)(code, x)
+            found[name] = [*load, *code.lines, *_entries(of, values)]
+        code = CodeBuilder(self.parameters)
+        derivative = self.problem.structure_derivative(code, x)
+        g = [code.let(f"v[{i}]") for i in range(d)]
+        turned: Table = [[code.dot(derivative[k][r], g) for k in range(d)] for r in range(d)]
+        return found | {"turned": [*load, *code.lines, *_entries("A", turned)]}
 
     def tables(self) -> list[str]:
         """Those of the rules."""

@@ -10,10 +10,10 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Any
 
+from sepv.simulate._engine.code_builder import CodeBuilder, Expression, shown
 from sepv.simulate._engine.module import EVALUATIONS, WORK, constants, text
 from sepv.simulate._engine.recorded import RecordedProblem
 from sepv.simulate._engine.schemes import Formula
-from sepv.simulate._engine.text import Expression, Text, shown
 
 
 class Writer(ABC):
@@ -42,7 +42,7 @@ class Writer(ABC):
         for name, count in {**rows, **self.more_rows()}.items():
             self.offset[name] = base
             base += count * L
-        self.casimirs = len(problem.casimirs(Text(), [f"y{i}" for i in range(d)]))
+        self.casimirs = len(problem.casimirs(CodeBuilder(), [f"y{i}" for i in range(d)]))
         self.offset["K"] = base
         self.size = base + self.casimirs * L
 
@@ -50,10 +50,10 @@ class Writer(ABC):
         """An element of the scratch buffer: component i of lane k."""
         return f"S[{self.offset[name] + i * self.lanes} + k]"
 
-    def loaded(self, e: Text, row: str, names: str) -> list[str]:
+    def loaded(self, code: CodeBuilder, row: str, names: str) -> list[str]:
         """The components of a row, loaded under these names."""
         found = [f"{names}{i}" for i in range(self.unknowns if row == "Z" else self.d)]
-        e.lines += [f"{v} = {self.at(row, i)}" for i, v in enumerate(found)]
+        code.lines += [f"{v} = {self.at(row, i)}" for i, v in enumerate(found)]
         return found
 
     def text(self) -> str:
@@ -119,14 +119,14 @@ class Writer(ABC):
 
     def start(self) -> list[str]:
         """The invariants at the start."""
-        e = Text(self.parameters)
-        y = self.loaded(e, "Y", "y")
-        e.lines.append(f"{self.at('H')} = {shown(self.problem.hamiltonian(e, y))}")
-        for i, value in enumerate(self.problem.casimirs(e, y)):
-            e.lines.append(f"{self.at('K', i)} = {shown(value)}")
-        e.lines += [f"{self.at('WH')} = 0.0", f"{self.at('WC')} = 0.0"]
-        e.lines += [f"{self.at('E', i)} = 0.0" for i in range(self.d)]
-        return e.lines
+        code = CodeBuilder(self.parameters)
+        y = self.loaded(code, "Y", "y")
+        code.lines.append(f"{self.at('H')} = {shown(self.problem.hamiltonian(code, y))}")
+        for i, value in enumerate(self.problem.casimirs(code, y)):
+            code.lines.append(f"{self.at('K', i)} = {shown(value)}")
+        code.lines += [f"{self.at('WH')} = 0.0", f"{self.at('WC')} = 0.0"]
+        code.lines += [f"{self.at('E', i)} = 0.0" for i in range(self.d)]
+        return code.lines
 
     def random_step(self) -> list[str]:
         lines = ["delta = h", "noise = 0.0"]
@@ -135,8 +135,8 @@ class Writer(ABC):
             own = [f"noise{j} = c{j} * u"] if f"noise{j}" in self.known else []
             lines += [
                 f"u = buffer[n, {j}, k]",
-                "u = pick(u < -bound, -bound, u)",
-                "u = pick(u > bound, bound, u)",
+                "u = select(u < -bound, -bound, u)",
+                "u = select(u > bound, bound, u)",
                 f"delta = delta + c{j} * u",
                 f"noise = noise + c{j} * u",
                 *own,
@@ -152,14 +152,14 @@ class Writer(ABC):
         return [f"{name} = {self.at('D', i)}" for i, name in enumerate(self.known)]
 
     def has_domain(self) -> bool:
-        return self.problem.domain(Text(), [f"y{i}" for i in range(self.d)]) is not None
+        return self.problem.domain(CodeBuilder(), [f"y{i}" for i in range(self.d)]) is not None
 
     def in_domain(self) -> list[str]:
         """Whether the state x is in the domain."""
-        e, x = Text(self.parameters), [f"x{i}" for i in range(self.d)]
-        e.lines += [f"{v} = x[{i}]" for i, v in enumerate(x)]
-        inside = self.problem.domain(e, x)
-        return [*e.lines, f"found += {f'pick({inside}, 1, 0)' if inside else 1}"]
+        code, x = CodeBuilder(self.parameters), [f"x{i}" for i in range(self.d)]
+        code.lines += [f"{v} = x[{i}]" for i, v in enumerate(x)]
+        inside = self.problem.domain(code, x)
+        return [*code.lines, f"found += {f'select({inside}, 1, 0)' if inside else 1}"]
 
     @staticmethod
     def magnitude(c: list[str]) -> list[str]:
@@ -168,38 +168,38 @@ class Writer(ABC):
 
     def moves(self, masked: bool) -> list[str]:
         d = self.d
-        e = Text(self.parameters)
+        code = CodeBuilder(self.parameters)
         y = [f"y{i}" for i in range(d)]
-        e.lines += [f"x{i} = {self.at('Y', i)}" for i in range(d)]
+        code.lines += [f"x{i} = {self.at('Y', i)}" for i in range(d)]
         if masked:
-            e.lines += [
+            code.lines += [
                 "alive = I[ALIVE + k] != 0",
-                "code = I[STATUS + k]",
-                "ok = alive & (code == 0)",
-                "I[FAILED + k] = pick(alive & no(ok), first + n, I[FAILED + k])",
-                "I[ALIVE + k] = pick(ok, 1, 0)",
-                "living += pick(ok, 1, 0)",
+                "status = I[STATUS + k]",
+                "ok = alive & (status == 0)",
+                "I[FAILED + k] = select(alive & not_(ok), first + n, I[FAILED + k])",
+                "I[ALIVE + k] = select(ok, 1, 0)",
+                "living += select(ok, 1, 0)",
             ]
-        z = self.formula.update(e, [self.at("Z", i) for i in range(self.unknowns)])
+        z = self.formula.update(code, [self.at("Z", i) for i in range(self.unknowns)])
         for i in range(d):
             if self.compensated:
                 # What a sum loses is kept and added to the next increment: Kahan's summation with Knuth's two-sum,
                 # since a component next to zero is smaller than its increment.
                 lost = self.at("E", i)
-                kept = f"pick(ok, r{i}, {lost})" if masked else f"r{i}"
-                e.lines += [f"q{i} = {z[i]} + {lost}", f"y{i} = x{i} + q{i}", f"t{i} = y{i} - x{i}"]
-                e.lines.append(f"r{i} = (x{i} - (y{i} - t{i})) + (q{i} - t{i})")
-                e.lines.append(f"{lost} = {kept}")
+                kept = f"select(ok, r{i}, {lost})" if masked else f"r{i}"
+                code.lines += [f"q{i} = {z[i]} + {lost}", f"y{i} = x{i} + q{i}", f"t{i} = y{i} - x{i}"]
+                code.lines.append(f"r{i} = (x{i} - (y{i} - t{i})) + (q{i} - t{i})")
+                code.lines.append(f"{lost} = {kept}")
             else:
-                e.lines.append(f"y{i} = x{i} + {z[i]}")
+                code.lines.append(f"y{i} = x{i} + {z[i]}")
         if masked:
-            e.lines += [f"y{i} = pick(ok, y{i}, x{i})" for i in range(d)]
-        e.lines += [f"{self.at('Y', i)} = y{i}" for i in range(d)]
-        energy = self.problem.hamiltonian(e, y)
-        e.lines += self.drift(energy, "H", "WH")
-        for i, value in enumerate(self.problem.casimirs(e, y)):
-            e.lines += self.drift(value, ("K", i), "WC")
-        return e.lines
+            code.lines += [f"y{i} = select(ok, y{i}, x{i})" for i in range(d)]
+        code.lines += [f"{self.at('Y', i)} = y{i}" for i in range(d)]
+        energy = self.problem.hamiltonian(code, y)
+        code.lines += self.drift(energy, "H", "WH")
+        for i, value in enumerate(self.problem.casimirs(code, y)):
+            code.lines += self.drift(value, ("K", i), "WC")
+        return code.lines
 
     def drift(self, value: Expression, start: str | tuple[str, int], worst: str) -> list[str]:
         """The largest deviation so far from the value at the start."""
@@ -207,5 +207,5 @@ class Writer(ABC):
         largest = self.at(worst)
         return [
             f"drift = abs({shown(value)} - {before})",
-            f"{largest} = pick(drift > {largest}, drift, {largest})",
+            f"{largest} = select(drift > {largest}, drift, {largest})",
         ]

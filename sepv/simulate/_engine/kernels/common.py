@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sepv.simulate._engine.functions import wide
+from sepv.simulate._engine.functions import prefer_512_bit
 from sepv.simulate._engine.kernels.names import (
     BUSY,
     EQUATION,
@@ -56,7 +56,7 @@ def problem(what: int, x: Any, v: Any, A: Any, b: Any, P: Any) -> int:
 
 def some(I: Any, group: int, mark: int) -> bool:
     """Whether one lane of the group has this mark."""
-    wide()
+    prefer_512_bit()
     found = 0
     for k in range(group, group + GROUP):
         found += 1 if I[BUSY + k] == mark else 0
@@ -70,7 +70,7 @@ def moved(
 
     Whether a lane lives on.
     """
-    wide()
+    prefer_512_bit()
     if trouble == 0 and I[LIVING] == L:
         for k in range(L):
             quick(S, I, buffer, n, k, first, h, bound, q)
@@ -99,7 +99,7 @@ def explicit(
     careful: Any, problem: Any, shape: Any, table: Any,  # noqa: ARG001 - of implicit schemes
 ) -> int:  # fmt: skip
     """Steps of an explicit scheme: the increment itself, and whether it leads anywhere. 1 where no lane lives on."""
-    wide()
+    prefer_512_bit()
     q = loaded(P)
     for n in range(count):
         trouble = 0

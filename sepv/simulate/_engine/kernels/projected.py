@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sepv.simulate._engine.functions import wide
+from sepv.simulate._engine.functions import prefer_512_bit
 from sepv.simulate._engine.kernels.names import (
     AVERAGES,
     BROKEN,
@@ -41,7 +41,7 @@ def advance(
     careful: Any, problem: Any, shape: Any, table: Any,  # noqa: ARG001 - of implicit schemes
 ) -> int:  # fmt: skip
     """`count` steps of a block; 1 where no lane lives on."""
-    wide()
+    prefer_512_bit()
     q = loaded(P)
     for n in range(count):
         left = 0

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sepv.simulate._engine.functions import wide
+from sepv.simulate._engine.functions import prefer_512_bit
 from sepv.simulate._engine.kernels.names import (
     BLIND,
     CHECKED,
@@ -45,7 +45,7 @@ def advance(  # noqa: PLR0912 - in one piece, as the method reads
     shape: Any, table: Any,
 ) -> int:  # fmt: skip
     """`count` steps of a block; 1 where no lane lives on."""
-    wide()
+    prefer_512_bit()
     q = loaded(P)
     for n in range(count):
         for k in range(L):
@@ -82,7 +82,7 @@ def advance(  # noqa: PLR0912 - in one piece, as the method reads
 
 def sums(S: Any, I: Any, buffer: Any, group: int, rule: int, q: Any) -> None:
     """G_i = Σ W_in ∇H(u_n) of a group, node by node; nothing where a sweep is written out."""
-    wide()
+    prefer_512_bit()
     if STRAIGHT:
         return
     for k in range(group, group + GROUP):

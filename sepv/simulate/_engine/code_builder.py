@@ -17,7 +17,7 @@ Table = list[list[Expression]]
 _PLAIN = {0.0, 0.5, 1.0, 2.0, 3.0, 4.0, -0.5, -1.0, -2.0, -3.0, -4.0}
 
 
-class Text:
+class CodeBuilder:
     """Straight-line code being written: its lines, its temporaries and the parameters it reads."""
 
     def __init__(self, parameters: list[float] | None = None) -> None:
