@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from sepv.schemes import Scheme, Systems
-from sepv.schemes._orders import order_of
+from sepv.schemes._order_claims import order_of
 from sepv.verification import Effort, Finding, Law, Verdict, require
 from sepv.verification._law import pathwise
 from sepv.verification._orders.local_errors import LocalErrors

@@ -11,7 +11,7 @@ from typing import Any
 
 from sepv.problem import Problem, column
 from sepv.schemes import Scheme
-from sepv.schemes._orders import order_of
+from sepv.schemes._order_claims import order_of
 from sepv.verification import Effort, Finding, Law, Verdict, require
 from sepv.verification._law import pathwise
 from sepv.verification._orders.convergence import StrongErrors, above_floor, floors, mean_square_order

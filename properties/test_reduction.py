@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from hypothesis import strategies as st
-from sepv.reference.more_equations import equation_for
+from sepv.reference.equations_by_class import equation_for
 from sepv.reference.steps import reference_step
 
 from sepv.problem import PolynomialSystem

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from sepv.reference.arithmetic import context
-from sepv.reference.more_equations import equation_for
+from sepv.reference.equations_by_class import equation_for
 from sepv.reference.steps import reference_step
 from sepv.reference.vector import ReferenceVector, load, schemes_with_vectors
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 from hypothesis import strategies as st
-from sepv.reference.more_equations import equation_for
+from sepv.reference.equations_by_class import equation_for
 from sepv.reference.steps import step_condition
 
 from sepv.errors import SchemeFault, Skipped, StepFailure

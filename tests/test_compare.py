@@ -360,7 +360,7 @@ def late(problem, y, h, dW):
 
 def test_every_peer_is_named_after_the_library_that_it_drives() -> None:
     for name, home in PEERS.items():
-        assert home.startswith(f"sepv.peers._driven_{name.split('-')[0]}:")
+        assert home.startswith(f"sepv.peers._compare_{name.split('-')[0]}:")
 
 
 def test_an_absent_library_is_named_with_its_remedy(

@@ -36,7 +36,7 @@ from sepv.record import _polynomial as poly
 from sepv.schemes import Orders, Scheme, ask
 from sepv.schemes._further_increments import as_matrix, as_rows, some
 from sepv.schemes._one_step import each_noise
-from sepv.schemes._orders import order_of
+from sepv.schemes._order_claims import order_of
 from sepv.schemes._scheme import as_lanes
 from sepv.simulate import _areas as areas
 from sepv.verification import Case, Effort, Verdict

@@ -9,7 +9,7 @@ import jsonschema
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from sepv.reference.hard import exact_energy
+from sepv.reference.exact_energy import exact_energy
 
 from sepv import problems, schemes
 from sepv.commands import main

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import find, given, settings
 from hypothesis.errors import NoSuchExample
+from sepv.reference.equations_by_class import BOTH_INVARIANTS
 from sepv.reference.implicit import energy_preserving
-from sepv.reference.more_equations import BOTH_INVARIANTS
 from sepv.reference.steps import reference_step
 
 import sepv

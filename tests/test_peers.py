@@ -17,8 +17,8 @@ from hypothesis import given, settings
 
 from sepv import problems
 from sepv.errors import Skipped
-from sepv.peers import _measurements as measurements
-from sepv.peers import _rows as rows
+from sepv.peers import _compliance_measurements as measurements
+from sepv.peers import _compliance_rows as rows
 from sepv.peers import compliance
 from sepv.peers._lanes import in_blocks
 from sepv.peers._multistep import PathSolver

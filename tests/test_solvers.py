@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from sepv import problems
 from sepv.errors import Skipped
-from sepv.peers import _general as general
+from sepv.peers import _solver_measurements as measurements
 from sepv.peers import solvers
 from sepv.peers._posing_fields import pose_fields
 from sepv.peers._solver import KINDS, Solver, problem_of
@@ -28,7 +28,7 @@ LIBRARIES = ("diffrax", "torchsde", "sdeint")
 
 def solver(library: str, name: str) -> Solver:
     pytest.importorskip(library, reason=f"{library} is not installed: the extra `peers`")
-    found: tuple[Solver, ...] = import_module(f"sepv.peers._general_{library}").SOLVERS
+    found: tuple[Solver, ...] = import_module(f"sepv.peers._solvers_{library}").SOLVERS
     return next(each for each in found if each.name == f"{library} {name}")
 
 
@@ -58,21 +58,21 @@ def test_a_solver_follows_the_path_of_the_reference(
     library: str, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of another path, or of areas of another path, the error would stay."""
-    monkeypatch.setattr(general, "STEPS", (4, 32))
-    monkeypatch.setattr(general, "PATHS", 64)
-    monkeypatch.setattr(general, "SINGLE", 32)
-    found = general._over_paths(solver(library, name), "one", 0)
+    monkeypatch.setattr(measurements, "STEPS", (4, 32))
+    monkeypatch.setattr(measurements, "PATHS", 64)
+    monkeypatch.setattr(measurements, "SINGLE", 32)
+    found = measurements._over_paths(solver(library, name), "one", 0)
     assert found["failed"] == 0
     assert found["rms"][1] < found["rms"][0] / 5 < 0.01
 
 
 def test_areas_of_the_wrong_sign_are_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = solver("torchsde", "log_ode")
-    right = general._local(asked, "general", Effort())["local-mean-square"]["slope"]
+    right = measurements._local(asked, "general", Effort())["local-mean-square"]["slope"]
     step = asked.step("general")
-    monkeypatch.setattr(general, "LOCAL", ("local-mean-square",))
+    monkeypatch.setattr(measurements, "LOCAL", ("local-mean-square",))
     wrong = replace(asked, name="turned", step=lambda _: lambda p, y, h, dW, A: step(p, y, h, dW, -A))
-    turned = general._local(wrong, "general", Effort())["local-mean-square"]["slope"]
+    turned = measurements._local(wrong, "general", Effort())["local-mean-square"]["slope"]
     assert right == pytest.approx(1.5, abs=0.1)
     assert turned == pytest.approx(1.0, abs=0.1)
 
@@ -86,10 +86,13 @@ def test_limits_are_told_apart(library: str) -> None:
     }[library]
     for name, expected in names.items():
         asked = solver(library, name)
-        assert general.limit_of(general._limit(asked, "one")) == expected
-        assert general.limit_of(general._limit(asked, "additive")) == "both"
+        assert measurements.limit_of(measurements._limit(asked, "one")) == expected
+        assert measurements.limit_of(measurements._limit(asked, "additive")) == "both"
     if library == "torchsde":  # ½ΔW²(∂g/∂y)ᵀg, see docs/peers
-        assert general.limit_of(general._limit(solver(library, "milstein, Stratonovich"), "one")) == "neither"
+        assert (
+            measurements.limit_of(measurements._limit(solver(library, "milstein, Stratonovich"), "one"))
+            == "neither"
+        )
 
 
 @pytest.mark.parametrize("library", LIBRARIES)
@@ -151,7 +154,7 @@ def test_the_page_is_of_the_solvers_that_are_here() -> None:
     page = (Path(__file__).resolve().parents[1] / "docs" / "solvers.md").read_text("utf-8")
     for library in LIBRARIES:
         try:
-            own = import_module(f"sepv.peers._general_{library}").SOLVERS
+            own = import_module(f"sepv.peers._solvers_{library}").SOLVERS
         except ModuleNotFoundError:
             continue
         for each in own:

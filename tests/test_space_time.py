@@ -11,7 +11,7 @@ from sepv.problem._fields import matvec
 from sepv.problem._hamiltonians import noise_field
 from sepv.schemes import Scheme
 from sepv.schemes._further_increments import some
-from sepv.schemes._orders import Orders
+from sepv.schemes._order_claims import Orders
 from sepv.simulate import _areas as areas
 from sepv.verification import Effort, Verdict, verify
 from sepv.verification._orders.local_rules import rule_for

@@ -9,7 +9,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from sepv.reference.more_equations import equation_for
+from sepv.reference.equations_by_class import equation_for
 from sepv.reference.steps import reference_step
 
 import sepv

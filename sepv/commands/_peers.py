@@ -92,7 +92,7 @@ def peers(
 
 def _asked(library: str | None, releases: tuple[str, ...], versions: bool) -> list[tuple[str, str]]:
     """(library, version) of what is to be measured."""
-    from sepv.peers._measurements import LIBRARIES
+    from sepv.peers._compliance_measurements import LIBRARIES
     from sepv.peers._versions import VERSIONS
 
     if library is not None and library not in LIBRARIES:

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from sepv.peers._measurements import LIBRARIES
+from sepv.peers._compliance_measurements import LIBRARIES
 
 _KEEP = (
     "A folder for what is measured: what it holds is not measured again, so that an interrupted run goes on."

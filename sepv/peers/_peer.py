@@ -23,8 +23,15 @@ from sepv._version import __version__
 from sepv.errors import SepvError
 from sepv.files import write_atomically
 from sepv.peers._cells import Cell, measured
+from sepv.peers._compliance_measurements import (
+    LIBRARIES,
+    law_cells,
+    path_cells,
+    path_verdicts,
+    release,
+    silent,
+)
 from sepv.peers._deviations import shown_by
-from sepv.peers._measurements import LIBRARIES, law_cells, path_cells, path_verdicts, release, silent
 from sepv.peers._multistep import PathSolver
 from sepv.verification import SUITE, Effort, Law, Verdict, load_laws
 from sepv.verification._progress import showing

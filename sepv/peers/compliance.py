@@ -18,11 +18,18 @@ import click
 from sepv._version import __version__
 from sepv.errors import SepvError
 from sepv.peers._cells import Cell, measured
+from sepv.peers._compliance_measurements import (
+    ENERGY_STEPS,
+    LIBRARIES,
+    PATHS,
+    SETUPS,
+    path_cells,
+    scheme_cells,
+)
+from sepv.peers._compliance_rows import Row, path_row, scheme_row
 from sepv.peers._deviations import shown_by
-from sepv.peers._measurements import ENERGY_STEPS, LIBRARIES, PATHS, SETUPS, path_cells, scheme_cells
 from sepv.peers._multistep import PathSolver
 from sepv.peers._options import page_options
-from sepv.peers._rows import Row, path_row, scheme_row
 from sepv.schemes import energy_preserving
 from sepv.verification import LAWS, Effort, load_laws
 from sepv.verification._progress import Shown, showing

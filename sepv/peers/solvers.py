@@ -18,10 +18,10 @@ import click
 from sepv._version import __version__
 from sepv.errors import SepvError
 from sepv.peers._cells import measured
-from sepv.peers._general import ALPHA, KEPT, PATHS, SINGLE, STEPS, T, cells, limit_of, orders
-from sepv.peers._measurements import LIBRARIES, release
+from sepv.peers._compliance_measurements import LIBRARIES, release
 from sepv.peers._options import page_options
 from sepv.peers._solver import KINDS, Solver, problem_of
+from sepv.peers._solver_measurements import ALPHA, KEPT, PATHS, SINGLE, STEPS, T, cells, limit_of, orders
 from sepv.peers.compliance import Deviation, _table, deviations_shown_by
 from sepv.verification import Effort, Verdict
 from sepv.verification._progress import Shown, showing
@@ -99,7 +99,7 @@ def lines(
     chosen: dict[str, tuple[Solver, ...]] = {}
     for library in libraries:
         try:
-            chosen[library] = import_module(f"sepv.peers._general_{library}").SOLVERS
+            chosen[library] = import_module(f"sepv.peers._solvers_{library}").SOLVERS
         except ModuleNotFoundError as error:
             click.echo(f"{library} left out: no module named {error.name!r}", err=True)
     found = measured(

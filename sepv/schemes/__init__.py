@@ -28,7 +28,7 @@ from sepv.schemes._one_step import RANDOM_STEP as RANDOM_STEP
 from sepv.schemes._one_step import Explicit as Explicit
 from sepv.schemes._one_step import implicit as implicit
 from sepv.schemes._one_step import one_step as one_step
-from sepv.schemes._orders import Orders as Orders
+from sepv.schemes._order_claims import Orders as Orders
 from sepv.schemes._point_laws import PointLaw as PointLaw
 from sepv.schemes._projected import projected as projected
 from sepv.schemes._scheme import Scheme as Scheme

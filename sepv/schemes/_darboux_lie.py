@@ -22,7 +22,7 @@ from sepv.errors import Skipped
 from sepv.problem import Array, Problem, hamiltonian_field
 from sepv.problem._checks import sample_states
 from sepv.schemes._one_step import EVERY, each_noise, no_jacobian, one_step, solved_by
-from sepv.schemes._orders import Orders
+from sepv.schemes._order_claims import Orders
 from sepv.schemes._scheme import as_lanes
 from sepv.solve import Increment, Status
 from sepv.solve import solve as solve_implicit

@@ -25,7 +25,7 @@ from sepv.errors import Skipped
 from sepv.problem import Array, Problem
 from sepv.problem._hamiltonians import noise_gradients
 from sepv.schemes._one_step import EVERY, each_noise, no_jacobian, one_step, solved_by
-from sepv.schemes._orders import Orders
+from sepv.schemes._order_claims import Orders
 from sepv.schemes._scheme import Systems, as_lanes
 from sepv.solve import Increment
 from sepv.solve import solve as solve_implicit

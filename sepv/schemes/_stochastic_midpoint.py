@@ -15,7 +15,7 @@ from __future__ import annotations
 from typing import Any
 
 from sepv.schemes._one_step import EVERY, each_noise, implicit, one_step
-from sepv.schemes._orders import Orders
+from sepv.schemes._order_claims import Orders
 from sepv.schemes._scheme import Systems
 from sepv.solve import Fields
 from sepv.solve._linearised import derivative

@@ -15,7 +15,7 @@ from __future__ import annotations
 from sepv.errors import Skipped
 from sepv.problem import Array, HamiltoniansProblem, Problem
 from sepv.schemes._one_step import EVERY, one_step
-from sepv.schemes._orders import Orders
+from sepv.schemes._order_claims import Orders
 from sepv.schemes._scheme import as_lanes
 
 PROBLEMS = ("random-inertia", "random-maxwell-bloch", "noisy-henon-heiles", "random-lotka-volterra")

@@ -17,7 +17,7 @@ from sepv.errors import SepvError, StepFailure
 from sepv.problem import Array, GivenProblem, Problem
 from sepv.problem._fields import matvec
 from sepv.problems.hard import CATALOGUE, HardCase, Sample
-from sepv.reference.hard import exact_energy
+from sepv.reference.exact_energy import exact_energy
 from sepv.reference.problem import exact_problem
 from sepv.schemes import Scheme
 from sepv.schemes._tableaux import amplification

@@ -17,7 +17,7 @@ from sepv.errors import SepvError
 from sepv.exact import exact_flow
 from sepv.problem import Array, Problem
 from sepv.problems import EXTENSIONS
-from sepv.reference.hard import exact_energy
+from sepv.reference.exact_energy import exact_energy
 from sepv.reference.problem import exact_problem
 from sepv.schemes import Scheme
 from sepv.schemes._guard import raw_answer

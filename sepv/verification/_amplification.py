@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sepv.problem import HamiltoniansProblem, PolynomialSystem
-from sepv.reference.more_equations import equation_for
+from sepv.reference.equations_by_class import equation_for
 from sepv.reference.steps import step_condition
 from sepv.schemes import Scheme
 from sepv.verification._cases.case import Case

@@ -15,19 +15,19 @@ from sepv.studies._compare.method import Method, exact_time_change, from_scheme
 
 # Other libraries' solvers under the best driver one can give them, and the library each needs.
 PEERS = {
-    "diffrax-heun": "sepv.peers._driven_diffrax:heun",
-    "diffrax-heun-vmap": "sepv.peers._driven_diffrax:heun_vmap",
-    "diffrax-euler-heun": "sepv.peers._driven_diffrax:euler_heun",
-    "diffrax-reversible-heun": "sepv.peers._driven_diffrax:reversible_heun",
-    "diffrax-spark": "sepv.peers._driven_diffrax:spark",
-    "diffrax-slow-rk": "sepv.peers._driven_diffrax:slow_rk",
-    "diffrax-tsit5": "sepv.peers._driven_diffrax:tsit5",
-    "diffrax-dopri8": "sepv.peers._driven_diffrax:dopri8",
-    "diffrax-dopri8-vmap": "sepv.peers._driven_diffrax:dopri8_vmap",
-    "torchsde-heun": "sepv.peers._driven_torchsde:heun",
-    "torchsde-midpoint": "sepv.peers._driven_torchsde:midpoint",
-    "torchsde-reversible-heun": "sepv.peers._driven_torchsde:reversible_heun",
-    "sdeint-heun": "sepv.peers._driven_sdeint:heun",
+    "diffrax-heun": "sepv.peers._compare_diffrax:heun",
+    "diffrax-heun-vmap": "sepv.peers._compare_diffrax:heun_vmap",
+    "diffrax-euler-heun": "sepv.peers._compare_diffrax:euler_heun",
+    "diffrax-reversible-heun": "sepv.peers._compare_diffrax:reversible_heun",
+    "diffrax-spark": "sepv.peers._compare_diffrax:spark",
+    "diffrax-slow-rk": "sepv.peers._compare_diffrax:slow_rk",
+    "diffrax-tsit5": "sepv.peers._compare_diffrax:tsit5",
+    "diffrax-dopri8": "sepv.peers._compare_diffrax:dopri8",
+    "diffrax-dopri8-vmap": "sepv.peers._compare_diffrax:dopri8_vmap",
+    "torchsde-heun": "sepv.peers._compare_torchsde:heun",
+    "torchsde-midpoint": "sepv.peers._compare_torchsde:midpoint",
+    "torchsde-reversible-heun": "sepv.peers._compare_torchsde:reversible_heun",
+    "sdeint-heun": "sepv.peers._compare_sdeint:heun",
 }
 EXACT = "exact-flow"
 NUMPY = "numpy/"

@@ -40,7 +40,7 @@ from sepv.record._binary64 import EPS
 from sepv.schemes import Scheme
 from sepv.schemes._explicit_tableaux import CLASSICAL
 from sepv.schemes._guard import guarded
-from sepv.schemes._orders import order_of
+from sepv.schemes._order_claims import order_of
 from sepv.schemes._point_laws import point_law
 from sepv.simulate._paths import advance
 from sepv.solve import Status
@@ -124,7 +124,7 @@ class LocalErrors:
     steps : int
         Steps of the scheme.
     column : str
-        The kind of noise (`sepv.schemes._orders.COLUMNS`).
+        The kind of noise (`sepv.schemes._order_claims.COLUMNS`).
     failed : tuple of h at which a step was not solved, not finite or out of the domain; they are not among `h`.
     """
 

@@ -17,7 +17,7 @@ from sepv.errors import Skipped
 from sepv.problem import Array, Problem
 from sepv.record._binary64 import EPS
 from sepv.schemes import Scheme
-from sepv.schemes._orders import order_of
+from sepv.schemes._order_claims import order_of
 from sepv.verification._law import Effort, Finding, Law, Verdict
 from sepv.verification._orders.local_errors import LEVELS, LocalErrors, local_errors, problems_for
 

@@ -19,7 +19,7 @@ PROBLEMS = ("rigid-body", "pendulum", "lotka-volterra")
 
 def driver(library: str) -> ModuleType:
     pytest.importorskip(library, reason=f"{library} is not installed: the extra `peers`")
-    return import_module(f"sepv.peers._driven_{library}")
+    return import_module(f"sepv.peers._compare_{library}")
 
 
 def given(problem: Problem, steps: int = 4, paths: int = 3) -> tuple[Array, float, Array]:
