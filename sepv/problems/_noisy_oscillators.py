@@ -20,13 +20,18 @@ from sepv.record import _polynomial as poly
 
 
 def noisy_henon_heiles(coupling: float = 0.5, noise: Sequence[float] = (0.5, 0.25)) -> Problem:
-    """The system from p = (0.2, −0.1), q = (0.3, 0.2)."""
+    """The system of Hénon and Heiles with additive noise in its momenta.
+
+    From p = (0.2, −0.1), q = (0.3, 0.2).
+    """
     others = [poly.scale(-1.0, poly.variable(4, 2 + j)) for j in range(len(tuple(noise)))]
     return _oscillators(coupling, noise, others, "noisy-henon-heiles")
 
 
 def pushed_henon_heiles(coupling: float = 0.5, noise: Sequence[float] = (0.5, 0.5)) -> Problem:
-    """The same with H_1 = p_1 − ½q_1 and H_2 = ½p_2 − q_2, which push positions too.
+    """The system of Hénon and Heiles with additive noise in momenta and positions.
+
+    H_1 = p_1 − ½q_1 and H_2 = ½p_2 − q_2.
 
     Where momenta alone are pushed f″(g, g) vanishes for the drift f and a push g: errors of methods then vanish that
     other additive noise shows, such as that of the explicit midpoint rule's weak order 2.

@@ -110,7 +110,7 @@ def _with(
 
 
 def commuting_rotations() -> StructuresProblem:
-    """Two planes, quartic H = I1 + 2 I2 + I1 I2, two noises of different structures that commute."""
+    """Rotations of two planes, H = I1 + 2 I2 + I1 I2, with two noises of different structures that commute."""
     H = _terms(2, {(1, 0): 1.0, (0, 1): 2.0, (1, 1): 1.0})
     one, I1 = poly.constant(2, 1.0), poly.variable(2, 0)
     alpha = ((one, poly.scale(-0.5, one)), (poly.scale(0.5, I1), one))
@@ -123,7 +123,7 @@ def commuting_rotations() -> StructuresProblem:
 
 
 def commuting_oscillators() -> StructuresProblem:
-    """Several Hamiltonians in two planes: H_0 = I1 + 2 I2 + I1 I2, H_1 = I1 − I2²/2, H_2 = I2."""
+    """Rotations of two planes by H_0 = I1 + 2 I2 + I1 I2, H_1 = I1 − I2²/2 and H_2 = I2, which commute."""
     H = _terms(2, {(1, 0): 1.0, (0, 1): 2.0, (1, 1): 1.0})
     others = [_terms(2, {(1, 0): 1.0, (0, 2): -0.5}), poly.variable(2, 1)]
     c = (1.0, 0.5)
@@ -132,7 +132,7 @@ def commuting_oscillators() -> StructuresProblem:
 
 
 def noncommuting_tops() -> StructuresProblem:
-    """B = hat(e3), G_1 = hat(e1), G_2 = hat(e2), H = ½(y1² + 2 y2² + 3 y3²): two noises that do not commute."""
+    """H = ½(y1² + 2 y2² + 3 y3²) with B = hat(e3), G_1 = hat(e1) and G_2 = hat(e2): noises that do not commute."""
     H = _terms(3, {(2, 0, 0): 0.5, (0, 2, 0): 1.0, (0, 0, 2): 1.5})
 
     def hat(k: int) -> tuple[tuple[int, int, Polynomial], ...]:
@@ -144,7 +144,7 @@ def noncommuting_tops() -> StructuresProblem:
 
 
 def noncommuting_drift() -> StructuresProblem:
-    """The two noises of `commuting_rotations`, which commute, and a drift that turns one plane into the other.
+    """Rotations of two planes as noises, which commute, and a drift that turns one plane into the other.
 
     B has the entry −7/10 between the planes, so that B∇H keeps neither I1 nor I2 and commutes with neither noise.
     """

@@ -46,7 +46,10 @@ def random_inertia(
     noise_inertia: Sequence[float] = (1.0, 0.5),
     noise: Sequence[float] = (0.5, 0.5),
 ) -> Problem:
-    """The rigid body from (0.8, 0.6, 0), with noises about the first axes; flows of all parts are rotations."""
+    """The rigid body with random inertia: a Hamiltonian H_j = ½y_j²/Î_j for each of the first axes.
+
+    From (0.8, 0.6, 0). The flow of each part is a rotation, at a rate that depends on y.
+    """
 
     def energy(weights: Sequence[float]) -> Polynomial:
         return poly.polynomial(3, {_square(3, k): 0.5 * w for k, w in enumerate(weights)})
@@ -67,7 +70,10 @@ def two_spins(
     fields: Sequence[Sequence[float]] = ((1.0, 0.0, 0.0), (0.0, 0.6, 0.8)),
     noise: Sequence[float] = (0.5, 0.25),
 ) -> Problem:
-    """Two spins from (0.8, 0.6, 0) and (0, 0.6, −0.8)."""
+    """Two coupled spins, each in a random field of its own.
+
+    From (0.8, 0.6, 0) and (0, 0.6, −0.8).
+    """
     terms = [(tuple(int(n in (k, 3 + k)) for n in range(6)), -coupling) for k in range(3)]
     terms += [(_square(6, k), 0.5 * anisotropy) for k in (2, 5)]
     others = [
@@ -79,7 +85,9 @@ def two_spins(
 
 
 def twisted_top(noise: Sequence[float] = (0.5,)) -> Problem:
-    """The rigid body of `random_inertia` from (0.8, 0.6, 0.3) with H_1 = ½y_1² + ½y_2y_3 + y_3: g″(g, g) ≠ 0 for its g.
+    """The rigid body with one noise, H_1 = ½y_1² + ½y_2y_3 + y_3, whose field g has g″(g, g) ≠ 0.
+
+    From (0.8, 0.6, 0.3).
 
     Where noise fields are linear, as those of two spins, errors of differences over a length of √h vanish.
     """
@@ -88,7 +96,9 @@ def twisted_top(noise: Sequence[float] = (0.5,)) -> Problem:
 
 
 def commuting_twists(noise: Sequence[float] = (0.5, 0.5)) -> Problem:
-    """The same with H_1 = ½y_3² and H_2 = y_3 + y_3³/6: rotations about one axis, at rates that depend on y_3.
+    """The rigid body with two noises that commute, H_1 = ½y_3² and H_2 = y_3 + y_3³/6: rotations about one axis.
+
+    From (0.8, 0.6, 0.3). The rates of the rotations depend on y_3.
 
     They commute and g_2′g_1 ≠ 0, where it vanishes for two spins, each of which has a noise of its own.
     """
