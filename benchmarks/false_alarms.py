@@ -5,7 +5,7 @@
     python -m benchmarks.false_alarms --runs 40 --only built-in           or --only unusual
 
 A run is every law that a scheme claims, at the default budget, with a seed that was never used before. The schemes
-take turns: the built-in ones, and the correct ones that look unusual (`sepv.faults._saboteurs.unusual`). A
+take turns: the built-in ones, and the correct ones that look unusual (`benchmarks.right_schemes`). A
 false alarm is a claimed law that ends in `violated`, or in `error`. A law that ends `inconclusive` accuses
 nobody, and is counted beside it. With no false alarm in n runs, the probability of one is below 1 −
 0.05^(1/n) ≈ 3/n at 95 % confidence (Clopper and Pearson 1934).
@@ -23,15 +23,15 @@ from typing import Any
 from scipy.stats import beta
 
 from benchmarks import start, tell
+from benchmarks.right_schemes import RIGHT
 from sepv import schemes
-from sepv.faults._saboteurs import unusual
 from sepv.schemes import Scheme
 from sepv.simulate._engine.workers import run_all
 from sepv.verification import Effort, Verdict, load_laws, verify
 
 GROUPS: dict[str, dict[str, Scheme]] = {
     "built-in": {**schemes.PAPER, **schemes.EXTENSIONS, "collocation-2": schemes.collocation(2)},
-    "unusual": unusual.ALL,
+    "unusual": RIGHT,
 }
 
 

@@ -14,8 +14,8 @@ from collections.abc import Iterable, Sequence
 import sepv
 from benchmarks import over, start
 from sepv import problems
-from sepv.faults import _fault_detection as teeth
-from sepv.faults._saboteurs import ALL
+from sepv.faults import _fault_detection as fault_detection
+from sepv.faults._saboteurs import SABOTEURS
 from sepv.problem import column
 from sepv.verification import LAWS, Finding, Report, Verdict
 
@@ -151,11 +151,11 @@ def bites(names: Sequence[str], seeds: Sequence[int]) -> str:
     """Two tables: each saboteur with the law that states its fault, and how often that kills it; what else is lost."""
     rows, matrix = [], []
     for name in names:
-        saboteur = ALL[name]
+        saboteur = SABOTEURS[name]
         first = saboteur.caught_by[0]
-        killed = sum(b.kills for seed in seeds for b in teeth.bite(name, seed, [first], EXAMPLES))
+        killed = sum(b.kills for seed in seeds for b in fault_detection.bite(name, seed, [first], EXAMPLES))
         claimed = [law for law in KEPT if law in saboteur.scheme.claims and law != first]
-        others = {b.law: b.verdict for b in teeth.bite(name, 0, claimed, EXAMPLES)}
+        others = {b.law: b.verdict for b in fault_detection.bite(name, 0, claimed, EXAMPLES)}
         rows.append([name, saboteur.broken, first, f"{killed}/{len(seeds)}"])
         marks = {law: LOST.get(verdict, "?") for law, verdict in others.items()} | {first: "**lost**"}
         matrix.append([name, *(marks.get(law, "") for law in KEPT)])
@@ -196,7 +196,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "Each imitates a scheme and claims what that claims. Killed: by the law that states its fault, of so many\n"
         "seeds. The last four are for one Hamiltonian: they break a structure and keep H and Casimirs, or a domain.\n"
     )
-    print(bites([n for f in FAMILIES for n, s in ALL.items() if s.family == f], range(chosen.seeds)))
+    print(bites([n for f in FAMILIES for n, s in SABOTEURS.items() if s.family == f], range(chosen.seeds)))
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ import numpy as np
 
 from benchmarks import over, start
 from sepv.errors import SchemeFault, SepvError
-from sepv.faults._saboteurs import ALL
+from sepv.faults._saboteurs import SABOTEURS
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme, both_invariants, energy_preserving, several_structures
 from sepv.schemes._scheme import Step
@@ -119,8 +119,8 @@ def scheme_of(fault: Fault) -> Scheme:
     if fault.broken == "first noise too large by 1e-4":
         return replace(right, step=partial(_first_noise, step=right.step), solve=None)
     if fault.systems == "single":
-        return OWN[fault.broken] if fault.broken in OWN else ALL[fault.broken].scheme
-    step = energy_preserving.step if fault.broken == "(2.1)" else ALL[fault.broken].scheme.step
+        return OWN[fault.broken] if fault.broken in OWN else SABOTEURS[fault.broken].scheme
+    step = energy_preserving.step if fault.broken == "(2.1)" else SABOTEURS[fault.broken].scheme.step
     return replace(right, step=step, solve=None)
 
 

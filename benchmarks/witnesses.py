@@ -23,7 +23,7 @@ from benchmarks import over, start
 from sepv import schemes
 from sepv.errors import SchemeFault, SepvError
 from sepv.faults import Saboteur
-from sepv.faults._saboteurs import ALL
+from sepv.faults._saboteurs import SABOTEURS
 from sepv.schemes import Scheme
 from sepv.verification import Case, Effort, Law, Verdict, load_laws
 from sepv.verification import _corpus as corpus
@@ -50,7 +50,7 @@ def made(name: str) -> dict[str, Any]:
 
 def _of_class(law: Law, systems: str) -> list[dict[str, Any]]:
     """The witnesses of one class of systems, in the order in which they are to be asked."""
-    suspects = [s for s in ALL.values() if law.name in s.caught_by and s.scheme.systems == systems]
+    suspects = [s for s in SABOTEURS.values() if law.name in s.caught_by and s.scheme.systems == systems]
     candidates: dict[Case, str] = {}
     for suspect in suspects:
         scheme = suspect.scheme
@@ -112,7 +112,7 @@ def searched_laws() -> list[str]:
 
 def suspects_of(law: str) -> Iterable[Saboteur]:
     """The saboteurs that theory names for the law."""
-    return (s for s in ALL.values() if law in s.caught_by)
+    return (s for s in SABOTEURS.values() if law in s.caught_by)
 
 
 def text_of(data: dict[str, Any]) -> str:

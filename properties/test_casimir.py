@@ -50,7 +50,7 @@ law = searched(
     cost=0.9,
     cases=cases,
     check=check,
-    corners=with_casimirs,
+    fixed_cases=with_casimirs,
     admits=lambda case: len(case.build()[0].casimirs) + len(case.build()[0].linear_casimirs) > 0,
 )
 

@@ -23,7 +23,7 @@ from sepv.schemes import Scheme, ask
 from sepv.schemes._guard import check_answer, raw_answer
 from sepv.verification import Case, Effort, Finding, Law, Measurement, Verdict, require, searched
 from sepv.verification._cases.case import to_json, to_token
-from sepv.verification._cases.fixed_cases import corners
+from sepv.verification._cases.fixed_cases import fixed_cases
 from sepv.verification._cases.given import may_ask
 from sepv.verification._search import Check
 from sepv.verification.strategies import any_steps
@@ -209,7 +209,7 @@ def _searched(check: Check) -> Law:
         cost=3.0,
         cases=any_steps,
         check=check,
-        corners=corners,
+        fixed_cases=fixed_cases,
         faults_violate=True,
         always_claimed=True,
         level=1,

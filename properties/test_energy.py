@@ -70,7 +70,7 @@ law = searched(
     cost=2.0,
     cases=any_steps,
     check=check,
-    corners=for_energy,
+    fixed_cases=for_energy,
 )
 
 

@@ -39,7 +39,7 @@ law = searched(
     cost=0.7,
     cases=cases,
     check=check,
-    corners=with_quadratic_hamiltonian,
+    fixed_cases=with_quadratic_hamiltonian,
     admits=lambda case: (case.build()[0].degree or 3) <= 2,
 )
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from sepv.schemes import Scheme
 from sepv.verification import Effort, require, searched
-from sepv.verification._cases.fixed_cases import corners
+from sepv.verification._cases.fixed_cases import fixed_cases
 from sepv.verification._cases.poisson import poisson_steps
 from sepv.verification._contraction import is_short
 from sepv.verification._poisson_map import check
@@ -27,7 +27,7 @@ law = searched(
     cost=0.4,
     cases=poisson_steps,
     check=check,
-    corners=lambda: tuple(case for case in corners() if is_short(case)),
+    fixed_cases=lambda: tuple(case for case in fixed_cases() if is_short(case)),
     admits=is_short,
     undesigned=4,
 )

@@ -12,7 +12,7 @@ from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Effort, Measurement, require, searched, state_ulp, step_residual
 from sepv.verification._amplification import amplification
-from sepv.verification._cases.fixed_cases import corners
+from sepv.verification._cases.fixed_cases import fixed_cases
 from sepv.verification.strategies import casimir_systems, noises, paper_steps, poisson_systems, steps
 
 
@@ -86,7 +86,7 @@ law = searched(
     cost=1.2,
     cases=cases,
     check=check,
-    corners=corners,
+    fixed_cases=fixed_cases,
 )
 
 

@@ -77,7 +77,7 @@ law = searched(
     cost=1.2,
     cases=cases,
     check=check,
-    corners=with_constant_structure,
+    fixed_cases=with_constant_structure,
     admits=admits,
 )
 

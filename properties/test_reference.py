@@ -25,7 +25,7 @@ from sepv.problem import Array
 from sepv.record._binary64 import EPS, TINY
 from sepv.schemes import Scheme, Systems, ask
 from sepv.verification import Case, Effort, Finding, Law, Measurement, Verdict, require, searched, state_ulp
-from sepv.verification._cases.fixed_cases import corners
+from sepv.verification._cases.fixed_cases import fixed_cases
 from sepv.verification._tolerance import DIGITS, quadrature_rounding, state_error
 from sepv.verification.strategies import any_steps
 
@@ -150,7 +150,7 @@ def _law(seen: list[tuple[Case, Measurement]], extra: Iterable[Case] = ()) -> La
         cost=1.7,
         cases=any_steps,
         check=measured,
-        corners=lambda: (*corners(), *extra),
+        fixed_cases=lambda: (*fixed_cases(), *extra),
     )
 
 

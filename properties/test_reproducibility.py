@@ -6,7 +6,7 @@ import numpy as np
 
 from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Effort, Measurement, require, searched, state_ulp
-from sepv.verification._cases.fixed_cases import corners
+from sepv.verification._cases.fixed_cases import fixed_cases
 from sepv.verification._cases.given import may_ask
 from sepv.verification.strategies import any_steps
 
@@ -65,7 +65,7 @@ law = searched(
     cost=3.0,
     cases=any_steps,
     check=check,
-    corners=corners,
+    fixed_cases=fixed_cases,
     not_applicable=one_at_a_time,
     level=1,
     needed=True,

@@ -16,7 +16,7 @@ from sepv.schemes import Scheme, ask
 from sepv.schemes._guard import SchemeCrash
 from sepv.verification import Case, Effort, Measurement, require, searched, state_ulp, step_residual
 from sepv.verification._amplification import amplification
-from sepv.verification._cases.fixed_cases import corners
+from sepv.verification._cases.fixed_cases import fixed_cases
 from sepv.verification.strategies import CONTRACTION, casimir_systems, paper_steps, poisson_systems, steps
 
 
@@ -93,7 +93,7 @@ law = searched(
     cost=1.2,
     cases=cases,
     check=check,
-    corners=corners,
+    fixed_cases=fixed_cases,
 )
 
 

@@ -26,7 +26,7 @@ law = searched(
     cost=1.5,
     cases=constant_structure_steps,
     check=check,
-    corners=lambda: tuple(case for case in with_constant_structure() if is_short(case)),
+    fixed_cases=lambda: tuple(case for case in with_constant_structure() if is_short(case)),
     admits=is_short,
     undesigned=2,
 )

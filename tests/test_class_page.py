@@ -9,7 +9,7 @@ import pytest
 import sepv
 from benchmarks.hamiltonians import CLAIMS, DIFFERENCES, SCHEMES, TITLE, table, verdicts
 from sepv import schemes
-from sepv.faults._saboteurs import ALL
+from sepv.faults._saboteurs import SABOTEURS
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "class.md").read_text(encoding="utf-8")
 
@@ -19,7 +19,7 @@ def test_the_page_has_the_text_of_the_command_and_all_names() -> None:
     assert DIFFERENCES in PAGE
     assert table(["scheme", "source", "claimed there", "claimed here besides"], CLAIMS) in PAGE
     assert set(SCHEMES) == set(schemes.HAMILTONIANS) == {row[0] for row in CLAIMS}
-    for saboteur in ALL.values():
+    for saboteur in SABOTEURS.values():
         if saboteur.family == "hamiltonians":
             assert f"| {saboteur.name} | {saboteur.broken} | {saboteur.caught_by[0]} | 10/10 |" in PAGE
 

@@ -9,9 +9,10 @@ import pytest
 from sepv.reference.vector import digest
 
 from benchmarks import witnesses as maker
+from benchmarks.right_schemes import RIGHT
 from sepv.commands import main
-from sepv.faults import _fault_detection as teeth
-from sepv.faults._saboteurs import ALL, unusual
+from sepv.faults import _fault_detection as fault_detection
+from sepv.faults._saboteurs import SABOTEURS
 from sepv.files import fault
 from sepv.verification import Effort, Verdict, load_laws, verify
 from sepv.verification import _corpus as corpus
@@ -39,7 +40,7 @@ def test_files_are_as_the_schema_says_and_small(law: str) -> None:
         assert witness["id"] == f"{law}/{number:02}"
         assert witness["hash"] == digest({k: v for k, v in witness.items() if k != "hash"})
         assert witness["found"] in witness["caught"]
-        assert set(witness["caught"]) <= set(ALL)
+        assert set(witness["caught"]) <= set(SABOTEURS)
     per_class = [w["systems"] for w in data["witnesses"]]
     assert all(per_class.count(systems) <= maker.MOST for systems in per_class)
 
@@ -53,7 +54,7 @@ def test_right_schemes_pass_every_witness_and_the_saboteur_it_came_from_does_not
             # What may be refused is left out.
             good = (Verdict.HOLDS, Verdict.NOT_APPLICABLE)
             assert finding.verdict in good, (witness.id, scheme.name, finding.message)
-        assert maker.accused(asked, ALL[witness.found].scheme, witness.case), witness.id
+        assert maker.accused(asked, SABOTEURS[witness.found].scheme, witness.case), witness.id
 
 
 @pytest.mark.parametrize("name", ["fixed-point", "python-loop", "line-search"])
@@ -62,12 +63,12 @@ def test_a_right_scheme_may_refuse_what_is_far_beyond_a_step(name: str) -> None:
     for law in ("reference", "energy"):
         (asked,) = load_laws([law])
         for witness in corpus.witnesses(law, "single"):
-            finding = asked.replay(asked, unusual.ALL[name], to_json(witness.case))
+            finding = asked.replay(asked, RIGHT[name], to_json(witness.case))
             assert finding.verdict in (Verdict.HOLDS, Verdict.NOT_APPLICABLE), (witness.id, finding.message)
 
 
 def test_a_fault_that_is_known_is_found_at_once_and_simplified_from_there() -> None:
-    scheme = ALL["b-at-y0"].scheme
+    scheme = SABOTEURS["b-at-y0"].scheme
     with_it = verify(scheme, laws=["casimir"]).findings[0]
     without = verify(scheme, laws=["casimir"], effort=Effort(corpus=False)).findings[0]
     assert with_it.verdict is without.verdict is Verdict.VIOLATED
@@ -79,8 +80,8 @@ def test_a_fault_that_is_known_is_found_at_once_and_simplified_from_there() -> N
 
 
 def test_teeth_leave_the_corpus_out_unless_asked() -> None:
-    (found,) = teeth.bite("four-nodes", 0, ["energy"], 12)
-    (known,) = teeth.bite("four-nodes", 0, ["energy"], 12, corpus=True)
+    (found,) = fault_detection.bite("four-nodes", 0, ["energy"], 12)
+    (known,) = fault_detection.bite("four-nodes", 0, ["energy"], 12, corpus=True)
     assert known.kills
     assert known.examples <= 2 * maker.MOST < found.examples
 

@@ -7,7 +7,7 @@ import pytest
 from sepv.properties import test_equivariance as equivariance
 
 from sepv import problems, schemes, verify
-from sepv.faults._saboteurs import ALL
+from sepv.faults._saboteurs import SABOTEURS
 from sepv.problem import PolynomialSystem
 from sepv.record import _polynomial as poly
 from sepv.verification import Case, Effort, Verdict
@@ -18,7 +18,7 @@ SYSTEM = PolynomialSystem(2, H, ((0, 1, poly.polynomial(2, [((0, 0), -1.0), ((1,
 
 def test_a_term_in_y_is_seen_by_the_translation(monkeypatch: pytest.MonkeyPatch) -> None:
     case = Case(SYSTEM, (0.5, -0.25), 0.03125, (0.0625,))
-    scheme = ALL["term-in-y"].scheme
+    scheme = SABOTEURS["term-in-y"].scheme
     assert equivariance.check(scheme, case).violates
     linear = [t for t in equivariance.transformations(np.array(case.y)) if not t[3].any()]
     assert len(linear) == 3

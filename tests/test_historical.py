@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from sepv import problems
-from sepv.faults import _fault_detection as teeth
-from sepv.faults._saboteurs import ALL, historical
+from sepv.faults import _fault_detection as fault_detection
+from sepv.faults._saboteurs import SABOTEURS, historical
 from sepv.verification import Effort, Verdict, verify
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "teeth.md").read_text(encoding="utf-8")
@@ -19,19 +19,19 @@ NAMES = [s.name for s in historical.SABOTEURS]
 @pytest.mark.parametrize("name", NAMES)
 def test_the_law_that_states_the_fault_finds_it_with_each_of_ten_seeds(name: str) -> None:
     # The first that is named: not any law which happens to see it.
-    law = ALL[name].caught_by[0]
+    law = SABOTEURS[name].caught_by[0]
     for seed in range(10):
-        (bite,) = teeth.bite(name, seed, [law], 12, 4096)
+        (bite,) = fault_detection.bite(name, seed, [law], 12, 4096)
         assert bite.kills, (seed, bite.verdict)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_each_names_its_thread(name: str) -> None:
-    assert ALL[name].thread.startswith(("https://github.com/", "docs/peers/"))
+    assert SABOTEURS[name].thread.startswith(("https://github.com/", "docs/peers/"))
     (row,) = [line for line in PAGE.splitlines() if line.startswith(f"| {name} | ")]
-    assert ALL[name].broken in row
-    assert f"*{ALL[name].caught_by[0]}*" in row
-    assert ALL[name].thread.split()[0].rstrip(",;:") in row
+    assert SABOTEURS[name].broken in row
+    assert f"*{SABOTEURS[name].caught_by[0]}*" in row
+    assert SABOTEURS[name].thread.split()[0].rstrip(",;:") in row
 
 
 @pytest.mark.parametrize(
@@ -68,4 +68,6 @@ def test_with_one_noise_and_one_law_the_faults_of_several_noises_do_not_show() -
         "as-many-noises-as-components",
     ):
         right = historical.RIGHT[name].step(problem, y, 0.125, dW)
-        np.testing.assert_allclose(ALL[name].scheme.step(problem, y, 0.125, dW), right, rtol=0, atol=1e-15)
+        np.testing.assert_allclose(
+            SABOTEURS[name].scheme.step(problem, y, 0.125, dW), right, rtol=0, atol=1e-15
+        )

@@ -10,7 +10,7 @@ import pytest
 from sepv import problems, schemes
 from sepv.errors import Skipped
 from sepv.exact import exact_flow
-from sepv.faults._saboteurs import ALL
+from sepv.faults._saboteurs import SABOTEURS
 from sepv.problem import Array, Problem, vector_field
 from sepv.schemes import Scheme, energy_preserving
 from sepv.schemes._scheme import Step, as_lanes
@@ -108,7 +108,7 @@ def test_a_noise_too_large_shows_in_all_three(excess: float) -> None:
 
 @pytest.mark.parametrize("name", ["ito-correction", "fifth-noise-dropped"])
 def test_an_ito_correction_and_a_fifth_noise_that_is_dropped_show(name: str) -> None:
-    saboteur = ALL[name]
+    saboteur = SABOTEURS[name]
     said = {f.law: f.verdict for f in measured(saboteur.scheme).findings}
     named = [law for law in LOCAL if law in saboteur.caught_by]
     assert named

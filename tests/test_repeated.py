@@ -11,7 +11,7 @@ from sepv.properties import test_contract
 
 from sepv import StepFailure, schemes
 from sepv.errors import SchemeFault
-from sepv.faults._saboteurs import ALL
+from sepv.faults._saboteurs import SABOTEURS
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
 from sepv.verification import Effort, Finding, Verdict, verify
@@ -55,7 +55,7 @@ def test_a_step_that_is_left_out_or_refused_now_and_then_breaks_it_too(spoil) ->
 
 
 def test_the_witness_of_a_seldom_fault_is_found_again() -> None:
-    saboteur = ALL["thousandth-call"]
+    saboteur = SABOTEURS["thousandth-call"]
     finding = contract(saboteur.scheme)
     assert finding.witness is not None
     assert finding.witness["times"] == 1024
@@ -106,7 +106,7 @@ def test_several_structures_summed_in_any_order_keep_noise_sum() -> None:
 
 @pytest.mark.parametrize("name", ["remembers-without-y", "remembers-the-last"])
 def test_one_answer_for_two_states_breaks_the_contract(name: str) -> None:
-    finding = contract(ALL[name].scheme)
+    finding = contract(SABOTEURS[name].scheme)
     assert finding.verdict is Verdict.VIOLATED
     assert "another answer for another state" in finding.message
 

@@ -6,7 +6,7 @@ import numpy as np
 from sepv.properties import test_rounding as rounding
 
 from sepv.errors import Skipped
-from sepv.faults._saboteurs import ALL
+from sepv.faults._saboteurs import SABOTEURS
 from sepv.problem import Array
 from sepv.schemes import Scheme, energy_preserving
 from sepv.verification import Effort, Verdict, verify
@@ -50,7 +50,7 @@ def test_a_stated_tolerance_is_allowed_its_drift() -> None:
 
 
 def test_a_nudge_of_one_sign_is_caught() -> None:
-    (finding,) = verify(ALL["one-signed-nudge"].scheme, laws=["rounding"]).findings
+    (finding,) = verify(SABOTEURS["one-signed-nudge"].scheme, laws=["rounding"]).findings
     assert finding.verdict is Verdict.VIOLATED
 
 

@@ -7,8 +7,8 @@ from io import StringIO
 import pytest
 
 from sepv.errors import UsageError
-from sepv.faults import _fault_detection as teeth
-from sepv.faults._saboteurs import ALL, FAMILIES, historical
+from sepv.faults import _fault_detection as fault_detection
+from sepv.faults._saboteurs import FAMILIES, SABOTEURS, historical
 from sepv.faults._saboteurs.hamiltonians import ORIGINALS as IMITATED
 from sepv.schemes import (
     both_invariants,
@@ -32,25 +32,27 @@ STRUCTURE = {"off-the-middle": midpoint, "time-of-place": splitting, "tangent-of
 
 
 def expected(name: str) -> list[str]:
-    return [law for law in LAWS if law in ALL[name].caught_by]
+    return [law for law in LAWS if law in SABOTEURS[name].caught_by]
 
 
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", SABOTEURS)
 def test_each_saboteur_is_killed_by_a_law_that_theory_names(name: str) -> None:
     # By one of the laws that theory names with one of two seeds; the deep run below asks for each of ten.
-    assert any(b.kills for seed in range(2) for b in teeth.bite(name, seed, expected(name), first=True))
+    assert any(
+        b.kills for seed in range(2) for b in fault_detection.bite(name, seed, expected(name), first=True)
+    )
 
 
 @pytest.mark.deep
-@pytest.mark.parametrize("seed", teeth.SEEDS)
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("seed", fault_detection.SEEDS)
+@pytest.mark.parametrize("name", SABOTEURS)
 def test_each_saboteur_is_killed_with_every_seed(name: str, seed: int) -> None:
-    assert any(b.kills for b in teeth.bite(name, seed, LAWS, first=True))
+    assert any(b.kills for b in fault_detection.bite(name, seed, LAWS, first=True))
 
 
 @pytest.mark.parametrize("law", LAWS)
 def test_each_law_has_a_saboteur_that_it_must_catch(law: str) -> None:
-    assert any(law in s.caught_by for s in ALL.values())
+    assert any(law in s.caught_by for s in SABOTEURS.values())
 
 
 def test_there_are_nine_families_and_no_name_twice() -> None:
@@ -76,13 +78,13 @@ def test_there_are_nine_families_and_no_name_twice() -> None:
         historical,
         hamiltonians,
     )
-    assert sum(len(m.SABOTEURS) for m in modules) == len(ALL) >= 36
+    assert sum(len(m.SABOTEURS) for m in modules) == len(SABOTEURS) >= 36
     assert [m.SABOTEURS[0].family for m in modules] == list(FAMILIES)
 
 
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", SABOTEURS)
 def test_each_saboteur_claims_what_the_scheme_claims(name: str) -> None:
-    saboteur = ALL[name]
+    saboteur = SABOTEURS[name]
     assert set(saboteur.caught_by) <= set(LAWS)
     assert saboteur.scheme.name == name
     if saboteur.scheme.increments is not None:
@@ -97,9 +99,9 @@ def test_each_saboteur_claims_what_the_scheme_claims(name: str) -> None:
         assert saboteur.scheme.claims == energy_preserving.claims
 
 
-@pytest.mark.parametrize("name", [s.name for s in ALL.values() if s.family == "interface"])
+@pytest.mark.parametrize("name", [s.name for s in SABOTEURS.values() if s.family == "interface"])
 def test_what_a_saboteur_remembers_ends_with_it(name: str) -> None:
-    assert ALL[name].scheme.step is not ALL[name].scheme.step
+    assert SABOTEURS[name].scheme.step is not SABOTEURS[name].scheme.step
 
 
 def test_workers_find_what_one_process_finds() -> None:
@@ -109,8 +111,10 @@ def test_workers_find_what_one_process_finds() -> None:
         Effort(examples=20, corpus=False),
     )
     seen: list[int] = []
-    found = teeth.run(names, [0], lambda done, total, _: seen.append(total - done), laws=laws, effort=effort)
-    alone = [b for name in names for b in teeth.bite(name, 0, laws, 20)]
+    found = fault_detection.run(
+        names, [0], lambda done, total, _: seen.append(total - done), laws=laws, effort=effort
+    )
+    alone = [b for name in names for b in fault_detection.bite(name, 0, laws, 20)]
     assert [(b.saboteur, b.law, b.verdict, b.examples) for b in found] == [
         (b.saboteur, b.law, b.verdict, b.examples) for b in alone
     ]
@@ -118,14 +122,14 @@ def test_workers_find_what_one_process_finds() -> None:
 
 
 def test_the_first_kill_ends_a_saboteur_when_asked() -> None:
-    (only,) = teeth.bite("relative-error-1e-10", 0, LAWS, first=True)
+    (only,) = fault_detection.bite("relative-error-1e-10", 0, LAWS, first=True)
     assert only.kills
     assert only.law == "identity"
 
 
 def test_examples_end_with_the_first_violation() -> None:
-    (violated,) = teeth.bite("b-doubled", 0, ["midpoint"])
-    (holding,) = teeth.bite("b-doubled", 0, ["energy"], examples=7)
+    (violated,) = fault_detection.bite("b-doubled", 0, ["midpoint"])
+    (holding,) = fault_detection.bite("b-doubled", 0, ["energy"], examples=7)
     assert violated.examples < 20
     designed = len(SPACES["single"]["energy"].design().rows)
     assert holding.examples == designed + 7 + len(for_energy())
@@ -133,12 +137,14 @@ def test_examples_end_with_the_first_violation() -> None:
 
 def test_an_unknown_name_is_an_error() -> None:
     with pytest.raises(UsageError, match="a saboteur, one of"):
-        teeth.run(["b-at-y2"], [0])
+        fault_detection.run(["b-at-y2"], [0])
 
 
-def bite(name: str, law: str, seed: int, verdict: Verdict, examples: int, claimed: bool = True) -> teeth.Bite:
-    saboteur = ALL[name]
-    return teeth.Bite(
+def bite(
+    name: str, law: str, seed: int, verdict: Verdict, examples: int, claimed: bool = True
+) -> fault_detection.Bite:
+    saboteur = SABOTEURS[name]
+    return fault_detection.Bite(
         name, saboteur.family, law, seed, verdict, claimed, law in saboteur.caught_by, examples, 0.1
     )
 
@@ -156,15 +162,19 @@ BITES = [
 
 
 def test_an_error_kills_only_where_the_interface_is_at_fault() -> None:
-    assert teeth.survivors(BITES) == {"b-at-y0": [1], "silent-cap": [0, 1]}
-    assert teeth.examples_to_kill(BITES) == {("b-at-y0", 0): 4, ("changes-y", 0): 1, ("changes-y", 1): 1}
-    assert teeth.lone_keepers(BITES) == {"casimir": ["b-at-y0"], "energy": ["changes-y"]}
-    assert teeth.missed(BITES) == [("silent-cap", "rounding")]
+    assert fault_detection.survivors(BITES) == {"b-at-y0": [1], "silent-cap": [0, 1]}
+    assert fault_detection.examples_to_kill(BITES) == {
+        ("b-at-y0", 0): 4,
+        ("changes-y", 0): 1,
+        ("changes-y", 1): 1,
+    }
+    assert fault_detection.lone_keepers(BITES) == {"casimir": ["b-at-y0"], "energy": ["changes-y"]}
+    assert fault_detection.missed(BITES) == [("silent-cap", "rounding")]
 
 
 def test_the_matrix_names_what_survives() -> None:
     text = StringIO()
-    teeth.show(BITES, console(text))
+    fault_detection.show(BITES, console(text))
     lines = text.getvalue().splitlines()
     assert lines[0].split() == ["saboteur", "ene", "cas", "rou", "killed"]
     assert lines[1].split() == ["b-at-y0", "·", "(4)", "1/2"]

@@ -11,8 +11,8 @@ from sepv.properties import test_commutation as commutation
 from sepv.properties import test_mean_square_order as mean_square
 from sepv.properties import test_weak_order as weak
 
+from benchmarks.right_schemes import RIGHT
 from sepv import problems, schemes, verify
-from sepv.faults._saboteurs import unusual
 from sepv.problem import Array, Problem, vector_field
 from sepv.schemes import Scheme
 from sepv.schemes._scheme import step_by
@@ -55,7 +55,7 @@ def noisier(scheme: Scheme, factor: float) -> Scheme:
 )
 def test_a_scheme_of_weak_order_two_and_mean_square_order_one_is_not_accused(order: float, seed: int) -> None:
     """Its means lie within the noise of errors of mean-square order 1, whose slope must not be taken for theirs."""
-    finding = found(replace(unusual.ALL["weak-two"], weak_order=order), "weak-order", seed, 512)
+    finding = found(replace(RIGHT["weak-two"], weak_order=order), "weak-order", seed, 512)
     assert finding.verdict in (Verdict.HOLDS, Verdict.INCONCLUSIVE)
     assert finding.verdict is Verdict.HOLDS or "settle it" in finding.message
 
@@ -82,7 +82,7 @@ def test_the_first_looks_find_that_right_schemes_hold(name: str) -> None:
 @pytest.mark.parametrize("order", [0.5, *(pytest.param(p, marks=pytest.mark.deep) for p in (1.0, 2.0)), 4.0])
 def test_errors_at_the_rounding_floor_accuse_nobody(order: float) -> None:
     """The exact flow is within C h^p of itself for every p, with a tiny C."""
-    flow = replace(unusual.ALL["exact-flow"], mean_square_order=order, weak_order=order)
+    flow = replace(RIGHT["exact-flow"], mean_square_order=order, weak_order=order)
     assert verdicts_of(flow, 512) == dict.fromkeys(SAMPLED, Verdict.HOLDS)
 
 

@@ -18,7 +18,7 @@ from rich.cells import cell_len
 
 from sepv.commands import main
 from sepv.commands._cli import COMMANDS
-from sepv.faults import _fault_detection as teeth
+from sepv.faults import _fault_detection as fault_detection
 from sepv.studies._bench import store
 from sepv.studies._bench.table import record_table
 from sepv.verification import LAWS, Verdict
@@ -97,8 +97,10 @@ def test_tables_of_80_columns_hide_nothing(monkeypatch: pytest.MonkeyPatch) -> N
     out = console(text)
     for record in store.load(str(ROOT / "benchmarks" / "counters.json")):
         out.print(record_table(record))
-    bite = teeth.Bite("one-point-quadrature", "formula", "energy", 0, Verdict.VIOLATED, True, True, 5, 0.1)
-    teeth.show([replace(bite, law=law) for law in LAWS], out)
+    bite = fault_detection.Bite(
+        "one-point-quadrature", "formula", "energy", 0, Verdict.VIOLATED, True, True, 5, 0.1
+    )
+    fault_detection.show([replace(bite, law=law) for law in LAWS], out)
     hard = CliRunner().invoke(main, ["hard", "--steps", "2", "--laws", "0"]).output
     shown = text.getvalue() + hard[: hard.index("27 cases")]  # the last line is one line for who reads a pipe
     assert "…" not in shown

@@ -54,7 +54,7 @@ SCHEME = ("tests/test_schemes.py", *IMPLICIT, COUNTERS)
 TARGETS: dict[str, tuple[str, ...]] = {
     "sepv.record._polynomial": ("tests/test_polynomial.py", "tests/test_problems.py", "tests/test_nambu.py"),
     "sepv.problem._averaged_gradient": (
-        "tests/test_average.py",
+        "tests/test_averaged_gradient.py",
         "tests/test_schemes.py",
         *IMPLICIT,
         CATALOGUE,
@@ -102,7 +102,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "sepv.schemes._projected": ("tests/test_projected.py", "tests/test_scheme.py"),
     "sepv.schemes._both_invariants": ("tests/test_nambu.py",),
     "sepv.schemes._several_structures": (*STRUCTURES, "tests/test_jacobians.py"),
-    "sepv.exact._dense_flow": ("tests/test_dense.py", "tests/test_exact.py"),
+    "sepv.exact._dense_flow": ("tests/test_dense_flow.py", "tests/test_exact.py"),
     "sepv.exact._closed_forms": ("tests/test_exact.py",),
     "sepv.exact._flow": ("tests/test_exact.py",),
     "sepv.simulate._paths": (

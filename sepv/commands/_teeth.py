@@ -1,4 +1,4 @@
-"""``sepv teeth``: does the suite bite?"""
+"""``sepv teeth``: which law finds which fault."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def teeth(
     """
     import json
 
-    from sepv.faults import _fault_detection as suite
+    from sepv.faults import _fault_detection as fault_detection
     from sepv.files import require_folder, write_atomically
     from sepv.verification import Effort
     from sepv.verification._progress import showing
@@ -53,7 +53,7 @@ def teeth(
     bare = not (names or laws or matrix)
     seeds = seeds or (1 if bare else 10)
     with showing(quiet) as shown:
-        bites = suite.run(
+        bites = fault_detection.run(
             names or None,
             range(seeds),
             lambda done, total, _: shown.update(f"{done} of {total}", done / total),
@@ -65,7 +65,7 @@ def teeth(
     if json_file:
         write_atomically(json_file, json.dumps([b.to_json() for b in bites], indent=1) + "\n")
     if quiet:
-        line(console(), suite.summary(bites))
+        line(console(), fault_detection.summary(bites))
     else:
-        suite.show(bites, console())
-    raise SystemExit(1 if suite.survivors(bites) else 0)
+        fault_detection.show(bites, console())
+    raise SystemExit(1 if fault_detection.survivors(bites) else 0)

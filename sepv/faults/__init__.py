@@ -1,6 +1,8 @@
-"""Does the suite bite? Schemes with one fault each, and which law names it.
+"""Fault detection: schemes broken on purpose (saboteurs), one fault each, and which law finds each fault.
 
-Read `_saboteurs` first (the broken schemes, by family), then `_fault_detection` (`sepv teeth`).
+`sepv teeth` runs the suite on them, so that they are installed with it. Read `_saboteurs` first (the broken schemes, by
+family), then `_fault_detection`. Right schemes that look unusual are in `benchmarks.right_schemes`, which is not
+installed.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from rich.table import Table
 from rich.text import Text
 
 from sepv.errors import UsageError
-from sepv.faults._saboteurs import ALL, Saboteur
+from sepv.faults._saboteurs import SABOTEURS, Saboteur
 from sepv.simulate._engine.crew import ended_at_once
 from sepv.verification import LAWS, Effort, Verdict, load_laws, verify
 
@@ -101,7 +101,7 @@ def run(
     UsageError
         For a name that no saboteur or law has.
     """
-    chosen = [find(name) for name in (ALL if names is None else names)]
+    chosen = [find(name) for name in (SABOTEURS if names is None else names)]
     asked = [law.name for law in load_laws(laws)]
     budget = effort or Effort(corpus=False)
     jobs = [
@@ -165,13 +165,13 @@ def find(name: str) -> Saboteur:
     ------
     UsageError
     """
-    if name not in ALL:
+    if name not in SABOTEURS:
         raise UsageError(
-            expected=f"a saboteur, one of {', '.join(ALL)}",
+            expected=f"a saboteur, one of {', '.join(SABOTEURS)}",
             received=repr(name),
             remedy="take one of these names",
         )
-    return ALL[name]
+    return SABOTEURS[name]
 
 
 def survivors(bites: Sequence[Bite]) -> dict[str, list[int]]:
@@ -294,7 +294,7 @@ def summary(bites: Sequence[Bite]) -> Text:
         )
     text.append(".")
     for name, left in alive.items():
-        text.append(f"\nsurvives: {name}, {_seeds(left, seeds)}: {ALL[name].broken}", style="bold red")
+        text.append(f"\nsurvives: {name}, {_seeds(left, seeds)}: {SABOTEURS[name].broken}", style="bold red")
     return text
 
 

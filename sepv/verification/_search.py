@@ -105,7 +105,7 @@ class _Question:
 
     space: Space | None
     strategy: st.SearchStrategy[Case]
-    corners: Callable[[], Iterable[Case]]
+    fixed_cases: Callable[[], Iterable[Case]]
     check: Check
     faults_violate: bool
     admits: Callable[[Case], bool]
@@ -124,7 +124,7 @@ def searched(
     faults_violate: bool = False,
     always_claimed: bool = False,
     not_applicable: Callable[[Scheme], str] = lambda _: "",
-    corners: Callable[[], Iterable[Case]] = tuple,
+    fixed_cases: Callable[[], Iterable[Case]] = tuple,
     admits: Callable[[Case], bool] = lambda _: True,
     undesigned: int = UNDESIGNED,
     level: int = 3,
@@ -144,7 +144,7 @@ def searched(
         For the contract: an answer of the wrong shape or type is a violation there, an error elsewhere.
     not_applicable : scheme -> str
         Why the law says nothing about this scheme; empty where it does.
-    corners : () -> iterable of Case
+    fixed_cases : () -> iterable of Case
         Measured with every seed.
     admits : case -> bool
         Which cases the law speaks of, where not all: a counterexample is simplified to such a case only.
@@ -163,7 +163,7 @@ def searched(
             return _Question(None, own, tuple, check, faults_violate, lambda _: False, undesigned)
         space, known = SPACES[scheme.systems].get(name), corpus.cases(name, scheme.systems)
         if scheme.systems == Systems.SINGLE:
-            return _Question(space, cases(), corners, check, faults_violate, admits, undesigned, known)
+            return _Question(space, cases(), fixed_cases, check, faults_violate, admits, undesigned, known)
         special = (HAMILTONIANS if scheme.systems == Systems.HAMILTONIANS else CASES[scheme.systems]).get(
             name
         )
@@ -195,7 +195,7 @@ def _search(law: Law, scheme: Scheme, effort: Effort, asked: _Question) -> Findi
     log, start = _Log(), time.perf_counter()
     known = asked.known if effort.corpus else ()
     visited = (case for n in range(effort.designs) for case in _designed(asked.space, effort.seed, n))
-    _visit(log, scheme, chain(known, visited, asked.corners()), asked)
+    _visit(log, scheme, chain(known, visited, asked.fixed_cases()), asked)
     if not (log.failed and effort.shrink_checks == 0):
         violation, fault = log.violation, log.fault
         # A witness was shrunk when it was found: a search for a simpler one would come back to it.

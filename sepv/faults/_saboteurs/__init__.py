@@ -1,6 +1,6 @@
 """Saboteurs: (2.1) with one thing broken each, all claims kept. They test the suite, not schemes.
 
-Each family is a module; `ALL` holds them by name. Whatever a law is said to see, some saboteur shows
+Each family is a module; `SABOTEURS` holds them by name. Whatever a law is said to see, some saboteur shows
 that it does; `sepv.faults._fault_detection` runs them all.
 """
 
@@ -31,7 +31,7 @@ FAMILIES = (
     "hamiltonians",
 )
 
-ALL: dict[str, Saboteur] = {
+SABOTEURS: dict[str, Saboteur] = {
     s.name: s
     for module in (
         formula,

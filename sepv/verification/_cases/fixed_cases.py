@@ -24,7 +24,7 @@ _FAST = (3.0, 1.0)
 
 
 @cache
-def corners() -> tuple[Case, ...]:
+def fixed_cases() -> tuple[Case, ...]:
     """Polynomial systems of degree 5 and 6 at their contraction radius, long steps of the paper's problems."""
     return (*_polynomial(), *_papers())
 
@@ -32,7 +32,7 @@ def corners() -> tuple[Case, ...]:
 @cache
 def for_energy() -> tuple[Case, ...]:
     """Those, each degree of H by itself, and steps that a scheme may refuse but not return unsolved."""
-    return (*corners(), *_degrees(), *long_steps())
+    return (*fixed_cases(), *_degrees(), *long_steps())
 
 
 @cache
@@ -57,18 +57,18 @@ def may_be_refused(case: Case) -> bool:
 
 def with_quadratic_hamiltonian() -> tuple[Case, ...]:
     """Those that the law "midpoint" speaks of."""
-    return tuple(c for c in corners() if problems.build(c.problem).degree == 2)
+    return tuple(c for c in fixed_cases() if problems.build(c.problem).degree == 2)
 
 
 def with_constant_structure() -> tuple[Case, ...]:
     """Those whose B is constant, of which (2.2) speaks."""
     points = np.array([[0.5, 1.0, 2.0]])
-    return tuple(c for c in corners() if _is_constant(problems.build(c.problem), points))
+    return tuple(c for c in fixed_cases() if _is_constant(problems.build(c.problem), points))
 
 
 def with_casimirs() -> tuple[Case, ...]:
     """Those with a quadratic or linear Casimir."""
-    built = [(c, problems.build(c.problem)) for c in corners()]
+    built = [(c, problems.build(c.problem)) for c in fixed_cases()]
     return tuple(c for c, p in built if len(p.casimirs) or len(p.linear_casimirs))
 
 

@@ -7,12 +7,12 @@ import pytest
 from sepv.properties.test_energy import check, law
 
 from sepv import Scheme, Verdict, problems, schemes
-from sepv.faults._saboteurs import ALL
+from sepv.faults._saboteurs import SABOTEURS
 from sepv.problem import PolynomialSystem
 from sepv.verification import Case
 from sepv.verification._cases.case import to_json
 from sepv.verification._cases.fixed_cases import (
-    corners,
+    fixed_cases,
     for_energy,
     long_steps,
     with_casimirs,
@@ -24,13 +24,13 @@ from sepv.verification._contraction import contraction_radius
 
 @pytest.mark.parametrize("name", schemes.PAPER)
 def test_every_scheme_solves_every_corner(name: str) -> None:
-    for case in corners():
+    for case in fixed_cases():
         assert np.isfinite(schemes.PAPER[name].step(*case.build())).all(), case.describe()
 
 
 def test_each_degree_has_a_step_that_shows_a_node_too_few() -> None:
-    saboteur, degrees = ALL["one-node-short"].scheme, set()
-    for case in set(for_energy()) - set(corners()) - set(long_steps()):
+    saboteur, degrees = SABOTEURS["one-node-short"].scheme, set()
+    for case in set(for_energy()) - set(fixed_cases()) - set(long_steps()):
         problem = problems.build(case.problem)
         assert case.given == "bare functions" or check(saboteur, case).ratio > 1e3, case.describe()
         assert check(schemes.energy_preserving, case).ratio < 0.1
@@ -48,12 +48,12 @@ def test_long_steps_are_solved_or_refused_but_not_returned_unsolved() -> None:
     for case in long_steps():
         assert check(schemes.energy_preserving, case).ratio < 0.1
         assert answer(case) is Verdict.NOT_APPLICABLE
-        assert check(ALL["newton-thrice"].scheme, case).violates
-    assert answer(corners()[0]) is Verdict.ERROR
+        assert check(SABOTEURS["newton-thrice"].scheme, case).violates
+    assert answer(fixed_cases()[0]) is Verdict.ERROR
 
 
 def test_polynomial_corners_lie_inside_the_contraction_radius() -> None:
-    inside = [c for c in corners() if isinstance(c.problem, PolynomialSystem)]
+    inside = [c for c in fixed_cases() if isinstance(c.problem, PolynomialSystem)]
     assert len(inside) >= 8
     for case in inside:
         problem, y, h, dW = case.build()
@@ -61,9 +61,12 @@ def test_polynomial_corners_lie_inside_the_contraction_radius() -> None:
 
 
 def test_each_law_finds_what_it_speaks_of() -> None:
-    degrees = {problems.build(c.problem).degree for c in corners()}
+    degrees = {problems.build(c.problem).degree for c in fixed_cases()}
     assert {2, 5, 6, None} <= degrees
-    assert {float(np.sign(c.h + np.dot(problems.build(c.problem).c, c.dW))) for c in corners()} == {1.0, -1.0}
+    assert {float(np.sign(c.h + np.dot(problems.build(c.problem).c, c.dW))) for c in fixed_cases()} == {
+        1.0,
+        -1.0,
+    }
     assert all(len(problems.build(c.problem).casimirs) for c in with_casimirs())
     assert {getattr(c.problem, "name", "") for c in with_quadratic_hamiltonian()} == {
         "harmonic-oscillator",
