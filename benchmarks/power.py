@@ -23,7 +23,7 @@ import numpy as np
 from benchmarks import over, start
 from sepv.errors import SchemeFault, SepvError
 from sepv.faults._saboteurs import SABOTEURS
-from sepv.problem import Array, Problem
+from sepv.problem import Array, Problem, Systems
 from sepv.schemes import Scheme, both_invariants, energy_preserving, several_structures
 from sepv.schemes._scheme import Step
 from sepv.verification._cases.spaces import SPACES
@@ -35,7 +35,7 @@ class Fault(NamedTuple):
     law: str
     broken: str
     exempt: tuple[str, ...] = ()
-    systems: str = "single"
+    systems: Systems = Systems.SINGLE
 
 
 # A quadrature with too few nodes, and B at the wrong place, err by a power of the step beside the contraction radius.
@@ -70,16 +70,16 @@ FAULTS = (
     Fault("reproducibility", "first-of-a-batch"),
     Fault("contract", "changes-y-in-batches"),
     Fault("contract", "returns-a-buffer"),
-    Fault("energy", "one-point-quadrature", _QUADRATIC, "nambu"),
-    Fault("any-casimir", "(2.1)", ("degree of C: 1", "degree of C: 2", _SHORT), "nambu"),
-    Fault("any-casimir", "relative error of 1e-10", (), "nambu"),
-    Fault("symmetry", "relative error of 1e-10", (), "nambu"),
-    Fault("reference", "relative error of 1e-10", (), "nambu"),
-    Fault("energy", "relative error of 1e-10", (), "several"),
-    Fault("symmetry", "relative error of 1e-10", (), "several"),
-    Fault("reference", "relative error of 1e-10", (), "several"),
-    Fault("reference", "first noise too large by 1e-4", (_SHORT,), "several"),
-    Fault("noise-sum", "first noise too large by 1e-4", (_SHORT,), "several"),
+    Fault("energy", "one-point-quadrature", _QUADRATIC, Systems.NAMBU),
+    Fault("any-casimir", "(2.1)", ("degree of C: 1", "degree of C: 2", _SHORT), Systems.NAMBU),
+    Fault("any-casimir", "relative error of 1e-10", (), Systems.NAMBU),
+    Fault("symmetry", "relative error of 1e-10", (), Systems.NAMBU),
+    Fault("reference", "relative error of 1e-10", (), Systems.NAMBU),
+    Fault("energy", "relative error of 1e-10", (), Systems.SEVERAL),
+    Fault("symmetry", "relative error of 1e-10", (), Systems.SEVERAL),
+    Fault("reference", "relative error of 1e-10", (), Systems.SEVERAL),
+    Fault("reference", "first noise too large by 1e-4", (_SHORT,), Systems.SEVERAL),
+    Fault("noise-sum", "first noise too large by 1e-4", (_SHORT,), Systems.SEVERAL),
 )
 
 
@@ -108,7 +108,11 @@ def _first_noise(problem: Problem, y: Array, h: float, dW: Array, *, step: Step)
     return step(problem, y, h, np.concatenate([(1 + 1e-4) * dW[:1], dW[1:]]))
 
 
-_CLASS = {"single": energy_preserving, "nambu": both_invariants, "several": several_structures}
+_CLASS = {
+    Systems.SINGLE: energy_preserving,
+    Systems.NAMBU: both_invariants,
+    Systems.SEVERAL: several_structures,
+}
 
 
 def scheme_of(fault: Fault) -> Scheme:
@@ -118,7 +122,7 @@ def scheme_of(fault: Fault) -> Scheme:
         return replace(right, step=partial(_off, step=right.step), solve=None)
     if fault.broken == "first noise too large by 1e-4":
         return replace(right, step=partial(_first_noise, step=right.step), solve=None)
-    if fault.systems == "single":
+    if fault.systems is Systems.SINGLE:
         return OWN[fault.broken] if fault.broken in OWN else SABOTEURS[fault.broken].scheme
     step = energy_preserving.step if fault.broken == "(2.1)" else SABOTEURS[fault.broken].scheme.step
     return replace(right, step=step, solve=None)

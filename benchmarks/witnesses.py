@@ -24,6 +24,7 @@ from sepv import schemes
 from sepv.errors import SchemeFault, SepvError
 from sepv.faults import Saboteur
 from sepv.faults._saboteurs import SABOTEURS
+from sepv.problem import Systems
 from sepv.schemes import Scheme
 from sepv.verification import Case, Effort, Law, Verdict, load_laws
 from sepv.verification import _corpus as corpus
@@ -48,7 +49,7 @@ def made(name: str) -> dict[str, Any]:
     return {"format": corpus.FORMAT, "law": name, "witnesses": entries}
 
 
-def _of_class(law: Law, systems: str) -> list[dict[str, Any]]:
+def _of_class(law: Law, systems: Systems) -> list[dict[str, Any]]:
     """The witnesses of one class of systems, in the order in which they are to be asked."""
     suspects = [s for s in SABOTEURS.values() if law.name in s.caught_by and s.scheme.systems == systems]
     candidates: dict[Case, str] = {}
@@ -87,14 +88,14 @@ def accused(law: Law, scheme: Scheme, case: Case) -> bool:
             return False
 
 
-def _must_hold(law: Law, systems: str, case: Case) -> None:
+def _must_hold(law: Law, systems: Systems, case: Case) -> None:
     for scheme in right(law, systems):
         finding = law.replay(law, scheme, to_json(case))
         if finding.verdict is Verdict.VIOLATED:
             raise SystemExit(f"{law.name} accuses {scheme.name}:\n{finding.message}")
 
 
-def right(law: Law, systems: str) -> list[Scheme]:
+def right(law: Law, systems: Systems) -> list[Scheme]:
     """Built-in schemes of the class that claim the law."""
     every = {**schemes.PAPER, **schemes.EXTENSIONS}.values()
     return [s for s in every if s.systems == systems and law.claimed_by(s)]

@@ -7,6 +7,7 @@ from sepv.reference.equations import Equation, Step
 from sepv.reference.problem import ExactProblem
 
 from sepv.errors import UsageError
+from sepv.problem import Systems
 
 
 def _both_invariants(problem: ExactProblem, y0: Vector, step: Step, y1: Vector) -> Vector:
@@ -39,11 +40,11 @@ def _several_structures(problem: ExactProblem, y0: Vector, step: Step, y1: Vecto
     return [b - a for a, b in zip(moved, y1, strict=True)]
 
 
-def equation_for(systems: str, stages: int = 1) -> str | Equation:
+def equation_for(systems: Systems, stages: int = 1) -> str | Equation:
     """What a scheme for this class of systems, with so many stages, is compared with."""
-    if systems == "nambu":
+    if systems is Systems.NAMBU:
         return BOTH_INVARIANTS
-    if systems == "several":
+    if systems is Systems.SEVERAL:
         return SEVERAL_STRUCTURES
     return "energy-preserving" if stages == 1 else f"collocation-{stages}"
 

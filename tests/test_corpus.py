@@ -14,6 +14,7 @@ from sepv.commands import main
 from sepv.faults import _fault_detection as fault_detection
 from sepv.faults._saboteurs import SABOTEURS
 from sepv.files import fault
+from sepv.problem import Systems
 from sepv.verification import Effort, Verdict, load_laws, verify
 from sepv.verification import _corpus as corpus
 from sepv.verification._cases.case import to_json, to_token
@@ -62,7 +63,7 @@ def test_a_right_scheme_may_refuse_what_is_far_beyond_a_step(name: str) -> None:
     """Δ = 1000 for the oscillator, 3.5 for the rigid body: witnesses that were shrunk from long steps."""
     for law in ("reference", "energy"):
         (asked,) = load_laws([law])
-        for witness in corpus.witnesses(law, "single"):
+        for witness in corpus.witnesses(law, Systems.SINGLE):
             finding = asked.replay(asked, RIGHT[name], to_json(witness.case))
             assert finding.verdict in (Verdict.HOLDS, Verdict.NOT_APPLICABLE), (witness.id, finding.message)
 
@@ -74,7 +75,7 @@ def test_a_fault_that_is_known_is_found_at_once_and_simplified_from_there() -> N
     assert with_it.verdict is without.verdict is Verdict.VIOLATED
     quick = verify(scheme, laws=["casimir"], effort=Effort(shrink_checks=0)).findings[0]
     assert quick.checks == 1
-    assert quick.replay.endswith(to_token(corpus.witnesses("casimir", "single")[0].case))
+    assert quick.replay.endswith(to_token(corpus.witnesses("casimir", Systems.SINGLE)[0].case))
     # Simplified from there: never to a longer one.
     assert len(with_it.replay) <= len(quick.replay)
 
@@ -98,7 +99,7 @@ def test_the_coverage_table_counts_witnesses(capsys: pytest.CaptureFixture[str])
     assert ended.value.code == 0
     out = capsys.readouterr().out
     assert "witnesses" in out
-    assert f" {len(corpus.cases('energy', 'single'))} " in out
+    assert f" {len(corpus.cases('energy', Systems.SINGLE))} " in out
 
 
 def test_no_corpus_is_an_option_of_verify(capsys: pytest.CaptureFixture[str]) -> None:
@@ -108,4 +109,4 @@ def test_no_corpus_is_an_option_of_verify(capsys: pytest.CaptureFixture[str]) ->
             main(["verify", "energy-preserving", "--law", "noise-sum", "-q", *more])
         assert ended.value.code == 0
         counts.append(int(capsys.readouterr().out.split("; ")[1].split(" check")[0]))
-    assert counts[0] - counts[1] == len(corpus.cases("noise-sum", "single"))
+    assert counts[0] - counts[1] == len(corpus.cases("noise-sum", Systems.SINGLE))

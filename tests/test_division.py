@@ -10,6 +10,7 @@ import pytest
 import sepv
 from sepv import problems, schemes
 from sepv.errors import StepFailure, TruncationWarning, UsageError
+from sepv.problem import Systems
 from sepv.schemes import divided
 from sepv.verification import verify
 
@@ -119,7 +120,7 @@ def test_division_is_never_on_in_verification() -> None:
     for scheme in (schemes.PAPER | schemes.EXTENSIONS).values():
         if scheme.solve is not None:
             y = np.asarray(problems.rigid_body().initial)
-            if scheme.systems != "several":
+            if scheme.systems is not Systems.SEVERAL:
                 solution = scheme.solve(problems.rigid_body(), y, 0.01, np.array([0.1]))
                 assert solution.divisions is None
     report = verify(divided(schemes.energy_preserving), laws=["truncation"])

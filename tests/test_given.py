@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 import sepv
 from sepv import problems
-from sepv.problem import vector_field
+from sepv.problem import Systems, vector_field
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 from sepv.verification import Effort, Verdict
@@ -99,7 +99,7 @@ def test_a_scheme_for_separable_systems_is_judged_on_those() -> None:
     everywhere = sepv.verify(verlet, laws="symmetry", effort=FEW).findings[0]
     found = verdicts(verlet, "canonical-separable", "contract,symmetry,energy,noise-sum")
     assert found == {"contract": "holds", "symmetry": "holds", "energy": "violated", "noise-sum": "holds"}
-    named = sepv.Scheme("verlet", verlet, systems="canonical-separable")
+    named = sepv.Scheme("verlet", verlet, systems=Systems.CANONICAL_SEPARABLE)
     assert sepv.verify(named, laws="symmetry", effort=FEW).findings[0].verdict is Verdict.HOLDS
     # On systems that are not separable the scheme is another method, and is accused of what it never said.
     assert everywhere.verdict is Verdict.VIOLATED
@@ -250,7 +250,7 @@ def test_items_are_read_once() -> None:
 
 def test_a_law_that_speaks_of_no_member_of_a_family_is_not_applicable() -> None:
     # H = T(p) + V(q) has no Casimirs: no crash, and no word about the scheme.
-    scheme = sepv.Scheme("verlet", verlet, claims=["casimir"], systems="canonical-separable")
+    scheme = sepv.Scheme("verlet", verlet, claims=["casimir"], systems=Systems.CANONICAL_SEPARABLE)
     report = sepv.verify(scheme, laws=["casimir", "any-casimir"], effort=FEW)
     assert {f.verdict for f in report.findings} == {Verdict.NOT_APPLICABLE}
     assert "name no quadratic or linear Casimir" in report.finding("casimir").message

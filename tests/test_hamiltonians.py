@@ -24,6 +24,7 @@ from sepv.problem import (
     PolynomialSystem,
     Problem,
     StructuresProblem,
+    Systems,
     check_problem,
     column,
     commutes,
@@ -317,7 +318,7 @@ def test_laws_about_h_say_that_it_is_not_kept() -> None:
 def test_random_species_stay_positive_or_not() -> None:
     """Exact flows and logarithms keep the octant of every Lotka-Volterra system, an explicit step does not."""
     for scheme in (schemes.stochastic_splitting, schemes.darboux_lie):
-        whole = replace(scheme, name="for the class", problems=(), systems="hamiltonians")
+        whole = replace(scheme, name="for the class", problems=(), systems=Systems.HAMILTONIANS)
         finding = sepv.verify(whole, laws=["positivity"], effort=QUICK).finding("positivity")
         assert finding.verdict is Verdict.HOLDS, finding.message
         assert finding.checks >= QUICK.examples
@@ -326,7 +327,9 @@ def test_random_species_stay_positive_or_not() -> None:
         parts = np.concatenate([[h], problem.c * dW])[:, None]
         return y + combined_field(problem, y[:, None], parts)[:, 0]
 
-    found = sepv.verify(Scheme("euler", euler, systems="hamiltonians"), laws=["positivity"], effort=QUICK)
+    found = sepv.verify(
+        Scheme("euler", euler, systems=Systems.HAMILTONIANS), laws=["positivity"], effort=QUICK
+    )
     finding = found.finding("positivity")
     assert finding.verdict is Verdict.VIOLATED
     assert "random-lotka-volterra: beta" in finding.message
@@ -337,7 +340,7 @@ def test_random_species_stay_positive_or_not() -> None:
 
 
 def test_paths_of_the_class_are_of_problems_with_a_gradient_for_each_noise() -> None:
-    for setup in setups("hamiltonians"):
+    for setup in setups(Systems.HAMILTONIANS):
         problem = setup.build()
         assert isinstance(problem, HamiltoniansProblem)
         named = problems.by_name(setup.problem)
@@ -389,7 +392,9 @@ def test_default_problems_show_errors_that_symmetric_ones_hide() -> None:
     verdicts = {}
     for name, share in (("explicit-midpoint", 0.5), ("heun", 1.0)):
         step = partial(_explicit, share=share)
-        scheme = Scheme(name, step, systems="hamiltonians", truncation=None, weak_order=weak, batched=True)
+        scheme = Scheme(
+            name, step, systems=Systems.HAMILTONIANS, truncation=None, weak_order=weak, batched=True
+        )
         verdicts[name] = sepv.verify(scheme, laws=["local-weak"]).finding("local-weak").verdict
         narrow = replace(scheme, problems=("noisy-henon-heiles",))
         assert sepv.verify(narrow, laws=["local-weak"]).finding("local-weak").verdict is Verdict.HOLDS
@@ -398,7 +403,7 @@ def test_default_problems_show_errors_that_symmetric_ones_hide() -> None:
     sided = Scheme(
         "one-sided",
         _one_sided,
-        systems="hamiltonians",
+        systems=Systems.HAMILTONIANS,
         truncation=None,
         mean_square_order=strong,
         weak_order=1.0,

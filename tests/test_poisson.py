@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import sepv
 from sepv import problems
-from sepv.problem import Array, PolynomialSystem, Problem
+from sepv.problem import Array, PolynomialSystem, Problem, Systems
 from sepv.problem import _poisson as poisson
 from sepv.problem._structures import jacobi_defect
 from sepv.record import _polynomial as poly
@@ -109,7 +109,7 @@ def _verlet(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 
 def test_stormer_verlet_is_symplectic_on_the_systems_that_it_is_for() -> None:
     laws = ("symplecticity", "poisson-map", "positivity", "energy")
-    verlet = Scheme("verlet", _verlet, claims=laws[:2], systems="canonical-separable")
+    verlet = Scheme("verlet", _verlet, claims=laws[:2], systems=Systems.CANONICAL_SEPARABLE)
     report = sepv.verify(verlet, laws=laws, effort=QUICK)
     assert [report.finding(law).verdict.value for law in laws] == [
         "holds",
@@ -169,7 +169,7 @@ def test_compositions_whose_substeps_leave_the_step_are_not_accused() -> None:
     # bound has room for: defects are below a hundredth of it.
     first = 1 / (2 - 2 ** (1 / 3))
     yoshida = _composition([first, 1 - 2 * first, first])
-    scheme = Scheme("yoshida", yoshida, claims=["symplecticity"], systems="canonical-separable")
+    scheme = Scheme("yoshida", yoshida, claims=["symplecticity"], systems=Systems.CANONICAL_SEPARABLE)
     finding = sepv.verify(scheme, laws=["symplecticity"]).finding("symplecticity")
     assert finding.verdict is Verdict.HOLDS
     assert finding.defect is not None

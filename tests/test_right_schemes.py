@@ -9,6 +9,7 @@ import pytest
 
 from benchmarks.right_schemes import RIGHT, other_formulas, solved_otherwise
 from sepv import StepFailure, problems, schemes, verify
+from sepv.problem import Systems
 from sepv.schemes import Scheme, ask
 from sepv.schemes._guard import Refusal
 from sepv.simulate._paths import run_chunk
@@ -88,7 +89,7 @@ def test_several_structures_may_be_refused_too() -> None:
         raise ZeroDivisionError("no solution found")
 
     problem = problems.commuting_rotations()
-    scheme = Scheme("refuses", step, systems="several")
+    scheme = Scheme("refuses", step, systems=Systems.SEVERAL)
     with pytest.raises(Refusal, match=r"h = 0\.125") as caught:
         ask(scheme, problem, np.asarray(problem.initial), 0.125, np.zeros(problem.noises))
     assert caught.value.delta == 0.125

@@ -10,6 +10,7 @@ from sepv.errors import UsageError
 from sepv.faults import _fault_detection as fault_detection
 from sepv.faults._saboteurs import FAMILIES, SABOTEURS, historical
 from sepv.faults._saboteurs.hamiltonians import ORIGINALS as IMITATED
+from sepv.problem import Systems
 from sepv.schemes import (
     both_invariants,
     collocation,
@@ -26,7 +27,11 @@ from sepv.verification._cases.spaces import SPACES
 from sepv.verification._report import console
 
 # What these claim is what is wrong with them; all others claim exactly what (2.1) claims.
-ORIGINALS = {"single": collocation(2), "nambu": both_invariants, "several": several_structures}
+ORIGINALS = {
+    Systems.SINGLE: collocation(2),
+    Systems.NAMBU: both_invariants,
+    Systems.SEVERAL: several_structures,
+}
 WRONG_CLAIMS = {"ito-limit", "half-claimed-as-one", "averaged-and-symplectic"}
 STRUCTURE = {"off-the-middle": midpoint, "time-of-place": splitting, "tangent-of-first": splitting} | IMITATED
 
@@ -131,7 +136,7 @@ def test_examples_end_with_the_first_violation() -> None:
     (violated,) = fault_detection.bite("b-doubled", 0, ["midpoint"])
     (holding,) = fault_detection.bite("b-doubled", 0, ["energy"], examples=7)
     assert violated.examples < 20
-    designed = len(SPACES["single"]["energy"].design().rows)
+    designed = len(SPACES[Systems.SINGLE]["energy"].design().rows)
     assert holding.examples == designed + 7 + len(for_energy())
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sepv.peers._solver import problem_of
-from sepv.problem import Array, Problem
+from sepv.problem import Array, Problem, Systems
 from sepv.problem._fields import matvec
 from sepv.problem._hamiltonians import noise_field
 from sepv.schemes import Scheme
@@ -37,7 +37,7 @@ def shark(sign: float = 1.0) -> Scheme:
         return y + noise(dW) + h * (0.4 * first + 0.6 * second)
 
     return Scheme(
-        "shark", step, mean_square_order=Orders(1.5), weak_order=2.0, systems="hamiltonians", asks="space-time",
+        "shark", step, mean_square_order=Orders(1.5), weak_order=2.0, systems=Systems.HAMILTONIANS, asks="space-time",
         truncation=None, batched=True, problems=(problem_of("additive"),),
     )  # fmt: skip
 

@@ -11,7 +11,7 @@ import pytest
 
 from sepv import problems
 from sepv.errors import UsageError
-from sepv.problem import NamedProblem, PolynomialSystem
+from sepv.problem import NamedProblem, PolynomialSystem, Systems
 from sepv.problem import Problem as ProblemRecord
 from sepv.problems._opaque import GIVEN, shown
 from sepv.schemes import Scheme, ask, energy_preserving, milstein
@@ -101,10 +101,10 @@ def test_the_coverage_table_counts_what_the_designs_visit() -> None:
 
     found = CliRunner().invoke(main, ["verify", "energy-preserving", "--coverage", "--law", "energy"])
     assert found.exit_code == 0
-    design = SPACES["single"]["energy"].design()
-    met, possible = coverage.pairs(SPACES["single"]["energy"])
+    design = SPACES[Systems.SINGLE]["energy"].design()
+    met, possible = coverage.pairs(SPACES[Systems.SINGLE]["energy"])
     assert met == possible
-    known = len(corpus.cases("energy", "single"))
+    known = len(corpus.cases("energy", Systems.SINGLE))
     assert f"energy {known} {len(design.rows)} {met} {possible} {len(design.impossible)}" in " ".join(
         found.output.split()
     )
@@ -126,7 +126,8 @@ def test_another_seed_has_other_content_in_the_same_strata() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "law"), [("single", "reproducibility"), ("nambu", "energy"), ("several", "energy")]
+    ("kind", "law"),
+    [(Systems.SINGLE, "reproducibility"), (Systems.NAMBU, "energy"), (Systems.SEVERAL, "energy")],
 )
 def test_a_token_keeps_how_a_case_is_given_and_its_batch(kind: str, law: str) -> None:
     for _, case in SPACES[kind][law].cases(0):
@@ -224,8 +225,8 @@ def test_a_scheme_that_takes_nothing_is_asked_about_little() -> None:
 
     finding = verify(Scheme("picky", step), laws=["energy"]).finding("energy")
     assert finding.verdict is Verdict.NOT_APPLICABLE
-    known = len(corpus.cases("energy", "single"))
-    fixed = known + len(SPACES["single"]["energy"].design().rows) + len(for_energy())
+    known = len(corpus.cases("energy", Systems.SINGLE))
+    fixed = known + len(SPACES[Systems.SINGLE]["energy"].design().rows) + len(for_energy())
     assert fixed <= len(calls) <= fixed + 2 * MOST_SKIPPED
     assert "cases skipped: never" in finding.message
 
@@ -274,11 +275,11 @@ def test_a_counterexample_is_simplified_with_so_many_checks_and_no_more() -> Non
 
 
 def test_laws_that_ask_for_the_same_strata_are_asked_about_the_same_case() -> None:
-    pool = {case for _, case in SPACES["single"]["reference"].cases(5)}
+    pool = {case for _, case in SPACES[Systems.SINGLE]["reference"].cases(5)}
     for law in ("contract", "energy", "symmetry", "random-step"):
-        cases_of_law = [case for _, case in SPACES["single"][law].cases(5)]
+        cases_of_law = [case for _, case in SPACES[Systems.SINGLE][law].cases(5)]
         assert len(pool.intersection(cases_of_law)) > len(cases_of_law) / 2
-    batches = [replace(case, batch=0) for _, case in SPACES["single"]["reproducibility"].cases(5)]
+    batches = [replace(case, batch=0) for _, case in SPACES[Systems.SINGLE]["reproducibility"].cases(5)]
     assert len(pool.intersection(batches)) > len(batches) / 2
 
 

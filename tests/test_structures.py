@@ -16,7 +16,13 @@ import sepv
 from sepv import problems, schemes
 from sepv.errors import ProblemError, StepFailure, UsageError
 from sepv.exact._several_structures import finer
-from sepv.problem import CommutingStructure, PolynomialSystem, StructuresProblem, commuting_hamiltonians
+from sepv.problem import (
+    CommutingStructure,
+    PolynomialSystem,
+    StructuresProblem,
+    Systems,
+    commuting_hamiltonians,
+)
 from sepv.problem._structures import combined, combined_slope, noise_structures
 from sepv.problems._several import closed_form, commuting_actions
 from sepv.record import _polynomial as poly
@@ -306,7 +312,7 @@ def test_steps_from_critical_points_of_the_energy_are_refused_where_a_noise_acts
         schemes.several_structures.step(problem, y, h, dW)
     assert "critical point of H_0" in str(refused.value)
     with pytest.raises(StepFailure, match="a structure is undefined"):
-        reference_step(equation_for("several"), case.problem, case.y, h, case.dW)
+        reference_step(equation_for(Systems.SEVERAL), case.problem, case.y, h, case.dW)
     # Without noise the drift rests, and so does the step.
     assert np.array_equal(schemes.several_structures.step(problem, y, h, 0 * dW), y)
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from sepv.problem import Systems as Systems
 from sepv.schemes._catalogue import BY_FILE as BY_FILE
 from sepv.schemes._catalogue import EXTENSIONS as EXTENSIONS
 from sepv.schemes._catalogue import FAMILIES as FAMILIES
@@ -32,7 +33,6 @@ from sepv.schemes._order_claims import Orders as Orders
 from sepv.schemes._point_laws import PointLaw as PointLaw
 from sepv.schemes._projected import projected as projected
 from sepv.schemes._scheme import Scheme as Scheme
-from sepv.schemes._scheme import Systems as Systems
 from sepv.schemes._scheme import weakly as weakly
 
 

@@ -15,11 +15,11 @@ from itertools import combinations
 import numpy as np
 
 from sepv.errors import Skipped
-from sepv.problem import Array, HamiltoniansProblem, Problem, hamiltonian_field
+from sepv.problem import Array, HamiltoniansProblem, Problem, Systems, hamiltonian_field
 from sepv.problem._hamiltonians import bracket
 from sepv.schemes._further_increments import as_rows
 from sepv.schemes._one_step import EVERY, each_noise, no_jacobian
-from sepv.schemes._scheme import Scheme, Systems, as_lanes
+from sepv.schemes._scheme import Scheme, as_lanes
 from sepv.solve import Increment
 from sepv.solve import solve as solve_implicit
 from sepv.solve._solution import Solution, require_converged

@@ -11,10 +11,9 @@ from __future__ import annotations
 from typing import Any
 
 from sepv.errors import Skipped
-from sepv.problem import Nambu, Problem
+from sepv.problem import Nambu, Problem, Systems
 from sepv.problem._nambu import cross
 from sepv.schemes._one_step import ENERGY_PRESERVING, implicit, one_step
-from sepv.schemes._scheme import Systems
 from sepv.solve import Fields
 
 

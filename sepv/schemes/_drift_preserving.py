@@ -16,11 +16,11 @@ from __future__ import annotations
 import numpy as np
 
 from sepv.errors import Skipped
-from sepv.problem import Array, HamiltoniansProblem, Problem, column
+from sepv.problem import Array, HamiltoniansProblem, Problem, Systems, column
 from sepv.problem._hamiltonians import noise_field
 from sepv.schemes._energy_preserving import formula, jacobian
 from sepv.schemes._one_step import EVERY, implicit
-from sepv.schemes._scheme import Scheme, Systems, as_lanes
+from sepv.schemes._scheme import Scheme, as_lanes
 
 
 def _time(problem: Problem, h: float, noise: Array) -> Array:  # noqa: ARG001  (the signature of `parts`)

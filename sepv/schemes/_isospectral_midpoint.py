@@ -22,11 +22,11 @@ from dataclasses import replace
 import numpy as np
 
 from sepv.errors import Skipped
-from sepv.problem import Array, Problem
+from sepv.problem import Array, Problem, Systems
 from sepv.problem._hamiltonians import noise_gradients
 from sepv.schemes._one_step import EVERY, each_noise, no_jacobian, one_step, solved_by
 from sepv.schemes._order_claims import Orders
-from sepv.schemes._scheme import Systems, as_lanes
+from sepv.schemes._scheme import as_lanes
 from sepv.solve import Increment
 from sepv.solve import solve as solve_implicit
 from sepv.solve._solution import Solution

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from typing import Any
 
 import numpy as np
@@ -12,27 +11,12 @@ from numpy.typing import ArrayLike
 
 from sepv._arguments import floats, is_number
 from sepv.errors import UsageError
-from sepv.problem import Array, Problem
+from sepv.problem import Array, Problem, Systems
 from sepv.schemes._point_laws import PointLaw, point_law
 from sepv.solve._solution import Solution, require_converged
 
 # What a step may ask for beside h and the increments.
 ASKS = ("", "areas", "halves", "space-time")
-
-
-# The classes of systems that a scheme may be for; `sepv.verification._cases.structures` has cases for each.
-class Systems(StrEnum):
-    """A class of systems. A string of the same text is as good."""
-
-    SINGLE = "single"
-    NAMBU = "nambu"
-    SEVERAL = "several"
-    HAMILTONIANS = "hamiltonians"
-    CANONICAL_SEPARABLE = "canonical-separable"
-    LIE_POISSON = "lie-poisson"
-    RIGID_BODIES = "rigid-bodies"
-    SO3_HAMILTONIANS = "so3-hamiltonians"
-    SEPARABLE_HAMILTONIANS = "separable-hamiltonians"
 
 
 # How a scheme says that it did not solve a step, when it does not know `sepv.StepFailure` (an ArithmeticError too).
@@ -84,13 +68,8 @@ class Scheme:
         that `truncation` is None; such a scheme has a weak order alone.
     batched : bool
         Whether `step` takes batches.
-    systems : str
-        The class of systems it takes, from which laws draw their cases: "single" for every (1.1), "nambu" for
-        those in dimension three with a Casimir and a factor (`Problem.nambu`), "several" for several structures
-        or Hamiltonians that keep H (`sepv.problem._structures`), "hamiltonians" for several Hamiltonians that need not
-        (`sepv.problem._hamiltonians`). Narrower than "single", and random as well: "canonical-separable"
-        for H = T(p) + V(q) with y = (p, q), "lie-poisson" for B linear in y, "rigid-bodies" for random inertia;
-        others are those of `sepv.verification._cases.families`.
+    systems : Systems
+        The class of systems it takes, from which laws draw their cases: a `sepv.schemes.Systems`, or its text.
     problems : sequence of problems or strategies
         What it is for, where that is narrower still: names, ``module:attribute``, `Problem` records, families,
         Hypothesis strategies of `PolynomialSystem` or `Problem`. Laws draw their cases from them and nothing else.
@@ -129,7 +108,7 @@ class Scheme:
     increments: str | PointLaw | None = None
     batched: bool = False
     stages: int = 1
-    systems: str = Systems.SINGLE
+    systems: Systems = Systems.SINGLE
     asks: str = ""
     problems: Iterable[Any] = ()
 

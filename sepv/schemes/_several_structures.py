@@ -16,10 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from sepv.problem import Array, CommutingStructure, Problem, average_gradient
+from sepv.problem import Array, CommutingStructure, Problem, Systems, average_gradient
 from sepv.problem._structures import combined, noise_structures, undefined
 from sepv.schemes._one_step import ENERGY_PRESERVING, each_noise, implicit, one_step
-from sepv.schemes._scheme import Systems
 from sepv.solve import Fields, Status
 from sepv.solve._linearised import derivative
 from sepv.solve._solution import Solution

@@ -14,9 +14,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from sepv.problem import Systems
 from sepv.schemes._one_step import EVERY, each_noise, implicit, one_step
 from sepv.schemes._order_claims import Orders
-from sepv.schemes._scheme import Systems
 from sepv.solve import Fields
 from sepv.solve._linearised import derivative
 

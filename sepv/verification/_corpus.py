@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
 
+from sepv.problem import Systems
 from sepv.verification._cases.case import Case, from_json
 
 FORMAT = "sepv-witnesses-1"
@@ -26,8 +27,8 @@ class Witness:
     ----------
     id : str
         ``LAW/NUMBER``.
-    systems : str
-        The class of systems that it is a case of, as `sepv.schemes._scheme.Scheme.systems` has it.
+    systems : Systems
+        The class of systems that it is a case of.
     found : str
         The fault whose shrunk counterexample it is: a saboteur's name.
     caught : tuple of str
@@ -35,26 +36,26 @@ class Witness:
     """
 
     id: str
-    systems: str
+    systems: Systems
     found: str
     caught: tuple[str, ...]
     case: Case
 
 
 @lru_cache(maxsize=64)
-def witnesses(law: str, systems: str = "") -> tuple[Witness, ...]:
+def witnesses(law: str, systems: Systems | None = None) -> tuple[Witness, ...]:
     """The witnesses of a law, of one class of systems or of all; none for a law that has no file."""
     file = FOLDER / f"{law}.json"
     if not file.is_file():
         return ()
     data = json.loads(file.read_text(encoding="utf-8"))
     found = (
-        Witness(w["id"], w["systems"], w["found"], tuple(w["caught"]), from_json(w["case"]))
+        Witness(w["id"], Systems(w["systems"]), w["found"], tuple(w["caught"]), from_json(w["case"]))
         for w in data["witnesses"]
     )
-    return tuple(w for w in found if systems in ("", w.systems))
+    return tuple(w for w in found if systems in (None, w.systems))
 
 
-def cases(law: str, systems: str) -> tuple[Case, ...]:
+def cases(law: str, systems: Systems) -> tuple[Case, ...]:
     """Their cases, in the order of the file: what catches most comes first."""
     return tuple(w.case for w in witnesses(law, systems))

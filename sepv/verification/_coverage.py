@@ -9,6 +9,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from sepv.problem import Systems
 from sepv.verification import _corpus as corpus
 from sepv.verification._cases.spaces import SPACES
 from sepv.verification._cases.strata import Space
@@ -44,7 +45,7 @@ def _strata(space: Space) -> list[tuple[str, str]]:
     return [(axis.name, stratum.name) for axis in space.axes for stratum in axis.strata]
 
 
-def show(laws: Iterable[Law], systems: str, out: Console) -> None:
+def show(laws: Iterable[Law], systems: Systems, out: Console) -> None:
     """Print the tables for these laws and this class of systems."""
     chosen = [law.name for law in laws]
     spaces = {name: space for name, space in SPACES.get(systems, {}).items() if name in chosen}

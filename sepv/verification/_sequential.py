@@ -15,7 +15,7 @@ import numpy as np
 
 from sepv import problems
 from sepv.errors import Skipped
-from sepv.problem import NamedProblem, Problem
+from sepv.problem import NamedProblem, Problem, Systems
 from sepv.schemes import Scheme
 from sepv.schemes._guard import guarded
 from sepv.verification._cases.given import problems_of, reach
@@ -76,18 +76,18 @@ Assess = Callable[[Problem, StrongErrors, float, float], Assessment]
 
 
 def setups(
-    systems: str = "single", truncation: int | None = 2, order: float | None = None
+    systems: Systems = Systems.SINGLE, truncation: int | None = 2, order: float | None = None
 ) -> tuple[Setup, ...]:
     """The problems, end times and steps on which schemes for a class of systems are judged.
 
-    For "single", a non-constant B with one noise and a non-quadratic H with two: no large step of theirs is unsolvable.
+    For (1.1), a non-constant B with one noise and a non-quadratic H with two: no large step of theirs is unsolvable.
     The coarsest step is halved where increments are not truncated or are drawn by
     `sepv.verification._orders.tilting`: a random step then may be more than 1, far from any asymptotics.
     """
     names = {
-        "nambu": ("rigid-body", "lotka-volterra"),
-        "several": ("commuting-rotations", "commuting-oscillators"),
-        "hamiltonians": ("random-inertia", "kubo-oscillator"),
+        Systems.NAMBU: ("rigid-body", "lotka-volterra"),
+        Systems.SEVERAL: ("commuting-rotations", "commuting-oscillators"),
+        Systems.HAMILTONIANS: ("random-inertia", "kubo-oscillator"),
     }.get(systems, ("rigid-body", "pendulum"))
     return tuple(_setup(name, truncation, order) for name in names)
 

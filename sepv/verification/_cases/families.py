@@ -12,7 +12,7 @@ from hypothesis import assume
 from hypothesis import strategies as st
 
 from sepv import problems
-from sepv.problem import HamiltoniansProblem, PolynomialSystem
+from sepv.problem import HamiltoniansProblem, PolynomialSystem, Systems
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 from sepv.verification.strategies import coefficients, hamiltonians, noises
@@ -124,20 +124,20 @@ def separable_hamiltonians(draw: st.DrawFn, *, pairs: int = 2, degree: int = 4) 
 
 
 # name: (what it is, the strategy, problems for the laws about many steps)
-FAMILIES: dict[str, tuple[str, Callable[[], st.SearchStrategy[PolynomialSystem]], tuple[str, ...]]] = {
-    "canonical-separable": (
+FAMILIES: dict[Systems, tuple[str, Callable[[], st.SearchStrategy[PolynomialSystem]], tuple[str, ...]]] = {
+    Systems.CANONICAL_SEPARABLE: (
         "H = T(p) + V(q), y = (p, q), B = J⁻¹",
         canonical_separable,
         ("harmonic-oscillator", "pendulum"),
     ),
-    "lie-poisson": ("B linear in y, from a Lie algebra", lie_poisson, ("rigid-body",)),
-    "rigid-bodies": ("the rigid body with random inertia", rigid_bodies, ("rigid-body",)),
-    "so3-hamiltonians": (
+    Systems.LIE_POISSON: ("B linear in y, from a Lie algebra", lie_poisson, ("rigid-body",)),
+    Systems.RIGID_BODIES: ("the rigid body with random inertia", rigid_bodies, ("rigid-body",)),
+    Systems.SO3_HAMILTONIANS: (
         "B of the rigid body, several Hamiltonians",
         so3_hamiltonians,
         ("random-inertia", "two-spins", "commuting-twists", "twisted-top"),
     ),
-    "separable-hamiltonians": (
+    Systems.SEPARABLE_HAMILTONIANS: (
         "H = ½|p|² + V(q), additive noise in p",
         separable_hamiltonians,
         ("noisy-henon-heiles",),

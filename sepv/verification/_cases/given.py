@@ -29,6 +29,7 @@ from sepv.problem import (
     PolynomialSystem,
     Problem,
     StructuresProblem,
+    Systems,
     is_poisson,
 )
 from sepv.problem._checks import sample_states
@@ -93,8 +94,9 @@ def _item(asked: Any) -> Item:
     if isinstance(asked, Item):
         return asked
     text = asked if isinstance(asked, str) else ""
-    if text.replace("_", "-") in FAMILIES:
-        _, strategy, names = FAMILIES[text.replace("_", "-")]
+    family = text.replace("_", "-")
+    if family in FAMILIES:
+        _, strategy, names = FAMILIES[Systems(family)]
         return Item(text, strategy(), tuple(named.by_name(name) for name in names))
     value = load_object(text) if ":" in text and not text.endswith(".json") else asked
     if not isinstance(value, (st.SearchStrategy, Problem)) and callable(value) and _is_strategy(value):
@@ -104,7 +106,7 @@ def _item(asked: Any) -> Item:
     try:
         problem = load_problem(asked)
     except UsageError as error:
-        known = [*FAMILIES, *named.PAPER, *named.EXTENSIONS, *named.SEVERAL, *named.HAMILTONIANS]
+        known = [*map(str, FAMILIES), *named.PAPER, *named.EXTENSIONS, *named.SEVERAL, *named.HAMILTONIANS]
         raise UsageError(
             expected=f"{error.expected}; or a family, one of {', '.join(FAMILIES)}; or a Hypothesis strategy of them",
             received=did_you_mean(text, known) if text and ":" not in text else error.received,

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 
+from sepv.problem import Systems
 from sepv.verification._cases.content import (
     at_origin,
     batched,
@@ -137,9 +138,9 @@ _HAMILTONIANS: dict[str, Space] = {
 }
 
 # By class of systems and law.
-SPACES: dict[str, dict[str, Space]] = {
-    "single": _POOLED,
-    "nambu": _NAMBU,
-    "several": _SEVERAL,
-    "hamiltonians": _HAMILTONIANS,
+SPACES: dict[Systems, dict[str, Space]] = {
+    Systems.SINGLE: _POOLED,
+    Systems.NAMBU: _NAMBU,
+    Systems.SEVERAL: _SEVERAL,
+    Systems.HAMILTONIANS: _HAMILTONIANS,
 }

@@ -16,7 +16,7 @@ from hypothesis import assume
 from hypothesis import strategies as st
 
 from sepv import problems
-from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem, StructuresProblem
+from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem, StructuresProblem, Systems
 from sepv.problems._several import commuting_actions, rotating_planes
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
@@ -352,4 +352,4 @@ SEVERAL: dict[str, Cases] = {
 }
 
 # For each class of systems other than all of (1.1): where a law draws its cases.
-CASES: dict[str, dict[str, Cases]] = {"nambu": NAMBU, "several": SEVERAL}
+CASES: dict[Systems, dict[str, Cases]] = {Systems.NAMBU: NAMBU, Systems.SEVERAL: SEVERAL}

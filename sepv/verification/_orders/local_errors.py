@@ -31,6 +31,7 @@ from sepv.problem import (
     PolynomialSystem,
     Problem,
     StructuresProblem,
+    Systems,
     column,
     commutes,
 )
@@ -71,13 +72,17 @@ def five_noises() -> Problem:
     return replace(problem, initial=(0.75, -0.5, 0.5), name="quartic-top", check=False)
 
 
-CASES: dict[str, tuple[Callable[[], Problem], ...]] = {
-    "single": (problems.rigid_body, problems.pendulum, five_noises),
-    "nambu": (problems.rigid_body, problems.lotka_volterra, five_noises),
-    "several": (problems.commuting_rotations, problems.commuting_oscillators, problems.noncommuting_tops),
+CASES: dict[Systems, tuple[Callable[[], Problem], ...]] = {
+    Systems.SINGLE: (problems.rigid_body, problems.pendulum, five_noises),
+    Systems.NAMBU: (problems.rigid_body, problems.lotka_volterra, five_noises),
+    Systems.SEVERAL: (
+        problems.commuting_rotations,
+        problems.commuting_oscillators,
+        problems.noncommuting_tops,
+    ),
     # In general, commutative, additive, and one noise that does not commute with the drift: each without a symmetry
     # by which errors of a step vanish that other systems show.
-    "hamiltonians": (
+    Systems.HAMILTONIANS: (
         problems.random_inertia,
         problems.commuting_twists,
         problems.pushed_henon_heiles,
@@ -87,7 +92,7 @@ CASES: dict[str, tuple[Callable[[], Problem], ...]] = {
 
 
 @lru_cache(maxsize=8)
-def cases(systems: str) -> tuple[Problem, ...]:
+def cases(systems: Systems) -> tuple[Problem, ...]:
     """The problems on which schemes for a class of systems are judged, made once."""
     return tuple(make() for make in CASES[systems])
 
