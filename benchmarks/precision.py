@@ -24,11 +24,12 @@ from benchmarks.orders import build
 from sepv import schemes
 from sepv.exact import clipping_error, exact_flow
 from sepv.problem import Array, Problem
-from sepv.schemes import Scheme
+from sepv.schemes import Look, Scheme
 from sepv.schemes._explicit_tableaux import TABLEAUX
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._paths import run_chunk
+from sepv.studies._picture import Axis, content, figure, frame, line
 
 # (end time, numbers of steps): the coarsest first; powers of two, so that all see one Wiener path.
 GRIDS = {
@@ -152,33 +153,26 @@ def table_of_goals(results: dict[str, list[Point]], out: Console) -> None:
 
 def picture(results: dict[str, list[Point]], path: Path) -> None:
     """A panel a problem: error against evaluations, collocation in solid lines."""
-    import matplotlib as mpl
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
 
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
-
-    shades = plt.get_cmap("viridis")(np.linspace(0.0, 0.9, 6))
-    looks = {f"collocation-{s}": {"color": shades[s - 1], "marker": "o"} for s in range(1, 7)}
+    shades = [to_hex(shade) for shade in colormaps["viridis"](np.linspace(0.0, 0.9, 6))]
+    looks = {f"collocation-{s}": Look(shades[s - 1], shades[s - 1], "o") for s in range(1, 7)}
     rivals = ("gauss-1", "gauss-2", "gauss-4", "explicit-4", "explicit-8")
-    for name, colour, marker in zip(
-        rivals, ("0.75", "0.6", "0.45", "tab:orange", "tab:red"), "vvv^s", strict=True
-    ):
-        looks[name] = {"color": colour, "marker": marker, "linestyle": "--"}
-    figure, axes = plt.subplots(2, 2, figsize=(11, 8.5), constrained_layout=True)
-    for axis, (name, points) in zip(axes.flat, results.items(), strict=True):
-        for scheme in dict.fromkeys(p.scheme for p in points):
-            own = [p for p in points if p.scheme == scheme and not p.failed]
-            axis.loglog(
-                [p.gradients for p in own], [p.error for p in own], label=scheme, markersize=4, linewidth=1.2,
-                **looks[scheme],
-            )  # fmt: skip
-        axis.set_title(f"{name}, T = {GRIDS[name][0]:g}", fontsize=10)
-        axis.set_xlabel("evaluations of ∇H a path")
-        axis.set_ylabel("rms error at T")
-        axis.grid(visible=True, which="major", alpha=0.3)
-    handles, labels = axes.flat[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=6, fontsize=9, frameon=False)
-    figure.savefig(path, dpi=130)
+    colours = ("#BFBFBF", "#999999", "#737373", "#FF7F0E", "#D62728")
+    looks |= {n: Look(c, c, m, "4 2") for n, c, m in zip(rivals, colours, "vvv^s", strict=True)}
+    with figure(11, 8.5, layout="constrained") as drawn:
+        axes = drawn.subplots(2, 2)
+        for axis, (name, points) in zip(axes.flat, results.items(), strict=True):
+            for scheme in dict.fromkeys(p.scheme for p in points):
+                own = [p for p in points if p.scheme == scheme and not p.failed]
+                how = line(looks[scheme]) | {"markerfacecolor": looks[scheme].colour}
+                axis.plot([p.gradients for p in own], [p.error for p in own], label=scheme, **how)
+            axis.set_title(f"{name}, T = {GRIDS[name][0]:g}", fontsize=10)
+            frame(axis, Axis("evaluations of ∇H a path", log=True), Axis("rms error at T", log=True))
+        handles, labels = axes.flat[0].get_legend_handles_labels()
+        drawn.legend(handles, labels, loc="outside lower center", ncols=6)
+        path.write_bytes(content(drawn, path.suffix, dpi=130))
 
 
 def main() -> None:

@@ -145,13 +145,6 @@ def test_equal_comparisons_give_the_same_errors_counts_and_picture(found: Compar
     assert picture.draw(found, ".png").startswith(b"\x89PNG")
 
 
-def test_methods_differ_in_colour_and_marker_until_both_run_out() -> None:
-    styles = [picture._style(n) for n in range(40)]
-    looks = {(s["color"], s["marker"], s["linestyle"]) for s in styles}
-    assert len(looks) == 40
-    assert len({s["marker"] for s in styles[:7]}) == len({s["color"] for s in styles[:7]}) == 7
-
-
 def point(steps: int, error: float, microseconds: float, failures: int = 0) -> Point:
     seconds = Seconds(microseconds * 1e-4, 0.0, 0.0, 0.0, 0.0)
     sure = Estimate(error, 0.0, 0.05)

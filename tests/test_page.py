@@ -11,6 +11,7 @@ import re
 import shlex
 import shutil
 import subprocess
+import sys
 from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
@@ -21,11 +22,13 @@ from click.testing import CliRunner
 
 from sepv.commands import main
 from sepv.errors import UsageError
+from sepv.files import fault, schema
 from sepv.page import load, render
-from sepv.page._plot import Curve, colour_rules, plot
+from sepv.page._pictures import Pictures
 from sepv.page._sources import Sources
 from sepv.page._text import name, plain
-from sepv.studies._palette import look
+from sepv.schemes import Look
+from sepv.studies._picture import Axis, Series, looks
 
 EVIL = [
     "<script>document.title='owned'</script>",
@@ -129,7 +132,7 @@ def hostile_page() -> str:
 class Reader(HTMLParser):
     """Every tag with its attributes, all text, and the nesting."""
 
-    VOID = frozenset(("meta", "line", "path", "br", "img", "link"))
+    VOID = frozenset(("meta", "use", "rect", "path", "br", "img", "link"))
 
     def __init__(self, page: str) -> None:
         super().__init__()
@@ -157,7 +160,7 @@ class Reader(HTMLParser):
 
 
 ELEMENTS = """html head meta title style body a header h1 h2 h3 p sub nav ul li main section div table caption thead
-tbody tr th td span bdi details summary pre figure figcaption svg desc line text path clippath g dl dt dd"""
+tbody tr th td span bdi details summary pre figure figcaption svg defs desc use rect text path clippath g dl dt dd"""
 ALLOWED = frozenset(ELEMENTS.split())
 
 
@@ -243,9 +246,31 @@ def test_contrast_is_that_of_wcag_aa(theme: int) -> None:
     assert contrast(value["fg"], value["pane"]) >= 4.5
     for text in ("good", "bad", "warn", "odd"):
         assert contrast(value[text], value[f"{text}bg"]) >= 4.5, text
-    for curve, *_ in colour_rules():
-        assert contrast(value[curve], value["bg"]) >= 3, curve
     assert contrast(value["guide"], value["bg"]) >= 3
+
+
+def test_every_look_of_ours_is_read_on_light_and_on_dark() -> None:
+    from sepv.schemes import EXTENSIONS, PAPER
+
+    ours = [s.look for s in (*PAPER.values(), *EXTENSIONS.values()) if s.look is not None]
+    for look in (*ours, *looks(["", *(f"stranger {n}" for n in range(11))]).values()):
+        assert contrast(look.colour, "#ffffff") >= 3, look
+        assert contrast(look.dark, "#0f1419") >= 3, look
+
+
+def test_a_scheme_that_states_its_look_is_drawn_so_and_nothing_else_passes() -> None:
+    own = {"colour": "#123456", "dark": "#ABCDEF", "marker": "h", "dash": "7 1"}
+    data = comparison("mine")
+    data["methods"][0]["look"] = own
+    assert fault(data, schema("comparison")) == ""
+    page = render(Sources(compare=[data]))
+    assert ":#123456" in page
+    assert ":#ABCDEF" in page
+    for wrong in ({"colour": "red;}"}, {"marker": "$x$"}, {"dash": "url(x)"}):
+        data["methods"][0]["look"] = own | wrong
+        assert fault(data, schema("comparison"))
+        with pytest.raises(UsageError, match=f"Look\\({next(iter(wrong))}"):
+            Look(**(own | wrong))
 
 
 def test_counterexamples_are_within_a_budget_and_the_rest_is_counted() -> None:
@@ -366,23 +391,61 @@ def test_a_price_picture_begins_where_steps_are_paid_for() -> None:
     assert [step_size(h) for h in (2.0**-4, 0.1, 1.0)] == ["2⁻⁴", "0.1", "1"]
 
 
-def test_a_plot_leaves_out_what_cannot_be_drawn_and_keeps_spikes() -> None:
+def drawn(series: list[Series], x: Axis, y: Axis, **more: Any) -> str:
+    return str(Pictures(s.scheme for s in series).draw(series, x, y, **more).inside)
+
+
+def test_a_picture_leaves_out_what_cannot_be_drawn_and_keeps_spikes() -> None:
     n = 5000
     y: list[float | None] = [1.0] * n
     y[1234], y[2000], y[2001], y[3000] = 50.0, None, float("nan"), -1.0
-    drawn = plot([Curve("c", list(range(n)), y)], x_label="x", y_label="y", y_log=True)
-    numbers = [float(v) for v in re.findall(r"-?\d+\.\d", drawn.curves[0].path)]
+    inside = drawn([Series("c", list(range(n)), y)], Axis("x"), Axis("y", log=True))
+    (curve,) = re.findall(r'<path d="([^"]*)"[^>]*stroke-width="1.5"', inside)
+    numbers = [float(v) for v in re.findall(r"-?[\d.]+", curve)]
     assert len(numbers) < 600
-    assert min(numbers[1::2]) == pytest.approx(23, abs=2)  # the spike, 4 % below the top
-    assert len({text for _, text in drawn.y_ticks}) == len(drawn.y_ticks) >= 2
-    assert plot([], x_label="", y_label="").curves == []
+    assert min(numbers[1::2]) == pytest.approx(24, abs=3)  # the spike, 5 % below the top
+    ticks = re.findall(r'text-anchor="end"[^>]*>([^<]*)<', inside)
+    assert len(set(ticks)) == len(ticks) >= 2
+    for nothing in ([], [Series("c", [None], [1.0])], [Series("c", [1.0], [-1.0])]):
+        assert "<use" not in drawn(nothing, Axis("x"), Axis("y", log=True), slopes=[1.0])
 
 
-def test_every_scheme_of_ours_has_a_look_of_its_own() -> None:
+def test_what_stands_in_a_picture_is_text_and_no_mathematics() -> None:
+    label = "$\\frac{$ <b>& \u4e2d"
+    inside = drawn([Series("$x", [1.0, 2.0], [-1e308, 1e299])], Axis(label), Axis("y"))
+    assert html.escape(label, quote=False) in inside
+    assert "style=" not in inside
+
+
+def test_pictures_share_their_markers_and_curves_of_no_scheme_differ() -> None:
+    pictures = Pictures(["midpoint"])
+    series = [Series("a", [1.0, 2.0], [1.0, 3.0], "midpoint", "both")] * 2
+    first, second = (pictures.draw(series, Axis("x"), Axis("y")) for _ in range(2))
+    assert str(first.inside) == str(second.inside)
+    assert str(pictures.definitions).count("<path") == 1
+    assert first.samples[0][1] != first.samples[1][1]  # one scheme twice: other dashes
+    alone = [Series(name, [1.0, 2.0], [1.0, 2.0]) for name in "abc"]
+    assert len({str(sample) for _, sample in pictures.draw(alone, Axis("x"), Axis("y")).samples}) == 3
+
+
+def test_a_page_without_pictures_needs_no_matplotlib(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert "one" in render(Sources(verify=[verify_report("one")]))
+    with pytest.raises(UsageError, match=r"pip install 'sepv\[plots\]'"):
+        render(Sources(compare=[comparison("m")]))
+
+
+def test_every_scheme_of_the_paper_has_a_look_of_its_own_and_strangers_another() -> None:
     from sepv import schemes
 
-    looks = [look(s) for s in schemes.PAPER]
-    assert len({k.colour for k in looks}) == len({k.marker for k in looks}) == len(looks)
+    ours = looks(schemes.PAPER)
+    assert all(ours[name] == scheme.look for name, scheme in schemes.PAPER.items())
+    assert len({k.colour for k in ours.values()}) == len({k.marker for k in ours.values()}) == len(ours)
+    names = [*schemes.PAPER, "numpy/midpoint", *(f"mod:step{n}" for n in range(30))]
+    assert len(set(looks(names).values())) == len(names)
+    assert looks(names) == looks(names)
+    mine = Look("#123456", "#abcdef")
+    assert looks(["mine"], {"mine": mine}) == {"mine": mine}
 
 
 def test_text_of_strangers() -> None:

@@ -7,12 +7,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib import pyplot as plt
 
 import sepv
 from sepv.errors import SepvError
+from sepv.studies._picture import Axis, content, figure, frame
 
 STEPS, T = 1024, 16.0
 SIZE = (6.4, 3.0)
@@ -22,7 +21,6 @@ def generate(app: Any) -> None:
     """Write `_generated/problems.md` and `_generated/schemes.md`, and their pictures."""
     folder = Path(app.srcdir) / "_generated"
     folder.mkdir(exist_ok=True)
-    mpl.use("agg")
     _write(folder / "example.txt", _example())
     for name, title, entries in (
         ("problems", "Gallery of problems", _problems(folder)),
@@ -59,13 +57,13 @@ def _problems(folder: Path) -> Iterator[str]:
         times = np.linspace(0.0, T, STEPS + 1)
         theta = times + np.concatenate([[0.0], np.cumsum(problem.c @ increments)])
         path = sepv.exact_flow(problem, theta)
-        figure, axes = plt.subplots(figsize=SIZE, layout="constrained")
-        for i, component in enumerate(path.y):
-            axes.plot(times, component, label=f"y{i + 1}", linewidth=1)
-        axes.set(xlabel="t", ylabel="y")
-        axes.legend(loc="upper right", ncols=problem.dimension)
-        figure.savefig(folder / f"{name}.png", dpi=120)
-        plt.close(figure)
+        with figure(*SIZE, layout="constrained") as drawn:
+            axes = drawn.add_subplot()
+            for i, component in enumerate(path.y):
+                axes.plot(times, component, label=f"y{i + 1}", linewidth=1)
+            frame(axes, Axis("t"), Axis("y"))
+            axes.legend(loc="upper right", ncols=problem.dimension)
+            (folder / f"{name}.png").write_bytes(content(drawn, ".png", dpi=120))
         what = (inspect.getdoc(inspect.getmodule(_maker(name))) or "").splitlines()[0]
         facts = f"d = {problem.dimension}, {problem.noises} noise" + ("s" if problem.noises > 1 else "")
         yield f"## {name}\n\n{what} {facts}.\n\n![The components of one path of {name} against time]({name}.png)"
@@ -85,11 +83,11 @@ def _schemes(folder: Path) -> Iterator[str]:
             yield f"{heading} Not shown: {str(error).splitlines()[0]}"
             continue
         energy = problem.hamiltonian(path.y)
-        figure, axes = plt.subplots(figsize=SIZE, layout="constrained")
-        axes.plot(path.t, energy - energy[0], linewidth=1)
-        axes.set(xlabel="t", ylabel="H(y) − H(y₀)")
-        figure.savefig(folder / f"{name}.png", dpi=120)
-        plt.close(figure)
+        with figure(*SIZE, {"lines.linewidth": 1}, layout="constrained") as drawn:
+            axes = drawn.add_subplot()
+            axes.plot(path.t, energy - energy[0])
+            frame(axes, Axis("t"), Axis("H(y) − H(y₀)"))
+            (folder / f"{name}.png").write_bytes(content(drawn, ".png", dpi=120))
         largest = float(np.max(np.abs(energy - energy[0])))
         yield (
             f"{heading} Largest energy error here: {largest:.1e}.\n\n"

@@ -91,10 +91,11 @@ def compare(
     from sepv.studies._compare.choose import PEERS, installed_peers
     from sepv.studies._compare.method import from_scheme
     from sepv.studies._compare.run import one_core
+    from sepv.studies._picture import require_picture
     from sepv.verification._progress import showing
     from sepv.verification._report import console
 
-    drawing.require_picture(picture)
+    require_picture(picture)
     for path in (options["json_file"], options["csv_file"], picture):
         require_folder(path)
     out = console()

@@ -18,7 +18,8 @@ from sepv.commands._shared import friendly
 def report(files: tuple[str, ...], out: str, title: str, quiet: bool, debug: bool) -> None:  # noqa: ARG001
     """One self-contained HTML page from the JSON FILEs of verify, compare, bench and reproduce.
 
-    The page needs no network and no JavaScript; it prints, and it follows the reader's light or dark theme.
+    The page needs no network and no JavaScript; it prints, and it follows the reader's light or dark theme. Its
+    pictures, of compare and reproduce, are drawn by matplotlib (extra plots).
 
     \b
     sepv verify energy-preserving --json ep.json

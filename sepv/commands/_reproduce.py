@@ -98,9 +98,9 @@ def _folder(out: str | None, *, draws: bool) -> Path | None:
     if out is None:
         return None
     if draws:
-        from sepv.studies._reproduce.draw import require_matplotlib
+        from sepv.studies._picture import require_matplotlib
 
-        require_matplotlib()
+        require_matplotlib("or --no-figures: numbers and verdicts need none")
     folder = Path(out)
     try:
         folder.mkdir(parents=True, exist_ok=True)

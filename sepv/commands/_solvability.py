@@ -116,7 +116,7 @@ def solvability(
 
     from sepv.files import require_folder, write_atomically
     from sepv.schemes import load_problem, load_scheme
-    from sepv.studies._compare.picture import require_picture
+    from sepv.studies._picture import require_picture
     from sepv.studies._solvability import Exits, follow_paths, solvability_map
     from sepv.verification._report import console
 

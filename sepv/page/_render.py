@@ -9,8 +9,8 @@ from importlib.resources import files
 from typing import Any
 
 from sepv._version import __version__
-from sepv.page import _plot as plot
 from sepv.page import _views as views
+from sepv.page._pictures import Pictures
 from sepv.page._sources import Sources
 from sepv.page._text import plain
 
@@ -27,8 +27,11 @@ def render(sources: Sources, *, title: str = "Which structural properties hold?"
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
+    pictures = Pictures(*views.drawn(sources))
+    comparisons = [views.comparison(c, pictures) for c in sources.compare]
+    reproductions = [views.reproduction(r, pictures) for r in sources.reproduce]
     style = environment.from_string((folder / "style.css.j2").read_text(encoding="utf-8")).render(
-        colours=plot.colour_rules()
+        colours=pictures.colours
     )
     digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
     laws, schemes = views.schemes(sources.verify)
@@ -41,9 +44,10 @@ def render(sources: Sources, *, title: str = "Which structural properties hold?"
         headline=views.headline(sources.verify) if sources.verify else "",
         fingerprint=fingerprint(),
         schemes=schemes,
-        comparisons=[views.comparison(c) for c in sources.compare],
+        comparisons=comparisons,
         benches=[views.bench(b) for b in sources.bench],
-        reproductions=[views.reproduction(r) for r in sources.reproduce],
+        reproductions=reproductions,
+        definitions=pictures.definitions,
         versions=sorted({_version(r) for r in (*sources.verify, *sources.reproduce)}),
     )
 

@@ -32,8 +32,3 @@ def number(value: float | None) -> str:
         return "not finite"
     text = f"{value:.3g}" if value == 0 or 1e-3 <= abs(value) < 1e5 else f"{value:.1e}"
     return text.replace("-", "−")
-
-
-def power(base: int, exponent: int) -> str:
-    """base^exponent with superscript digits."""
-    return f"{base}" + str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))

@@ -9,8 +9,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from sepv.errors import UsageError
-from sepv.page import _plot as drawing
-from sepv.page._text import name, number, plain, power
+from sepv.page._pictures import Pictures
+from sepv.page._sources import Sources
+from sepv.page._text import name, number, plain
+from sepv.schemes import Look
+from sepv.studies._picture import FLOOR, Axis, Series, power
 from sepv.verification import LAWS, load_laws
 
 # Characters of counterexamples on a page; the JSON files have them all.
@@ -223,7 +226,7 @@ def law_texts(laws: list[str]) -> list[dict[str, str]]:
 def step_size(h: float) -> str:
     """A power of two as one, else three digits."""
     exponent = math.log2(h) if h > 0 else 0.5
-    return power(2, int(exponent)) if exponent == int(exponent) and exponent < -1 else number(h)
+    return power(h, 2) if exponent == int(exponent) and exponent < -1 else number(h)
 
 
 def priced(points: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -243,7 +246,15 @@ def priced(points: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return kept
 
 
-def comparison(data: dict[str, Any]) -> dict[str, Any]:
+def drawn(sources: Sources) -> tuple[list[str], dict[str, Look]]:
+    """The schemes that pictures show, and the looks that their files state."""
+    methods = [m for c in sources.compare for m in c["methods"]]
+    names = [m["name"] for m in methods]
+    names += [s["scheme"] for r in sources.reproduce for p in r["panels"] for s in p["series"]]
+    return names, {m["name"]: Look(**m["look"]) for m in methods if "look" in m}
+
+
+def comparison(data: dict[str, Any], pictures: Pictures) -> dict[str, Any]:
     """Two plots, the points, the times to given errors, and where it ran."""
     methods = [m["name"] for m in data["methods"]]
     points = [p for p in data["points"] if p["failures"] < p["paths"]]
@@ -252,21 +263,25 @@ def comparison(data: dict[str, Any]) -> dict[str, Any]:
     def micro(p: dict[str, Any]) -> float:
         return float(p["seconds"]["median"] / p["paths"] * 1e6)
 
-    def curve(m: str, value: Any) -> drawing.Curve:
+    def curve(m: str, value: Any) -> Series:
         own = priced(by_method[m])
-        return drawing.Curve(m, [micro(p) for p in own], [value(p) for p in own], m, "both")
+        return Series(m, [micro(p) for p in own], [value(p) for p in own], m, "both")
 
-    time = "processor time of one path in µs"
-    errors = drawing.plot(
+    time = Axis("processor time of one path in µs", log=True)
+    errors = pictures.draw(
         [curve(m, lambda p: p["strong_error"]["value"]) for m in methods],
-        x_label=time, y_label="strong error at T", x_log=True, y_log=True,
-    )  # fmt: skip
+        time,
+        Axis("strong error at T", log=True),
+    )
     # A defect of exactly zero has no logarithm: it is drawn at half a rounding of one, as the caption says.
-    defects = drawing.plot(
-        [curve(m, lambda p: max(p["energy_defect"] or 0.0, 1.1e-16) if p["energy_defect"] is not None else None)
-         for m in methods],
-        x_label=time, y_label="largest energy defect", x_log=True, y_log=True,
-    )  # fmt: skip
+    defects = pictures.draw(
+        [
+            curve(m, lambda p: None if p["energy_defect"] is None else max(p["energy_defect"], FLOOR))
+            for m in methods
+        ],
+        time,
+        Axis("largest energy defect", log=True),
+    )
     return {
         "problem": name(data["problem"]),
         "T": number(data["T"]),
@@ -358,20 +373,20 @@ def bench(data: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def reproduction(data: dict[str, Any]) -> dict[str, Any]:
+def reproduction(data: dict[str, Any], pictures: Pictures) -> dict[str, Any]:
     """The panels with their plots and statements."""
     return {
         "about": {k: plain(v, 60) if isinstance(v, str) else v for k, v in data["reproduction"].items()},
         "of": plain(data["reproduction"]["of"], 300),
         "counts": "{holds} statements hold, {fails} do not, {open} are open".format(**data["counts"]),
-        "panels": [_panel(p) for p in data["panels"]],
+        "panels": [_panel(p, pictures) for p in data["panels"]],
         "text": [_statement(s) for s in data["text"]],
     }
 
 
-def _panel(p: dict[str, Any]) -> dict[str, Any]:
-    curves = [drawing.Curve(s["name"], s["x"], s["y"], s["scheme"], s["style"]) for s in p["series"]]
-    x, y = p["x"], p["y"]
+def _panel(p: dict[str, Any], pictures: Pictures) -> dict[str, Any]:
+    curves = [Series(s["name"], s["x"], s["y"], s["scheme"], s["style"]) for s in p["series"]]
+    x, y = (Axis(plain(p[k]["label"], 60), p[k]["log"]) for k in ("x", "y"))
     statements = [_statement(s) for s in p["statements"]]
     held = [s for s in statements if s["cell"].kind == "holds"]
     return {
@@ -382,12 +397,8 @@ def _panel(p: dict[str, Any]) -> dict[str, Any]:
         "statements": statements,
         "held": held,
         "holding": len(held),
-        "plot": drawing.plot(
-            curves, x_label=plain(x["label"], 60), y_label=plain(y["label"], 60), x_log=x["log"], y_log=y["log"],
-            x_base=2 if p["slopes"] else 10, slopes=p["slopes"], equal=p["equal"],
-            window=p["window"],
-        ),
-    }  # fmt: skip
+        "plot": pictures.draw(curves, x, y, slopes=p["slopes"], equal=p["equal"], window=p["window"]),
+    }
 
 
 def _statement(s: dict[str, Any]) -> dict[str, Any]:

@@ -25,6 +25,7 @@ from sepv.schemes._gauss import gauss as gauss
 from sepv.schemes._guard import ask as ask
 from sepv.schemes._load import load_problem as load_problem
 from sepv.schemes._load import load_scheme as load_scheme
+from sepv.schemes._look import Look as Look
 from sepv.schemes._one_step import RANDOM_STEP as RANDOM_STEP
 from sepv.schemes._one_step import Explicit as Explicit
 from sepv.schemes._one_step import implicit as implicit

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from sepv.problem._fields import matvec
+from sepv.schemes._look import Look
 from sepv.schemes._one_step import EVERY, drift_and_noise, implicit, one_step
 from sepv.solve import Fields
 
@@ -48,4 +49,5 @@ scheme = one_step(
     step,
     EVERY | {"identity", "energy", "noise-sum", "rounding"},
     "Cohen and Dujardin (2014), §4",
+    look=Look("#B0558A", "#E59AC4", "D", "2 2"),
 )

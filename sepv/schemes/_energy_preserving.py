@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from sepv.schemes._look import Look
 from sepv.schemes._one_step import ENERGY_PRESERVING, implicit, one_step
 from sepv.solve import Fields
 from sepv.solve._linearised import derivative
@@ -19,4 +20,10 @@ def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:
 
 jacobian = derivative(formula)
 step = implicit(formula, jacobian)
-scheme = one_step("energy-preserving", step, ENERGY_PRESERVING, "Cohen and Dujardin (2014), equation (2.1)")
+scheme = one_step(
+    "energy-preserving",
+    step,
+    ENERGY_PRESERVING,
+    "Cohen and Dujardin (2014), equation (2.1)",
+    look=Look("#0072B2", "#56B4E9", "o"),
+)

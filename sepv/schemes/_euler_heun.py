@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from sepv.schemes._look import Look
 from sepv.schemes._one_step import EVERY, Explicit, drift_and_noise, one_step
 from sepv.solve import Fields
 
@@ -19,4 +20,10 @@ def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:  # noqa: ARG001 -
 
 
 step = Explicit(formula, drift_and_noise)
-scheme = one_step("euler-heun", step, EVERY | {"noise-sum", "equivariance"}, "Cohen and Dujardin (2014), §4")
+scheme = one_step(
+    "euler-heun",
+    step,
+    EVERY | {"noise-sum", "equivariance"},
+    "Cohen and Dujardin (2014), §4",
+    look=Look("#C47F00", "#E69F00", "s"),
+)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from sepv.schemes._look import Look
 from sepv.schemes._one_step import EVERY, Explicit, drift_and_noise, one_step
 from sepv.solve import Fields
 
@@ -28,4 +29,5 @@ scheme = one_step(
     EVERY | {"equivariance"},
     "Cohen and Dujardin (2014), §4; on the Itô form",
     mean_square_order=0.5,
+    look=Look("#D55E00", "#FF8A3D", "+", "3 2"),
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from sepv.schemes._look import Look
 from sepv.schemes._one_step import SYMMETRIC, implicit, one_step
 from sepv.solve import Fields
 from sepv.solve._linearised import derivative
@@ -16,5 +17,9 @@ def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:
 
 step = implicit(formula, derivative(formula))
 scheme = one_step(
-    "midpoint", step, SYMMETRIC | {"symplecticity"}, "Cohen and Dujardin (2014), equation (3.4)"
+    "midpoint",
+    step,
+    SYMMETRIC | {"symplecticity"},
+    "Cohen and Dujardin (2014), equation (3.4)",
+    look=Look("#009E73", "#2CC79A", "^", "6 2"),
 )

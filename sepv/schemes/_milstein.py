@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from sepv.schemes._look import Look
 from sepv.schemes._one_step import EVERY, Explicit, drift_and_noise, one_step
 from sepv.solve import Fields
 
@@ -23,5 +24,9 @@ def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:  # noqa: ARG001 -
 
 step = Explicit(formula, drift_and_noise)
 scheme = one_step(
-    "milstein", step, EVERY | {"noise-sum", "equivariance"}, "Cohen and Dujardin (2014), §4; on the Itô form"
+    "milstein",
+    step,
+    EVERY | {"noise-sum", "equivariance"},
+    "Cohen and Dujardin (2014), §4; on the Itô form",
+    look=Look("#6A5ACD", "#B5A8FF", "*", "5 1 1 1"),
 )

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from sepv._arguments import floats, is_number
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem, Systems
+from sepv.schemes._look import Look
 from sepv.schemes._point_laws import PointLaw, point_law
 from sepv.solve._solution import Solution, require_converged
 
@@ -81,6 +82,8 @@ class Scheme:
     stages : int
         s of the collocation family: laws that compare with (2.1) compare with its s-stage method
         (Cohen and Hairer), those that compare with the midpoint rule with the s-stage Gauss method.
+    look : Look, optional
+        Its colours, marker and dashes in pictures; without one it is given a look that no other has there.
 
     Examples
     --------
@@ -111,6 +114,7 @@ class Scheme:
     systems: Systems = Systems.SINGLE
     asks: str = ""
     problems: Iterable[Any] = ()
+    look: Look | None = None
 
     def __post_init__(self) -> None:
         claims = {self.claims} if isinstance(self.claims, str) else set(self.claims)

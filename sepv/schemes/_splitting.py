@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from sepv.errors import Skipped
 from sepv.problem import Array, Problem
+from sepv.schemes._look import Look
 from sepv.schemes._one_step import EVERY, one_step
 from sepv.schemes._scheme import as_lanes
 
@@ -44,4 +45,5 @@ scheme = one_step(
     step,
     EVERY | {"identity", "casimir", "any-casimir", "poisson-map", "symplecticity", "positivity", "symmetry"},
     "Strang's composition of exact flows, with the random step of (2.1)",
+    look=Look("#7A5230", "#D2A679", "x", "4 1"),
 )

@@ -2,7 +2,7 @@
 
 Each study stands by itself, has a command of its name, and is loaded when it is asked for: `_compare` (error with its
 price), `_bench` (counters and paired times), `_reproduce` (section 4 of the paper), `_hard_cases`, `_ulps`,
-`_solvability`. `_evaluation_count` counts what a scheme evaluates, `_palette` is the look of every picture.
+`_solvability`. `_evaluation_count` counts what a scheme evaluates. Every picture goes through `_picture`.
 """
 
 from __future__ import annotations

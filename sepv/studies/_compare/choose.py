@@ -63,7 +63,7 @@ def load_method(target: str, problem: Problem) -> Method:
             ) from fault
     method = from_scheme(scheme, problem, "numpy" if plain else "auto")
     if plain:
-        return replace(method, name=target, source=f"{scheme.source}; NumPy batch")
+        return replace(method, name=target, source=f"{scheme.source}; NumPy batch", look=None)
     return replace(method, name=target) if ":" in target and scheme.name in (target, "step") else method
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from sepv.errors import SepvError
 from sepv.exact import exact_flow
 from sepv.problem import Array, Problem
-from sepv.schemes import Scheme
+from sepv.schemes import Look, Scheme
 from sepv.schemes._guard import SchemeCrash
 from sepv.simulate import Ensemble
 from sepv.simulate._paths import CHUNK, run_chunk
@@ -75,6 +75,8 @@ class Method:
         False for the exact time change, which sees W(T) only.
     truncation : int, optional
         k of Remark 2.1 for the increments it uses; None for untruncated ones.
+    look : Look, optional
+        In pictures; without one it is given a look that no other has there.
     """
 
     name: str
@@ -85,6 +87,7 @@ class Method:
     evaluations: float | None = None
     steps_matter: bool = True
     truncation: int | None = None
+    look: Look | None = None
 
 
 def invariant_defects(problem: Problem, states: Array) -> tuple[Array, Array]:
@@ -146,8 +149,9 @@ def _in_batches(scheme: Scheme) -> Method:
         return Followed(Ends(run.y, run.status), run.energy_defect, run.casimir_defect, work)
 
     return Method(
-        scheme.name, prepare, follow, scheme.source, batched=scheme.batched, truncation=scheme.truncation
-    )
+        scheme.name, prepare, follow, scheme.source, batched=scheme.batched, truncation=scheme.truncation,
+        look=scheme.look,
+    )  # fmt: skip
 
 
 def _compiled(scheme: Scheme) -> Method:
@@ -180,7 +184,7 @@ def _compiled(scheme: Scheme) -> Method:
         return Followed(Ends(run.y, run.status), run.energy_defect, run.casimir_defect, work)
 
     source = f"{scheme.source}; compiled engine"
-    return Method(scheme.name, prepare, follow, source, truncation=scheme.truncation)
+    return Method(scheme.name, prepare, follow, source, truncation=scheme.truncation, look=scheme.look)
 
 
 def _run(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array, *, track: bool) -> Ensemble:
@@ -216,4 +220,7 @@ def exact_time_change() -> Method:
         states = np.stack([np.repeat(y0[:, None], y.shape[1], axis=1), y])
         return Followed(finite_ends(problem, y), *invariant_defects(problem, states), work, error)
 
-    return Method("exact-flow", prepare, follow, "the exact time change, one dense solve", steps_matter=False)
+    return Method(
+        "exact-flow", prepare, follow, "the exact time change, one dense solve", steps_matter=False,
+        look=Look("#333333", "#DDDDDD", "v"),
+    )  # fmt: skip

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
+from sepv.schemes import Look
 from sepv.verification._orders.convergence import Estimate
 
 FORMAT = 1
@@ -135,6 +136,8 @@ class Comparison:
     targets: tuple[float, ...] = ()
     # Methods that were left out, and why.
     failed: dict[str, str] = field(default_factory=dict)
+    # Of methods whose schemes state one.
+    looks: dict[str, Look] = field(default_factory=dict)
 
     def of(self, method: str) -> list[Point]:
         """The points of one method, coarsest step first."""
@@ -155,7 +158,10 @@ class Comparison:
             "repeats": self.repeats,
             "confidence": self.confidence,
             "environment": self.environment,
-            "methods": [{"name": n, "source": s} for n, s in self.sources.items()],
+            "methods": [
+                {"name": n, "source": s} | ({"look": asdict(self.looks[n])} if n in self.looks else {})
+                for n, s in self.sources.items()
+            ],
             "points": [p.to_json() for p in self.points],
             "times_to_error": [vars(t) | {} for t in self.times_to_error()],
         }

@@ -136,6 +136,7 @@ def compare(
         confidence=1 - ALPHA,
         environment=environment(),
         sources={m.name: m.source for m in methods if m.name not in failed},
+        looks={m.name: m.look for m in methods if m.look is not None and m.name not in failed},
         failed=failed,
         has_casimirs=bool(problem.casimirs or problem.linear_casimirs),
         points=tuple(points),

@@ -12,9 +12,10 @@ from sepv.schemes import weakly
 from sepv.schemes._areas import step_with_areas
 from sepv.schemes._several_stages import step_with_stages
 from sepv.simulate import _wiener as wiener
+from sepv.studies._picture import Axis
 from sepv.studies._reproduce.job import Job, Results, Size
 from sepv.studies._reproduce.order import ERROR_AXIS, H_AXIS
-from sepv.studies._reproduce.record import Axis, Panel, Statement, decide, series
+from sepv.studies._reproduce.record import Panel, Statement, decide, series
 from sepv.verification import Effort
 from sepv.verification._orders.local_errors import local_errors
 

@@ -6,8 +6,9 @@ import numpy as np
 
 from sepv import problems
 from sepv.problem import Array
+from sepv.studies._picture import Series
 from sepv.studies._reproduce.order import sentence
-from sepv.studies._reproduce.record import Series, Statement, decide, series
+from sepv.studies._reproduce.record import Statement, decide, series
 from sepv.studies._reproduce.runs import Run, rounding_bound
 
 # A drift this many times the rounding bound is no rounding.

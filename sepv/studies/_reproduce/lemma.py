@@ -17,9 +17,10 @@ from sepv import problems, schemes
 from sepv.problem import Array, NamedProblem, Problem, vector_field
 from sepv.problem._fields import derivative_along, matvec
 from sepv.schemes._modified_weak_two import FIRST, structure_curvature, structure_slope
+from sepv.studies._picture import Axis
 from sepv.studies._reproduce.job import Job, Results, Size
 from sepv.studies._reproduce.order import H_AXIS
-from sepv.studies._reproduce.record import Axis, Panel, Statement, decide, series
+from sepv.studies._reproduce.record import Panel, Statement, decide, series
 from sepv.verification._orders.gaussian import rule
 
 NAMES = ("rigid-body", "pendulum", "lotka-volterra")

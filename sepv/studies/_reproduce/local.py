@@ -10,9 +10,10 @@ import numpy as np
 
 from sepv import problems, schemes
 from sepv.record._binary64 import EPS
+from sepv.studies._picture import Axis
 from sepv.studies._reproduce.job import Job, Results, Size
 from sepv.studies._reproduce.order import H_AXIS, SENTENCE, STATED
-from sepv.studies._reproduce.record import Axis, Panel, Statement, decide, series
+from sepv.studies._reproduce.record import Panel, Statement, decide, series
 from sepv.verification import Effort
 from sepv.verification._orders.gaussian import rule
 from sepv.verification._orders.local_errors import local_errors

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from sepv.record._binary64 import EPS
+from sepv.studies._picture import Axis, Series
 from sepv.studies._reproduce import runs
 from sepv.studies._reproduce.job import Job, Results, Size
-from sepv.studies._reproduce.record import Axis, Panel, Series, Statement, decide, series
+from sepv.studies._reproduce.record import Panel, Statement, decide, series
 from sepv.verification._orders.convergence import Estimate, StrongErrors, join, slope
 
 # Two-sided, for each slope: the chance that an interval misses the slope that it estimates.

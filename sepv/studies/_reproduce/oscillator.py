@@ -12,9 +12,10 @@ from sepv.problem import Array
 from sepv.record._binary64 import EPS
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
+from sepv.studies._picture import Axis
 from sepv.studies._reproduce import fine_step, invariants, order, runs
 from sepv.studies._reproduce.job import Job, Results, Size
-from sepv.studies._reproduce.record import Axis, Panel, Statement, decide, series
+from sepv.studies._reproduce.record import Panel, Statement, decide, series
 
 PROBLEM = "harmonic-oscillator"
 STEPS, H = 100_000, 1e-2

@@ -6,9 +6,10 @@ import numpy as np
 
 from sepv import problems, schemes
 from sepv.problem import Array
+from sepv.studies._picture import Axis, Series
 from sepv.studies._reproduce import fine_step, invariants, order, runs
 from sepv.studies._reproduce.job import Job, Results, Size
-from sepv.studies._reproduce.record import Axis, Panel, Series, Statement, decide, series
+from sepv.studies._reproduce.record import Panel, Statement, decide, series
 from sepv.verification._orders.convergence import StrongErrors
 
 PROBLEM = "pendulum"

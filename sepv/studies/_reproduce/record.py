@@ -16,6 +16,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sepv.studies._picture import Axis, Series
+
 # What became of a statement: it holds, it does not, or the measurement does not decide.
 Verdict = Literal["holds", "fails", "open"]
 
@@ -44,25 +46,6 @@ class Statement:
     measured: str
     criterion: str
     correction: str = ""
-
-
-@dataclass(frozen=True)
-class Series:
-    """One curve: y against x, with the scheme that made it ("" for a reference)."""
-
-    name: str
-    x: tuple[float, ...]
-    y: tuple[float, ...]
-    scheme: str = ""
-    style: Literal["line", "points", "both"] = "line"
-
-
-@dataclass(frozen=True)
-class Axis:
-    """A label with its unit, and the scale."""
-
-    label: str
-    log: bool = False
 
 
 @dataclass(frozen=True)

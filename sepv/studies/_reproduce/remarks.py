@@ -15,9 +15,10 @@ from sepv.record._binary64 import EPS
 from sepv.schemes._energy_preserving import scheme as SCHEME
 from sepv.simulate import _wiener as wiener
 from sepv.simulate import ensemble
+from sepv.studies._picture import Axis
 from sepv.studies._reproduce.job import Job, Results, Size
 from sepv.studies._reproduce.order import ALPHA, ERROR_AXIS, H_AXIS
-from sepv.studies._reproduce.record import Axis, Panel, Statement, decide, series
+from sepv.studies._reproduce.record import Panel, Statement, decide, series
 from sepv.verification import Effort
 from sepv.verification._orders.convergence import StrongErrors, slope
 from sepv.verification._orders.local_errors import local_errors

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from sepv import problems, schemes
+from sepv.studies._picture import Axis
 from sepv.studies._reproduce import invariants, order, runs
 from sepv.studies._reproduce.job import Job, Results, Size
-from sepv.studies._reproduce.record import Axis, Panel, Statement, decide
+from sepv.studies._reproduce.record import Panel, Statement, decide
 from sepv.verification._orders.convergence import StrongErrors
 
 PROBLEM = "rigid-body"

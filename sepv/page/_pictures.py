@@ -1,0 +1,190 @@
+"""Pictures for the page: matplotlib's SVG without its own style, in the page's colours, and inert.
+
+The page's policy allows no style in an element, so that properties become attributes. Colours become the style sheet's
+variables, which know light and dark. A marker or a frame stands once for all pictures, with an identifier of the page.
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+from xml.etree import ElementTree
+
+from sepv.page._text import name
+from sepv.schemes import Look
+from sepv.studies._picture import (
+    GRID,
+    GUIDE,
+    SOFT,
+    TEXT,
+    Axis,
+    Series,
+    content,
+    draw_curves,
+    figure,
+    line,
+    looks,
+    looks_of,
+    require_matplotlib,
+)
+
+# Of a drawing and of a sample in its legend, in the units of both: points, at 72 to the inch.
+WIDTH, HEIGHT = 520, 330
+LEFT, RIGHT, TOP, BOTTOM = 62, 14, 12, 44
+SAMPLE = 34, 12
+# At the right, where slopes have their names there.
+NAMES = 50
+# Points drawn of a cloud, strips of a long line, and how far a simplified line may run beside its points.
+MOST, NEAR = 110, 0.35
+MARKER = 6.5
+_STYLE = {
+    "font.size": 12, "text.color": TEXT, "axes.labelcolor": TEXT, "axes.labelpad": 4, "axes.linewidth": 1,
+    "xtick.color": TEXT, "ytick.color": TEXT, "xtick.major.pad": 5, "ytick.major.pad": 6, "lines.linewidth": 1.5,
+    "grid.linewidth": 1, "path.simplify_threshold": NEAR,
+}  # fmt: skip
+# By CSS or by the elements around: not for each element again.
+_DROPPED = re.compile("font|stroke-linejoin|stroke-linecap|stroke-dashoffset")
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A drawing, and samples of its curves by their names. Both are SVG elements without the outermost tag."""
+
+    inside: Any
+    samples: list[tuple[str, Any]]
+
+
+class Pictures:
+    """All pictures of one page."""
+
+    def __init__(self, schemes: Iterable[str] = (), own: Mapping[str, Look] | None = None) -> None:
+        self.looks = looks(["", *schemes], own)
+        self._shared: dict[str, str] = {}  # an element and its identifier
+        self._colours: dict[str, str] = {}  # on light and on dark
+        self._samples: dict[tuple[Look, str], Any] = {}
+
+    @property
+    def colours(self) -> list[tuple[str, str, str]]:
+        """(variable, colour on light, colour on dark) for the style sheet, of what is drawn."""
+        return [(f"k{n}", light, dark) for n, (light, dark) in enumerate(self._colours.items())]
+
+    @property
+    def definitions(self) -> Any:
+        """What drawings refer to: once on the page, before them."""
+        return _markup(
+            "".join(re.sub("^<([a-zA-Z]+)", rf'<\1 id="{at}"', e) for e, at in self._shared.items())
+        )
+
+    def draw(self, series: Sequence[Series], x: Axis, y: Axis, **more: Any) -> Picture:
+        """The picture of series; `more` is for `sepv.studies._picture.draw_curves`.
+
+        Raises
+        ------
+        UsageError
+            Where matplotlib is not installed.
+        """
+        require_matplotlib("a page of verdicts and counters alone needs none")
+        with figure(WIDTH / 72, HEIGHT / 72, _STYLE) as drawn, warnings.catch_warnings():
+            # A sign that matplotlib's font lacks is drawn with the reader's fonts.
+            warnings.filterwarnings("ignore", "Glyph .* missing from")
+            right = NAMES if more.get("slopes") else RIGHT
+            frame = (LEFT, BOTTOM, WIDTH - LEFT - right, HEIGHT - TOP - BOTTOM)
+            unit = (WIDTH, HEIGHT, WIDTH, HEIGHT)
+            axes = drawn.add_axes(tuple(v / of for v, of in zip(frame, unit, strict=True)))
+            draw_curves(axes, series, self.looks, x, y, size=MARKER, most=MOST, **more)
+            if not more.get("equal"):  # there the frame is narrower than its place
+                axes.yaxis.set_label_coords((14 - LEFT) / frame[2], 0.5)
+            drawn.patch.set_visible(False)
+            axes.patch.set_visible(False)
+            own = looks_of(series, self.looks)
+            inside = self._inside(drawn, own)
+        samples = [(name(s.name), self._sample(look, s.style)) for s, look in zip(series, own, strict=True)]
+        return Picture(inside, samples)
+
+    def _sample(self, look: Look, style: str) -> Any:
+        if (look, style) not in self._samples:
+            from matplotlib.lines import Line2D
+
+            width, height = SAMPLE
+            with figure(width / 72, height / 72, _STYLE) as drawn:
+                drawn.patch.set_visible(False)
+                across = (0.03, 0.5, 0.97)
+                how = line(look, style, MARKER) | {"markersize": MARKER, "markeredgewidth": 0.2 * MARKER}
+                drawn.add_artist(Line2D(across, (0.5, 0.5, 0.5), **how, markevery=(1, 2)))
+                self._samples[look, style] = self._inside(drawn, [look])
+        return self._samples[look, style]
+
+    def _inside(self, drawn: Any, own: Iterable[Look]) -> Any:
+        """The figure's elements, fit for the page."""
+        for look in own:
+            self._colours.setdefault(look.colour, look.dark)
+        root = ElementTree.fromstring(content(drawn, ".svg"))
+        paint = {c.lower(): f"var(--{k})" for k, c, _ in self.colours}
+        paint |= {GUIDE: "var(--guide)", GRID: "var(--grid)", SOFT: "var(--soft)", TEXT: "var(--fg)"}
+        new: dict[str, str] = {}
+        identifiers = [(element, _inert(element, paint)) for element in root.iter()]
+        for element, old in identifiers:
+            if element.tag in ("path", "clipPath") and old:
+                if element.tag == "path":
+                    element.set("fill", "none")
+                text = ElementTree.tostring(element, encoding="unicode")
+                new[old] = self._shared.setdefault(text, f"d{len(self._shared)}")
+        for element in root.iter():
+            if "href" in element.attrib:
+                element.set("href", f"#{new[element.attrib['href'][1:]]}")
+            if "clip-path" in element.attrib:
+                element.set("clip-path", f"url(#{new[element.attrib['clip-path'][5:-1]]})")
+        drawing = next(e for e in root if e.tag == "g")
+        _flat(drawing)
+        return _markup("".join(ElementTree.tostring(e, encoding="unicode") for e in drawing))
+
+
+def _inert(element: ElementTree.Element, paint: Mapping[str, str]) -> str:
+    """Names without namespaces, properties as attributes, colours as variables, short numbers; its identifier."""
+    element.tag = element.tag.rpartition("}")[2]
+    found = {key.rpartition("}")[2]: value for key, value in element.attrib.items()}
+    for part in found.pop("style", "").split(";"):
+        key, _, value = (v.strip() for v in part.partition(":"))
+        if key and not _DROPPED.match(key):
+            found[key] = paint.get(value.lower(), value)
+    for key in ("d", "x", "y", "transform", "stroke-width"):
+        if key in found:
+            found[key] = re.sub(r"-?\d+\.\d+", lambda n: f"{float(n[0]):.1f}".removesuffix(".0"), found[key])
+    if "d" in found:
+        found["d"] = re.sub(r"\s*([MLCQz])\s*", r"\1", found["d"]).strip()
+    if found.get("fill") == "none":  # the style sheet says it of every path
+        del found["fill"]
+    if found.get("transform", "").startswith("rotate(-0"):
+        del found["transform"]
+    identifier = found.pop("id", "")
+    element.attrib = found
+    element.text = element.text if element.tag == "text" else None
+    element.tail = None
+    return identifier
+
+
+def _flat(element: ElementTree.Element) -> None:
+    """No group without attributes, and of a row of markers only where each is: how it looks stands where it is defined.
+
+    Nothing that is defined stands here: it is the page's.
+    """
+    kept: list[ElementTree.Element] = []
+    for child in element:
+        _flat(child)
+        if child.tag == "use":
+            child.attrib = {key: child.attrib[key] for key in ("href", "x", "y")}
+        if child.tag == "g" and not child.attrib:
+            kept += list(child)
+        elif child.tag != "defs":
+            kept.append(child)
+    element[:] = kept
+
+
+def _markup(text: str) -> Any:
+    """SVG that matplotlib and ElementTree have escaped: the template does not escape it again."""
+    from markupsafe import Markup
+
+    return Markup(text)

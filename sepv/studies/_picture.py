@@ -1,0 +1,321 @@
+"""Every picture: who looks how, curves on axes, and a figure's content as a file. Needs the extra ``plots`` to draw.
+
+A scheme's look is on its record. Who has none is given one here that no other in the same pictures has. The colours are
+those of M. Okabe and K. Ito (2008), darker or lighter where the paper or the screen asks for it.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from sepv.errors import UsageError
+from sepv.schemes import Look
+
+SUFFIXES = (".svg", ".png", ".pdf")
+# What is no curve of a scheme: a reference, slopes, the grid.
+REFERENCE = Look("#333333", "#DDDDDD", "", "1 2")
+GUIDE, GRID, SOFT, TEXT = "#6e7781", "#e3e7eb", "#57606a", "#1b1f24"
+# A defect of exactly zero has no logarithm: it is drawn at half a rounding of one.
+FLOOR = 1.1e-16
+# Colours (light, dark) and markers for who has none of its own: 7 and 11 have no common divisor.
+_COLOURS = (
+    ("#56789A", "#9BB8D3"), ("#A85C32", "#E8A77F"), ("#3D7F7A", "#7CC7C1"), ("#9A5BA8", "#D9A6E4"),
+    ("#8A7A1F", "#CDBD5C"), ("#B04A5A", "#EE97A5"), ("#5F6B2F", "#AFBE78"),
+)  # fmt: skip
+_MARKERS = ("v", "<", ">", "h", "p", "d", "P", "X", "s", "^", "x")
+_DASHES = ("8 2 2 2", "", "4 2", "2 1")
+# Of a scheme's second curve in one picture, and of further ones.
+_AGAIN = ("9 4", "1 2", "9 2 1 2")
+
+# Line widths and type for a picture that is read beside text.
+STYLE = {
+    "font.size": 9,
+    "axes.linewidth": 0.6,
+    "axes.edgecolor": SOFT,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.color": GRID,
+    "grid.linewidth": 0.8,
+    "axes.axisbelow": True,
+    "lines.scale_dashes": False,
+    "legend.frameon": False,
+    # A name that holds a dollar sign is a name.
+    "text.parse_math": False,
+    # Text stays text in SVG, and equal numbers give equal files.
+    "svg.fonttype": "none",
+    "svg.hashsalt": "sepv",
+}
+
+
+@dataclass(frozen=True)
+class Series:
+    """One curve: y against x, with the scheme that made it ("" for a reference). None is drawn as nothing."""
+
+    name: str
+    x: Sequence[float | None]
+    y: Sequence[float | None]
+    scheme: str = ""
+    style: Literal["line", "points", "both"] = "line"
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A label with its unit, and the scale."""
+
+    label: str
+    log: bool = False
+
+
+def looks(names: Iterable[str], own: Mapping[str, Look] | None = None) -> dict[str, Look]:
+    """A look for each name: its own, the one on the record of the scheme of that name, or a free one.
+
+    Free ones go in the order of the names, so that the same names always look the same.
+    """
+    given = dict(own or {})
+    found: dict[str, Look] = {}
+    for name in dict.fromkeys(names):
+        look = REFERENCE if not name else given.get(name) or _of_record(name)
+        found[name] = look or _free(sum(map(_is_free, found.values())))
+    return found
+
+
+def looks_of(series: Sequence[Series], look_of: Mapping[str, Look]) -> list[Look]:
+    """A look for each curve: its scheme's, with other dashes where the scheme has a curve already.
+
+    Curves without a scheme look alike beside those of schemes; among themselves each has a look of its own.
+    """
+    if not any(s.scheme for s in series):
+        return (
+            [_free(number) for number in range(len(series))] if len(series) > 1 else [REFERENCE] * len(series)
+        )
+    found = []
+    for number, s in enumerate(series):
+        again = sum(s.scheme == other.scheme for other in series[:number]) if s.scheme else 0
+        look = look_of[s.scheme]
+        found.append(replace(look, dash=_AGAIN[(again - 1) % len(_AGAIN)]) if again else look)
+    return found
+
+
+def _of_record(name: str) -> Look | None:
+    from sepv.schemes import by_name
+
+    try:
+        return by_name(name).look
+    except UsageError:
+        return None
+
+
+@cache
+def _free(number: int) -> Look:
+    colour, dark = _COLOURS[number % len(_COLOURS)]
+    return Look(colour, dark, _MARKERS[number % len(_MARKERS)], _DASHES[number % len(_DASHES)])
+
+
+def _is_free(look: Look) -> bool:
+    return (look.colour, look.dark) in _COLOURS
+
+
+def require_picture(path: str | None) -> None:
+    """Complain about a wrong suffix or a missing library before the work, not after.
+
+    Raises
+    ------
+    UsageError
+    """
+    if path is None:
+        return
+    if Path(path).suffix.lower() not in SUFFIXES:
+        raise UsageError(
+            expected=f"a picture that ends in {', '.join(SUFFIXES)}", received=path, remedy="name it so"
+        )
+    require_matplotlib("tables, JSON and CSV need no extra")
+
+
+def require_matplotlib(otherwise: str) -> None:
+    """Complain where there is no matplotlib; `otherwise` says what needs none.
+
+    Raises
+    ------
+    UsageError
+    """
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError as error:
+        raise UsageError(
+            expected="matplotlib, for pictures",
+            received=str(error),
+            remedy=f"pip install 'sepv[plots]'; {otherwise}",
+        ) from error
+
+
+@contextmanager
+def figure(width: float, height: float, style: Mapping[str, Any] | None = None, **more: Any) -> Iterator[Any]:
+    """A matplotlib figure of this size in inches, in the one style; `style` adds to it, `more` goes to `Figure`."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context({**STYLE, **(style or {})}):
+        yield Figure(figsize=(width, height), **more)
+
+
+def content(drawn: Any, suffix: str, *, title: str | None = None, dpi: int = 160) -> bytes:
+    """The figure as the content of a file, without a date; `suffix` is one of `SUFFIXES`."""
+    kind = suffix.lower().lstrip(".")
+    nameless: dict[str, Any] = {
+        "svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}
+    }[kind]  # fmt: skip
+    out = io.BytesIO()
+    drawn.savefig(out, format=kind, dpi=dpi, metadata=nameless | ({"Title": title} if title else {}))
+    return out.getvalue()
+
+
+def line(look: Look, style: str = "both", size: float = 4) -> dict[str, Any]:
+    """matplotlib's arguments for a curve of this look; markers are outlines."""
+    dashes: Any = (0, tuple(float(v) for v in look.dash.split())) if look.dash else "-"
+    return {
+        "color": look.colour,
+        "linestyle": "none" if style == "points" else dashes,
+        "marker": look.marker or ("." if style != "line" else ""),
+        "markersize": 0.6 * size if style == "points" else size,
+        "markerfacecolor": "none",
+        "markeredgewidth": 0.2 * size,
+    }
+
+
+def draw_curves(
+    axes: Any,
+    series: Sequence[Series],
+    look_of: Mapping[str, Look],
+    x: Axis,
+    y: Axis,
+    *,
+    slopes: Sequence[float] = (),
+    equal: bool = False,
+    window: float | None = None,
+    size: float = 4,
+    most: int | None = None,
+) -> None:
+    """Draw series with their axes; what is not finite, or not positive on a logarithmic axis, is left out.
+
+    Parameters
+    ----------
+    slopes
+        Of dashed lines below the curves, for step sizes in powers of two along x.
+    equal
+        Both directions have one scale.
+    window
+        Only |y| up to it is in the frame, and |x| too where both directions have one scale.
+    size
+        Of markers, in points.
+    most
+        Points drawn of a cloud, and strips of a long line of which two points each are drawn.
+    """
+    points = [_finite(s, x.log, y.log) for s in series]
+    for number, (s, look, (across, up)) in enumerate(
+        zip(series, looks_of(series, look_of), points, strict=True)
+    ):
+        kept = np.arange(len(across))
+        if window and s.style == "points":
+            kept = kept[(np.abs(up) <= window) & ((np.abs(across) <= window) | (not equal))]
+        elif most and s.style == "line":
+            kept = _spikes(up, most)
+        every = _marked(s.style, len(kept), number, most)
+        axes.plot(
+            across[kept],
+            up[kept],
+            **line(look, s.style, size),
+            markevery=every,
+            label=s.name,
+            # What stays must not vanish behind what runs away.
+            zorder=3 if s.scheme == "energy-preserving" else 2,
+        )
+    _slopes(axes, points, slopes)
+    frame(axes, x, y, x_base=2 if slopes else 10)
+    if window:
+        axes.set_ylim(-window, window)
+        if equal:
+            axes.set_xlim(-window, window)
+    if equal:
+        axes.set_aspect("equal", adjustable="box" if window else "datalim")
+
+
+def frame(axes: Any, x: Axis, y: Axis, *, x_base: int = 10) -> None:
+    """Labels, scales, ticks and the grid, after the curves are drawn."""
+    _scale(axes, axes.xaxis, x, x_base)
+    _scale(axes, axes.yaxis, y, 10)
+    axes.grid(visible=True, which="major", clip_on=False)
+    axes.tick_params(length=0)
+
+
+def _finite(s: Series, x_log: bool, y_log: bool) -> tuple[np.ndarray, np.ndarray]:
+    """What can be drawn. Beyond 1e300 a frame around it would overflow."""
+    x, y = np.array(s.x, dtype=float), np.array(s.y, dtype=float)
+    kept = (np.abs(x) < 1e300) & (np.abs(y) < 1e300) & ((x > 0) | (not x_log)) & ((y > 0) | (not y_log))
+    return x[kept], y[kept]
+
+
+def _marked(style: str, count: int, number: int, most: int | None) -> Any:
+    """A few markers on a line, staggered so that curves on top of each other stay visible; all of other points."""
+    if style == "line":
+        spacing = max(1, count // 8)
+        return (number * spacing // 6, spacing)
+    return max(1, math.ceil(count / most)) if most and style == "points" else 1
+
+
+def _spikes(y: np.ndarray, strips: int) -> np.ndarray:
+    """Where a long line has its ends, and the least and the largest of each strip: spikes stay."""
+    every = np.arange(len(y))
+    if len(y) <= 2 * strips:
+        return every
+    kept = {0, len(y) - 1}
+    for strip in np.array_split(every, strips):
+        kept |= {int(strip[np.argmin(y[strip])]), int(strip[np.argmax(y[strip])])}
+    return np.array(sorted(kept))
+
+
+def _slopes(axes: Any, points: list[tuple[np.ndarray, np.ndarray]], slopes: Sequence[float]) -> None:
+    """Lines through one point below the lowest curve at the finest step, named at the right of the frame."""
+    x, y = (np.concatenate([p[k] for p in points]) if points else np.empty(0) for k in (0, 1))
+    if not len(x):
+        return
+    ends = np.array([x.min(), x.max()])
+    for slope in slopes:
+        drawn = 0.5 * y.min() * (ends / ends[0]) ** slope
+        axes.plot(ends, drawn, color=GUIDE, linestyle=(0, (5, 4)), linewidth=0.8, zorder=1)
+        axes.annotate(
+            "slope ½" if slope == 0.5 else f"slope {slope:g}", (ends[1], drawn[1]),
+            textcoords="offset points", xytext=(3, 0), ha="left", va="center", color=SOFT,
+        )  # fmt: skip
+
+
+def _scale(axes: Any, direction: Any, axis: Axis, base: int) -> None:
+    """Label, scale and ticks; powers in plain text, which every reader can copy."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
+
+    direction.set_label_text(axis.label)
+    if not axis.log:
+        direction.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
+        return
+    set_scale = axes.set_xscale if direction.axis_name == "x" else axes.set_yscale
+    set_scale("log", base=base, nonpositive="mask")
+    low, high = (math.log(v, base) for v in direction.get_view_interval())
+    powers = base == 2 or math.floor(high) > math.ceil(low)
+    between: Sequence[float] = (1.0, 2.0, 5.0) if high - low > 0.4 else tuple(0.5 * k for k in range(2, 20))
+    direction.set_major_locator(LogLocator(base, subs=(1.0,) if powers else between, numticks=8))
+    direction.set_major_formatter(FuncFormatter(lambda v, _: power(v, base) if powers else f"{v:.3g}"))
+    direction.set_minor_locator(NullLocator())
+
+
+def power(value: float, base: int) -> str:
+    """A power of the base with superscript digits."""
+    exponent = round(math.log(value, base))
+    return f"{base}" + str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
