@@ -62,7 +62,7 @@ def _problems(folder: Path) -> Iterator[str]:
             for i, component in enumerate(path.y):
                 axes.plot(times, component, label=f"y{i + 1}", linewidth=1)
             frame(axes, Axis("t"), Axis("y"))
-            axes.legend(loc="upper right", ncols=problem.dimension)
+            drawn.legend(loc="outside upper right", ncols=problem.dimension)
             (folder / f"{name}.png").write_bytes(content(drawn, ".png", dpi=120))
         what = (inspect.getdoc(inspect.getmodule(_maker(name))) or "").splitlines()[0]
         facts = f"d = {problem.dimension}, {problem.noises} noise" + ("s" if problem.noises > 1 else "")
