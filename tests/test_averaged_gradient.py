@@ -10,7 +10,7 @@ import pytest
 
 from sepv import problems
 from sepv.problem import PolynomialSystem, Problem, average_gradient, average_hessian
-from sepv.problem._averaged_gradient import _adaptive, _quadrature, _size, argument_rounding, gauss_legendre
+from sepv.problem._averaged_gradient import _adaptive, _quadratures, _size, argument_rounding, gauss_legendre
 from sepv.record import _polynomial as poly
 
 EPS = 2.0**-52
@@ -60,7 +60,7 @@ def test_polynomials_take_the_fewest_nodes_that_are_exact(degree: int) -> None:
     assert found.error.tolist() == [0.0] * 3
     assert found.reliable.tolist() == [True] * 3
     assert found.reliable.dtype == bool
-    fine, terms = _quadrature(problem, Y0, Y1, nodes + 3)
+    ((fine, terms),) = _quadratures(problem, Y0, Y1, nodes + 3)
     assert np.all(np.abs(found.value - fine) <= 16 * EPS * _size(terms))
     hessian = average_hessian(problem, Y0, Y1)
     tau, weights = gauss_legendre(nodes + 3)
@@ -73,7 +73,7 @@ def test_the_size_of_a_sum_is_that_of_its_terms_lane_by_lane() -> None:
     """∇H = (y, 0) from −1 to 1: the sum cancels, its terms Σ w|2τ − 1| do not; the lanes are apart by 10³."""
     problem = problems.harmonic_oscillator()
     y1 = np.array([[1.0, 1000.0], [0.0, 0.0]])
-    value, terms = _quadrature(problem, -y1, y1, 4)
+    ((value, terms),) = _quadratures(problem, -y1, y1, 4)
     size = _size(terms)
     tau, weights = gauss_legendre(4)
     assert np.all(np.abs(value) <= EPS * size)

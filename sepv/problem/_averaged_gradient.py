@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sepv.problem._problem import Array, Problem
 from sepv.record import gauss_legendre, mean_nodes
@@ -39,7 +40,7 @@ def average_gradient(problem: Problem, y0: Array, y1: Array) -> Average:
         return Average(value, np.ones(shape, dtype=np.int64), np.zeros(shape), np.ones(shape, dtype=bool))
     if problem.degree is not None:
         nodes = mean_nodes(problem.degree)
-        value = _quadrature(problem, y0, y1, nodes)[0]
+        ((value, _),) = _quadratures(problem, y0, y1, nodes)
         return Average(value, np.full(shape, nodes), np.zeros(shape), np.ones(shape, dtype=bool))
     return _adaptive(problem, y0, y1)
 
@@ -71,15 +72,20 @@ def _on_segment(y0: Array, y1: Array, points: Array) -> Array:
     return y0[:, None] + points.reshape(1, -1, *(1,) * (y0.ndim - 1)) * (y1 - y0)[:, None]
 
 
-def _quadrature(problem: Problem, y0: Array, y1: Array, nodes: int) -> tuple[Array, Array]:
-    """The rule's value (d, ...), and its terms (d, nodes, ...)."""
-    points, weights = gauss_legendre(nodes)
-    terms = problem.gradient(_on_segment(y0, y1, points))
-    terms = terms * weights.reshape(1, -1, *(1,) * (y0.ndim - 1))
-    value = terms[:, 0]
-    for n in range(1, nodes):
-        value = value + terms[:, n]
-    return value, terms
+def _quadratures(problem: Problem, y0: Array, y1: Array, *rules: int) -> list[tuple[Array, Array]]:
+    """Each rule's value (d, ...), and its terms (d, nodes, ...); ∇H is asked for at all nodes of all rules at once."""
+    tabulated = [gauss_legendre(nodes) for nodes in rules]
+    asked = tabulated[0][0] if len(rules) == 1 else np.concatenate([points for points, _ in tabulated])
+    gradients = problem.gradient(_on_segment(y0, y1, asked))
+    found, first = [], 0
+    for nodes, (_, weights) in zip(rules, tabulated, strict=True):
+        terms = gradients[:, first : first + nodes] * weights.reshape(1, -1, *(1,) * (y0.ndim - 1))
+        first += nodes
+        value = terms[:, 0]
+        for n in range(1, nodes):
+            value = value + terms[:, n]
+        found.append((value, terms))
+    return found
 
 
 def _size(terms: Array) -> Array:
@@ -107,23 +113,29 @@ def argument_rounding(problem: Problem, *states: Array) -> Array:
 def _adaptive(problem: Problem, y0: Array, y1: Array) -> Average:
     shape = y0.shape[1:]
     a, b = y0.reshape(y0.shape[0], -1), y1.reshape(y1.shape[0], -1)
-    value, _ = _quadrature(problem, a, b, _LADDER[0])
-    evaluations = np.full(value.shape[1], _LADDER[0])
-    error = np.full(value.shape[1], np.inf)
-    open_ = np.arange(value.shape[1])
-    for nodes in _LADDER[1:]:
-        finer, terms = _quadrature(problem, a[:, open_], b[:, open_], nodes)
-        difference = np.max(np.abs(finer - value[:, open_]), axis=0)
-        value[:, open_], error[open_] = finer, difference
-        evaluations[open_] += nodes
-        # Both rules sum `nodes` terms with a rounding error each: below that they agree.
-        open_ = open_[~(difference <= nodes * EPS * _size(terms))]
-        if not open_.size:
+    # Two rules are always needed: in one call.
+    (coarse, _), (value, terms) = _quadratures(problem, a, b, *_LADDER[:2])
+    error = np.max(np.abs(value - coarse), axis=0)
+    evaluations = np.full(value.shape[1], sum(_LADDER[:2]))
+    reliable = _agree(error, terms)
+    for nodes in _LADDER[2:]:
+        if reliable.all():
             break
-    else:
-        open_ = open_[~(error[open_] <= 16 * argument_rounding(problem, a[:, open_], b[:, open_]))]
-    reliable = np.ones(value.shape[1], dtype=bool)
-    reliable[open_] = False
+        open_ = np.flatnonzero(~reliable)
+        ((finer, terms),) = _quadratures(problem, a[:, open_], b[:, open_], nodes)
+        error[open_] = np.max(np.abs(finer - value[:, open_]), axis=0)
+        value[:, open_] = finer
+        evaluations[open_] += nodes
+        reliable[open_] = _agree(error[open_], terms)
+    if not reliable.all():
+        open_ = np.flatnonzero(~reliable)
+        reliable[open_] = error[open_] <= 16 * argument_rounding(problem, a[:, open_], b[:, open_])
     return Average(
         value.reshape(y0.shape), evaluations.reshape(shape), error.reshape(shape), reliable.reshape(shape)
     )
+
+
+def _agree(difference: Array, terms: Array) -> NDArray[np.bool_]:
+    """Whether two rules agree: each sums so many terms with a rounding error each, and no more can be asked."""
+    agree: NDArray[np.bool_] = difference <= terms.shape[1] * EPS * _size(terms)
+    return agree
