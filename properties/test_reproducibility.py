@@ -10,21 +10,23 @@ from sepv.verification._cases.fixed_cases import fixed_cases
 from sepv.verification._cases.given import may_ask
 from sepv.verification.strategies import any_steps
 
-# Around the widths of vector registers and unrolled loops, where libraries change their code path; further sizes, up to
-# thousands, come with the cases of the design.
-SIZES = (1, 2, 7, 33)
+# Sizes of the parts of a batch, around the widths of vector registers and unrolled loops, where libraries change their
+# code path, beside one of as many states as components. The cases of the design have further ones, up to thousands.
+PARTS = (2, 7, 24)
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Batches of several sizes with the case's state in the middle: that one against it alone, all against two parts.
+    """Batches of several sizes with the case's state in the middle: that one against it alone, all against its parts.
 
-    Each state is asked about in the whole batch and in one cut in two, where no vector register and no block ends: what
+    Each state is asked about in the whole batch and in a part of it, where other vector registers and blocks end: what
     happens to the first or the last of a batch happens to others in the parts.
     """
     problem, y, h, dW = case.build()
     alone = ask(scheme, problem, y, h, dW)
     worst = Measurement(0.0, 0.0)
-    for size in (1, case.batch) if case.batch else SIZES:
+    third = max(1, case.batch // 3)
+    for sizes in ((1,), (third, case.batch - third) if case.batch else (len(y), *PARTS)):
+        size = sum(sizes)
         place = size // 2
         # The others are nearer to 0 and their noise is smaller, so that they can be solved too.
         factors = 1 - np.abs(np.arange(size) - place) % 17 / 128
@@ -34,15 +36,10 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         batch = ask(scheme, problem, states, h, noise)
         others = {"alone": ([place], alone[:, None])}
         if size > 1:
-            cut = max(1, size // 3)
-            parts = [
-                ask(scheme, problem, states[:, part], h, noise[:, part])
-                for part in (slice(cut), slice(cut, None))
-            ]
-            others[f"in batches of {cut} and {size - cut}"] = (
-                list(range(size)),
-                np.concatenate(parts, axis=1),
-            )
+            ends = np.cumsum(sizes)
+            cut = zip(np.split(states, ends[:-1], axis=1), np.split(noise, ends[:-1], axis=1), strict=True)
+            parts = np.concatenate([ask(scheme, problem, part, h, some) for part, some in cut], axis=1)
+            others[f"in batches of {', '.join(map(str, sizes))}"] = (list(range(size)), parts)
         for name, (places, answers) in others.items():
             apart = np.max(np.abs(batch[:, places] - answers), axis=0)
             k = int(np.argmax(apart))
