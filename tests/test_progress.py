@@ -5,8 +5,8 @@ from __future__ import annotations
 import contextlib
 import contextvars
 import io
-import re
 import os
+import re
 import signal
 import subprocess
 import sys

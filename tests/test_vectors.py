@@ -26,6 +26,7 @@ ALL = [v for scheme in SCHEMES for v in load(scheme)]
 SCHEMA = json.loads((FOLDER / "vectors.schema.json").read_text())
 
 
+@pytest.mark.deep  # every candidate is drawn again
 def test_the_files_are_those_of_the_selection() -> None:
     assert schemes_with_vectors() == sorted(SCHEMES)
     for scheme in SCHEMES:
