@@ -10,11 +10,11 @@ from sepv.reference.arithmetic import context
 from sepv.reference.balls import available
 from sepv.reference.certify import certify
 from sepv.reference.equations import EQUATIONS
-from sepv.reference.selection import SCHEMES
 from sepv.reference.steps import reference_step
 from sepv.reference.vector import FLOW, ReferenceVector, load
 
 from benchmarks import over, start
+from benchmarks.vectors.selection import SCHEMES
 from sepv import problems, schemes
 from sepv.errors import SepvError, StepFailure
 from sepv.record._binary64 import EPS, TINY

@@ -1,6 +1,6 @@
 """Reference vectors: one step, or one exact flow, with its answer to 50 digits, as a record and as JSON.
 
-The files are made by `sepv.reference.generate` only; docs/vectors.md explains them to readers in any language.
+The files are made by `python -m benchmarks.vectors` only; docs/vectors.md explains them to readers in any language.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ DIGITS = 50
 HARD = frozenset({"large-step", "near-fold", "subnormal", "huge", "overflow"})
 
 _KEYS = {"id", "hash", "problem", "y", "y1", "y1_hex", "condition", "rounding", "flags", "proof", "note"}
-_REMEDY = "make it anew with `python -m sepv.reference.generate`, or install sepv again"
+_REMEDY = "install sepv again; in a checkout, `python -m benchmarks.vectors` makes it anew"
 
 
 @dataclass(frozen=True)

@@ -128,5 +128,5 @@ def test_schemes_and_problems_need_numpy_only() -> None:
 
 
 def test_the_references_need_no_numpy_algebra() -> None:
-    loaded = loaded_by("import sepv.reference.implicit")
+    loaded = loaded_by("import sepv.reference.steps")
     assert not loaded & {"scipy", "hypothesis", "sepv.schemes", "sepv.solve"}

@@ -9,13 +9,13 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
-from sepv.reference import generate
 from sepv.reference.arithmetic import context
 from sepv.reference.rounding import error_units
-from sepv.reference.selection import SCHEMES
 from sepv.reference.steps import reference_step
 from sepv.reference.vector import FLOW, FOLDER, ReferenceVector, digest, load, schemes_with_vectors, to_text
 
+from benchmarks.vectors import generate
+from benchmarks.vectors.selection import SCHEMES
 from sepv import exact_flow, problems, schemes
 from sepv.errors import StepFailure, UsageError
 from sepv.record._binary64 import EPS, TINY
@@ -185,8 +185,6 @@ def test_a_failed_generation_leaves_the_old_file(tmp_path: Path, monkeypatch: py
     monkeypatch.setattr(generate, "FOLDER", tmp_path)
     monkeypatch.setattr(generate, "certify", lambda *_: 1 / 0)
     assert generate.main(["gauss-1"]) == 1
-    with pytest.raises(UnicodeEncodeError):
-        generate.write(tmp_path / "gauss-1.json", "new é")
     assert (tmp_path / "gauss-1.json").read_text() == "old"
     assert list(tmp_path.iterdir()) == [tmp_path / "gauss-1.json"]
 

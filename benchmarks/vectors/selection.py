@@ -13,9 +13,9 @@ from sepv.reference.arithmetic import total
 from sepv.reference.branch import follow
 from sepv.reference.equations import EQUATIONS
 from sepv.reference.problem import Description, binary64_problem
-from sepv.reference.random_systems import Generator
 from sepv.reference.vector import FLOW
 
+from benchmarks.vectors.random_systems import Generator
 from sepv.problem import NamedProblem, PolynomialSystem
 from sepv.record import _polynomial as poly
 

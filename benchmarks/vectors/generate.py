@@ -1,4 +1,4 @@
-"""Make the reference vectors, or check them: ``python -m sepv.reference.generate [--check [--all]] [SCHEME …]``.
+"""Make the reference vectors, or check them: ``python -m benchmarks.vectors [--check [--all]] [SCHEME …]``.
 
 The files under reference/vectors are made by this program and by nothing else. Each answer is computed by mpmath
 and proved by ball arithmetic (the extra `certify`) before it is written; a file is written whole or not at all.
@@ -7,9 +7,7 @@ and proved by ball arithmetic (the extra `certify`) before it is written; a file
 from __future__ import annotations
 
 import argparse
-import os
 import sys
-import tempfile
 import time
 from collections.abc import Sequence
 from fractions import Fraction
@@ -25,12 +23,13 @@ from sepv.reference.equations import Equation, make_step
 from sepv.reference.flow import enclosed, taylor
 from sepv.reference.problem import binary64_problem
 from sepv.reference.rounding import UNIT, error_units
-from sepv.reference.selection import SCHEMES, Candidate, candidates
 from sepv.reference.solve import BROKEN
 from sepv.reference.steps import ReferenceStep, find_equation, reference_step
 from sepv.reference.vector import DIGITS, FLOW, FOLDER, ReferenceVector, load, to_text
 
+from benchmarks.vectors.selection import SCHEMES, Candidate, candidates
 from sepv.errors import SepvError
+from sepv.files import write_atomically
 
 # Beyond the digits printed: three that a proof by balls may leave open.
 _EXTRA = 10
@@ -224,19 +223,6 @@ def source_of(scheme: str) -> str:
     return "y' = B(y) grad H(y) at time theta" if scheme == FLOW else find_equation(scheme).source
 
 
-def write(path: Path, text: str) -> None:
-    """The whole file or nothing: the old one stays until the new one is complete."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "w", encoding="ascii", newline="\n") as file:
-            file.write(text)
-        os.chmod(name, 0o644)
-        os.replace(name, path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
-
-
 def differences(new: ReferenceVector, old: ReferenceVector) -> list[str]:
     """The fields in which two vectors differ; estimates may differ by the libraries' last digits."""
     found = []
@@ -272,7 +258,7 @@ FAST = 13
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """0: written, or nothing differs. 1: something differs, or a case failed."""
-    parser = argparse.ArgumentParser(prog="sepv.reference.generate", description=__doc__)
+    parser = argparse.ArgumentParser(prog="benchmarks.vectors", description=__doc__)
     parser.add_argument(
         "schemes", nargs="*", metavar="SCHEME", help=f"one of {', '.join(SCHEMES)}; default all"
     )
@@ -289,10 +275,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         require_flint()
         for scheme in chosen:
             vectors = [answer(candidate, name) for name, candidate in named_candidates(scheme)]
-            write(FOLDER / f"{scheme}.json", to_text(scheme, source_of(scheme), vectors))
+            write_atomically(str(FOLDER / f"{scheme}.json"), to_text(scheme, source_of(scheme), vectors))
             print(f"{scheme}: {len(vectors)} vectors, {time.perf_counter() - start:.1f} s", flush=True)
     except SepvError as error:
-        print(f"sepv.reference.generate: {error}", file=sys.stderr)
+        print(f"benchmarks.vectors: {error}", file=sys.stderr)
         return 1
     return 0
 
@@ -304,7 +290,3 @@ def _checked(schemes: Sequence[str], every: int, start: float) -> int:
     proved = "computed and proved" if available() else "computed, not proved: python-flint is not installed"
     print(f"{count} vectors {proved} again in {time.perf_counter() - start:.1f} s; {len(wrong)} differ")
     return 1 if wrong else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
