@@ -1,14 +1,21 @@
-"""Files that a run leaves: written whole or not at all, and the JSON Schemas that they obey."""
+"""Files that a run leaves: written whole or not at all, and the JSON Schemas that they obey.
+
+A result is one JSON object. Its first entry, "made", says by which schema it is to be read, and what made it.
+"""
 
 from __future__ import annotations
 
 import json
+import math
 import os
+import platform
 import tempfile
+from importlib import metadata
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from sepv._version import __version__
 from sepv.errors import UsageError
 
 
@@ -44,12 +51,94 @@ def write_atomically(path: str, content: str | bytes) -> None:
         raise
 
 
-# What has one: the files of `--json` of these commands, a bundle's manifest, a record of `sepv peers`.
-SCHEMAS = ("comparison", "hard", "manifest", "peers", "report", "reproduction", "solvability", "ulps")
+# Results of commands, with the version of their schema: it grows where older readers would misread a file.
+RESULTS = {
+    "bench": 1, "comparison": 1, "hard": 1, "path": 1, "report": 1, "reproduction": 1, "solvability": 1, "teeth": 1,
+    "ulps": 1,
+}  # fmt: skip
+# And what says itself what made it: a bundle's manifest, a record of `sepv peers`.
+SCHEMAS = (*RESULTS, "manifest", "peers")
+# Larger files are no result of this package.
+LARGEST = 64 * 2**20
+
+
+def json_text(data: Any, *, indent: int | None = 1) -> str:
+    """JSON, strict: no NaN and no infinity.
+
+    Raises
+    ------
+    ValueError
+        For a number that is not finite; `finite` makes it null.
+    """
+    return json.dumps(data, indent=indent, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def finite(value: Any) -> Any:
+    """A value that JSON can hold: NaN and infinities are null, tuples are lists, NumPy's numbers Python's."""
+    if isinstance(value, dict):
+        return {k: finite(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite(v) for v in value]
+    if hasattr(value, "item"):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def write_json(
+    path: str, name: str, data: dict[str, Any], *, command: str = "", indent: int | None = 1
+) -> None:
+    """Write a result, one of `RESULTS`, after what made it: versions, the platform and the command."""
+    made = {
+        "schema": name,
+        "version": RESULTS[name],
+        "sepv": __version__,
+        "python": platform.python_version(),
+        "numpy": metadata.version("numpy"),
+        "scipy": metadata.version("scipy"),
+        "platform": f"{platform.system()} {platform.machine()}",
+        "command": command,
+    }
+    write_atomically(path, json_text({"made": made} | data, indent=indent))
+
+
+def read_json(path: str | Path, *, expected: str, remedy: str) -> Any:
+    """What a JSON file holds.
+
+    Raises
+    ------
+    UsageError
+        For a file that cannot be read, is too large or no JSON.
+    """
+    try:
+        size = Path(path).stat().st_size
+        if size > LARGEST:
+            raise ValueError(f"{size} bytes, more than {LARGEST}")
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise UsageError(expected=expected, received=f"{path}: {error}", remedy=remedy) from error
+
+
+def require_schema(data: Any, name: str, path: str | Path, *, expected: str, remedy: str) -> None:
+    """Complain about data of a file that do not obey a schema of `SCHEMAS`. Files without "made" are older ones.
+
+    Raises
+    ------
+    UsageError
+    """
+    made = data.get("made") if isinstance(data, dict) else None
+    version = made.get("version") if isinstance(made, dict) else None
+    if isinstance(version, int) and version > RESULTS.get(name, version):
+        raise UsageError(
+            expected=f"{expected}, of version {RESULTS[name]} at most",
+            received=f"{path}: version {version}, by sepv {data['made'].get('sepv')!r:.40}",
+            remedy="install that version of sepv",
+        )
+    if wrong := fault(data, schema(name)):
+        raise UsageError(expected=expected, received=f"{path}: {wrong}", remedy=remedy)
 
 
 def schema(name: str) -> dict[str, Any]:
-    """The JSON Schema of one of `SCHEMAS`.
+    """The JSON Schema of one of `SCHEMAS`; that of a result with "made" described in full.
 
     Raises
     ------
@@ -59,6 +148,14 @@ def schema(name: str) -> dict[str, Any]:
         raise UsageError(
             expected=f"a schema, one of {', '.join(SCHEMAS)}", received=repr(name), remedy="correct the name"
         )
+    found = _packaged(name)
+    if name in RESULTS:
+        found["properties"]["made"] = _packaged("made")
+        found["properties"]["made"]["properties"]["schema"] = {"const": name}
+    return found
+
+
+def _packaged(name: str) -> dict[str, Any]:
     text = (files("sepv") / "schemas" / f"{name}.schema.json").read_text(encoding="utf-8")
     found: dict[str, Any] = json.loads(text)
     return found

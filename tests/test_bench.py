@@ -18,6 +18,7 @@ import sepv
 from sepv import schemes
 from sepv.commands import main
 from sepv.errors import StepFailure, TargetError, UsageError
+from sepv.files import json_text
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme, energy_preserving
 from sepv.solve._solution import Solution
@@ -292,7 +293,7 @@ def test_mistakes_get_one_clear_message(
 
 
 def test_files_that_were_tampered_with_are_refused(base: dict[str, Any], tmp_path: Path) -> None:
-    text = store.save([base])
+    text = json_text(store.document([base]))
     path = tmp_path / "b.json"
     path.write_text(text)
     assert store.load(str(path)) == [base]

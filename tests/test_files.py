@@ -7,15 +7,27 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import jsonschema
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from sepv import schemes
 from sepv.commands import main
-from sepv.files import schema, write_atomically
+from sepv.errors import UsageError
+from sepv.files import (
+    RESULTS,
+    SCHEMAS,
+    finite,
+    json_text,
+    read_json,
+    require_schema,
+    schema,
+    write_atomically,
+    write_json,
+)
 from sepv.schemes import Scheme
 from sepv.verification import Effort, Report, verify
-from sepv.verification._written import badge_json, junit_xml, report_json
+from sepv.verification._written import badge_json, junit_xml
 
 FEW = Effort(examples=15, paths=256)
 
@@ -50,13 +62,13 @@ def test_json_is_as_the_schema_says_and_counts_add_up(made: dict[str, Report]) -
     described = schema("report")
     jsonschema.Draft202012Validator.check_schema(described)
     for report in made.values():
-        data = json.loads(report_json(report))
+        data = json.loads(json_text(report.to_json()))
         jsonschema.validate(data, described)
         assert sum(data["counts"].values()) == len(data["laws"]) == data["suite"]["laws"]
 
 
 def test_the_schema_refuses_what_is_no_report(made: dict[str, Report]) -> None:
-    data = json.loads(report_json(made["good"]))
+    data = json.loads(json_text(made["good"].to_json()))
     for spoil in (
         lambda d: d.pop("counts"),
         lambda d: d["laws"][0].update(verdict="passed"),
@@ -67,6 +79,64 @@ def test_the_schema_refuses_what_is_no_report(made: dict[str, Report]) -> None:
         spoil(other)
         with pytest.raises(jsonschema.ValidationError):
             jsonschema.validate(other, schema("report"))
+
+
+WORDS = {"expected": "a result", "remedy": "write it anew"}
+
+
+def test_every_schema_is_one_and_every_result_takes_what_made_it() -> None:
+    for name in SCHEMAS:
+        described = schema(name)
+        jsonschema.Draft202012Validator.check_schema(described)
+        assert ("required" in described["properties"].get("made", {})) == (name in RESULTS)
+        assert "made" not in described["required"]  # older files have none
+
+
+def test_a_result_says_what_made_it_and_older_files_are_read(made: dict[str, Report], tmp_path: Path) -> None:
+    file = tmp_path / "r.json"
+    write_json(str(file), "report", made["good"].to_json(), command="sepv verify good --json r.json")
+    data = read_json(file, **WORDS)
+    require_schema(data, "report", file, **WORDS)
+    assert next(iter(data)) == "made"
+    assert data["made"]["command"] == "sepv verify good --json r.json"
+    assert (data["made"]["schema"], data["made"]["version"]) == ("report", RESULTS["report"])
+    older = {key: value for key, value in data.items() if key != "made"}
+    require_schema(older, "report", file, **WORDS)
+    for spoil, words in (
+        ({"version": 99}, "version 99, by sepv .*Remedy: install that version"),
+        ({"schema": "ulps"}, "'report' was expected"),
+        ({"more": 1}, "'more' was unexpected"),
+    ):
+        other = data | {"made": data["made"] | spoil}
+        with pytest.raises(UsageError, match=f"(?s){words}"):
+            require_schema(other, "report", file, **WORDS)
+    with pytest.raises(UsageError, match="is not of type 'object'"):
+        require_schema([], "report", file, **WORDS)
+
+
+def test_what_is_not_finite_is_null_or_refused() -> None:
+    mixed = {"a": (np.float64("nan"), np.int64(3), 1.5), "b": [float("inf")]}
+    assert finite(mixed) == {"a": [None, 3, 1.5], "b": [None]}
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        json_text(float("nan"))
+
+
+def test_commands_write_results_that_obey_their_schemas_and_name_the_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    words = {
+        "path": "run midpoint --steps 20 --engine numpy -q --json path.json",
+        "bench": "bench midpoint --case rigid-body -q --save bench.json",
+        "teeth": "teeth b-at-y0 --law expansion --seeds 1 -q --json teeth.json",
+        "report": "verify midpoint --law contract --examples 5 -q --json report.json",
+    }
+    for name, line in words.items():
+        done = CliRunner().invoke(main, line.split(), prog_name="sepv")
+        assert done.exit_code in (0, 1), done.output
+        data = read_json(f"{name}.json", **WORDS)
+        require_schema(data, name, f"{name}.json", **WORDS)
+        assert data["made"]["command"] == f"sepv {line}"
 
 
 def test_junit_counts_what_is_in_it(made: dict[str, Report]) -> None:

@@ -77,12 +77,13 @@ def test_the_command_prints_a_table_and_writes_json(tmp_path) -> None:
     arguments = "ulps energy-preserving euler-heun -p rigid-body -p pendulum --steps 20 --json"
     result = CliRunner().invoke(main, [*arguments.split(), str(out)])
     assert result.exit_code == 0, result.output
-    rows, described = json.loads(out.read_text()), schema("ulps")
+    found, described = json.loads(out.read_text()), schema("ulps")
     jsonschema.Draft202012Validator.check_schema(described)
-    jsonschema.validate(rows, described)
+    jsonschema.validate(found, described)
+    rows = found["rows"]
     for spoil in ({"h": 0}, {"energy_median": -1.0}, {"failed": None}, {"more": 1}):
         with pytest.raises(jsonschema.ValidationError):
-            jsonschema.validate([rows[0] | spoil], described)
+            jsonschema.validate({"rows": [rows[0] | spoil]}, described)
     assert [(r["scheme"], r["problem"]) for r in rows] == [
         (s, p) for s in ("energy-preserving", "euler-heun") for p in ("rigid-body", "pendulum")
     ]

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from sepv.commands._shared import EXEC, FILE, candidates, friendly
+from sepv.commands._shared import EXEC, FILE, candidates, friendly, save_json
 from sepv.errors import UsageError
 
 STYLES = {"worse": "bold red", "better": "green", "not settled": "yellow", "same": ""}
@@ -65,7 +65,7 @@ def bench(
     sepv bench mymodule:step --against-ref ../other-checkout
     sepv bench mymodule:step -p mymodule:problem
     """
-    from sepv.files import require_folder, write_atomically
+    from sepv.files import require_folder
     from sepv.studies._bench import cases, pairs, store
     from sepv.studies._bench.gate import check
     from sepv.verification._progress import showing
@@ -114,7 +114,7 @@ def bench(
                     checks += check(ours, {**before, "cases": kept})
             records.append(ours)
     if save:
-        write_atomically(save, store.save(records))
+        save_json(save, "bench", store.document(records))
         click.echo(f"Saved in {save}: hold later runs to it with --against {save}")
     _show([] if quiet else records, checks, saved=bool(save))
     raise SystemExit(1 if any(c.verdict == "worse" for c in checks) else 0)

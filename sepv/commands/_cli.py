@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import getpass
 import os
+import shlex
 import sys
 import tempfile
 from importlib import import_module
@@ -15,7 +16,7 @@ import click
 from sepv._arguments import did_you_mean
 from sepv._terminal import cannot_show, never_fail
 from sepv._version import __version__
-from sepv.commands._shared import EXIT_CODES
+from sepv.commands._shared import EXIT_CODES, WORDS
 
 # By heading, in the order in which --help shows them: the name of a command, and where it is.
 GROUPS = {
@@ -49,6 +50,13 @@ COMMANDS = {name: place for group in GROUPS.values() for name, place in group.it
 
 class _Commands(click.Group):
     """A group that imports a command's module when the command is asked for."""
+
+    def make_context(self, info_name: str | None, args: list[str], *more: Any, **extra: Any) -> click.Context:
+        """As click does; result files say how they were made."""
+        words = shlex.join([info_name or "sepv", *args])
+        context = super().make_context(info_name, args, *more, **extra)
+        context.meta[WORDS] = words
+        return context
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002  (click's signature)
         return list(COMMANDS)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -12,7 +11,7 @@ from typing import Any
 
 import click
 
-from sepv.commands._shared import EXEC, FILE, Renamed, Workers, candidates, friendly
+from sepv.commands._shared import EXEC, FILE, Renamed, Workers, candidates, friendly, save_json
 from sepv.errors import SepvError, UsageError
 
 # By default T = 1, with five numbers of steps up to this one. The coarsest step is a quarter of the longest one that
@@ -128,9 +127,7 @@ def compare(
                 progress=line.update,
             )
     found = replace(found, failed={name: str(e) for name, e in failed.items()} | found.failed)
-    if options["json_file"]:
-        text = json.dumps(found.to_json(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-        write_atomically(options["json_file"], text)
+    save_json(options["json_file"], "comparison", found.to_json())
     if options["csv_file"]:
         write_atomically(options["csv_file"], table.to_csv(found))
     if picture:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from sepv.commands._shared import EXEC, FILE, candidates, friendly
+from sepv.commands._shared import EXEC, FILE, candidates, friendly, save_json
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -77,7 +76,7 @@ def hard(
         for case in cases:
             out.print(f"[bold]{case.name}[/bold]\n  hard: {case.reason}\n  expected: {case.expected}")
         return
-    from sepv.files import require_folder, write_atomically
+    from sepv.files import require_folder
     from sepv.studies._hard_cases import run
     from sepv.verification._progress import showing
 
@@ -90,9 +89,8 @@ def hard(
             scheme, cases, steps=steps, laws=laws, seed=seed,
             progress=lambda case: shown.update(case.name, places[case.name]),
         )  # fmt: skip
-    if json_file:
-        report = {"scheme": scheme.name, "seed": seed, "cases": [s.to_json() for s in seen]}
-        write_atomically(json_file, json.dumps(report, indent=1, allow_nan=False) + "\n")
+    report = {"scheme": scheme.name, "seed": seed, "cases": [s.to_json() for s in seen]}
+    save_json(json_file, "hard", report)
     if not quiet:
         out.print(_table(scheme.name, seen, out.width))
         out.print("* a step may be refused; solved otherwise. Why, says --explain.\n")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
@@ -13,6 +12,7 @@ import click
 
 from sepv.commands._shared import friendly
 from sepv.errors import SepvError, UsageError
+from sepv.files import read_json
 
 FOLDER = click.Path(file_okay=False)
 
@@ -140,5 +140,5 @@ def _recorded(library: str, version: str, folder: Path, options: dict[str, Any])
         if scripts.is_dir():
             arguments += ["--scripts", str(scripts.resolve())]
         environments.measure(python, arguments)
-        path = history.add(folder, json.loads(out.read_text(encoding="utf-8")))
+        path = history.add(folder, read_json(out, expected="the record just made", remedy="measure it again"))
     return f"{library} {version} is recorded in {path}"

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from sepv.commands._shared import Workers, friendly
+from sepv.commands._shared import Workers, friendly, save_json
 from sepv.errors import UsageError
 
 QUICK = 1 / 32
@@ -54,10 +54,10 @@ def reproduce(figures: tuple[str, ...], out: str | None, json_file: str | None, 
 
     Exit code 0, or 2 for wrong usage.
     """  # fmt: skip
-    from sepv.files import require_folder, write_atomically
+    from sepv.files import require_folder
     from sepv.studies._reproduce import Size
     from sepv.studies._reproduce import reproduce as run
-    from sepv.studies._reproduce.show import dump, show, summary, watching
+    from sepv.studies._reproduce.show import show, summary, watching
     from sepv.verification._report import console, line
 
     if options["errata"]:
@@ -68,8 +68,7 @@ def reproduce(figures: tuple[str, ...], out: str | None, json_file: str | None, 
     size = Size(share=QUICK if options["quick"] else 1.0, seed=options["seed"], engine=options["engine"])
     with watching(options["quiet"]) as progress:
         found = run(figures, size=size, workers=options["workers"], progress=progress)
-    if json_file:
-        write_atomically(json_file, dump(found.to_json()))
+    save_json(json_file, "reproduction", found.to_json(), indent=None)
     if folder is not None:
         _write(found, folder, draws=not options["no_figures"])
     screen = console()
@@ -114,12 +113,11 @@ def _folder(out: str | None, *, draws: bool) -> Path | None:
 
 
 def _write(found: Any, folder: Path, *, draws: bool) -> None:
-    from sepv.files import write_atomically
-    from sepv.studies._reproduce.show import dump
+    from sepv.files import json_text, write_atomically
 
-    write_atomically(str(folder / "reproduction.json"), dump(found.to_json()))
+    save_json(str(folder / "reproduction.json"), "reproduction", found.to_json(), indent=None)
     for panel in found.panels:
-        write_atomically(str(folder / f"{panel.key}.json"), dump(panel.to_json()))
+        write_atomically(str(folder / f"{panel.key}.json"), json_text(panel.to_json(), indent=None))
         write_atomically(str(folder / f"{panel.key}.csv"), panel.to_csv())
         if draws:
             from sepv.studies._reproduce.draw import draw

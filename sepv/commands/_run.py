@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -10,7 +9,7 @@ from typing import Any
 
 import click
 
-from sepv.commands._shared import EXEC, FILE, candidates, friendly
+from sepv.commands._shared import EXEC, FILE, candidates, friendly, save_json
 from sepv.schemes._point_laws import NAMES
 
 
@@ -53,7 +52,7 @@ def run(
     Ctrl-C stops it, shows and writes what was done, and exits with 130.
     """
     from sepv.errors import UsageError
-    from sepv.files import require_folder
+    from sepv.files import finite, require_folder
     from sepv.schemes import load_problem
     from sepv.simulate import long_path
 
@@ -83,8 +82,7 @@ def run(
             record["casimir_defect"] = None
         if not counted:
             record["iterations"] = None
-        with open(json_file, "w", encoding="utf-8") as out:
-            json.dump(record, out)
+        save_json(json_file, "path", finite(record), indent=None)
     if path.interrupted:
         raise SystemExit(130)
     if path.status:

@@ -17,10 +17,21 @@ from sepv.errors import SepvError, TargetError, UsageError
 
 EXIT_CODES = """Exit codes: 0 all claimed laws hold; 1 a claimed law is violated, or not shown to hold within the
 budget; 2 wrong usage; 3 the scheme crashed, hung, or could not be loaded; 70 sepv itself failed; 130 interrupted."""
+# Where click's context keeps the command as it was typed.
+WORDS = "sepv.words"
 # As EX_SOFTWARE of sysexits.h: a defect of this package, told from every verdict.
 CRASH = 70
 
 FILE = click.Path(dir_okay=False)
+
+
+def save_json(path: str | None, name: str, data: dict[str, Any], *, indent: int | None = 1) -> None:
+    """Write a result of this command, one of `sepv.files.RESULTS`, where a file is asked for."""
+    if path is not None:
+        from sepv.files import write_json
+
+        context = click.get_current_context(silent=True)
+        write_json(path, name, data, command=context.meta.get(WORDS, "") if context else "", indent=indent)
 
 
 class Renamed(click.Option):

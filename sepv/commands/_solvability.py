@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time as clock
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from sepv.commands._compare import Numbers
-from sepv.commands._shared import FILE, Renamed, friendly
+from sepv.commands._shared import FILE, Renamed, friendly, save_json
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -146,9 +145,8 @@ def solvability(
                 chosen, one, FOLLOWED, until=until, paths=paths, k=one.truncation if truncation is None else k,
                 y0=y0, seed=seed, seconds=seconds / len(followed), progress=progress,
             )  # fmt: skip
-    if json_file:
-        data = found.to_json(STEPS, k) | {"paths": [e.to_json() for e in exits]}
-        write_atomically(json_file, json.dumps(data, allow_nan=False) + "\n")
+    data = found.to_json(STEPS, k) | {"paths": [e.to_json() for e in exits]}
+    save_json(json_file, "solvability", data, indent=None)
     if picture:
         from sepv.studies._solvability.picture import draw
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from sepv.commands._shared import FILE, friendly, listed
+from sepv.commands._shared import FILE, friendly, listed, save_json
 
 
 @click.command(short_help="Which planted faults each law finds.")
@@ -41,10 +41,8 @@ def teeth(
     sepv teeth b-at-y0 --seeds 3        one saboteur by every law
     sepv teeth --matrix                 the whole matrix, an hour or more
     """
-    import json
-
     from sepv.faults import _fault_detection as fault_detection
-    from sepv.files import require_folder, write_atomically
+    from sepv.files import require_folder
     from sepv.verification import Effort
     from sepv.verification._progress import showing
     from sepv.verification._report import console, line
@@ -62,8 +60,7 @@ def teeth(
             effort=Effort(corpus=corpus),
             workers=workers,
         )
-    if json_file:
-        write_atomically(json_file, json.dumps([b.to_json() for b in bites], indent=1) + "\n")
+    save_json(json_file, "teeth", {"bites": [b.to_json() for b in bites]})
     if quiet:
         line(console(), fault_detection.summary(bites))
     else:

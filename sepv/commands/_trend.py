@@ -31,12 +31,10 @@ def trend(
     sepv trend results --library diffrax --json trend.json
     sepv trend results --out docs/trend.md
     """
-    import json
-
     from rich.table import Table
 
     from sepv.errors import UsageError
-    from sepv.files import require_folder, write_atomically
+    from sepv.files import json_text, require_folder, write_atomically
     from sepv.peers import _trend as compared
     from sepv.peers._history import load
     from sepv.peers._trend_page import page
@@ -53,7 +51,7 @@ def trend(
         )
     found = {name: records for name, records in found.items() if library in (None, name)}
     if json_file:
-        write_atomically(json_file, json.dumps(compared.to_json(found), indent=1, ensure_ascii=False) + "\n")
+        write_atomically(json_file, json_text(compared.to_json(found)))
     if out:
         write_atomically(out, page(found))
     screen = console()

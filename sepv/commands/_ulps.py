@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import click
 
-from sepv.commands._shared import EXEC, FILE, Renamed, candidates, friendly
+from sepv.commands._shared import EXEC, FILE, Renamed, candidates, friendly, save_json
 
 
 @click.command(short_help="One-step defects of the invariants, in ulps.")
@@ -52,7 +51,7 @@ def ulps(
 
     from sepv import problems, schemes
     from sepv._terminal import fitted
-    from sepv.files import require_folder, write_atomically
+    from sepv.files import require_folder
     from sepv.schemes import load_problem
     from sepv.studies import _ulps as unit
     from sepv.verification._progress import showing
@@ -67,8 +66,7 @@ def ulps(
             for problem in chosen:
                 line.update(f"{scheme.name}, {problem.name}", len(rows) / (len(wanted) * len(chosen)))
                 rows.append(unit.one_step(scheme, problem, h=h, steps=steps, seed=seed))
-    if json_file:
-        write_atomically(json_file, json.dumps([r.to_json() for r in rows], indent=1, allow_nan=False) + "\n")
+    save_json(json_file, "ulps", {"rows": [r.to_json() for r in rows]})
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
     for heading in ("scheme", "problem"):
         table.add_column(heading, overflow="fold")

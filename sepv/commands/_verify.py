@@ -7,7 +7,16 @@ from typing import Any
 
 import click
 
-from sepv.commands._shared import EXIT_CODES, FILE, Workers, complete_laws, complete_schemes, friendly, listed
+from sepv.commands._shared import (
+    EXIT_CODES,
+    FILE,
+    Workers,
+    complete_laws,
+    complete_schemes,
+    friendly,
+    listed,
+    save_json,
+)
 from sepv.errors import UsageError
 
 
@@ -206,10 +215,10 @@ def _write(report: Any, files: dict[str, str | None], named: str) -> None:
     """The files; of an interrupted run none that later runs would be held to."""
     from sepv.files import write_atomically
     from sepv.verification._expected import pin, to_toml
-    from sepv.verification._written import badge_json, junit_xml, report_json
+    from sepv.verification._written import badge_json, junit_xml
 
+    save_json(files["json"], "report", report.to_json())
     texts = {
-        "json": report_json,
         "junit": junit_xml,
         "badge": badge_json,
         "write_expected": lambda r: to_toml(r.scheme.name, r.findings),
@@ -218,7 +227,7 @@ def _write(report: Any, files: dict[str, str | None], named: str) -> None:
     for kind, path in files.items():
         if path and report.interrupted and kind in ("write_expected", "pin"):
             click.echo(f"sepv: {path} is not written: the run was interrupted", err=True)
-        elif path:
+        elif path and kind in texts:
             write_atomically(path, texts[kind](report))
             if kind == "pin":
                 guard = f"sepv verify {named} --expected {shlex.quote(path)}"

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from sepv.errors import UsageError
-from sepv.files import fault, schema
+from sepv.files import read_json, require_schema
 
 # A key that tells a file's kind, and whether the files of a kind are reports on a scheme, comparisons, …
 KINDS = {"suite": "verify", "reproduction": "reproduce", "times_to_error": "compare", "records": "bench"}
-# Larger files are no report of this package.
-LARGEST = 64 * 2**20
+SCHEMA_OF = {"verify": "report", "compare": "comparison", "reproduce": "reproduction", "bench": "bench"}
 
 
 @dataclass
@@ -37,7 +35,9 @@ def load(paths: Iterable[str | Path]) -> Sources:
     """
     found = Sources()
     for path in paths:
-        data = _read(Path(path))
+        data = read_json(
+            path, expected="a JSON file written by sepv", remedy="correct the name, or write it anew"
+        )
         kind = next((k for key, k in KINDS.items() if key in data), None) if isinstance(data, dict) else None
         if kind is None:
             raise UsageError(
@@ -45,37 +45,12 @@ def load(paths: Iterable[str | Path]) -> Sources:
                 received=f"{path}, which is none of these",
                 remedy="sepv verify energy-preserving --json report.json",
             )
-        _check(kind, data, path)
-        getattr(found, kind).append(data)
-    return found
-
-
-def _read(path: Path) -> Any:
-    try:
-        if path.stat().st_size > LARGEST:
-            raise ValueError(f"{path.stat().st_size} bytes")
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise UsageError(
-            expected="a JSON file written by sepv",
-            received=f"{path}: {error}",
-            remedy="correct the name, or write it anew",
-        ) from error
-
-
-def _check(kind: str, data: dict[str, Any], path: str | Path) -> None:
-    """The file obeys the schema in the package."""
-    if kind == "bench":
-        from sepv.studies._bench import store
-
-        store.load(str(path))  # its own check
-        return
-    wrong = fault(
-        data, schema({"verify": "report", "compare": "comparison", "reproduce": "reproduction"}[kind])
-    )
-    if wrong:
-        raise UsageError(
+        require_schema(
+            data,
+            SCHEMA_OF[kind],
+            path,
             expected=f"the JSON of sepv {kind}, as its schema describes it",
-            received=f"{path}: {wrong}",
             remedy="write the file anew with this version of sepv",
         )
+        getattr(found, kind).append(data)
+    return found

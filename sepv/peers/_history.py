@@ -6,14 +6,13 @@ old one and has its date in its name: ``VERSION@DATE.json``.
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from sepv.errors import UsageError
-from sepv.files import fault, schema, write_atomically
+from sepv.files import fault, json_text, read_json, require_schema, schema, write_atomically
 
 
 @dataclass(frozen=True)
@@ -67,7 +66,7 @@ def add(folder: Path, data: dict[str, Any]) -> Path:
             remedy="records are never overwritten; remove it yourself if it is wrong",
         )
     own.mkdir(parents=True, exist_ok=True)
-    write_atomically(str(path), json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+    write_atomically(str(path), json_text(data))
     return path
 
 
@@ -81,15 +80,9 @@ def load(folder: Path) -> dict[str, list[Record]]:
     """
     found: dict[str, list[Record]] = {}
     for path in sorted(folder.glob("*/*.json")):
-        try:
-            data = json.loads(path.read_text(encoding="utf-8"))
-            wrong = fault(data, schema("peers"))
-        except ValueError as error:
-            data, wrong = {}, str(error)
-        if wrong:
-            raise UsageError(
-                expected="records of versions", received=f"{path}: {wrong}", remedy="remove the file"
-            )
+        said = {"expected": "records of versions", "remedy": "remove the file"}
+        data = read_json(path, **said)
+        require_schema(data, "peers", path, **said)
         found.setdefault(data["library"], []).append(Record(path, data))
     if not found:
         raise UsageError(

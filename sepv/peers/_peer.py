@@ -6,7 +6,6 @@ claims of a solver: its orders and its limit. The compliance table has all laws.
 
 from __future__ import annotations
 
-import json
 import math
 import platform
 from collections.abc import Iterator, Sequence
@@ -21,7 +20,7 @@ import click
 
 from sepv._version import __version__
 from sepv.errors import SepvError
-from sepv.files import write_atomically
+from sepv.files import json_text, write_atomically
 from sepv.peers._cells import Cell, measured
 from sepv.peers._compliance_measurements import (
     LIBRARIES,
@@ -191,7 +190,7 @@ def main(library: str, out: str, keep: Path | None, scripts: Path | None, seed: 
             found = record(library, effort, keep, scripts, line)
     except SepvError as error:
         raise click.ClickException(str(error)) from None
-    write_atomically(out, json.dumps(found, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+    write_atomically(out, json_text(found))
 
 
 if __name__ == "__main__":

@@ -1,21 +1,16 @@
-"""A report for other programs: JSON, JUnit XML, a badge."""
+"""A report for other programs: JUnit XML, a badge. JSON is `Report.to_json`."""
 
 from __future__ import annotations
 
-import json
 import re
 from xml.etree import ElementTree
 
+from sepv.files import json_text
 from sepv.verification._law import Finding, Verdict
 from sepv.verification._outcome import Report
 
 # What XML 1.0 cannot hold, not even escaped.
 _NOT_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-
-
-def report_json(report: Report) -> str:
-    """The report as JSON text, as the schema in the package describes it."""
-    return json.dumps(report.to_json(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def junit_xml(report: Report) -> str:
@@ -64,7 +59,7 @@ def badge_json(report: Report) -> str:
     if reached is not None:
         waived = f", {len(reached.waived)} waived" if reached.waived else ""
         message = f"level {reached.level} of suite {reached.suite}{waived}: {message}"
-    return json.dumps({"schemaVersion": 1, "label": "sepv", "message": message, "color": color}) + "\n"
+    return json_text({"schemaVersion": 1, "label": "sepv", "message": message, "color": color}, indent=None)
 
 
 def _clean(text: str) -> str:

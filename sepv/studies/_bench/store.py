@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Any
 
-from sepv.errors import UsageError
+from sepv.files import read_json, require_schema
 from sepv.schemes import Scheme
 from sepv.studies._bench import measure as measuring
 
@@ -19,10 +17,9 @@ def record(target: str, scheme: Scheme, cases: Iterable[dict[str, Any]]) -> dict
     return {"target": target, "cases": [measuring.measure(scheme, case) for case in cases]}
 
 
-def save(records: list[dict[str, Any]]) -> str:
-    """The text of a file."""
-    document = {"format": FORMAT, "environment": measuring.environment(), "records": records}
-    return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+def document(records: list[dict[str, Any]]) -> dict[str, Any]:
+    """What a file holds."""
+    return {"format": FORMAT, "environment": measuring.environment(), "records": records}
 
 
 def load(path: str) -> list[dict[str, Any]]:
@@ -31,43 +28,13 @@ def load(path: str) -> list[dict[str, Any]]:
     Raises
     ------
     UsageError
-        For a file that is not one of `save`.
+        For a file that is not one of `sepv bench --save`.
     """
-    try:
-        document = json.loads(Path(path).read_text(encoding="utf-8"))
-        if document["format"] != FORMAT:
-            raise ValueError(f"format {document['format']!r}")
-        for entry in document["records"]:
-            for case in entry["cases"]:
-                _check(entry["target"], case)
-    except (
-        OSError,
-        UnicodeDecodeError,
-        ValueError,
-        KeyError,
-        TypeError,
-        AttributeError,
-        RecursionError,
-    ) as error:
-        raise UsageError(
-            expected=f"a file that `sepv bench --save` wrote, of format {FORMAT}",
-            received=f"{path}: {type(error).__name__}: {error}",
-            remedy="save it again with this release",
-        ) from error
-    records: list[dict[str, Any]] = document["records"]
+    said = {
+        "expected": f"a file that `sepv bench --save` wrote, of format {FORMAT}",
+        "remedy": "save it again with this release",
+    }
+    found = read_json(path, **said)
+    require_schema(found, "bench", path, **said)
+    records: list[dict[str, Any]] = found["records"]
     return records
-
-
-def _check(target: Any, case: Any) -> None:
-    if not isinstance(target, str) or not isinstance(case["case"]["name"], str):
-        raise TypeError("a name that is no text")
-    if set(case["case"]) != {"name", "problem", "initial", "h", "steps", "paths", "seed", "portable"}:
-        raise ValueError(f"the case {case['case']['name']} with {', '.join(case['case'])}")
-    for name, count in case["counters"].items():
-        if count is not None and not isinstance(count, int):
-            raise TypeError(f"counter {name!r} = {count!r}")
-    for kind in ("error", "energy", "casimir"):
-        if len(case[kind]) != measuring.GROUPS:
-            raise ValueError(f"{kind} in {len(case[kind])} groups")
-        for value in case[kind]:
-            float.fromhex(value)

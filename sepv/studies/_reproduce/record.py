@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
@@ -16,6 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sepv.files import finite
 from sepv.studies._picture import Axis, Series
 
 # What became of a statement: it holds, it does not, or the measurement does not decide.
@@ -107,19 +107,6 @@ def series(name: str, x: ArrayLike, y: ArrayLike, scheme: str = "", style: Any =
     return Series(
         name, tuple(np.asarray(x, float).tolist()), tuple(np.asarray(y, float).tolist()), scheme, style
     )
-
-
-def finite(value: Any) -> Any:
-    """A value that JSON can hold: NaN and infinities are null, tuples are lists."""
-    if isinstance(value, dict):
-        return {k: finite(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [finite(v) for v in value]
-    if isinstance(value, (float, np.floating)):
-        return float(value) if math.isfinite(value) else None
-    if isinstance(value, np.integer):
-        return int(value)
-    return value
 
 
 def decide(true: bool, false: bool) -> Verdict:

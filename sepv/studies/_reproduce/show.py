@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from rich.console import Console
 from rich.table import Table
@@ -72,11 +71,6 @@ def summary(found: Reproduction) -> Text:
     if found.size.share != 1:
         text.append(f", with a share of {found.size.share:g} of the samples and steps", style="yellow")
     return text.append(".")
-
-
-def dump(record: dict[str, Any]) -> str:
-    """JSON text, strict: no NaN."""
-    return json.dumps(record, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 @contextmanager

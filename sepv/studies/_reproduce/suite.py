@@ -12,6 +12,7 @@ from typing import Any
 
 from sepv._version import __version__
 from sepv.errors import UsageError
+from sepv.files import finite
 from sepv.simulate._engine.crew import ended_at_once
 from sepv.simulate._engine.workers import check, count, run_all
 from sepv.studies._reproduce import (
@@ -28,7 +29,7 @@ from sepv.studies._reproduce import (
     rigid_body,
 )
 from sepv.studies._reproduce.job import Job, Results, Size
-from sepv.studies._reproduce.record import Panel, Statement, counts, finite
+from sepv.studies._reproduce.record import Panel, Statement, counts
 
 SECTIONS = (
     oscillator,
