@@ -33,7 +33,9 @@ from sepv.simulate import _wiener as wiener
 from sepv.simulate._paths import advance
 from sepv.solve import Status
 from sepv.verification import Effort, Finding, Law, Verdict, energy_ulp, require
-from sepv.verification._cases.given import NOT_OF_HAMILTONIANS, describe, problems_of, reach
+from sepv.verification._cases.case_of_law import NOT_OF_HAMILTONIANS
+from sepv.verification._cases.from_problem import describe, reach
+from sepv.verification._cases.given import problems_of
 from sepv.verification._tolerance import rounding_walk
 
 PATHS = 60

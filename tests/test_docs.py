@@ -16,6 +16,7 @@ from pathlib import Path
 import click
 import pytest
 
+from benchmarks.mutation.targets import TARGETS
 from sepv.commands import main
 from sepv.verification import load_laws
 
@@ -188,6 +189,15 @@ def test_the_commands_about_mutants_can_be_parsed() -> None:
     source = (ROOT / "benchmarks" / "mutation" / "__main__.py").read_text(encoding="utf-8")
     for option in re.findall(r" (--[a-z-]+)", block[1]):
         assert f'"{option}"' in source
+
+
+def test_modules_and_tests_that_mutants_are_asked_about_are_there() -> None:
+    for module, asked in TARGETS.items():
+        assert (ROOT / f"{module.replace('.', '/')}.py").is_file(), module
+        for test in asked:
+            file, _, name = test.partition("::")
+            source = (ROOT / file).read_text(encoding="utf-8")
+            assert f"def {name.partition('[')[0]}(" in source or not name, test
 
 
 def test_the_vector_that_is_shown_is_one() -> None:

@@ -9,6 +9,7 @@ from sepv import problems, schemes
 from sepv.schemes import Scheme
 from sepv.verification import Case, Effort, Law, Measurement, Verdict, searched
 from sepv.verification import _search as search
+from sepv.verification._cases.same_draws import without_local_constants
 
 # A violation lies in a thousandth of the states, on a slope of the defect that is seen from all of them.
 MOST, BEST, NEAR = 10**4, 6_543, 4
@@ -42,3 +43,13 @@ def test_a_violation_at_the_top_of_a_slope_is_climbed_to() -> None:
 def test_without_the_target_it_is_missed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(search, "target", lambda *_, **__: None)
     assert verdicts().count(Verdict.VIOLATED) <= 2
+
+
+def test_examples_are_drawn_from_the_constants_of_hypothesis_alone() -> None:
+    """Private names of Hypothesis: where a release moves them this fails, and runs depend on what else is loaded."""
+    from hypothesis.internal.conjecture import providers
+
+    before = providers._get_local_constants
+    with without_local_constants():
+        assert providers._get_local_constants() == providers.Constants()
+    assert providers._get_local_constants is before

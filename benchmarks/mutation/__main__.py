@@ -94,7 +94,11 @@ def run(chosen: list[Mutant], jobs: int, to: Path | None, tests: tuple[str, ...]
     to = to and to.absolute()
     os.chdir(ROOT)
     code = pytest.main(
-        [*files, "--hypothesis-profile", "mutation", "-q", "--no-header", "-p", "no:cacheprovider"],
+        # Hypothesis is loaded before pytest could rewrite its assertions, which changes nothing here.
+        [
+            *(*files, "--hypothesis-profile", "mutation", "-q", "--no-header", "-p", "no:cacheprovider"),
+            *("-W", "ignore:Module already imported:pytest.PytestAssertRewriteWarning"),
+        ],
         plugins=[Harness(modules, work)],
     )
     if len(outcomes) != len(chosen):

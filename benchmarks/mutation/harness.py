@@ -101,7 +101,7 @@ class Harness:
         cached = {
             cls: [name for name, value in vars(cls).items() if isinstance(value, functools.cached_property)]
             for cls in {type(found) for found in gc.get_objects()}
-            if getattr(cls, "__module__", "").startswith("sepv")
+            if str(getattr(cls, "__module__", "")).startswith("sepv")
         }
         for found in gc.get_objects():
             for name in cached.get(type(found), ()):

@@ -79,6 +79,8 @@ TARGETS: dict[str, tuple[str, ...]] = {
         f"{OTHERS}[discrete-gradient]",
         "tests/test_division.py",
     ),
+    "sepv.solve._damped": (*IMPLICIT, CATALOGUE, "tests/test_schemes.py"),
+    "sepv.solve._differences": (*IMPLICIT, "tests/test_schemes.py"),
     "sepv.schemes._division": ("tests/test_division.py",),
     "sepv.simulate._wiener": ("tests/test_wiener.py", "tests/test_simulation.py"),
     "sepv.schemes._tableaux": COLLOCATION,

@@ -177,7 +177,7 @@ def long_steps(problem: Problem, text: str = "") -> HardCase:
 
     Whatever is solved must be right; what is not may be refused.
     """
-    from sepv.verification._cases.given import describe, reach
+    from sepv.verification._cases.from_problem import describe, reach
 
     start = initial_state(problem, None)
     longest = 10 * reach(problem) / 8  # an eighth of the reach is what the slopes allow

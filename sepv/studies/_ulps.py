@@ -24,7 +24,7 @@ from sepv.schemes._guard import raw_answer
 from sepv.simulate import _truncation as bounded
 from sepv.solve import Status
 from sepv.verification import energy_ulp
-from sepv.verification._cases.given import describe
+from sepv.verification._cases.from_problem import describe
 from sepv.verification._tolerance import casimir_ulp
 
 # One of each kind of solver that a library has; its adapter is loaded where the library is installed.

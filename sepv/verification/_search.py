@@ -26,8 +26,9 @@ from sepv.schemes import Scheme, Systems
 from sepv.verification import _corpus as corpus
 from sepv.verification._cases import case as cases
 from sepv.verification._cases.case import Case
+from sepv.verification._cases.case_of_law import NOT_OF_HAMILTONIANS
 from sepv.verification._cases.fixed_cases import may_be_refused
-from sepv.verification._cases.given import NOT_OF_HAMILTONIANS, cases_for
+from sepv.verification._cases.given import cases_for
 from sepv.verification._cases.hamiltonians import HAMILTONIANS
 from sepv.verification._cases.same_draws import without_local_constants
 from sepv.verification._cases.shrink import shrunk

@@ -20,7 +20,7 @@ BLIND = 2
 class Directions:
     """Gram and Schmidt's q_k of the gradients N_k at y*, 1/|q_k|², and the products q_jᵀN_k, j < k.
 
-    See `sepv.schemes.projected.Directions`.
+    See `sepv.schemes._projected.Directions`.
     """
 
     q: list[list[Expression]]

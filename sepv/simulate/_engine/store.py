@@ -22,7 +22,7 @@ _SOURCES = (
 
 
 def folder() -> Path:
-    """Where generated modules are kept: $SEPV_CACHE_DIR, else sepv/engine in the user's cache folder.
+    """Where generated modules are kept: $SEPV_CACHE_DIR, else ~/.cache/sepv/engine, or below $XDG_CACHE_HOME.
 
     Where that cannot be written, a fresh folder for this process: a shared one in /tmp would let
     others choose the code that is run.

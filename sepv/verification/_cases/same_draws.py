@@ -2,7 +2,7 @@
 
 With them a run would depend on the command that started it, on the user's own source and on how sepv is installed.
 There is no public switch. Where a release of Hypothesis has no such constants, or keeps them elsewhere, nothing is
-changed here, and `tests/test_side_by_side.py` says which it is.
+changed here, and tests/test_search.py says so.
 """
 
 from __future__ import annotations

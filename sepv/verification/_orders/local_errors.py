@@ -45,7 +45,8 @@ from sepv.schemes._order_claims import order_of
 from sepv.schemes._point_laws import point_law
 from sepv.simulate._paths import advance
 from sepv.solve import Status
-from sepv.verification._cases.given import problems_of, reach
+from sepv.verification._cases.from_problem import reach
+from sepv.verification._cases.given import problems_of
 from sepv.verification._law import Effort
 from sepv.verification._orders.gaussian import Rule, point_rule
 from sepv.verification._orders.local_moments import FULL_DEGREE, SPLIT, exponents, moments_at

@@ -17,7 +17,7 @@ from sepv.schemes._guard import guarded
 from sepv.schemes._point_laws import point_law
 from sepv.simulate._paths import advance
 from sepv.solve import Status
-from sepv.verification._cases.given import reach
+from sepv.verification._cases.from_problem import reach
 from sepv.verification._law import Effort
 from sepv.verification._orders.gaussian import point_rule, rule
 from sepv.verification._orders.local_errors import LocalErrors, against_moments, apart, ends_at, moments_only

@@ -1,0 +1,181 @@
+"""Cases of one problem: a state near its initial one, inside its domain, and a step that a contraction allows.
+
+What functions alone allow is measured: a radius for one step (`measured_radius`), a time for many (`reach`).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from hypothesis import assume
+from hypothesis import strategies as st
+
+from sepv import problems as named
+from sepv.errors import UsageError
+from sepv.problem import (
+    Array,
+    Description,
+    GivenProblem,
+    HamiltoniansProblem,
+    NamedProblem,
+    PolynomialSystem,
+    Problem,
+)
+from sepv.problem._checks import sample_states
+from sepv.problem._hamiltonians import noise_hessian
+from sepv.verification._cases.case import Case
+from sepv.verification._contraction import contraction_radius
+from sepv.verification._tolerance import slopes
+from sepv.verification.strategies import CONTRACTION, components, steps_within
+
+# Of the references: names whose H, B and ∇H exist in extended precision.
+EXACT_NAMES = frozenset(named.PAPER)
+
+
+def describe(problem: Problem, text: str = "") -> Description:
+    """Its data, where they say the same as its functions and the references know them; else the problem itself."""
+    data = problem.data
+    known = isinstance(data, PolynomialSystem) or (data is not None and data.name in EXACT_NAMES)
+    # Flows of parts of H and H_j are no data: what is made of the data again would lack them.
+    lacks = isinstance(data, PolynomialSystem) and bool(problem.flows)
+    whole = data is not None and known and not lacks and _agrees(problem, data)
+    return data if whole and data is not None else GivenProblem(problem, text)
+
+
+def _agrees(problem: Problem, data: PolynomialSystem | NamedProblem) -> bool:
+    """A record that was changed by `dataclasses.replace` may still carry the data of what it was."""
+    other = named.build(data)
+    if other.dimension != problem.dimension or not np.array_equal(other.c, problem.c):
+        return False
+    for y in sample_states(problem):
+        for key in ("hamiltonian", "gradient", "structure"):
+            a, b = getattr(problem, key)(y), getattr(other, key)(y)
+            if not np.allclose(a, b, rtol=1e-9, atol=1e-12):  # the same formula, or another
+                return False
+    return True
+
+
+def of_case(value: Any) -> st.SearchStrategy[Case]:
+    """The steps of whatever a strategy gave: a whole case as it is, a problem near its initial state."""
+    if isinstance(value, Case):
+        return st.just(value)
+    if isinstance(value, Problem):
+        return near(describe(value))
+    if isinstance(value, (PolynomialSystem, NamedProblem, GivenProblem)):
+        return near(value)
+    raise UsageError(
+        expected="a strategy of sepv.PolynomialSystem, sepv.Problem or sepv.verification.Case",
+        received=f"one that gave {type(value).__name__}: {value!r:.80}",
+        remedy="map it to one of these",
+    )
+
+
+@st.composite
+def near(draw: st.DrawFn, description: Description) -> Case:
+    """A state near the problem's initial state, inside its domain, and a step from it.
+
+    Without an initial state: components in ±2. The step is at most as long as a contraction allows: derived from
+    majorants for polynomial data, measured for functions.
+    """
+    problem = named.build(description)
+    y = _state(draw, problem)
+    if isinstance(description, PolynomialSystem):
+        radius = min(contraction_radius(problem, np.array(y)), 4.0)
+    elif (
+        isinstance(description, NamedProblem)
+        and problem.longest_step is not None
+        and _as_by_name(description)
+    ):
+        radius = problem.longest_step
+    else:
+        radius = min(measured_radius(problem, np.array(y)), 4.0)
+    assume(radius > 0)
+    return draw(steps_within(description, y, radius * draw(st.sampled_from([1.0, 0.5, 0.25, 2.0**-6]))))
+
+
+def _as_by_name(description: NamedProblem) -> bool:
+    """With the default parameters, of which a problem's longest step speaks."""
+    return description == named.by_name(description.name).data
+
+
+def _state(draw: st.DrawFn, problem: Problem) -> tuple[float, ...]:
+    if problem.initial is None:
+        y = tuple(draw(st.lists(components(), min_size=problem.dimension, max_size=problem.dimension)))
+    else:
+        y = tuple(
+            float(a) * draw(st.floats(0.5, 1.5)) + draw(st.sampled_from([0.0, 0.1, 0.3]))
+            for a in np.asarray(problem.initial)
+        )
+        if not _inside(problem, np.array(y)):
+            y = tuple(float(a) for a in np.asarray(problem.initial))
+    assume(_inside(problem, np.array(y)))
+    return y
+
+
+def _inside(problem: Problem, y: Array) -> bool:
+    return problem.domain is None or bool(np.all(problem.domain(y)))
+
+
+# Balls of radius 2⁻¹ to 2⁻⁵ of a state are looked at; in a narrow domain smaller ones, until one lies inside.
+USUAL, NARROWEST = 5, 20
+
+
+def measured_radius(problem: Problem, y: Array) -> float:
+    """As `sepv.verification._contraction.contraction_radius`, with maxima over some states of the ball in
+    place of majorants, halved.
+
+    The maxima are no bounds: between the states looked at the slopes may be larger. The half is a heuristic for that.
+    A step that is refused inside it says more of the radius than of the scheme, and is reported as not solved.
+    """
+    rng = np.random.default_rng(0)
+    d = problem.dimension
+    directions = np.concatenate([np.eye(d), -np.eye(d), rng.uniform(-1, 1, (8, d))])
+    best, size = 0.0, 1 + float(np.max(np.abs(y)))
+    for halvings in range(1, NARROWEST + 1):
+        if best and halvings > USUAL:
+            break
+        r = size / 2**halvings
+        points = [y, *(y + r * e for e in directions)]
+        if not all(_inside(problem, p) for p in points):
+            continue
+        parts = [_sizes(problem, p) for p in points]
+        B, g, dB, H = (np.max([part[k] for part in parts], axis=0) for k in range(4))
+        if not all(np.all(np.isfinite(part)) for part in (B, g, dB, H)):
+            continue
+        field = float(np.max(B @ g))
+        slope = float(np.max(np.sum(np.einsum("ijk,j->ik", dB, g) + B @ H, axis=1)))
+        radius = 0.5 * min(r / field if field else np.inf, CONTRACTION / slope if slope else np.inf)
+        best = max(best, radius)
+    return best
+
+
+def _sizes(problem: Problem, y: Array) -> tuple[Array, Array, Array, Array]:
+    """|B|, |∇H|, |∂B/∂y| and |∂²H/∂y²| at y, the last two by differences where they are not given."""
+    with np.errstate(all="ignore"):
+        dB = slopes(problem.structure, problem.structure_derivative, y)
+        H = slopes(problem.gradient, problem.hessian, y)
+        structures = [problem.structure, *getattr(problem, "noise_structures", ())]
+        B = np.max([np.abs(G(y)) for G in structures], axis=0)
+        g = np.abs(problem.gradient(y))
+        if isinstance(problem, HamiltoniansProblem):
+            g = np.max([g, *(np.abs(f(y)) for f in problem.noise_gradients)], axis=0)
+            curved = [np.abs(noise_hessian(problem, j, y)) for j in range(problem.noises)]
+            H = np.max([np.abs(H), *curved], axis=0)
+        return B, g, np.abs(dB), np.abs(H)
+
+
+def reach(problem: Problem) -> float:
+    """A time of which steps of an eighth are as long, against the slope of f, as for the paper's problems.
+
+    There |Δ| L stays below about 1.2 for increments of two standard deviations, L the slope of f = B∇H: T is the
+    largest power of two, at most 1, for which L(h + 2√h Σc_j) ≤ 1.25 with h = T/8. A heuristic: nothing that a law
+    judges depends on it, but whether all steps are solved.
+    """
+    y = np.array(problem.initial, dtype=np.float64)
+    B, g, dB, H = _sizes(problem, y)
+    L = float(np.max(np.sum(np.einsum("ijk,j->ik", dB, g) + B @ H, axis=1)))
+    T = 1.0
+    while T > 2.0**-20 and L * (T / 8 + 2 * np.sqrt(T / 8) * float(problem.c.sum())) > 1.25:
+        T /= 2
+    return T
