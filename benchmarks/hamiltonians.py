@@ -147,15 +147,15 @@ def slopes(reports: dict[str, Report]) -> str:
     return table(["scheme", "problem", "noises", *SLOPES], rows)
 
 
-def bites(names: Sequence[str], seeds: Sequence[int]) -> str:
+def detection_tables(names: Sequence[str], seeds: Sequence[int]) -> str:
     """Two tables: each saboteur with the law that states its fault, and how often that kills it; what else is lost."""
     rows, matrix = [], []
     for name in names:
         saboteur = SABOTEURS[name]
         first = saboteur.caught_by[0]
-        killed = sum(b.kills for seed in seeds for b in fault_detection.bite(name, seed, [first], EXAMPLES))
+        killed = sum(b.kills for seed in seeds for b in fault_detection.detect(name, seed, [first], EXAMPLES))
         claimed = [law for law in KEPT if law in saboteur.scheme.claims and law != first]
-        others = {b.law: b.verdict for b in fault_detection.bite(name, 0, claimed, EXAMPLES)}
+        others = {b.law: b.verdict for b in fault_detection.detect(name, 0, claimed, EXAMPLES)}
         rows.append([name, saboteur.broken, first, f"{killed}/{len(seeds)}"])
         marks = {law: LOST.get(verdict, "?") for law, verdict in others.items()} | {first: "**lost**"}
         matrix.append([name, *(marks.get(law, "") for law in KEPT)])
@@ -196,7 +196,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "Each imitates a scheme and claims what that claims. Killed: by the law that states its fault, of so many\n"
         "seeds. The last four are for one Hamiltonian: they break a structure and keep H and Casimirs, or a domain.\n"
     )
-    print(bites([n for f in FAMILIES for n, s in SABOTEURS.items() if s.family == f], range(chosen.seeds)))
+    print(
+        detection_tables(
+            [n for f in FAMILIES for n, s in SABOTEURS.items() if s.family == f], range(chosen.seeds)
+        )
+    )
 
 
 if __name__ == "__main__":

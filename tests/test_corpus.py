@@ -81,8 +81,8 @@ def test_a_fault_that_is_known_is_found_at_once_and_simplified_from_there() -> N
 
 
 def test_teeth_leave_the_corpus_out_unless_asked() -> None:
-    (found,) = fault_detection.bite("four-nodes", 0, ["energy"], 12)
-    (known,) = fault_detection.bite("four-nodes", 0, ["energy"], 12, corpus=True)
+    (found,) = fault_detection.detect("four-nodes", 0, ["energy"], 12)
+    (known,) = fault_detection.detect("four-nodes", 0, ["energy"], 12, corpus=True)
     assert known.kills
     assert known.examples <= 2 * maker.MOST < found.examples
 

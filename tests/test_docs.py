@@ -261,7 +261,7 @@ def test_every_law_has_a_section_with_its_file_and_what_breaks_it() -> None:
     assert set(found) - {law.name for law in load_laws()} == {
         "What the designs find",
         "How often intervals miss",
-        "Do they bite?",
+        "Which faults they find",
         "Several Hamiltonians",
     }
 

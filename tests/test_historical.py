@@ -21,8 +21,8 @@ def test_the_law_that_states_the_fault_finds_it_with_each_of_ten_seeds(name: str
     # The first that is named: not any law which happens to see it.
     law = SABOTEURS[name].caught_by[0]
     for seed in range(10):
-        (bite,) = fault_detection.bite(name, seed, [law], 12, 4096)
-        assert bite.kills, (seed, bite.verdict)
+        (detection,) = fault_detection.detect(name, seed, [law], 12, 4096)
+        assert detection.kills, (seed, detection.verdict)
 
 
 @pytest.mark.parametrize("name", NAMES)

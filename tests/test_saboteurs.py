@@ -1,4 +1,4 @@
-"""The suite bites: every saboteur is killed, every law is needed, and the matrix tells the truth about both."""
+"""The suite detections: every saboteur is killed, every law is needed, and the matrix tells the truth about both."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def expected(name: str) -> list[str]:
 def test_each_saboteur_is_killed_by_a_law_that_theory_names(name: str) -> None:
     # By one of the laws that theory names with one of two seeds; the deep run below asks for each of ten.
     assert any(
-        b.kills for seed in range(2) for b in fault_detection.bite(name, seed, expected(name), first=True)
+        b.kills for seed in range(2) for b in fault_detection.detect(name, seed, expected(name), first=True)
     )
 
 
@@ -52,7 +52,7 @@ def test_each_saboteur_is_killed_by_a_law_that_theory_names(name: str) -> None:
 @pytest.mark.parametrize("seed", fault_detection.SEEDS)
 @pytest.mark.parametrize("name", SABOTEURS)
 def test_each_saboteur_is_killed_with_every_seed(name: str, seed: int) -> None:
-    assert any(b.kills for b in fault_detection.bite(name, seed, LAWS, first=True))
+    assert any(b.kills for b in fault_detection.detect(name, seed, LAWS, first=True))
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -119,7 +119,7 @@ def test_workers_find_what_one_process_finds() -> None:
     found = fault_detection.run(
         names, [0], lambda done, total, _: seen.append(total - done), laws=laws, effort=effort
     )
-    alone = [b for name in names for b in fault_detection.bite(name, 0, laws, 20)]
+    alone = [b for name in names for b in fault_detection.detect(name, 0, laws, 20)]
     assert [(b.saboteur, b.law, b.verdict, b.examples) for b in found] == [
         (b.saboteur, b.law, b.verdict, b.examples) for b in alone
     ]
@@ -127,14 +127,14 @@ def test_workers_find_what_one_process_finds() -> None:
 
 
 def test_the_first_kill_ends_a_saboteur_when_asked() -> None:
-    (only,) = fault_detection.bite("relative-error-1e-10", 0, LAWS, first=True)
+    (only,) = fault_detection.detect("relative-error-1e-10", 0, LAWS, first=True)
     assert only.kills
     assert only.law == "identity"
 
 
 def test_examples_end_with_the_first_violation() -> None:
-    (violated,) = fault_detection.bite("b-doubled", 0, ["midpoint"])
-    (holding,) = fault_detection.bite("b-doubled", 0, ["energy"], examples=7)
+    (violated,) = fault_detection.detect("b-doubled", 0, ["midpoint"])
+    (holding,) = fault_detection.detect("b-doubled", 0, ["energy"], examples=7)
     assert violated.examples < 20
     designed = len(SPACES[Systems.SINGLE]["energy"].design().rows)
     assert holding.examples == designed + 7 + len(for_energy())
@@ -145,41 +145,41 @@ def test_an_unknown_name_is_an_error() -> None:
         fault_detection.run(["b-at-y2"], [0])
 
 
-def bite(
+def detect(
     name: str, law: str, seed: int, verdict: Verdict, examples: int, claimed: bool = True
-) -> fault_detection.Bite:
+) -> fault_detection.Detection:
     saboteur = SABOTEURS[name]
-    return fault_detection.Bite(
+    return fault_detection.Detection(
         name, saboteur.family, law, seed, verdict, claimed, law in saboteur.caught_by, examples, 0.1
     )
 
 
-BITES = [
-    bite("b-at-y0", "energy", 0, Verdict.HOLDS, 100),
-    bite("b-at-y0", "energy", 1, Verdict.HOLDS, 100),
-    bite("b-at-y0", "casimir", 0, Verdict.VIOLATED, 4),
-    bite("b-at-y0", "casimir", 1, Verdict.HOLDS, 100),
-    bite("changes-y", "energy", 0, Verdict.ERROR, 1),
-    bite("changes-y", "energy", 1, Verdict.ERROR, 1),
-    bite("silent-cap", "rounding", 0, Verdict.ERROR, 3),
-    bite("silent-cap", "rounding", 1, Verdict.VIOLATED, 9, claimed=False),
+DETECTIONS = [
+    detect("b-at-y0", "energy", 0, Verdict.HOLDS, 100),
+    detect("b-at-y0", "energy", 1, Verdict.HOLDS, 100),
+    detect("b-at-y0", "casimir", 0, Verdict.VIOLATED, 4),
+    detect("b-at-y0", "casimir", 1, Verdict.HOLDS, 100),
+    detect("changes-y", "energy", 0, Verdict.ERROR, 1),
+    detect("changes-y", "energy", 1, Verdict.ERROR, 1),
+    detect("silent-cap", "rounding", 0, Verdict.ERROR, 3),
+    detect("silent-cap", "rounding", 1, Verdict.VIOLATED, 9, claimed=False),
 ]
 
 
 def test_an_error_kills_only_where_the_interface_is_at_fault() -> None:
-    assert fault_detection.survivors(BITES) == {"b-at-y0": [1], "silent-cap": [0, 1]}
-    assert fault_detection.examples_to_kill(BITES) == {
+    assert fault_detection.survivors(DETECTIONS) == {"b-at-y0": [1], "silent-cap": [0, 1]}
+    assert fault_detection.examples_to_kill(DETECTIONS) == {
         ("b-at-y0", 0): 4,
         ("changes-y", 0): 1,
         ("changes-y", 1): 1,
     }
-    assert fault_detection.lone_keepers(BITES) == {"casimir": ["b-at-y0"], "energy": ["changes-y"]}
-    assert fault_detection.missed(BITES) == [("silent-cap", "rounding")]
+    assert fault_detection.found_by_one_law(DETECTIONS) == {"casimir": ["b-at-y0"], "energy": ["changes-y"]}
+    assert fault_detection.missed(DETECTIONS) == [("silent-cap", "rounding")]
 
 
 def test_the_matrix_names_what_survives() -> None:
     text = StringIO()
-    fault_detection.show(BITES, console(text))
+    fault_detection.show(DETECTIONS, console(text))
     lines = text.getvalue().splitlines()
     assert lines[0].split() == ["saboteur", "ene", "cas", "rou", "killed"]
     assert lines[1].split() == ["b-at-y0", "·", "(4)", "1/2"]

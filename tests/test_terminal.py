@@ -97,10 +97,10 @@ def test_tables_of_80_columns_hide_nothing(monkeypatch: pytest.MonkeyPatch) -> N
     out = console(text)
     for record in store.load(str(ROOT / "benchmarks" / "counters.json")):
         out.print(record_table(record))
-    bite = fault_detection.Bite(
+    detect = fault_detection.Detection(
         "one-point-quadrature", "formula", "energy", 0, Verdict.VIOLATED, True, True, 5, 0.1
     )
-    fault_detection.show([replace(bite, law=law) for law in LAWS], out)
+    fault_detection.show([replace(detect, law=law) for law in LAWS], out)
     hard = CliRunner().invoke(main, ["hard", "--steps", "2", "--laws", "0"]).output
     shown = text.getvalue() + hard[: hard.index("27 cases")]  # the last line is one line for who reads a pipe
     assert "…" not in shown

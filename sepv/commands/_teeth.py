@@ -51,7 +51,7 @@ def teeth(
     bare = not (names or laws or matrix)
     seeds = seeds or (1 if bare else 10)
     with showing(quiet) as shown:
-        bites = fault_detection.run(
+        detections = fault_detection.run(
             names or None,
             range(seeds),
             lambda done, total, _: shown.update(f"{done} of {total}", done / total),
@@ -60,9 +60,9 @@ def teeth(
             effort=Effort(corpus=corpus),
             workers=workers,
         )
-    save_json(json_file, "teeth", {"bites": [b.to_json() for b in bites]})
+    save_json(json_file, "teeth", {"detections": [b.to_json() for b in detections]})
     if quiet:
-        line(console(), fault_detection.summary(bites))
+        line(console(), fault_detection.summary(detections))
     else:
-        fault_detection.show(bites, console())
-    raise SystemExit(1 if fault_detection.survivors(bites) else 0)
+        fault_detection.show(detections, console())
+    raise SystemExit(1 if fault_detection.survivors(detections) else 0)

@@ -7,6 +7,6 @@ installed.
 
 from __future__ import annotations
 
-from sepv.faults._fault_detection import Bite as Bite
-from sepv.faults._fault_detection import bite as bite
+from sepv.faults._fault_detection import Detection as Detection
+from sepv.faults._fault_detection import detect as detect
 from sepv.faults._saboteurs import Saboteur as Saboteur

@@ -1,4 +1,4 @@
-"""Does the suite bite? Saboteurs × laws over several seeds, with the number of examples to the first failure.
+"""Fault detection: saboteurs × laws over several seeds, with the number of examples to the first failure.
 
 A saboteur is killed with one seed where a law that it claims ends in `violated`; a fault of the interface
 also where a claimed law ends in `error`, which no reader takes for a pass.
@@ -32,7 +32,7 @@ _NO_SHRINKING = 0
 
 
 @dataclass(frozen=True)
-class Bite:
+class Detection:
     """What one law made of one saboteur with one seed.
 
     Attributes
@@ -56,7 +56,7 @@ class Bite:
 
     @property
     def kills(self) -> bool:
-        """Whether the suite would turn red for the right reason."""
+        """Whether a claimed law is violated, or ends in an error where the fault is one of the interface."""
         return self.claimed and (
             self.verdict is Verdict.VIOLATED or (self.family == "interface" and self.verdict is Verdict.ERROR)
         )
@@ -66,7 +66,7 @@ class Bite:
         return {**self.__dict__, "verdict": self.verdict.value, "kills": self.kills}
 
 
-FaultProgress = Callable[[int, int, Sequence[Bite]], None]
+FaultProgress = Callable[[int, int, Sequence[Detection]], None]
 
 
 def run(
@@ -78,7 +78,7 @@ def run(
     effort: Effort | None = None,
     first: bool = False,
     workers: int = 2,
-) -> list[Bite]:
+) -> list[Detection]:
     """Run saboteurs against laws, each saboteur and seed in a worker process.
 
     Parameters
@@ -87,7 +87,7 @@ def run(
         Only these; by default all.
     seeds : iterable of int
         Each is a whole run, with its own examples and paths.
-    progress : callable (done, total, bites), optional
+    progress : callable (done, total, detections), optional
         Called in this process after each saboteur and seed.
     effort : Effort, optional
         Examples and paths; the default budget of `sepv verify` by default, without the corpus of witnesses: many of
@@ -109,20 +109,20 @@ def run(
         for seed in seeds
         for s in chosen
     ]
-    bites: list[Bite] = []
+    detections: list[Detection] = []
     # spawn: a saboteur may have left anything in this process's memory.
     context = multiprocessing.get_context("spawn")
     with ended_at_once(ProcessPoolExecutor(max_workers=workers, mp_context=context)) as pool:
-        futures = [pool.submit(bite, *job) for job in jobs]
+        futures = [pool.submit(detect, *job) for job in jobs]
         for done, future in enumerate(as_completed(futures), start=1):
-            bites += future.result()
+            detections += future.result()
             if progress:
                 progress(done, len(jobs), future.result())
     order = {name: n for n, name in enumerate((*(s.name for s in chosen), *asked))}
-    return sorted(bites, key=lambda b: (order[b.saboteur], order[b.law], b.seed))
+    return sorted(detections, key=lambda b: (order[b.saboteur], order[b.law], b.seed))
 
 
-def bite(
+def detect(
     name: str,
     seed: int,
     laws: Sequence[str],
@@ -130,17 +130,17 @@ def bite(
     paths: int = 4096,
     first: bool = False,
     corpus: bool = False,
-) -> list[Bite]:
+) -> list[Detection]:
     """One saboteur, one seed: the laws in turn on a new copy of it, in this process."""
     saboteur = find(name)
     scheme, effort = saboteur.scheme, Effort(examples, paths, seed, _NO_SHRINKING, corpus=corpus)
     if first:
         laws = sorted(laws, key=lambda law: (law not in saboteur.caught_by, LAWS.index(law)))
-    bites: list[Bite] = []
+    detections: list[Detection] = []
     for law in laws:
         (finding,) = verify(scheme, laws=[law], effort=effort, timeout=TIMEOUT).findings
-        bites.append(
-            Bite(
+        detections.append(
+            Detection(
                 saboteur=name,
                 family=saboteur.family,
                 law=law,
@@ -153,9 +153,9 @@ def bite(
                 message=finding.message if finding.verdict is Verdict.ERROR else "",
             )
         )
-        if first and bites[-1].kills:
+        if first and detections[-1].kills:
             break
-    return bites
+    return detections
 
 
 def find(name: str) -> Saboteur:
@@ -174,10 +174,10 @@ def find(name: str) -> Saboteur:
     return SABOTEURS[name]
 
 
-def survivors(bites: Sequence[Bite]) -> dict[str, list[int]]:
+def survivors(detections: Sequence[Detection]) -> dict[str, list[int]]:
     """The seeds with which no claimed law killed, for each saboteur that has any."""
-    alive = dict.fromkeys(((b.saboteur, b.seed) for b in bites), True)
-    for b in bites:
+    alive = dict.fromkeys(((b.saboteur, b.seed) for b in detections), True)
+    for b in detections:
         if b.kills:
             alive[b.saboteur, b.seed] = False
     found: dict[str, list[int]] = {}
@@ -187,10 +187,10 @@ def survivors(bites: Sequence[Bite]) -> dict[str, list[int]]:
     return found
 
 
-def lone_keepers(bites: Sequence[Bite]) -> dict[str, list[str]]:
+def found_by_one_law(detections: Sequence[Detection]) -> dict[str, list[str]]:
     """For each law, the saboteurs that no other law killed with any seed: what the suite loses without it."""
     killers: dict[str, set[str]] = {}
-    for b in bites:
+    for b in detections:
         if b.kills:
             killers.setdefault(b.saboteur, set()).add(b.law)
     kept: dict[str, list[str]] = {}
@@ -200,68 +200,68 @@ def lone_keepers(bites: Sequence[Bite]) -> dict[str, list[str]]:
     return kept
 
 
-def missed(bites: Sequence[Bite]) -> list[tuple[str, str]]:
+def missed(detections: Sequence[Detection]) -> list[tuple[str, str]]:
     """(saboteur, law) where theory expects a kill, and none was seen with any seed."""
-    seen = {(b.saboteur, b.law) for b in bites if b.kills}
-    return [p for p in dict.fromkeys((b.saboteur, b.law) for b in bites if b.expected) if p not in seen]
+    seen = {(b.saboteur, b.law) for b in detections if b.kills}
+    return [p for p in dict.fromkeys((b.saboteur, b.law) for b in detections if b.expected) if p not in seen]
 
 
-def examples_to_kill(bites: Sequence[Bite]) -> dict[tuple[str, int], int]:
+def examples_to_kill(detections: Sequence[Detection]) -> dict[tuple[str, int], int]:
     """For each (saboteur, seed) that was killed, the fewest examples that a law needed."""
     fewest: dict[tuple[str, int], int] = {}
-    for b in bites:
+    for b in detections:
         if b.kills:
             key = b.saboteur, b.seed
             fewest[key] = min(fewest.get(key, b.examples), b.examples)
     return fewest
 
 
-def show(bites: Sequence[Bite], out: Console) -> None:
+def show(detections: Sequence[Detection], out: Console) -> None:
     """The matrix, its legend, what a reader should worry about, and the count."""
-    laws, table = list(dict.fromkeys(b.law for b in bites)), matrix(bites)
+    laws, table = list(dict.fromkeys(b.law for b in detections)), matrix(detections)
     wide = Measurement.get(out, out.options.update(max_width=1000), table).maximum > out.width
-    out.print(listing(bites) if wide else table)
+    out.print(listing(detections) if wide else table)
     out.print(
         Text("number: median examples (or paths) to the first violation; (number): not with every seed")
     )
     out.print(Text("·: holds, ?: inconclusive, e: error, n/a: not applicable; *: unclaimed"))
     if not wide:
         out.print(Text(", ".join(f"{abbreviation(law)} {law}" for law in laws)))
-    if not _has_holes(bites):
-        for law, names in lone_keepers(bites).items():
+    if not _has_holes(detections):
+        for law, names in found_by_one_law(detections).items():
             out.print(Text(f"only {law} kills: {', '.join(names)}"))
-        pairs = missed(bites)
+        pairs = missed(detections)
         if pairs:
             out.print(Text(f"expected, never seen: {', '.join(f'{name} by {law}' for name, law in pairs)}"))
-    out.print(summary(bites))
+    out.print(summary(detections))
 
 
-def _has_holes(bites: Sequence[Bite]) -> bool:
+def _has_holes(detections: Sequence[Detection]) -> bool:
     """Whether some saboteur was not shown to some law with some seed, as `first` leaves it."""
-    runs, laws = {(b.saboteur, b.seed) for b in bites}, {b.law for b in bites}
-    return len({(b.saboteur, b.seed, b.law) for b in bites}) < len(runs) * len(laws)
+    runs, laws = {(b.saboteur, b.seed) for b in detections}, {b.law for b in detections}
+    return len({(b.saboteur, b.seed, b.law) for b in detections}) < len(runs) * len(laws)
 
 
-def matrix(bites: Sequence[Bite]) -> Table:
+def matrix(detections: Sequence[Detection]) -> Table:
     """Saboteur × law, with the seeds killed."""
-    laws = list(dict.fromkeys(b.law for b in bites))
+    laws = list(dict.fromkeys(b.law for b in detections))
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("saboteur", no_wrap=True)
     for law in laws:
         table.add_column(abbreviation(law), justify="right", no_wrap=True)
     table.add_column("killed", justify="right", no_wrap=True)
-    for name, killed, cells in _rows(bites):
+    for name, killed, cells in _rows(detections):
         table.add_row(name, *(cells.get(law, Text("")) for law in laws), killed)
     return table
 
 
-def listing(bites: Sequence[Bite]) -> Table:
+def listing(detections: Sequence[Detection]) -> Table:
     """The same where the matrix is too wide: for each saboteur what does not hold, in words."""
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("saboteur", no_wrap=True)
     table.add_column("killed", justify="right", no_wrap=True)
     table.add_column("laws")
-    for name, killed, cells in _rows(bites):
+    for name, killed, cells in _rows(detections):
         seen = [
             Text(f"{law} ") + cell for law, cell in cells.items() if cell.plain.strip("*") not in ("·", "n/a")
         ]
@@ -269,10 +269,10 @@ def listing(bites: Sequence[Bite]) -> Table:
     return table
 
 
-def _rows(bites: Sequence[Bite]) -> Iterator[tuple[str, Text, dict[str, Text]]]:
+def _rows(detections: Sequence[Detection]) -> Iterator[tuple[str, Text, dict[str, Text]]]:
     """Each saboteur, how often it was killed, and the cell of each law that it was shown to."""
-    alive, found = survivors(bites), dict[str, dict[str, list[Bite]]]()
-    for b in bites:
+    alive, found = survivors(detections), dict[str, dict[str, list[Detection]]]()
+    for b in detections:
         found.setdefault(b.saboteur, {}).setdefault(b.law, []).append(b)
     for name, laws in found.items():
         seeds = len({b.seed for seen in laws.values() for b in seen})
@@ -281,10 +281,14 @@ def _rows(bites: Sequence[Bite]) -> Iterator[tuple[str, Text, dict[str, Text]]]:
         yield name, count, {law: _cell(seen) for law, seen in laws.items()}
 
 
-def summary(bites: Sequence[Bite]) -> Text:
+def summary(detections: Sequence[Detection]) -> Text:
     """One line: how many are killed with every seed, and after how many examples."""
-    names, alive, fewest = {b.saboteur for b in bites}, survivors(bites), examples_to_kill(bites)
-    seeds = len({b.seed for b in bites})
+    names, alive, fewest = (
+        {b.saboteur for b in detections},
+        survivors(detections),
+        examples_to_kill(detections),
+    )
+    seeds = len({b.seed for b in detections})
     text = Text(f"{len(names) - len(alive)} of {len(names)} saboteurs killed with each of {seeds} seeds")
     if fewest:
         worst = max(fewest, key=lambda key: fewest[key])
@@ -308,19 +312,21 @@ def _seeds(left: Sequence[int], seeds: int) -> str:
     return "every seed" if len(left) == seeds else f"seed {', '.join(map(str, left))}"
 
 
-def _cell(bites: Sequence[Bite]) -> Text:
-    failing = [b for b in bites if b.verdict is Verdict.VIOLATED]
+def _cell(detections: Sequence[Detection]) -> Text:
+    failing = [b for b in detections if b.verdict is Verdict.VIOLATED]
     if failing:
         number = f"{median(b.examples for b in failing):.0f}"
-        text, style = number if len(failing) == len(bites) else f"({number})", "green"
+        text, style = number if len(failing) == len(detections) else f"({number})", "green"
     else:
-        verdicts = {b.verdict for b in bites}
+        verdicts = {b.verdict for b in detections}
         order = (
             (Verdict.ERROR, "e", "magenta"),
             (Verdict.INCONCLUSIVE, "?", "yellow"),
             (Verdict.NOT_APPLICABLE, "n/a", "dim"),
         )
         text, style = next(((sign, colour) for v, sign, colour in order if v in verdicts), ("·", "dim"))
-    if not bites:
+    if not detections:
         return Text("")
-    return Text(text + ("" if bites[0].claimed else "*"), style=style if bites[0].claimed else "dim")
+    return Text(
+        text + ("" if detections[0].claimed else "*"), style=style if detections[0].claimed else "dim"
+    )

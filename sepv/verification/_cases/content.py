@@ -38,8 +38,8 @@ from sepv.verification._cases.ingredients import (
     symmetric,
     times,
 )
+from sepv.verification._cases.shows_faults import shows_faults
 from sepv.verification._cases.strata import Levels, Stratum, monomials
-from sepv.verification._cases.telling import tells
 from sepv.verification._contraction import contraction_ball, contraction_radius
 from sepv.verification._tolerance import gradient_majorant, structure_majorant
 from sepv.verification.strategies import linear_forms
@@ -74,9 +74,9 @@ def drawn(make: Callable[[Levels, Random, int], Case | None]) -> Make:
     return made
 
 
-def _telling(found: Case | None, levels: Levels, attempt: int) -> Case | None:
+def _where_faults_show(found: Case | None, levels: Levels, attempt: int) -> Case | None:
     """The case if every fault would show in it, or any after so many attempts."""
-    return found if found is not None and (attempt >= TRIES or tells(found, levels)) else None
+    return found if found is not None and (attempt >= TRIES or shows_faults(found, levels)) else None
 
 
 def _random(levels: Levels, seed: int) -> Random:
@@ -102,7 +102,7 @@ def single(levels: Levels, random: Random, attempt: int) -> Case | None:
     H = hamiltonian(d, n, terms, unit, random)
     c = noise(levels["m"], random)
     system = PolynomialSystem(d, H, B, c, quadratic, linear)
-    return _telling(placed(system, y, levels, random), levels, attempt)
+    return _where_faults_show(placed(system, y, levels, random), levels, attempt)
 
 
 @drawn
@@ -117,7 +117,7 @@ def nambu(levels: Levels, random: Random, attempt: int) -> Case | None:
     most = monomials(3, degree) - monomials(3, least - 1)
     C = hamiltonian(3, degree, min(random.randint(2, 6), most), unit, random, least=least)
     c = noise(levels["m"], random)
-    return _telling(placed(problems.nambu_system(H, g, C, c), y, levels, random), levels, attempt)
+    return _where_faults_show(placed(problems.nambu_system(H, g, C, c), y, levels, random), levels, attempt)
 
 
 @drawn
@@ -138,7 +138,7 @@ def several(levels: Levels, random: Random, attempt: int) -> Case | None:
         parts = [skew(d, levels["degree of B"], unit, random) for _ in range(1 + len(c))]
     H = hamiltonian(d, n, terms, unit, random)
     system = PolynomialSystem(d, H, parts[0], c, quadratic, noise_structures=tuple(parts[1:]))
-    return _telling(placed(system, y, levels, random), levels, attempt)
+    return _where_faults_show(placed(system, y, levels, random), levels, attempt)
 
 
 @drawn

@@ -1,4 +1,4 @@
-"""Whether a case tells right from wrong: a design that visits a pair of strata must show the faults that live there."""
+"""Whether a case shows a fault: a design that visits a pair of strata must show the faults of these strata."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MOTION, SHOWN = 1e7, 64.0
 LONG = 0.5
 
 
-def tells(case: Case, levels: Levels) -> bool:
+def shows_faults(case: Case, levels: Levels) -> bool:
     """Whether faults would show in this case that err by a power of the step, as they must where its strata are met.
 
     For z = Δ B∇H, an explicit step: z and each structure's part of it must stand above rounding; ∇H at the midpoint in
