@@ -248,12 +248,39 @@ def _timid(limit: float) -> Scheme:
     return replace(schemes.energy_preserving, name="timid", step=partial(step_by, solve), solve=solve)
 
 
-def test_a_rare_refusal_halves_the_steps_and_accuses_nobody() -> None:
-    """One path of 512 of the pendulum has a coarse step with |Δ| > 1.4."""
-    found = verify(_timid(1.4), laws=["mean-square-order", "weak-order"], effort=Effort(seed=1)).findings
+@pytest.mark.parametrize(
+    ("limit", "problem", "refused", "steps"),
+    [
+        (1.4, "pendulum", "1 with 4 steps", "8, 32, 128"),
+        (0.9, "rigid-body", "29 with 4 steps", "8, 32, 128"),
+        (0.8, "rigid-body", "6 with 8 steps", "16, 64, 256"),
+    ],
+)
+def test_refusals_of_large_increments_halve_the_steps_and_accuse_nobody(
+    limit: float, problem: str, refused: str, steps: str
+) -> None:
+    """Of 512 paths one of the pendulum has a coarse step with |Δ| > 1.4, 29 of the rigid body one with |Δ| > 0.9."""
+    found = verify(_timid(limit), laws=["mean-square-order", "weak-order"], effort=Effort(seed=1)).findings
     for finding in found:
         assert finding.verdict is Verdict.HOLDS, finding.message
-        assert "domain: 1 with 4 steps; judged with 8, 32, 128 steps instead" in finding.message
+        assert f"{problem}: of 512 paths, not solved" in finding.message
+        assert f"domain: {refused}; judged with {steps} steps instead" in finding.message
+
+
+def test_finer_steps_are_not_run_where_coarse_ones_are_refused() -> None:
+    """What a slow scheme is not asked for in vain: 63 of 67 steps a path."""
+    asked: list[int] = []
+
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        asked.append(y.size // 3)
+        return np.full_like(y, np.nan)
+
+    errors = strong_errors(
+        Scheme("none", step, batched=True), RIGID, T=0.5, steps=(1, 2, 64), paths=range(512), seed=0
+    )
+    assert errors.failures == (512, 0, 0)
+    assert sum(asked) <= 2 * 512  # a batch that fails may be asked again, state by state
+    assert np.isnan(errors.squared[1:]).all()
 
 
 def test_frequent_refusals_are_an_error() -> None:

@@ -39,9 +39,9 @@ TILTED = 1.5
 # At these orders finer steps are at the rounding floor.
 FEW = ((6, (8, 12, 16)), (5, (8, 16, 32)))
 # Where no more than this share of the paths cannot be solved the step sizes are halved, so many times at most: a scheme
-# may refuse a step on a rare large increment, and shows its order at steps that it takes. Leaving such paths out would
-# be a bias.
-RARE, HALVED = 1 / 64, 2
+# may refuse a step on a large increment, as a fixed-point iteration does where it is no contraction. It shows its order
+# at steps that it takes. Leaving such paths out would be a bias.
+REFUSED, HALVED = 1 / 4, 2
 # How many times the paths are tried when a reader is told what a verdict would take.
 _MORE = tuple(4**k for k in range(1, 9))
 
@@ -246,16 +246,17 @@ def judge(
 def _judge_one(
     scheme: Scheme, setup: Setup, effort: Effort, assess: Assess, alpha: float
 ) -> tuple[Setup, StrongErrors, Assessment | None, str]:
-    """One problem at its step sizes, or halved where few paths failed; and what failed.
+    """One problem at its step sizes, or halved where paths failed; and what failed.
 
     There is no assessment where paths failed in the end. That looks are begun anew adds to FALSE_ALARM what it has for
-    these looks times the probability that a path fails: a few per cent of it, or nothing.
+    these looks times the probability that the first look has no path that fails and a later one has: a few per cent of
+    it, or nothing.
     """
     refused = ""
     for halved in range(1 + HALVED):
         used = replace(setup, steps=tuple(n << halved for n in setup.steps))
         errors, assessment = _look(scheme, used, effort, assess, alpha)
-        if assessment is not None or max(errors.failures) > RARE * errors.squared.shape[1]:
+        if assessment is not None or max(errors.failures) > REFUSED * errors.squared.shape[1]:
             break
         refused = _failures(setup, errors)
     return used, errors, assessment, refused

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sepv.exact._several_structures import ends as exact_ends
 from sepv.exact._several_structures import finer, refined
@@ -37,7 +38,8 @@ _CHUNK = 1024
 class StrongErrors:
     """Errors y_N − y(T) of M paths (L, d, M) for L numbers of steps, their squares |·|² (L, M), and failures.
 
-    `failures` counts paths with a step that was not solved or left the domain, for each number of steps.
+    `failures` counts paths with a step that was not solved or left the domain, for the smallest number of steps where
+    there are any. Where paths failed, those of more steps need not have been run, and have no errors (NaN).
     `reference` is the rms error of a reference that is not exact, 0 where it is. `ends` (L, d, M) and `W` (L, m, M)
     are y(T) and W(T), `weights` (L, M) the likelihood ratios that `squared` and `errors` already carry: what
     `sepv.verification._orders.means` needs, empty where nobody asked for it. `tolerance` is what the scheme
@@ -97,8 +99,8 @@ def strong_errors(
     """
     start = np.array(problem.initial, dtype=np.float64)
     finest = steps[-1]
-    squared = np.empty((len(steps), len(paths)))
-    errors = np.empty((len(steps), problem.dimension, len(paths)))
+    squared = np.full((len(steps), len(paths)), np.nan)
+    errors = np.full((len(steps), problem.dimension, len(paths)), np.nan)
     ends = np.empty((problem.dimension, len(paths)))
     W = np.empty((problem.noises, len(paths)))
     failures = np.zeros(len(steps), dtype=np.int64)
@@ -128,12 +130,20 @@ def strong_errors(
             errors[row, :, here] = result.y - exact
             with np.errstate(over="ignore"):  # a path that blows up has an infinite error, and is no accident
                 squared[row, here] = np.sum((result.y - exact) ** 2, axis=0)
+            if failures[row]:
+                break
     levels = len(steps)
     return StrongErrors(
-        T, tuple(steps), squared, errors, tuple(int(f) for f in failures), largest, FLOOR, reference,
+        T, tuple(steps), squared, errors, first_failures(failures), largest, FLOOR, reference,
         np.broadcast_to(ends, (levels, *ends.shape)), np.broadcast_to(W, (levels, *W.shape)),
         np.ones((levels, len(paths))), scheme.solver_tolerance,
     )  # fmt: skip
+
+
+def first_failures(failures: NDArray[np.int64]) -> tuple[int, ...]:
+    """The failures of the first level that has any; later ones were not run for all paths."""
+    failed = np.flatnonzero(failures)
+    return tuple(int(n) if row in failed[:1] else 0 for row, n in enumerate(failures))
 
 
 def join(parts: Sequence[StrongErrors]) -> StrongErrors:

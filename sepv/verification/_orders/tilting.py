@@ -30,7 +30,7 @@ from sepv.schemes import Scheme
 from sepv.simulate import _truncation as bounded
 from sepv.simulate._paths import run_chunk
 from sepv.solve import Status
-from sepv.verification._orders.convergence import StrongErrors
+from sepv.verification._orders.convergence import StrongErrors, first_failures
 
 _CHUNK = 256
 # Errors below this many eps·scale are rounding. Rare paths count little here, and common ones have small errors,
@@ -75,11 +75,11 @@ def tilted_errors(
     clipped increments add where k ≥ 2·order (see above).
     """
     start = np.array(problem.initial, dtype=np.float64)
-    squared = np.empty((len(steps), len(paths)))
-    errors = np.empty((len(steps), problem.dimension, len(paths)))
-    ends = np.empty((len(steps), problem.dimension, len(paths)))
-    W = np.empty((len(steps), problem.noises, len(paths)))
-    ratios = np.empty((len(steps), len(paths)))
+    squared = np.full((len(steps), len(paths)), np.nan)
+    errors = np.full((len(steps), problem.dimension, len(paths)), np.nan)
+    ends = np.full((len(steps), problem.dimension, len(paths)), np.nan)
+    W = np.full((len(steps), problem.noises, len(paths)), np.nan)
+    ratios = np.full((len(steps), len(paths)), np.nan)
     failures = np.zeros(len(steps), dtype=np.int64)
     largest = float(np.max(np.abs(start)))
     powers = (2 * round(2 * order + 1), 2 * round(order + 1))
@@ -105,7 +105,9 @@ def tilted_errors(
             with np.errstate(over="ignore"):
                 errors[row, :, here] = weights * (result.y - exact)
                 squared[row, here] = weights * np.sum((result.y - exact) ** 2, axis=0)
+            if failures[row]:
+                break
     return StrongErrors(
-        T, tuple(steps), squared, errors, tuple(int(f) for f in failures), largest, FLOOR, 0.0,
+        T, tuple(steps), squared, errors, first_failures(failures), largest, FLOOR, 0.0,
         ends, W, ratios, scheme.solver_tolerance,
     )  # fmt: skip
