@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Container, Iterable
 from typing import Any
 
 import numpy as np
@@ -15,8 +15,11 @@ from sepv.record._symbols import Symbol, array
 _CONSTANT = {"input", "constant", "greater", "greater_equal", "equal", "and", "or", "not"}
 
 
-def reachable(outputs: Iterable[Symbol]) -> list[Symbol]:
-    """The symbols that the outputs are made of, they themselves included, in the order of evaluation."""
+def reachable(outputs: Iterable[Symbol], given: Container[int] = ()) -> list[Symbol]:
+    """The symbols that the outputs are made of, they themselves included, in the order of evaluation.
+
+    Nothing of what `given` lines are made of.
+    """
     tape, seen = None, set()
     waiting = []
     for symbol in outputs:
@@ -27,7 +30,8 @@ def reachable(outputs: Iterable[Symbol]) -> list[Symbol]:
         if index not in seen:
             seen.add(index)
             assert tape is not None
-            waiting.extend(tape.lines[index].arguments)
+            if index not in given:
+                waiting.extend(tape.lines[index].arguments)
     return [Symbol(tape, index) for index in sorted(seen)] if tape is not None else []
 
 

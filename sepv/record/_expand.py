@@ -65,7 +65,7 @@ def expand(outputs: Sequence[Symbol], inputs: Sequence[Symbol], most: int) -> li
     zero = (0,) * d
     try:
         sums = replay(outputs, start, _no_function, lambda c: _Sum({zero: c} if c else {}), _no_power)
-    except (NotMonomials, TypeError):  # sums are not compared
+    except (NotMonomials, KeyError, TypeError):  # sums are not compared
         return None
     found = [s.terms for s in sums]
     if sum(map(len, found)) > most or any(k < 0 for terms in found for e in terms for k in e):

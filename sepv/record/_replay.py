@@ -36,15 +36,23 @@ def replay(
     constant: Callable[[float], Any] = float,
     power: Callable[[Any, float], Any] = operator.pow,
 ) -> list[Any]:
-    """The outputs with the inputs of these lines as given; `function` takes the name and the argument."""
+    """The outputs with the values of these lines as given; `function` takes the name and the argument.
+
+    Raises
+    ------
+    KeyError
+        Where an input has no value.
+    """
     outputs = list(outputs)
     found: dict[int, Any] = {}
-    for symbol in reachable(outputs):
+    for symbol in reachable(outputs, values):
         line = symbol.line
         if symbol.index in values:
             found[symbol.index] = values[symbol.index]
             continue
         arguments = [found[i] for i in line.arguments]
+        if line.name == "input":
+            raise KeyError(symbol.index)
         if line.name == "constant":
             value = constant(line.value)
         elif line.name == "power":

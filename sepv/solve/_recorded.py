@@ -123,6 +123,28 @@ class Recorded:
             self._equations[formula, apart] = Equation(R, K, step, asked.gradients, asked.structures)
         return self._equations[formula, apart]
 
+    def system(self, formula: Formula, count: int) -> tuple[Any, Any]:
+        """F = z − R (d,) and its derivative A = 1 − K (d, d) by z, of the equation of a formula."""
+        found = self.equation_of(formula, count)
+        entries = [
+            self.tape.symbol(float(i == j) - v) for i, row in enumerate(found.K) for j, v in enumerate(row)
+        ]
+        return self.tape.symbols(self.z - found.R), array(entries, found.K.shape)
+
+    @property
+    def middle(self) -> Any:
+        """ȳ = y + z/2, (d,)."""
+        return self.y + 0.5 * self.z
+
+    def of_middle(self, formula: Formula) -> list[Polynomial] | None:
+        """P with R = Δ P(ȳ), multiplied out, of a formula that sees Δ alone; None where it is no such R, or longer."""
+        found, middle = self.equation_of(formula, 1), self.middle
+        given = {x.index for x in middle}
+        sums = expand(found.R, [*found.step, *middle], len(reachable(found.R, given)))
+        if sums is None or any(exponents[0] != 1 for terms in sums for exponents in terms):
+            return None
+        return [poly.polynomial(self.dimension, [(e[1:], c) for e, c in terms.items()]) for terms in sums]
+
 
 class _Fields:
     """What a formula asks of a problem, answered with symbols and counted."""

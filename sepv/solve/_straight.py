@@ -174,8 +174,7 @@ def _recorded(problem: Problem, formula: Formula, count: int) -> Iteration | Non
         recorded = Recorded(problem)
         found = recorded.equation_of(formula, count)
         d, tape = problem.dimension, recorded.tape
-        F = [z - r for z, r in zip(recorded.z, found.R, strict=True)]
-        A = [[float(i == j) - found.K[i, j] for j in range(d)] for i in range(d)]
+        F, A = recorded.system(formula, count)
         numerators, determinant = cramer(A, F)
         outputs = [*F, *(v / tape.symbol(determinant) for v in map(tape.symbol, numerators))]
         inside = None if problem.domain is None else problem.domain(recorded.y + recorded.z)

@@ -96,11 +96,15 @@ class CodeBuilder:
         """c − a·b."""
         return self.plus(self.product("(-1.0)", a), b, c)
 
-    def polynomial(self, p: Polynomial, y: Sequence[str], factor: str = "(1.0)") -> Expression:
-        """Monomials by repeated multiplication, summed in the canonical order of the terms; `factor` goes to them."""
-        value: Expression = None
+    def polynomial(
+        self, p: Polynomial, y: Sequence[str], *factors: str, value: Expression = None
+    ) -> Expression:
+        """Monomials by repeated multiplication, in the canonical order of the terms, added to `value`.
+
+        The factors go to their coefficients.
+        """
         for exponents, c in p.terms:
-            value = self.plus(self.product(factor, self.number(c)), self._monomial(exponents, y), value)
+            value = self.plus(self.product(*factors, self.number(c)), self._monomial(exponents, y), value)
         return value
 
     def _monomial(self, exponents: Sequence[int], y: Sequence[str]) -> Expression:

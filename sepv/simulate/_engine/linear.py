@@ -1,16 +1,23 @@
-"""Straight-line code that solves a small linear system in every lane."""
+"""Straight-line code of a step of Newton's iteration: the small linear system, the correction and its size."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
+from sepv.problem._fields import cramer
+from sepv.record import Tape
 from sepv.simulate._engine.code_builder import CodeBuilder, Expression, Table, shown
+from sepv.simulate._engine.recorded import emit
+
+# Unknowns up to which Cramer's rule is written out.
+CRAMER = 3
 
 
-def solve(
-    code: CodeBuilder, A: Table, b: list[Expression], near: str | None = None
+def correct(
+    code: CodeBuilder, A: Table, F: Sequence[Expression], z: Sequence[str], near: str | None = None
 ) -> tuple[list[str], str | None]:
-    """x with A x = b, and 1/det A where it is used: Cramer's rule to d = 3, else elimination without pivoting.
+    """z − A⁻¹F, and 1/det A where it is used; m is the size of the correction, Σ|A⁻¹F|_i.
 
     `near` is 1/det of a matrix next to A: a step of Newton's iteration for a reciprocal, which squares the relative
     distance, takes the place of the division, the longest of all operations. Where A moved with a correction m, that
@@ -19,30 +26,56 @@ def solve(
     A is 1 − K with K small where steps make sense, and Newton's iteration computes the next residual afresh:
     a bad pivot costs iterations and shows as a lane that does not converge, not as a wrong result.
     """
-    d = len(b)
-    if d == 1:
-        return [code.let(f"{shown(b[0])} / {shown(A[0][0])}")], None
-    if d == 2:
-        (p, q), (r, s) = A
-        inverse = _reciprocal(code, shown(code.minus(code.product(p, s), q, r)), near)
-        first = code.minus(code.product(s, b[0]), q, b[1])
-        second = code.minus(code.product(p, b[1]), r, b[0])
-        return [code.let(f"{shown(v)} * {inverse}") for v in (first, second)], inverse
-    if d == 3:
-        rows = [cross(code, A[(i + 1) % 3], A[(i + 2) % 3]) for i in range(3)]
-        inverse = _reciprocal(code, shown(code.dot(A[0], rows[0])), near)
-        sums = [code.dot([row[i] for row in rows], b) for i in range(3)]
-        return [code.let(f"{shown(v)} * {inverse}") for v in sums], inverse
-    return _eliminate(code, [list(row) for row in A], list(b)), None
-
-
-def _reciprocal(code: CodeBuilder, value: str, near: str | None) -> str:
+    before = [None if v == "0.0" else v for v in z]
+    if len(F) > CRAMER:
+        c = _eliminate(code, [list(row) for row in A], list(F))
+        code.lines.append(magnitude(c))
+        return [shown(code.minus(a, "(1.0)", b)) for a, b in zip(before, c, strict=True)], None
+    numerators, determinant = _cramer(code, A, F)
     if near is None:
-        return code.let(f"1.0 / {value}")
-    return code.let(f"fma({near}, {code.let(f'fma(-{value}, {near}, 1.0)')}, {near})")
+        inverse = code.let(f"1.0 / {determinant}")
+    else:
+        inverse = code.let(f"fma({near}, {code.let(f'fma(-{determinant}, {near}, 1.0)')}, {near})")
+    code.lines.append(f"{magnitude(numerators, '(')}) * abs({inverse})")
+    return [shown(code.minus(a, n, inverse)) for a, n in zip(before, numerators, strict=True)], inverse
+
+
+def magnitude(c: Sequence[str], opened: str = "") -> str:
+    """m = Σ|c_i|."""
+    return f"m = {opened}{' + '.join(f'abs({v})' for v in c)}"
+
+
+def contraction(code: CodeBuilder, A: Table) -> str:
+    """Whether sweeps gain a factor of two: ‖K‖ ≤ ½ for K = 1 − A in the norm of Frobenius, the largest of the usual.
+
+    There is one solution near zero then (Banach), the one that Newton's iteration finds from there.
+    """
+    K = [
+        v if i != j else None if v == "(1.0)" else code.let(f"1.0 - {shown(v)}")
+        for i, row in enumerate(A)
+        for j, v in enumerate(row)
+    ]
+    return f"contracts = {shown(code.dot(K, K))} <= 0.25"
+
+
+def _cramer(code: CodeBuilder, A: Table, b: Sequence[Expression]) -> tuple[list[str], str]:
+    """The numerators and the determinant."""
+    tape, values = Tape(), dict[int, Expression]()
+
+    def symbol(text: Expression) -> Any:
+        if text in (None, "(1.0)"):
+            return tape.constant(0.0 if text is None else 1.0)
+        (found,) = tape.vector(1)
+        values[found.index] = text
+        return found
+
+    numerators, determinant = cramer([[symbol(v) for v in row] for row in A], [symbol(v) for v in b])
+    *found, value = emit(code, values, [tape.symbol(v) for v in (*numerators, determinant)])
+    return [shown(v) for v in found], shown(value)
 
 
 def _eliminate(code: CodeBuilder, A: Table, b: list[Expression]) -> list[str]:
+    """A⁻¹b without pivoting."""
     d = len(b)
     pivots = []
     for k in range(d):
@@ -61,8 +94,3 @@ def _eliminate(code: CodeBuilder, A: Table, b: list[Expression]) -> list[str]:
             value = code.minus(value, A[i][j], x[j])
         x[i] = code.let(f"{shown(value)} * {pivots[i]}")
     return x
-
-
-def cross(code: CodeBuilder, u: Sequence[Expression], v: Sequence[Expression]) -> list[Expression]:
-    """u × v."""
-    return [code.minus(code.product(u[i], v[j]), u[j], v[i]) for i, j in ((1, 2), (2, 0), (0, 1))]

@@ -12,7 +12,8 @@ import re
 from typing import Any
 
 from sepv.simulate._engine.code_builder import CodeBuilder, Expression, Table, shown
-from sepv.simulate._engine.linear import solve
+from sepv.simulate._engine.linear import contraction, correct
+from sepv.simulate._engine.middle import approach, matrix
 from sepv.simulate._engine.module import GROUP, LEFT
 from sepv.simulate._engine.recorded import RecordedProblem
 from sepv.simulate._engine.schemes import Formula, middle, scaled_field
@@ -41,6 +42,8 @@ class NewtonWriter(Writer):
         exact = 0 < problem.degree <= 2
         self.sweeps = (SWEEPS if exact else ROUGH_SWEEPS) if small else 0
         self.steps = FIRST_STEPS + (compensated and (1 if exact else 2)) if small else 0
+        multiplied_out = small and self.known == ["delta"] and not self.has_domain()
+        self.P = problem.of_middle(formula.recorded) if multiplied_out else None
 
     kernel = "newton.advance"
 
@@ -61,7 +64,7 @@ class NewtonWriter(Writer):
         code.lines += [f"{v} = x[{i}]" for i, v in enumerate([*y, *z])]
         code.lines += [f"{name} = v[{i}]" for i, name in enumerate(self.known)]
         F, A = self.system(code, y, z)
-        code.lines += [f"b[{i}] = {f}" for i, f in enumerate(F)]
+        code.lines += [f"b[{i}] = {shown(f)}" for i, f in enumerate(F)]
         code.lines += [f"A[{i}, {j}] = {shown(v)}" for i, row in enumerate(A) for j, v in enumerate(row)]
         return {"equation": code.lines, "domain": self.in_domain()}
 
@@ -85,23 +88,10 @@ class NewtonWriter(Writer):
 
         A lane where sweeps do not contract begins anew, at zero: its P is infinite.
         """
-        n = self.unknowns
         code = CodeBuilder(self.parameters)
         y = self.loaded(code, "Y", "y")
         code.lines += ["busy = I[ALIVE + k] != 0", f"scale = {' + '.join(f'abs({v})' for v in y)}"]
-        z = ["0.0"] * n
-        for _ in range(self.sweeps):
-            z = [shown(v) for v in self.swept(code, y, z)]
-        z = self.kept_inside(code, y, z) if self.sweeps else z
-        code.lines += self.contraction(code, y, z) if self.sweeps else []
-        inverse = None
-        for step in range(self.steps):
-            c, inverse = self.newton(code, y, z, inverse)
-            code.lines += [*(["before = m"] if step else []), *self.magnitude(c)]
-            z = [
-                code.let(f"-{b}") if a == "0.0" else code.let(f"{a} - {b}") for a, b in zip(z, c, strict=True)
-            ]
-            z = self.kept_inside(code, y, z)
+        z = self.in_increments(code, y) if self.P is None else self.in_middles(code, y)
         code.lines += self.test(compared=True) if self.steps else ["m = INF", "still = busy"]
         if self.sweeps:
             code.lines += ["still = still | busy & not_(contracts)", "m = select(contracts, m, INF)"]
@@ -115,21 +105,39 @@ class NewtonWriter(Writer):
         ]
         return code.lines
 
+    def in_increments(self, code: CodeBuilder, y: list[str]) -> list[str]:
+        """z from sweeps and steps; m and `before` are the sizes of the last two corrections."""
+        z = ["0.0"] * self.unknowns
+        for _ in range(self.sweeps):
+            z = [shown(v) for v in self.swept(code, y, z)]
+        if self.sweeps:
+            z = self.kept_inside(code, y, z)
+            code.lines.append(contraction(code, self.system(code, y, z)[1]))
+        inverse = None
+        for step in range(self.steps):
+            code.lines += ["before = m"] if step else []
+            F, A = self.system(code, y, z)
+            z, inverse = correct(code, A, F, z, inverse)
+            z = self.kept_inside(code, y, z)
+        return z
+
+    def in_middles(self, code: CodeBuilder, y: list[str]) -> list[str]:
+        """The same where all but the last steps are those of `sepv.simulate._engine.middle`."""
+        assert self.P is not None
+        states, inverse = approach(code, self.P, y, self.sweeps)
+        z = [code.let(f"2.0 * {v}") for v in (code.let(f"{a} - {b}") for a, b in zip(states, y, strict=True))]
+        for _ in range(self.steps - 1):
+            code.lines.append("before = m")
+            F = self.problem.residual(code, self.formula.recorded, y, z, self.known, states)
+            z, inverse = correct(code, matrix(code, self.P, states), F, z, inverse)
+            states = middle(code, y, z)
+        return z
+
     def swept(self, code: CodeBuilder, y: list[str], z: list[str]) -> list[Expression]:
         """Δ f(ȳ) for whatever schemes that see Δ; the right side itself for others."""
         if self.known == ["delta"]:
             return scaled_field(code, self.problem, middle(code, y, z), "delta")
         return self.problem.increment(code, self.formula.recorded, y, z, self.known)
-
-    def contraction(self, code: CodeBuilder, y: list[str], z: list[str]) -> list[str]:
-        """Whether sweeps gain a factor of two: ‖K‖ ≤ ½, in the norm of Frobenius, which is never less than the others.
-
-        There is one solution near zero then (Banach), the one that Newton's iteration finds from there.
-        """
-        K = [
-            v for row in self.problem.equation(code, self.formula.recorded, y, z, self.known)[1] for v in row
-        ]
-        return [f"contracts = {shown(code.dot(K, K))} <= 0.25"]
 
     def kept_inside(self, code: CodeBuilder, y: list[str], z: list[str]) -> list[str]:
         """z, no number where its state is outside the domain: nothing is computed with that, and it is never done."""
@@ -145,28 +153,24 @@ class NewtonWriter(Writer):
         the iteration, relative to the state, C³·2⁻¹²⁴ is left, below LEFT for every C up to 2²⁰.
         `compared` where there was surely a correction before it: were that one infinite, m would be no number.
         """
-        first = [] if compared else ["later = (before < INF) | (m <= FIRST * scale)"]
+        later = [] if compared else ["later = (before < INF) | (m <= FIRST * scale)"]
+        others = [
+            "next",
+            "near",
+            *([] if compared else ["later"]),
+            *(["inside"] if self.has_domain() else []),
+        ]
         return [
-            *first,
-            "next = (m * m * m <= LEFT * scale * (before * before)) | (before <= FIRST * scale)",
+            *later,
+            "far = select(before > FIRST * scale, before, FIRST * scale)",
+            "next = m * m * m <= LEFT * scale * (far * far)",
             f"near = m <= {LEFT / self.problem.convergence_rate!r} * scale",
-            f"done = (next & near{'' if compared else ' & later'}) | (m <= TINY * scale)",
-            f"still = busy & not_(done{' & inside' if self.has_domain() else ''})",
+            f"still = busy & not_({' & '.join(others)})",
         ]
 
-    def newton(
-        self, code: CodeBuilder, y: list[str], z: list[str], near: str | None = None
-    ) -> tuple[list[str], str | None]:
-        """The correction (1 − K)⁻¹F: see `sepv.simulate._engine.linear.solve`."""
-        F, A = self.system(code, y, z)
-        return solve(code, A, list(F), near)
-
-    def system(self, code: CodeBuilder, y: list[str], z: list[str]) -> tuple[list[str], Table]:
+    def system(self, code: CodeBuilder, y: list[str], z: list[str]) -> tuple[list[Expression], Table]:
         """F = z − R and 1 − K."""
-        n = len(z)
-        R, K = self.problem.equation(code, self.formula.recorded, y, z, self.known)
-        F = [_minus(code, z[i], R[i]) for i in range(n)]
-        return F, [[_one_minus(code, i == j, K[i][j]) for j in range(n)] for i in range(n)]
+        return self.problem.equation(code, self.formula.recorded, y, z, self.known)
 
     def iteration(self) -> list[str]:
         """A step of all lanes and its test; a lane in any trouble stays busy, and is left to `_carefully`."""
@@ -176,10 +180,9 @@ class NewtonWriter(Writer):
         code.lines += [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
         code.lines += [f"before = {self.at('P')}", *self.recalled()]
         code.lines += [f"{v} = select(before < INF, {self.at('Z', i)}, 0.0)" for i, v in enumerate(z)]
-        c, _ = self.newton(code, y, z)
-        moved = self.kept_inside(code, y, [code.let(f"{a} - {b}") for a, b in zip(z, c, strict=True)])
+        F, A = self.system(code, y, z)
+        moved = self.kept_inside(code, y, correct(code, A, F, z)[0])
         code.lines += [
-            *self.magnitude(c),
             "busy = I[BUSY + k] != 0",
             f"scale = {self.at('X')}",
             f"{self.at('P')} = m",
@@ -193,16 +196,3 @@ class NewtonWriter(Writer):
         """Whether all states that belong to z are in the domain."""
         found = [self.problem.domain(code, state) for state in self.formula.states(code, y, z)]
         return " & ".join(f"({f})" for f in found)
-
-
-def _minus(code: CodeBuilder, z: str, value: Expression) -> str:
-    if value is None:
-        return z
-    return code.let(f"-{value}") if z == "0.0" else code.let(f"{z} - {value}")
-
-
-def _one_minus(code: CodeBuilder, diagonal: bool, value: Expression) -> Expression:
-    """An entry of 1 − K."""
-    if value is None:
-        return "(1.0)" if diagonal else None
-    return code.let(f"1.0 - {value}") if diagonal else code.let(f"-{value}")

@@ -10,6 +10,7 @@ from typing import Any
 
 from sepv.schemes._projected import DEPENDENT, MOST
 from sepv.simulate._engine.code_builder import CodeBuilder, Expression, shown
+from sepv.simulate._engine.linear import magnitude
 from sepv.simulate._engine.writer import Writer
 
 # Iterations in registers, before and with the first test: a step of a good length needs two.
@@ -115,7 +116,7 @@ class ProjectedWriter(Writer):
                 value = code.minus(value, product, weight)
             weights.append(code.product(value, inverse))
         c = [shown(code.dot(weights, [q[i] for q in found.q])) for i in range(self.d)]
-        code.lines += self.magnitude(c)
+        code.lines.append(magnitude(c))
         return [code.let(f"{a} - {b}") for a, b in zip(z, c, strict=True)]
 
     def ending(self, code: CodeBuilder, y: list[str], z: list[str], otherwise: str) -> list[str]:

@@ -35,11 +35,11 @@ _PRODUCTS = ("multiply", "whole")
 
 
 def emit(code: CodeBuilder, values: Mapping[int, Expression], outputs: Sequence[Symbol]) -> list[Expression]:
-    """The outputs written into a text, with the inputs of these lines as given; a·b + c is fused.
+    """The outputs written into a text, with the values of these lines as given; a·b + c is fused.
 
     A product is fused into the sum that is its only user.
     """
-    lines = reachable(outputs)
+    lines = reachable(outputs, values)
     users = Counter(i for symbol in lines for i in symbol.line.arguments)
     users.update(symbol.index for symbol in outputs)
     found: dict[int, Expression] = {}
@@ -58,7 +58,7 @@ def emit(code: CodeBuilder, values: Mapping[int, Expression], outputs: Sequence[
 
     for symbol in lines:
         index, line, tape = symbol.index, symbol.line, symbol.tape
-        if line.name == "input":
+        if index in values:
             found[index] = values[index]
         elif line.name == "constant":
             found[index] = code.number(line.value) if line.value else None
@@ -157,13 +157,30 @@ class RecordedProblem(Recorded):
         found = self.equation_of(formula, len(step), apart=bool(z))
         return printed(code, [(self.y, y), (self.z, z), (found.step, step)], found.R)
 
+    def residual(
+        self,
+        code: CodeBuilder,
+        formula: Formula,
+        y: Sequence[str],
+        z: Sequence[str],
+        step: Sequence[str],
+        middle: Sequence[str] = (),
+    ) -> list[Expression]:
+        """F = z − R(y, z; step), with ȳ where it is there already."""
+        found, F = self.equation_of(formula, len(step)), self.system(formula, len(step))[0]
+        inputs = [(self.y, y), (self.z, z), (found.step, step), (self.middle, middle)]
+        return printed(code, inputs, F)
+
     def equation(
         self, code: CodeBuilder, formula: Formula, y: Sequence[str], z: Sequence[str], step: Sequence[str]
     ) -> tuple[list[Expression], Table]:
-        """R of z = R(y, z; step) and K = ∂R/∂z, from the record of the scheme's formula."""
-        found = self.equation_of(formula, len(step))
-        d, inputs = self.dimension, [(self.y, y), (self.z, z), (found.step, step)]
-        entries = printed(code, inputs, [*found.R, *found.K.ravel()])
+        """F = z − R(y, z; step) and A = ∂F/∂z, from the record of the scheme's formula."""
+        F, A = self.system(formula, len(step))
+        d, inputs = (
+            self.dimension,
+            [(self.y, y), (self.z, z), (self.equation_of(formula, len(step)).step, step)],
+        )
+        entries = printed(code, inputs, [*F, *A.ravel()])
         return entries[:d], _table(entries[d:], d)
 
     def hamiltonian(self, code: CodeBuilder, y: Sequence[str]) -> Expression:

@@ -161,11 +161,6 @@ class Writer(ABC):
         inside = self.problem.domain(code, x)
         return [*code.lines, f"found += {f'select({inside}, 1, 0)' if inside else 1}"]
 
-    @staticmethod
-    def magnitude(c: list[str]) -> list[str]:
-        """m = Σ|c_i|."""
-        return [f"m = {' + '.join(f'abs({v})' for v in c)}"]
-
     def moves(self, masked: bool) -> list[str]:
         d = self.d
         code = CodeBuilder(self.parameters)
