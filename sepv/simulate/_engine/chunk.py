@@ -28,15 +28,12 @@ from sepv.simulate._paths import Ensemble
 
 # Path-steps between two looks at whether the chunk is still wanted, and at Ctrl-C: some hundredths of a second.
 PIECE = 2**21
-# Of paths whose increments are given, or that have none.
-_NO_STREAMS = np.empty((0, 3), dtype=np.uint64)
 
 
 class Chunk:
     """The state of a chunk between two calls of its kernel; `advance` goes on where it was left."""
 
     def __init__(self, task: Task, problem: Problem) -> None:
-        from sepv.simulate._engine.lanes import start_streams
         from sepv.simulate._engine.store import is_there, ordinary
 
         lanes = 1 if task.count <= FEW else LANES
@@ -59,23 +56,18 @@ class Chunk:
         self.I[:, 4 * lanes + LIVING] = living.sum(axis=1)
         self.W = np.zeros((blocks, m, lanes))
         self.grid = wiener.grid(task.steps, task.refine)
-        words = wiener.stream_words(task.seed, self.grid) if task.dW is None and m else _NO_STREAMS
-        streams = len(words)
-        self.rng = np.empty((blocks, streams, 4, lanes), dtype=np.uint64)
-        paths = np.arange(task.first, task.first + blocks * lanes, dtype=np.uint64).reshape(blocks, 1, lanes)
-        for place in range(3):
-            self.rng[:, :, place] = words[:, place, None]
-        self.rng[:, :, 2] += paths * np.uint64(wiener.STREAMS)
-        self.rng[:, :, 3] = 1
-        self.stack = np.empty((blocks, streams, m, lanes))
-        coarse = self.grid.base << self.grid.top if streams and self.grid.base <= wiener.TOP else 0
+        drawn = task.dW is None and m > 0
+        self.rng = (
+            _streams(task, self.grid, blocks, lanes) if drawn else np.empty((blocks, 0, 4, lanes), np.uint64)
+        )
+        self.stack = np.empty((blocks, self.rng.shape[1], m, lanes))
+        coarse = self.grid.base << self.grid.top if drawn and self.grid.base <= wiener.TOP else 0
         self.top = np.empty((blocks, coarse, m, lanes))
         self.spreads = wiener.spreads(task.h * task.steps, self.grid)
         k = task.truncation
         self.bound = math.inf if k is None else bounded.truncation_bound(task.h, k) * math.sqrt(task.h)
         self.thresholds, self.values = bounded.points(task.h, point_law(task.scheme.increments))
         self.given = np.empty((0, m, 0)) if task.dW is None else np.ascontiguousarray(task.dW)
-        start_streams(self.rng, self.top, self.spreads, self.grid.base, self.grid.top)
 
     def advance(self, steps: int) -> None:
         """The next `steps` steps."""
@@ -91,10 +83,10 @@ class Chunk:
     def _run(self, goal: int) -> None:
         module = self.kernel.module
         self.driver.run(
-            self.driver.FILLING, module.ADVANCING, self.careful, module.ASKED, module.SHAPE, module.TABLE,
-            self.S, self.I, self.W,
-            self.rng, self.stack, self.top, self.spreads, self.grid.top, self.given, self.task.place, self.done,
-            goal, self.task.h, self.bound, self.thresholds, self.values, self.kernel.parameters,
+            self.driver.BEGINNING, self.driver.FILLING, module.ADVANCING, self.careful, module.ASKED,
+            module.SHAPE, module.TABLE, self.S, self.I, self.W, self.rng, self.stack, self.top, self.spreads,
+            self.grid.base, self.grid.top, self.given, self.task.place, self.done, goal, self.task.h, self.bound,
+            self.thresholds, self.values, self.kernel.parameters,
         )  # fmt: skip
 
     @property
@@ -110,32 +102,33 @@ class Chunk:
         return self.I[:, row * self.lanes : (row + 1) * self.lanes]
 
     def _paths(self, rows: np.ndarray) -> np.ndarray:
-        """Rows (blocks, ..., L) as (..., M)."""
-        moved = np.moveaxis(rows, 0, -2)
-        lanes = moved.shape[-2] * moved.shape[-1]
-        return moved.reshape(*moved.shape[:-2], lanes)[..., : self.task.count].copy()
+        """Rows (blocks, n, L) as (n, M)."""
+        blocks, n, lanes = rows.shape
+        return rows.transpose(1, 0, 2).reshape(n, blocks * lanes)[:, : self.task.count].copy()
 
-    def _numbers(self, first: int, count: int) -> Array:
-        """Rows of the scratch buffer, (count, M)."""
+    def _rows(self, of: np.ndarray, first: int, count: int) -> np.ndarray:
+        """Rows of S or of I, (blocks, count, L)."""
         L = self.lanes
-        return self._paths(self.S[:, first * L : (first + count) * L].reshape(-1, count, L))
+        return of[:, first * L : (first + count) * L].reshape(-1, count, L)
 
     def states(self) -> Array:
         """(d, M)."""
-        return self._numbers(0, self.problem.dimension)
+        return self._paths(self._rows(self.S, 0, self.problem.dimension))
 
     def result(self, kept: Array) -> Ensemble:
         """The ends so far."""
         module, L = self.kernel.module, self.lanes
-        counts = [int(self.I[:, 4 * L + place].sum()) for place in (EVALUATIONS, STRUCTURES, WORK)]
-        gradients, structures, iterations = counts
+        sums = self.I[:, 4 * L :].sum(axis=0).tolist()
+        gradients, structures, iterations = (sums[place] for place in (EVALUATIONS, STRUCTURES, WORK))
+        ends = self._paths(self._rows(self.I, STATUS, 2))
+        energy, casimir = self._rows(self.S, module.ENERGY, 1), self._rows(self.S, module.CASIMIR, 1)
         return Ensemble(
             y=self.states(),
             W=self._paths(self.W),
-            status=self._paths(self._integers(STATUS)),
-            failed_step=self._paths(self._integers(FAILED)),
-            energy_defect=self._numbers(module.ENERGY, 1)[0],
-            casimir_defect=self._numbers(module.CASIMIR, 1)[0],
+            status=ends[0],
+            failed_step=ends[1],
+            energy_defect=self._paths(energy)[0],
+            casimir_defect=self._paths(casimir)[0],
             gradient_evaluations=gradients or iterations * self.kernel.gradients,
             structure_evaluations=structures or iterations * self.kernel.structures,
             iterations=iterations if module.IMPLICIT else 0,
@@ -143,6 +136,17 @@ class Chunk:
             states=kept if kept.size else np.empty((0, self.problem.dimension, self.task.count)),
             engine="compiled",
         )
+
+
+def _streams(task: Task, grid: wiener.Grid, blocks: int, lanes: int) -> np.ndarray:
+    """What the streams of all paths begin with, (blocks, streams, 4, L): see `sepv.simulate._wiener.stream_words`."""
+    words = wiener.stream_words(task.seed, grid)
+    found = np.empty((blocks, len(words), 4, lanes), dtype=np.uint64)
+    found[:, :, :3] = words[..., None]
+    found[:, :, 3] = 1
+    paths = np.arange(task.first, task.first + blocks * lanes, dtype=np.uint64).reshape(blocks, 1, lanes)
+    found[:, :, 2] += paths * np.uint64(wiener.STREAMS)
+    return found
 
 
 def run_compiled(task: Task, problem: Problem) -> Ensemble:

@@ -46,6 +46,7 @@ class Kernel:
     structures: int
 
 
+@lru_cache(maxsize=256)
 def kernel(scheme: Scheme, problem: Problem, *, lanes: int = LANES, compensated: bool = False) -> Kernel:
     """The compiled kernel for a scheme and a problem.
 

@@ -9,12 +9,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+from numba import njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic
+from numba.np.arrayobj import make_array, populate_array
 
 from sepv.simulate._engine.functions import select
-from sepv.simulate._engine.lanes import fill
+from sepv.simulate._engine.lanes import begin, fill, scratch_of
 from sepv.simulate._engine.module import LANES, PENDING
-from sepv.simulate._engine.signatures import CAREFUL, RUN, address, call_advance, call_fill
+from sepv.simulate._engine.signatures import CAREFUL, RUN, address, call_advance, call_begin, call_fill
 
 
 @njit(CAREFUL, error_model="numpy", nogil=True, cache=True)
@@ -23,29 +26,40 @@ def later(S: Any, I: Any, k: int, P: Any, problem: Any, shape: Any, table: Any) 
     return PENDING
 
 
-LATER, FILLING = address(later), address(fill)
+LATER, BEGINNING, FILLING = address(later), address(begin), address(fill)
 
 
 _kernel: Any = njit(error_model="numpy", nogil=True, cache=True)
 
 
+@intrinsic
+def _from(typingctx: Any, array: Any, first: Any, lane: Any) -> Any:  # noqa: ARG001 - numba's signature
+    """The array (N, m, M) from array[first, 0, lane] on, with its strides: rows go on into the next at their end."""
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        kind = signature.return_type
+        whole = make_array(kind)(context, builder, arguments[0])
+        shape = cgutils.unpack_tuple(builder, whole.shape, 3)
+        skipped = builder.mul(arguments[1], builder.mul(shape[1], shape[2]))
+        data = builder.gep(whole.data, [builder.add(skipped, arguments[2])], inbounds=True)
+        found = make_array(kind)(context, builder)
+        populate_array(
+            found, data=data, shape=whole.shape, strides=whole.strides, itemsize=whole.itemsize, meminfo=None
+        )
+        return found._getvalue()
+
+    return array(array, types.int64, types.int64), code
+
+
 @_kernel
 def _copy(given: Any, first: int, count: int, lane: int, out: Any) -> None:
     """The steps first … first + count − 1 of lanes `lane` and on of `given`, zero where it has no more."""
-    noises, lanes = out.shape[1], out.shape[2]
-    width = min(lanes, given.shape[2] - lane)
-    # Not negative, as the compiler cannot know otherwise.
-    place = np.uint64(lane)
+    width = given.shape[2] - lane
+    out[:count] = 0.0
     for i in range(count):
-        for j in range(noises):
-            if width == LANES:  # a number that the compiler knows: twice as fast
-                for k in range(LANES):
-                    out[i, j, k] = given[first + i, j, place + np.uint64(k)]
-            else:
-                for k in range(width):
-                    out[i, j, k] = given[first + i, j, place + np.uint64(k)]
-                for k in range(width, lanes):
-                    out[i, j, k] = 0.0
+        for j in range(out.shape[1]):
+            for k in range(width):
+                out[i, j, k] = given[first + i, j, lane + k]
 
 
 @_kernel
@@ -62,12 +76,12 @@ def _add(increments: Any, count: int, W: Any, b: int) -> None:
 
 
 @_kernel
-def _to_points(out: Any, count: int, thresholds: Any, values: Any) -> None:
-    """Each increment becomes the value between whose thresholds it lies."""
+def _to_points(increments: Any, count: int, thresholds: Any, values: Any, out: Any) -> None:
+    """For each increment the value between whose thresholds it lies."""
     for i in range(count):
         for j in range(out.shape[1]):
             for k in range(out.shape[2]):
-                u = out[i, j, k]
+                u = increments[i, j, k]
                 v = values[0]
                 for t in range(thresholds.shape[0]):
                     v = select(u >= thresholds[t], values[t + 1], v)
@@ -76,8 +90,8 @@ def _to_points(out: Any, count: int, thresholds: Any, values: Any) -> None:
 
 @njit(RUN, error_model="numpy", nogil=True, cache=True)
 def run(
-    filling: int, advance: Any, careful: Any, problem: Any, shape: Any, table: Any,
-    S: Any, I: Any, W: Any, rng: Any, stack: Any, top: Any, factors: Any, halvings: int, given: Any,
+    beginning: int, filling: int, advance: Any, careful: Any, problem: Any, shape: Any, table: Any,
+    S: Any, I: Any, W: Any, rng: Any, stack: Any, top: Any, factors: Any, base: int, halvings: int, given: Any,
     place: int, n0: int, n1: int, h: float, bound: float, thresholds: Any, values: Any, P: Any,
 ) -> None:  # fmt: skip
     """Steps n0 … n1 − 1 of a chunk of blocks; S, I, W, rng, stack and top are its state.
@@ -88,24 +102,33 @@ def run(
     noises, lanes = W.shape[1], W.shape[2]
     piece = max(16, 1024 // lanes)
     buffer = np.empty((piece, noises, lanes))
-    raw = np.empty(lanes, np.uint64)
+    points = np.empty((piece if values.shape[0] > 0 else 0, noises, lanes))
+    scratch = scratch_of(lanes)
     for b in range(S.shape[0]):
         alive = True
+        if n0 == 0 and rng.shape[1] > 0:
+            call_begin(beginning, (rng[b], top[b], factors, base, halvings, scratch))
         for n in range(n0, n1, piece):
             count = min(piece, n1 - n)
+            lane = place + b * lanes
+            increments = buffer
             if given.shape[0] == 0:
-                call_fill(filling, (buffer, n, count, rng[b], stack[b], top[b], factors, halvings, raw))
+                call_fill(filling, (buffer, n, count, rng[b], stack[b], top[b], factors, halvings, scratch))
+            elif lane + lanes > given.shape[2]:
+                _copy(given, n, count, lane, buffer)
             else:
-                _copy(given, n, count, place + b * lanes, buffer)
-            _add(buffer, count, W, b)
+                increments = _from(given, n, lane)
+            seen = increments
             if values.shape[0] > 0:
-                _to_points(buffer, count, thresholds, values)
+                _to_points(increments, count, thresholds, values, points)
+                seen = points
             if alive:
                 alive = (
                     call_advance(
-                        advance, (S[b], I[b], buffer, count, n, h, bound, P, careful, problem, shape, table)
+                        advance, (S[b], I[b], seen, count, n, h, bound, P, careful, problem, shape, table)
                     )
                     == 0
                 )
+            _add(increments, count, W, b)
         # Written here and not by the caller, so that an interrupt never finds states ahead of their number.
         I[b, 4 * lanes + 4] = n1

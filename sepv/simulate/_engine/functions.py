@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba import njit, types
+from numba.core import cgutils
 from numba.extending import intrinsic
+from numba.np.arrayobj import make_array
 
 _inline: Any = njit(error_model="numpy", forceinline=True, cache=True)
 
@@ -81,6 +83,26 @@ def prefer_512_bit(typingctx: Any) -> Any:  # noqa: ARG001 - numba's signature
         return context.get_dummy_value()
 
     return types.void(), code
+
+
+@intrinsic
+def prefetch(typingctx: Any, array: Any, n: Any, j: Any, k: Any) -> Any:  # noqa: ARG001 - numba's signature
+    """Asks for the cache line of array[n, j, k], which need not be there."""
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        found = make_array(signature.args[0])(context, builder, arguments[0])
+        shape = cgutils.unpack_tuple(builder, found.shape, 3)
+        row = builder.add(builder.mul(arguments[1], shape[1]), arguments[2])
+        place = builder.gep(found.data, [builder.add(builder.mul(row, shape[2]), arguments[3])])
+        byte = builder.bitcast(place, ir.IntType(8).as_pointer())
+        kinds = [byte.type, *[ir.IntType(32)] * 3]
+        function = builder.module.declare_intrinsic(
+            "llvm.prefetch", [byte.type], ir.FunctionType(ir.VoidType(), kinds)
+        )
+        builder.call(function, [byte, *(ir.Constant(ir.IntType(32), v) for v in (0, 3, 1))])
+        return context.get_dummy_value()
+
+    return types.void(array, types.int64, types.int64, types.int64), code
 
 
 @intrinsic

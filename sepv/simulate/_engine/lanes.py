@@ -12,8 +12,8 @@ import numpy as np
 from numba import njit
 from numba.np.random._constants import fi_double, ki_double, wi_double, ziggurat_nor_inv_r, ziggurat_nor_r
 
-from sepv.simulate._engine.functions import select
-from sepv.simulate._engine.signatures import FILL, START_STREAMS
+from sepv.simulate._engine.functions import prefer_512_bit, select
+from sepv.simulate._engine.signatures import BEGIN, FILL
 from sepv.simulate._wiener import MIXING
 
 _OPTIONS: Any = {"error_model": "numpy", "nogil": True, "cache": True}
@@ -76,49 +76,59 @@ def _ziggurat(rng: Any, s: int, k: int, r: Any) -> float:
 
 
 @_kernel
-def normals(rng: Any, s: int, out: Any, i: int, j: int, raw: Any) -> None:
-    """A standard normal from stream s of rng (streams, 4, L) for each lane, into out[i, j]; raw (L,) for scratch.
+def normals(rng: Any, s: int, out: Any, i: int, j: int, scratch: Any) -> None:
+    """A standard normal from stream s of rng (streams, 4, L) for each lane, into out[i, j]; see `scratch_of`.
 
     Arrays are passed whole: a slice counts its references, which takes longer than a normal.
     """
+    prefer_512_bit()
+    raw, late, words = scratch
     lanes = out.shape[2]
     for k in range(lanes):
-        raw[k] = _next(rng, s, k)
-    missed = 0
-    for k in range(lanes):
-        r = raw[k]
+        r = raw[k] = _next(rng, s, k)
         layer = r & np.uint64(0xFF)
         rabs = np.int64(r >> np.uint64(9)) & _MANTISSA
         x = rabs * _WIDTH[layer]
         out[i, j, k] = select((r & np.uint64(0x100)) != 0, -x, x)
-        missed += select(rabs >= _LIMIT[layer], 1, 0)
-    if missed:
-        for k in range(lanes):
-            r = raw[k]
-            if (np.int64(r >> np.uint64(9)) & _MANTISSA) >= _LIMIT[r & np.uint64(0xFF)]:
-                out[i, j, k] = _ziggurat(rng, s, k, r)
+        late[k] = rabs >= _LIMIT[layer]
+    for word in range(words.shape[0]):
+        if words[word] != 0:
+            for k in range(8 * word, 8 * word + 8):
+                if late[k] != 0:
+                    out[i, j, k] = _ziggurat(rng, s, k, raw[k])
 
 
 @_kernel
-def coarse(rng: Any, top: Any, factors: Any, base: int, halvings: int, scratch: Any, raw: Any) -> None:
-    """The coarse part of a block, top (base·2^halvings, m, L), level by level in place."""
+def scratch_of(lanes: int) -> Any:
+    """For `normals`: what was drawn, and where the ziggurat is not done with it, lane by lane and eight at a time."""
+    late = np.zeros(-(-lanes // 8) * 8, np.uint8)
+    return np.empty(lanes, np.uint64), late, late.view(np.uint64)
+
+
+@_kernel
+def coarse(rng: Any, top: Any, factors: Any, base: int, halvings: int, halves: Any, scratch: Any) -> None:
+    """The coarse part of a block, top (n, m, L) with n = base·2^halvings, level by level in place.
+
+    halves (n/2, m, L) is written.
+    """
+    prefer_512_bit()
     noises, lanes = top.shape[1], top.shape[2]
     length = base
     for i in range(base):
         for j in range(noises):
-            normals(rng, 0, top, i, j, raw)
+            normals(rng, 0, top, i, j, scratch)
             for k in range(lanes):
                 top[i, j, k] *= factors[0]
     for level in range(1, halvings + 1):
         # The normals of a level come in the order of time, its increments are spread from the end.
         for i in range(length):
             for j in range(noises):
-                normals(rng, 0, scratch, i, j, raw)
+                normals(rng, 0, halves, i, j, scratch)
         for i in range(length - 1, -1, -1):
             for j in range(noises):
                 for k in range(lanes):
                     whole = top[i, j, k]
-                    left = 0.5 * whole + factors[level] * scratch[i, j, k]
+                    left = 0.5 * whole + factors[level] * halves[i, j, k]
                     top[2 * i, j, k] = left
                     top[2 * i + 1, j, k] = whole - left
         length *= 2
@@ -126,13 +136,14 @@ def coarse(rng: Any, top: Any, factors: Any, base: int, halvings: int, scratch: 
 
 @njit(FILL, **_OPTIONS)
 def fill(  # noqa: PLR0912 - in one piece, since calls that pass several arrays count references
-    out: Any, first: int, count: int, rng: Any, stack: Any, top: Any, factors: Any, above: int, raw: Any
+    out: Any, first: int, count: int, rng: Any, stack: Any, top: Any, factors: Any, above: int, scratch: Any
 ) -> None:
     """Increments of the steps first … first + count − 1 of a block into out (count, m, L).
 
     stack (streams, m, L) keeps the right halves that are still to come; top (n, m, L) is the coarse part,
     n = 0 where it is drawn here; `above` is the number of its halvings.
     """
+    prefer_512_bit()
     fine = rng.shape[0] - 1
     noises, lanes = out.shape[1], out.shape[2]
     for i in range(count):
@@ -153,7 +164,7 @@ def fill(  # noqa: PLR0912 - in one piece, since calls that pass several arrays 
                 if lanes == 1:  # a call that passes three arrays counts its references as well
                     out[i, j, 0] = _ziggurat(rng, 0, 0, _next(rng, 0, 0))
                 else:
-                    normals(rng, 0, out, i, j, raw)
+                    normals(rng, 0, out, i, j, scratch)
                 for k in range(lanes):
                     out[i, j, k] *= factors[0]
         for deeper in range(level + 1, fine + 1):
@@ -161,7 +172,7 @@ def fill(  # noqa: PLR0912 - in one piece, since calls that pass several arrays 
                 if lanes == 1:
                     stack[deeper, j, 0] = _ziggurat(rng, deeper, 0, _next(rng, deeper, 0))
                 else:
-                    normals(rng, deeper, stack, deeper, j, raw)
+                    normals(rng, deeper, stack, deeper, j, scratch)
                 for k in range(lanes):
                     whole = out[i, j, k]
                     left = 0.5 * whole + factors[above + deeper] * stack[deeper, j, k]
@@ -169,14 +180,13 @@ def fill(  # noqa: PLR0912 - in one piece, since calls that pass several arrays 
                     stack[deeper, j, k] = whole - left
 
 
-@njit(START_STREAMS, **_OPTIONS)
-def start_streams(rng: Any, top: Any, factors: Any, base: int, halvings: int) -> None:
-    """From the seeds of the streams rng (blocks, streams, 4, L) to their states, and the coarse increments `top`."""
-    noises, lanes = top.shape[2], top.shape[3]
-    raw = np.empty(lanes, np.uint64)
-    scratch = np.empty((top.shape[1], noises, lanes))
-    for b in range(rng.shape[0]):
-        for stream in range(rng.shape[1]):
-            mix(rng[b], stream)
-        if top.shape[1] > 0:
-            coarse(rng[b], top[b], factors, base, halvings, scratch, raw)
+@njit(BEGIN, **_OPTIONS)
+def begin(rng: Any, top: Any, factors: Any, base: int, halvings: int, scratch: Any) -> None:
+    """From the seeds of the streams of a block, rng (streams, 4, L), to their states, and the coarse increments `top`.
+
+    `scratch` is what `scratch_of` made.
+    """
+    for stream in range(rng.shape[0]):
+        mix(rng, stream)
+    if top.shape[0] > 0:
+        coarse(rng, top, factors, base, halvings, np.empty((top.shape[0] // 2, *top.shape[1:])), scratch)

@@ -91,6 +91,7 @@ def text(
         body = states.get(name, [])
         lines += [f"{name} = state_piece('''\\", *body, "'''.splitlines(), globals())"]
     lines += [
+        "ahead = compiled(common.ahead, globals(), inline=True)",
         "some = compiled(common.some, globals(), inline=True)",
         "moved = compiled(common.moved, globals(), inline=True)",
         "left_over = compiled(common.left_over, globals())",

@@ -26,14 +26,13 @@ ADVANCE = _int(
 # start(S, I, increments, P): the invariants of a block whose states are set.
 START = types.void(_vector, _integers, _block, _vector)
 # See `sepv.simulate._engine.lanes` and `sepv.simulate._engine.driver`.
+_scratch = types.Tuple((types.uint64[::1], types.uint8[::1], types.uint64[::1]))
 _streams, _stacks = types.uint64[:, :, :, ::1], types.float64[:, :, :, ::1]
-FILL = types.void(
-    _block, _int, _int, types.uint64[:, :, ::1], _block, _block, _vector, _int, types.uint64[::1]
-)
-START_STREAMS = types.void(_streams, _stacks, _vector, _int, _int)
+FILL = types.void(_block, _int, _int, types.uint64[:, :, ::1], _block, _block, _vector, _int, _scratch)
+BEGIN = types.void(types.uint64[:, :, ::1], _block, _vector, _int, _int, _scratch)
 RUN = types.void(
-    _int, _int, _int, _int, _integers, _matrix, _matrix, types.int64[:, ::1], _block, _streams, _stacks, _stacks,
-    _vector, _int, _block, _int, _int, _int, _float, _float, _vector, _vector, _vector,
+    _int, _int, _int, _int, _int, _integers, _matrix, _matrix, types.int64[:, ::1], _block, _streams, _stacks, _stacks,
+    _vector, _int, _int, _block, _int, _int, _int, _float, _float, _vector, _vector, _vector,
 )  # fmt: skip
 
 
@@ -68,4 +67,4 @@ def calling(signature: Any) -> Callable[..., Any]:
 
 
 call_advance, call_careful = calling(ADVANCE), calling(CAREFUL)
-call_problem, call_fill = calling(PROBLEM), calling(FILL)
+call_problem, call_begin, call_fill = calling(PROBLEM), calling(BEGIN), calling(FILL)

@@ -151,7 +151,7 @@ class StagesWriter(Writer):
                 for i, (a, b) in enumerate(zip(R, z, strict=True))
             ),
             "left += select(busy & not_(done) & not_(slow), 1, 0)",
-            f"I[BUSY + k] = select(busy, select(done, {3 if self.checked else 0}, select(slow, 2, 1)), I[BUSY + k])",
+            f"I[BUSY + k] = select(busy, select(done, {4 if self.checked else 0}, select(slow, 2, 1)), I[BUSY + k])",
         ]
         return code.lines
 
@@ -164,7 +164,7 @@ class StagesWriter(Writer):
         code.lines += [
             f"m = {' + '.join(f'abs({a} - {b})' for a, b in zip(R, z, strict=True))}",
             f"fine = (m <= {2.0**-48!r} * ({size})) | (m <= {self.unknowns} * TINY * {self.at('X')})",
-            "asked = I[BUSY + k] == 3",
+            "asked = I[BUSY + k] == 4",
             f"{self.at('P')} = INF",
         ]
         inside = "asked"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sepv.simulate._engine.functions import prefer_512_bit
+from sepv.simulate._engine.functions import prefer_512_bit, prefetch
 from sepv.simulate._engine.kernels.names import (
     BUSY,
     EQUATION,
@@ -54,13 +54,20 @@ def problem(what: int, x: Any, v: Any, A: Any, b: Any, P: Any) -> int:
     return turned(x, v, A, b, q)
 
 
+def ahead(buffer: Any, n: int) -> None:
+    """Fetches the increments of the step after the next, whose cache lines lie far apart where they are given."""
+    for j in range(buffer.shape[1]):
+        for k in range(0, L, 8):
+            prefetch(buffer, n + 2, j, k)
+
+
 def some(I: Any, group: int, mark: int) -> bool:
-    """Whether one lane of the group has this mark."""
+    """Whether one lane of the group has this mark, 1, 2 or 4."""
     prefer_512_bit()
     found = 0
     for k in range(group, group + GROUP):
-        found += 1 if I[BUSY + k] == mark else 0
-    return found > 0
+        found |= I[BUSY + k]
+    return found & mark != 0
 
 
 def moved(
@@ -102,6 +109,7 @@ def explicit(
     prefer_512_bit()
     q = loaded(P)
     for n in range(count):
+        ahead(buffer, n)
         trouble = 0
         for k in range(L):
             trouble += first_steps(S, I, buffer, n, k, first, h, bound, q)

@@ -42,6 +42,7 @@ structure: Any = None
 turned: Any = None
 domain: Any = None
 # Functions of this folder in the module's own copy.
+ahead: Any = None
 some: Any = None
 moved: Any = None
 left_over: Any = None

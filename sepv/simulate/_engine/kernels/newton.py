@@ -17,6 +17,7 @@ from sepv.simulate._engine.kernels.names import (
     TOGETHER,
     WORK,
     L,
+    ahead,
     first_steps,
     iteration,
     left_over,
@@ -34,6 +35,7 @@ def advance(
     prefer_512_bit()
     q = loaded(P)
     for n in range(count):
+        ahead(buffer, n)
         left = 0
         for k in range(TOGETHER):
             left += first_steps(S, I, buffer, n, k, first, h, bound, q)

@@ -28,6 +28,7 @@ from sepv.simulate._engine.kernels.names import (
     UNKNOWNS,
     WORK,
     L,
+    ahead,
     first_steps,
     iteration,
     loaded,
@@ -44,6 +45,7 @@ def advance(
     prefer_512_bit()
     q = loaded(P)
     for n in range(count):
+        ahead(buffer, n)
         left = 0
         for k in range(L):
             left += first_steps(S, I, buffer, n, k, first, h, bound, q)

@@ -1,6 +1,6 @@
 """Sweeps of an s-stage method for a block of lanes, rule by rule.
 
-BUSY is 1 in a lane that sweeps, 3 in one that is to be checked, 0 in one that is done, and 2 in one that is left to
+BUSY is 1 in a lane that sweeps, 4 in one that is to be checked, 0 in one that is done, and 2 in one that is left to
 Newton's iteration (`sepv.simulate._engine.careful`).
 """
 
@@ -27,6 +27,7 @@ from sepv.simulate._engine.kernels.names import (
     WORK,
     L,
     add_node,
+    ahead,
     blind,
     check,
     clear,
@@ -48,6 +49,7 @@ def advance(  # noqa: PLR0912 - in one piece, as the method reads
     prefer_512_bit()
     q = loaded(P)
     for n in range(count):
+        ahead(buffer, n)
         for k in range(L):
             first_steps(S, I, buffer, n, k, first, h, bound, q)
         for _ in range(BLIND // FUSED):
@@ -70,7 +72,7 @@ def advance(  # noqa: PLR0912 - in one piece, as the method reads
                             left += iteration(S, I, buffer, n, k, first, h, bound, q)
             if CHECKED:
                 for group in range(0, L, GROUP):
-                    if some(I, group, 3):
+                    if some(I, group, 4):
                         sums(S, I, buffer, group, 2 * rule if EXACT else 2 * rule + 1, q)
                         for k in range(group, group + GROUP):
                             left += check(S, I, buffer, n, k, first, h, bound, q)
