@@ -2,7 +2,7 @@
 
     python -m benchmarks.clusters memory --paths 1e8        two functionals of 10⁸ paths, and the largest memory
     python -m benchmarks.clusters overhead --paths 1e6      Dask against threads on the pendulum, in alternation
-    python -m benchmarks.clusters scheduler --chunks 1e5    no-op chunks through the same seam
+    python -m benchmarks.clusters scheduler --chunks 1e5    chunks that do nothing, by the same way
     python -m benchmarks.clusters throughput                ns a path and step, bytes a path
 
 `docs/clusters.md` has what they printed, and under which conditions.

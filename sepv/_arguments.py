@@ -1,4 +1,4 @@
-"""What a caller hands over as numbers, as numbers: words, complex numbers and ragged lists are refused."""
+"""Arguments that are numbers, as arrays of float64: text, complex numbers and ragged lists are refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The pytest door. Opt-in: ``pytest -p sepv.pytest_plugin``; it never loads itself.
+"""The pytest plugin. Opt-in: ``pytest -p sepv.pytest_plugin``; it never loads itself.
 
 ``pytest -p sepv.pytest_plugin --pyargs sepv.properties --scheme mypkg.mymodule:step`` runs the laws on a scheme
 of yours. With ini ``sepv_schemes`` they run beside your own tests whenever pytest is called without a path. A test

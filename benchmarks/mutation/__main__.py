@@ -1,4 +1,4 @@
-"""The command."""
+"""``python -m benchmarks.mutation``: run the mutants and print what became of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The door for other languages: a long-lived child process that speaks JSON lines (docs/protocol.md).
+"""Schemes in other languages: a long-lived child process that speaks JSON lines (docs/protocol.md).
 
 One thread and non-blocking pipes: nothing here waits without a deadline, for reading or for writing, so a
 child that never answers, or never reads, cannot stop the suite. Whatever goes wrong in an exchange ends the

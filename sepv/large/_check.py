@@ -1,4 +1,4 @@
-"""Do the parts of a large problem belong together? B skew, ∇H the gradient of H, slopes those of their functions."""
+"""Whether the parts of a large problem agree: B skew, ∇H the gradient of H, slopes those of their functions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Text of strangers, made fit to be shown; escaping is the template engine's work, not done here."""
+"""Text that users and programs wrote, cleaned for the page; escaping is the template engine's work, not done here."""
 
 from __future__ import annotations
 

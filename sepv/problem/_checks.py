@@ -1,4 +1,4 @@
-"""Does a problem made by hand agree with itself? ∇H against H, B for skewness, Casimirs for ∇CᵀB = 0."""
+"""Whether the parts of a problem made by hand agree: ∇H against H, B for skewness, Casimirs for ∇CᵀB = 0."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Crews: who takes numbered tasks and says what became of them. Threads, processes, an executor's futures."""
+"""A crew computes numbered tasks and reports each result: threads, processes, or an executor's futures."""
 
 from __future__ import annotations
 

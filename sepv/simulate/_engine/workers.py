@@ -1,4 +1,4 @@
-"""The seam for more cores and machines: chunks go to threads, processes, an executor, a map, or to Dask.
+"""Where chunks of paths are computed: by threads, processes, an executor, a map, or Dask.
 
 A chunk is a pure function of its arguments, so that one whose worker died, or that raised, is simply computed again
 here; what the others finished is kept. At most so many chunks are on their way that results never pile up.
