@@ -28,7 +28,7 @@ from sepv.schemes import Look, Scheme
 from sepv.schemes._explicit_tableaux import TABLEAUX
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
-from sepv.simulate._paths import run_chunk
+from sepv.simulate._batch import run_chunk
 from sepv.studies._picture import Axis, content, figure, frame, line
 
 # (end time, numbers of steps): the coarsest first; powers of two, so that all see one Wiener path.

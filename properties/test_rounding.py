@@ -30,7 +30,7 @@ from sepv.schemes import Scheme, Systems
 from sepv.schemes._guard import guarded
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
-from sepv.simulate._paths import advance
+from sepv.simulate._batch import advance
 from sepv.solve import Status
 from sepv.verification import Effort, Finding, Law, Verdict, energy_ulp, require
 from sepv.verification._cases.case_of_law import NOT_OF_HAMILTONIANS

@@ -49,9 +49,9 @@ if TYPE_CHECKING:
     from sepv.problem._problem import Problem as Problem
     from sepv.schemes._point_laws import PointLaw as PointLaw
     from sepv.schemes._scheme import Scheme as Scheme
+    from sepv.simulate._batch import Ensemble as Ensemble
     from sepv.simulate._engine.ensemble import ensemble as ensemble
     from sepv.simulate._engine.long import long_path as long_path
-    from sepv.simulate._paths import Ensemble as Ensemble
     from sepv.simulate._paths import Trajectory as Trajectory
     from sepv.simulate._paths import integrate as integrate
     from sepv.verification import strategies as strategies
@@ -73,7 +73,7 @@ _HOME = {
     "Report": "sepv.verification._outcome",
     "Effort": "sepv.verification._law",
     "Verdict": "sepv.verification._law",
-    "Ensemble": "sepv.simulate._paths",
+    "Ensemble": "sepv.simulate._batch",
     "Trajectory": "sepv.simulate._paths",
     **dict.fromkeys(
         (

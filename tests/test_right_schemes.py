@@ -12,7 +12,7 @@ from sepv import StepFailure, problems, schemes, verify
 from sepv.problem import Systems
 from sepv.schemes import Scheme, ask
 from sepv.schemes._guard import Refusal
-from sepv.simulate._paths import run_chunk
+from sepv.simulate._batch import run_chunk
 from sepv.verification import Effort, Verdict
 
 # Laws over paths have budgets of their own and are run by `benchmarks.false_alarms`.

@@ -16,7 +16,8 @@ from sepv.errors import TruncationWarning
 from sepv.schemes import continued, divided
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
-from sepv.simulate._paths import CHUNK, Batch, advance, initial_state, prepared, run_chunk, step_count
+from sepv.simulate._batch import CHUNK, Batch, advance, run_chunk
+from sepv.simulate._run_arguments import initial_state, prepared, step_count
 from sepv.solve import Status
 from sepv.solve._solution import Solution
 

@@ -107,7 +107,9 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "sepv.exact._dense_flow": ("tests/test_dense_flow.py", "tests/test_exact.py"),
     "sepv.exact._closed_forms": ("tests/test_exact.py",),
     "sepv.exact._flow": ("tests/test_exact.py",),
-    "sepv.simulate._paths": (
+    "sepv.simulate._paths": ("tests/test_simulation.py", "tests/test_division.py"),
+    "sepv.simulate._run_arguments": ("tests/test_simulation.py",),
+    "sepv.simulate._batch": (
         "tests/test_simulation.py",
         "tests/test_division.py",
         "tests/test_continuation.py::test_ensembles_and_paths_count_what_was_continued",

@@ -25,7 +25,7 @@ from sepv.problem._fields import matvec
 from sepv.problem._hamiltonians import noise_field, noise_slope
 from sepv.schemes import Scheme
 from sepv.simulate._areas import RoughPath
-from sepv.simulate._paths import run_chunk
+from sepv.simulate._batch import run_chunk
 from sepv.verification import Effort, Verdict, load_laws, verify
 from sepv.verification._orders.convergence import StrongErrors, slope
 from sepv.verification._orders.local_errors import local_states, one_step, rule_degree

@@ -1,17 +1,17 @@
 """Paths and ensembles: Wiener increments, the loop over steps, the compiled engine, workers and clusters.
 
 Read `_wiener` first (increments that depend on the path and the step alone), `_truncation` (Remark 2.1),
-`_areas` (Lévy areas), `_paths` (one path, the NumPy batch), then `_engine` (chunks of paths by NumPy or
+`_areas` (Lévy areas), `_paths` (one path), `_batch` (many in NumPy), then `_engine` (chunks of paths by NumPy or
 compiled, on threads, processes or a cluster) and `_results` (what is kept of many paths).
 """
 
 from __future__ import annotations
 
 from sepv.simulate._areas import drawn as drawn
+from sepv.simulate._batch import Ensemble as Ensemble
 from sepv.simulate._engine.ensemble import ensemble as ensemble
 from sepv.simulate._engine.long import LongPath as LongPath
 from sepv.simulate._engine.long import long_path as long_path
-from sepv.simulate._paths import Ensemble as Ensemble
 from sepv.simulate._paths import Trajectory as Trajectory
 from sepv.simulate._paths import integrate as integrate
 from sepv.simulate._truncation import truncate as truncate

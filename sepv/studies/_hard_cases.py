@@ -21,7 +21,7 @@ from sepv.reference.exact_energy import exact_energy
 from sepv.reference.problem import exact_problem
 from sepv.schemes import Scheme
 from sepv.schemes._tableaux import amplification
-from sepv.simulate._paths import initial_state
+from sepv.simulate._run_arguments import initial_state
 from sepv.solve import Status
 from sepv.verification import Case, energy_bound, energy_ulp, step_residual
 

@@ -10,6 +10,7 @@ from sepv.problem import Array, Problem
 from sepv.schemes._point_laws import point_law
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
+from sepv.simulate._batch import Ensemble
 from sepv.simulate._engine.compile import FEW, Kernel, kernel
 from sepv.simulate._engine.crew import Halted, halted
 from sepv.simulate._engine.module import (
@@ -24,7 +25,6 @@ from sepv.simulate._engine.module import (
     WORK,
 )
 from sepv.simulate._engine.task import Task
-from sepv.simulate._paths import Ensemble
 
 # Path-steps between two looks at whether the chunk is still wanted, and at Ctrl-C: some hundredths of a second.
 PIECE = 2**21

@@ -20,7 +20,7 @@ from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._engine.ensemble import choose
 from sepv.simulate._engine.task import NumpyChunk, Task
-from sepv.simulate._paths import initial_state, prepared, step_count
+from sepv.simulate._run_arguments import initial_state, prepared, step_count
 from sepv.solve import Status
 
 # Seconds between two looks at the clock, and steps before the first.

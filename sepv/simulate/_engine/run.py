@@ -6,8 +6,8 @@ import numpy as np
 
 from sepv.problem import Problem
 from sepv.problems import build
+from sepv.simulate._batch import Ensemble
 from sepv.simulate._engine.task import NumpyChunk, Task
-from sepv.simulate._paths import Ensemble
 
 
 def run(task: Task) -> Ensemble:

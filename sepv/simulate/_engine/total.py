@@ -8,9 +8,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from sepv.simulate._batch import Ensemble
 from sepv.simulate._engine.run import run
 from sepv.simulate._engine.task import Task
-from sepv.simulate._paths import Ensemble
 from sepv.simulate._results.labelled import AXES
 from sepv.simulate._results.reductions import Functionals, Summary, reached, reduce_chunk
 from sepv.simulate._results.zarr_store import COUNTED, ZarrStore

@@ -18,7 +18,7 @@ from sepv.problem import Array, Problem
 from sepv.schemes import Look, Scheme
 from sepv.schemes._guard import SchemeCrash
 from sepv.simulate import Ensemble
-from sepv.simulate._paths import CHUNK, run_chunk
+from sepv.simulate._batch import CHUNK, run_chunk
 from sepv.solve import Status
 from sepv.studies._evaluation_count import Work, counted
 

@@ -18,7 +18,7 @@ from sepv.exact import clipping_error, exact_flow
 from sepv.problem import Array, Problem
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._engine.workers import run_all
-from sepv.simulate._paths import step_count
+from sepv.simulate._run_arguments import step_count
 from sepv.solve import Status
 from sepv.studies._compare.method import Ends, Followed, Method
 from sepv.studies._compare.record import Comparison, Point, Seconds

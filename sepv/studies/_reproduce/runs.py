@@ -20,7 +20,7 @@ from sepv.schemes import Scheme
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate import ensemble
-from sepv.simulate._paths import Batch
+from sepv.simulate._batch import Batch
 from sepv.verification._orders.convergence import StrongErrors
 
 

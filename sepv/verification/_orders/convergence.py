@@ -19,7 +19,7 @@ from sepv.record._binary64 import EPS
 from sepv.schemes import Scheme
 from sepv.simulate import _areas as areas
 from sepv.simulate import _wiener as wiener
-from sepv.simulate._paths import run_chunk
+from sepv.simulate._batch import run_chunk
 from sepv.solve import Status
 
 # Paths are split into this many groups for the jackknife: enough for a t-quantile with 31 degrees of

@@ -43,7 +43,7 @@ from sepv.schemes._explicit_tableaux import CLASSICAL
 from sepv.schemes._guard import guarded
 from sepv.schemes._order_claims import order_of
 from sepv.schemes._point_laws import point_law
-from sepv.simulate._paths import advance
+from sepv.simulate._batch import advance
 from sepv.solve import Status
 from sepv.verification._cases.from_problem import reach
 from sepv.verification._cases.given import problems_of

@@ -28,7 +28,7 @@ from sepv.exact import exact_flow
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
 from sepv.simulate import _truncation as bounded
-from sepv.simulate._paths import run_chunk
+from sepv.simulate._batch import run_chunk
 from sepv.solve import Status
 from sepv.verification._orders.convergence import StrongErrors, first_failures
 

@@ -15,7 +15,7 @@ from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.schemes import PointLaw, Scheme
 from sepv.schemes._guard import guarded
 from sepv.schemes._point_laws import point_law
-from sepv.simulate._paths import advance
+from sepv.simulate._batch import advance
 from sepv.solve import Status
 from sepv.verification._cases.from_problem import reach
 from sepv.verification._law import Effort

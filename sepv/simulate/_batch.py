@@ -1,0 +1,221 @@
+"""Many paths in NumPy, one step of all at a time. A failed path keeps its status and stops, the others go on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from sepv.errors import UsageError
+from sepv.problem import Array, Problem
+from sepv.schemes import Scheme
+from sepv.schemes._further_increments import answer
+from sepv.schemes._scheme import REFUSALS
+from sepv.simulate import _truncation as bounded
+from sepv.simulate._results.labelled import to_xarray
+from sepv.simulate._results.reductions import Summary
+from sepv.solve import Status
+
+# Paths computed together: enough to hide NumPy's cost a call, few enough that increments stay small.
+CHUNK = 1024
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """The ends of many paths.
+
+    Attributes
+    ----------
+    y : (d, M)
+        States at T; of a failed path the last state reached.
+    W : (m, M)
+        W(T), untruncated: θ(T) = T + Σ c_j W_j(T) gives the exact solution.
+    status : (M,)
+        `sepv.solve.Status` of each path: 0 where every step converged.
+    failed_step : (M,)
+        The number of the step that failed, −1 where none did.
+    energy_defect, casimir_defect : (M,)
+        Largest |H(y_n) − H(y_0)| over the path, and the same over all quadratic and linear Casimirs,
+        evaluated in binary64.
+    gradient_evaluations, structure_evaluations, iterations : int
+        Work over all paths and steps; zero for schemes that do not report it.
+    times, states : (K,), (K, d, M)
+        The states at the chosen times, of a failed path the last one reached.
+    engine : "numpy" or "compiled"
+    reason : why it was not the compiled engine.
+    divisions : int
+        Steps and parts of steps that were divided, over all paths (`sepv.schemes.divided`).
+    continuations : int
+        Shares of steps solved on the way to failed ones (`sepv.schemes.continued`).
+    repeated : int
+        Chunks that had to be computed again because a worker raised or died.
+    reduced : dict of `sepv.simulate._results.reductions.Summary`
+        With `reduce=`, by name; the arrays above then have no paths.
+    about : dict
+        Problem, scheme, step size, seed, version: what `to_xarray` writes into its attributes.
+    """
+
+    y: Array
+    W: Array
+    status: np.ndarray
+    failed_step: np.ndarray
+    energy_defect: Array
+    casimir_defect: Array
+    gradient_evaluations: int
+    structure_evaluations: int
+    iterations: int
+    times: Array = field(default_factory=lambda: np.empty(0))
+    states: Array = field(default_factory=lambda: np.empty((0, 0, 0)))
+    engine: str = "numpy"
+    reason: str = ""
+    repeated: int = 0
+    divisions: int = 0
+    continuations: int = 0
+    reduced: Mapping[str, Summary] = field(default_factory=dict)
+    about: Mapping[str, Any] = field(default_factory=dict, repr=False)
+
+    def to_xarray(self) -> Any:
+        """An `xarray.Dataset` with dimensions path, time, component and noise (extra `store`).
+
+        What is on disk (`store=`) stays there, and is read where it is looked at.
+        """
+        return to_xarray(self)
+
+
+def run_chunk(
+    scheme: Scheme, problem: Problem, y0: Array, h: float, raw: Array, k: int | None, *, track: bool = True
+) -> Ensemble:
+    """Paths from y0 (d,) over the Wiener increments raw (N, m, M), truncated with k or as the scheme wants them.
+
+    Further rows are what the scheme asks for beside them (`sepv.schemes._further_increments`).
+
+    Without `track` the invariants are not followed, and their defects are zero.
+    """
+    batch = Batch(scheme, problem, y0, raw.shape[2], track=track)
+    m = problem.noises
+    for increment, further in zip(bounded.seen(raw[:, :m], h, k, scheme.increments), raw[:, m:], strict=True):
+        batch.step(h, np.concatenate([increment, further]) if len(further) else increment)
+    return batch.result(raw[:, :m].sum(axis=0))
+
+
+class Batch:
+    """Paths in NumPy, one step of all at a time; one whose step failed stays where it was."""
+
+    def __init__(
+        self,
+        scheme: Scheme,
+        problem: Problem,
+        y0: Array,
+        paths: int,
+        *,
+        track: bool = True,
+        compensated: bool = False,
+    ) -> None:
+        if compensated and scheme.solve is None:
+            raise UsageError(
+                expected="an implicit scheme for compensated summation in NumPy",
+                received=f"the scheme {scheme.name!r}, whose step returns a state and not its increment",
+                remedy="engine='compiled', or compensated=False",
+            )
+        self.scheme, self.problem, self.track = scheme, problem, track
+        self.y = np.repeat(y0[:, None], paths, axis=1)
+        self.lost = np.zeros_like(self.y) if compensated else None
+        self.status, self.failed = np.zeros(paths, dtype=np.int64), np.full(paths, -1)
+        self.invariants = _invariants(problem, self.y)
+        self.worst = np.zeros((2, paths))
+        self.work = np.zeros(5, dtype=np.int64)
+        self.alive = np.arange(paths)
+        self.done = 0
+
+    def step(self, h: float, dW: Array) -> None:
+        """One step with the increments dW (m, M), truncated by the caller."""
+        alive = self.alive
+        self.done += 1
+        if not alive.size:
+            return
+        before = self.y[:, alive]
+        value, code, cost, change = _advance(self.scheme, self.problem, before, h, dW[:, alive])
+        self.work += cost
+        ok = code == Status.CONVERGED
+        self.status[alive[~ok]], self.failed[alive[~ok]] = code[~ok], self.done - 1
+        if self.lost is not None and change is not None:
+            # Kahan: what the sum loses is kept and added to the next increment.
+            wanted = change + self.lost[:, alive]
+            value = before + wanted
+            # Knuth's two-sum: a component next to zero is smaller than its increment.
+            taken = value - before
+            self.lost[:, alive] = (before - (value - taken)) + (wanted - taken)
+        self.alive = alive = alive[ok]
+        self.y[:, alive] = value[:, ok]
+        if self.track and alive.size:
+            drift = np.abs(_invariants(self.problem, self.y[:, alive]) - self.invariants[:, alive])
+            self.worst[0, alive] = np.maximum(self.worst[0, alive], drift[0])
+            self.worst[1, alive] = np.maximum(self.worst[1, alive], drift[1:].max(axis=0, initial=0.0))
+
+    def result(self, W: Array, states: Array | None = None) -> Ensemble:
+        """The ends so far."""
+        gradients, structures, iterations, divisions, continuations = (int(v) for v in self.work)
+        ends = Ensemble(
+            self.y, W, self.status, self.failed, self.worst[0], self.worst[1], gradients, structures, iterations,
+            divisions=divisions, continuations=continuations,
+        )  # fmt: skip
+        return ends if states is None else replace(ends, states=states)
+
+
+def advance(
+    scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array
+) -> tuple[Array, np.ndarray, np.ndarray]:
+    """One step of a batch: value, status of each lane, (gradients, structures, iterations)."""
+    value, code, cost, _ = _advance(scheme, problem, y, h, dW)
+    return value, code, cost[:3]
+
+
+def _advance(
+    scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array
+) -> tuple[Array, np.ndarray, np.ndarray, Array | None]:
+    """The same with divisions and continuations among the counts, and y1 − y0 where the scheme gives it."""
+    if scheme.solve is not None:
+        solution = scheme.solve(problem, y, h, dW)
+        none = np.zeros(1, dtype=np.int64)
+        cost = (
+            solution.gradient_evaluations, solution.structure_evaluations, solution.iterations,
+            none if solution.divisions is None else solution.divisions,
+            none if solution.continuations is None else solution.continuations,
+        )  # fmt: skip
+        return solution.value, solution.status, np.array([int(c.sum()) for c in cost]), solution.change
+    value, code = _batch_step(scheme, problem, y, h, dW)
+    outside = ~np.all(np.isfinite(value), axis=0)
+    code[outside & (code == 0)] = Status.OVERFLOW
+    if problem.domain is not None:
+        with np.errstate(invalid="ignore"):
+            code[~np.asarray(problem.domain(value), dtype=bool) & (code == 0)] = Status.LEFT_DOMAIN
+    return value, code, np.zeros(5, dtype=np.int64), None
+
+
+def _batch_step(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> tuple[Array, np.ndarray]:
+    """The scheme's step for a batch, lane by lane where it takes no batches or a lane of it fails."""
+    code = np.zeros(y.shape[1], dtype=np.int64)
+    with np.errstate(all="ignore"):
+        if scheme.batched:
+            try:
+                return answer(scheme, problem, y, h, dW), code
+            except REFUSALS:
+                pass
+        value = np.full_like(y, np.nan)
+        for lane in range(y.shape[1]):
+            try:
+                value[:, lane] = answer(scheme, problem, y[:, lane].copy(), h, dW[:, lane].copy())
+            except REFUSALS:
+                code[lane] = Status.NO_CONVERGENCE
+    return value, code
+
+
+def _invariants(problem: Problem, y: Array) -> Array:
+    rows = [problem.hamiltonian(y)]
+    for A in problem.casimirs:
+        rows.append(sum(A[i, j] * (y[i] * y[j]) for i, j in zip(*np.nonzero(A), strict=True)))
+    for b in problem.linear_casimirs:
+        rows.append(sum(b[i] * y[i] for i in range(len(b))))
+    return np.stack(rows)

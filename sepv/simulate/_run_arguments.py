@@ -1,0 +1,114 @@
+"""What a run of paths is asked for, checked: steps, initial state, the increments and their truncation."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sepv._arguments import floats, is_number
+from sepv.errors import TruncationWarning, UsageError
+from sepv.problem import Array, Problem
+from sepv.schemes import PointLaw, Scheme, weakly
+
+
+def prepared(
+    scheme: Scheme, truncation: int | Literal["own"] | None, increments: str | PointLaw | None
+) -> tuple[Scheme, int | None]:
+    """The scheme with the increments asked for, its own for None, and k: of increments of a few points None.
+
+    Raises
+    ------
+    UsageError
+        For a truncation of increments that are bounded as they are.
+    """
+    if increments is not None:
+        scheme = weakly(scheme, increments)
+    if isinstance(scheme.increments, PointLaw):
+        if truncation not in ("own", None):
+            raise UsageError(
+                expected="truncation=None, or left out, with increments of a few points",
+                received=f"truncation = {truncation!r} with {scheme.increments.name} increments",
+                remedy=f"they are bounded already, by {scheme.increments.bound:.4g} √h",
+            )
+        return scheme, None
+    return scheme, chosen_truncation(scheme, truncation)
+
+
+def chosen_truncation(scheme: Scheme, truncation: int | Literal["own"] | None) -> int | None:
+    """k of Remark 2.1: the scheme's own for "own"; a warning where it costs the scheme its order.
+
+    What Remark 2.1 cuts off has a mean square O(h^{k+1}) a step, and order p has room for h^{2p+1}: k ≥ 2p.
+    """
+    k = scheme.truncation if truncation == "own" else truncation
+    order = scheme.mean_square_order
+    # k < 1 is no truncation at all, and refused by `truncate`.
+    if k is not None and order is not None and 1 <= k < 2 * order:
+        warnings.warn(
+            f"Truncation k = {k} costs {scheme.name} its mean-square order {order:g}: the error stalls at order "
+            f"{k / 2:g}. Remedy: k ≥ {2 * order:g} (its own is {scheme.truncation}), or None for no truncation.",
+            TruncationWarning,
+            stacklevel=4,
+        )
+    return k
+
+
+def step_count(h: float, T: float | None, steps: int | None) -> int:
+    """N with N h = T.
+
+    Raises
+    ------
+    UsageError
+        For h ≤ 0 or not finite, both or neither of T and steps, or a T that h does not divide.
+    """
+    if not is_number(h) or h <= 0:
+        raise UsageError(
+            expected="h, a finite step size > 0",
+            received=f"h = {h!r}",
+            remedy="backward steps are for `step` alone",
+        )
+    if (T is None) == (steps is None):
+        raise UsageError(
+            expected="one of T and steps",
+            received=f"T = {T!r}, steps = {steps!r}",
+            remedy="give exactly one of them",
+        )
+    if steps is not None:
+        if not isinstance(steps, (int, np.integer)) or steps < 1:
+            raise UsageError(
+                expected="steps, an integer ≥ 1", received=repr(steps), remedy="take at least one step"
+            )
+        return int(steps)
+    assert T is not None
+    if not is_number(T):
+        raise UsageError(expected="T, a finite number", received=repr(T), remedy="choose T = N h")
+    count = round(T / h)
+    # h·N = T up to the rounding of decimal step sizes such as 0.01.
+    if count < 1 or abs(count * h - T) > 1e-12 * T:
+        raise UsageError(
+            expected="T, a positive multiple of h",
+            received=f"T = {T!r}, h = {h!r}, T/h = {T / h!r}",
+            remedy="choose h = T/N",
+        )
+    return count
+
+
+def initial_state(problem: Problem, y0: ArrayLike | None) -> Array:
+    """y0, or the problem's initial state, checked."""
+    start = problem.initial if y0 is None else y0
+    if start is None:
+        raise UsageError(
+            expected="an initial state",
+            received="none",
+            remedy="give y0=, or initial= when making the problem",
+        )
+    y = floats("y0", start).copy()
+    if y.shape != (problem.dimension,) or not np.all(np.isfinite(y)):
+        raise UsageError(
+            expected=f"y0 finite, of shape ({problem.dimension},)",
+            received=f"shape {y.shape}: {start!r:.80}",
+            remedy="one number for each component",
+        )
+    return y
