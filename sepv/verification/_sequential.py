@@ -219,18 +219,7 @@ def judge(
     measured = [_measured(*each) for each in found]
     if verdict is not Verdict.HOLDS:
         lines += [_errors_text(m) for m in measured]
-    if verdict is Verdict.INCONCLUSIVE:
-        lines += [
-            _wanted(scheme, setup, assess, errors, alpha)
-            for setup, errors, a in found
-            if a.verdict is Verdict.INCONCLUSIVE
-        ]
-    if verdict is not Verdict.HOLDS:
-        setup, errors = next((s, e) for s, e, a in found if a.verdict is verdict)
-        lines.append(worst_path(setup.build(), errors, effort.seed, drawn=not is_tilted(scheme)))
-        lines.append(
-            f"intervals miss with probability {alpha:.1e}; false alarms of a whole run ≤ {FALSE_ALARM:g}"
-        )
+        lines += _explained(scheme, effort, assess, alpha, verdict, found)
     return law.finding(
         verdict,
         defect=worst.value,
@@ -241,6 +230,27 @@ def judge(
         witness={"seed": effort.seed, "paths": effort.paths, "alpha": alpha, "measured": measured},
         replay=f"--law {law.name} --seed {effort.seed} --paths {effort.paths}",
     )
+
+
+def _explained(
+    scheme: Scheme,
+    effort: Effort,
+    assess: Assess,
+    alpha: float,
+    verdict: Verdict,
+    found: Sequence[tuple[Setup, StrongErrors, Assessment]],
+) -> list[str]:
+    """What a reader of a law that does not hold is told: paths that would settle it, the worst path, the intervals."""
+    decisive = [(setup, errors) for setup, errors, a in found if a.verdict is verdict]
+    lines = []
+    if verdict is Verdict.INCONCLUSIVE:
+        lines += [_wanted(scheme, setup, assess, errors, alpha) for setup, errors in decisive]
+    setup, errors = decisive[0]
+    lines.append(worst_path(setup.build(), errors, effort.seed, drawn=not is_tilted(scheme)))
+    lines.append(
+        f"intervals miss with probability {alpha:.1e}; false alarms of a whole run ≤ {FALSE_ALARM:g}"
+    )
+    return lines
 
 
 def _judge_one(

@@ -149,7 +149,7 @@ def judge(
         checks += found.steps
         if found.h.size < enough:
             return _failed(law, found)
-        sizes = errors(found)
+        sizes, bound = errors(found), least(found)
         if np.all(np.isnan(sizes)):
             lacks = (
                 "no moments of the solution are known" if np.any(found.rms > 0) else "only moments are known"
@@ -157,12 +157,7 @@ def judge(
             unknown = f"of {problem.name} {lacks}"
             lines.append(f"{problem.name}: skipped, {unknown}")
             continue
-        bound = least(found)
-        tolerance = scheme.solver_tolerance
-        seen = judge_slope(
-            found.h, sizes, bound, (ROUNDING * EPS + 2 * tolerance) * found.scale + 2 * found.flow,
-            CLEAR * (FLOOR * EPS + tolerance) * found.scale,
-        )  # fmt: skip
+        seen = _slope_of(scheme, found, sizes, bound)
         slopes.append((seen, bound))
         measured.append(_measured(found, sizes, seen, bound))
         lines.append(f"{problem.name}: {seen.text}, {bound:g} needed")
@@ -172,12 +167,7 @@ def judge(
         return law.finding(Verdict.NOT_APPLICABLE, message=unknown)
     if not slopes:
         raise skipped[0]
-    verdicts = [seen.verdict for seen, _ in slopes]
-    verdict = next((v for v in (Verdict.VIOLATED, Verdict.INCONCLUSIVE) if v in verdicts), Verdict.HOLDS)
-    worst, bound = min(
-        (s for s in slopes if s[0].verdict is verdict),
-        key=lambda s: np.nan_to_num(s[0].value - s[1], nan=-np.inf),
-    )
+    verdict, worst, bound = _worst(slopes)
     if verdict is not Verdict.HOLDS:
         lines += [_errors_text(m) for m in measured]
     lines += filter(None, shown)
@@ -191,6 +181,26 @@ def judge(
         witness={"measured": measured},
         replay=f"--law {law.name}",
     )
+
+
+def _slope_of(scheme: Scheme, found: LocalErrors, errors: Array, bound: float) -> Slope:
+    """The slope judged, where errors above rounding and above what the scheme's solver and the flow leave decide."""
+    tolerance = scheme.solver_tolerance
+    return judge_slope(
+        found.h, errors, bound, (ROUNDING * EPS + 2 * tolerance) * found.scale + 2 * found.flow,
+        CLEAR * (FLOOR * EPS + tolerance) * found.scale,
+    )  # fmt: skip
+
+
+def _worst(slopes: list[tuple[Slope, float]]) -> tuple[Verdict, Slope, float]:
+    """The verdict on all problems, with the slope that lies farthest below its bound among those that decide it."""
+    verdicts = [seen.verdict for seen, _ in slopes]
+    verdict = next((v for v in (Verdict.VIOLATED, Verdict.INCONCLUSIVE) if v in verdicts), Verdict.HOLDS)
+    worst, bound = min(
+        (s for s in slopes if s[0].verdict is verdict),
+        key=lambda s: np.nan_to_num(s[0].value - s[1], nan=-np.inf),
+    )
+    return verdict, worst, bound
 
 
 def _measured(found: LocalErrors, errors: Array, seen: Slope, bound: float) -> dict[str, Any]:
