@@ -16,9 +16,7 @@ from sepv.simulate._engine.crew import Halted, halted
 from sepv.simulate._engine.module import (
     ALIVE,
     EVALUATIONS,
-    FAILED,
     LANES,
-    LIVING,
     PENDING,
     STATUS,
     STRUCTURES,
@@ -48,22 +46,17 @@ class Chunk:
         start[: problem.dimension * lanes] = np.repeat(np.asarray(task.y0, dtype=np.float64), lanes)
         module.start(start, np.zeros(4 * lanes + 5, np.int64), np.zeros((1, 1, 1)), self.kernel.parameters)
         self.S = np.empty((blocks, module.SIZE))
-        self.S[:] = start
-        self.I = np.zeros((blocks, 4 * lanes + 5), dtype=np.int64)
-        living = (np.arange(blocks * lanes) < task.count).reshape(blocks, lanes)
-        for row, value in ((ALIVE, living), (STATUS, 0), (FAILED, -1)):
-            self._integers(row)[:] = value
-        self.I[:, 4 * lanes + LIVING] = living.sum(axis=1)
-        self.W = np.zeros((blocks, m, lanes))
+        self.I = np.empty((blocks, 4 * lanes + 5), dtype=np.int64)
+        self.W = np.empty((blocks, m, lanes))
+        self.driver.settle(self.S, self.I, self.W, start, task.count)
         self.grid = wiener.grid(task.steps, task.refine)
         drawn = task.dW is None and m > 0
-        self.rng = (
-            _streams(task, self.grid, blocks, lanes) if drawn else np.empty((blocks, 0, 4, lanes), np.uint64)
-        )
+        nothing = np.empty((blocks, 0, 4, lanes), np.uint64)
+        self.rng = _streams(task, self.grid, blocks, lanes) if drawn else nothing
         self.stack = np.empty((blocks, self.rng.shape[1], m, lanes))
         coarse = self.grid.base << self.grid.top if drawn and self.grid.base <= wiener.TOP else 0
         self.top = np.empty((blocks, coarse, m, lanes))
-        self.spreads = wiener.spreads(task.h * task.steps, self.grid)
+        self.spreads = wiener.spreads(task.h * task.steps, self.grid) if drawn else np.empty(0)
         k = task.truncation
         self.bound = math.inf if k is None else bounded.truncation_bound(task.h, k) * math.sqrt(task.h)
         self.thresholds, self.values = bounded.points(task.h, point_law(task.scheme.increments))

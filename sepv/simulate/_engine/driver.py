@@ -16,8 +16,16 @@ from numba.np.arrayobj import make_array, populate_array
 
 from sepv.simulate._engine.functions import select
 from sepv.simulate._engine.lanes import begin, fill, scratch_of
-from sepv.simulate._engine.module import LANES, PENDING
-from sepv.simulate._engine.signatures import CAREFUL, RUN, address, call_advance, call_begin, call_fill
+from sepv.simulate._engine.module import ALIVE, DONE, FAILED, LANES, LIVING, PENDING
+from sepv.simulate._engine.signatures import (
+    CAREFUL,
+    RUN,
+    SETTLE,
+    address,
+    call_advance,
+    call_begin,
+    call_fill,
+)
 
 
 @njit(CAREFUL, error_model="numpy", nogil=True, cache=True)
@@ -88,6 +96,22 @@ def _to_points(increments: Any, count: int, thresholds: Any, values: Any, out: A
                 out[i, j, k] = v
 
 
+@njit(SETTLE, error_model="numpy", nogil=True, cache=True)
+def settle(S: Any, I: Any, W: Any, start: Any, count: int) -> None:
+    """The state of every block at the start, with `count` lanes that live."""
+    lanes = W.shape[2]
+    for b in range(S.shape[0]):
+        living = min(lanes, count - b * lanes)
+        for i in range(start.shape[0]):
+            S[b, i] = start[i]
+        I[b] = 0
+        for k in range(lanes):
+            I[b, FAILED * lanes + k] = -1
+            I[b, ALIVE * lanes + k] = select(k < living, 1, 0)
+        I[b, 4 * lanes + LIVING] = living
+        W[b] = 0.0
+
+
 @njit(RUN, error_model="numpy", nogil=True, cache=True)
 def run(
     beginning: int, filling: int, advance: Any, careful: Any, problem: Any, shape: Any, table: Any,
@@ -131,4 +155,4 @@ def run(
                 )
             _add(increments, count, W, b)
         # Written here and not by the caller, so that an interrupt never finds states ahead of their number.
-        I[b, 4 * lanes + 4] = n1
+        I[b, 4 * lanes + DONE] = n1

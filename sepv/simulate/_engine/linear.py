@@ -15,7 +15,7 @@ CRAMER = 3
 
 
 def correct(
-    code: CodeBuilder, A: Table, F: Sequence[Expression], z: Sequence[str], near: str | None = None
+    code: CodeBuilder, F: Sequence[Expression], A: Table, z: Sequence[str], near: str | None = None
 ) -> tuple[list[str], str | None]:
     """z − A⁻¹F, and 1/det A where it is used; m is the size of the correction, Σ|A⁻¹F|_i.
 

@@ -15,30 +15,28 @@ from sepv.record._polynomial import gradient
 from sepv.simulate._engine.code_builder import CodeBuilder, Table, shown
 from sepv.simulate._engine.linear import contraction, correct
 
-HALF = "half"
-
 
 def approach(
     code: CodeBuilder, P: Sequence[Polynomial], y: Sequence[str], sweeps: int
 ) -> tuple[list[str], str | None]:
     """ȳ after sweeps from y and a step, and 1/det(1 − K) where it is used; m is the size of the step in z."""
-    code.lines.append(f"{HALF} = 0.5 * delta")
     middle = list(y)
     for _ in range(sweeps):
         middle = _swept(code, P, y, middle)
     A = matrix(code, P, middle)
     code.lines.append(contraction(code, A))
     F = [code.let(f"{a} - {b}") for a, b in zip(middle, _swept(code, P, y, middle), strict=True)]
-    middle, inverse = correct(code, A, F, middle)
+    middle, inverse = correct(code, F, A, middle)
     code.lines.append("m = m + m")
     return middle, inverse
 
 
 def matrix(code: CodeBuilder, P: Sequence[Polynomial], middle: Sequence[str]) -> Table:
     """1 − ½Δ P′(ȳ)."""
+    half = code.let("0.5 * delta")
     return [
         [
-            code.polynomial(slope, middle, "(-1.0)", HALF, value="(1.0)" if i == j else None)
+            code.polynomial(slope, middle, "(-1.0)", half, value="(1.0)" if i == j else None)
             for j, slope in enumerate(gradient(p))
         ]
         for i, p in enumerate(P)
@@ -47,4 +45,5 @@ def matrix(code: CodeBuilder, P: Sequence[Polynomial], middle: Sequence[str]) ->
 
 def _swept(code: CodeBuilder, P: Sequence[Polynomial], y: Sequence[str], middle: Sequence[str]) -> list[str]:
     """y + ½Δ P(ȳ)."""
-    return [shown(code.polynomial(p, middle, HALF, value=start)) for p, start in zip(P, y, strict=True)]
+    half = code.let("0.5 * delta")
+    return [shown(code.polynomial(p, middle, half, value=start)) for p, start in zip(P, y, strict=True)]

@@ -9,6 +9,7 @@ test of `sepv.solve._newton`: stagnation, a correction halved until it stays in 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import Any
 
 from sepv.simulate._engine.code_builder import CodeBuilder, Expression, Table, shown
@@ -20,8 +21,9 @@ from sepv.simulate._engine.schemes import Formula, middle, scaled_field
 from sepv.simulate._engine.writer import Writer
 
 # Sweeps z ← Δ f(ȳ) before Newton's iteration. Where H is at most quadratic they solve the equation itself and leave
-# O(Δ⁵) for what a step of the iteration costs, which leaves O(Δ³), as two of them do elsewhere.
-SWEEPS, ROUGH_SWEEPS = 4, 2
+# O(Δ⁵) for what a step of the iteration costs, which leaves O(Δ³), as two of them do elsewhere. Sweeps of ȳ cost less:
+# one more gains a tenth at h = 0.03, where lanes are left to groups, and costs a fiftieth at h = 0.002 (rigid body).
+SWEEPS, MIDDLE_SWEEPS, ROUGH_SWEEPS = 4, 5, 2
 # Steps of Newton's iteration in registers for up to LARGE unknowns, of which the last is the first that is tested.
 # A path that is compensated takes one or two more. A correction below half a rounding of z is lost when it is applied,
 # so that what is left before it stays, and has a sign: a mean of 1e-4 roundings a step, a tenth of that for each more.
@@ -44,6 +46,7 @@ class NewtonWriter(Writer):
         self.steps = FIRST_STEPS + (compensated and (1 if exact else 2)) if small else 0
         multiplied_out = small and self.known == ["delta"] and not self.has_domain()
         self.P = problem.of_middle(formula.recorded) if multiplied_out else None
+        self.sweeps = self.sweeps if self.P is None else MIDDLE_SWEEPS
 
     kernel = "newton.advance"
 
@@ -116,8 +119,7 @@ class NewtonWriter(Writer):
         inverse = None
         for step in range(self.steps):
             code.lines += ["before = m"] if step else []
-            F, A = self.system(code, y, z)
-            z, inverse = correct(code, A, F, z, inverse)
+            z, inverse = correct(code, *self.system(code, y, z), z, inverse)
             z = self.kept_inside(code, y, z)
         return z
 
@@ -128,9 +130,8 @@ class NewtonWriter(Writer):
         z = [code.let(f"2.0 * {v}") for v in (code.let(f"{a} - {b}") for a, b in zip(states, y, strict=True))]
         for _ in range(self.steps - 1):
             code.lines.append("before = m")
-            F = self.problem.residual(code, self.formula.recorded, y, z, self.known, states)
-            z, inverse = correct(code, matrix(code, self.P, states), F, z, inverse)
-            states = middle(code, y, z)
+            z, inverse = correct(code, *self.system(code, y, z, states), z, inverse)
+            states = []
         return z
 
     def swept(self, code: CodeBuilder, y: list[str], z: list[str]) -> list[Expression]:
@@ -168,9 +169,15 @@ class NewtonWriter(Writer):
             f"still = busy & not_({' & '.join(others)})",
         ]
 
-    def system(self, code: CodeBuilder, y: list[str], z: list[str]) -> tuple[list[Expression], Table]:
-        """F = z − R and 1 − K."""
-        return self.problem.equation(code, self.formula.recorded, y, z, self.known)
+    def system(
+        self, code: CodeBuilder, y: list[str], z: list[str], states: Sequence[str] = ()
+    ) -> tuple[list[Expression], Table]:
+        """F = z − R and 1 − K; `states` is ȳ where it is there already."""
+        formula = self.formula.recorded
+        if self.P is None:
+            return self.problem.equation(code, formula, y, z, self.known)
+        states = states or middle(code, y, z)
+        return self.problem.residual(code, formula, y, z, self.known, states), matrix(code, self.P, states)
 
     def iteration(self) -> list[str]:
         """A step of all lanes and its test; a lane in any trouble stays busy, and is left to `_carefully`."""
@@ -180,8 +187,7 @@ class NewtonWriter(Writer):
         code.lines += [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
         code.lines += [f"before = {self.at('P')}", *self.recalled()]
         code.lines += [f"{v} = select(before < INF, {self.at('Z', i)}, 0.0)" for i, v in enumerate(z)]
-        F, A = self.system(code, y, z)
-        moved = self.kept_inside(code, y, correct(code, A, F, z)[0])
+        moved = self.kept_inside(code, y, correct(code, *self.system(code, y, z), z)[0])
         code.lines += [
             "busy = I[BUSY + k] != 0",
             f"scale = {self.at('X')}",
