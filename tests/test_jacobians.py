@@ -11,6 +11,7 @@ from sepv import problems
 from sepv.problem import PolynomialSystem, Problem, field_jacobian, vector_field
 from sepv.problem._fields import derivative_along, hessian, structure_slope
 from sepv.record import _polynomial as poly
+from sepv.record._binary64 import EPS
 from sepv.schemes._collocation import _Stages
 from sepv.schemes._tableaux import exact_nodes
 from sepv.solve._differences import difference_jacobian
@@ -204,3 +205,32 @@ def test_the_derivative_along_a_vector_needs_no_derivatives_of_the_problem() -> 
     assert not found[:, 2].any()
     for k in range(3):
         assert np.array_equal(found[:, k], derivative_along(plain, y[:, k], v[:, k]))
+
+
+@pytest.mark.parametrize("size", [1e-6, 1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("name", ["lotka-volterra", "pendulum", "rigid-body"])
+def test_differences_along_a_vector_find_the_scale_of_the_field(name: str, size: float) -> None:
+    """|y| for 1/y and for polynomials, 1 for a sine, however many turns |y| is.
+
+    In binary64 an error of order six, (2⁻⁷)⁶ = 2e-13 beside f, and the rounding of y, eps|y| 2⁷; in long double, where
+    that has 64 bits of mantissa, (2⁻⁹)⁶ and 2¹¹ times less rounding: at most a few roundings of f′v.
+    """
+    problem = problems.by_name(name)
+    y = size * np.outer(np.asarray(problem.initial), [1.0, 0.7])
+    v = np.outer(np.arange(1.0, problem.dimension + 1), [1.0, -0.5])
+    exact = derivative_along(problem, y, v)
+    plain = replace(problem, hessian=None, structure_derivative=None, check=False)
+    binary64 = replace(
+        plain,
+        structure=lambda y: problem.structure(np.asarray(y, dtype=np.float64)),
+        gradient=lambda y: problem.gradient(np.asarray(y, dtype=np.float64)),
+        check=False,
+    )
+    reach = np.abs(y).max(axis=0)
+    slope = np.abs(vector_field(problem, y)).max(axis=0) / np.minimum(reach, 1.0) * np.abs(v).max(axis=0)
+    unit = np.abs(exact).max(axis=0) + slope
+    rounded = EPS * 2**7 * (np.maximum(reach, 1.0) if name == "pendulum" else 1.0)
+    assert np.all(np.abs(derivative_along(binary64, y, v) - exact) <= (2e-13 + 4 * rounded) * unit)
+    if np.finfo(np.longdouble).nmant >= 63:
+        wide = 16 * EPS + rounded * 2.0**-7
+        assert np.all(np.abs(derivative_along(plain, y, v) - exact) <= wide * unit)

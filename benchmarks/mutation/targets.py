@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-IMPLICIT = ("tests/test_implicit.py", "tests/test_jacobians.py", "tests/test_newton.py")
+IMPLICIT = (
+    "tests/test_implicit.py",
+    "tests/test_jacobians.py",
+    "tests/test_newton.py",
+    "tests/test_newton_alone.py",
+)
 CATALOGUE = "tests/test_hard.py::test_the_energy_preserving_scheme_solves_to_its_bound_or_refuses"
 OTHERS = "tests/test_hard.py::test_the_other_implicit_schemes_leave_nothing_unmarked"
 COUNTERS = "tests/test_bench.py::test_the_committed_counters_are_those_of_today"

@@ -126,7 +126,7 @@ def forward_differences(
     return found
 
 
-# Widths of differences, as powers of |y| up to 1: whether |y| is the scale of f near y, or 1, only f can tell.
+# Widths of differences, as powers of |y|: whether |y| is the scale of f near y, or 1, only f can tell.
 _SCALES = (1.0, 2 / 3, 1 / 3, 0.0)
 
 
@@ -153,7 +153,7 @@ def derivative_along(problem: Problem, y: Array, v: Array) -> Array:
     best, error = np.zeros_like(at), np.full(reach.shape, np.inf)
     with np.errstate(all="ignore"):  # a width that overflows is not taken
         for scale in _SCALES:
-            step = share * np.where((reach > 0) & (reach < 1), reach**scale, np.maximum(reach, 1.0))
+            step = share * np.where(reach > 0, reach**scale, 1.0)
             odd, largest = [], np.zeros_like(reach)
             for distance in (1, 2, 3):
                 ahead = vector_field(problem, at + distance * step * direction)
