@@ -117,7 +117,7 @@ def exact_problem(data: Description | GivenProblem, digits: int = 50) -> Any:
         For a name that the references do not know.
     """
     if isinstance(data, GivenProblem):
-        from sepv.reference.given import GivenFunctions
+        from sepv.reference.given_functions import GivenFunctions
 
         return GivenFunctions(data, digits)
     problem = in_arithmetic(data, decimal(digits))

@@ -8,7 +8,7 @@ import pytest
 from sepv import problems
 from sepv.errors import UsageError
 from sepv.exact._several_structures import heun
-from sepv.schemes._areas import step_with_areas
+from sepv.schemes._several_with_areas import step_with_areas
 from sepv.simulate import _wiener as wiener
 from sepv.studies._reproduce import deterministic, extensions, lemma, local, remarks
 

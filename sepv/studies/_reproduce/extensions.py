@@ -9,8 +9,8 @@ from sepv.exact._several_structures import heun
 from sepv.problem import Array
 from sepv.record._binary64 import EPS
 from sepv.schemes import weakly
-from sepv.schemes._areas import step_with_areas
 from sepv.schemes._several_stages import step_with_stages
+from sepv.schemes._several_with_areas import step_with_areas
 from sepv.simulate import _wiener as wiener
 from sepv.studies._picture import Axis
 from sepv.studies._reproduce.job import Job, Results, Size
