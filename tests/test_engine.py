@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -568,6 +570,20 @@ def test_a_step_on_which_sweeps_do_not_contract_is_begun_anew(scheme: sepv.Schem
         assert not plain.status.any()
         # Roots are of order one apart; the same root differs by roundings of y and of Δ g, |Δ| ≤ 40, g ≤ 4.
         assert np.max(np.abs(fast.y - plain.y)) < 64 * 2.0**-52 * 160
+
+
+def test_the_first_ensemble_leaves_the_import_of_blas_to_code_that_calls_it() -> None:
+    code = """if True:
+        import sys, numpy as np, sepv
+        problem = sepv.problems.rigid_body()
+        sepv.ensemble(sepv.schemes.energy_preserving, problem, h=0.01, steps=1, paths=1, engine="compiled")
+        assert "scipy.linalg" not in sys.modules
+        from numba import njit
+        A = np.eye(3) + 1.0
+        assert (njit(lambda A, b: A @ b)(A, A[0]) == A @ A[0]).all()
+        assert "scipy.linalg" in sys.modules
+    """
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_a_system_without_noise_is_compiled() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
 import importlib.util
 import os
 import sys
@@ -12,6 +13,7 @@ from pathlib import Path
 from types import ModuleType
 
 import numba
+from numba.np import linalg
 
 # What the generated code is linked with: when one of these changes, so does the name of every module.
 _SOURCES = (
@@ -19,6 +21,25 @@ _SOURCES = (
     "kernels/common.py", "kernels/newton.py", "kernels/projected.py", "kernels/stages.py", "../../solve/_newton.py",
     "../../solve/_solution.py", "../../schemes/_tableaux.py", "../../problem/_averaged_gradient.py",
 )  # fmt: skip
+
+
+def _put_off_blas() -> None:
+    """Has numba import scipy.linalg when somebody's code calls BLAS: that is a fifth of the time of a first ensemble.
+
+    numba.np.arraymath imports it to learn whether it is there, and it is, since sepv needs SciPy. What calls BLAS asks
+    numba.np.linalg.ensure_blas again.
+    """
+    if "numba.np.arraymath" in sys.modules or not hasattr(linalg, "ensure_blas"):
+        return
+    asked = linalg.ensure_blas
+    linalg.ensure_blas = lambda: None
+    try:
+        importlib.import_module("numba.np.arraymath")
+    finally:
+        linalg.ensure_blas = asked
+
+
+_put_off_blas()
 
 
 def folder() -> Path:
