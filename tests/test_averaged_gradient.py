@@ -10,7 +10,14 @@ import pytest
 
 from sepv import problems
 from sepv.problem import PolynomialSystem, Problem, average_gradient, average_hessian
-from sepv.problem._averaged_gradient import _adaptive, _quadratures, _size, argument_rounding, gauss_legendre
+from sepv.problem._averaged_gradient import (
+    FEW,
+    _adaptive,
+    _quadratures,
+    _size,
+    argument_rounding,
+    gauss_legendre,
+)
 from sepv.record import _polynomial as poly
 
 EPS = 2.0**-52
@@ -67,6 +74,10 @@ def test_polynomials_take_the_fewest_nodes_that_are_exact(degree: int) -> None:
     exact = sum(w * t * problem.hessian(Y0 + t * (Y1 - Y0)) for t, w in zip(tau, weights, strict=True))
     scale = np.abs(exact).max(axis=(0, 1)) + 1
     assert np.all(np.abs(hessian - exact) <= 1e-14 * degree**2 * scale)
+    # Many states at once have their nodes one after the other.
+    many = average_hessian(problem, np.tile(Y0, 100), np.tile(Y1, 100))
+    assert Y0.size <= FEW < 100 * Y0.size
+    assert np.all(np.abs(many - np.tile(exact, 100)) <= 1e-14 * degree**2 * np.tile(scale, 100))
 
 
 def test_the_size_of_a_sum_is_that_of_its_terms_lane_by_lane() -> None:

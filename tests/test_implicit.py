@@ -338,3 +338,26 @@ def test_a_good_start_saves_iterations_and_changes_nothing_else() -> None:
     assert np.all(warm.iterations < cold.iterations)
     assert np.max(np.abs(warm.value - cold.value)) <= 4 * EPS
     assert np.array_equal(warm.value, y0 + warm.change)
+
+
+@pytest.mark.parametrize("name", ["midpoint", "energy-preserving", "discrete-gradient"])
+def test_a_domain_in_which_h_goes_on_beyond_is_left_by_name(name: str) -> None:
+    """A rotation by Δ ≈ ½ from (1, 1) takes q to 1.36, where H is defined too: `domain` alone ends it at 1.2."""
+    problem = Problem(
+        dimension=2,
+        structure=lambda y: np.array([[0 * y[0], -1 + 0 * y[0]], [1 + 0 * y[0], 0 * y[0]]]),
+        hamiltonian=lambda y: 0.5 * (y[0] ** 2 + y[1] ** 2),
+        domain=lambda y: y[1] < 1.2,
+        initial=(1.0, 1.0),
+    )
+    y, dW = np.array([[1.0, 1.0, 0.1], [1.0, 1.0, -0.5]]), np.array([[0.4, 0.0, 0.4]])
+    solve = schemes.by_name(name).solve
+    assert solve is not None
+    expected = [Status.LEFT_DOMAIN, Status.CONVERGED, Status.CONVERGED]
+    found = solve(problem, y, 0.1, dW)
+    assert found.status.tolist() == expected
+    assert np.all(found.value[1] < 1.2)
+    assert [solve(problem, y[:, k], 0.1, dW[:, k]).status[0] for k in range(3)] == expected
+    everywhere = solve(replace(problem, domain=None, check=False), y, 0.1, dW)
+    assert everywhere.status.tolist() == [Status.CONVERGED] * 3
+    assert everywhere.value[1, 0] > 1.2
