@@ -234,3 +234,15 @@ def test_differences_along_a_vector_find_the_scale_of_the_field(name: str, size:
     if np.finfo(np.longdouble).nmant >= 63:
         wide = 16 * EPS + rounded * 2.0**-7
         assert np.all(np.abs(derivative_along(plain, y, v) - exact) <= wide * unit)
+
+
+@pytest.mark.parametrize("name", ["lotka-volterra", "pendulum"])
+def test_differences_along_a_vector_are_those_of_each_state_by_itself(name: str) -> None:
+    """States of very different sizes side by side: each takes its own width, to the bit."""
+    problem = replace(problems.by_name(name), hessian=None, structure_derivative=None, check=False)
+    y = np.outer(np.asarray(problem.initial), [1e-6, 1.0, 1e3, 1e-3])
+    v = np.outer(np.arange(1.0, problem.dimension + 1), [1e3, -1e-3, 1.0, 0.5])
+    together = derivative_along(problem, y, v)
+    assert together.dtype == np.float64
+    for k in range(4):
+        assert np.array_equal(together[:, k], derivative_along(problem, y[:, k], v[:, k]))
