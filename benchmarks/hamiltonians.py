@@ -14,6 +14,7 @@ from collections.abc import Iterable, Sequence
 import sepv
 from benchmarks import over, start
 from sepv import problems
+from sepv._table import markdown
 from sepv.faults import _fault_detection as fault_detection
 from sepv.faults._saboteurs import SABOTEURS
 from sepv.problem import column
@@ -115,8 +116,7 @@ def cell(finding: Finding) -> str:
 
 def table(heading: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A table of Markdown."""
-    lines = ["| " + " | ".join(heading) + " |", "|" + "---|" * len(heading)]
-    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)]) + "\n"
+    return markdown(heading, rows) + "\n"
 
 
 def verdicts(reports: dict[str, Report]) -> str:

@@ -15,7 +15,6 @@ import jsonschema
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
-from rich.text import Text
 
 import sepv
 from sepv import problems, schemes
@@ -384,14 +383,9 @@ def test_it_says_how_far_it_is_from_the_first_method_on(found: Comparison) -> No
 
 
 def test_one_round_has_no_spread_and_the_caption_says_so(found: Comparison) -> None:
-    several, once = (
-        [
-            str(part.plain if isinstance(part, Text) else [str(c.header) for c in part.columns])
-            for part in parts
-        ]
-        for parts in (table.point_tables(found), table.point_tables(replace(found, repeats=1)))
-    )
-    assert "median of 2 rounds ± half the distance of the quartiles" in several[0]
-    assert "±%" in several[1]
-    assert once[0].endswith("of one round")
-    assert "±%" not in once[1]
+    rounds = (found, replace(found, repeats=1))
+    several, once = ([c.heading for c in table.point_tables(of)[0].columns] for of in rounds)
+    assert "median of 2 rounds ± half the distance of the quartiles" in table.heading(rounds[0])
+    assert "±%" in several
+    assert table.heading(rounds[1]).endswith("of one round")
+    assert "±%" not in once

@@ -16,6 +16,7 @@ import pytest
 from click.testing import CliRunner
 from rich.cells import cell_len
 
+from sepv._table import print_table
 from sepv.commands import main
 from sepv.commands._cli import COMMANDS
 from sepv.faults import _fault_detection as fault_detection
@@ -96,7 +97,7 @@ def test_tables_of_80_columns_hide_nothing(monkeypatch: pytest.MonkeyPatch) -> N
     text = io.StringIO()
     out = console(text)
     for record in store.load(str(ROOT / "benchmarks" / "counters.json")):
-        out.print(record_table(record))
+        print_table(record_table(record), out)
     detect = fault_detection.Detection(
         "one-point-quadrature", "formula", "energy", 0, Verdict.VIOLATED, True, True, 5, 0.1
     )

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import io
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
 from rich.cells import cell_len
 from rich.console import Console
 
-from sepv._terminal import kept
+from sepv._table import Table, as_html, columns, kept, markdown, print_table
 from sepv.commands import main
 from sepv.schemes import midpoint
 from sepv.verification import Effort, Finding, Report, Verdict
@@ -29,7 +30,7 @@ FOUND = tuple(
 def test_a_report_fits_and_shows_whole_numbers(width: int) -> None:
     shown = io.StringIO()
     out = Console(file=shown, width=width)
-    out.print(law_table(Report(midpoint, FOUND, Effort()), out.width))
+    print_table(law_table(Report(midpoint, FOUND, Effort())), out)
     text = shown.getvalue()
     assert max(map(cell_len, text.splitlines())) <= width
     for word in ("mean-square-order", "inconclusive", "1.2e+10", "1.02"):
@@ -45,6 +46,53 @@ def test_columns_go_in_their_order_and_only_as_far_as_they_must() -> None:
     assert kept(needed, 23, ("c", "a"), between=1) == ["name", "a", "b", "c"]
     assert kept(needed, 22, ("c", "a"), between=1) == ["name", "a", "b"]
     assert kept(needed, 1, ("c", "a"), between=1) == ["name", "b"]
+
+
+ROWS = [("one", "Ann & Bob", "1.25e-10", "7"), ("two", "somebody else", "3", "123456")]
+
+
+def shown(width: int, encoding: str = "utf-8", **more: Any) -> str:
+    stream = io.TextIOWrapper(io.BytesIO(), encoding=encoding)
+    heads = (
+        columns(["name"]) + columns(["who"], words=True) + columns((), ["Δ", "steps"], goes=("steps", "who"))
+    )
+    print_table(Table(heads, ROWS, **more), Console(file=stream, width=width, color_system=None))
+    stream.seek(0)
+    return stream.read()
+
+
+def test_a_table_is_roomy_where_it_fits_and_close_where_it_does_not() -> None:
+
+    assert "Ann & Bob      1.25e-10       7" in shown(60)
+    assert "1.25e-10      7" in shown(34)
+    for width in range(13, 60):
+        text = shown(width)
+        assert max(map(cell_len, text.splitlines())) <= width
+        assert "1.25e-10" in text  # what stays is whole
+        assert ("123456" in text) == ("steps" in text)
+    assert "name" not in shown(60, headed=False)
+
+
+def test_a_terminal_of_ascii_measures_what_it_shows() -> None:
+    text = shown(60, "ascii")
+    assert "Delta" in text
+    lines = [line for line in text.splitlines() if line.strip()]
+    assert len({cell_len(line) for line in lines}) == 1
+    shown(40, "ascii", title="h → 0", ruled=True)  # what cannot be encoded would raise
+
+
+def test_a_ruled_table_has_its_line_on_a_wide_terminal_alone() -> None:
+    assert "───" in shown(80, ruled=True)
+    assert "───" not in shown(50, ruled=True)
+
+
+def test_other_forms_of_a_table_escape_what_is_in_it() -> None:
+    found = as_html(Table(columns(["<b>"]), [("a & b",)], "x > y"))
+    assert found == (
+        "<table><caption>x &gt; y</caption><thead><tr><th>&lt;b&gt;</th></tr></thead>"
+        "<tbody><tr><td>a &amp; b</td></tr></tbody></table>"
+    )
+    assert markdown(["a", "b"], [("1", "2")]) == "| a | b |\n| --- | --- |\n| 1 | 2 |"
 
 
 # Sentences, which a terminal wraps itself.

@@ -126,12 +126,13 @@ def _show(records: list[dict[str, Any]], checks: list[Any], *, saved: bool) -> N
 
     from rich.text import Text
 
+    from sepv._table import print_table
     from sepv.studies._bench import table
     from sepv.verification._report import console
 
     out = console()
     for record in records:
-        out.print(table.record_table(record, out.width))
+        print_table(table.record_table(record), out)
     if not checks:
         if not saved:
             out.print("Nothing to compare with: --save and --against, or --against-ref.")

@@ -82,6 +82,7 @@ def compare(
 
     A scheme that fails is left out and named at the end; the exit code is 3 then.
     """
+    from sepv._table import print_table
     from sepv.files import require_folder, write_atomically
     from sepv.schemes import load_problem
     from sepv.studies._compare import compare as run
@@ -133,10 +134,11 @@ def compare(
     if picture:
         write_atomically(picture, drawing.draw(found, Path(picture).suffix))
     if not options["quiet"]:
-        for part in table.point_tables(found, out.width):
-            out.print(part)
+        out.print(table.heading(found), style="bold")
+        for part in table.point_tables(found):
+            print_table(part, out)
         out.print()
-    out.print(table.target_table(found, out.width))
+    print_table(table.target_table(found), out)
     for note in table.notes(found):
         out.print(note, style="dim", soft_wrap=True)
     if not alone:

@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from sepv._table import print_table
 from sepv.commands._shared import EXEC, FILE, candidates, friendly, save_json
 
 if TYPE_CHECKING:
-    from rich.table import Table
+    from rich.text import Text
 
+    from sepv._table import Table
     from sepv.studies._hard_cases import Seen
 
 
@@ -92,7 +94,7 @@ def hard(
     report = {"scheme": scheme.name, "seed": seed, "cases": [s.to_json() for s in seen]}
     save_json(json_file, "hard", report)
     if not quiet:
-        out.print(_table(scheme.name, seen, out.width))
+        print_table(_table(scheme.name, seen), out)
         out.print("* a step may be refused; solved otherwise. Why, says --explain.\n")
     for row in seen:
         if not row.as_expected:
@@ -101,40 +103,31 @@ def hard(
     raise SystemExit(0 if all(s.as_expected for s in seen) else 1)
 
 
-def _table(name: str, seen: Sequence[Seen], width: int) -> Table:
-    from rich.table import Table
+def _table(name: str, seen: Sequence[Seen]) -> Table:
     from rich.text import Text
 
-    from sepv._terminal import fitted
+    from sepv._table import Table, columns
 
-    table = Table(
-        box=None,
-        pad_edge=False,
-        padding=(0, 1, 0, 0),
-        title=f"{name}: defects of H in energy ulps, eps |∇H| |y|",
-        title_justify="left",
-    )
-    for heading in ("case", "seen"):
-        table.add_column(heading)
-    for heading in ("median", "largest", "of bound", "Newton", "laws"):
-        table.add_column(heading, justify="right", no_wrap=True)
+    rows: list[tuple[str | Text, ...]] = []
     for s in seen:
-        numbers = (
-            _number(s.defects, _middle),
-            _number(s.defects, max),
-            f"{s.ratio:.1g}" if s.defects.size else "",
-        )
         held = f"{sum(a for a, _ in s.laws.values())}/{sum(b for _, b in s.laws.values())}" if s.laws else ""
         turns = f"{_number(s.iterations, _middle)}, ≤ {int(max(s.iterations))}" if s.iterations.any() else ""
         style = "" if s.as_expected else "bold red"
-        table.add_row(
-            Text(s.case.name + ("*" if s.case.refusals else ""), style=style),
-            Text(_endings(s), style=style),
-            *numbers,
-            turns,
-            held,
+        rows.append(
+            (
+                Text(s.case.name + ("*" if s.case.refusals else ""), style=style),
+                Text(_endings(s), style=style),
+                _number(s.defects, _middle),
+                _number(s.defects, max),
+                f"{s.ratio:.1g}" if s.defects.size else "",
+                turns,
+                held,
+            )
         )
-    return fitted(table, width, ("laws", "Newton", "median", "of bound", "largest"), wrapped=["seen"])
+    numbers = ("median", "largest", "of bound", "Newton", "laws")
+    goes = ("laws", "Newton", "median", "of bound", "largest")
+    heads = (*columns(["case"]), *columns(["seen"], words=True), *columns((), numbers, goes=goes))
+    return Table(heads, rows, f"{name}: defects of H in energy ulps, eps |∇H| |y|")
 
 
 def _endings(seen: Seen) -> str:

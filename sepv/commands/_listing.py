@@ -20,10 +20,8 @@ def list_(debug: bool) -> None:  # noqa: ARG001  (every command takes it)
 
     The hard cases are listed, with their reasons, by sepv hard --explain, the saboteurs by docs/teeth.md.
     """
-    from rich.table import Table
-
     from sepv import problems, schemes
-    from sepv._terminal import fitted
+    from sepv._table import Table, columns, print_table
     from sepv.verification import load_laws
     from sepv.verification._report import console
 
@@ -46,17 +44,10 @@ def list_(debug: bool) -> None:  # noqa: ARG001  (every command takes it)
         ),
         ("Laws", ("law", "source", "statement"), [(x.name, x.source, x.statement) for x in load_laws()]),
     ):
-        table = Table(title=title, title_justify="left", box=None, pad_edge=False)
-        for name in heading:
-            table.add_column(name)
-        for row in rows:
-            table.add_row(*row)
         # Of the laws the statement stays; of schemes and problems what they are.
-        out.print(
-            fitted(
-                table, out.width, ["order", "d, m", "source"] if title == "Laws" else [], wrapped=heading[1:]
-            )
-        )
+        goes = ["order", "d, m", "source"] if title == "Laws" else []
+        heads = columns(heading[:1]) + columns(heading[1:], words=True, goes=goes)
+        print_table(Table(heads, rows, title), out)
         out.print()
 
 

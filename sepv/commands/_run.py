@@ -138,8 +138,7 @@ def _bar(total: int, quiet: bool) -> Iterator[Callable[[int, int], None]]:
 
 
 def _show(scheme: str, problem: str, path: Any, quiet: bool, *, counted: bool, casimirs: bool) -> None:
-    from rich.table import Table
-
+    from sepv._table import Column, Table, print_table
     from sepv.verification._report import console
 
     unit = 2.0**-52 * max(path.steps, 1) ** 0.5
@@ -147,7 +146,6 @@ def _show(scheme: str, problem: str, path: Any, quiet: bool, *, counted: bool, c
         second = f", Casimirs {path.casimir_defect:.3g}" if casimirs else ""
         console().print(f"{path.steps:,} steps: energy {path.energy_defect:.3g}{second} at most")
         return
-    table = Table(box=None, pad_edge=False, show_header=False)
     rows = [
         (
             "path",
@@ -167,9 +165,7 @@ def _show(scheme: str, problem: str, path: Any, quiet: bool, *, counted: bool, c
         )
     if counted:
         rows.append(("work", f"{path.iterations / max(path.steps, 1):.3g} iterations a step"))
-    for row in rows:
-        table.add_row(*row)
-    console().print(table)
+    print_table(Table((Column("what"), Column("found", words=True)), rows, headed=False), console())
 
 
 def _record(scheme: str, problem: str, h: float, seed: int, path: Any) -> dict[str, Any]:

@@ -14,8 +14,7 @@ from sepv.commands._compare import Numbers
 from sepv.commands._shared import FILE, Renamed, friendly, save_json
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
+    from sepv._table import Table
     from sepv.studies._solvability import Exits, Map
 
 STEPS = tuple(2.0**-n for n in range(1, 11))
@@ -205,10 +204,10 @@ def _show(found: Map, furthest: float, k: int | None, out: Any) -> None:
         + "."
     )
     law = f"truncated with k = {k}" if k else "untruncated"
-    from sepv._terminal import fitted
+    from sepv._table import print_table
 
     out.print(f"\nP(Δ of a step is off the branch), c = {found.problem.c.tolist()}, {law}:")
-    out.print(fitted(_table(found, k), out.width, ["worst state"]))
+    print_table(_table(found, k), out)
     rough = [h for h in STEPS if _rough(found, h, k)]
     if rough:
         out.print(
@@ -225,37 +224,35 @@ def _rough(found: Map, h: float, k: int | None) -> bool:
 
 
 def _table(found: Map, k: int | None) -> Table:
-    from rich.table import Table
+    from sepv._table import Table, columns
 
-    table = Table(box=None, pad_edge=False)
-    for heading in ("h", "mean over the states", "worst state", "some step to T = 1, on the orbit"):
-        table.add_column(heading, justify="right")
+    rows = []
     for h in STEPS:
         p = float(found.chances(h, k).mean())
         path = 1 - (1 - p) ** round(1 / h)
-        table.add_row(f"2^{round(_log2(h))}", *(f"{v:.2g}" for v in (p, found.worst(h, k), path)))
-    return table
+        rows.append((f"2^{round(_log2(h))}", *(f"{v:.2g}" for v in (p, found.worst(h, k), path))))
+    heads = ("h", "mean over the states", "worst state", "some step to T = 1, on the orbit")
+    return Table(columns((), heads, goes=["worst state"]), rows)
 
 
 def _show_exits(exits: Sequence[Exits], out: Any) -> None:
     """How long paths found a solution of each step."""
-    from rich.table import Table
-
-    from sepv._terminal import fitted
+    from sepv._table import Table, columns, print_table
 
     if not exits:
         return
-    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
-    for heading in ("scheme", "h", "followed to", "failed", "first exit", "half failed", "share, 95 %"):
-        table.add_column(heading, justify="left" if heading == "scheme" else "right")
-    for e in exits:
-        table.add_row(
+    rows = [
+        (
             e.scheme, f"2^{round(_log2(e.h))}", f"{e.until:.6g}" + "*" * e.cut_short,
             f"{e.failed} of {e.paths}", *("–" if t is None else f"{t:.4g}" for t in (e.first, e.median)),
             f"≤ {e.share:.2g}",
-        )  # fmt: skip
+        )
+        for e in exits
+    ]  # fmt: skip
+    numbers = ("h", "followed to", "failed", "first exit", "half failed", "share, 95 %")
+    heads = columns(["scheme"], numbers, goes=("share, 95 %", "followed to", "half failed", "failed"))
     out.print("\nPaths of the schemes themselves, until a step has no solution:")
-    out.print(fitted(table, out.width, ("share, 95 %", "followed to", "half failed", "failed")))
+    print_table(Table(heads, rows), out)
     out.print(
         "A step size is safe, with that scheme and from this state, until the first exit; where there is none, "
         "nothing is known beyond the end of the paths. share bounds the probability that a path fails until then."

@@ -31,8 +31,7 @@ def trend(
     sepv trend results --library diffrax --json trend.json
     sepv trend results --out docs/trend.md
     """
-    from rich.table import Table
-
+    from sepv._table import Table, columns, print_table
     from sepv.errors import UsageError
     from sepv.files import json_text, require_folder, write_atomically
     from sepv.peers import _trend as compared
@@ -58,12 +57,9 @@ def trend(
     for name, records in found.items():
         last = compared.latest(records)
         if not quiet:
-            table = Table(title=name, title_justify="left", box=None, pad_edge=False)
-            for heading in ("solver", *(r.version for r in last)):
-                table.add_column(heading, overflow="fold")
-            for solver in compared.solvers(records):
-                table.add_row(solver, *(compared.cell(r, solver) for r in last))
-            screen.print(table)
+            heads = columns(["solver"]) + columns([r.version for r in last], words=True)
+            rows = [(s, *(compared.cell(r, s) for r in last)) for s in compared.solvers(records)]
+            print_table(Table(heads, rows, name), screen)
         for c in compared.changes(records):
             what = f"{c.solver}, {c.law}" if c.law else c.solver
             screen.print(f"{name} {c.since} → {c.version}: {what}: {c.before} → {c.after}", soft_wrap=True)

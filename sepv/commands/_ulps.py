@@ -47,10 +47,9 @@ def ulps(
     sepv ulps                             all schemes on the paper's problems
     sepv ulps mymodule:step -p pendulum --peers
     """
-    from rich.table import Table
 
     from sepv import problems, schemes
-    from sepv._terminal import fitted
+    from sepv._table import Table, columns, print_table
     from sepv.files import require_folder
     from sepv.schemes import load_problem
     from sepv.studies import _ulps as unit
@@ -67,24 +66,22 @@ def ulps(
                 line.update(f"{scheme.name}, {problem.name}", len(rows) / (len(wanted) * len(chosen)))
                 rows.append(unit.one_step(scheme, problem, h=h, steps=steps, seed=seed))
     save_json(json_file, "ulps", {"rows": [r.to_json() for r in rows]})
-    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
-    for heading in ("scheme", "problem"):
-        table.add_column(heading, overflow="fold")
     failures = any(r.failed for r in rows)  # a column of its own only where there are any: 80 columns are few
-    headings = [
-        "h",
-        *(["failed"] if failures else []),
-        "energy:\nmedian",
-        "\nlargest",
-        "casimir:\nmedian",
-        "\nlargest",
+    sizes = ("energy:\nmedian", "\nlargest", "casimir:\nmedian", "\nlargest ")
+    shown = [
+        (
+            r.scheme,
+            r.problem,
+            f"{r.h:.3g}",
+            *([str(r.failed or "")] if failures else []),
+            *(
+                "" if v is None else f"{v:.2g}"
+                for v in (r.energy_median, r.energy_largest, r.casimir_median, r.casimir_largest)
+            ),
+        )
+        for r in rows
     ]
-    for heading in headings:
-        table.add_column(heading, justify="right", no_wrap=True)
-    for r in rows:
-        sizes = (r.energy_median, r.energy_largest, r.casimir_median, r.casimir_largest)
-        shown = ["" if v is None else f"{v:.2g}" for v in sizes]
-        failed = [str(r.failed or "")] if failures else []
-        table.add_row(r.scheme, r.problem, f"{r.h:.3g}", *failed, *shown)
+    numbers = ["h", *(["failed"] if failures else []), *sizes]
+    heads = columns(["scheme", "problem"], words=True) + columns((), numbers, goes=sizes[:0:-1])
     out = console()
-    out.print(fitted(table, out.width, (), wrapped=("scheme", "problem")))
+    print_table(Table(heads, shown), out)

@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from sepv._table import print_table
 from sepv.commands._shared import (
     EXIT_CODES,
     FILE,
@@ -207,7 +208,7 @@ def _verify(
         if report.interrupted:
             break
     if len(reports) > 1 and not quiet:
-        out.print(page.matrix(reports))
+        print_table(page.matrix(reports), out)
     return max(reports, key=lambda r: r.exit_code).exit_code
 
 

@@ -14,10 +14,9 @@ from statistics import median
 from typing import Any
 
 from rich.console import Console
-from rich.measure import Measurement
-from rich.table import Table
 from rich.text import Text
 
+from sepv._table import Table, columns, fits, print_table
 from sepv.errors import UsageError
 from sepv.faults._saboteurs import SABOTEURS, Saboteur
 from sepv.simulate._engine.crew import ended_at_once
@@ -219,8 +218,8 @@ def examples_to_kill(detections: Sequence[Detection]) -> dict[tuple[str, int], i
 def show(detections: Sequence[Detection], out: Console) -> None:
     """The matrix, its legend, what a reader should worry about, and the count."""
     laws, table = list(dict.fromkeys(b.law for b in detections)), matrix(detections)
-    wide = Measurement.get(out, out.options.update(max_width=1000), table).maximum > out.width
-    out.print(listing(detections) if wide else table)
+    wide = not fits(table, out)
+    print_table(listing(detections) if wide else table, out)
     out.print(
         Text("number: median examples (or paths) to the first violation; (number): not with every seed")
     )
@@ -245,28 +244,20 @@ def _has_holes(detections: Sequence[Detection]) -> bool:
 def matrix(detections: Sequence[Detection]) -> Table:
     """Saboteur × law, with the seeds killed."""
     laws = list(dict.fromkeys(b.law for b in detections))
-    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("saboteur", no_wrap=True)
-    for law in laws:
-        table.add_column(abbreviation(law), justify="right", no_wrap=True)
-    table.add_column("killed", justify="right", no_wrap=True)
-    for name, killed, cells in _rows(detections):
-        table.add_row(name, *(cells.get(law, Text("")) for law in laws), killed)
-    return table
+    heads = columns(["saboteur"], [*map(abbreviation, laws), "killed"])
+    rows = [[name, *(cells.get(law, "") for law in laws), killed] for name, killed, cells in _rows(detections)]
+    return Table(heads, rows)
 
 
 def listing(detections: Sequence[Detection]) -> Table:
     """The same where the matrix is too wide: for each saboteur what does not hold, in words."""
-    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("saboteur", no_wrap=True)
-    table.add_column("killed", justify="right", no_wrap=True)
-    table.add_column("laws")
+    rows: list[tuple[str, Text, Text]] = []
     for name, killed, cells in _rows(detections):
         seen = [
             Text(f"{law} ") + cell for law, cell in cells.items() if cell.plain.strip("*") not in ("·", "n/a")
         ]
-        table.add_row(name, killed, Text(", ").join(seen))
-    return table
+        rows.append((name, killed, Text(", ").join(seen)))
+    return Table((*columns(["saboteur"], ["killed"]), *columns(["laws"], words=True)), rows)
 
 
 def _rows(detections: Sequence[Detection]) -> Iterator[tuple[str, Text, dict[str, Text]]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from sepv._table import markdown
 from sepv.peers._history import Record
 from sepv.peers._trend import ABSENT, cell, changes, deviations, latest, solvers
 from sepv.verification import Verdict
@@ -44,7 +45,7 @@ def page(found: dict[str, list[Record]]) -> str:
 
 def _library(records: Sequence[Record]) -> Iterator[str]:
     last = latest(records)
-    yield _table(
+    yield markdown(
         ["solver", *(r.version for r in last)],
         [(name, *(cell(r, name) for r in last)) for name in solvers(records)],
     )
@@ -58,7 +59,7 @@ def _library(records: Sequence[Record]) -> Iterator[str]:
     found = changes(records)
     if found:
         yield "**What changed**"
-        yield _table(
+        yield markdown(
             ["in", "after", "solver", "law", "before", "now", "other changes"],
             [
                 (
@@ -73,7 +74,7 @@ def _library(records: Sequence[Record]) -> Iterator[str]:
     shown = deviations(records)
     if shown:
         yield "**Where it does not do what its documentation says**"
-        yield _table(
+        yield markdown(
             ["script", "statement", "seen in", "mended in"],
             [
                 (
@@ -113,7 +114,3 @@ def _few(besides: Sequence[str]) -> str:
 def _words(verdict: str) -> str:
     known = {v.value: v.text for v in Verdict}
     return verdict if verdict == ABSENT else known.get(verdict, verdict)
-
-
-def _table(heading: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
-    return "\n".join("| " + " | ".join(line) + " |" for line in (heading, ["---"] * len(heading), *lines))

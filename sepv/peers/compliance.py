@@ -15,6 +15,7 @@ from typing import Any
 
 import click
 
+from sepv._table import markdown
 from sepv._version import __version__
 from sepv.errors import SepvError
 from sepv.peers._cells import Cell, measured
@@ -85,13 +86,13 @@ def document(found: Sequence[Row], deviations: Sequence[Deviation], command: str
         f"Made by `{command}` with sepv {__version__}; not edited by hand.",
         _introduction(),
         "## Orders and energy",
-        _table(numbers, first),
+        markdown(numbers, first),
         "† contradicted in the last section, where other problems than these two serve as well."
         if contradicted
         else "",
         "## Laws",
         "holds · – violated · ? inconclusive · n/a not applicable · error: not measured, reason below · + claimed",
-        _table(["solver", *LAWS], second),
+        markdown(["solver", *LAWS], second),
         "\n".join(notes),
         "## Where the claimed orders come from",
         "\n".join(sources),
@@ -121,11 +122,6 @@ def _introduction() -> str:
         "they act through brackets of the noise fields, which vanish here.",
     )
     return " ".join(sentences).replace(" \n\n", "\n\n")
-
-
-def _table(heading: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
-    rule = ["---"] * len(heading)
-    return "\n".join("| " + " | ".join(line) + " |" for line in (heading, rule, *lines))
 
 
 def deviations_shown_by(folder: Path) -> list[Deviation]:

@@ -15,6 +15,7 @@ from typing import Any
 
 import click
 
+from sepv._table import markdown
 from sepv._version import __version__
 from sepv.errors import SepvError
 from sepv.peers._cells import measured
@@ -22,7 +23,7 @@ from sepv.peers._compliance_measurements import LIBRARIES, release
 from sepv.peers._options import page_options
 from sepv.peers._solver import KINDS, Solver, problem_of
 from sepv.peers._solver_measurements import ALPHA, KEPT, PATHS, SINGLE, STEPS, T, cells, limit_of, orders
-from sepv.peers.compliance import Deviation, _table, deviations_shown_by
+from sepv.peers.compliance import Deviation, deviations_shown_by
 from sepv.verification import Effort, Verdict
 from sepv.verification._progress import Shown, showing
 
@@ -119,7 +120,7 @@ def document(found: Mapping[str, Sequence[Line]], deviations: Sequence[Deviation
         _introduction(),
     ]
     for library, own in found.items():
-        parts += [f"## {library} {release(library)}", _table(HEADING, [_marked(each) for each in own])]
+        parts += [f"## {library} {release(library)}", markdown(HEADING, [_marked(each) for each in own])]
         parts.append("\n".join(f"- {source}" for source in dict.fromkeys(each.source for each in own)))
     short = [
         f"- {each.cells[0]}, {each.cells[1]}: {what}"

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 
-from rich import box
 from rich.console import Console
-from rich.table import Table
 
+from sepv._table import Table, columns, fits, print_table
 from sepv.problem import Systems
 from sepv.verification import _corpus as corpus
 from sepv.verification._cases.spaces import SPACES
@@ -50,31 +49,37 @@ def show(laws: Iterable[Law], systems: Systems, out: Console) -> None:
     chosen = [law.name for law in laws]
     spaces = {name: space for name, space in SPACES.get(systems, {}).items() if name in chosen}
     order = [name for name in chosen if name in spaces]
-    summary = Table(box=box.SIMPLE_HEAD, title="Cases by design, and pairs of strata that they meet")
-    for column in ("law", "witnesses", "cases", "pairs met", "possible", "impossible"):
-        summary.add_column(column, justify="left" if column == "law" else "right")
     counts = {name: cases_by_stratum(spaces[name]) for name in order}
+    rows: list[list[str]] = []
     for name in order:
         met, possible = pairs(spaces[name])
         design = spaces[name].design()
         known = len(corpus.cases(name, systems))
-        summary.add_row(name, *map(str, (known, len(design.rows), met, possible, len(design.impossible))))
-    out.print(summary)
+        numbers = (known, len(design.rows), met, possible, len(design.impossible))
+        rows.append([name, *map(str, numbers)])
+    heads = columns(["law"], ["witnesses", "cases", "pairs met", "possible", "impossible"])
+    title = "Cases by design, and pairs of strata that they meet"
+    print_table(Table(heads, rows, title, ruled=True), out)
     out.print("witnesses: cases that caught a fault once (docs/vectors.md), asked before the design")
-    strata = Table(box=box.SIMPLE_HEAD, title="Cases in each stratum")
-    for column in ("axis", "stratum", "all"):
-        strata.add_column(column, justify="right" if column == "all" else "left")
-    for name in order:
-        strata.add_column(name[:5], justify="right")
     seen = dict.fromkeys(key for name in order for key in _strata(spaces[name]))
     axes = list(dict.fromkeys(axis for axis, _ in seen))
-    last = ""
-    for axis, stratum in sorted(seen, key=lambda key: axes.index(key[0])):
-        numbers = [counts[name].get((axis, stratum), 0) for name in order]
-        shown = [str(n) if n else "·" for n in numbers]
-        strata.add_row("" if axis == last else axis, stratum, str(sum(numbers)), *shown)
-        last = axis
-    out.print(strata)
+    keys = sorted(seen, key=lambda key: axes.index(key[0]))
+
+    def strata(laws: list[str]) -> Table:
+        rows: list[list[str]] = []
+        for number, key in enumerate(keys):
+            found = [counts[name].get(key, 0) for name in laws]
+            axis = "" if number and keys[number - 1][0] == key[0] else key[0]
+            every = sum(counts[name].get(key, 0) for name in order)
+            rows.append([axis, key[1], str(every), *(str(n) if n else "·" for n in found)])
+        heads = columns(["axis", "stratum"], ["all", *(name[:5] for name in laws)])
+        return Table(heads, rows, "Cases in each stratum", ruled=True)
+
+    left = order
+    while left:  # as many laws beside each other as fit
+        count = next((n for n in range(len(left), 1, -1) if fits(strata(left[:n]), out)), 1)
+        print_table(strata(left[:count]), out)
+        left = left[count:]
     reasons: dict[str, dict[str, None]] = {}
     for name in order:
         for reason, listed in impossible(spaces[name]).items():

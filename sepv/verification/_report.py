@@ -7,14 +7,14 @@ import os
 import sys
 from collections.abc import Sequence
 from html import escape
-from typing import TYPE_CHECKING, Any, Literal, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
-from rich import box
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
-from sepv._terminal import ascii_text, cannot_show, kept
+from sepv import _table as table
+from sepv._table import Column, Table, print_table
+from sepv._terminal import ascii_cell, cannot_show
 from sepv.verification._law import Finding, Verdict
 
 if TYPE_CHECKING:
@@ -38,8 +38,6 @@ MARKS = {
 }
 # Claimed by whoever hands over a step; a scheme that claims nothing else guards nothing else.
 ALWAYS = ("contract",)
-# Two blank columns on each side are the difference between a table that fits 80 columns and one that does not.
-_BOX = box.SIMPLE_HEAD
 
 
 def console(file: TextIO | None = None, *, stderr: bool = False) -> Console:
@@ -59,27 +57,15 @@ class _Console(Console):
 
 
 class _Ascii(_Console):
-    """A console of an encoding without our signs: texts and tables are put in ASCII before they are laid out."""
+    """A console of an encoding without our signs: texts are put in ASCII before they are laid out."""
 
     def print(self, *objects: Any, **options: Any) -> None:
-        super().print(*(_in_ascii(o) for o in objects), **options)
-
-
-def _in_ascii(thing: Any) -> Any:
-    if isinstance(thing, str):
-        return ascii_text(thing)
-    if isinstance(thing, Text):
-        return Text(ascii_text(thing.plain), style=thing.style, overflow=thing.overflow)
-    if isinstance(thing, Table):
-        thing.title, thing.caption = _in_ascii(thing.title), _in_ascii(thing.caption)
-        for column in thing.columns:
-            column.header, column._cells = _in_ascii(column.header), [_in_ascii(c) for c in column._cells]
-    return thing
+        super().print(*(ascii_cell(o) for o in objects), **options)
 
 
 def show(report: Report, target: str, out: Console, *, debug: bool = False) -> None:
     """The table of a report, then each counterexample with the command that replays it."""
-    out.print(law_table(report, out.width))
+    print_table(law_table(report), out)
     said: set[str] = set()
     for finding in report.findings:
         # A scheme that cannot be asked says the same to every law: once is enough.
@@ -104,16 +90,7 @@ def as_text(report: Report) -> str:
 
 def as_html(report: Report) -> str:
     """The table and the last line as HTML, for a notebook; everything that a scheme says is escaped."""
-    table = law_table(report)
-    heads = "".join(f"<th>{escape(str(c.header))}</th>" for c in table.columns)
-    cells = [[escape(getattr(cell, "plain", str(cell))) for cell in c.cells] for c in table.columns]
-    rows = ["".join(f"<td>{cell}</td>" for cell in row) for row in zip(*cells, strict=True)]
-    body = "".join(f"<tr>{row}</tr>" for row in rows)
-    title = escape(getattr(table.title, "plain", str(table.title)))
-    return (
-        f"<table><caption>{title}</caption><thead><tr>{heads}</tr></thead><tbody>{body}</tbody></table>"
-        f"<p>{escape(summary(report).plain)}</p>"
-    )
+    return f"{table.as_html(law_table(report))}<p>{escape(summary(report).plain)}</p>"
 
 
 def line(out: Console, text: Text) -> None:
@@ -121,56 +98,38 @@ def line(out: Console, text: Text) -> None:
     out.print(text, soft_wrap=not out.is_terminal)
 
 
-# What gives way first where a terminal is narrow; a law, its verdict and its defect are always there.
-_DROPPED = ("source", "unit", "claimed", "bound")
-_WRAPPED = ("unit", "source")
-_COLUMNS = ("law", "claimed", "verdict", "defect", "bound", "unit", "source")
+# A law, its verdict and its defect are always there; of the others what gives way first where a terminal is narrow.
+_COLUMNS = (
+    Column("law"),
+    Column("claimed", goes=3),
+    Column("verdict"),
+    Column("defect", right=True),
+    Column("bound", right=True, goes=4),
+    Column("unit", words=True, goes=2),
+    Column("source", words=True, goes=1),
+)
 
 
-def law_table(report: Report, width: int = 100) -> Table:
-    """law, claimed, verdict, defect against bound, unit, source: what fits in so many columns, never half a number."""
-    title = Text(
-        report.scheme.name + (f" · {report.scheme.source}" if report.scheme.source else ""), style="bold"
+def law_table(report: Report) -> Table:
+    """law, claimed, verdict, defect against bound, unit, source."""
+    title = report.scheme.name + (f" · {report.scheme.source}" if report.scheme.source else "")
+    return Table(
+        _COLUMNS, [_law_row(report, f) for f in report.findings], Text(title, style="bold"), ruled=True
     )
-    rows = [_law_row(report, f) for f in report.findings]
-    headings: dict[str, str | Text] = {name: name for name in _COLUMNS}
-    needed = {
-        name: max(len(word) for row in [headings, *rows] for word in _pieces(name, str(row[name])))
-        for name in _COLUMNS
-    }
-    narrow = width < 60
-    # A blank after each column, the last one too; with lines, one between columns and one at either end.
-    left = kept(needed, width - 1 - 2 * (not narrow), _DROPPED, 1 if narrow else 2)
-    needed = {name: needed[name] for name in left}
-    # As wide as its title where that is what a terminal holds: a table of one law would break it.
-    table = Table(
-        box=None if narrow else _BOX, title=title, title_justify="left", pad_edge=False, padding=(0, 1, 0, 0),
-        min_width=min(title.cell_len, 80, width),
-    )  # fmt: skip
-    for name, least in needed.items():
-        side: Literal["left", "right"] = "right" if name in ("defect", "bound") else "left"
-        table.add_column(name, no_wrap=name not in _WRAPPED, min_width=least, justify=side)
-    for row in rows:
-        table.add_row(*(row[name] for name in needed))
-    return table
 
 
-def _pieces(name: str, text: str) -> list[str]:
-    return text.split() or [""] if name in _WRAPPED else [text]
-
-
-def _law_row(report: Report, f: Finding) -> dict[str, str | Text]:
+def _law_row(report: Report, f: Finding) -> tuple[str | Text, ...]:
     text = "n/a" if f.verdict is Verdict.NOT_APPLICABLE else f.verdict.text
     own = "yes" if f.law in report.scheme.claims else "always"
-    return {
-        "law": f.law,
-        "claimed": "fails" if f.expected is not None else own if f.claimed else "",
-        "verdict": Text(text, style=_STYLES[f.verdict]),
-        "defect": _number(f.defect),
-        "bound": "" if f.bound is None else f"{'≥' if f.at_least else '≤'} {_number(f.bound)}",
-        "unit": f.unit,
-        "source": f.source,
-    }
+    return (
+        f.law,
+        "fails" if f.expected is not None else own if f.claimed else "",
+        Text(text, style=_STYLES[f.verdict]),
+        _number(f.defect),
+        "" if f.bound is None else f"{'≥' if f.at_least else '≤'} {_number(f.bound)}",
+        f.unit,
+        f.source,
+    )
 
 
 def summary(report: Report, target: str = "") -> Text:
@@ -271,16 +230,16 @@ def _count(number: int, what: str) -> str:
 
 def matrix(reports: Sequence[Report]) -> Table:
     """Scheme × law."""
-    table = Table(
-        box=_BOX, pad_edge=False, caption="+ claimed, – violated, ? inconclusive", caption_justify="left"
-    )
-    table.add_column("law")
-    for report in reports:
-        table.add_column(Text(report.scheme.name, overflow="fold"))
-    for row in zip(*(r.findings for r in reports), strict=True):
-        cells = [Text(MARKS[f.verdict] + (" +" if f.claimed else ""), style=_STYLES[f.verdict]) for f in row]
-        table.add_row(row[0].law, *cells)
-    return table
+    rows: list[list[str | Text]] = []
+    for found in zip(*(r.findings for r in reports), strict=True):
+        cells = [
+            Text(MARKS[f.verdict] + (" +" if f.claimed else ""), style=_STYLES[f.verdict]) for f in found
+        ]
+        rows.append([found[0].law, *cells])
+    # Two reports may be of schemes of one name.
+    named = [Column(f"{r.scheme.name}{' ' * n}", words=True) for n, r in enumerate(reports)]
+    caption = "+ claimed, – violated, ? inconclusive"
+    return Table((Column("law"), *named), rows, caption=caption, ruled=True)
 
 
 def show_finding(finding: Finding, out: Console, *, debug: bool = False) -> None:

@@ -5,10 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from rich.table import Table
-from rich.text import Text
 
-from sepv._terminal import fitted
+from sepv._table import Table, columns
 
 # The counters in the order of the columns, and their headings.
 HEADINGS = {
@@ -21,26 +19,18 @@ HEADINGS = {
 DROPPED = ("H″", "B′", "H", "failed", "Newton", "ΔC", "B", "ΔH")
 
 
-def record_table(record: dict[str, Any], width: int = 120) -> Table:
+def record_table(record: dict[str, Any]) -> Table:
     """One row for each case: counters of all paths and steps, rms error and defects."""
-    table = Table(
-        box=None,
-        title=Text(f"{record['target']}: evaluations over all paths and steps, rms over paths", style="bold"),
-        title_justify="left",
-        pad_edge=False,
-        padding=(0, 1, 0, 0),
-    )
-    table.add_column("case")
-    for heading in (*HEADINGS.values(), "error", "ΔH", "ΔC"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for case in record["cases"]:
-        counts = [case["counters"].get(name) for name in HEADINGS]
-        table.add_row(
+    rows = [
+        (
             case["case"]["name"].replace("harmonic-", "harmonic-\n"),
-            *("–" if n is None else str(n) for n in counts),
+            *("–" if (n := case["counters"].get(name)) is None else str(n) for name in HEADINGS),
             *(_rms(case[kind]) for kind in ("error", "energy", "casimir")),
         )
-    return fitted(table, width, DROPPED, wrapped=["case"])
+        for case in record["cases"]
+    ]
+    heads = columns(["case"], [*HEADINGS.values(), "error", "ΔH", "ΔC"], goes=DROPPED)
+    return Table(heads, rows, f"{record['target']}: evaluations over all paths and steps, rms over paths")
 
 
 def _rms(groups: list[str]) -> str:

@@ -6,13 +6,9 @@ import csv
 import io
 import math
 import statistics
+from dataclasses import replace
 
-from rich import box
-from rich.cells import cell_len
-from rich.table import Table
-from rich.text import Text
-
-from sepv._terminal import fitted, kept, longest
+from sepv._table import Table, columns, longest
 from sepv.studies._compare.record import Comparison, Point, TimeToError
 from sepv.verification._orders.convergence import Estimate
 
@@ -24,20 +20,19 @@ MARKS = {"between": "", "beyond": "~", "coarsest": "≤"}
 # something that is not this process. On a busy machine the clock runs faster for all of them.
 WAITS = 10.0
 
+# Headings with their least widths.
 COLUMN_WIDTHS = {
     "steps": 6, "strong error": 12, "weak error": 11, "|ΔH|": 5, "|ΔC|": 5, "ns/step": 7, "±%": 3, "∇H": 4, "B": 4,
     "Newton": 6, "failed": 8,
 }  # fmt: skip
-
-
 # What goes first where a terminal is narrow.
 DROPPED = ("±%", "B", "∇H", "Newton", "|ΔC|", "ns/step", "weak error", "|ΔH|", "failed")
 
 
-def point_tables(comparison: Comparison, width: int = 120) -> list[Text | Table]:
-    """One table for each method under its name, one row for each step size; the columns stand under each other."""
+def heading(comparison: Comparison) -> str:
+    """What the tables of points show."""
     rounds = comparison.repeats
-    title = (
+    return (
         f"{comparison.problem}, T = {comparison.T:g}: errors with {comparison.confidence:.0%} intervals, the largest "
         "defects; ns of processor time for a step of one path on one core, "
         + (
@@ -46,30 +41,28 @@ def point_tables(comparison: Comparison, width: int = 120) -> list[Text | Table]
             else "of one round"
         )
     )
-    parts: list[Text | Table] = [Text(title, style="bold")]
-    columns = dict(COLUMN_WIDTHS)
-    if not any(p.failures for p in comparison.points):
-        del columns["failed"]
-    if rounds == 1:
-        del columns["±%"]  # of one number
-    rows = [dict(zip(COLUMN_WIDTHS, _cells(comparison, p), strict=True)) for p in comparison.points]
-    columns = {
-        name: max(least, cell_len(name), longest(row[name] for row in rows))
-        for name, least in columns.items()
+
+
+def point_tables(comparison: Comparison) -> list[Table]:
+    """One table for each method under its name, one row for each step size; the columns stand under each other."""
+    absent = {"failed"} if not any(p.failures for p in comparison.points) else set()
+    absent |= {"±%"} if comparison.repeats == 1 else set()  # of one number
+    names = [name for name in COLUMN_WIDTHS if name not in absent]
+    rows = {
+        (p.method, p.steps): dict(zip(COLUMN_WIDTHS, _cells(comparison, p), strict=True))
+        for p in comparison.points
     }
-    columns = {name: columns[name] for name in kept(columns, width, DROPPED)}
-    for number, name in enumerate(comparison.sources):
-        heading = Text(name, style="bold")
-        table = Table(
-            box=None, title=heading, title_justify="left", show_header=number == 0, pad_edge=False, padding=(0, 1, 0, 0)
-        )  # fmt: skip
-        for column, least in columns.items():
-            table.add_column(column, justify="right", no_wrap=True, min_width=least)
-        for point in comparison.of(name):
-            cells = dict(zip(COLUMN_WIDTHS, _cells(comparison, point), strict=True))
-            table.add_row(*(cells[name] for name in columns))
-        parts.append(table)
-    return parts
+    least = {n: max(COLUMN_WIDTHS[n], longest(row[n] for row in rows.values())) for n in names}
+    heads = tuple(replace(c, least=least[c.heading]) for c in columns((), names, goes=DROPPED))
+    return [
+        Table(
+            heads,
+            [[rows[method, p.steps][name] for name in names] for p in comparison.of(method)],
+            method,
+            headed=number == 0,
+        )
+        for number, method in enumerate(comparison.sources)
+    ]
 
 
 def _cells(comparison: Comparison, p: Point) -> list[str]:
@@ -89,26 +82,17 @@ def _cells(comparison: Comparison, p: Point) -> list[str]:
     ]
 
 
-def target_table(comparison: Comparison, width: int = 120) -> Table:
+def target_table(comparison: Comparison) -> Table:
     """The time of one path to each target error, with the energy defect there."""
-    table = Table(
-        box=box.SIMPLE_HEAD,
-        show_edge=False,
-        title=Text("µs a path to a strong error, and |ΔH| there", style="bold"),
-        title_justify="left",
-        pad_edge=False,
-        padding=(0, 1, 0, 0),
-    )
-    table.add_column("method")
-    for target in comparison.targets:
-        table.add_column(f"{target:.0e}", justify="right", no_wrap=True)
-        table.add_column("|ΔH|", justify="right", no_wrap=True)
+    targets = [f"{target:.0e}" for target in comparison.targets]
     found = {(t.method, t.error): t for t in comparison.times_to_error()}
-    for name in comparison.sources:
-        row = [found[name, target] for target in comparison.targets]
-        table.add_row(name, *(cell for t in row for cell in _target_cells(t)))
-    further = [f"{target:.0e}" for target in comparison.targets[:0:-1]]
-    return fitted(table, width, ["|ΔH|", *further])
+    rows = [
+        (name, *(cell for target in comparison.targets for cell in _target_cells(found[name, target])))
+        for name in comparison.sources
+    ]
+    numbers = [heading for target in targets for heading in (target, "|ΔH|")]
+    heads = columns(["method"], numbers, goes=["|ΔH|", *targets[:0:-1]])
+    return Table(heads, rows, "µs a path to a strong error, and |ΔH| there", ruled=True, edged=False)
 
 
 def notes(comparison: Comparison) -> list[str]:

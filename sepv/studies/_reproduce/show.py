@@ -7,9 +7,9 @@ from contextlib import contextmanager
 from typing import NamedTuple
 
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
+from sepv._table import Column, Table, print_table
 from sepv.studies._reproduce.record import Statement, counts
 from sepv.studies._reproduce.suite import Reproduction, ShareProgress
 from sepv.verification._progress import showing
@@ -50,14 +50,12 @@ def _print(rows: Sequence[Row], out: Console) -> None:
         for row in rows:
             out.print(Text(f"  {row.verdict:<6}{row.text}"), soft_wrap=True)
     else:
-        table = Table.grid(padding=(0, 0, 0, 2))
-        table.add_column(width=6)
-        table.add_column()
-        for row in rows:
-            table.add_row(
-                Text(row.verdict, style=_STYLES.get(row.verdict, "")), Text(row.text, style=row.style)
-            )
-        out.print(table)
+        cells = [
+            ("", Text(row.verdict, style=_STYLES.get(row.verdict, "")), Text(row.text, style=row.style))
+            for row in rows
+        ]
+        columns = (Column("indent"), Column("verdict", least=6), Column("text", words=True))
+        print_table(Table(columns, cells, headed=False), out)
     out.print()
 
 
