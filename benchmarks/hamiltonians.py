@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 import sepv
 from benchmarks import over, start
 from sepv import problems
-from sepv._table import markdown
+from sepv._terminal import markdown
 from sepv.faults import _fault_detection as fault_detection
 from sepv.faults._saboteurs import SABOTEURS
 from sepv.problem import column

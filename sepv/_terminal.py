@@ -1,10 +1,22 @@
-"""What a terminal can show: ASCII that reads the same where it knows no more."""
+"""What people are shown: tables on a terminal, in Markdown and HTML; ASCII that reads the same where it knows no more.
+
+Of a table that is too wide for its terminal columns go, the least important first, and digits never.
+"""
 
 from __future__ import annotations
 
 import codecs
 import unicodedata
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.text import Text
+
+    Cell = str | Text
 
 # What the pages and messages use; everything else goes by its decomposition, or as an escape.
 _ASCII = {
@@ -57,3 +69,212 @@ def never_fail(stream: Any) -> None:
     codecs.register_error(_NAME, _replace)
     if hasattr(stream, "reconfigure"):
         stream.reconfigure(errors=_NAME)
+
+
+# A column of words that has so much room reads well.
+WORDS = 24
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column.
+
+    Attributes
+    ----------
+    heading : str
+        Columns of one heading go together, and are as wide as the widest of them.
+    right : bool
+        Numbers stand under each other at the right.
+    words : bool
+        May be broken between words, and within one where nothing else is left to go.
+    goes : int
+        The place among the columns that go where the terminal is narrow, 1 first; 0 for one that stays.
+    least : int
+        The least width, in cells of a terminal.
+    """
+
+    heading: str
+    right: bool = False
+    words: bool = False
+    goes: int = 0
+    least: int = 0
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns and rows of as many cells, a string or a `rich.text.Text` each.
+
+    Attributes
+    ----------
+    ruled : bool
+        A line under the headings, on a terminal that is wide enough.
+    edged : bool
+        Blanks around a table that is ruled.
+    headed : bool
+        Whether the headings are shown.
+    """
+
+    columns: tuple[Column, ...]
+    rows: Sequence[Sequence[Cell]]
+    title: Cell = ""
+    caption: Cell = ""
+    ruled: bool = False
+    edged: bool = True
+    headed: bool = True
+
+
+def columns(
+    left: Iterable[str], right: Iterable[str] = (), *, goes: Sequence[str] = (), **more: Any
+) -> tuple[Column, ...]:
+    """Columns of words and then of numbers by their headings; `goes` names those that go, in their order."""
+    order = {heading: place for place, heading in enumerate(goes, 1)}
+    found = [*(Column(h, **more) for h in left), *(Column(h, right=True) for h in right)]
+    return tuple(replace(c, goes=order.get(c.heading, 0)) for c in found)
+
+
+def print_table(table: Table, out: Console) -> None:
+    """The table as wide as the console, the columns that must go left out, the others whole."""
+    from rich import box
+    from rich.table import Table as RichTable
+
+    if cannot_show(out.file):
+        table = _in_ascii(table)
+    width, ruled = out.width, _ruled(table, out.width)
+    needed, between = _laid(table, width)
+    # Columns of one heading stand and fall together.
+    times = [c.heading for c in table.columns]
+    total = {h: n * times.count(h) + between * (times.count(h) - 1) for h, n in needed.items()}
+    order = {c.heading: c.goes for c in table.columns if c.goes}
+    # rich counts the blanks after the last column, and does not print them.
+    room = width - _edges(table, width) - (between - ruled)
+    left = kept(total, room, sorted(order, key=order.__getitem__), between)
+    shown = RichTable(
+        box=box.SIMPLE_HEAD if ruled else None,
+        title=_bold(table.title) if table.title else None,
+        caption=table.caption or None,
+        title_justify="left",
+        caption_justify="left",
+        show_header=table.headed,
+        show_edge=table.edged,
+        pad_edge=False,
+        padding=(0, between - ruled, 0, 0),
+        # As wide as its title where a terminal holds it: a table of one column would break it.
+        min_width=min(longest([_plain(table.title)]), 80, width) if table.title else None,
+    )
+    chosen = [n for n, c in enumerate(table.columns) if c.heading in left]
+    for n in chosen:
+        c = table.columns[n]
+        shown.add_column(
+            c.heading,
+            justify="right" if c.right else "left",
+            overflow="fold",
+            width=None if c.words else needed[c.heading],
+        )
+    for row in table.rows:
+        shown.add_row(*(row[n] for n in chosen))
+    out.print(shown)
+
+
+def fits(table: Table, out: Console) -> bool:
+    """Whether all columns of it are shown whole."""
+    needed, between = _laid(table, out.width)
+    return sum(needed[c.heading] + between for c in table.columns) <= out.width - _edges(table, out.width)
+
+
+def _ruled(table: Table, width: int) -> bool:
+    return table.ruled and width >= 60
+
+
+def _edges(table: Table, width: int) -> int:
+    return 2 if table.edged and _ruled(table, width) else 0
+
+
+def _laid(table: Table, width: int) -> tuple[dict[str, int], int]:
+    """Widths by heading, and the blanks between columns: headings in one line and two blanks where all fit so."""
+    room = width - _edges(table, width)
+    for whole, words, between in (
+        (True, WORDS, 2),
+        (False, WORDS, 2),
+        (False, 0, 2 if _ruled(table, width) else 1),
+    ):
+        needed = _needed(table, whole=whole, words=words)
+        if sum(needed[c.heading] + between for c in table.columns) <= room:
+            break
+    return _needed(table, whole=whole), between
+
+
+def _in_ascii(table: Table) -> Table:
+    """Before it is laid out: an arrow is two signs there."""
+    return replace(
+        table,
+        columns=tuple(replace(c, heading=ascii_text(c.heading)) for c in table.columns),
+        rows=[[ascii_cell(cell) for cell in row] for row in table.rows],
+        title=ascii_cell(table.title),
+        caption=ascii_cell(table.caption),
+    )
+
+
+def _needed(table: Table, *, whole: bool = False, words: int = 0) -> dict[str, int]:
+    """The least width by heading: its longest word, or the `whole`, and the longest line or word of its cells.
+
+    A column of words is as wide as its cells, up to `words`, and not narrower than its longest word.
+    """
+    found: dict[str, int] = {}
+    for n, c in enumerate(table.columns):
+        texts = [_plain(row[n]) for row in table.rows]
+        pieces = [p for text in texts for p in (text.split() if c.words else text.splitlines())]
+        own = longest(
+            [*pieces, *((c.heading.splitlines() if whole else c.heading.split()) if table.headed else ())]
+        )
+        comfortable = min(longest(texts), words) if c.words else 0
+        found[c.heading] = max(found.get(c.heading, 0), own, c.least, comfortable)
+    return found
+
+
+def kept(needed: Mapping[str, int], width: int, dropped: Sequence[str], between: int = 1) -> list[str]:
+    """The columns that fit into the width: those of `dropped` go in their order, as far as they must.
+
+    Parameters
+    ----------
+    needed : mapping of heading to width
+    between : int
+        Blanks between two columns.
+    """
+    left = dict(needed)
+    for heading in dropped:
+        if sum(left.values()) + between * (len(left) - 1) <= width:
+            break
+        left.pop(heading, None)
+    return list(left)
+
+
+def markdown(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """The lines of a table of Markdown."""
+    lines = (headings, ["---"] * len(headings), *rows)
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def table_html(table: Table) -> str:
+    """The table for a notebook; everything in it is escaped."""
+    heads = "".join(f"<th>{escape(c.heading)}</th>" for c in table.columns)
+    rows = ("".join(f"<td>{escape(_plain(cell))}</td>" for cell in row) for row in table.rows)
+    body = "".join(f"<tr>{row}</tr>" for row in rows)
+    title = f"<caption>{escape(_plain(table.title))}</caption>"
+    return f"<table>{title}<thead><tr>{heads}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def longest(texts: Iterable[str]) -> int:
+    """The width of the widest of them in cells of a terminal, 0 for none."""
+    from rich.cells import cell_len
+
+    return max(map(cell_len, texts), default=0)
+
+
+def _plain(cell: Cell) -> str:
+    return cell if isinstance(cell, str) else cell.plain
+
+
+def _bold(cell: Cell) -> Text:
+    from rich.text import Text
+
+    return Text(cell, style="bold") if isinstance(cell, str) else cell

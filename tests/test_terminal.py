@@ -16,7 +16,7 @@ import pytest
 from click.testing import CliRunner
 from rich.cells import cell_len
 
-from sepv._table import print_table
+from sepv._terminal import print_table
 from sepv.commands import main
 from sepv.commands._cli import COMMANDS
 from sepv.faults import _fault_detection as fault_detection

@@ -126,7 +126,7 @@ def _show(records: list[dict[str, Any]], checks: list[Any], *, saved: bool) -> N
 
     from rich.text import Text
 
-    from sepv._table import print_table
+    from sepv._terminal import print_table
     from sepv.studies._bench import table
     from sepv.verification._report import console
 

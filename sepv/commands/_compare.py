@@ -82,7 +82,7 @@ def compare(
 
     A scheme that fails is left out and named at the end; the exit code is 3 then.
     """
-    from sepv._table import print_table
+    from sepv._terminal import print_table
     from sepv.files import require_folder, write_atomically
     from sepv.schemes import load_problem
     from sepv.studies._compare import compare as run

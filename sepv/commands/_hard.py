@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sepv._table import print_table
+from sepv._terminal import print_table
 from sepv.commands._shared import EXEC, FILE, candidates, friendly, save_json
 
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from sepv._table import Table
+    from sepv._terminal import Table
     from sepv.studies._hard_cases import Seen
 
 
@@ -106,7 +106,7 @@ def hard(
 def _table(name: str, seen: Sequence[Seen]) -> Table:
     from rich.text import Text
 
-    from sepv._table import Table, columns
+    from sepv._terminal import Table, columns
 
     rows: list[tuple[str | Text, ...]] = []
     for s in seen:

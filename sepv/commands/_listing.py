@@ -21,7 +21,7 @@ def list_(debug: bool) -> None:  # noqa: ARG001  (every command takes it)
     The hard cases are listed, with their reasons, by sepv hard --explain, the saboteurs by docs/teeth.md.
     """
     from sepv import problems, schemes
-    from sepv._table import Table, columns, print_table
+    from sepv._terminal import Table, columns, print_table
     from sepv.verification import load_laws
     from sepv.verification._report import console
 

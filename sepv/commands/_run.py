@@ -138,7 +138,7 @@ def _bar(total: int, quiet: bool) -> Iterator[Callable[[int, int], None]]:
 
 
 def _show(scheme: str, problem: str, path: Any, quiet: bool, *, counted: bool, casimirs: bool) -> None:
-    from sepv._table import Column, Table, print_table
+    from sepv._terminal import Column, Table, print_table
     from sepv.verification._report import console
 
     unit = 2.0**-52 * max(path.steps, 1) ** 0.5

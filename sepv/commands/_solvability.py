@@ -14,7 +14,7 @@ from sepv.commands._compare import Numbers
 from sepv.commands._shared import FILE, Renamed, friendly, save_json
 
 if TYPE_CHECKING:
-    from sepv._table import Table
+    from sepv._terminal import Table
     from sepv.studies._solvability import Exits, Map
 
 STEPS = tuple(2.0**-n for n in range(1, 11))
@@ -204,7 +204,7 @@ def _show(found: Map, furthest: float, k: int | None, out: Any) -> None:
         + "."
     )
     law = f"truncated with k = {k}" if k else "untruncated"
-    from sepv._table import print_table
+    from sepv._terminal import print_table
 
     out.print(f"\nP(Δ of a step is off the branch), c = {found.problem.c.tolist()}, {law}:")
     print_table(_table(found, k), out)
@@ -224,7 +224,7 @@ def _rough(found: Map, h: float, k: int | None) -> bool:
 
 
 def _table(found: Map, k: int | None) -> Table:
-    from sepv._table import Table, columns
+    from sepv._terminal import Table, columns
 
     rows = []
     for h in STEPS:
@@ -237,7 +237,7 @@ def _table(found: Map, k: int | None) -> Table:
 
 def _show_exits(exits: Sequence[Exits], out: Any) -> None:
     """How long paths found a solution of each step."""
-    from sepv._table import Table, columns, print_table
+    from sepv._terminal import Table, columns, print_table
 
     if not exits:
         return

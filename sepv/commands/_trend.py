@@ -31,7 +31,7 @@ def trend(
     sepv trend results --library diffrax --json trend.json
     sepv trend results --out docs/trend.md
     """
-    from sepv._table import Table, columns, print_table
+    from sepv._terminal import Table, columns, print_table
     from sepv.errors import UsageError
     from sepv.files import json_text, require_folder, write_atomically
     from sepv.peers import _trend as compared

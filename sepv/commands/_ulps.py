@@ -49,7 +49,7 @@ def ulps(
     """
 
     from sepv import problems, schemes
-    from sepv._table import Table, columns, print_table
+    from sepv._terminal import Table, columns, print_table
     from sepv.files import require_folder
     from sepv.schemes import load_problem
     from sepv.studies import _ulps as unit

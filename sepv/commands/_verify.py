@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from sepv._table import print_table
+from sepv._terminal import print_table
 from sepv.commands._shared import (
     EXIT_CODES,
     FILE,

@@ -16,7 +16,7 @@ from typing import Any
 from rich.console import Console
 from rich.text import Text
 
-from sepv._table import Table, columns, fits, print_table
+from sepv._terminal import Table, columns, fits, print_table
 from sepv.errors import UsageError
 from sepv.faults._saboteurs import SABOTEURS, Saboteur
 from sepv.simulate._engine.crew import ended_at_once
@@ -245,7 +245,9 @@ def matrix(detections: Sequence[Detection]) -> Table:
     """Saboteur × law, with the seeds killed."""
     laws = list(dict.fromkeys(b.law for b in detections))
     heads = columns(["saboteur"], [*map(abbreviation, laws), "killed"])
-    rows = [[name, *(cells.get(law, "") for law in laws), killed] for name, killed, cells in _rows(detections)]
+    rows = [
+        [name, *(cells.get(law, "") for law in laws), killed] for name, killed, cells in _rows(detections)
+    ]
     return Table(heads, rows)
 
 

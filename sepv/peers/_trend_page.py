@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from sepv._table import markdown
+from sepv._terminal import markdown
 from sepv.peers._history import Record
 from sepv.peers._trend import ABSENT, cell, changes, deviations, latest, solvers
 from sepv.verification import Verdict

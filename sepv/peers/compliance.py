@@ -15,7 +15,7 @@ from typing import Any
 
 import click
 
-from sepv._table import markdown
+from sepv._terminal import markdown
 from sepv._version import __version__
 from sepv.errors import SepvError
 from sepv.peers._cells import Cell, measured

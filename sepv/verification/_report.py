@@ -12,9 +12,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 from rich.console import Console
 from rich.text import Text
 
-from sepv import _table as table
-from sepv._table import Column, Table, print_table
-from sepv._terminal import ascii_cell, cannot_show
+from sepv._terminal import Column, Table, ascii_cell, cannot_show, print_table, table_html
 from sepv.verification._law import Finding, Verdict
 
 if TYPE_CHECKING:
@@ -90,7 +88,7 @@ def as_text(report: Report) -> str:
 
 def as_html(report: Report) -> str:
     """The table and the last line as HTML, for a notebook; everything that a scheme says is escaped."""
-    return f"{table.as_html(law_table(report))}<p>{escape(summary(report).plain)}</p>"
+    return f"{table_html(law_table(report))}<p>{escape(summary(report).plain)}</p>"
 
 
 def line(out: Console, text: Text) -> None:

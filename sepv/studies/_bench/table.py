@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from sepv._table import Table, columns
+from sepv._terminal import Table, columns
 
 # The counters in the order of the columns, and their headings.
 HEADINGS = {

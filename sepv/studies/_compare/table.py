@@ -8,7 +8,7 @@ import math
 import statistics
 from dataclasses import replace
 
-from sepv._table import Table, columns, longest
+from sepv._terminal import Table, columns, longest
 from sepv.studies._compare.record import Comparison, Point, TimeToError
 from sepv.verification._orders.convergence import Estimate
 

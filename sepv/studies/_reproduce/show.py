@@ -9,7 +9,7 @@ from typing import NamedTuple
 from rich.console import Console
 from rich.text import Text
 
-from sepv._table import Column, Table, print_table
+from sepv._terminal import Column, Table, print_table
 from sepv.studies._reproduce.record import Statement, counts
 from sepv.studies._reproduce.suite import Reproduction, ShareProgress
 from sepv.verification._progress import showing
