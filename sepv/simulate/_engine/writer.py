@@ -37,7 +37,7 @@ class Writer(ABC):
         base = 0
         # State, unknowns of Newton's iteration, what Kahan's sum lost; what is known of the step, the last correction,
         # the size of the state, the energy at the start, the largest defects of energy and Casimirs.
-        rows = {"Y": d, "Z": self.unknowns, "E": d, "D": len(self.known)}
+        rows = {"Y": d, "Z": self.unknowns, "E": d if compensated else 0, "D": len(self.known)}
         rows |= dict.fromkeys(("P", "X", "H", "WH", "WC"), 1)
         for name, count in {**rows, **self.more_rows()}.items():
             self.offset[name] = base
@@ -125,7 +125,7 @@ class Writer(ABC):
         for i, value in enumerate(self.problem.casimirs(code, y)):
             code.lines.append(f"{self.at('K', i)} = {shown(value)}")
         code.lines += [f"{self.at('WH')} = 0.0", f"{self.at('WC')} = 0.0"]
-        code.lines += [f"{self.at('E', i)} = 0.0" for i in range(self.d)]
+        code.lines += [f"{self.at('E', i)} = 0.0" for i in range(self.d) if self.compensated]
         return code.lines
 
     def random_step(self) -> list[str]:
