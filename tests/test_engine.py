@@ -6,7 +6,7 @@ import math
 import subprocess
 import sys
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -584,6 +584,20 @@ def test_the_first_ensemble_leaves_the_import_of_blas_to_code_that_calls_it() ->
         assert "scipy.linalg" in sys.modules
     """
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_a_step_without_a_hash_is_taken_as_it_is() -> None:
+    @dataclass
+    class Step:  # equality without a hash, as dataclasses have it
+        share: float
+
+        def __call__(self, problem, y, h, dW):
+            return y + self.share * h * problem.structure(y) @ problem.gradient(y)
+
+    scheme = sepv.Scheme("unhashable", Step(1.0))
+    ends = sepv.ensemble(scheme, problems.rigid_body(), h=0.01, steps=2, paths=3)
+    assert ends.engine == "numpy"
+    assert "no code for the scheme" in ends.reason
 
 
 def test_a_system_without_noise_is_compiled() -> None:

@@ -46,7 +46,6 @@ class Kernel:
     structures: int
 
 
-@lru_cache(maxsize=256)
 def kernel(scheme: Scheme, problem: Problem, *, lanes: int = LANES, compensated: bool = False) -> Kernel:
     """The compiled kernel for a scheme and a problem.
 
@@ -62,17 +61,11 @@ def kernel(scheme: Scheme, problem: Problem, *, lanes: int = LANES, compensated:
             f"{scheme.name} has {formula.stages * problem.dimension} unknowns, the engine takes {LARGEST_SYSTEM}"
         )
     try:
-        text, parameters = _written(code, formula, problem.noises, lanes, compensated)
-        gradients, structures = code.cost(formula.recorded, formula.names(problem.noises))
+        return _loaded(code, formula, lanes, compensated)
     except NoClosedForm as error:
         raise CannotCompile(f"{problem.name} has no exact mean gradient: H contains {error}") from error
     except CannotRecord as error:
         raise CannotCompile(f"{scheme.name} cannot be recorded for {problem.name}: {error}") from error
-    from sepv.simulate._engine.store import load
-
-    # Stages cost what the method of one stage does, and B at each.
-    read = np.array([*problem.c, *parameters], dtype=np.float64)
-    return Kernel(load(text), read, lanes, gradients, structures * formula.stages)
 
 
 @cache
@@ -81,6 +74,17 @@ def _installed() -> bool:
 
 
 @lru_cache(maxsize=256)
+def _loaded(code: RecordedProblem, formula: Formula, lanes: int, compensated: bool) -> Kernel:
+    from sepv.simulate._engine.store import load
+
+    noises = code.problem.noises
+    text, parameters = _written(code, formula, noises, lanes, compensated)
+    gradients, structures = code.cost(formula.recorded, formula.names(noises))
+    # Stages cost what the method of one stage does, and B at each.
+    read = np.array([*code.problem.c, *parameters], dtype=np.float64)
+    return Kernel(load(text), read, lanes, gradients, structures * formula.stages)
+
+
 def _written(
     problem: RecordedProblem, formula: Formula, noises: int, lanes: int, compensated: bool
 ) -> tuple[str, list[float]]:
