@@ -49,7 +49,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
             abs(float(after - before)) / unit,
             bound / unit,
             f"step {n + 1}: H(y1) − H(y0) = {mpmath.nstr(after - before, 6)}, H(y0) = {mpmath.nstr(before, 6)}, "
-            f"y1 = {y1.tolist()}" + (f", from y0 = {y.tolist()} after {n} steps" if n else ""),
+            f"y1 = {y1.tolist()}" + (f", from y0 = {y.tolist()} after {n} step{'s' * (n > 1)}" if n else ""),
         )
         worst = found if n == 0 or found.ratio > worst.ratio else worst
         y = y1

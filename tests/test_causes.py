@@ -109,3 +109,15 @@ def test_energy_names_the_state_before_the_step_that_fails() -> None:
     assert "step 3: " in found.message
     assert f"from y0 = {made[2].tolist()} after 2 steps" in found.message
     assert sepv.verify(exact_step, laws=["energy"], effort=QUICK).exit_code == 0
+
+
+@pytest.mark.parametrize(("error", "named"), [(1e-11, True), (1e-3, False)])
+def test_a_defect_as_small_as_a_tolerance_says_how_to_state_one(error: float, named: bool) -> None:
+    def inexact(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        return exact_step(problem, y, h, dW) * (1 + error)
+
+    message = finding(inexact, "energy").message
+    assert ("if the step solves its equation to a tolerance, state it: Scheme(" in message) == named
+    # Who states one is not told to.
+    stated = finding(inexact, "energy", solver_tolerance=1e-15)
+    assert "state it" not in stated.message

@@ -22,6 +22,7 @@ from hypothesis import strategies as st
 from hypothesis.errors import Unsatisfiable
 
 from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure
+from sepv.record._binary64 import EPS
 from sepv.schemes import Scheme, Systems
 from sepv.verification import _corpus as corpus
 from sepv.verification._cases import case as cases
@@ -49,6 +50,8 @@ MOST_SKIPPED = 20
 MOST_SECONDS = 100.0
 # Cases of a design that cannot be measured, until it is given up: each may take as long as a call may.
 MOST_FAULTS = 4
+# Relative defects below may come from a solver's tolerance, of which √eps is a common default.
+MOST_TOLERANCE = 2.0**-23
 
 
 class _Violation(Exception):
@@ -183,7 +186,7 @@ def searched(
         log = _Log()
         with suppress(_Violation, _Fault, Skipped):
             _measure(log, scheme, _from_json(witness), check, faults_violate)
-        return _conclude(law, log)
+        return _conclude(law, scheme, log)
 
     return Law(name, statement, source, unit, run, replay, always_claimed, level, needed, cost)
 
@@ -204,7 +207,7 @@ def _search(law: Law, scheme: Scheme, effort: Effort, asked: _Question) -> Findi
             _explore(log, scheme, effort, asked)
         if (log.violation or log.fault) in (violation, fault) and log.failed:
             _simplify(log, scheme, effort, asked)
-    return replace(_conclude(law, log), seconds=time.perf_counter() - start)
+    return replace(_conclude(law, scheme, log), seconds=time.perf_counter() - start)
 
 
 def _designed(space: Space | None, seed: int, repeat: int) -> list[Case]:
@@ -352,11 +355,22 @@ def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate
     return measured
 
 
-def _conclude(law: Law, log: _Log) -> Finding:
+def _may_be_a_tolerance(law: Law, scheme: Scheme, measured: Measurement) -> str:
+    """What to do where a defect is as small as the tolerance of a solver of which the scheme says nothing."""
+    small = law.unit.startswith("ulp") and measured.bound > 0 and measured.defect * EPS < MOST_TOLERANCE
+    if not small or scheme.solver_tolerance:
+        return ""
+    size = f"the defect is {measured.defect * EPS:.1e}{law.unit.removeprefix('ulp')}"
+    return (
+        f"\n{size}; if the step solves its equation to a tolerance, state it: Scheme(…, solver_tolerance=…)"
+    )
+
+
+def _conclude(law: Law, scheme: Scheme, log: _Log) -> Finding:
     size = {"defect": log.worst.defect, "bound": log.worst.bound} if log.worst else {}
     if log.violation is not None:
         case, measured = log.violation
-        message = f"{case.describe()}\n{measured.detail}"
+        message = f"{case.describe()}\n{measured.detail}{_may_be_a_tolerance(law, scheme, measured)}"
         return law.finding(
             Verdict.VIOLATED, checks=log.checks, message=message, **_witness(law, case), **size
         )
