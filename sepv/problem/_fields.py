@@ -48,6 +48,20 @@ def vector_field(problem: Problem, y: Array) -> Array:
     return matvec(problem.structure(y), problem.gradient(y))
 
 
+def invariants(problem: Problem, y: Array) -> Array:
+    """H and the quadratic and linear Casimirs that the problem names, (1 + n, ...), at y of shape (d, ...).
+
+    Sums are written out: each state has the bits that it has alone.
+    """
+    none = np.zeros(y.shape[1:])
+    rows = [problem.hamiltonian(y)]
+    for A in problem.casimirs:
+        rows.append(sum((A[i, j] * (y[i] * y[j]) for i, j in zip(*np.nonzero(A), strict=True)), start=none))
+    for b in problem.linear_casimirs:
+        rows.append(sum((b[i] * y[i] for i in range(len(b))), start=none))
+    return np.stack(rows)
+
+
 def casimir_gradients(quadratic: Sequence[Any], linear: Sequence[Any], ends: Array) -> list[Array]:
     """∫₀¹∇C(y0 + τ(y1 − y0))dτ of Casimirs yᵀAy and bᵀy, of shape (d, ...) each, for ends = y0 + y1; ∇C(y) for 2y."""
     extra = (1,) * (ends.ndim - 1)

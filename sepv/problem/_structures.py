@@ -34,6 +34,7 @@ from sepv.problem._fields import casimir_gradients, dot, matvec
 from sepv.problem._poisson import jacobi_defect as jacobi_defect  # noqa: PLC0414  (for readers of this module)
 from sepv.problem._problem import Array, Function, Problem
 from sepv.record._binary64 import EPS, TINY
+from sepv.record._polynomial import majorant
 
 # y(T) from y0 (d,), T and W(T) (m, M), where the flows commute.
 ClosedForm = Callable[[Array, float, Array], Array]
@@ -223,7 +224,7 @@ class CommutingStructure:
 
     def _terms(self, y: Array) -> Array:
         """The sums of the absolute values of the terms of v, (d, ...)."""
-        return matvec(_majorant(self.structure, y), _majorant(self.noise_gradient, y))
+        return matvec(majorant(self.structure, y), majorant(self.noise_gradient, y))
 
     def tangent(self, y: Array) -> Array:
         """w, by Gram-Schmidt against ∇C of each Casimir."""
@@ -244,15 +245,11 @@ class CommutingStructure:
 
     def majorant(self, y: Array) -> Array:
         """What rounding errors of S are relative to, (d, d): 2 M_v M_w/|w|², sums of absolute values of terms."""
-        B, g, G = (_majorant(f, y) for f in (self.structure, self.gradient, self.noise_gradient))
+        B, g, G = (majorant(f, y) for f in (self.structure, self.gradient, self.noise_gradient))
         w = self.tangent(y)
         square, v = dot(w, w), matvec(B, G)
         factor = np.where(square > 0, 2.0, 0.0) / np.where(square > 0, square, 1.0)
         return np.asarray(factor * (v[:, None] * g[None] + g[:, None] * v[None]))
-
-
-def _majorant(function: Any, y: Array) -> Array:
-    return np.asarray(function.majorant(y) if hasattr(function, "majorant") else np.abs(function(y)))
 
 
 def commuting_hamiltonians(

@@ -321,6 +321,12 @@ class PolynomialMap:
         return sums(y.reshape(len(y), -1)).reshape((*self.shape, *y.shape[1:]))
 
 
+def majorant(function: Any, y: NDArray[Any]) -> NDArray[Any]:
+    """What rounding errors of a function of y are relative to: its own `majorant`, else |value|."""
+    own = getattr(function, "majorant", None)
+    return np.asarray(np.abs(function(y)) if own is None else own(y))
+
+
 def to_json(p: Polynomial) -> list[list[Any]]:
     """[[exponents, hex coefficient], …]; `from_json` gives back the same polynomial to the bit."""
     return [[list(e), c.hex()] for e, c in p.terms]

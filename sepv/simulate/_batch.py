@@ -10,6 +10,7 @@ import numpy as np
 
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem
+from sepv.problem._fields import invariants
 from sepv.schemes import Scheme
 from sepv.schemes._further_increments import answer
 from sepv.schemes._scheme import REFUSALS
@@ -123,7 +124,7 @@ class Batch:
         self.y = np.repeat(y0[:, None], paths, axis=1)
         self.lost = np.zeros_like(self.y) if compensated else None
         self.status, self.failed = np.zeros(paths, dtype=np.int64), np.full(paths, -1)
-        self.invariants = _invariants(problem, self.y)
+        self.invariants = invariants(problem, self.y)
         self.worst = np.zeros((2, paths))
         self.work = np.zeros(5, dtype=np.int64)
         self.alive = np.arange(paths)
@@ -150,7 +151,7 @@ class Batch:
         self.alive = alive = alive[ok]
         self.y[:, alive] = value[:, ok]
         if self.track and alive.size:
-            drift = np.abs(_invariants(self.problem, self.y[:, alive]) - self.invariants[:, alive])
+            drift = np.abs(invariants(self.problem, self.y[:, alive]) - self.invariants[:, alive])
             self.worst[0, alive] = np.maximum(self.worst[0, alive], drift[0])
             self.worst[1, alive] = np.maximum(self.worst[1, alive], drift[1:].max(axis=0, initial=0.0))
 
@@ -210,12 +211,3 @@ def _batch_step(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array)
             except REFUSALS:
                 code[lane] = Status.NO_CONVERGENCE
     return value, code
-
-
-def _invariants(problem: Problem, y: Array) -> Array:
-    rows = [problem.hamiltonian(y)]
-    for A in problem.casimirs:
-        rows.append(sum(A[i, j] * (y[i] * y[j]) for i, j in zip(*np.nonzero(A), strict=True)))
-    for b in problem.linear_casimirs:
-        rows.append(sum(b[i] * y[i] for i in range(len(b))))
-    return np.stack(rows)

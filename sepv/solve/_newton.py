@@ -8,7 +8,6 @@ never an assumption: every lane of a batch carries its status.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -17,8 +16,8 @@ from numpy.typing import NDArray
 
 from sepv.problem import Array, Problem
 from sepv.problem._fields import Algebra, matvec
-from sepv.record import PolynomialMap
 from sepv.record._binary64 import EPS, TINY
+from sepv.record._polynomial import majorant
 from sepv.solve._damped import approach
 from sepv.solve._differences import difference_jacobian, slopes
 from sepv.solve._solution import (
@@ -96,7 +95,7 @@ def solve(
 
     def magnitude(z: Array, lanes: NDArray[np.intp]) -> Array:
         reach = np.maximum(np.abs(y0[:, lanes]), np.abs(y0[:, lanes] + z))
-        flow = matvec(_majorant(problem.structure, reach), _majorant(problem.gradient, reach))
+        flow = matvec(majorant(problem.structure, reach), majorant(problem.gradient, reach))
         terms: Array = sum(np.abs(step[:, lanes])) * flow.max(axis=0)
         return terms
 
@@ -105,11 +104,6 @@ def solve(
     equations = Equations(np.abs(y0), evaluate, None if problem.domain is None else inside, exact, magnitude)
     solution = iterate(equations, np.zeros_like(y0) if start is None else start, everything)
     return replace(solution, value=y0 + solution.value, change=solution.value)
-
-
-def _majorant(function: Callable[[Array], Array], y: Array) -> Array:
-    """Absolute coefficients for polynomials, else |value|."""
-    return function.majorant(y) if isinstance(function, PolynomialMap) else np.abs(function(y))
 
 
 def iterate(equations: Equations, start: Array, lanes: NDArray[np.intp] | None = None) -> Solution:

@@ -38,6 +38,7 @@ from sepv.problem._fields import contract, matmul, matvec
 from sepv.problem._problem import Function
 from sepv.record import PolynomialMap
 from sepv.record._binary64 import EPS, TINY
+from sepv.record._polynomial import majorant
 from sepv.schemes import Scheme
 from sepv.schemes._tableaux import amplification, exact_nodes
 
@@ -84,9 +85,7 @@ def slopes(function: Function, derivative: Function | None, y: Array) -> Array:
 
 def _largest(structure: Any, *states: Array) -> Array:
     """M_G (d, d) of a noise structure over the states: its own majorant, else |G|."""
-    majorant = getattr(structure, "majorant", None)
-    rows = [np.abs(structure(y)) if majorant is None else majorant(y) for y in states]
-    return np.asarray(np.max(rows, axis=0))
+    return np.asarray(np.max([majorant(structure, y) for y in states], axis=0))
 
 
 def operations(problem: Problem, stages: int = 1) -> float:

@@ -14,6 +14,7 @@ import numpy as np
 
 from sepv.errors import UsageError
 from sepv.problem import Array
+from sepv.verification._orders.convergence import jackknife_half
 
 ALPHA = 1e-3
 # An error is the scheme's; another order of summation moves it by rounding only. One per cent is no accident.
@@ -98,14 +99,10 @@ class Ratio(NamedTuple):
 
 def ratio(head: Array, base: Array) -> Ratio:
     """√(mean head / mean base) from mean squares over the same groups of paths."""
-    from scipy.special import stdtrit
-
-    groups = head.size
     with np.errstate(all="ignore"):
         whole = 0.5 * np.log(np.mean(head) / np.mean(base))
         left_out = 0.5 * np.log((np.sum(head) - head) / (np.sum(base) - base))
-        error = np.sqrt((groups - 1) / groups * np.sum((left_out - left_out.mean()) ** 2))
-        width = float(stdtrit(groups - 1, 1 - ALPHA)) * error
+        width = jackknife_half(left_out, 2 * ALPHA)
         return Ratio(*(float(np.exp(v)) for v in (whole, whole - width, whole + width)))
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from sepv.errors import SepvError
 from sepv.exact import exact_flow
 from sepv.problem import Array, Problem
+from sepv.problem._fields import invariants
 from sepv.schemes import Look, Scheme
 from sepv.schemes._guard import SchemeCrash
 from sepv.simulate import Ensemble
@@ -92,13 +93,10 @@ class Method:
 
 def invariant_defects(problem: Problem, states: Array) -> tuple[Array, Array]:
     """Largest defects of H and of the Casimirs along states (N+1, d, M), each (M,), evaluated in binary64."""
-    y = np.moveaxis(states, 1, 0)
     with np.errstate(all="ignore"):
-        energy = problem.hamiltonian(y)
-        casimirs = [np.einsum("i...,ij,j...->...", y, A, y) for A in problem.casimirs]
-        casimirs += [np.einsum("i,i...->...", b, y) for b in problem.linear_casimirs]
-        worst = [np.max(np.abs(v - v[0]), axis=0) for v in (energy, *casimirs)]
-    return worst[0], np.max(worst[1:], axis=0) if casimirs else np.zeros(states.shape[2])
+        values = invariants(problem, np.moveaxis(states, 1, 0))
+        worst = np.max(np.abs(values - values[:, :1]), axis=1)
+    return worst[0], np.max(worst[1:], axis=0, initial=0.0)
 
 
 def finite_ends(problem: Problem, y: Array) -> Ends:

@@ -10,7 +10,7 @@ from sepv.studies._picture import Axis, Series
 from sepv.studies._reproduce import fine_step, invariants, order, runs
 from sepv.studies._reproduce.job import Job, Results, Size
 from sepv.studies._reproduce.record import Panel, Statement, decide, series
-from sepv.verification._orders.convergence import StrongErrors
+from sepv.verification._orders.convergence import StrongErrors, jackknife_half
 
 PROBLEM = "pendulum"
 STEPS, H = 32_000, 2.0**-6
@@ -167,7 +167,6 @@ def growth(run: runs.Run) -> tuple[Array, float, float]:
     The interval is a jackknife over samples with Student's quantile. No steps where they span fewer than DOUBLINGS.
     """
     from scipy.special import ellipk
-    from scipy.stats import t
 
     # A pendulum of energy H = 2k² − 1 has the period 4K(k²).
     period = 4 * float(ellipk(0.5 * (run.energy[0] + 1)))
@@ -180,8 +179,7 @@ def growth(run: runs.Run) -> tuple[Array, float, float]:
     total = squares.sum(axis=1)
     left_out = 0.5 * (x @ np.log((total[:, None] - squares) / (samples - 1))) / (x @ x)
     exponent = 0.5 * float(x @ np.log(total / samples)) / float(x @ x)
-    variance = (samples - 1) / samples * float(np.sum((left_out - left_out.mean()) ** 2))
-    return n, exponent, float(t.ppf(1 - WALK_LEVEL / 2, samples - 1) * np.sqrt(variance))
+    return n, exponent, jackknife_half(left_out, WALK_LEVEL)
 
 
 def _position(found: dict[str, runs.Run]) -> Panel:

@@ -256,8 +256,6 @@ def mean_square_order(
 
 def jackknife(samples: Array, statistic: Callable[[Array], float], alpha: float) -> Estimate:
     """statistic(mean over paths) with a delete-one-group interval, Student's t with GROUPS − 1 degrees."""
-    from scipy.special import stdtrit
-
     parts = np.array_split(samples, GROUPS, axis=1)
     groups = np.stack([part.sum(axis=1) for part in parts])
     sizes = np.array([part.shape[1] for part in parts], dtype=np.float64)
@@ -266,5 +264,16 @@ def jackknife(samples: Array, statistic: Callable[[Array], float], alpha: float)
     left_out = np.array(
         [float(statistic((total - g) / (count - n))) for g, n in zip(groups, sizes, strict=True)]
     )
-    error = float(np.sqrt((GROUPS - 1) / GROUPS * np.sum((left_out - left_out.mean()) ** 2)))
-    return Estimate(whole, float(stdtrit(GROUPS - 1, 1 - alpha / 2)) * error, alpha)
+    return Estimate(whole, jackknife_half(left_out, alpha), alpha)
+
+
+def jackknife_half(left_out: Array, alpha: float) -> float:
+    """Half the interval of level 1 − alpha from the values (G,) of a statistic without one of G groups each.
+
+    Student's t with G − 1 degrees of freedom (R. G. Miller, Biometrika 61, 1974).
+    """
+    from scipy.special import stdtrit
+
+    groups = left_out.size
+    error = np.sqrt((groups - 1) / groups * np.sum((left_out - left_out.mean()) ** 2))
+    return float(stdtrit(groups - 1, 1 - alpha / 2) * error)
