@@ -7,9 +7,9 @@ import platform
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from time import perf_counter, process_time
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -76,57 +76,32 @@ def compare(
     fine = wiener.increments(seed, T=T, steps=steps[-1], noises=problem.noises, paths=paths)
     exact = exact_flow(problem, problem.random_step(T, fine.sum(axis=0)))
     coarse = {count: wiener.coarsen(fine, steps[-1] // count) for count in steps}
-    cells: list[tuple[Method, int]] = []
-    jobs: list[Callable[[], Ends]] = []
-    first: list[float] = []  # processor seconds of the very first call
-    watched: list[tuple[Any, ...]] = []
-    failed: dict[str, str] = {}
     # Pieces of work: the first call of each cell, its errors, and its timed rounds. A first call may compile.
-    sizes = {method.name: tuple(steps) if method.steps_matter else tuple(steps[-1:]) for method in methods}
-    total, done = (2 + repeats) * sum(map(len, sizes.values())), 0
-    for method in methods:
-        lane = []
-        try:
-            for count in sizes[method.name]:
-                progress(f"{method.name}, {count} steps", done / total)
-                done += 1
-                dW = coarse[count] if method.batched else coarse[count][:, :, :SINGLE_PATHS]
-                job = method.prepare(problem, start, T / count, dW)
-                once = _time(job)[0]
-                lane.append(((method, count), job, once, (method.follow, problem, start, T / count, dW)))
-        except SepvError as error:  # this method's alone: the others are compared all the same
-            failed[method.name] = str(error)
-            continue
-        for cell, job, once, run in lane:
-            cells.append(cell)
-            jobs.append(job)
-            first.append(once)
-            watched.append(run)
-    followed: list[Followed | str] = [""] * len(watched)
-
-    def take(number: int, run: Followed | str) -> None:
-        nonlocal done
-        followed[number] = run
-        done += 1
-        progress(f"errors of {cells[number][0].name}, {cells[number][1]} steps", done / total)
-
-    run_all(_follow, watched, workers, threads=True, receive=take)
-    failed |= {cell[0].name: run for cell, run in zip(cells, followed, strict=True) if isinstance(run, str)}
-    there = [n for n, (method, _) in enumerate(cells) if method.name not in failed]
+    pieces = sum(len(steps) if method.steps_matter else 1 for method in methods)
+    done = _Done(progress, (2 + repeats) * pieces)
+    cells, failed = _prepared(methods, problem, start, T, coarse, done)
+    followed = _followed(cells, workers, done)
+    failed |= {
+        cell.method.name: run for cell, run in zip(cells, followed, strict=True) if isinstance(run, str)
+    }
+    there = [
+        (cell, run)
+        for cell, run in zip(cells, followed, strict=True)
+        if cell.method.name not in failed and not isinstance(run, str)
+    ]
     if not there:
         raise TargetError(
             expected="a method that takes its steps",
             received="; ".join(f"{name}: {text.splitlines()[0]}" for name, text in failed.items()),
             remedy="make one of them run on this problem first",
         )
-    times = _alternate([jobs[n] for n in there], repeats, progress, done / total)
+    times = _alternate([cell.job for cell, _ in there], repeats, progress, done.share)
     points = [
         replace(
-            _point(*cells[n], T, ran, exact.y, np.array(row), first[n]),
-            clipping=clipping_error(problem, T=T, steps=cells[n][1], k=cells[n][0].truncation),
+            _point(cell.method, cell.steps, T, run, exact.y, np.array(row), cell.first),
+            clipping=clipping_error(problem, T=T, steps=cell.steps, k=cell.method.truncation),
         )
-        for n, row in zip(there, times, strict=True)
-        if not isinstance(ran := followed[n], str)
+        for (cell, run), row in zip(there, times, strict=True)
     ]
     return Comparison(
         problem=problem.name,
@@ -142,6 +117,65 @@ def compare(
         points=tuple(points),
         targets=tuple(targets),
     )
+
+
+@dataclass
+class _Done:
+    """How many pieces of all work are done."""
+
+    progress: MethodProgress
+    total: int
+    pieces: int = 0
+
+    @property
+    def share(self) -> float:
+        return self.pieces / self.total
+
+
+class _Cell(NamedTuple):
+    """A method at one number of steps: its job, processor seconds of the very first call, and what watches it."""
+
+    method: Method
+    steps: int
+    job: Callable[[], Ends]
+    first: float
+    watched: tuple[Any, ...]
+
+
+def _prepared(
+    methods: Sequence[Method], problem: Problem, start: Array, T: float, coarse: dict[int, Array], done: _Done
+) -> tuple[list[_Cell], dict[str, str]]:
+    """The cells of the methods that take a first run with the increments of each number of steps, and what failed."""
+    cells: list[_Cell] = []
+    failed: dict[str, str] = {}
+    for method in methods:
+        own: list[_Cell] = []
+        try:
+            for count in list(coarse) if method.steps_matter else [max(coarse)]:
+                done.progress(f"{method.name}, {count} steps", done.share)
+                done.pieces += 1
+                dW = coarse[count] if method.batched else coarse[count][:, :, :SINGLE_PATHS]
+                job = method.prepare(problem, start, T / count, dW)
+                watched = (method.follow, problem, start, T / count, dW)
+                own.append(_Cell(method, count, job, _time(job)[0], watched))
+        except SepvError as error:  # this method's alone: the others are compared all the same
+            failed[method.name] = str(error)
+            continue
+        cells += own
+    return cells, failed
+
+
+def _followed(cells: Sequence[_Cell], workers: Any, done: _Done) -> list[Followed | str]:
+    """The watched run of each cell, or why there is none."""
+    found: list[Followed | str] = [""] * len(cells)
+
+    def take(number: int, run: Followed | str) -> None:
+        found[number] = run
+        done.pieces += 1
+        done.progress(f"errors of {cells[number].method.name}, {cells[number].steps} steps", done.share)
+
+    run_all(_follow, [cell.watched for cell in cells], workers, threads=True, receive=take)
+    return found
 
 
 def _follow(watched: tuple[Any, ...]) -> Followed | str:
