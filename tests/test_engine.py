@@ -19,6 +19,8 @@ from sepv import problems, schemes
 from sepv.problem import HamiltoniansProblem
 from sepv.schemes import divided
 from sepv.simulate import _wiener as wiener
+from sepv.simulate._engine.chunk import Chunk
+from sepv.simulate._engine.task import Task
 from sepv.solve import Status
 
 pytest.importorskip("numba", reason="the extra `fast` is not installed")
@@ -598,6 +600,21 @@ def test_a_step_without_a_hash_is_taken_as_it_is() -> None:
     ends = sepv.ensemble(scheme, problems.rigid_body(), h=0.01, steps=2, paths=3)
     assert ends.engine == "numpy"
     assert "no code for the scheme" in ends.reason
+
+
+def test_a_chunk_that_made_no_step_is_at_its_start() -> None:
+    problem = problems.rigid_body()
+    task = Task(EP, problem, np.array(problem.initial), 0.01, 4, 0, 200, 0, None, 2, (), False, True, None)
+    for ask in (Chunk.states, Chunk.failed, lambda chunk: chunk.result(np.empty((0, 3, 200)))):
+        chunk = Chunk(task, problem)
+        chunk.S.fill(np.nan)
+        ask(chunk)
+        assert np.array_equal(chunk.states(), np.repeat(problem.initial[:, None], 200, axis=1))
+        assert not chunk.failed()
+        chunk.advance(4)
+        assert np.array_equal(
+            chunk.states(), sepv.ensemble(EP, problem, h=0.01, steps=4, paths=200, engine="compiled").y
+        )
 
 
 def test_a_system_without_noise_is_compiled() -> None:

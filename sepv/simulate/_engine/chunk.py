@@ -42,13 +42,15 @@ class Chunk:
         self.careful = ordinary("careful").CAREFULLY if ready else self.driver.LATER
         module, m, blocks = self.kernel.module, problem.noises, -(-task.count // lanes)
         self.lanes = lanes
-        start = np.zeros(module.SIZE)
-        start[: problem.dimension * lanes] = np.repeat(np.asarray(task.y0, dtype=np.float64), lanes)
-        module.start(start, np.zeros(4 * lanes + 5, np.int64), np.zeros((1, 1, 1)), self.kernel.parameters)
+        self.start = np.zeros(module.SIZE)
+        self.start[: problem.dimension * lanes] = np.repeat(np.asarray(task.y0, dtype=np.float64), lanes)
+        module.start(
+            self.start, np.zeros(4 * lanes + 5, np.int64), np.zeros((1, 1, 1)), self.kernel.parameters
+        )
         self.S = np.empty((blocks, module.SIZE))
         self.I = np.empty((blocks, 4 * lanes + 5), dtype=np.int64)
         self.W = np.empty((blocks, m, lanes))
-        self.driver.settle(self.S, self.I, self.W, start, task.count)
+        self.I[:, -1] = 0
         self.grid = wiener.grid(task.steps, task.refine)
         drawn = task.dW is None and m > 0
         nothing = np.empty((blocks, 0, 4, lanes), np.uint64)
@@ -76,10 +78,10 @@ class Chunk:
     def _run(self, goal: int) -> None:
         module = self.kernel.module
         self.driver.run(
-            self.driver.BEGINNING, self.driver.FILLING, module.ADVANCING, self.careful, module.ASKED,
-            module.SHAPE, module.TABLE, self.S, self.I, self.W, self.rng, self.stack, self.top, self.spreads,
-            self.grid.base, self.grid.top, self.given, self.task.place, self.done, goal, self.task.h, self.bound,
-            self.thresholds, self.values, self.kernel.parameters,
+            self.driver.BEGINNING, self.driver.FILLING, module.ADVANCING, self.careful, module.ASKED, module.SHAPE,
+            module.TABLE, self.S, self.I, self.W, self.start, self.task.count, self.rng, self.stack, self.top,
+            self.spreads, self.grid.base, self.grid.top, self.given, self.task.place, self.done, goal, self.task.h,
+            self.bound, self.thresholds, self.values, self.kernel.parameters,
         )  # fmt: skip
 
     @property
@@ -87,8 +89,14 @@ class Chunk:
         """Steps done."""
         return int(self.I[-1, -1])
 
+    def _settle(self) -> None:
+        """Sets the blocks up, which the first step does else."""
+        if self.done == 0:
+            self.driver.settle(self.S, self.I, self.W, self.start, self.task.count)
+
     def failed(self) -> bool:
         """Whether no path goes on."""
+        self._settle()
         return not bool(self._integers(ALIVE).any())
 
     def _integers(self, row: int) -> np.ndarray:
@@ -106,17 +114,18 @@ class Chunk:
 
     def states(self) -> Array:
         """(d, M)."""
+        self._settle()
         return self._paths(self._rows(self.S, 0, self.problem.dimension))
 
     def result(self, kept: Array) -> Ensemble:
         """The ends so far."""
-        module, L = self.kernel.module, self.lanes
+        module, L, y = self.kernel.module, self.lanes, self.states()
         sums = self.I[:, 4 * L :].sum(axis=0).tolist()
         gradients, structures, iterations = (sums[place] for place in (EVALUATIONS, STRUCTURES, WORK))
         ends = self._paths(self._rows(self.I, STATUS, 2))
         energy, casimir = self._rows(self.S, module.ENERGY, 1), self._rows(self.S, module.CASIMIR, 1)
         return Ensemble(
-            y=self.states(),
+            y=y,
             W=self._paths(self.W),
             status=ends[0],
             failed_step=ends[1],

@@ -96,29 +96,36 @@ def _to_points(increments: Any, count: int, thresholds: Any, values: Any, out: A
                 out[i, j, k] = v
 
 
+@_kernel
+def _settle(S: Any, I: Any, W: Any, start: Any, count: int, b: int) -> None:
+    """The state of block b at the start."""
+    lanes = W.shape[2]
+    living = min(lanes, count - b * lanes)
+    for i in range(start.shape[0]):
+        S[b, i] = start[i]
+    I[b] = 0
+    for k in range(lanes):
+        I[b, FAILED * lanes + k] = -1
+        I[b, ALIVE * lanes + k] = select(k < living, 1, 0)
+    I[b, 4 * lanes + LIVING] = living
+    W[b] = 0.0
+
+
 @njit(SETTLE, error_model="numpy", nogil=True, cache=True)
 def settle(S: Any, I: Any, W: Any, start: Any, count: int) -> None:
-    """The state of every block at the start, with `count` lanes that live."""
-    lanes = W.shape[2]
+    """The state of a chunk at the start, with `count` lanes that live."""
     for b in range(S.shape[0]):
-        living = min(lanes, count - b * lanes)
-        for i in range(start.shape[0]):
-            S[b, i] = start[i]
-        I[b] = 0
-        for k in range(lanes):
-            I[b, FAILED * lanes + k] = -1
-            I[b, ALIVE * lanes + k] = select(k < living, 1, 0)
-        I[b, 4 * lanes + LIVING] = living
-        W[b] = 0.0
+        _settle(S, I, W, start, count, b)
 
 
 @njit(RUN, error_model="numpy", nogil=True, cache=True)
 def run(
     beginning: int, filling: int, advance: Any, careful: Any, problem: Any, shape: Any, table: Any,
-    S: Any, I: Any, W: Any, rng: Any, stack: Any, top: Any, factors: Any, base: int, halvings: int, given: Any,
+    S: Any, I: Any, W: Any, start: Any, living: int,
+    rng: Any, stack: Any, top: Any, factors: Any, base: int, halvings: int, given: Any,
     place: int, n0: int, n1: int, h: float, bound: float, thresholds: Any, values: Any, P: Any,
 ) -> None:  # fmt: skip
-    """Steps n0 … n1 − 1 of a chunk of blocks; S, I, W, rng, stack and top are its state.
+    """Steps n0 … n1 − 1 of a chunk of blocks; S, I, W, rng, stack and top are its state, set up where n0 = 0.
 
     Increments are drawn, or those of lanes `place` and on of `given` (N, m, M) where it is not empty; where there are
     `values`, the scheme sees the one between whose thresholds the increment lies.
@@ -130,6 +137,8 @@ def run(
     scratch = scratch_of(lanes)
     for b in range(S.shape[0]):
         alive = True
+        if n0 == 0:  # here, and not for all blocks before: what is written is in the cache when it is used
+            _settle(S, I, W, start, living, b)
         if n0 == 0 and rng.shape[1] > 0:
             call_begin(beginning, (rng[b], top[b], factors, base, halvings, scratch))
         for n in range(n0, n1, piece):

@@ -32,8 +32,9 @@ FILL = types.void(_block, _int, _int, types.uint64[:, :, ::1], _block, _block, _
 BEGIN = types.void(types.uint64[:, :, ::1], _block, _vector, _int, _int, _scratch)
 SETTLE = types.void(_matrix, types.int64[:, ::1], _block, _vector, _int)
 RUN = types.void(
-    _int, _int, _int, _int, _int, _integers, _matrix, _matrix, types.int64[:, ::1], _block, _streams, _stacks, _stacks,
-    _vector, _int, _int, _block, _int, _int, _int, _float, _float, _vector, _vector, _vector,
+    _int, _int, _int, _int, _int, _integers, _matrix,
+    _matrix, types.int64[:, ::1], _block, _vector, _int, _streams, _stacks, _stacks, _vector, _int, _int, _block,
+    _int, _int, _int, _float, _float, _vector, _vector, _vector,
 )  # fmt: skip
 
 
