@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import click
 from sepv.commands._shared import EXEC, FILE, candidates, friendly, save_json
 from sepv.errors import UsageError
 
+Case = dict[str, Any]
 STYLES = {"worse": "bold red", "better": "green", "not settled": "yellow", "same": ""}
 EXITS = """Exit codes: 0 nothing is worse; 1 a counter, an error or a time is worse; 2 wrong usage; 3 the scheme
 crashed, or could not be loaded."""
@@ -66,8 +68,7 @@ def bench(
     sepv bench mymodule:step -p mymodule:problem
     """
     from sepv.files import require_folder
-    from sepv.studies._bench import cases, pairs, store
-    from sepv.studies._bench.gate import check
+    from sepv.studies._bench import cases, store
     from sepv.verification._progress import showing
 
     if against and against_ref:
@@ -83,7 +84,8 @@ def bench(
     chosen = cases.choose(names, portable) if names or not own else []
     chosen = [*chosen, *(cases.own_case(name) for name in own)]
     base = {r["target"]: r for r in store.load(against)} if against else {}
-    records, checks = [], []
+    records: list[dict[str, Any]] = []
+    checks: list[Any] = []
     with candidates(targets, programs) as found, showing(quiet) as line:
         for target, scheme in found:
             line.update(f"{target}: work and errors")
@@ -94,30 +96,48 @@ def bench(
                     remedy="name the target as it was saved, or save it first",
                 )
             if against_ref:
-                where = pairs.head_of(target), Path(against_ref).resolve()
-                # A tenth of all is work and errors, where every batch of times is run.
-                ours, theirs = pairs.measured(
-                    target, *where, chosen, lambda text, share: line.update(text, share / 10)
-                )
-                checks += check(ours, theirs)
-                checks += pairs.time_pairs(
-                    target, *where, chosen, batches=batches,
-                    progress=lambda text, share: line.update(text, 0.1 + 0.9 * share),
-                )  # fmt: skip
+                ours, found_here = _beside(target, against_ref, chosen, batches, line.update)
             else:
-                before = base.get(target)
-                wanted = [c["case"] for c in before["cases"]] if before else chosen
-                wanted = [c for c in wanted if not names or c["name"] in names]
-                ours = store.record(target, scheme, wanted)
-                if before:
-                    kept = [c for c in before["cases"] if c["case"] in wanted]
-                    checks += check(ours, {**before, "cases": kept})
+                ours, found_here = _alone(target, scheme, base.get(target), chosen, names)
+            checks += found_here
             records.append(ours)
     if save:
         save_json(save, "bench", store.document(records))
         click.echo(f"Saved in {save}: hold later runs to it with --against {save}")
     _show([] if quiet else records, checks, saved=bool(save))
     raise SystemExit(1 if any(c.verdict == "worse" for c in checks) else 0)
+
+
+def _beside(
+    target: str, checkout: str, chosen: list[Case], batches: int, say: Callable[[str, float], None]
+) -> tuple[dict[str, Any], list[Any]]:
+    """The record of this checkout, and what it comes to beside another: work, errors and times."""
+    from sepv.studies._bench import pairs
+    from sepv.studies._bench.gate import check
+
+    where = pairs.head_of(target), Path(checkout).resolve()
+    # A tenth of all is work and errors, where every batch of times is run.
+    ours, theirs = pairs.measured(target, *where, chosen, lambda text, share: say(text, share / 10))
+    times = pairs.time_pairs(
+        target, *where, chosen, batches=batches, progress=lambda text, share: say(text, 0.1 + 0.9 * share)
+    )
+    return ours, [*check(ours, theirs), *times]
+
+
+def _alone(
+    target: str, scheme: Any, before: dict[str, Any] | None, chosen: list[Case], names: tuple[str, ...]
+) -> tuple[dict[str, Any], list[Any]]:
+    """The record of today, in the cases of an earlier one where there is one, and what it comes to beside that."""
+    from sepv.studies._bench import store
+    from sepv.studies._bench.gate import check
+
+    wanted = [c["case"] for c in before["cases"]] if before else chosen
+    wanted = [c for c in wanted if not names or c["name"] in names]
+    ours = store.record(target, scheme, wanted)
+    if before is None:
+        return ours, []
+    kept = [c for c in before["cases"] if c["case"] in wanted]
+    return ours, check(ours, {**before, "cases": kept})
 
 
 def _show(records: list[dict[str, Any]], checks: list[Any], *, saved: bool) -> None:

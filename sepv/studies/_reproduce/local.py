@@ -6,6 +6,8 @@ solution. Both are integrals over ΔŴ given y_n, and no sampling is needed.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from sepv import problems, schemes
@@ -71,52 +73,59 @@ def _slope(h: list[float], errors: list[float]) -> float:
     return float(np.log(errors[first] / errors[last]) / np.log(h[first] / h[last]))
 
 
-def panels(results: Results) -> list[Panel]:
-    """One panel: both errors of every scheme, with their slopes."""
-    found = {name: results["theory", "local", name] for name in STATED}
-    pair = results["theory", "local", ""]
-    slopes = {n: (_slope(e["h"], e["mean"]), _slope(e["h"], e["rms"])) for n, e in found.items()}
-    statements = []
+def _of_the_pair(pair: dict[str, list[float]]) -> Iterator[Statement]:
+    """(3.8) and (3.9), of the energy-preserving scheme beside the midpoint scheme."""
     for kind, label, source, asked in (
         ("mean", "E[y_{n+1} − ỹ_{n+1}] = O(h²)", "(3.8)", 2.0),
         ("rms", "(E‖y_{n+1} − ỹ_{n+1}‖²)^½ = O(h^{3/2})", "(3.9)", 1.5),
     ):
         seen = _slope(pair["h"], pair[kind])
-        statements.append(
-            Statement(
-                text=f"{label} for (2.1) and the midpoint scheme",
-                source=source,
-                verdict=decide(seen > asked - MARGIN, seen < asked - 2 * MARGIN),
-                measured=f"slope {seen:.2f} on the {PROBLEM}, given y_n = y_0",
-                criterion=f"above {asked - MARGIN:g}",
-            )
+        yield Statement(
+            text=f"{label} for (2.1) and the midpoint scheme",
+            source=source,
+            verdict=decide(seen > asked - MARGIN, seen < asked - 2 * MARGIN),
+            measured=f"slope {seen:.2f} on the {PROBLEM}, given y_n = y_0",
+            criterion=f"above {asked - MARGIN:g}",
         )
+
+
+def _of_the_moment() -> Statement:
     moments = twelfth()
     seen = _slope(moments["h"], moments["moment"])
-    statements.append(
-        Statement(
-            text="(E[(h + cΔŴ)¹²])^¼ = O(h^{3/2})",
-            source="proof of Theorem 3.3",
-            verdict=decide(abs(seen - 1.5) < MARGIN / 4, abs(seen - 1.5) > MARGIN),
-            measured=f"slope {seen:.3f}, c = 1, k = 2",
-            criterion=f"within {MARGIN / 4:g} of 3/2",
-        )
+    return Statement(
+        text="(E[(h + cΔŴ)¹²])^¼ = O(h^{3/2})",
+        source="proof of Theorem 3.3",
+        verdict=decide(abs(seen - 1.5) < MARGIN / 4, abs(seen - 1.5) > MARGIN),
+        measured=f"slope {seen:.3f}, c = 1, k = 2",
+        criterion=f"within {MARGIN / 4:g} of 3/2",
     )
-    for name, (mean, rms) in slopes.items():
-        p = STATED[name]
-        # Lemma 2.1 of [16]: p2 = p + ½ and p1 ≥ p2 + ½.
-        statements.append(
-            Statement(
-                text=f"{SENTENCE[name]} satisfies the local conditions for mean-square order {p:g}",
-                source="Lemma 2.1 of [16], as (3.8) and (3.9)",
-                verdict=decide(
-                    mean > p + 1 - MARGIN and rms > p + 0.5 - MARGIN,
-                    mean < p + 1 - 2 * MARGIN or rms < p + 0.5 - 2 * MARGIN,
-                ),
-                measured=f"slopes {mean:.2f} and {rms:.2f} against the exact solution",
-                criterion=f"above {p + 1 - MARGIN:g} and {p + 0.5 - MARGIN:g}",
-            )
-        )
+
+
+def _of_a_scheme(name: str, mean: float, rms: float) -> Statement:
+    """Lemma 2.1 of [16]: p2 = p + ½ and p1 ≥ p2 + ½."""
+    p = STATED[name]
+    return Statement(
+        text=f"{SENTENCE[name]} satisfies the local conditions for mean-square order {p:g}",
+        source="Lemma 2.1 of [16], as (3.8) and (3.9)",
+        verdict=decide(
+            mean > p + 1 - MARGIN and rms > p + 0.5 - MARGIN,
+            mean < p + 1 - 2 * MARGIN or rms < p + 0.5 - 2 * MARGIN,
+        ),
+        measured=f"slopes {mean:.2f} and {rms:.2f} against the exact solution",
+        criterion=f"above {p + 1 - MARGIN:g} and {p + 0.5 - MARGIN:g}",
+    )
+
+
+def panels(results: Results) -> list[Panel]:
+    """One panel: both errors of every scheme, with their slopes."""
+    found = {name: results["theory", "local", name] for name in STATED}
+    pair = results["theory", "local", ""]
+    slopes = {n: (_slope(e["h"], e["mean"]), _slope(e["h"], e["rms"])) for n, e in found.items()}
+    statements = [
+        *_of_the_pair(pair),
+        _of_the_moment(),
+        *(_of_a_scheme(name, *both) for name, both in slopes.items()),
+    ]
     return [
         Panel(
             key="theory-local-conditions",
