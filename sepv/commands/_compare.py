@@ -7,12 +7,15 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from sepv.commands._shared import EXEC, FILE, Renamed, Workers, candidates, friendly, save_json
 from sepv.errors import SepvError, UsageError
+
+if TYPE_CHECKING:
+    from sepv.studies._compare.record import Comparison
 
 # By default T = 1, with five numbers of steps up to this one. The coarsest step is a quarter of the longest one that
 # the problem states, or of 1/2.
@@ -82,7 +85,6 @@ def compare(
 
     A scheme that fails is left out and named at the end; the exit code is 3 then.
     """
-    from sepv._terminal import print_table
     from sepv.files import require_folder, write_atomically
     from sepv.schemes import load_problem
     from sepv.studies._compare import compare as run
@@ -93,12 +95,10 @@ def compare(
     from sepv.studies._compare.run import one_core
     from sepv.studies._picture import require_picture
     from sepv.verification._progress import showing
-    from sepv.verification._report import console
 
     require_picture(picture)
     for path in (options["json_file"], options["csv_file"], picture):
         require_folder(path)
-    out = console()
     with one_core() as alone, showing(options["quiet"]) as line:
         system = _problem(load_problem(problem), options["initial"])
         T, steps = options["T"] or 1.0, options["steps"] or _usual_steps(system)
@@ -133,7 +133,21 @@ def compare(
         write_atomically(options["csv_file"], table.to_csv(found))
     if picture:
         write_atomically(picture, drawing.draw(found, Path(picture).suffix))
-    if not options["quiet"]:
+    _show(found, alone=alone, quiet=options["quiet"])
+    for name, text in found.failed.items():
+        click.echo(f"sepv: {name} failed and is left out: {text}", err=True)
+    if found.failed:
+        raise SystemExit(3)
+
+
+def _show(found: Comparison, *, alone: bool, quiet: bool) -> None:
+    """All points, the times to errors, and what a reader must know of them."""
+    from sepv._terminal import print_table
+    from sepv.studies._compare import table
+    from sepv.verification._report import console
+
+    out = console()
+    if not quiet:
         out.print(table.heading(found), style="bold")
         for part in table.point_tables(found):
             print_table(part, out)
@@ -143,10 +157,6 @@ def compare(
         out.print(note, style="dim", soft_wrap=True)
     if not alone:
         out.print("This system cannot keep a process on one core: libraries may have used more.", style="dim")
-    for name, text in found.failed.items():
-        click.echo(f"sepv: {name} failed and is left out: {text}", err=True)
-    if found.failed:
-        raise SystemExit(3)
 
 
 def _methods(
