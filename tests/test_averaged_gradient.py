@@ -159,3 +159,25 @@ def test_a_rounding_of_the_argument_is_eps_times_the_slope_along_y() -> None:
     steep = replace(problem, gradient=np.exp, check=False)  # ∞ − ∞, and no warning
     assert argument_rounding(steep, np.array([[1e3], [1.0]])) == 0
     assert argument_rounding(problem, states[0][:, 1:2]) == pytest.approx(np.array([slope]), rel=1e-6, abs=0)
+
+
+def test_rules_that_differ_by_the_rounding_of_their_argument_agree_and_a_kink_does_not() -> None:
+    """sin q near 10⁶ is off by eps·10⁶, far more than a rounding of its own; the mean of sign p has no digits.
+
+    The first lane agrees at once, the second by that allowance alone, the third not at all.
+    """
+    problem = Problem(
+        dimension=2,
+        structure=lambda y: np.array([[0 * y[0], -1 + 0 * y[0]], [1 + 0 * y[0], 0 * y[0]]]),
+        hamiltonian=lambda y: -np.cos(y[0]) + np.abs(y[1]),
+        gradient=lambda y: np.stack([np.sin(y[0]), np.sign(y[1])]),
+        hessian=lambda y: np.array([[np.cos(y[0]), 0 * y[0]], [0 * y[0], 0 * y[0]]]),
+        check=False,
+    )
+    y0 = np.array([[0.1, 1e6, 0.1], [1.0, 1.0, -0.3]])
+    y1 = y0 + np.array([[0.4, 0.4, 0.4], [0.0, 0.0, 1.0]])
+    found = _adaptive(problem, y0, y1)
+    assert found.reliable.tolist() == [True, True, False]
+    assert found.error[1] > 64 * EPS  # more than the rules' own roundings
+    alone = _adaptive(problem, y0[:, :2], y1[:, :2])
+    assert alone.reliable.tolist() == [True, True]

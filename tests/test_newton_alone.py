@@ -17,7 +17,7 @@ LANES = {
     "contracts": (1.0, lambda z: 0.5 * np.cos(z), lambda z: -0.5 * np.sin(z)),
     "slope left out": (1.0, lambda z: 1 - 0.6 * z, lambda z: 0 * z),
     "large": (1e6, lambda z: 1e6 * np.cos(1e-6 * z), lambda z: -np.sin(1e-6 * z)),
-    "large and negative": (1.0, lambda z: -1e6 * np.cos(1e-6 * z), lambda z: np.sin(1e-6 * z)),
+    "back to zero": (1.0, lambda z: -np.cos(1e-3 * z), lambda z: 1e-3 * np.sin(1e-3 * z)),
     "subnormal": (TINY, lambda z: TINY * np.cos(z), lambda z: -TINY * np.sin(z)),
     "grown from little": (1e-20, lambda z: 0 * z + 1, lambda z: 0 * z),
     "grown from nothing": (0.0, lambda z: 0 * z + 1, lambda z: 0 * z),
