@@ -10,12 +10,15 @@ from sepv.studies._reproduce.record import Panel
 
 # 86 mm, a column; type of 8 points, none below 6.5.
 WIDTH, HEIGHT = 3.39, 2.9
+# Letters are drawn: a journal's page shows them as they are here.
 _STYLE = {
+    "svg.fonttype": "path",
     "font.size": 8,
     "xtick.labelsize": 7,
     "ytick.labelsize": 7,
     "legend.fontsize": 6.5,
     "lines.linewidth": 1.0,
+    "grid.linewidth": 0.4,
 }
 
 
