@@ -28,8 +28,8 @@ GUIDE, GRID, SOFT, TEXT = "#6e7781", "#e3e7eb", "#57606a", "#1b1f24"
 FLOOR = 1.1e-16
 # Colours (light, dark) and markers for who has none of its own: 7 and 11 have no common divisor.
 _COLOURS = (
-    ("#56789A", "#9BB8D3"), ("#A85C32", "#E8A77F"), ("#3D7F7A", "#7CC7C1"), ("#9A5BA8", "#D9A6E4"),
-    ("#8A7A1F", "#CDBD5C"), ("#B04A5A", "#EE97A5"), ("#5F6B2F", "#AFBE78"),
+    ("#A85C32", "#E8A77F"), ("#9A5BA8", "#D9A6E4"), ("#3D7F7A", "#7CC7C1"), ("#8A7A1F", "#CDBD5C"),
+    ("#B04A5A", "#EE97A5"), ("#5F6B2F", "#AFBE78"), ("#56789A", "#9BB8D3"),
 )  # fmt: skip
 _MARKERS = ("v", "<", ">", "h", "p", "d", "P", "X", "s", "^", "x")
 _DASHES = ("8 2 2 2", "", "4 2", "2 1")
