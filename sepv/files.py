@@ -19,6 +19,10 @@ from sepv._version import __version__
 from sepv.errors import UsageError
 
 
+# What users need; the rest is for the commands.
+__all__ = ["RESULTS", "schema"]
+
+
 def require_folder(path: str | None) -> None:
     """Complain about a file that could not be written before hours of work, not after.
 
