@@ -18,7 +18,6 @@ from typing import Any
 from sepv._version import __version__
 from sepv.errors import UsageError
 
-
 # What users need; the rest is for the commands.
 __all__ = ["RESULTS", "schema"]
 
