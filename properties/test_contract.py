@@ -18,13 +18,13 @@ import numpy as np
 
 from sepv.errors import SchemeFault, StepFailure
 from sepv.problem import Array, Problem
-from sepv.problems._opaque import shown
+from sepv.problems._shown_to_schemes import shown
 from sepv.schemes import Scheme, ask
 from sepv.schemes._guard import check_answer, raw_answer
 from sepv.verification import Case, Effort, Finding, Law, Measurement, Verdict, require, searched
 from sepv.verification._cases.case import to_json, to_token
 from sepv.verification._cases.fixed_cases import fixed_cases
-from sepv.verification._cases.given import may_ask
+from sepv.verification._cases.users_problems import may_ask
 from sepv.verification._search import Check
 from sepv.verification.strategies import any_steps
 

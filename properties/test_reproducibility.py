@@ -7,7 +7,7 @@ import numpy as np
 from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Effort, Measurement, require, searched, state_ulp
 from sepv.verification._cases.fixed_cases import fixed_cases
-from sepv.verification._cases.given import may_ask
+from sepv.verification._cases.users_problems import may_ask
 from sepv.verification.strategies import any_steps
 
 # Sizes of the parts of a batch, around the widths of vector registers and unrolled loops, where libraries change their

@@ -35,7 +35,7 @@ from sepv.solve import Status
 from sepv.verification import Effort, Finding, Law, Verdict, energy_ulp, require
 from sepv.verification._cases.case_of_law import NOT_OF_HAMILTONIANS
 from sepv.verification._cases.from_problem import describe, reach
-from sepv.verification._cases.given import problems_of
+from sepv.verification._cases.users_problems import problems_of
 from sepv.verification._tolerance import rounding_walk
 
 PATHS = 60

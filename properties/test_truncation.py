@@ -21,7 +21,7 @@ from sepv.reference.increments import lost_variance, moment, truncated_moment
 from sepv.errors import Skipped
 from sepv.problem import Problem
 from sepv.schemes import Scheme, ask
-from sepv.schemes._point_laws import point_law
+from sepv.schemes._point_distributions import point_law
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.verification import Effort, Finding, Law, Verdict, require

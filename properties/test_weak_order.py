@@ -28,7 +28,7 @@ import numpy as np
 from sepv.problem import Array, Problem, column
 from sepv.schemes import Scheme
 from sepv.schemes._order_claims import order_of
-from sepv.schemes._point_laws import point_law
+from sepv.schemes._point_distributions import point_law
 from sepv.verification import Effort, Finding, Law, Verdict, require
 from sepv.verification._orders import local_orders
 from sepv.verification._orders.convergence import StrongErrors, above_floor, mean_square_order

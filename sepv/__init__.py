@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from sepv.exact._flow import exact_flow as exact_flow
     from sepv.problem._problem import PolynomialSystem as PolynomialSystem
     from sepv.problem._problem import Problem as Problem
-    from sepv.schemes._point_laws import PointLaw as PointLaw
+    from sepv.schemes._point_distributions import PointLaw as PointLaw
     from sepv.schemes._scheme import Scheme as Scheme
     from sepv.simulate._batch import Ensemble as Ensemble
     from sepv.simulate._engine.ensemble import ensemble as ensemble
@@ -64,7 +64,7 @@ _HOME = {
     "Problem": "sepv.problem._problem",
     "PolynomialSystem": "sepv.problem._problem",
     "Scheme": "sepv.schemes._scheme",
-    "PointLaw": "sepv.schemes._point_laws",
+    "PointLaw": "sepv.schemes._point_distributions",
     "integrate": "sepv.simulate._paths",
     "ensemble": "sepv.simulate._engine.ensemble",
     "long_path": "sepv.simulate._engine.long",

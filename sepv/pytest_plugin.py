@@ -72,7 +72,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def _expectations(config: pytest.Config) -> Expectations:
     from sepv.verification import LAWS
-    from sepv.verification._expected import load
+    from sepv.verification._expected_failures import load
 
     file = config.getoption("sepv_expected") or config.getini("sepv_expected")
     if not file:

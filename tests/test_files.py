@@ -27,7 +27,7 @@ from sepv.files import (
 )
 from sepv.schemes import Scheme
 from sepv.verification import Effort, Report, verify
-from sepv.verification._written import badge_json, junit_xml
+from sepv.verification._junit_and_badge import badge_json, junit_xml
 
 FEW = Effort(examples=15, paths=256)
 

@@ -23,7 +23,7 @@ from sepv.record import _polynomial as poly
 from sepv.verification import Effort, Verdict
 from sepv.verification._cases import case, families
 from sepv.verification._cases.from_problem import measured_radius
-from sepv.verification._cases.given import cases_for, items
+from sepv.verification._cases.users_problems import cases_for, items
 from sepv.verification._contraction import contraction_radius
 from sepv.verification._verify import replay
 

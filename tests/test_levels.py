@@ -17,7 +17,7 @@ from sepv.commands import main
 from sepv.errors import UsageError
 from sepv.files import schema
 from sepv.verification import LEVELS, SUITE, Effort, Finding, Report, Verdict, conformance, load_laws
-from sepv.verification._written import badge_json
+from sepv.verification._junit_and_badge import badge_json
 
 DOC = (Path(__file__).resolve().parents[1] / "docs" / "levels.md").read_text()
 LAWS = load_laws()

@@ -10,7 +10,7 @@ import pytest
 from sepv import problems
 from sepv.problem import Array, HamiltoniansProblem
 from sepv.schemes import Scheme
-from sepv.schemes._load import load_scheme
+from sepv.schemes._load_target import load_scheme
 from sepv.verification import Effort, Verdict, verify
 from sepv.verification._orders.local_errors import local_states
 from sepv.verification._orders.local_moments import moments_at

@@ -20,8 +20,8 @@ from sepv.errors import Skipped
 from sepv.peers import _compliance_measurements as measurements
 from sepv.peers import _compliance_rows as rows
 from sepv.peers import compliance
-from sepv.peers._lanes import in_blocks
 from sepv.peers._multistep import PathSolver
+from sepv.peers._padded_batches import in_blocks
 from sepv.peers.posing import pose
 from sepv.problem import PolynomialSystem, Problem, vector_field
 from sepv.schemes import Scheme

@@ -10,7 +10,7 @@ import pytest
 
 from sepv.schemes import midpoint
 from sepv.verification import LAWS, Effort, verify
-from sepv.verification._expected import pin
+from sepv.verification._expected_failures import pin
 
 pytest_plugins = ["pytester"]
 

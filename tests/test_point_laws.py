@@ -14,7 +14,7 @@ from sepv.errors import UsageError
 from sepv.problem import Problem
 from sepv.record import _polynomial as poly
 from sepv.schemes import PointLaw, weakly
-from sepv.schemes._point_laws import THREE_POINT, TWO_POINT, point_law
+from sepv.schemes._point_distributions import THREE_POINT, TWO_POINT, point_law
 from sepv.schemes._scheme import PATHWISE
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener

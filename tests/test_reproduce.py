@@ -20,19 +20,19 @@ from sepv.files import schema
 from sepv.studies._reproduce import (
     Reproduction,
     Size,
+    figure_4_3,
+    figure_4_6,
+    figures_4_1_and_4_2,
+    figures_4_4_and_4_5,
     fine_step,
     invariants,
-    lotka_volterra,
     order,
-    oscillator,
-    pendulum,
     printed,
     record,
     reproduce,
-    rigid_body,
     runs,
 )
-from sepv.studies._reproduce.draw import draw
+from sepv.studies._reproduce.panel_files import draw
 from sepv.studies._reproduce.suite import _run as run_jobs
 from sepv.verification._orders.convergence import strong_errors
 
@@ -73,7 +73,7 @@ def test_the_csv_has_every_point(rigid: Reproduction) -> None:
 
 
 def test_the_numbers_do_not_depend_on_the_workers() -> None:
-    jobs = [job for job in rigid_body.jobs(TINY) if job.key[1] == "run"]
+    jobs = [job for job in figure_4_3.jobs(TINY) if job.key[1] == "run"]
     done: list[tuple[float, float]] = []
     alone, together = (run_jobs(jobs, workers, lambda *p: done.append(p)) for workers in (1, 2))
     for job in jobs:
@@ -115,7 +115,7 @@ def test_the_growth_of_the_oscillator_is_that_of_one_step() -> None:
     y = np.repeat(np.array(problem.initial)[:, None], 200_000, axis=1)
     dW = 0.1 * rng.standard_normal((1, y.shape[1]))
     for name in ("euler-maruyama", "milstein", "euler-heun"):
-        mean, variance = oscillator.growth_per_step(name, h)
+        mean, variance = figures_4_1_and_4_2.growth_per_step(name, h)
         ln = np.log(problem.hamiltonian(schemes.PAPER[name].step(problem, y, h, dW)) / problem.hamiltonian(y))
         # Five standard errors of the mean: a false alarm in two million.
         assert abs(ln.mean() - mean) < 5 * np.sqrt(variance / ln.size)
@@ -164,17 +164,18 @@ def test_a_run_ends_where_its_sample_leaves_the_domain() -> None:
 
 
 def test_settings_are_the_papers() -> None:
-    assert (oscillator.STEPS, oscillator.H, oscillator.ORDER.T, oscillator.ORDER.samples) == (
+    first = figures_4_1_and_4_2
+    assert (first.STEPS, first.H, first.ORDER.T, first.ORDER.samples) == (
         10**5,
         0.01,
         5.0,
         5000,
     )
-    assert (rigid_body.STEPS, rigid_body.H, rigid_body.ORDER.T) == (300, 0.01, 1.0)
-    assert (pendulum.STEPS * pendulum.H, pendulum.H) == (500.0, 2.0**-6)
-    assert (pendulum.ORDER.T, pendulum.ORDER.samples) == (2.0, 1000)
-    assert pendulum.FINE.T / pendulum.FINE.steps[-1] == 2.0**-12
-    assert (lotka_volterra.STEPS * lotka_volterra.H, lotka_volterra.H) == (5.0, 2.0**-8)
+    assert (figure_4_3.STEPS, figure_4_3.H, figure_4_3.ORDER.T) == (300, 0.01, 1.0)
+    assert (figures_4_4_and_4_5.STEPS * figures_4_4_and_4_5.H, figures_4_4_and_4_5.H) == (500.0, 2.0**-6)
+    assert (figures_4_4_and_4_5.ORDER.T, figures_4_4_and_4_5.ORDER.samples) == (2.0, 1000)
+    assert figures_4_4_and_4_5.FINE.T / figures_4_4_and_4_5.FINE.steps[-1] == 2.0**-12
+    assert (figure_4_6.STEPS * figure_4_6.H, figure_4_6.H) == (5.0, 2.0**-8)
 
 
 def test_an_unknown_figure_is_a_usage_error() -> None:
@@ -231,7 +232,7 @@ def test_the_compiled_engine_shows_the_same_panel(rigid: Reproduction) -> None:
 
 def _walking(T: float, kind: str, seed: int) -> runs.Run:
     """32 samples whose energy error is a random walk, or bounded: an oscillation of random amplitude and phase."""
-    rng, h, samples = np.random.default_rng(seed), pendulum.H, 32
+    rng, h, samples = np.random.default_rng(seed), figures_4_4_and_4_5.H, 32
     steps = round(T / h)
     checkpoints = np.array([*(2**i for i in range(steps.bit_length()) if 2**i < steps), steps])
     if kind == "walk":
@@ -251,13 +252,16 @@ def _walking(T: float, kind: str, seed: int) -> runs.Run:
 def test_a_short_run_does_not_say_whether_the_energy_walks() -> None:
     """By chance once in a thousand: of 40 runs of each kind none says the wrong thing, and short ones say nothing."""
     for seed in range(40):
-        said = {kind: pendulum._walk(_walking(500.0, kind, seed))[0].verdict for kind in ("walk", "bounded")}
+        said = {
+            kind: figures_4_4_and_4_5._walk(_walking(500.0, kind, seed))[0].verdict
+            for kind in ("walk", "bounded")
+        }
         assert said["walk"] in ("fails", "open")
         assert said["bounded"] in ("holds", "open")
         for kind in ("walk", "bounded"):
-            assert pendulum._walk(_walking(15.6, kind, seed))[0].verdict == "open"
-            assert pendulum._walk(_walking(7.0, kind, seed))[0].verdict == "open"
-    decided = [pendulum._walk(_walking(500.0, "walk", seed))[0].verdict for seed in range(40)]
+            assert figures_4_4_and_4_5._walk(_walking(15.6, kind, seed))[0].verdict == "open"
+            assert figures_4_4_and_4_5._walk(_walking(7.0, kind, seed))[0].verdict == "open"
+    decided = [figures_4_4_and_4_5._walk(_walking(500.0, "walk", seed))[0].verdict for seed in range(40)]
     assert decided.count("fails") >= 36
 
 

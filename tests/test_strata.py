@@ -13,7 +13,7 @@ from sepv import problems
 from sepv.errors import UsageError
 from sepv.problem import NamedProblem, PolynomialSystem, Systems
 from sepv.problem import Problem as ProblemRecord
-from sepv.problems._opaque import GIVEN, shown
+from sepv.problems._shown_to_schemes import GIVEN, shown
 from sepv.schemes import Scheme, ask, energy_preserving, milstein
 from sepv.verification import LAWS, Case, Effort, Verdict, verify
 from sepv.verification import _corpus as corpus

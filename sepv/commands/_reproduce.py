@@ -57,7 +57,7 @@ def reproduce(figures: tuple[str, ...], out: str | None, json_file: str | None, 
     from sepv.files import require_folder
     from sepv.studies._reproduce import Size
     from sepv.studies._reproduce import reproduce as run
-    from sepv.studies._reproduce.show import show, summary, watching
+    from sepv.studies._reproduce.on_terminal import show, summary, watching
     from sepv.verification._report import console, line
 
     if options["errata"]:
@@ -120,6 +120,6 @@ def _write(found: Any, folder: Path, *, draws: bool) -> None:
         write_atomically(str(folder / f"{panel.key}.json"), json_text(panel.to_json(), indent=None))
         write_atomically(str(folder / f"{panel.key}.csv"), panel.to_csv())
         if draws:
-            from sepv.studies._reproduce.draw import draw
+            from sepv.studies._reproduce.panel_files import draw
 
             draw(panel, folder)

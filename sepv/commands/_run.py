@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from sepv.commands._shared import EXEC, FILE, candidates, friendly, save_json
-from sepv.schemes._point_laws import NAMES
+from sepv.schemes._point_distributions import NAMES
 
 
 @click.command(short_help="One path over many steps.")

@@ -215,8 +215,8 @@ def _verify(
 def _write(report: Any, files: dict[str, str | None], named: str) -> None:
     """The files; of an interrupted run none that later runs would be held to."""
     from sepv.files import write_atomically
-    from sepv.verification._expected import pin, to_toml
-    from sepv.verification._written import badge_json, junit_xml
+    from sepv.verification._expected_failures import pin, to_toml
+    from sepv.verification._junit_and_badge import badge_json, junit_xml
 
     save_json(files["json"], "report", report.to_json())
     texts = {

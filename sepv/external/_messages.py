@@ -15,7 +15,7 @@ from sepv.external._errors import BadAnswer, NotFinite, NotJson, WrongId, WrongS
 from sepv.external._text import clean, shown
 from sepv.problem import NamedProblem, PolynomialSystem, Problem
 from sepv.problem._json import problem_to_json
-from sepv.schemes._point_laws import NAMES, NORMAL
+from sepv.schemes._point_distributions import NAMES, NORMAL
 
 PROTOCOL = 1
 # What a message that a program takes may hold at most, whatever the program would take.

@@ -14,7 +14,7 @@ import numpy as np
 from sepv import problems
 from sepv._version import __version__
 from sepv.exact import exact_flow
-from sepv.peers._cells import Cell
+from sepv.peers._kept_measurements import Cell
 from sepv.peers._multistep import PathSolver
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme

@@ -21,7 +21,6 @@ import click
 from sepv._version import __version__
 from sepv.errors import SepvError
 from sepv.files import json_text, write_atomically
-from sepv.peers._cells import Cell, measured
 from sepv.peers._compliance_measurements import (
     LIBRARIES,
     law_cells,
@@ -31,6 +30,7 @@ from sepv.peers._compliance_measurements import (
     silent,
 )
 from sepv.peers._deviations import shown_by
+from sepv.peers._kept_measurements import Cell, measured
 from sepv.peers._multistep import PathSolver
 from sepv.verification import SUITE, Effort, Law, Verdict, load_laws
 from sepv.verification._progress import showing

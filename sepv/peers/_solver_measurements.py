@@ -17,8 +17,8 @@ import numpy as np
 
 from sepv._version import __version__
 from sepv.exact._several_structures import refined
-from sepv.peers._cells import Cell
 from sepv.peers._compliance_measurements import _text_of, release
+from sepv.peers._kept_measurements import Cell
 from sepv.peers._solver import KINDS, Solver, problem_of
 from sepv.problem import Array, Problem
 from sepv.problem._fields import matvec

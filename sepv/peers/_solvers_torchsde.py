@@ -13,8 +13,8 @@ import torch
 import torchsde
 
 from sepv.errors import Skipped
-from sepv.peers._lanes import LANES, in_blocks
 from sepv.peers._multistep import Path
+from sepv.peers._padded_batches import LANES, in_blocks
 from sepv.peers._posing_fields import pose_fields
 from sepv.peers._solver import Solver
 from sepv.problem import Array, Problem

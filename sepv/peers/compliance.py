@@ -18,7 +18,6 @@ import click
 from sepv._terminal import markdown
 from sepv._version import __version__
 from sepv.errors import SepvError
-from sepv.peers._cells import Cell, measured
 from sepv.peers._compliance_measurements import (
     ENERGY_STEPS,
     LIBRARIES,
@@ -29,6 +28,7 @@ from sepv.peers._compliance_measurements import (
 )
 from sepv.peers._compliance_rows import Row, path_row, scheme_row
 from sepv.peers._deviations import shown_by
+from sepv.peers._kept_measurements import Cell, measured
 from sepv.peers._multistep import PathSolver
 from sepv.peers._options import page_options
 from sepv.schemes import energy_preserving

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from sepv.errors import Skipped
-from sepv.peers._lanes import in_blocks
 from sepv.peers._multistep import PathSolver
+from sepv.peers._padded_batches import in_blocks
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
 from sepv.problem._hamiltonians import is_several
 from sepv.problems._polynomial_system import structure_entries

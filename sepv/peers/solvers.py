@@ -18,8 +18,8 @@ import click
 from sepv._terminal import markdown
 from sepv._version import __version__
 from sepv.errors import SepvError
-from sepv.peers._cells import measured
 from sepv.peers._compliance_measurements import LIBRARIES, release
+from sepv.peers._kept_measurements import measured
 from sepv.peers._options import page_options
 from sepv.peers._solver import KINDS, Solver, problem_of
 from sepv.peers._solver_measurements import ALPHA, KEPT, PATHS, SINGLE, STEPS, T, cells, limit_of, orders

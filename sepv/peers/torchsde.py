@@ -18,8 +18,8 @@ import torch
 import torchsde
 
 from sepv.errors import Skipped
-from sepv.peers._lanes import LANES, in_blocks
 from sepv.peers._multistep import PathSolver
+from sepv.peers._padded_batches import LANES, in_blocks
 from sepv.peers.posing import pose
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme

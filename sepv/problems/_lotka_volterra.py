@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from sepv._arguments import is_number
 from sepv.errors import ProblemError
 from sepv.problem import Array, Nambu, NamedProblem, Problem
-from sepv.problems._parts import flows, total
+from sepv.problems._sum_of_parts import flows, total
 
 
 def lotka_volterra(

@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from sepv.problem import HamiltoniansProblem, PolynomialSystem, Problem
-from sepv.problems._parts import flows
 from sepv.problems._polynomial_system import polynomial_problem
+from sepv.problems._sum_of_parts import flows
 from sepv.record import Polynomial, PolynomialMap
 from sepv.record import _polynomial as poly
 

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from sepv.problem import NamedProblem, Problem
 from sepv.problems._canonical import structure
-from sepv.problems._parts import flows, total
+from sepv.problems._sum_of_parts import flows, total
 
 # ½p² and ½x².
 _PARTS = (lambda y: 0.5 * y[0] * y[0], lambda y: 0.5 * y[1] * y[1])

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from sepv.problem import Array, HamiltoniansProblem, Problem
 from sepv.problems._lotka_volterra import lotka_volterra
-from sepv.problems._parts import flows
+from sepv.problems._sum_of_parts import flows
 
 
 def random_lotka_volterra(

@@ -12,8 +12,8 @@ from dataclasses import replace
 
 from sepv.problem import HamiltoniansProblem, PolynomialSystem, Problem
 from sepv.problems._maxwell_bloch import maxwell_bloch
-from sepv.problems._parts import flows
 from sepv.problems._polynomial_system import polynomial_problem
+from sepv.problems._sum_of_parts import flows
 from sepv.record import PolynomialMap
 from sepv.record import _polynomial as poly
 

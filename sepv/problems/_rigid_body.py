@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from sepv.errors import ProblemError
 from sepv.problem import Array, Nambu, NamedProblem, Problem
-from sepv.problems._parts import flows, total
+from sepv.problems._sum_of_parts import flows, total
 
 _HAT = ((0, 1, 2, -1.0), (0, 2, 1, 1.0), (1, 2, 0, -1.0))  # B[i, j] = sign · y[k]
 

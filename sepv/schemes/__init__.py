@@ -1,9 +1,9 @@
 """The schemes, one file each: those of the paper, and families of higher order by their number of stages.
 
 Read `_scheme` first (what a scheme says of itself), `_energy_preserving` (equation (2.1)) and `_one_step` (a
-formula becomes a scheme). `_guard` asks a scheme and checks what it answers, `_load` finds it by name,
-`_point_laws` has increments with two or three values, `_division` and `_continuation` solve long steps. The schemes
-by name are in `_catalogue`, and attributes of this room: `schemes.midpoint`.
+formula becomes a scheme). `_guard` asks a scheme and checks what it answers, `_load_target` finds it by name,
+`_point_distributions` has increments with two or three values, `_division` and `_continuation` solve long steps. The
+schemes by name are in `_catalogue`, and attributes of this room: `schemes.midpoint`.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from sepv.schemes._division import divided as divided
 from sepv.schemes._explicit import explicit as explicit
 from sepv.schemes._gauss import gauss as gauss
 from sepv.schemes._guard import ask as ask
-from sepv.schemes._load import load_problem as load_problem
-from sepv.schemes._load import load_scheme as load_scheme
-from sepv.schemes._look import Look as Look
+from sepv.schemes._load_target import load_problem as load_problem
+from sepv.schemes._load_target import load_scheme as load_scheme
 from sepv.schemes._one_step import RANDOM_STEP as RANDOM_STEP
 from sepv.schemes._one_step import Explicit as Explicit
 from sepv.schemes._one_step import implicit as implicit
 from sepv.schemes._one_step import one_step as one_step
 from sepv.schemes._order_claims import Orders as Orders
-from sepv.schemes._point_laws import PointLaw as PointLaw
+from sepv.schemes._picture_look import Look as Look
+from sepv.schemes._point_distributions import PointLaw as PointLaw
 from sepv.schemes._projected import projected as projected
 from sepv.schemes._scheme import Scheme as Scheme
 from sepv.schemes._scheme import weakly as weakly

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from sepv.problem._fields import matvec
-from sepv.schemes._look import Look
 from sepv.schemes._one_step import EVERY, drift_and_noise, implicit, one_step
+from sepv.schemes._picture_look import Look
 from sepv.solve import Fields
 
 

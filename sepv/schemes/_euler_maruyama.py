@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from sepv.schemes._look import Look
 from sepv.schemes._one_step import EVERY, Explicit, drift_and_noise, one_step
+from sepv.schemes._picture_look import Look
 from sepv.solve import Fields
 
 

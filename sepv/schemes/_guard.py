@@ -13,7 +13,7 @@ import numpy as np
 from sepv.errors import SchemeFault, SepvError, StepFailure
 from sepv.problem import Array, Problem
 from sepv.problem._hamiltonians import is_several
-from sepv.problems._opaque import shown
+from sepv.problems._shown_to_schemes import shown
 from sepv.schemes._further_increments import answer, joined
 from sepv.schemes._scheme import REFUSALS, Scheme
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from sepv.schemes._look import Look
 from sepv.schemes._one_step import SYMMETRIC, implicit, one_step
+from sepv.schemes._picture_look import Look
 from sepv.solve import Fields
 from sepv.solve._linearised import derivative
 

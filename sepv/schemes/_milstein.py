@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from sepv.schemes._look import Look
 from sepv.schemes._one_step import EVERY, Explicit, drift_and_noise, one_step
+from sepv.schemes._picture_look import Look
 from sepv.solve import Fields
 
 

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from sepv._arguments import floats, is_number
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem, Systems
-from sepv.schemes._look import Look
-from sepv.schemes._point_laws import PointLaw, point_law
+from sepv.schemes._picture_look import Look
+from sepv.schemes._point_distributions import PointLaw, point_law
 from sepv.solve._solution import Solution, require_converged
 
 # What a step may ask for beside h and the increments.
@@ -65,7 +65,7 @@ class Scheme:
     truncation : int, optional
         k of Remark 2.1 for the increments the scheme wants; None for untruncated.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
-        The increments it is meant for (`sepv.schemes._point_laws`). Those of a few points are bounded, so
+        The increments it is meant for (`sepv.schemes._point_distributions`). Those of a few points are bounded, so
         that `truncation` is None; such a scheme has a weak order alone.
     batched : bool
         Whether `step` takes batches.

@@ -14,8 +14,8 @@ from __future__ import annotations
 
 from sepv.errors import Skipped
 from sepv.problem import Array, Problem
-from sepv.schemes._look import Look
 from sepv.schemes._one_step import EVERY, one_step
+from sepv.schemes._picture_look import Look
 from sepv.schemes._scheme import as_lanes
 
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from sepv.errors import UsageError
 from sepv.problem import Array
 from sepv.schemes import PointLaw
-from sepv.schemes._point_laws import point_law
+from sepv.schemes._point_distributions import point_law
 
 
 def truncation_bound(h: float, k: int) -> float:
@@ -62,7 +62,7 @@ def seen(dW: ArrayLike, h: float, k: int | None = 2, increments: str | PointLaw 
     k : int, optional
         As for `truncate`, for normal increments. The others are bounded as they are.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
-        Each increment becomes the value of that law at its own rank (`sepv.schemes._point_laws`), times √h.
+        Each increment becomes the value of that law at its own rank (`sepv.schemes._point_distributions`), times √h.
 
     Examples
     --------

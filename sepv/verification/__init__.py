@@ -10,7 +10,7 @@ bound. `_report` shows a run, `_submission` checks somebody else's. The laws the
 from __future__ import annotations
 
 from sepv.verification._cases.case import Case as Case
-from sepv.verification._expected import Expectations as Expectations
+from sepv.verification._expected_failures import Expectations as Expectations
 from sepv.verification._law import Effort as Effort
 from sepv.verification._law import Finding as Finding
 from sepv.verification._law import Law as Law

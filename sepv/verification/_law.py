@@ -11,7 +11,7 @@ from typing import Any
 
 from sepv.errors import UsageError
 from sepv.schemes import Scheme
-from sepv.schemes._point_laws import point_law
+from sepv.schemes._point_distributions import point_law
 
 
 class Verdict(Enum):

@@ -7,7 +7,7 @@
 3. And it keeps what it claims to keep, to the digits that it claims: likewise with level 3.
 
 A law that says nothing about a class of schemes (`not applicable`, with no case skipped) hinders no level and makes
-none. A waiver, which is an expected failure with its reason (`sepv.verification._expected`), hinders none
+none. A waiver, which is an expected failure with its reason (`sepv.verification._expected_failures`), hinders none
 either; it is counted and shown. Each law's level is on its record (`Law.level`, `Law.needed`).
 """
 

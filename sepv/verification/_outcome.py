@@ -10,7 +10,7 @@ from sepv._arguments import did_you_mean
 from sepv._version import __version__
 from sepv.errors import UsageError
 from sepv.schemes import Scheme
-from sepv.schemes._point_laws import NORMAL, point_law
+from sepv.schemes._point_distributions import NORMAL, point_law
 from sepv.verification._law import Effort, Finding, Verdict
 from sepv.verification._laws import load_laws
 from sepv.verification._levels import SUITE, Conformance, conformance
@@ -29,7 +29,7 @@ class Report:
     interrupted : bool
         Whether some laws were not measured.
     pinned : bool
-        Whether the run was held to a pin (`sepv.verification._expected`): every violation must be claimed or
+        Whether the run was held to a pin (`sepv.verification._expected_failures`): every violation must be claimed or
         listed there.
     gaps : tuple of str
         Sentences about laws that the pin says nothing of, or that it guards and that were not measured now.

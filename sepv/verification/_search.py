@@ -29,13 +29,13 @@ from sepv.verification._cases import case as cases
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.case_of_law import NOT_OF_HAMILTONIANS
 from sepv.verification._cases.fixed_cases import may_be_refused
-from sepv.verification._cases.given import cases_for
 from sepv.verification._cases.hamiltonians import HAMILTONIANS
 from sepv.verification._cases.same_draws import without_local_constants
 from sepv.verification._cases.shrink import shrunk
 from sepv.verification._cases.spaces import SPACES
 from sepv.verification._cases.strata import Space
 from sepv.verification._cases.structures import CASES
+from sepv.verification._cases.users_problems import cases_for
 from sepv.verification._law import Effort, Finding, Law, Measurement, Verdict
 
 Check = Callable[[Scheme, Case], Measurement]

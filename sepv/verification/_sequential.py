@@ -19,7 +19,7 @@ from sepv.problem import NamedProblem, Problem, Systems
 from sepv.schemes import Scheme
 from sepv.schemes._guard import guarded
 from sepv.verification._cases.from_problem import reach
-from sepv.verification._cases.given import problems_of
+from sepv.verification._cases.users_problems import problems_of
 from sepv.verification._law import Effort, Finding, Law, Verdict
 from sepv.verification._orders.convergence import StrongErrors, first, join, strong_errors
 from sepv.verification._orders.tilting import tilted_errors

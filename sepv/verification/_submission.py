@@ -27,7 +27,7 @@ from typing import Any
 from sepv._version import __version__
 from sepv.errors import SepvError, UsageError
 from sepv.files import fault, schema
-from sepv.schemes._load import load_object
+from sepv.schemes._load_target import load_object
 from sepv.verification._law import Effort, Finding, Verdict
 from sepv.verification._laws import load_laws
 from sepv.verification._levels import SUITE, conformance

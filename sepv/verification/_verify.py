@@ -11,14 +11,14 @@ from typing import Any
 
 from sepv.errors import ClusterFailure, SepvError, Skipped, TargetError, UsageError
 from sepv.schemes import Scheme, load_scheme
-from sepv.schemes._load import words_for
+from sepv.schemes._load_target import words_for
 from sepv.schemes._scheme import Step
 from sepv.simulate._engine.workers import run_all
 from sepv.verification import _side_by_side as side_by_side
-from sepv.verification._cases.given import items
+from sepv.verification._cases.users_problems import items
 from sepv.verification._deadline import TimedOut, deadline
-from sepv.verification._expected import Expectations, ExpectedFailure
-from sepv.verification._expected import load as load_expected
+from sepv.verification._expected_failures import Expectations, ExpectedFailure
+from sepv.verification._expected_failures import load as load_expected
 from sepv.verification._law import Effort, Finding, Law, Verdict
 from sepv.verification._laws import LAWS, LOCAL, SAMPLED, laws_of, listed, load_laws
 from sepv.verification._outcome import Report
@@ -56,7 +56,7 @@ def verify(
     progress : callable (law, finding or None), optional
         Called before each law with None, and after it with its finding.
     expected : path, optional
-        A file of claims and of expected failures (`sepv.verification._expected`): the claims are added, and
+        A file of claims and of expected failures (`sepv.verification._expected_failures`): the claims are added, and
         the laws expected to fail are checked by the pinned witness alone.
     jobs : int
         Laws measured side by side in so many processes, with the same verdicts. The scheme must be one that another

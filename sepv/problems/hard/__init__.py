@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from sepv.errors import UsageError
 from sepv.problems.hard import _fields, _mechanics, _populations, _scales, _steps
-from sepv.problems.hard._record import HardCase as HardCase
-from sepv.problems.hard._record import Sample as Sample
+from sepv.problems.hard._hard_case import HardCase as HardCase
+from sepv.problems.hard._hard_case import Sample as Sample
 
 CATALOGUE: tuple[HardCase, ...] = (
     *_steps.CASES,

@@ -7,7 +7,17 @@ from collections.abc import Callable
 import numpy as np
 
 from sepv.problem import Array, PolynomialSystem
-from sepv.problems.hard._record import UNIT3, HardCase, Sample, canonical, hat, sizes, split, squares, terms
+from sepv.problems.hard._hard_case import (
+    UNIT3,
+    HardCase,
+    Sample,
+    canonical,
+    hat,
+    sizes,
+    split,
+    squares,
+    terms,
+)
 from sepv.record import _polynomial as poly
 
 _RESTING = PolynomialSystem(

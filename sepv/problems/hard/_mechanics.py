@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sepv.problem import NamedProblem, PolynomialSystem
-from sepv.problems.hard._record import REFUSALS, HardCase, Sample, canonical, sizes, split, terms
+from sepv.problems.hard._hard_case import REFUSALS, HardCase, Sample, canonical, sizes, split, terms
 
 _SPREAD = (1e-3, 1.0, 1e3)
 _HENON = PolynomialSystem(

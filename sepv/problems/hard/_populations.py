@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sepv.problem import NamedProblem
-from sepv.problems.hard._record import REFUSALS, HardCase, Sample, sizes, split
+from sepv.problems.hard._hard_case import REFUSALS, HardCase, Sample, sizes, split
 
 _DATA = NamedProblem(
     "lotka-volterra",

@@ -8,7 +8,7 @@ from math import comb
 import numpy as np
 
 from sepv.problem import PolynomialSystem
-from sepv.problems.hard._record import HardCase, Sample, canonical, sizes, split, squares, terms
+from sepv.problems.hard._hard_case import HardCase, Sample, canonical, sizes, split, squares, terms
 
 # ½p² + (q − 1)^10, expanded: coefficients up to 252 that cancel to nothing at q = 1.
 _CANCELLING = terms(2, {(2, 0): 0.5, **{(0, k): float((-1) ** k * comb(10, k)) for k in range(11)}})

@@ -17,7 +17,7 @@ from sepv.errors import ChunkFailure, Interrupted, UsageError
 from sepv.problem import Problem
 from sepv.schemes import PointLaw, Scheme, load_problem, load_scheme
 from sepv.schemes._guard import ask_once
-from sepv.schemes._point_laws import point_law
+from sepv.schemes._point_distributions import point_law
 from sepv.schemes._scheme import Step
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener

@@ -1,6 +1,6 @@
 """What a scheme does in one case: work as exact integers, errors and defects path by path, time.
 
-This file also runs inside another checkout (`sepv.studies._bench.child`), which may be older than itself: it
+This file also runs inside another checkout (`sepv.studies._bench.timed_process`), which may be older than itself: it
 stands on the contract of a scheme and on names that every release has, `exact_flow`, `problems`, `truncate`.
 """
 

@@ -24,7 +24,7 @@ import numpy as np
 import sepv
 from sepv.errors import TargetError, UsageError
 from sepv.problem import Array
-from sepv.studies._bench import child
+from sepv.studies._bench import timed_process
 from sepv.studies._bench.gate import ALPHA, Check
 
 # One reading of the clock: long against its resolution, short against the changes in load of a machine.
@@ -49,7 +49,7 @@ class Side:
         roots = [checkout, *(p for p in (checkout / "src",) if p.is_dir())]
         path = os.pathsep.join([*map(str, roots), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
         self.process = subprocess.Popen(
-            [sys.executable, "-P", child.__file__],
+            [sys.executable, "-P", timed_process.__file__],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             cwd=checkout,

@@ -10,7 +10,7 @@ import numpy as np
 from sepv.errors import SchemeFault, TargetError
 from sepv.problem import Problem
 from sepv.schemes import ask, load_scheme
-from sepv.schemes._load import load_object
+from sepv.schemes._load_target import load_object
 from sepv.studies._compare.method import Method, exact_time_change, from_scheme
 
 # Other libraries' solvers under the best driver one can give them, and the library each needs.

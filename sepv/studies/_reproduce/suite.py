@@ -19,23 +19,23 @@ from sepv.studies._reproduce import (
     deterministic,
     errata,
     extensions,
+    figure_4_3,
+    figure_4_6,
+    figures_4_1_and_4_2,
+    figures_4_4_and_4_5,
     lemma,
     local,
-    lotka_volterra,
-    oscillator,
-    pendulum,
     printed,
     remarks,
-    rigid_body,
 )
 from sepv.studies._reproduce.job import Job, Results, Size
 from sepv.studies._reproduce.record import Panel, Statement, counts
 
 SECTIONS = (
-    oscillator,
-    rigid_body,
-    pendulum,
-    lotka_volterra,
+    figures_4_1_and_4_2,
+    figure_4_3,
+    figures_4_4_and_4_5,
+    figure_4_6,
     deterministic,
     lemma,
     local,

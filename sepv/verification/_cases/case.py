@@ -16,7 +16,7 @@ from sepv.errors import UsageError
 from sepv.problem import Array, Description, GivenProblem, NamedProblem, PolynomialSystem, Problem
 from sepv.problem._hamiltonians import is_several
 from sepv.problem._json import problem_from_json, problem_to_json
-from sepv.problems._opaque import GIVEN, as_given
+from sepv.problems._shown_to_schemes import GIVEN, as_given
 from sepv.record._polynomial import parse_float
 from sepv.schemes import load_problem
 
@@ -31,7 +31,7 @@ class Case:
     Attributes
     ----------
     given : str
-        How the scheme sees the problem: one of `sepv.problems._opaque.GIVEN`.
+        How the scheme sees the problem: one of `sepv.problems._shown_to_schemes.GIVEN`.
     batch : int
         For laws about batches: how many states are asked about together. 0 leaves it to the law.
     times : int

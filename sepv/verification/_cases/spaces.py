@@ -9,7 +9,7 @@ from dataclasses import replace
 from functools import partial
 
 from sepv.problem import Systems
-from sepv.verification._cases.content import (
+from sepv.verification._cases.random_cases import (
     at_origin,
     batched,
     drawn,

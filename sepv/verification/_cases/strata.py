@@ -1,7 +1,7 @@
 """The space of cases: axes, the strata of each, what cannot be combined and why, and designs that cover it.
 
 A law has the space that it speaks of; `Space.cases` are its cases by design: each possible pair of strata occurs,
-with random content inside. What a stratum means is in `sepv.verification._cases.content`, which makes the
+with random content inside. What a stratum means is in `sepv.verification._cases.random_cases`, which makes the
 cases: once for all laws that ask for the same strata. So that many do, a design may take its rows from
 another one, its pool.
 """

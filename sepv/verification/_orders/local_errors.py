@@ -42,11 +42,11 @@ from sepv.schemes import Scheme
 from sepv.schemes._explicit_tableaux import CLASSICAL
 from sepv.schemes._guard import guarded
 from sepv.schemes._order_claims import order_of
-from sepv.schemes._point_laws import point_law
+from sepv.schemes._point_distributions import point_law
 from sepv.simulate._batch import advance
 from sepv.solve import Status
 from sepv.verification._cases.from_problem import reach
-from sepv.verification._cases.given import problems_of
+from sepv.verification._cases.users_problems import problems_of
 from sepv.verification._law import Effort
 from sepv.verification._orders.gaussian import Rule, point_rule
 from sepv.verification._orders.local_moments import FULL_DEGREE, SPLIT, exponents, moments_at

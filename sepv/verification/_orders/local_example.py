@@ -9,7 +9,7 @@ import numpy as np
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
 from sepv.schemes._guard import guarded
-from sepv.schemes._point_laws import point_law
+from sepv.schemes._point_distributions import point_law
 from sepv.verification._orders.gaussian import point_rule
 from sepv.verification._orders.local_errors import ends_at, local_states, moments_only, one_step, rule_degree
 from sepv.verification._orders.local_moments import moments_at

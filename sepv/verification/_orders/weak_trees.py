@@ -14,7 +14,7 @@ from sepv.errors import Skipped
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.schemes import PointLaw, Scheme
 from sepv.schemes._guard import guarded
-from sepv.schemes._point_laws import point_law
+from sepv.schemes._point_distributions import point_law
 from sepv.simulate._batch import advance
 from sepv.solve import Status
 from sepv.verification._cases.from_problem import reach

@@ -1,4 +1,4 @@
-"""The tree in numbers: python -m benchmarks.house [FOLDER of another checkout]
+"""The tree in numbers: python -m benchmarks.source_tree [FOLDER of another checkout]
 
 Rooms, modules, public names, lengths, lines that stand twice, circles of imports. Names are public where no part of
 their path begins with an underscore: what a room's `__init__` names, and what the modules without underscore define.

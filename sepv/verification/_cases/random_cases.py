@@ -1,6 +1,6 @@
 """Random content inside given strata: a system, a state and a step inside the contraction radius.
 
-The parts come from `sepv.verification._cases.ingredients`. Then H is multiplied by the power of two that
+The parts come from `sepv.verification._cases.random_parts`. Then H is multiplied by the power of two that
 makes the wanted |Δ| as long as the contraction radius, to which it is inversely proportional.
 """
 
@@ -20,7 +20,7 @@ from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, 
 from sepv.record import _polynomial as poly
 from sepv.record._polynomial import Exponents
 from sepv.verification._cases.case import Case
-from sepv.verification._cases.ingredients import (
+from sepv.verification._cases.random_parts import (
     Matrix,
     coefficient,
     contracted,

@@ -29,7 +29,7 @@ from sepv.problem import (
 )
 from sepv.problem._checks import sample_states
 from sepv.schemes import load_problem
-from sepv.schemes._load import load_object
+from sepv.schemes._load_target import load_object
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.case_of_law import (
     NOT_OF_HAMILTONIANS,
