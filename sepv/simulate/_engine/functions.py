@@ -106,6 +106,30 @@ def prefetch(typingctx: Any, array: Any, n: Any, j: Any, k: Any) -> Any:  # noqa
 
 
 @intrinsic
+def marked(typingctx: Any, array: Any, first: Any) -> Any:  # noqa: ARG001 - numba's signature
+    """A bit for each of 64 bytes of the array from `first` on: whether it is not 0."""
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        found = make_array(signature.args[0])(context, builder, arguments[0])
+        kind = ir.VectorType(ir.IntType(8), 64)
+        place = builder.gep(found.data, [arguments[1]], inbounds=True)
+        bytes_ = builder.load(builder.bitcast(place, kind.as_pointer()), align=1)
+        return builder.bitcast(builder.icmp_signed("!=", bytes_, ir.Constant(kind, None)), ir.IntType(64))
+
+    return types.uint64(array, types.int64), code
+
+
+@intrinsic
+def lowest_bit(typingctx: Any, bits: Any) -> Any:  # noqa: ARG001 - numba's signature
+    """The place of the lowest bit that is set, of bits that are not 0."""
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001 - numba's
+        return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
+
+    return types.int64(types.uint64), code
+
+
+@intrinsic
 def not_(typingctx: Any, condition: Any) -> Any:  # noqa: ARG001 - numba's signature
     """Not the condition, without a branch."""
 

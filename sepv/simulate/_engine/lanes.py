@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numba.np.random._constants import fi_double, ki_double, wi_double, ziggurat_nor_inv_r, ziggurat_nor_r
 
-from sepv.simulate._engine.functions import prefer_512_bit, select
+from sepv.simulate._engine.functions import lowest_bit, marked, prefer_512_bit, select
 from sepv.simulate._engine.signatures import BEGIN, FILL
 from sepv.simulate._wiener import MIXING
 
@@ -26,24 +26,31 @@ _MANTISSA = np.int64(0x000FFFFFFFFFFFFF)
 _UNIT = 1.0 / 9007199254740992.0
 
 
+@njit(error_model="numpy", forceinline=True, cache=True)
+def _after(a: Any, b: Any, c: Any, counter: Any) -> Any:
+    """The next 64 bits of a stream in this state, and the state after them."""
+    out = a + b + counter
+    turned = (c << np.uint64(24)) | (c >> np.uint64(40))
+    return out, b ^ (b >> np.uint64(11)), c + (c << np.uint64(3)), turned + out, counter + np.uint64(1)
+
+
 @_kernel
 def _next(rng: Any, s: int, k: int) -> Any:
     """The next 64 bits of stream s of lane k."""
-    a, b, c, counter = rng[s, 0, k], rng[s, 1, k], rng[s, 2, k], rng[s, 3, k]
-    out = a + b + counter
-    rng[s, 0, k] = b ^ (b >> np.uint64(11))
-    rng[s, 1, k] = c + (c << np.uint64(3))
-    rng[s, 2, k] = ((c << np.uint64(24)) | (c >> np.uint64(40))) + out
-    rng[s, 3, k] = counter + np.uint64(1)
+    out, a, b, c, counter = _after(rng[s, 0, k], rng[s, 1, k], rng[s, 2, k], rng[s, 3, k])
+    rng[s, 0, k], rng[s, 1, k], rng[s, 2, k], rng[s, 3, k] = a, b, c, counter
     return out
 
 
 @_kernel
 def mix(rng: Any, s: int) -> None:
     """From the seeds of a stream to its initial states: the first draws, which are not used."""
-    for _ in range(MIXING):
-        for k in range(rng.shape[2]):
-            _next(rng, s, k)
+    prefer_512_bit()
+    for k in range(rng.shape[2]):
+        a, b, c, counter = rng[s, 0, k], rng[s, 1, k], rng[s, 2, k], rng[s, 3, k]
+        for _ in range(MIXING):  # in registers
+            _, a, b, c, counter = _after(a, b, c, counter)
+        rng[s, 0, k], rng[s, 1, k], rng[s, 2, k], rng[s, 3, k] = a, b, c, counter
 
 
 @_kernel
@@ -82,7 +89,7 @@ def normals(rng: Any, s: int, out: Any, i: int, j: int, scratch: Any) -> None:
     Arrays are passed whole: a slice counts its references, which takes longer than a normal.
     """
     prefer_512_bit()
-    raw, late, words = scratch
+    raw, late = scratch
     lanes = out.shape[2]
     for k in range(lanes):
         r = raw[k] = _next(rng, s, k)
@@ -91,18 +98,19 @@ def normals(rng: Any, s: int, out: Any, i: int, j: int, scratch: Any) -> None:
         x = rabs * _WIDTH[layer]
         out[i, j, k] = select((r & np.uint64(0x100)) != 0, -x, x)
         late[k] = rabs >= _LIMIT[layer]
-    for word in range(words.shape[0]):
-        if words[word] != 0:
-            for k in range(8 * word, 8 * word + 8):
-                if late[k] != 0:
-                    out[i, j, k] = _ziggurat(rng, s, k, raw[k])
+    # Where they are is read off bits: a branch for each lane costs more than what is done there, one in a hundred.
+    for first in range(0, late.shape[0], 64):
+        bits = marked(late, first)
+        while bits != 0:
+            k = first + lowest_bit(bits)
+            bits &= bits - np.uint64(1)
+            out[i, j, k] = _ziggurat(rng, s, k, raw[k])
 
 
 @_kernel
 def scratch_of(lanes: int) -> Any:
-    """For `normals`: what was drawn, and where the ziggurat is not done with it, lane by lane and eight at a time."""
-    late = np.zeros(-(-lanes // 8) * 8, np.uint8)
-    return np.empty(lanes, np.uint64), late, late.view(np.uint64)
+    """For `normals`: what was drawn, and where the ziggurat is not done with it."""
+    return np.empty(lanes, np.uint64), np.zeros(-(-lanes // 64) * 64, np.uint8)
 
 
 @_kernel

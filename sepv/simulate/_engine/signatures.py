@@ -26,7 +26,7 @@ ADVANCE = _int(
 # start(S, I, increments, P): the invariants of a block whose states are set.
 START = types.void(_vector, _integers, _block, _vector)
 # See `sepv.simulate._engine.lanes` and `sepv.simulate._engine.driver`.
-_scratch = types.Tuple((types.uint64[::1], types.uint8[::1], types.uint64[::1]))
+_scratch = types.Tuple((types.uint64[::1], types.uint8[::1]))
 _streams, _stacks = types.uint64[:, :, :, ::1], types.float64[:, :, :, ::1]
 FILL = types.void(_block, _int, _int, types.uint64[:, :, ::1], _block, _block, _vector, _int, _scratch)
 BEGIN = types.void(types.uint64[:, :, ::1], _block, _vector, _int, _int, _scratch)
