@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -15,8 +16,11 @@ from sepv.simulate._engine.compile import FEW, Kernel, kernel
 from sepv.simulate._engine.crew import Halted, halted
 from sepv.simulate._engine.module import (
     ALIVE,
+    CACHE_LINE,
+    DONE,
     EVALUATIONS,
     LANES,
+    NUMBERS,
     PENDING,
     STATUS,
     STRUCTURES,
@@ -26,6 +30,14 @@ from sepv.simulate._engine.task import Task
 
 # Path-steps between two looks at whether the chunk is still wanted, and at Ctrl-C: some hundredths of a second.
 PIECE = 2**21
+
+
+def aligned(shape: tuple[int, ...], dtype: Any = np.float64) -> np.ndarray:
+    """An empty array that begins with a cache line, as registers of 512 bits are: one that lies across takes two."""
+    size = math.prod(shape) * np.dtype(dtype).itemsize
+    room = np.empty(size + CACHE_LINE, np.uint8)
+    first = -room.ctypes.data % CACHE_LINE
+    return room[first : first + size].view(dtype).reshape(shape)
 
 
 class Chunk:
@@ -45,19 +57,15 @@ class Chunk:
         self.start = np.zeros(module.SIZE)
         self.start[: problem.dimension * lanes] = np.repeat(np.asarray(task.y0, dtype=np.float64), lanes)
         module.start(
-            self.start, np.zeros(4 * lanes + 5, np.int64), np.zeros((1, 1, 1)), self.kernel.parameters
+            self.start, np.zeros(4 * lanes + NUMBERS, np.int64), np.zeros((1, 1, 1)), self.kernel.parameters
         )
-        self.S = np.empty((blocks, module.SIZE))
-        self.I = np.empty((blocks, 4 * lanes + 5), dtype=np.int64)
-        self.W = np.empty((blocks, m, lanes))
-        self.I[:, -1] = 0
+        self.S = aligned((blocks, module.SIZE))
+        self.I = aligned((blocks, 4 * lanes + NUMBERS), np.int64)
+        self.W = aligned((blocks, m, lanes))
+        self.I[:, 4 * lanes :] = 0
         self.grid = wiener.grid(task.steps, task.refine)
         drawn = task.dW is None and m > 0
-        nothing = np.empty((blocks, 0, 4, lanes), np.uint64)
-        self.rng = _streams(task, self.grid, blocks, lanes) if drawn else nothing
-        self.stack = np.empty((blocks, self.rng.shape[1], m, lanes))
-        coarse = self.grid.base << self.grid.top if drawn and self.grid.base <= wiener.TOP else 0
-        self.top = np.empty((blocks, coarse, m, lanes))
+        self.words = wiener.stream_words(task.seed, self.grid) if drawn else np.empty((0, 3), np.uint64)
         self.spreads = wiener.spreads(task.h * task.steps, self.grid) if drawn else np.empty(0)
         k = task.truncation
         self.bound = math.inf if k is None else bounded.truncation_bound(task.h, k) * math.sqrt(task.h)
@@ -75,19 +83,30 @@ class Chunk:
             self.__init__(self.task, self.problem)  # type: ignore[misc]  # everything as it was at the start
             self._run(goal)
 
+    def _draw_from(self, blocks: int) -> None:
+        """Room for the streams of so many blocks, the halves that wait, and the coarse increments."""
+        m, grid, streams = self.problem.noises, self.grid, len(self.words)
+        self.rng = aligned((blocks, streams, 4, self.lanes), np.uint64)
+        self.stack = aligned((blocks, streams, m, self.lanes))
+        coarse = grid.base << grid.top if streams and grid.base <= wiener.TOP else 0
+        self.top = aligned((blocks, coarse, m, self.lanes))
+
     def _run(self, goal: int) -> None:
         module = self.kernel.module
+        if self.done == 0:
+            # Blocks that are not gone on with take turns: what they draw from stays in the cache.
+            self._draw_from(1 if goal == self.task.steps else len(self.S))
         self.driver.run(
             self.driver.BEGINNING, self.driver.FILLING, module.ADVANCING, self.careful, module.ASKED, module.SHAPE,
-            module.TABLE, self.S, self.I, self.W, self.start, self.task.count, self.rng, self.stack, self.top,
-            self.spreads, self.grid.base, self.grid.top, self.given, self.task.place, self.done, goal, self.task.h,
-            self.bound, self.thresholds, self.values, self.kernel.parameters,
+            module.TABLE, self.S, self.I, self.W, self.start, self.task.count, self.words, self.task.first,
+            self.rng, self.stack, self.top, self.spreads, self.grid.base, self.grid.top, self.given, self.task.place,
+            self.done, goal, self.task.h, self.bound, self.thresholds, self.values, self.kernel.parameters,
         )  # fmt: skip
 
     @property
     def done(self) -> int:
         """Steps done."""
-        return int(self.I[-1, -1])
+        return int(self.I[-1, 4 * self.lanes + DONE])
 
     def _settle(self) -> None:
         """Sets the blocks up, which the first step does else."""
@@ -138,17 +157,6 @@ class Chunk:
             states=kept if kept.size else np.empty((0, self.problem.dimension, self.task.count)),
             engine="compiled",
         )
-
-
-def _streams(task: Task, grid: wiener.Grid, blocks: int, lanes: int) -> np.ndarray:
-    """What the streams of all paths begin with, (blocks, streams, 4, L): see `sepv.simulate._wiener.stream_words`."""
-    words = wiener.stream_words(task.seed, grid)
-    found = np.empty((blocks, len(words), 4, lanes), dtype=np.uint64)
-    found[:, :, :3] = words[..., None]
-    found[:, :, 3] = 1
-    paths = np.arange(task.first, task.first + blocks * lanes, dtype=np.uint64).reshape(blocks, 1, lanes)
-    found[:, :, 2] += paths * np.uint64(wiener.STREAMS)
-    return found
 
 
 def run_compiled(task: Task, problem: Problem) -> Ensemble:

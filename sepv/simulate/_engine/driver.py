@@ -15,7 +15,7 @@ from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
 from sepv.simulate._engine.functions import select
-from sepv.simulate._engine.lanes import begin, fill, scratch_of
+from sepv.simulate._engine.lanes import aligned, begin, fill, scratch_of
 from sepv.simulate._engine.module import ALIVE, DONE, FAILED, LANES, LIVING, PENDING
 from sepv.simulate._engine.signatures import (
     CAREFUL,
@@ -122,31 +122,36 @@ def settle(S: Any, I: Any, W: Any, start: Any, count: int) -> None:
 def run(
     beginning: int, filling: int, advance: Any, careful: Any, problem: Any, shape: Any, table: Any,
     S: Any, I: Any, W: Any, start: Any, living: int,
-    rng: Any, stack: Any, top: Any, factors: Any, base: int, halvings: int, given: Any,
+    words: Any, path: int, rng: Any, stack: Any, top: Any, factors: Any, base: int, halvings: int, given: Any,
     place: int, n0: int, n1: int, h: float, bound: float, thresholds: Any, values: Any, P: Any,
 ) -> None:  # fmt: skip
     """Steps n0 … n1 − 1 of a chunk of blocks; S, I, W, rng, stack and top are its state, set up where n0 = 0.
+
+    The last three have one block for all where none is gone on with. Paths are numbered from `path`.
 
     Increments are drawn, or those of lanes `place` and on of `given` (N, m, M) where it is not empty; where there are
     `values`, the scheme sees the one between whose thresholds the increment lies.
     """
     noises, lanes = W.shape[1], W.shape[2]
     piece = max(16, 1024 // lanes)
-    buffer = np.empty((piece, noises, lanes))
+    buffer = aligned(piece * noises * lanes).reshape((piece, noises, lanes))
     points = np.empty((piece if values.shape[0] > 0 else 0, noises, lanes))
     scratch = scratch_of(lanes)
     for b in range(S.shape[0]):
-        alive = True
+        alive, own = True, min(b, rng.shape[0] - 1)
         if n0 == 0:  # here, and not for all blocks before: what is written is in the cache when it is used
             _settle(S, I, W, start, living, b)
         if n0 == 0 and rng.shape[1] > 0:
-            call_begin(beginning, (rng[b], top[b], factors, base, halvings, scratch))
+            drawing = (rng[own], top[own], words, path + b * lanes, factors, base, halvings, scratch)
+            call_begin(beginning, drawing)
         for n in range(n0, n1, piece):
             count = min(piece, n1 - n)
             lane = place + b * lanes
             increments = buffer
             if given.shape[0] == 0:
-                call_fill(filling, (buffer, n, count, rng[b], stack[b], top[b], factors, halvings, scratch))
+                call_fill(
+                    filling, (buffer, n, count, rng[own], stack[own], top[own], factors, halvings, scratch)
+                )
             elif lane + lanes > given.shape[2]:
                 _copy(given, n, count, lane, buffer)
             else:

@@ -13,8 +13,9 @@ from numba import njit
 from numba.np.random._constants import fi_double, ki_double, wi_double, ziggurat_nor_inv_r, ziggurat_nor_r
 
 from sepv.simulate._engine.functions import lowest_bit, marked, prefer_512_bit, select
+from sepv.simulate._engine.module import CACHE_LINE
 from sepv.simulate._engine.signatures import BEGIN, FILL
-from sepv.simulate._wiener import MIXING
+from sepv.simulate._wiener import MIXING, STREAMS
 
 _OPTIONS: Any = {"error_model": "numpy", "nogil": True, "cache": True}
 _kernel: Any = njit(**_OPTIONS)
@@ -108,9 +109,19 @@ def normals(rng: Any, s: int, out: Any, i: int, j: int, scratch: Any) -> None:
 
 
 @_kernel
+def aligned(size: int) -> Any:
+    """An empty vector of so many float64 that begins with a cache line."""
+    room = np.empty(size + CACHE_LINE // 8)
+    first = -room.ctypes.data % CACHE_LINE // 8
+    return room[first : first + size]
+
+
+@_kernel
 def scratch_of(lanes: int) -> Any:
     """For `normals`: what was drawn, and where the ziggurat is not done with it."""
-    return np.empty(lanes, np.uint64), np.zeros(-(-lanes // 64) * 64, np.uint8)
+    late = aligned(-(-lanes // 64) * 8)
+    late[:] = 0.0
+    return aligned(lanes).view(np.uint64), late.view(np.uint8)
 
 
 @_kernel
@@ -189,12 +200,21 @@ def fill(  # noqa: PLR0912 - in one piece, since calls that pass several arrays 
 
 
 @njit(BEGIN, **_OPTIONS)
-def begin(rng: Any, top: Any, factors: Any, base: int, halvings: int, scratch: Any) -> None:
-    """From the seeds of the streams of a block, rng (streams, 4, L), to their states, and the coarse increments `top`.
+def begin(
+    rng: Any, top: Any, words: Any, path: int, factors: Any, base: int, halvings: int, scratch: Any
+) -> None:
+    """The streams of a block, rng (streams, 4, L), of paths `path` and on, and the coarse increments `top`.
 
-    `scratch` is what `scratch_of` made.
+    words (streams, 3) is what the streams begin with (`sepv.simulate._wiener.stream_words`), `scratch` what
+    `scratch_of` made.
     """
-    for stream in range(rng.shape[0]):
-        mix(rng, stream)
+    for s in range(rng.shape[0]):
+        for k in range(rng.shape[2]):
+            rng[s, 0, k], rng[s, 1, k] = words[s, 0], words[s, 1]
+            rng[s, 2, k] = words[s, 2] + np.uint64(path + k) * np.uint64(STREAMS)
+            rng[s, 3, k] = np.uint64(1)
+        mix(rng, s)
     if top.shape[0] > 0:
-        coarse(rng, top, factors, base, halvings, np.empty((top.shape[0] // 2, *top.shape[1:])), scratch)
+        n, noises, lanes = top.shape[0] // 2, top.shape[1], top.shape[2]
+        halves = aligned(n * noises * lanes).reshape((n, noises, lanes))
+        coarse(rng, top, factors, base, halvings, halves, scratch)

@@ -10,9 +10,12 @@ from sepv.solve._newton import ROUNDING
 
 # Paths side by side: sixteen registers of eight doubles, which hide latencies and cache lines far apart, still in L1.
 LANES = 128
-# Rows of the integers of a block, then five numbers after them.
+# Bytes.
+CACHE_LINE = 64
+# Rows of the integers of a block, then room for eight numbers, a cache line, of which these five are used.
 BUSY, ALIVE, STATUS, FAILED = range(4)
 EVALUATIONS, STRUCTURES, LIVING, WORK, DONE = range(5)
+NUMBERS = 8
 # The error that a lane may be left with, relative to its state: 2⁻¹⁰ of a rounding.
 LEFT = 2.0**-62
 # Before there are two corrections to compare, only one so small that its square is below that counts.
