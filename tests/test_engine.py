@@ -617,6 +617,43 @@ def test_a_chunk_that_made_no_step_is_at_its_start() -> None:
         )
 
 
+def test_a_chunk_draws_the_same_at_once_and_in_pieces() -> None:
+    problem = problems.rigid_body()
+    task = Task(EP, problem, np.array(problem.initial), 0.01, 96, 130, 300, 7, None, 2, (), False, True, None)
+    wanted = wiener.increments(7, T=0.96, steps=96, noises=1, paths=range(130, 430))
+    found = []
+    for pieces in ((96,), (1, 95), (40, 33, 23)):
+        chunk = Chunk(task, problem)
+        for steps in pieces:
+            chunk.advance(steps)
+        found.append(chunk.result(np.empty((0, 3, 300))))
+    for ends in found:
+        assert np.array_equal(ends.W, found[0].W)
+        assert np.array_equal(ends.y, found[0].y)
+        # Sums of 96 numbers, in two orders.
+        np.testing.assert_allclose(ends.W, wanted.sum(axis=0), rtol=0, atol=96 * 2.0**-52)
+
+
+def test_the_fingerprint_tells_schemes_problems_starts_and_steps_apart() -> None:
+    body, other = problems.rigid_body(), problems.rigid_body(inertia=(1.0, 2.0, 4.0))
+    asked = {
+        "as it is": (EP, body, 0.01, None), "scheme": (schemes.by_name("gauss-2"), body, 0.01, None),
+        "problem": (EP, other, 0.01, None), "h": (EP, body, 0.02, None), "y0": (EP, body, 0.01, [0.6, 0.8, 0.0]),
+    }  # fmt: skip
+
+    def fingerprint(key: str, engine: str) -> str:
+        scheme, problem, h, y0 = asked[key]
+        return sepv.ensemble(scheme, problem, h=h, steps=2, paths=20, y0=y0, engine=engine).about[
+            "fingerprint"
+        ]
+
+    found = {key: fingerprint(key, "compiled") for key in asked}
+    assert len(set(found.values())) == len(asked)
+    # The second time it is kept, and in NumPy made anew.
+    assert found == {key: fingerprint(key, "compiled") for key in asked}
+    assert found == {key: fingerprint(key, "numpy") for key in asked}
+
+
 def test_a_system_without_noise_is_compiled() -> None:
     problem = replace(problems.rigid_body(noise=()), check=False)
     for paths in (3, 300):

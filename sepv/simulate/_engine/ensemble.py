@@ -6,6 +6,7 @@ import hashlib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
@@ -284,6 +285,8 @@ class _Chunks(Sequence[Task]):
 
     def __getitem__(self, index: Any) -> Any:
         whole, first = self.whole, self.numbers[index] * self.size
+        if self.size >= whole.count and not self.far:
+            return whole
         count = min(self.size, whole.count - first)
         dW, place = whole.dW, first
         if dW is not None and self.far:
@@ -333,22 +336,19 @@ def _empty(whole: Task, problem: Problem, reason: str, about: dict[str, Any]) ->
 def _about(whole: Task, problem: Problem, dW: Any) -> dict[str, Any]:
     """What the paths are paths of, as JSON: equal where the paths are equal.
 
-    Functions cannot be compared, so that the problem and the scheme are known by their values at y0 and by one step.
+    The problem and the scheme are known by a fingerprint. It is kept for what is compiled, as kernels are: these are
+    records, which do not change.
     """
-    with np.errstate(all="ignore"):
-        values = [problem.hamiltonian(whole.y0), problem.gradient(whole.y0), problem.structure(whole.y0)]
-        try:
-            increment = np.full(problem.noises, 0.25 * math.sqrt(whole.h))
-            values.append(whole.scheme.step(problem, whole.y0.copy(), whole.h, increment))
-        except Exception as error:  # a step may be refused; that too is what the scheme does
-            values.append(np.frombuffer(type(error).__name__.encode(), dtype=np.uint8))
-    bits = b"".join(np.ascontiguousarray(value).tobytes() for value in values)
+    find = _fingerprint
+    if whole.compiled and _has_hash(whole.scheme):
+        find = _kept_fingerprint
+    fingerprint = find(whole.scheme, problem, whole.y0.tobytes(), whole.h)
     law = point_law(whole.scheme.increments)
     return {
         "sepv_version": __version__,
         "problem": problem.name,
         "scheme": whole.scheme.name,
-        "fingerprint": hashlib.sha256(bits).hexdigest()[:16],
+        "fingerprint": fingerprint,
         "h": whole.h,
         "steps": whole.steps,
         "T": whole.h * whole.steps,
@@ -363,6 +363,31 @@ def _about(whole: Task, problem: Problem, dW: Any) -> dict[str, Any]:
         "noise": [float(c) for c in problem.c],
         "stops": list(whole.stops),
     }
+
+
+def _fingerprint(scheme: Scheme, problem: Problem, start: bytes, h: float) -> str:
+    """Of a problem and a scheme by their values at y0 and by one step: functions cannot be compared."""
+    y0 = np.frombuffer(start).copy()
+    with np.errstate(all="ignore"):
+        values = [problem.hamiltonian(y0), problem.gradient(y0), problem.structure(y0)]
+        try:
+            increment = np.full(problem.noises, 0.25 * math.sqrt(h))
+            values.append(scheme.step(problem, y0.copy(), h, increment))
+        except Exception as error:  # a step may be refused; that too is what the scheme does
+            values.append(np.frombuffer(type(error).__name__.encode(), dtype=np.uint8))
+    bits = b"".join(np.ascontiguousarray(value).tobytes() for value in values)
+    return hashlib.sha256(bits).hexdigest()[:16]
+
+
+_kept_fingerprint = lru_cache(maxsize=256)(_fingerprint)
+
+
+def _has_hash(scheme: Scheme) -> bool:
+    try:
+        hash(scheme)
+    except TypeError:
+        return False
+    return True
 
 
 def _total(task: Task, empty: Ensemble, progress: Any) -> InMemory:
