@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from sepv.simulate._engine.functions import pivoted
+from sepv.simulate._engine.functions import next_is_small, pivoted
 from sepv.simulate._engine.module import (
     BROKEN,
     EQUATION,
@@ -21,7 +21,6 @@ from sepv.simulate._engine.module import (
     GRADIENT,
     HESSIAN,
     INSIDE,
-    LEFT,
     LEFT_DOMAIN,
     NO_CONVERGENCE,
     QUADRATURE,
@@ -203,7 +202,7 @@ def _newton(  # noqa: PLR0912 - every test in one loop
             total += abs(c[i])
         if not total < np.inf:
             return SINGULAR
-        done = (m <= limit * scale and m * m <= LEFT * scale * before) or m <= TINY * scale
+        done = (m <= limit * scale and next_is_small(m, before, scale)) or m <= TINY * scale
         small = m <= STAGNATION * scale and residual <= ROUNDING * scale
         done = done or (small and m >= 0.5 * before)
         before, limit, factor, found = m, STAGNATION, 1.0, False

@@ -16,6 +16,8 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
+from sepv.simulate._engine.module import LEFT
+
 _inline: Any = njit(error_model="numpy", forceinline=True, cache=True)
 
 # π/2 in three parts of 22, 22 and 53 bits: k·part is exact for |k| < 2³¹.
@@ -137,6 +139,16 @@ def not_(typingctx: Any, condition: Any) -> Any:  # noqa: ARG001 - numba's signa
         return builder.not_(arguments[0])
 
     return types.boolean(types.boolean), code
+
+
+@_inline
+def next_is_small(m: float, before: float, scale: float) -> bool:
+    """Whether the correction after one of size m may be left out: m² ≤ LEFT·scale·before.
+
+    Corrections that shrink by m/before at a time, or faster, are followed by one of m²/before at most; a state of size
+    `scale` may be left with LEFT of it. Of a first correction, where `before` is infinite, it says yes: ask for more.
+    """
+    return m * m <= LEFT * (scale * before)
 
 
 @_inline
