@@ -18,6 +18,7 @@ from sepv._arguments import did_you_mean
 from sepv.errors import TargetError, UsageError
 from sepv.problem import NamedProblem, PolynomialSystem, Problem
 from sepv.record._polynomial import parse_float
+from sepv.schemes._one_step import Explicit, Implicit
 from sepv.schemes._scheme import Scheme, Step
 
 _UNCLAIMED = "a function of which nothing is claimed"
@@ -83,6 +84,8 @@ def as_scheme(value: Any, name: str, problems: Iterable[Problem] = ()) -> Scheme
 
 
 def _check_signature(step: Any, name: str, count: int = 4) -> None:
+    if count == 4 and isinstance(step, (Explicit, Implicit)):
+        return  # which take these four, and inspect takes longer than a step to find that out
     try:
         signature = inspect.signature(step)
     except (TypeError, ValueError):
