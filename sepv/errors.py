@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -110,6 +111,9 @@ class TruncationWarning(UserWarning):
 class StepFailure(SepvError, ArithmeticError):
     """A step whose implicit equation was not solved. Nothing unconverged is ever returned unmarked.
 
+    A scheme of one's own raises it with words, ``StepFailure("no convergence after 50 iterations")``; the schemes of
+    sepv say what they know by name, and the message is made from that.
+
     Attributes
     ----------
     problem : str
@@ -125,10 +129,20 @@ class StepFailure(SepvError, ArithmeticError):
     """
 
     def __init__(
-        self, *, problem: str, y: np.ndarray, delta: float, residual: float, status: str, iterations: int
+        self,
+        status: str = "the step was not made",
+        *,
+        problem: str = "",
+        y: np.ndarray | None = None,
+        delta: float = math.nan,
+        residual: float = math.nan,
+        iterations: int = 0,
     ) -> None:
         self.problem, self.y, self.delta = problem, y, delta
         self.residual, self.status, self.iterations = residual, status, iterations
+        if y is None:
+            super().__init__(status)
+            return
         remedy = next((r for s, r in _REMEDIES.items() if status.startswith(s)), _REMEDIES["no convergence"])
         super().__init__(
             f"The implicit equation of the step was not solved: {status} after {iterations} iterations.\n"

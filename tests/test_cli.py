@@ -69,6 +69,30 @@ def test_claims_make_violations_count(call) -> None:
     assert "All 2 claimed laws hold" in result.output
 
 
+def test_a_claim_that_would_not_be_measured_is_refused(call) -> None:
+    result = call("verify midpoint --law energy --claim casimir,energy")
+    assert result.exit_code == 2
+    assert "--claim casimir, and energy to measure" in " ".join(result.output.split())
+
+
+def test_a_pin_says_which_command_guards_and_what_it_guards_no_more(call) -> None:
+    few = "--examples 2 --pin p.toml -q"
+    first = call(f"verify midpoint --law identity,casimir {few}")
+    assert first.output.strip().endswith(
+        "From now on: sepv verify midpoint --law identity,casimir --expected p.toml"
+    )
+    second = call(f"verify euler-heun --law identity,casimir {few}")
+    assert "The pin before guarded casimir too." in " ".join(second.output.split())
+
+
+def test_step_failure_takes_words(call) -> None:
+    code = "def refusing(problem, y, h, dW):\n    raise sepv.StepFailure('no luck')\n"
+    result = call("verify mine:refusing --law energy --examples 2", code)
+    assert result.exit_code == 3
+    assert "not solved:" in result.output
+    assert "no luck" in result.output
+
+
 def test_a_bare_function_claims_nothing_and_is_measured(call) -> None:
     result = call("verify mine:correct --law energy --law contract", "")
     assert result.exit_code == 0

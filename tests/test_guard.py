@@ -29,7 +29,7 @@ def pinned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "my_rule.py").write_text(MODULE.format("midpoint"))
     done = call("my_rule:step", "--pin", "pin.toml")
     assert done.exit_code == 0, done.output
-    assert "sepv verify my_rule:step --expected pin.toml" in done.output
+    assert "sepv verify my_rule:step --law contract,energy,casimir --expected pin.toml" in done.output
     return tmp_path
 
 

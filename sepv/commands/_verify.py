@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from pathlib import Path
 from typing import Any
 
 import click
@@ -128,9 +129,20 @@ def _files(**options: Any) -> dict[str, str | None]:
 
 
 def _arguments(laws: tuple[str, ...], claims: tuple[str, ...], **options: Any) -> dict[str, Any]:
+    from sepv.verification._laws import laws_of
+
+    asked = [law.name for law in laws_of(laws or None, options["level"])]
+    named = [c.strip().replace("_", "-") for text in claims for c in text.split(",") if c.strip()]
+    left_out = [law.name for law in laws_of() if law.name in named and law.name not in asked]
+    if left_out:
+        raise UsageError(
+            expected="a claim to be among the laws that are measured",
+            received=f"--claim {','.join(left_out)}, and {', '.join(asked)} to measure",
+            remedy=f"add --law {','.join(left_out)}, or leave it out of --claim",
+        )
     return {
         "laws": laws or None,
-        "claims": [c.strip() for text in claims for c in text.split(",") if c.strip()],
+        "claims": named,
         "effort": _effort(**options),
         "timeout": options["timeout"],
         "expected": options["expected"],
@@ -204,7 +216,8 @@ def _verify(
             page.line(out, page.summary(report, named))
         else:
             page.show(report, named, out, debug=debug)
-        _write(report, files, named)
+        only = f" --law {shlex.quote(','.join(options['laws']))}" if options["laws"] else ""
+        _write(report, files, named + only)
         if report.interrupted:
             break
     if len(reports) > 1 and not quiet:
@@ -229,10 +242,26 @@ def _write(report: Any, files: dict[str, str | None], named: str) -> None:
         if path and report.interrupted and kind in ("write_expected", "pin"):
             click.echo(f"sepv: {path} is not written: the run was interrupted", err=True)
         elif path and kind in texts:
+            lost = _no_longer_guarded(path, report) if kind == "pin" else []
             write_atomically(path, texts[kind](report))
             if kind == "pin":
                 guard = f"sepv verify {named} --expected {shlex.quote(path)}"
-                click.echo(f"Pinned in {path}. From now on: {guard}", err=True)
+                before = f" The pin before guarded {', '.join(lost)} too." if lost else ""
+                click.echo(f"Pinned in {path}.{before} From now on: {guard}", err=True)
+
+
+def _no_longer_guarded(path: str, report: Any) -> list[str]:
+    """Laws that the pin in the file claims and the one that replaces it will not; none where it is no pin."""
+    from sepv.verification import LAWS, Verdict
+    from sepv.verification._expected_failures import load
+
+    if not Path(path).exists():
+        return []
+    try:
+        claims = load(path, LAWS).claims or frozenset()
+    except UsageError:
+        return []
+    return sorted(claims - {f.law for f in report.findings if f.verdict is Verdict.HOLDS})
 
 
 def _replay(targets: tuple[Any, ...], laws: tuple[str, ...], token: str, debug: bool) -> None:
@@ -244,7 +273,7 @@ def _replay(targets: tuple[Any, ...], laws: tuple[str, ...], token: str, debug: 
     if len(targets) != 1 or len(laws) != 1:
         raise UsageError(
             expected="one TARGET and one --law with --replay",
-            received=f"{len(targets)} targets, {len(laws)} laws",
+            received=f"TARGET: {len(targets)}, --law: {len(laws)}",
             remedy="copy the whole command from the report",
         )
     finding = replay(targets[0], laws[0], case.to_json(case.from_token(token)))
