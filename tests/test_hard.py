@@ -148,6 +148,22 @@ def test_a_third_party_step_is_run_state_by_state() -> None:
     assert set(seen.statuses) == {"CONVERGED", "REFUSED", "CRASH"}
     assert sum(seen.statuses.values()) == 60
     assert not seen.as_expected
+    # With a step that shows it.
+    assert seen.worst is not None
+    assert abs(seen.worst.y[0]) > 1
+
+
+@pytest.mark.parametrize(("name", "right"), [("overflowing-energy", True), ("rank-0", False)])
+def test_a_refusal_without_a_status_is_right_where_the_case_allows_one(name: str, right: bool) -> None:
+    from sepv.schemes import Scheme
+
+    def step(problem, y, h, dW):
+        raise StepFailure("no convergence")
+
+    (seen,) = run(Scheme("mine", step), [hard.by_name(name)], steps=4, laws=0)
+    assert seen.statuses == {"REFUSED": 4}
+    assert seen.as_expected == right
+    assert (seen.worst is None) == right
 
 
 def test_the_command_shows_the_table_and_writes_json(tmp_path) -> None:

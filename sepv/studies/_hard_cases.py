@@ -71,10 +71,15 @@ class Seen:
         return self.statuses.get("CONVERGED", 0)
 
     @property
+    def strays(self) -> set[str]:
+        """Endings that the case does not allow. What refuses by an exception does not say why: any refusal will do."""
+        refusals = {*self.case.refusals, "REFUSED"} if self.case.refusals else set()
+        return set(self.statuses) - {"CONVERGED"} - refusals
+
+    @property
     def as_expected(self) -> bool:
         """Only endings that the case allows, no wrong value, every law held."""
-        allowed = {"CONVERGED", *self.case.refusals}
-        return not self.wrong and set(self.statuses) <= allowed and all(a == b for a, b in self.laws.values())
+        return not self.wrong and not self.strays and all(a == b for a, b in self.laws.values())
 
     def to_json(self) -> dict[str, Any]:
         """The row of the table, every number of it."""
@@ -136,8 +141,11 @@ def _measure(seen: Seen, scheme: Scheme, sample: Sample) -> None:
     problem, (y, h, dW) = seen.case.problem, sample
     value, names, residual, iterations = _ask(scheme, problem, sample)
     seen.steps += y.shape[1]
+    before = seen.strays
     for name in np.unique(names):
         seen.statuses[str(name)] = seen.statuses.get(str(name), 0) + int((names == name).sum())
+    if seen.strays and not before and not seen.wrong:
+        seen.worst = _as_case(seen.case, sample, int(np.argmax(np.isin(names, list(seen.strays)))))
     solved = names == "CONVERGED"
     finite = np.isfinite(value).all(axis=0)
     _count(seen, sample, solved & ~finite, "not finite")
@@ -167,7 +175,7 @@ def _measure(seen: Seen, scheme: Scheme, sample: Sample) -> None:
         return
     if "energy" in scheme.claims:
         _count(seen, sample, good[~(ratio <= 1)], "beyond the bound")
-        if not ratio.max() <= seen.ratio and not seen.wrong:
+        if not ratio.max() <= seen.ratio and not seen.wrong and not seen.strays:
             seen.worst = _as_case(seen.case, sample, int(good[np.argmax(ratio)]))
     seen.ratio = max(seen.ratio, float(ratio.max()))
 

@@ -50,7 +50,7 @@ MOST_SKIPPED = 20
 MOST_SECONDS = 100.0
 # Cases of a design that cannot be measured, until it is given up: each may take as long as a call may.
 MOST_FAULTS = 4
-# Relative defects below may come from a solver's tolerance, of which √eps is a common default.
+# Relative defects below may come from a solver's tolerance: eight times √eps, the default of many.
 MOST_TOLERANCE = 2.0**-23
 
 
