@@ -446,6 +446,8 @@ def test_every_scheme_of_the_paper_has_a_look_of_its_own_and_strangers_another()
     assert looks(names) == looks(names)
     mine = Look("#123456", "#abcdef")
     assert looks(["mine"], {"mine": mine}) == {"mine": mine}
+    first = looks(["stranger"])["stranger"]
+    assert looks(["stranger", "mine"], {"mine": first})["stranger"].marker != first.marker
 
 
 def test_text_of_strangers() -> None:

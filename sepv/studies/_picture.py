@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import cycle
 from pathlib import Path
 from typing import Any, Literal
 
@@ -78,14 +79,16 @@ class Axis:
 def looks(names: Iterable[str], own: Mapping[str, Look] | None = None) -> dict[str, Look]:
     """A look for each name: its own, the one on the record of the scheme of that name, or a free one.
 
-    Free ones go in the order of the names, so that the same names always look the same.
+    Free ones go in the order of the names, so that the same names always look the same, and have no marker of others.
     """
     given = dict(own or {})
-    found: dict[str, Look] = {}
-    for name in dict.fromkeys(names):
-        look = REFERENCE if not name else given.get(name) or _of_record(name)
-        found[name] = look or _free(sum(map(_is_free, found.values())))
-    return found
+    stated = {
+        name: given.get(name) or _of_record(name) if name else REFERENCE for name in dict.fromkeys(names)
+    }
+    taken = {look.marker for look in stated.values() if look}
+    every = [_free(number) for number in range(len(_COLOURS) * len(_MARKERS))]
+    free = cycle([look for look in every if look.marker not in taken] or every)
+    return {name: look or next(free) for name, look in stated.items()}
 
 
 def looks_of(series: Sequence[Series], look_of: Mapping[str, Look]) -> list[Look]:
@@ -118,10 +121,6 @@ def _of_record(name: str) -> Look | None:
 def _free(number: int) -> Look:
     colour, dark = _COLOURS[number % len(_COLOURS)]
     return Look(colour, dark, _MARKERS[number % len(_MARKERS)], _DASHES[number % len(_DASHES)])
-
-
-def _is_free(look: Look) -> bool:
-    return (look.colour, look.dark) in _COLOURS
 
 
 def require_picture(path: str | None) -> None:
