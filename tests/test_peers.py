@@ -15,11 +15,11 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import given, settings
 
+from benchmarks.peers import compliance
+from benchmarks.peers import compliance_rows as rows
 from sepv import problems
 from sepv.errors import Skipped
 from sepv.peers import _compliance_measurements as measurements
-from sepv.peers import _compliance_rows as rows
-from sepv.peers import compliance
 from sepv.peers._multistep import PathSolver
 from sepv.peers._padded_batches import in_blocks
 from sepv.peers.posing import pose

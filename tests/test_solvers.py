@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from benchmarks.peers import solver_measurements as measurements
+from benchmarks.peers import solvers
+from benchmarks.peers.solver import KINDS, Solver, problem_of
 from sepv import problems
 from sepv.errors import Skipped
-from sepv.peers import _solver_measurements as measurements
-from sepv.peers import solvers
 from sepv.peers._posing_fields import pose_fields
-from sepv.peers._solver import KINDS, Solver, problem_of
 from sepv.problem import column, ito_drift, vector_field
 from sepv.problem._hamiltonians import noise_field
 from sepv.schemes._further_increments import answer
@@ -28,7 +28,7 @@ LIBRARIES = ("diffrax", "torchsde", "sdeint")
 
 def solver(library: str, name: str) -> Solver:
     pytest.importorskip(library, reason=f"{library} is not installed: the extra `peers`")
-    found: tuple[Solver, ...] = import_module(f"sepv.peers._solvers_{library}").SOLVERS
+    found: tuple[Solver, ...] = import_module(f"benchmarks.peers.solvers_{library}").SOLVERS
     return next(each for each in found if each.name == f"{library} {name}")
 
 
@@ -154,7 +154,7 @@ def test_the_page_is_of_the_solvers_that_are_here() -> None:
     page = (Path(__file__).resolve().parents[1] / "docs" / "solvers.md").read_text("utf-8")
     for library in LIBRARIES:
         try:
-            own = import_module(f"sepv.peers._solvers_{library}").SOLVERS
+            own = import_module(f"benchmarks.peers.solvers_{library}").SOLVERS
         except ModuleNotFoundError:
             continue
         for each in own:

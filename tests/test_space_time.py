@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sepv.peers._solver import problem_of
+from benchmarks.peers.solver import problem_of
 from sepv.problem import Array, Problem, Systems
 from sepv.problem._fields import matvec
 from sepv.problem._hamiltonians import noise_field

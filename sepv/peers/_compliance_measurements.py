@@ -19,7 +19,6 @@ from sepv.peers._multistep import PathSolver
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
 from sepv.simulate import _wiener as wiener
-from sepv.simulate import ensemble
 from sepv.verification import Effort, Law, Verdict, energy_ulp, verify
 from sepv.verification._orders.convergence import StrongErrors, log_decay, slope
 from sepv.verification._sequential import FALSE_ALARM, Setup, setups
@@ -54,19 +53,6 @@ def law_cells(library: str, scheme: Scheme, laws: Sequence[Law], effort: Effort)
                 *_claimed(scheme),
             ),
             partial(_finding, scheme, law.name, effort),
-        )
-
-
-def scheme_cells(library: str, scheme: Scheme, laws: Sequence[Law], effort: Effort) -> Iterator[Cell]:
-    """Laws on one scheme, and its energy defects."""
-    yield from law_cells(library, scheme, laws, effort)
-    for setup in SETUPS:
-        problem = problems.by_name(setup.problem)
-        yield Cell(
-            scheme.name,
-            f"energy defect, {setup.problem}",
-            (release(library), *_suite_key(effort), setup.T, PATHS, ENERGY_STEPS),
-            partial(_energy_of_scheme, scheme, problem, setup.T),
         )
 
 
@@ -182,13 +168,6 @@ def _path_errors(solver: PathSolver, problem: Problem, setup: Setup, seed: int) 
         failures=tuple(int(np.count_nonzero(~np.isfinite(e).all(axis=0))) for e in errors),
         scale=float(np.max(np.abs(exact))),
     )
-
-
-def _energy_of_scheme(scheme: Scheme, problem: Problem, T: float) -> str:
-    with np.errstate(over="ignore", invalid="ignore"):
-        result = ensemble(scheme, problem, h=T / ENERGY_STEPS, T=T, paths=PATHS, engine="numpy")
-    failed = int(np.count_nonzero(result.status))
-    return f"{failed} paths failed" if failed else _energy(problem, result.energy_defect)
 
 
 def _energy_of_paths(solver: PathSolver, problem: Problem, T: float) -> str:

@@ -1,4 +1,4 @@
-"""The table of other libraries' solvers by kind of noise: ``python -m sepv.peers.solvers --out docs/solvers.md``.
+"""The table of other libraries' solvers by kind of noise: ``python -m benchmarks.peers.solvers --out docs/solvers.md``.
 
 Rows are solvers with a kind of noise, columns what the documentation says and what was measured. Scripts in the folder
 ``peers`` beside the output are quoted where they show a difference in the library's own terms.
@@ -15,18 +15,18 @@ from typing import Any
 
 import click
 
+from benchmarks.peers.compliance import Deviation, deviations_shown_by
+from benchmarks.peers.options import measuring, page_options, put
+from benchmarks.peers.solver import KINDS, Solver, problem_of
+from benchmarks.peers.solver_measurements import ALPHA, KEPT, PATHS, SINGLE, STEPS, T, cells, limit_of, orders
 from sepv._terminal import markdown
 from sepv._version import __version__
-from sepv.errors import SepvError
 from sepv.peers._compliance_measurements import LIBRARIES, release
 from sepv.peers._kept_measurements import measured
-from sepv.peers._options import page_options
-from sepv.peers._solver import KINDS, Solver, problem_of
-from sepv.peers._solver_measurements import ALPHA, KEPT, PATHS, SINGLE, STEPS, T, cells, limit_of, orders
-from sepv.peers.compliance import Deviation, deviations_shown_by
 from sepv.verification import Effort, Verdict
-from sepv.verification._progress import Shown, showing
+from sepv.verification._progress import Shown
 
+COMMAND = "python -m benchmarks.peers.solvers"
 # Half-way to the next lower order, as the laws about orders have it.
 MARGIN = 0.25
 HEADING = (
@@ -100,7 +100,7 @@ def lines(
     chosen: dict[str, tuple[Solver, ...]] = {}
     for library in libraries:
         try:
-            chosen[library] = import_module(f"sepv.peers._solvers_{library}").SOLVERS
+            chosen[library] = import_module(f"benchmarks.peers.solvers_{library}").SOLVERS
         except ModuleNotFoundError as error:
             click.echo(f"{library} left out: no module named {error.name!r}", err=True)
     found = measured(
@@ -186,24 +186,11 @@ number of terms must grow like 1/h). The table says what the methods do with the
 @page_options
 def main(out: Path | None, keep: Path | None, libraries: tuple[str, ...], seed: int) -> None:
     """Measure the orders of other libraries' solvers by kind of noise, and write the table as Markdown."""
-    if keep is not None:
-        keep.mkdir(parents=True, exist_ok=True)
-    try:
-        with showing() as bar:
-            found = lines(libraries or LIBRARIES, Effort(seed=seed, shrink_checks=50), keep, bar)
-            bar.update("the scripts that show deviations", 1.0)
-            shown = deviations_shown_by(out.parent / "peers") if out else []
-    except SepvError as error:
-        raise click.ClickException(str(error)) from None
-    except KeyboardInterrupt:
-        click.echo(f"interrupted: what was measured is in {keep}" if keep else "interrupted", err=True)
-        raise SystemExit(130) from None
-    chosen = "".join(f" --library {name}" for name in libraries) + (f" --seed {seed}" if seed else "")
-    page = document(found, shown, f"python -m sepv.peers.solvers{f' --out {out}' if out else ''}{chosen}")
-    if out is None:
-        click.echo(page)
-    else:
-        out.write_text(page, encoding="utf-8")
+    with measuring(keep) as bar:
+        found = lines(libraries or LIBRARIES, Effort(seed=seed, shrink_checks=50), keep, bar)
+        bar.update("the scripts that show deviations", 1.0)
+        shown = deviations_shown_by(out.parent / "peers") if out else []
+    put(out, lambda arguments: document(found, shown, f"{COMMAND}{arguments}"), libraries, seed)
 
 
 if __name__ == "__main__":

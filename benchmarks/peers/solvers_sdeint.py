@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import sdeint
 
+from benchmarks.peers.solver import Solver
 from sepv.peers._multistep import Path
 from sepv.peers._posing_fields import pose_fields
-from sepv.peers._solver import Solver
 from sepv.problem import Array, Problem
 from sepv.schemes._further_increments import as_matrix, as_rows
 from sepv.schemes._scheme import Step

@@ -1,4 +1,4 @@
-"""The compliance table of other libraries' solvers: ``python -m sepv.peers.compliance --out docs/compliance.md``.
+"""The compliance table of other libraries' solvers: ``python -m benchmarks.peers.compliance --out docs/compliance.md``.
 
 Every law on every solver of the adapters, as `sepv verify` measures it, with orders and energy defects in numbers.
 Scripts in the folder ``peers`` beside the output (`sepv.peers._deviations`) are quoted where they show that a library
@@ -7,34 +7,43 @@ does not do what its documentation says.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
+from benchmarks.peers.compliance_rows import Row, path_row, scheme_row
+from benchmarks.peers.options import measuring, page_options, put
+from sepv import problems
 from sepv._terminal import markdown
 from sepv._version import __version__
-from sepv.errors import SepvError
 from sepv.peers._compliance_measurements import (
     ENERGY_STEPS,
     LIBRARIES,
     PATHS,
     SETUPS,
+    _energy,
+    _suite_key,
+    law_cells,
     path_cells,
-    scheme_cells,
+    release,
 )
-from sepv.peers._compliance_rows import Row, path_row, scheme_row
 from sepv.peers._deviations import shown_by
 from sepv.peers._kept_measurements import Cell, measured
 from sepv.peers._multistep import PathSolver
-from sepv.peers._options import page_options
-from sepv.schemes import energy_preserving
-from sepv.verification import LAWS, Effort, load_laws
-from sepv.verification._progress import Shown, showing
+from sepv.problem import Problem
+from sepv.schemes import Scheme, energy_preserving
+from sepv.simulate import ensemble
+from sepv.verification import LAWS, Effort, Law, load_laws
+from sepv.verification._progress import Shown
 from sepv.verification._sequential import FALSE_ALARM, FIRST_LOOK
+
+COMMAND = "python -m benchmarks.peers.compliance"
 
 
 @dataclass(frozen=True)
@@ -65,6 +74,26 @@ def rows(libraries: Sequence[str], effort: Effort, folder: Path | None, shown: S
         (path_row if isinstance(solver, PathSolver) else scheme_row)(library, solver, found)
         for library, solver in jobs
     ]
+
+
+def scheme_cells(library: str, scheme: Scheme, laws: Sequence[Law], effort: Effort) -> Iterator[Cell]:
+    """Laws on one scheme, and its energy defects."""
+    yield from law_cells(library, scheme, laws, effort)
+    for setup in SETUPS:
+        problem = problems.by_name(setup.problem)
+        yield Cell(
+            scheme.name,
+            f"energy defect, {setup.problem}",
+            (release(library), *_suite_key(effort), setup.T, PATHS, ENERGY_STEPS),
+            partial(_energy_of_scheme, scheme, problem, setup.T),
+        )
+
+
+def _energy_of_scheme(scheme: Scheme, problem: Problem, T: float) -> str:
+    with np.errstate(over="ignore", invalid="ignore"):
+        result = ensemble(scheme, problem, h=T / ENERGY_STEPS, T=T, paths=PATHS, engine="numpy")
+    failed = int(np.count_nonzero(result.status))
+    return f"{failed} paths failed" if failed else _energy(problem, result.energy_defect)
 
 
 def document(found: Sequence[Row], deviations: Sequence[Deviation], command: str) -> str:
@@ -143,25 +172,11 @@ def main(out: Path | None, keep: Path | None, libraries: tuple[str, ...], seed: 
     """Measure every law on every solver that the adapters cover, and write the table as Markdown."""
     # Counterexamples are not shown here, so that little is spent on simplifying them.
     effort = Effort(seed=seed, shrink_checks=50)
-    if keep is not None:
-        keep.mkdir(parents=True, exist_ok=True)
-    try:
-        with showing() as line:
-            found = rows(libraries or LIBRARIES, effort, keep, line)
-            line.update("the scripts that show deviations", 1.0)
-            shown = deviations_shown_by(out.parent / "peers") if out else []
-    except SepvError as error:
-        raise click.ClickException(str(error)) from None
-    except KeyboardInterrupt:
-        click.echo(f"interrupted: what was measured is in {keep}" if keep else "interrupted", err=True)
-        raise SystemExit(130) from None
-    chosen = "".join(f" --library {name}" for name in libraries) + (f" --seed {seed}" if seed else "")
-    target = f" --out {out}" if out else ""
-    page = document(found, shown, f"python -m sepv.peers.compliance{target}{chosen}")
-    if out is None:
-        click.echo(page)
-    else:
-        out.write_text(page, encoding="utf-8")
+    with measuring(keep) as line:
+        found = rows(libraries or LIBRARIES, effort, keep, line)
+        line.update("the scripts that show deviations", 1.0)
+        shown = deviations_shown_by(out.parent / "peers") if out else []
+    put(out, lambda arguments: document(found, shown, f"{COMMAND}{arguments}"), libraries, seed)
 
 
 if __name__ == "__main__":
