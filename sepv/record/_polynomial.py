@@ -146,137 +146,77 @@ def gradient(p: Polynomial) -> tuple[Polynomial, ...]:
     return tuple(differentiate(p, i) for i in range(p.dimension))
 
 
-# What a call of NumPy costs beside a product or sum of two numbers, about: measured, for speed alone. The arrays take
-# a call for each power, layer of factors and layer of terms (three for those), the numbers an operation for each state.
-CALL = 35
-
-
-@dataclass(frozen=True, eq=False)
-class _Monomials:
-    """Products of powers.
-
-    Attributes
-    ----------
-    factors : for each monomial the powers to multiply, those with exponent 0 left out; y_i^k has the number i + d·k
-    top : the largest exponent of one variable
-    variables : d
-    """
-
-    factors: list[tuple[int, ...]]
-    top: int
-    variables: int
-
-    @cached_property
-    def chain(self) -> tuple[list[tuple[int, int]], list[int]]:
-        """(product so far, power) of each partial product, made once; where each monomial is then found.
-
-        Products are numbered on after the powers; a monomial of one factor is a power.
-        """
-        first = (self.top + 1) * self.variables
-        known: dict[tuple[int, ...], int] = {(): 0}  # y_1⁰
-        steps: list[tuple[int, int]] = []
-        for factors in self.factors:
-            for n in range(1, len(factors) + 1):
-                if factors[:n] not in known:
-                    known[factors[:n]] = factors[0] if n == 1 else first + len(steps)
-                    if n > 1:
-                        steps.append((known[factors[: n - 1]], factors[n - 1]))
-        return steps, [known[factors] for factors in self.factors]
-
-    @cached_property
-    def layers(self) -> list[Any]:
-        """In arrays: the n-th factors of all monomials, y_1⁰ where there is none."""
-        most = max(map(len, self.factors), default=0) or 1
-        return [np.array([f[n] if n < len(f) else 0 for f in self.factors]) for n in range(most)]
+# Up to so many terms times states one reduction over all of them is quicker than a loop over layers of terms: calls of
+# NumPy cost more than what it adds in vain. Measured, for speed alone.
+FEW = 8192
 
 
 @dataclass(frozen=True, eq=False)
 class _Sums:
     """The sums of some monomials, as they are computed.
 
-    Products and sums run strictly in order, over numbers for few states and over arrays for many (not by a BLAS
-    product or NumPy's pairwise sum): both ways give the same bits.
+    Products and sums run strictly in order: not by a BLAS product, nor by NumPy's pairwise sum. So the bits of one
+    state do not depend on those beside it.
 
     Attributes
     ----------
-    count : how many sums
-    rows : (sum, ((coefficient, monomial), …)), those without terms left out, in decreasing number of terms
+    top : the largest exponent of one variable
+    factors : (most factors of a monomial, monomials)
+        The powers to multiply: y_i^k has the number i + d·k, and y_1⁰ = 1 stands where a monomial has no more factors.
+    places, coefficients : (1 + most terms of a sum, sums), and (…, 1)
+        Which monomial times which number. The first row is 0, and 0 · 1 stands where a sum has no more terms.
     """
 
-    count: int
-    monomials: _Monomials
-    rows: list[tuple[int, list[tuple[float, int]]]]
-
-    @cached_property
-    def few(self) -> float:
-        """Up to how many states a loop over numbers is quicker than arrays."""
-        made, longest = self.monomials, max((len(terms) for _, terms in self.rows), default=0)
-        one = sum(map(len, made.factors)) + sum(len(terms) for _, terms in self.rows)
-        calls = made.top + max(map(len, made.factors), default=0) + 2 * longest
-        return CALL * calls / (one + made.top * made.variables + 20)
-
-    @cached_property
-    def _numbers(self) -> NDArray[np.intp]:
-        """Those of the rows."""
-        return np.array([r for r, _ in self.rows], dtype=np.intp)
-
-    @cached_property
-    def _layers(self) -> tuple[list[tuple[Any, Any]], Any]:
-        """In arrays: the n-th terms of all rows, (coefficients, monomials), and the numbers of the rows."""
-        terms = []
-        for n in range(len(self.rows[0][1]) if self.rows else 0):
-            layer = [row[n] for _, row in self.rows if n < len(row)]
-            terms.append((np.array([[c] for c, _ in layer]), np.array([t for _, t in layer])))
-        return terms, self._numbers
+    top: int
+    factors: NDArray[np.intp]
+    places: NDArray[np.intp]
+    coefficients: NDArray[np.float64]
 
     def absolute(self) -> _Sums:
         """With the absolute values of the coefficients."""
-        rows = [(r, [(abs(c), t) for c, t in terms]) for r, terms in self.rows]
-        return _Sums(self.count, self.monomials, rows)
+        return _Sums(self.top, self.factors, self.places, np.abs(self.coefficients))
 
     def __call__(self, y: NDArray[Any]) -> NDArray[Any]:
-        """(count, M) for y of shape (d, M)."""
-        few = y.shape[1] <= self.few and y.dtype == np.float64
-        return self._by_numbers(y) if few else self._by_arrays(y)
+        """(sums, M) for y of shape (d, M)."""
+        terms, sums = self.places.shape
+        if terms == 1:
+            return np.zeros((sums, y.shape[1]), dtype=np.result_type(y, np.float64))
+        powers = np.empty((self.top + 1, *y.shape), dtype=y.dtype)
+        powers[0], powers[1:] = 1, y
+        for k in range(1, self.top):
+            np.multiply(powers[k], y, out=powers[k + 1])
+        rule = self._at_once if terms * sums * y.shape[1] <= FEW else self._in_layers
+        return rule(powers.reshape(-1, y.shape[1]))
 
-    def _by_numbers(self, y: NDArray[Any]) -> NDArray[Any]:
-        steps, places = self.monomials.chain
-        sums = np.zeros((self.count, y.shape[1]))
-        for lane, state in enumerate(y.T.tolist()):
-            last = [1.0] * len(state)
-            values = last.copy()
-            for _ in range(self.monomials.top):
-                last = [a * b for a, b in zip(last, state, strict=True)]
-                values += last
-            for so_far, factor in steps:
-                values.append(values[so_far] * values[factor])
-            monomials = [values[place] for place in places]
-            totals = []
-            for _, terms in self.rows:
-                total = 0.0
-                for c, t in terms:
-                    total += c * monomials[t]
-                totals.append(total)
-            sums[self._numbers, lane] = totals
-        return sums
-
-    def _by_arrays(self, y: NDArray[Any]) -> NDArray[Any]:
-        values = np.zeros((self.count, y.shape[1]), dtype=np.result_type(y, np.float64))
-        if not self.rows:
-            return values
-        factors, (terms, rows) = self.monomials.layers, self._layers
-        powers = np.ones((self.monomials.top + 1, *y.shape), dtype=y.dtype)
-        for k in range(self.monomials.top):
-            powers[k + 1] = powers[k] * y
-        powers = powers.reshape(-1, y.shape[1])
-        monomials = powers[factors[0]]
-        for numbers in factors[1:]:
-            monomials *= powers[numbers]
-        totals = np.zeros((len(rows), y.shape[1]), dtype=values.dtype)
-        for coefficients, numbers in terms:
-            totals[: len(numbers)] += coefficients * monomials[numbers]
-        values[rows] = totals
+    def _at_once(self, powers: NDArray[Any]) -> NDArray[Any]:
+        one = len(self.factors) == 1
+        monomials = powers[self.factors[0]] if one else np.multiply.reduce(powers[self.factors])
+        terms = self.coefficients * monomials[self.places]
+        # np.add.reduce would sum a single column in pairs.
+        values: NDArray[Any] = np.add.accumulate(terms)[-1] if terms.shape[2] == 1 else np.add.reduce(terms)
         return values
+
+    def _in_layers(self, powers: NDArray[Any]) -> NDArray[Any]:
+        """The n-th terms of all sums that have so many, one n after the other."""
+        monomials = powers[self.factors[0]]
+        for numbers in self.factors[1:]:
+            monomials *= powers[numbers]
+        order, layers = self._layers
+        totals = np.zeros((len(order), powers.shape[1]), dtype=np.result_type(powers, np.float64))
+        for places, coefficients in layers:
+            totals[: len(places)] += coefficients * monomials[places]
+        values = np.empty_like(totals)
+        values[order] = totals
+        return values
+
+    @cached_property
+    def _layers(self) -> tuple[NDArray[np.intp], list[tuple[NDArray[np.intp], NDArray[np.float64]]]]:
+        """The sums in decreasing number of terms, and the n-th terms of those that have as many."""
+        one = self.factors.shape[1] - 1
+        lengths = np.count_nonzero(self.places != one, axis=0)
+        order = np.argsort(-lengths, kind="stable")
+        longer = [order[: np.count_nonzero(lengths >= n)] for n in range(1, len(self.places))]
+        return order, [(self.places[n, k], self.coefficients[n, k]) for n, k in enumerate(longer, 1)]
 
 
 @dataclass(frozen=True)
@@ -294,16 +234,22 @@ class PolynomialMap:
         d = self.rows[0].dimension
         monomials = sorted({e for p in self.rows for e, _ in p.terms})
         index = {e: t for t, e in enumerate(monomials)}
-        # In the order of the monomials, not of the terms.
-        rows = [
-            (r, [(c, t) for t, c in sorted([(index[e], c) for e, c in p.terms])])
-            for r, p in enumerate(self.rows)
-            if p.terms
-        ]
-        rows.sort(key=lambda row: -len(row[1]))
-        factors = [tuple([i + d * k for i, k in enumerate(e) if k]) for e in monomials]
-        top = max((k for e in monomials for k in e), default=0)
-        return _Sums(len(self.rows), _Monomials(factors, top, d), rows)
+        factors = [[i + d * k for i, k in enumerate(e) if k] for e in monomials]
+        most = max(map(len, factors), default=0) or 1
+        table = np.zeros((most, len(monomials) + 1), dtype=np.intp)  # the last monomial is 1
+        for t, numbers in enumerate(factors):
+            table[: len(numbers), t] = numbers
+        longest = max(len(p.terms) for p in self.rows)
+        places = np.full((1 + longest, len(self.rows)), len(monomials), dtype=np.intp)
+        coefficients = np.zeros((1 + longest, len(self.rows), 1))
+        for r, p in enumerate(self.rows):
+            # In the order of the monomials, not of the terms.
+            terms = sorted([(index[e], c) for e, c in p.terms])
+            if terms:
+                places[1 : 1 + len(terms), r], coefficients[1 : 1 + len(terms), r, 0] = zip(
+                    *terms, strict=True
+                )
+        return _Sums(max(map(max, monomials), default=0), table, places, coefficients)
 
     @cached_property
     def _majorants(self) -> _Sums:
