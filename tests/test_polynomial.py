@@ -68,6 +68,25 @@ def test_bits_do_not_depend_on_the_batch(case: tuple[Polynomial, list[float]], l
     assert np.array_equal(f(batch), np.repeat(f(np.array(y))[:, None], lanes, axis=1))
 
 
+@pytest.mark.parametrize("few", [0, poly.FEW])
+@pytest.mark.parametrize("rows", [1, 3])
+def test_long_sums_run_strictly_in_order(monkeypatch: pytest.MonkeyPatch, rows: int, few: int) -> None:
+    """NumPy sums a column of eight and more numbers in pairs: other bits than those of the same state in a batch."""
+    monkeypatch.setattr(poly, "FEW", few)
+    rng = np.random.default_rng(0)
+    long = poly.polynomial(2, {(i, j): rng.normal() for i in range(7) for j in range(7)})
+    f = PolynomialMap((rows,), (long, poly.constant(2, 1.0), long)[:rows])
+    y = rng.normal(size=(2, 9))
+    powers = np.stack([y**0, y, y * y])
+    for _ in range(4):
+        powers = np.concatenate([powers, (powers[-1] * y)[None]])
+    total = np.zeros(9)
+    for (i, j), c in sorted(long.terms):
+        total += c * (powers[i, 0] * powers[j, 1])
+    assert np.array_equal(f(y)[0], total)
+    assert np.array_equal(np.stack([f(column) for column in y.T], axis=1), f(y))
+
+
 def test_algebra_agrees_with_hand_calculation() -> None:
     x, y = poly.variable(2, 0), poly.variable(2, 1)
     product = poly.multiply(poly.add(x, y), poly.add(x, poly.scale(-1.0, y)))
