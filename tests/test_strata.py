@@ -262,6 +262,19 @@ def test_what_a_search_finds_does_not_depend_on_the_clock() -> None:
     assert found[0][0] is Verdict.VIOLATED
 
 
+def test_simplifying_ends_where_states_of_one_and_of_minus_one_both_fail() -> None:
+    """Each was once taken for simpler than the other, until the budget was spent."""
+    case = Case(problems.rigid_body().data, (-1.0, 1.0, -1.0), 0.125, (0.25,))
+    asked: list[Case] = []
+
+    def fails(candidate: Case) -> bool | None:
+        asked.append(candidate)
+        return None if len(asked) > 100 else all(abs(v) == 1 for v in candidate.y)
+
+    assert shrunk(case, fails).y == (1.0, 1.0, 1.0)
+    assert len(asked) < 20
+
+
 def test_a_counterexample_is_simplified_with_so_many_checks_and_no_more() -> None:
     def checks(most: int) -> int:
         return (
