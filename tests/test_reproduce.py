@@ -139,13 +139,13 @@ def test_what_does_not_hold_as_printed_has_a_correction() -> None:
 
 
 def test_a_fine_step_reference_sees_no_error_at_its_own_step() -> None:
-    setting = fine_step.Setting(
-        "4.5", "pendulum", T=1.0, steps=(8, 32, 128), reference="midpoint", samples=128
+    setting = order.Setting(
+        "4.5", "pendulum", T=1.0, steps=(8, 32, 128), samples=128, schemes=("midpoint", "milstein")
     )
     results = {
         job.key: job.function(**job.arguments) for job in fine_step.jobs(setting, Size(engine="numpy"))
     }
-    panel = fine_step.panel(setting, results, "")
+    panel = fine_step.panel(setting, results, "", "")
     seen = panel.numbers["midpoint"]["fine-step reference"]
     truth = strong_errors(
         schemes.midpoint, problems.pendulum(), T=1.0, steps=(8, 32, 128), paths=range(128)

@@ -64,7 +64,6 @@ def panels(results: Results) -> list[Panel]:
     return [
         Panel(
             key="theory-deterministic-order",
-            figure="theory",
             title="Without noise",
             source="§2",
             x=H_AXIS,

@@ -131,7 +131,6 @@ def _areas(found: dict[str, list[float]]) -> Panel:
     )
     return Panel(
         key="theory-areas",
-        figure="theory",
         title="Noises that do not commute, with and without areas",
         source="§1",
         x=H_AXIS,
@@ -163,7 +162,6 @@ def _staged(found: dict[int, list[float]]) -> Panel:
     )
     return Panel(
         key="theory-several-stages",
-        figure="theory",
         title="Several structures, commuting flows, s stages",
         source="§1, §5",
         x=H_AXIS,
@@ -219,7 +217,6 @@ def _weak(found: dict[str, dict[str, list[float]]]) -> Panel:
     )
     return Panel(
         key="theory-weak-order",
-        figure="theory",
         title="One step: errors of expectations",
         source="§5",
         x=H_AXIS,

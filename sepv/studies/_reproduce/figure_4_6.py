@@ -20,14 +20,13 @@ ORDER = order.Setting(
     "4.6", PROBLEM, T=0.5, steps=(128, 256, 512, 1024), samples=1000, schemes=(*order.STATED, *order.OURS)
 )
 # The interval of the energy plot, and the reference that the text names.
-FINE = fine_step.Setting(
+FINE = order.Setting(
     "4.6",
     PROBLEM,
     T=5.0,
     steps=(1280, 2560, 5120, 10240, 20480),
-    reference="midpoint",
     samples=128,
-    stated="§4.4",
+    schemes=("midpoint", "milstein"),
 )
 COST = {"energy-preserving": 1.2e-3, "midpoint": 1.2e-3, "discrete-gradient": 2.3e-3}
 
@@ -40,15 +39,8 @@ def jobs(size: Size) -> list[Job]:
     """Runs, and the errors, of the paper's six schemes and of splitting."""
     found = [*order.jobs(ORDER, size), *fine_step.jobs(FINE, size)]
     for name in SHOWN:
-        arguments = {
-            "scheme": name,
-            "problem": PROBLEM,
-            "h": H,
-            "steps": STEPS,
-            "seed": size.seed,
-            "engine": size.engine,
-        }
-        found.append(Job(("4.6", "run", name), runs.long_run, arguments, STEPS * COST.get(name, 150e-6)))
+        seconds = STEPS * COST.get(name, 150e-6)
+        found.append(runs.job("4.6", name, PROBLEM, size, h=H, steps=STEPS, seconds=seconds))
     return found
 
 
@@ -58,25 +50,22 @@ def panels(results: Results) -> list[Panel]:
     return [
         _hamiltonian(found),
         _order(order.collect(ORDER, results)),
-        fine_step.panel(FINE, results, source="Figure 4.6, right, on the interval of its left plot"),
+        fine_step.panel(
+            FINE, results, source="Figure 4.6, right, on the interval of its left plot", stated="§4.4"
+        ),
     ]
 
 
 def _hamiltonian(found: dict[str, runs.Run]) -> Panel:
     statements = [
         invariants.statement(
-            found[n],
-            PROBLEM,
-            "energy",
-            constant=n in KEEP,
-            source="[23] in §1" if n in order.OURS else "§4.4",
+            found[n], PROBLEM, "energy", constant=n in KEEP, source=order.stated_in(n, "§4.4")
         )
         for n in SHOWN
     ]
     statements.append(_domain(found["splitting"]))
     return Panel(
         key="4.6-hamiltonian",
-        figure="4.6",
         title="Lotka-Volterra: energy",
         source="Figure 4.6, left",
         x=Axis("time t"),
@@ -116,7 +105,7 @@ def _order(errors: dict[str, StrongErrors]) -> Panel:
         errors,
         title="Lotka-Volterra: order",
         source="Figure 4.6, right",
-        stated_in="§4.4, Theorem 3.4",
+        place="§4.4, Theorem 3.4",
         chosen=(
             "end time 1/2, 1000 samples and step sizes 2^-8 to 2^-11 (the paper gives none of these)",
             "the exact solution instead of the midpoint scheme with h = 2^-12",

@@ -7,57 +7,23 @@ reference's step its scheme has no error at all.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from sepv.studies._reproduce import runs
 from sepv.studies._reproduce.job import Job, Results, Size
-from sepv.studies._reproduce.order import COST, ERROR_AXIS, H_AXIS
+from sepv.studies._reproduce.order import ERROR_AXIS, H_AXIS, Setting
 from sepv.studies._reproduce.record import Panel, Statement, decide, series
 from sepv.verification._orders.convergence import StrongErrors
 
 
-@dataclass(frozen=True)
-class Setting:
-    """The last of `steps` is the reference's own."""
-
-    figure: str
-    problem: str
-    T: float
-    steps: tuple[int, ...]
-    reference: str
-    samples: int
-    scheme: str = "milstein"
-    stated: str = "§4.3"
-
-
 def jobs(setting: Setting, size: Size) -> list[Job]:
-    """The reference's scheme down to its own step, and another scheme."""
-    count = size.samples(setting.samples)
-    found = []
-    for name in (setting.reference, setting.scheme):
-        arguments = {
-            "scheme": name,
-            "problem": setting.problem,
-            "T": setting.T,
-            "steps": setting.steps,
-            "samples": count,
-            "first": 0,
-            "seed": size.seed,
-            "engine": size.engine,
-        }
-        seconds = count * sum(setting.steps) * COST.get(name, 0.3) * 1e-6
-        found.append(Job((setting.figure, "fine", name), runs.errors, arguments, seconds))
-    counting = {
-        "problem": setting.problem,
-        "T": setting.T,
-        "steps": setting.steps,
-        "samples": count,
-        "seed": size.seed,
-    }
-    found.append(Job((setting.figure, "fine", "truncated"), runs.truncated, counting, 1.0))
-    return found
+    """The reference's scheme, the first of two, down to its own step, the last of `steps`, and the other scheme."""
+    samples = range(size.samples(setting.samples))
+    counting = {**setting.given, "samples": len(samples), "seed": size.seed}
+    return [
+        *(setting.job(("fine", name), name, samples, size, 0.3) for name in setting.schemes),
+        Job((setting.figure, "fine", "truncated"), runs.truncated, counting, 1.0),
+    ]
 
 
 def _truncation(setting: Setting, counts: list[int]) -> list[str]:
@@ -71,13 +37,12 @@ def _truncation(setting: Setting, counts: list[int]) -> list[str]:
     )
 
 
-def panel(setting: Setting, results: Results, source: str) -> Panel:
-    """True errors, and errors as the fine-step reference sees them."""
-    found: dict[str, StrongErrors] = {
-        n: results[setting.figure, "fine", n] for n in (setting.reference, setting.scheme)
-    }
+def panel(setting: Setting, results: Results, source: str, stated: str) -> Panel:
+    """True errors, and errors as the fine-step reference sees them; `stated` is where the paper names it."""
+    found: dict[str, StrongErrors] = {n: results[setting.figure, "fine", n] for n in setting.schemes}
+    reference = setting.schemes[0]
     h = setting.T / np.array(setting.steps)
-    truth = found[setting.reference].errors[-1]
+    truth = found[reference].errors[-1]
     curves, seen = [], {}
     for name, e in found.items():
         against = np.sqrt(np.mean(np.sum((e.errors - truth) ** 2, axis=1), axis=1))
@@ -86,23 +51,22 @@ def panel(setting: Setting, results: Results, source: str) -> Panel:
         # The reference's own scheme has error zero at its own step, which a logarithmic axis cannot show.
         kept = against > 0
         curves.append(series(f"{name}, fine-step reference", h[kept], against[kept], style="both"))
-    own, true = seen[setting.reference], found[setting.reference].rms()
+    own, true = seen[reference], found[reference].rms()
     share = ", ".join(
         f"{o / t:.0%} at h = 2^{np.log2(step):.0f}" for step, o, t in zip(h, own, true, strict=True)
     )
     own_step = f"2^{np.log2(h[-1]):.0f}"
     exact = Statement(
-        text=f"The {setting.reference} scheme with step {own_step} serves as the exact solution",
-        source=setting.stated,
+        text=f"The {reference} scheme with step {own_step} serves as the exact solution",
+        source=stated,
         verdict=decide(bool(np.all(own > 0.95 * true)), bool(own[-1] < 0.05 * true[-1])),
-        measured=f"of the true error of the {setting.reference} scheme it sees {share}",
+        measured=f"of the true error of the {reference} scheme it sees {share}",
         criterion="at least 95 % of the true error, at every step size",
         correction="the exact solution is the flow at the time t + Σ c_j W_j(t), without a step size. At the steps of "
         f"the paper's plot, well above {own_step}, the bias is small and its slopes stand",
     )
     return Panel(
         key=f"{setting.figure}-fine-step-reference",
-        figure=setting.figure,
         title="What a fine-step reference hides",
         source=source,
         x=H_AXIS,

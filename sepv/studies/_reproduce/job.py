@@ -34,6 +34,11 @@ class Size:
     seed: int = 0
     engine: str = "auto"
 
+    @property
+    def given(self) -> dict[str, Any]:
+        """What every job of paths is told."""
+        return {"seed": self.seed, "engine": self.engine}
+
     def steps(self, full: int) -> int:
         """The steps of a long run."""
         return max(128, round(full * self.share))

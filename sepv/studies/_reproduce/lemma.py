@@ -132,7 +132,6 @@ def panels(results: Results) -> list[Panel]:
     return [
         Panel(
             key="theory-lemma-3.2",
-            figure="theory",
             title="What the expansion (3.1) leaves",
             source="Lemma 3.2, (3.2)",
             x=H_AXIS,

@@ -129,7 +129,6 @@ def panels(results: Results) -> list[Panel]:
     return [
         Panel(
             key="theory-local-conditions",
-            figure="theory",
             title="One step: (3.8) and (3.9)",
             source="(3.8), (3.9)",
             x=H_AXIS,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -49,26 +50,33 @@ class Setting:
     samples: int
     schemes: tuple[str, ...] = tuple(STATED)
 
+    @property
+    def given(self) -> dict[str, Any]:
+        """What every job of it is told."""
+        return {"problem": self.problem, "T": self.T, "steps": self.steps}
+
+    def job(self, key: tuple[str, ...], scheme: str, samples: range, size: Size, cost: float) -> Job:
+        """The errors of one scheme on these samples; `cost` in microseconds a sample and step."""
+        arguments = {
+            "scheme": scheme,
+            "samples": len(samples),
+            "first": samples.start,
+            **self.given,
+            **size.given,
+        }
+        seconds = len(samples) * sum(self.steps) * COST.get(scheme, cost) * 1e-6
+        return Job((self.figure, *key), runs.errors, arguments, seconds)
+
 
 def jobs(setting: Setting, size: Size) -> list[Job]:
     """One job a scheme and part of the samples."""
-    total, found = size.samples(setting.samples), []
-    for scheme in setting.schemes:
-        for first in range(0, total, PART):
-            count = min(PART, total - first)
-            arguments = {
-                "scheme": scheme,
-                "problem": setting.problem,
-                "T": setting.T,
-                "steps": setting.steps,
-                "samples": count,
-                "first": first,
-                "seed": size.seed,
-                "engine": size.engine,
-            }
-            seconds = count * sum(setting.steps) * COST.get(scheme, 0.5) * 1e-6
-            found.append(Job((setting.figure, "order", scheme, str(first)), runs.errors, arguments, seconds))
-    return found
+    total = size.samples(setting.samples)
+    parts = [range(first, min(first + PART, total)) for first in range(0, total, PART)]
+    return [
+        setting.job(("order", scheme, str(part.start)), scheme, part, size, 0.5)
+        for scheme in setting.schemes
+        for part in parts
+    ]
 
 
 def collect(setting: Setting, results: Results) -> dict[str, StrongErrors]:
@@ -131,21 +139,18 @@ def panel(
     *,
     title: str,
     source: str,
-    stated_in: str,
+    place: str,
     chosen: Sequence[str],
     extra: Sequence[Statement] = (),
 ) -> Panel:
     """The convergence plot with a statement about every scheme in it."""
     statements = [
-        order_statement(
-            name, e, stated_in if name == "energy-preserving" else "[23] in §1" if name in OURS else "§4"
-        )
+        order_statement(name, e, place if name == "energy-preserving" else stated_in(name, "§4"))
         for name, e in found.items()
     ]
     samples = next(iter(found.values())).squared.shape[1]
     return Panel(
         key=f"{setting.figure}-order",
-        figure=setting.figure,
         title=title,
         source=source,
         x=H_AXIS,
@@ -179,6 +184,11 @@ SENTENCE = {
     "euler-maruyama": "Euler-Maruyama",
     "splitting": "The splitting scheme",
 }
+
+
+def stated_in(name: str, place: str) -> str:
+    """Where the paper speaks of a scheme: in the place of the figure, or where it names what it does not show."""
+    return "[23] in §1" if name in OURS else place
 
 
 def sentence(name: str) -> str:

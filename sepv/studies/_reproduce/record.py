@@ -55,7 +55,7 @@ class Panel:
     Attributes
     ----------
     key : str
-        Names the panel and its files, such as "4.1-phase-space".
+        Names the panel and its files, such as "4.1-phase-space": the figure, or "theory", and what is shown.
     parameters : dict
         What the paper gives and what was used.
     chosen : tuple of str
@@ -71,7 +71,6 @@ class Panel:
     """
 
     key: str
-    figure: str
     title: str
     source: str
     x: Axis
@@ -89,7 +88,7 @@ class Panel:
 
     def to_json(self) -> dict[str, Any]:
         """The panel as JSON; numbers that are not finite are null."""
-        data: dict[str, Any] = finite(asdict(self))
+        data: dict[str, Any] = finite({"figure": self.key.partition("-")[0], **asdict(self)})
         return data
 
     def to_csv(self) -> str:

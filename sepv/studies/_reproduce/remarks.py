@@ -19,6 +19,7 @@ from sepv.studies._picture import Axis
 from sepv.studies._reproduce.job import Job, Results, Size
 from sepv.studies._reproduce.order import ALPHA, ERROR_AXIS, H_AXIS
 from sepv.studies._reproduce.record import Panel, Statement, decide, series
+from sepv.studies._reproduce.runs import errors_of
 from sepv.verification import Effort
 from sepv.verification._orders.convergence import StrongErrors, slope
 from sepv.verification._orders.local_errors import local_errors
@@ -54,19 +55,8 @@ def sublinear() -> Problem:
 
 def sublinear_errors(samples: int, seed: int) -> StrongErrors:
     """Errors at T = 1 of the samples, all step sizes on the same paths."""
-    problem = sublinear()
-    fine = wiener.increments(seed, T=1.0, steps=STEPS[-1], noises=1, paths=range(samples))
-    exact = exact_flow(problem, problem.random_step(1.0, fine.sum(axis=0))).y
-    gaps, failures = [], []
-    for count in STEPS:
-        raw = wiener.coarsen(fine, STEPS[-1] // count)
-        ends = ensemble(SCHEME, problem, h=1.0 / count, steps=count, dW=raw, truncation=UNCLIPPED)
-        gaps.append(ends.y - exact)
-        failures.append(int(np.count_nonzero(ends.status)))
-    errors = np.stack(gaps)
-    return StrongErrors(
-        1.0, STEPS, np.sum(errors**2, axis=1), errors, tuple(failures), float(np.max(np.abs(exact)))
-    )
+    scheme = replace(SCHEME, truncation=UNCLIPPED)
+    return errors_of(scheme, sublinear(), T=1.0, steps=STEPS, paths=range(samples), seed=seed)
 
 
 def sublinear_step() -> list[float]:
@@ -143,20 +133,13 @@ def jobs(size: Size) -> list[Job]:
     found.append(Job(("theory", "sublinear step"), sublinear_step, {}, 0.5))
     for h in LOST_H:
         steps = size.steps(round(LOST / h))
-        arguments = {"h": h, "steps": steps, "paths": LOST_PATHS, "seed": size.seed, "engine": size.engine}
+        arguments = {"h": h, "steps": steps, "paths": LOST_PATHS, **size.given}
         found.append(Job(("theory", "lost", str(h)), casimir_loss, arguments, 2.0))
     for name in ("pendulum", "rigid-body"):
-        arguments = {"problem": name, "seed": size.seed, "engine": size.engine}
-        found.append(Job(("theory", "sets", name), furthest, arguments, 2.0))
+        found.append(Job(("theory", "sets", name), furthest, {"problem": name, **size.given}, 2.0))
     for name in CLIP:
         for truncated in (True, False):
-            arguments = {
-                "problem": name,
-                "truncated": truncated,
-                "samples": samples,
-                "seed": size.seed,
-                "engine": size.engine,
-            }
+            arguments = {"problem": name, "truncated": truncated, "samples": samples, **size.given}
             found.append(Job(("theory", "clip", name, str(truncated)), failing, arguments, 1.0))
     return found
 
@@ -188,7 +171,6 @@ def _sublinear(found: StrongErrors, local: list[float]) -> Panel:
     )
     return Panel(
         key="theory-unbounded-hamiltonian",
-        figure="theory",
         title="A Hamiltonian that is not bounded",
         source="Remark 3.4",
         x=H_AXIS,
@@ -260,7 +242,6 @@ def _lost(results: Results) -> Panel:
     ]
     return Panel(
         key="theory-lotka-volterra-casimir",
-        figure="theory",
         title="Lotka-Volterra: the Casimir that (2.1) loses",
         source="Remark 3.5",
         x=Axis("time t", log=True),
@@ -291,7 +272,6 @@ def _clipped(results: Results) -> Panel:
     )
     return Panel(
         key="theory-truncation",
-        figure="theory",
         title="Samples with a step that fails, with and without truncation",
         source="Remark 2.1, §4.1",
         x=H_AXIS,

@@ -21,6 +21,7 @@ from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate import ensemble
 from sepv.simulate._batch import Batch
+from sepv.studies._reproduce.job import Job, Size
 from sepv.verification._orders.convergence import StrongErrors
 
 
@@ -102,6 +103,29 @@ def long_run(
     )
 
 
+def job(
+    figure: str,
+    scheme: str,
+    problem: str,
+    size: Size,
+    *,
+    h: float,
+    steps: int,
+    seconds: float,
+    samples: int = 1,
+) -> Job:
+    """The job of a long run."""
+    arguments = {
+        "scheme": scheme,
+        "problem": problem,
+        "h": h,
+        "steps": steps,
+        "samples": samples,
+        **size.given,
+    }
+    return Job((figure, "run", scheme), long_run, arguments, seconds)
+
+
 def _follow(
     method: Scheme, system: Problem, h: float, raw: Array, checkpoints: np.ndarray, engine: str
 ) -> tuple[Array, Array, int]:
@@ -154,6 +178,20 @@ def errors(
     """Errors against the exact flow of the samples numbered from `first`, all step sizes on the same paths."""
     method, system = schemes.by_name(scheme), problems.by_name(problem)
     paths = range(first, first + samples)
+    return errors_of(method, system, T=T, steps=steps, paths=paths, seed=seed, engine=engine)
+
+
+def errors_of(
+    method: Scheme,
+    system: Problem,
+    *,
+    T: float,
+    steps: Sequence[int],
+    paths: range,
+    seed: int,
+    engine: str = "auto",
+) -> StrongErrors:
+    """The same of a scheme and a problem, of whatever name."""
     fine = wiener.increments(seed, T=T, steps=steps[-1], noises=system.noises, paths=paths)
     exact = exact_flow(system, system.random_step(T, fine.sum(axis=0))).y
     found, failures = [], []
