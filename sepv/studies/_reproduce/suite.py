@@ -25,7 +25,6 @@ from sepv.studies._reproduce import (
     figures_4_4_and_4_5,
     lemma,
     local,
-    printed,
     remarks,
 )
 from sepv.studies._reproduce.job import Job, Results, Size
@@ -129,7 +128,7 @@ def reproduce(
     panels = [p for s, _ in sections for p in _panels(s, results, wanted)]
     return Reproduction(
         panels=tuple(panels),
-        text=(*printed.statements(), *errata.statements()) if TEXT in wanted else (),
+        text=tuple(errata.statements()) if TEXT in wanted else (),
         size=size,
         seconds=time.perf_counter() - started,
         processor_seconds=sum(results[("seconds",)].values()),
