@@ -19,30 +19,16 @@ from sepv.faults._saboteurs import (
 )
 from sepv.faults._saboteurs.record import Saboteur as Saboteur
 
-FAMILIES = (
-    "formula",
-    "noise",
-    "solver",
-    "arithmetic",
-    "interface",
-    "higher order",
-    "structure",
-    "historical",
-    "hamiltonians",
+_MODULES = (
+    formula,
+    noise,
+    solver,
+    arithmetic,
+    interface,
+    higher_order,
+    structure,
+    historical,
+    hamiltonians,
 )
-
-SABOTEURS: dict[str, Saboteur] = {
-    s.name: s
-    for module in (
-        formula,
-        noise,
-        solver,
-        arithmetic,
-        interface,
-        higher_order,
-        structure,
-        historical,
-        hamiltonians,
-    )
-    for s in module.SABOTEURS
-}
+FAMILIES = tuple(module.SABOTEURS.name for module in _MODULES)
+SABOTEURS: dict[str, Saboteur] = {s.name: s for module in _MODULES for s in module.SABOTEURS}

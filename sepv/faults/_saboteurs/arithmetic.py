@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from sepv.faults._saboteurs.formula import quadrature
-from sepv.faults._saboteurs.record import Saboteur, around, implicit, middle, right_side
+from sepv.faults._saboteurs.formula import quadrature, with_average
+from sepv.faults._saboteurs.record import Family, middle, right_side
 from sepv.problem import Array, Problem
 from sepv.problem._fields import matvec
 from sepv.schemes._energy_preserving import formula, jacobian
@@ -18,34 +17,59 @@ from sepv.schemes._scheme import Step
 from sepv.solve import Fields
 from sepv.solve._formula import counted
 
+SABOTEURS = Family("arithmetic")
 _SEEN = ("energy", "casimir", "midpoint", "symmetry", "reference")
-
-
-def _after(change: Callable[[Array, Array], Array]) -> Callable[[Step], Step]:
-    """The right step, and then change(y0, y1)."""
-    return lambda step: lambda problem, y, h, dW: change(y, step(problem, y, h, dW))
 
 
 def _single(values: Array) -> Array:
     return values.astype(np.float32).astype(np.float64)
 
 
-def _single_structure(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+@SABOTEURS.around("y1 has a relative error of 1e-10", ("identity", *_SEEN, "rounding"))
+def relative_error_1e_10(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return step(problem, y, h, dW) * (1 + 1e-10)
+
+
+@SABOTEURS.formula("Δ has a relative error of 1e-10", ("midpoint", "reference", "reduction"))
+def step_off_by_1e_10(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    return (1 + 1e-10) * formula(fields, y, z, step)
+
+
+@SABOTEURS.around("y1 passes through single precision", ("identity", *_SEEN, "equivariance", "rounding"))
+def float32(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return _single(step(problem, y, h, dW))
+
+
+@SABOTEURS.around("y1 − y0 passes through single precision", (*_SEEN, "rounding"))
+def float32_increment(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return y + _single(step(problem, y, h, dW) - y)
+
+
+@SABOTEURS.formula(
+    "B passes through single precision", ("casimir", "midpoint", "reference"), jacobian=jacobian
+)
+def float32_structure(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     return step[0] * matvec(_single(fields.structure(middle(y, z))), fields.mean_gradient(y, z))
 
 
-def _off_skew(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+@SABOTEURS.formula(
+    "B is off skew by 1e-9",
+    ("energy", "casimir", "midpoint", "reference", "reduction", "equivariance", "rounding"),
+)
+def off_skew(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     return formula(fields, y, z, step) + 1e-9 * step[0] * fields.mean_gradient(y, z)
 
 
-def _short_nodes(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+@SABOTEURS.formula("the quadrature's nodes have eight digits", ("energy", "reference", "reduction"))
+def short_nodes(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     if fields.problem.degree is None:
         return formula(fields, y, z, step)
-    average = quadrature(fields, y, z, max(1, -(-fields.problem.degree // 2)), digits=8)
-    return step[0] * matvec(fields.structure(middle(y, z)), average)
+    nodes = max(1, -(-fields.problem.degree // 2))
+    return with_average(fields, y, z, step, quadrature(fields, y, z, nodes, digits=8))
 
 
-def _differences(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+@SABOTEURS.formula("∇H is formed from differences of H", ("energy", "symmetry", "reference", "reduction"))
+def differenced_gradient(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     def gradient(y: Array) -> Array:
         # Wide enough that the noise of the differences stays below what the solver takes for rounding.
         d, H = fields.problem.dimension, fields.problem.hamiltonian
@@ -56,115 +80,44 @@ def _differences(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     return counted(formula, changed, y, y + z, step).value
 
 
-def _shortcut(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    short = np.max(np.abs(z), axis=0) < 1e-4 * np.max(np.abs(y), axis=0)
-    average = np.where(short, fields.gradient(y), fields.mean_gradient(y, z))
-    return step[0] * matvec(fields.structure(middle(y, z)), average)
+@SABOTEURS.around("1e4 is added to y1 and taken away", ("identity", *_SEEN, "equivariance", "rounding"))
+def large_constant(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return (step(problem, y, h, dW) + 1e4) - 1e4
 
 
-def _toward_zero(step: Step) -> Step:
-    """The last addition y0 + Δ B∇̄H rounded toward zero, as a chopping machine does."""
-
-    def chopped(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        move = right_side(problem, y, step(problem, y, h, dW), random_step(problem, h, dW))
-        total = y + move
-        # Knuth's two-sum: what the rounding of y + move left over, exactly.
-        part = total - y
-        lost = (y - (total - part)) + (move - part)
-        return np.where(lost * total < 0, np.nextafter(total, 0.0), total)
-
-    return chopped
-
-
-def _nudged(step: Step) -> Step:
-    """In one step of twenty, chosen by the last digits of y, a component moves one ulp to where H is larger."""
-
-    def nudged(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        y1 = step(problem, y, h, dW)
-        slope = problem.gradient(y1)
-        gain = np.abs(slope) * np.spacing(np.abs(y1))
-        largest = np.arange(len(y1)).reshape(-1, *(1,) * (y1.ndim - 1)) == np.argmax(gain, axis=0)
-        digits = np.ascontiguousarray(y).view(np.uint64).sum(axis=0, dtype=np.uint64)
-        chosen = largest & (digits % 20 == 0) & np.any(y1 != y, axis=0)
-        return np.where(chosen, np.nextafter(y1, np.copysign(np.inf, slope)), y1)
-
-    return nudged
-
-
-_TABLE = (
-    (
-        "relative-error-1e-10",
-        "y1 has a relative error of 1e-10",
-        around(_after(lambda _, y1: y1 * (1 + 1e-10))),
-        ("identity", *_SEEN, "rounding"),
-    ),
-    (
-        "step-off-by-1e-10",
-        "Δ has a relative error of 1e-10",
-        implicit(lambda fields, y, z, step: (1 + 1e-10) * formula(fields, y, z, step)),
-        ("midpoint", "reference", "reduction"),
-    ),
-    (
-        "float32",
-        "y1 passes through single precision",
-        around(_after(lambda _, y1: _single(y1))),
-        ("identity", *_SEEN, "equivariance", "rounding"),
-    ),
-    (
-        "float32-increment",
-        "y1 − y0 passes through single precision",
-        around(_after(lambda y0, y1: y0 + _single(y1 - y0))),
-        (*_SEEN, "rounding"),
-    ),
-    (
-        "float32-structure",
-        "B passes through single precision",
-        implicit(_single_structure, jacobian=jacobian),
-        ("casimir", "midpoint", "reference"),
-    ),
-    (
-        "off-skew",
-        "B is off skew by 1e-9",
-        implicit(_off_skew),
-        ("energy", "casimir", "midpoint", "reference", "reduction", "equivariance", "rounding"),
-    ),
-    (
-        "short-nodes",
-        "the quadrature's nodes have eight digits",
-        implicit(_short_nodes),
-        ("energy", "reference", "reduction"),
-    ),
-    (
-        "differenced-gradient",
-        "∇H is formed from differences of H",
-        implicit(_differences),
-        ("energy", "symmetry", "reference", "reduction"),
-    ),
-    (
-        "large-constant",
-        "1e4 is added to y1 and taken away",
-        around(_after(lambda _, y1: (y1 + 1e4) - 1e4)),
-        ("identity", *_SEEN, "equivariance", "rounding"),
-    ),
-    (
-        "short-step-shortcut",
-        "∇H is not averaged where y moves by less than 1e-4 of its size",
-        implicit(_shortcut),
-        ("energy", "midpoint", "symmetry", "reference"),
-    ),
-    (
-        "off-at-huge-states",
-        "y1 has a relative error of 1e-10 where |y| exceeds 1e40",
-        around(_after(lambda y0, y1: np.where(np.max(np.abs(y0), axis=0) > 1e40, y1 * (1 + 1e-10), y1))),
-        ("reference",),
-    ),
-    (
-        "one-signed-nudge",
-        "in one step of twenty a component is moved by one ulp to where H is larger",
-        around(_nudged),
-        ("rounding",),
-    ),
-    ("toward-zero", "the last addition is rounded toward zero", around(_toward_zero), ("rounding",)),
+@SABOTEURS.formula(
+    "∇H is not averaged where y moves by less than 1e-4 of its size",
+    ("energy", "midpoint", "symmetry", "reference"),
 )
+def short_step_shortcut(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    short = np.max(np.abs(z), axis=0) < 1e-4 * np.max(np.abs(y), axis=0)
+    return with_average(fields, y, z, step, np.where(short, fields.gradient(y), fields.mean_gradient(y, z)))
 
-SABOTEURS = tuple(Saboteur(name, "arithmetic", broken, make, laws) for name, broken, make, laws in _TABLE)
+
+@SABOTEURS.around("y1 has a relative error of 1e-10 where |y| exceeds 1e40", ("reference",))
+def off_at_huge_states(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    y1 = step(problem, y, h, dW)
+    return np.where(np.max(np.abs(y), axis=0) > 1e40, y1 * (1 + 1e-10), y1)
+
+
+@SABOTEURS.around("in one step of twenty a component is moved by one ulp to where H is larger", ("rounding",))
+def one_signed_nudge(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """In those steps that are chosen by the last digits of y."""
+    y1 = step(problem, y, h, dW)
+    slope = problem.gradient(y1)
+    gain = np.abs(slope) * np.spacing(np.abs(y1))
+    largest = np.arange(len(y1)).reshape(-1, *(1,) * (y1.ndim - 1)) == np.argmax(gain, axis=0)
+    digits = np.ascontiguousarray(y).view(np.uint64).sum(axis=0, dtype=np.uint64)
+    chosen = largest & (digits % 20 == 0) & np.any(y1 != y, axis=0)
+    return np.where(chosen, np.nextafter(y1, np.copysign(np.inf, slope)), y1)
+
+
+@SABOTEURS.around("the last addition is rounded toward zero", ("rounding",))
+def toward_zero(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """y0 + Δ B∇̄H as a chopping machine adds."""
+    move = right_side(problem, y, step(problem, y, h, dW), random_step(problem, h, dW))
+    total = y + move
+    # Knuth's two-sum: what the rounding of y + move left over, exactly.
+    part = total - y
+    lost = (y - (total - part)) + (move - part)
+    return np.where(lost * total < 0, np.nextafter(total, 0.0), total)

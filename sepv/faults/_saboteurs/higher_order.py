@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from sepv.errors import StepFailure
-from sepv.faults._saboteurs.record import Saboteur, middle
+from sepv.faults._saboteurs.record import Family, imitating, middle
 from sepv.problem import Array, Problem
 from sepv.problem._fields import matvec
 from sepv.problem._nambu import cross
@@ -34,7 +34,9 @@ from sepv.schemes._one_step import each_noise
 from sepv.schemes._scheme import Step, as_lanes
 from sepv.schemes._tableaux import exact_nodes, gauss_tableau, moments
 from sepv.solve import Fields
+from sepv.solve._formula import Formula
 
+SABOTEURS = Family("higher order")
 # Corrections fall at least fourfold inside the contraction radius; 26 of them make 16 digits.
 _ITERATIONS = 100
 Tables = Callable[[int, int], tuple[Array, Array]]
@@ -70,17 +72,35 @@ def staged(stages: int, tables: Tables) -> Step:
     return step
 
 
-def _wrong_weight(stages: int, nodes: int) -> tuple[Array, Array]:
+def _staged(tables: Tables) -> Callable[[], Scheme]:
+    return imitating(collocation(2), staged(2, tables), batched=False)
+
+
+@SABOTEURS.made(
+    "the first Lagrange weight of two stages is too large by 1e-6",
+    ("midpoint", "reference", "expansion"),
+    _staged,
+)
+def lagrange_weight(stages: int, nodes: int) -> tuple[Array, Array]:
     W, P = moments(stages, nodes)
     return W * (1 + 1e-6 * np.eye(stages)[:, :1]), P
 
 
-def _one_node_short(stages: int, nodes: int) -> tuple[Array, Array]:
+@SABOTEURS.made(
+    "the averages of two stages have one node less than the degree of H needs",
+    ("energy", "reference"),
+    _staged,
+)
+def stages_one_node_short(stages: int, nodes: int) -> tuple[Array, Array]:
     return moments(stages, max(1, nodes - 1))
 
 
-def _imitating(original: Scheme, step: Step, *, batched: bool = False) -> Callable[[], Scheme]:
-    return lambda: replace(original, step=step, solve=None, batched=batched)
+SABOTEURS.add(
+    "three-stages-k-2",
+    "increments of a scheme of order 3 are truncated with the paper's k = 2",
+    lambda: replace(collocation(3), truncation=2),
+    ("truncation", "local-mean-square", "mean-square-order"),
+)
 
 
 def _as_both(step: Step) -> Step:
@@ -93,7 +113,37 @@ def _as_both(step: Step) -> Step:
     return restricted
 
 
-def _structures_at_start(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+SABOTEURS.add(
+    "casimir-at-midpoint",
+    "∇C is taken at the midpoint and not averaged: (2.1), which keeps quadratic Casimirs only",
+    imitating(both_invariants, _as_both(energy_preserving.step), batched=False),
+    ("any-casimir", "reference"),
+)
+
+
+@SABOTEURS.made(
+    "g is taken at y0: both invariants are kept, but the scheme is not symmetric",
+    ("symmetry", "expansion", "reference", "midpoint"),
+    lambda R: imitating(both_invariants, _as_both(implicit(R))),
+)
+def factor_at_start(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    """Δ g(y0) (∇̄H × ∇̄C): both invariants are kept, symmetry is lost."""
+    return step[0] * fields.factor(y) * cross(fields.mean_gradient(y, z), fields.mean_casimir_gradient(y, z))
+
+
+def _of_structures(formula: Formula) -> Callable[[], Scheme]:
+    return imitating(several_structures, implicit(formula, parts=each_noise))
+
+
+@SABOTEURS.made(
+    "the G_j are taken at y0: the energy is kept, and the limit is the Itô one",
+    (
+        *("casimir", "symmetry", "expansion", "reference", "local-mean", "local-mean-square", "local-weak"),
+        *("mean-square-order", "right-limit", "commutation"),
+    ),
+    _of_structures,
+)
+def structures_at_start(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     """[h B(ȳ) + Σ c_j ΔW_j G_j(y0)] ∇̄H."""
     drift = step[0] * fields.structure(middle(y, z))
     structures = noise_structures(fields.problem)
@@ -101,109 +151,47 @@ def _structures_at_start(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     return matvec(drift + noise, fields.mean_gradient(y, z))
 
 
-def _exchanged(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    """The increments of the first and the last noise change places."""
+@SABOTEURS.made(
+    "the first noise is given to the last G_j, and the last one to the first",
+    ("noise-sum", "expansion", "reference"),
+    _of_structures,
+)
+def structures_exchanged(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     rows = [0, len(step) - 1, *range(2, len(step) - 1), 1] if len(step) > 2 else range(len(step))
     return matvec(fields.combined(middle(y, z), step[list(rows)]), fields.mean_gradient(y, z))
 
 
-def _rest_where_undefined(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+@SABOTEURS.made(
+    "with several Hamiltonians it rests where ∇H_0 = 0, though a noise moves the solution",
+    ("reference",),
+    _of_structures,
+)
+def rests_where_undefined(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     """S_j = 0 where ∇H_0 = 0, though B∇H_j is not: y1 = y0 solves that."""
     return matvec(np.nan_to_num(fields.combined(middle(y, z), step)), fields.mean_gradient(y, z))
 
 
-def _factor_at_start(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    """Δ g(y0) (∇̄H × ∇̄C): both invariants are kept, symmetry is lost."""
-    return step[0] * fields.factor(y) * cross(fields.mean_gradient(y, z), fields.mean_casimir_gradient(y, z))
-
-
-def _of_points(increments: str | PointLaw) -> Callable[[], Scheme]:
+def _of_points(name: str, broken: str, increments: str | PointLaw) -> None:
     """A scheme of weak order 2 for three-point increments, with others; it goes on claiming weak order 2."""
-    return lambda: weakly(modified_weak_two, increments)
+    SABOTEURS.add(name, broken, lambda: weakly(modified_weak_two, increments), ("local-weak", "weak-order"))
 
 
 def _three(probability: float, size: float) -> PointLaw:
     return PointLaw("three-point", (-size, 0.0, size), (probability, 1 - 2 * probability, probability))
 
 
-_TABLE = (
-    (
-        "lagrange-weight",
-        "the first Lagrange weight of two stages is too large by 1e-6",
-        _imitating(collocation(2), staged(2, _wrong_weight)),
-        ("midpoint", "reference", "expansion"),
-    ),
-    (
-        "stages-one-node-short",
-        "the averages of two stages have one node less than the degree of H needs",
-        _imitating(collocation(2), staged(2, _one_node_short)),
-        ("energy", "reference"),
-    ),
-    (
-        "three-stages-k-2",
-        "increments of a scheme of order 3 are truncated with the paper's k = 2",
-        lambda: replace(collocation(3), truncation=2),
-        ("truncation", "local-mean-square", "mean-square-order"),
-    ),
-    (
-        "casimir-at-midpoint",
-        "∇C is taken at the midpoint and not averaged: (2.1), which keeps quadratic Casimirs only",
-        _imitating(both_invariants, _as_both(energy_preserving.step)),
-        ("any-casimir", "reference"),
-    ),
-    (
-        "factor-at-start",
-        "g is taken at y0: both invariants are kept, but the scheme is not symmetric",
-        _imitating(both_invariants, _as_both(implicit(_factor_at_start)), batched=True),
-        ("symmetry", "expansion", "reference", "midpoint"),
-    ),
-    (
-        "structures-at-start",
-        "the G_j are taken at y0: the energy is kept, and the limit is the Itô one",
-        _imitating(several_structures, implicit(_structures_at_start, parts=each_noise), batched=True),
-        (
-            "casimir",
-            "symmetry",
-            "expansion",
-            "reference",
-            "local-mean",
-            "local-mean-square",
-            "local-weak",
-            "mean-square-order",
-            "right-limit",
-            "commutation",
-        ),
-    ),
-    (
-        "structures-exchanged",
-        "the first noise is given to the last G_j, and the last one to the first",
-        _imitating(several_structures, implicit(_exchanged, parts=each_noise), batched=True),
-        ("noise-sum", "expansion", "reference"),
-    ),
-    (
-        "rests-where-undefined",
-        "with several Hamiltonians it rests where ∇H_0 = 0, though a noise moves the solution",
-        _imitating(several_structures, implicit(_rest_where_undefined, parts=each_noise), batched=True),
-        ("reference",),
-    ),
-    (
-        "two-points-for-three",
-        "increments of two points are taken where weak order 2 needs three: E ΔW⁴ is h² and not 3h²",
-        _of_points("two-point"),
-        ("local-weak", "weak-order"),
-    ),
-    (
-        "three-points-too-likely",
-        "the outer points ±√(3h) have probability 1/5 and not 1/6: E ΔW² is 1.2 h",
-        _of_points(_three(1 / 5, math.sqrt(3.0))),
-        ("local-weak", "weak-order"),
-    ),
-    (
-        "three-points-second-moment-only",
-        "±√(2h) with probability ¼: E ΔW² is h, E ΔW⁴ is 2h² and not 3h²",
-        _of_points(_three(1 / 4, math.sqrt(2.0))),
-        ("local-weak", "weak-order"),
-    ),
+_of_points(
+    "two-points-for-three",
+    "increments of two points are taken where weak order 2 needs three: E ΔW⁴ is h² and not 3h²",
+    "two-point",
 )
-
-SABOTEURS = tuple(Saboteur(name, "higher order", broken, make, laws) for name, broken, make, laws in _TABLE)
+_of_points(
+    "three-points-too-likely",
+    "the outer points ±√(3h) have probability 1/5 and not 1/6: E ΔW² is 1.2 h",
+    _three(1 / 5, math.sqrt(3.0)),
+)
+_of_points(
+    "three-points-second-moment-only",
+    "±√(2h) with probability ¼: E ΔW² is h, E ΔW⁴ is 2h² and not 3h²",
+    _three(1 / 4, math.sqrt(2.0)),
+)

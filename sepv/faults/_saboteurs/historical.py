@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from sepv.faults._saboteurs.record import Saboteur
+from sepv.faults._saboteurs.record import Family, Fault, Laws
 from sepv.problem import Array, Problem, vector_field
 from sepv.problem._fields import derivative_along
 from sepv.schemes import RANDOM_STEP, Scheme, euler_heun, milstein
@@ -23,8 +23,12 @@ from sepv.schemes._scheme import as_lanes
 # (problem, y (d, M), h, dW (m, M)) -> y1 − y (d, M)
 Move = Callable[[Problem, Array, float, Array], Array]
 
+SABOTEURS = Family("historical")
+# The right method of each.
+RIGHT: dict[str, Scheme] = {}
 _LOCAL = ("local-mean", "local-weak")
 _LIMIT = ("local-mean", "local-mean-square", "right-limit", "mean-square-order", "weak-order")
+_SCIML = "https://github.com/SciML"
 
 
 def _moving(move: Move) -> Any:
@@ -37,12 +41,29 @@ def _moving(move: Move) -> Any:
     return step
 
 
+def _like(scheme: Scheme, move: Move) -> Scheme:
+    """A scheme with another step, which claims the same."""
+    return replace(scheme, step=_moving(move), solve=None)
+
+
+def _in(right: Scheme, broken: str, laws: Laws, thread: str) -> Callable[[Fault], Fault]:
+    """Decorates the move of a method with the fault; `thread` is where it was found."""
+
+    def added(move: Fault) -> Fault:
+        name = move.__name__.replace("_", "-")
+        RIGHT[name] = right
+        SABOTEURS.add(name, broken, partial(_like, right, move), laws, thread)
+        return move
+
+    return added
+
+
 def _noise(problem: Problem, dW: Array) -> Array:
     """S = Σ c_jΔW_j, (M,)."""
     return problem.random_step(0.0, dW)
 
 
-def _by_taylor(problem: Problem, y: Array, h: float, dW: Array, *, wrong: bool) -> Array:
+def _by_taylor(problem: Problem, y: Array, h: float, dW: Array, *, wrong: bool = False) -> Array:
     """Δf + ½Δ²f′f; or with f′ applied to what stands where f stood, y + Δf."""
     delta = problem.random_step(h, dW)
     temporary = vector_field(problem, y)
@@ -53,7 +74,7 @@ def _by_taylor(problem: Problem, y: Array, h: float, dW: Array, *, wrong: bool) 
 
 
 def _by_difference(
-    problem: Problem, y: Array, h: float, dW: Array, *, sides: int, drift: bool = False
+    problem: Problem, y: Array, h: float, dW: Array, *, sides: int = 2, drift: bool = False
 ) -> Array:
     """Milstein's scheme with f′f from a difference of width √h: (h + S)f + ½S² (f(y + √h f) − …)/√h."""
     S, f, width = _noise(problem, dW), vector_field(problem, y), math.sqrt(abs(h))
@@ -66,13 +87,53 @@ def _by_difference(
     return (h + S) * f + 0.5 * S**2 * slope
 
 
+TAYLOR = replace(_like(milstein, _by_taylor), name="taylor", claims=RANDOM_STEP)
+DIFFERENCE = replace(_like(milstein, _by_difference), name="milstein by differences")
+
+
+@_in(
+    TAYLOR,
+    "a temporary that held f(y) is overwritten by y + Δf, and f′ is applied to it as if it were f still",
+    ("expansion", *_LIMIT, *_LOCAL),
+    f"{_SCIML}/StochasticDiffEq.jl/issues/636, mended in pull 651: ImplicitRKMil without noise went elsewhere",
+)
+def overwritten_temporary(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return _by_taylor(problem, y, h, dW, wrong=True)
+
+
+@_in(
+    DIFFERENCE,
+    "Milstein's term of the Stratonovich form by a one-sided difference of width √h, which has a mean of its own",
+    ("local-mean", "local-weak"),
+    f"{_SCIML}/StochasticDiffEq.jl/issues/19: order ½ where Itô's form has 1; torchsde: docs/peers",
+)
+def one_sided_difference(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return _by_difference(problem, y, h, dW, sides=1)
+
+
+@_in(
+    DIFFERENCE,
+    "the same difference, taken along the drift as well",
+    ("local-mean", "local-weak", "mean-square-order"),
+    f"{_SCIML}/StochasticDiffEq.jl/pull/650, its first fault",
+)
+def drift_in_the_difference(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return _by_difference(problem, y, h, dW, sides=1, drift=True)
+
+
 def _heun(problem: Problem, y: Array, h: float, noise: Array) -> Array:
     """hf + ½(f(ŷ) + f)·noise, with the noise of each component, (d, M) or (M,)."""
     f = vector_field(problem, y)
     return h * f + 0.5 * (vector_field(problem, y + h * f + f * noise) + f) * noise
 
 
-def _diagonal(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+@_in(
+    euler_heun,
+    "the matrix of noise fields is read as diagonal: component i sees noise i and no other",
+    ("noise-sum", "equivariance", "local-mean-square", "right-limit", "mean-square-order"),
+    f"{_SCIML}/DiffEqGPU.jl/issues/331, an error since pull 350",
+)
+def matrix_noise_as_diagonal(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """Component i sees noise i alone: the diagonal of the (d, m) matrix with columns c_j f."""
     own = np.zeros_like(y)
     shared = min(len(y), len(dW))
@@ -80,12 +141,24 @@ def _diagonal(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return _heun(problem, y, h, own)
 
 
-def _inverted(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+@_in(
+    euler_heun,
+    "the noise is scaled by 1/c_j and not by c_j",
+    ("noise-sum", *_LIMIT, *_LOCAL),
+    "https://github.com/lammps/lammps/issues/2970 and 2948, mended in pull 2991: fix brownian had √γ for 1/√γ",
+)
+def friction_inverted(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     c = problem.c[:, None]
     return _heun(problem, y, h, np.sum(np.where(c > 0, dW / np.where(c > 0, c, 1.0), 0.0), axis=0))
 
 
-def _variances(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+@_in(
+    euler_heun,
+    "the noise is scaled by c_j² and not by c_j",
+    ("noise-sum", *_LIMIT, *_LOCAL),
+    "https://github.com/lammps/lammps/issues/5097: 1/μ of the variance of spin noise stood for the amplitude 1/√μ",
+)
+def variance_for_deviation(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return _heun(problem, y, h, np.sum(problem.c[:, None] ** 2 * dW, axis=0))
 
 
@@ -95,32 +168,79 @@ def _milstein(problem: Problem, y: Array, h: float, S: Array, square: Array) -> 
     return (h + S) * f + 0.5 * square * derivative_along(problem, y, f)
 
 
-def _crossed(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+@_in(
+    milstein,
+    "each noise drives the sum of all fields: Σ_jΔW_j · Σ_jc_j",
+    ("noise-sum", "local-mean-square", "right-limit", "mean-square-order", *_LOCAL),
+    "https://github.com/brian-team/brian2/issues/330, mended in pull 347: milstein with several noises",
+)
+def noises_crossed(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     S = np.sum(problem.c) * np.sum(dW, axis=0)
     return _milstein(problem, y, h, S, S**2)
 
 
-def _cross_terms_dropped(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+@_in(
+    TAYLOR,
+    "where h = 0, y is left out of the sum",
+    ("identity",),
+    "https://github.com/brian-team/brian2/issues/686: x = noise and not x + noise in equations without drift",
+)
+def state_forgotten_without_drift(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """Where h = 0, y1 is the move alone."""
+    return _by_taylor(problem, y, h, dW) - (0.0 if h else y)
+
+
+@_in(
+    milstein,
+    "Milstein's term has the squares ΔW_j² and no products of different noises",
+    ("noise-sum", "local-mean-square", "mean-square-order"),
+    "https://github.com/horchler/SDETools/issues/2: the formula of diagonal noise for every noise",
+)
+def cross_terms_dropped(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return _milstein(problem, y, h, _noise(problem, dW), np.sum((problem.c[:, None] * dW) ** 2, axis=0))
 
 
-def _index_repeated(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+@_in(
+    milstein,
+    "ΔW_i² stands for ΔW_iΔW_j in Milstein's term of the Itô form: the limit is right, the order ½",
+    ("noise-sum", "local-mean-square", "mean-square-order"),
+    "https://github.com/qutip/qutip/pull/1283: an index in smesolve's milstein with two noises",
+)
+def index_repeated(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """Σ_ij c_i c_j (ΔW_i² − h) where Σ_ij c_i c_j (ΔW_iΔW_j − δ_ij h) belongs, on the Itô form."""
     c = problem.c[:, None]
     square = np.sum(c * (dW**2 - h), axis=0) * np.sum(c) + np.sum(c**2) * h
     return _milstein(problem, y, h, _noise(problem, dW), square)
 
 
-def _as_many_as_components(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+@_in(
+    milstein,
+    "the loop over noises ends at the number of components",
+    ("noise-sum", "local-mean-square"),
+    f"{_SCIML}/StochasticDiffEq.jl/pull/164: RKMilCommute; every test had as many noises as equations",
+)
+def as_many_noises_as_components(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     S = np.sum((problem.c[:, None] * dW)[: len(y)], axis=0)
     return _milstein(problem, y, h, S, S**2)
 
 
-def _standard_normals(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+@_in(
+    euler_heun,
+    "the noise has variance 1 in each step, whatever h is",
+    ("local-mean-square", *_LOCAL),
+    "https://github.com/uclales/uclales/issues/7; StochasticDiffEq.jl/issues/558: the factor √h is missing",
+)
+def standard_normals(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return _heun(problem, y, h, _noise(problem, dW) / math.sqrt(abs(h)) if h else 0 * _noise(problem, dW))
 
 
-def _transposed(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+@_in(
+    milstein,
+    "(f′)ᵀf stands for f′f in Milstein's term: a vector-Jacobian product for a Jacobian-vector product",
+    ("local-mean-square", *_LOCAL),
+    "docs/peers/torchsde_milstein.py, torchsde 0.2.6 with scalar noise and several components",
+)
+def transposed_derivative(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """(h + S)f + ½S² (f′)ᵀf."""
     S, f, columns = _noise(problem, dW), vector_field(problem, y), []
     for i in range(len(y)):
@@ -130,145 +250,13 @@ def _transposed(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return (h + S) * f + 0.5 * S**2 * np.stack(columns)
 
 
-def _fixed_numbers(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+@_in(
+    euler_heun,
+    "the step draws its own noise from the same seed in each call",
+    ("noise-sum", *_LIMIT, *_LOCAL),
+    "https://github.com/brucefan1983/GPUMD/pull/191; espressomd/espresso/issues/3585: seeds that give one noise",
+)
+def fixed_numbers(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """A generator of its own with the same seed for each call, and the caller's increments are not looked at."""
     own = np.random.default_rng(42).standard_normal((dW.shape[0], 1)) * math.sqrt(abs(h))
     return _heun(problem, y, h, _noise(problem, np.broadcast_to(own, dW.shape)))
-
-
-def _forgetting(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Where h = 0, y1 is the move alone."""
-    return _by_taylor(problem, y, h, dW, wrong=False) - (0.0 if h else y)
-
-
-def _like(scheme: Scheme, move: Move) -> Scheme:
-    """A scheme with another step, which claims the same."""
-    return replace(scheme, step=_moving(move), solve=None)
-
-
-TAYLOR = replace(_like(milstein, partial(_by_taylor, wrong=False)), name="taylor", claims=RANDOM_STEP)
-DIFFERENCE = replace(_like(milstein, partial(_by_difference, sides=2)), name="milstein by differences")
-
-_SCIML = "https://github.com/SciML"
-
-# Name, what is wrong, the right method, its step with the fault, laws, the thread.
-_TABLE: tuple[tuple[str, str, Scheme, Move, tuple[str, ...], str], ...] = (
-    (
-        "overwritten-temporary",
-        "a temporary that held f(y) is overwritten by y + Δf, and f′ is applied to it as if it were f still",
-        TAYLOR,
-        partial(_by_taylor, wrong=True),
-        ("expansion", *_LIMIT, *_LOCAL),
-        f"{_SCIML}/StochasticDiffEq.jl/issues/636, mended in pull 651: ImplicitRKMil without noise went elsewhere",
-    ),
-    (
-        "one-sided-difference",
-        "Milstein's term of the Stratonovich form by a one-sided difference of width √h, which has a mean of its own",
-        DIFFERENCE,
-        partial(_by_difference, sides=1),
-        ("local-mean", "local-weak"),
-        f"{_SCIML}/StochasticDiffEq.jl/issues/19: order ½ where Itô's form has 1; torchsde: docs/peers",
-    ),
-    (
-        "drift-in-the-difference",
-        "the same difference, taken along the drift as well",
-        DIFFERENCE,
-        partial(_by_difference, sides=1, drift=True),
-        ("local-mean", "local-weak", "mean-square-order"),
-        f"{_SCIML}/StochasticDiffEq.jl/pull/650, its first fault",
-    ),
-    (
-        "matrix-noise-as-diagonal",
-        "the matrix of noise fields is read as diagonal: component i sees noise i and no other",
-        euler_heun,
-        _diagonal,
-        ("noise-sum", "equivariance", "local-mean-square", "right-limit", "mean-square-order"),
-        f"{_SCIML}/DiffEqGPU.jl/issues/331, an error since pull 350",
-    ),
-    (
-        "friction-inverted",
-        "the noise is scaled by 1/c_j and not by c_j",
-        euler_heun,
-        _inverted,
-        ("noise-sum", *_LIMIT, *_LOCAL),
-        "https://github.com/lammps/lammps/issues/2970 and 2948, mended in pull 2991: fix brownian had √γ for 1/√γ",
-    ),
-    (
-        "variance-for-deviation",
-        "the noise is scaled by c_j² and not by c_j",
-        euler_heun,
-        _variances,
-        ("noise-sum", *_LIMIT, *_LOCAL),
-        "https://github.com/lammps/lammps/issues/5097: 1/μ of the variance of spin noise stood for the amplitude 1/√μ",
-    ),
-    (
-        "noises-crossed",
-        "each noise drives the sum of all fields: Σ_jΔW_j · Σ_jc_j",
-        milstein,
-        _crossed,
-        ("noise-sum", "local-mean-square", "right-limit", "mean-square-order", *_LOCAL),
-        "https://github.com/brian-team/brian2/issues/330, mended in pull 347: milstein with several noises",
-    ),
-    (
-        "state-forgotten-without-drift",
-        "where h = 0, y is left out of the sum",
-        TAYLOR,
-        _forgetting,
-        ("identity",),
-        "https://github.com/brian-team/brian2/issues/686: x = noise and not x + noise in equations without drift",
-    ),
-    (
-        "cross-terms-dropped",
-        "Milstein's term has the squares ΔW_j² and no products of different noises",
-        milstein,
-        _cross_terms_dropped,
-        ("noise-sum", "local-mean-square", "mean-square-order"),
-        "https://github.com/horchler/SDETools/issues/2: the formula of diagonal noise for every noise",
-    ),
-    (
-        "index-repeated",
-        "ΔW_i² stands for ΔW_iΔW_j in Milstein's term of the Itô form: the limit is right, the order ½",
-        milstein,
-        _index_repeated,
-        ("noise-sum", "local-mean-square", "mean-square-order"),
-        "https://github.com/qutip/qutip/pull/1283: an index in smesolve's milstein with two noises",
-    ),
-    (
-        "as-many-noises-as-components",
-        "the loop over noises ends at the number of components",
-        milstein,
-        _as_many_as_components,
-        ("noise-sum", "local-mean-square"),
-        f"{_SCIML}/StochasticDiffEq.jl/pull/164: RKMilCommute; every test had as many noises as equations",
-    ),
-    (
-        "standard-normals",
-        "the noise has variance 1 in each step, whatever h is",
-        euler_heun,
-        _standard_normals,
-        ("local-mean-square", *_LOCAL),
-        "https://github.com/uclales/uclales/issues/7; StochasticDiffEq.jl/issues/558: the factor √h is missing",
-    ),
-    (
-        "transposed-derivative",
-        "(f′)ᵀf stands for f′f in Milstein's term: a vector-Jacobian product for a Jacobian-vector product",
-        milstein,
-        _transposed,
-        ("local-mean-square", *_LOCAL),
-        "docs/peers/torchsde_milstein.py, torchsde 0.2.6 with scalar noise and several components",
-    ),
-    (
-        "fixed-numbers",
-        "the step draws its own noise from the same seed in each call",
-        euler_heun,
-        _fixed_numbers,
-        ("noise-sum", *_LIMIT, *_LOCAL),
-        "https://github.com/brucefan1983/GPUMD/pull/191; espressomd/espresso/issues/3585: seeds that give one noise",
-    ),
-)
-
-RIGHT: dict[str, Scheme] = {name: scheme for name, _, scheme, *_ in _TABLE}
-SABOTEURS = tuple(
-    Saboteur(name, "historical", broken, partial(_like, scheme, move), laws, thread)
-    for name, broken, scheme, move, laws, thread in _TABLE
-)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import partial
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -16,6 +17,11 @@ from sepv.schemes._energy_preserving import formula
 from sepv.schemes._one_step import Parts, random_step
 from sepv.schemes._scheme import Step, as_lanes
 from sepv.solve._formula import Formula, counted
+
+Laws = tuple[str, ...]
+# (problem, y0 (d, M), Δ (1, M)) -> y1
+Update = Callable[[Problem, Array, Array], Array]
+Fault = TypeVar("Fault", bound=Callable[..., Any])
 
 
 @dataclass(frozen=True)
@@ -64,12 +70,12 @@ def right_side(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
     return found.value.reshape(y0.shape)
 
 
-def explicit_step(update: Callable[[Problem, Array, Array], Array], parts: Parts = random_step) -> Step:
-    """The step y1 = update(problem, y0, parts), for formulas that need no solver or bring their own."""
+def explicit_step(update: Update) -> Step:
+    """The step y1 = update(problem, y0, Δ), for formulas that need no solver or bring their own."""
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         y0, noise = as_lanes(problem, y, h, dW)
-        return update(problem, y0, parts(problem, h, noise)).reshape(np.shape(y))
+        return update(problem, y0, random_step(problem, h, noise)).reshape(np.shape(y))
 
     return step
 
@@ -79,13 +85,50 @@ def implicit(R: Formula, parts: Parts = random_step, **more: Any) -> Callable[[]
     return lambda: claiming(one_step.implicit(R, parts=parts, **more))
 
 
-def explicit(
-    update: Callable[[Problem, Array, Array], Array], parts: Parts = random_step
-) -> Callable[[], Scheme]:
+def explicit(update: Update) -> Callable[[], Scheme]:
     """`make` of a saboteur with another update."""
-    return lambda: claiming(explicit_step(update, parts))
+    return lambda: claiming(explicit_step(update))
 
 
-def around(step: Callable[[Step], Step], **changes: Any) -> Callable[[], Scheme]:
-    """`make` of a saboteur that puts something around the right step; its memory begins anew each time."""
-    return lambda: claiming(step(original.step), **changes)
+def around(change: Callable[..., Array], memory: Callable[[], Any] | None = None) -> Callable[[], Scheme]:
+    """`make` of a saboteur with change(right step, problem, y, h, dW) in the place of the right step.
+
+    With `memory` the first argument is what that returns, made anew for each scheme.
+    """
+    return lambda: claiming(partial(change, *([memory()] if memory else []), original.step))
+
+
+def imitating(original: Scheme, step: Step, **changes: Any) -> Callable[[], Scheme]:
+    """`make` of a saboteur that claims what another scheme claims."""
+    return lambda: replace(original, step=step, solve=None, **changes)
+
+
+class Family(list[Saboteur]):
+    """Saboteurs in the order of their definition: each decorates its fault, and has the function's name."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self.name = name
+
+    def add(self, name: str, broken: str, make: Callable[[], Scheme], laws: Laws, thread: str = "") -> None:
+        """One more."""
+        self.append(Saboteur(name, self.name, broken, make, laws, thread))
+
+    def made(
+        self, broken: str, laws: Laws, by: Callable[[Any], Callable[[], Scheme]]
+    ) -> Callable[[Fault], Fault]:
+        """Decorates what `by` turns into `make`."""
+
+        def added(fault: Fault) -> Fault:
+            self.add(fault.__name__.replace("_", "-"), broken, by(fault), laws)
+            return fault
+
+        return added
+
+    def formula(self, broken: str, laws: Laws, **more: Any) -> Callable[[Fault], Fault]:
+        """Decorates another right side."""
+        return self.made(broken, laws, lambda R: implicit(R, **more))
+
+    def around(self, broken: str, laws: Laws, memory: Any = None) -> Callable[[Fault], Fault]:
+        """Decorates what is put around the right step."""
+        return self.made(broken, laws, lambda change: around(change, memory))

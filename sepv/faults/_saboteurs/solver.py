@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sepv.faults._saboteurs.record import Saboteur, around, explicit, right_side
+from sepv.faults._saboteurs.record import Family, explicit, right_side
 from sepv.problem import Array, Problem
 from sepv.problem._fields import linear_solve
 from sepv.record._binary64 import EPS, TINY
@@ -16,6 +16,7 @@ from sepv.schemes._energy_preserving import jacobian
 from sepv.schemes._one_step import random_step
 from sepv.schemes._scheme import Step
 
+SABOTEURS = Family("solver")
 _SEEN = ("energy", "casimir", "midpoint", "symmetry", "reference", "rounding")
 
 Correction = Callable[[Problem, Array, Array, Array], Array]
@@ -51,8 +52,8 @@ def _frozen_newton(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
 
 def _iterated(
     correction: Correction, most: int, tolerance: float = 0.0, *, together: bool = False
-) -> Callable[[Problem, Array, Array], Array]:
-    """y0 + z after z ← z + correction, until the correction of a lane is below the tolerance, or `most` times.
+) -> Callable[[], Scheme]:
+    """Of y0 + z after z ← z + correction, until the correction of a lane is below the tolerance, or `most` times.
 
     `together`: all lanes stop with the first one.
     """
@@ -70,11 +71,25 @@ def _iterated(
                 active = active[open_]
         return y0 + z
 
-    return update
+    return explicit(update)
 
 
-def _unapplied(problem: Problem, y0: Array, step: Array) -> Array:
-    """Newton's method that takes a residual below 1e-10 for good enough."""
+SABOTEURS.add(
+    "stopped-at-1e-8",
+    "the fixed-point iteration stops at a relative correction of 1e-8",
+    _iterated(_fixed_point, 60, 1e-8),
+    _SEEN,
+)
+SABOTEURS.add(
+    "stopped-at-1e-12",
+    "the fixed-point iteration stops at a relative correction of 1e-12",
+    _iterated(_fixed_point, 60, 1e-12),
+    _SEEN,
+)
+
+
+@SABOTEURS.made("Newton's iteration stops at a residual of 1e-10", _SEEN, explicit)
+def residual_of_1e_10(problem: Problem, y0: Array, step: Array) -> Array:
     z = np.zeros_like(y0)
     for _ in range(20):
         residual = np.max(np.abs(_fixed_point(problem, y0, z, step)), axis=0)
@@ -84,90 +99,60 @@ def _unapplied(problem: Problem, y0: Array, step: Array) -> Array:
     return y0 + z
 
 
-def _once_more(step: Step) -> Step:
-    """y0 + R(y0, y1) of the solved y1: the error of y1 times ∂R/∂y1, about |Δ|/2 roundings for an oscillator."""
-
-    def answering(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        return y + right_side(problem, y, step(problem, y, h, dW), random_step(problem, h, dW))
-
-    return answering
-
-
-def _understated() -> Scheme:
-    return replace(explicit(_iterated(_fixed_point, 60, 1e-8))(), solver_tolerance=1e-13)
-
-
-_TABLE = (
-    (
-        "stopped-at-1e-8",
-        "the fixed-point iteration stops at a relative correction of 1e-8",
-        explicit(_iterated(_fixed_point, 60, 1e-8)),
-        (*_SEEN, "rounding"),
-    ),
-    (
-        "stopped-at-1e-12",
-        "the fixed-point iteration stops at a relative correction of 1e-12",
-        explicit(_iterated(_fixed_point, 60, 1e-12)),
-        (*_SEEN, "rounding"),
-    ),
-    (
-        "residual-of-1e-10",
-        "Newton's iteration stops at a residual of 1e-10",
-        explicit(_unapplied),
-        (*_SEEN, "rounding"),
-    ),
-    (
-        "understated-tolerance",
-        "the solver stops at 1e-8 and states a tolerance of 1e-13",
-        _understated,
-        _SEEN,
-    ),
-    ("newton-once", "one iteration of Newton, whatever it leaves", explicit(_iterated(_newton, 1)), _SEEN),
-    ("newton-twice", "two iterations of Newton, whatever they leave", explicit(_iterated(_newton, 2)), _SEEN),
-    (
-        "newton-thrice",
-        "three iterations of Newton, whatever they leave",
-        explicit(_iterated(_newton, 3)),
-        # A Casimir and the midpoint rule are met to rounding inside the contraction radius.
-        tuple(law for law in _SEEN if law not in ("casimir", "midpoint")),
-    ),
-    (
-        "newton-four-times",
-        "four iterations of Newton: right for all but long steps",
-        explicit(_iterated(_newton, 4)),
-        ("energy",),
-    ),
-    (
-        "one-evaluation-more",
-        "the right side is evaluated once more at the solution: no digit is left where |Δ| is 1e15",
-        around(_once_more),
-        ("reference",),
-    ),
-    (
-        "frozen-jacobian",
-        "six iterations of Newton with the Jacobian of the first",
-        explicit(_iterated(_frozen_newton, 6)),
-        _SEEN,
-    ),
-    (
-        "fixed-point-thrice",
-        "the fixed-point iteration stops silently after three times",
-        explicit(_iterated(_fixed_point, 3)),
-        _SEEN,
-    ),
-    (
-        "silent-cap",
-        "the fixed-point iteration stops silently after 60 times, converged or not",
-        explicit(_iterated(_fixed_point, 60, 0.5 * EPS)),
-        # Not energy: long steps overflow, which is an error of that law.
-        ("rounding",),
-    ),
-    (
-        "lanes-stop-together",
-        "all states of a batch stop iterating when the first of them has converged",
-        explicit(_iterated(_newton, 20, 1e-9, together=True)),
-        ("reproducibility",),
-    ),
+SABOTEURS.add(
+    "understated-tolerance",
+    "the solver stops at 1e-8 and states a tolerance of 1e-13",
+    lambda: replace(_iterated(_fixed_point, 60, 1e-8)(), solver_tolerance=1e-13),
+    _SEEN,
+)
+SABOTEURS.add("newton-once", "one iteration of Newton, whatever it leaves", _iterated(_newton, 1), _SEEN)
+SABOTEURS.add("newton-twice", "two iterations of Newton, whatever they leave", _iterated(_newton, 2), _SEEN)
+SABOTEURS.add(
+    "newton-thrice",
+    "three iterations of Newton, whatever they leave",
+    _iterated(_newton, 3),
+    # A Casimir and the midpoint rule are met to rounding inside the contraction radius.
+    tuple(law for law in _SEEN if law not in ("casimir", "midpoint")),
+)
+SABOTEURS.add(
+    "newton-four-times",
+    "four iterations of Newton: right for all but long steps",
+    _iterated(_newton, 4),
+    ("energy",),
 )
 
-SABOTEURS = tuple(Saboteur(name, "solver", broken, make, laws) for name, broken, make, laws in _TABLE)
+
+@SABOTEURS.around(
+    "the right side is evaluated once more at the solution: no digit is left where |Δ| is 1e15",
+    ("reference",),
+)
+def one_evaluation_more(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """y0 + R(y0, y1) of the solved y1: the error of y1 times ∂R/∂y1, about |Δ|/2 roundings for an oscillator."""
+    return y + right_side(problem, y, step(problem, y, h, dW), random_step(problem, h, dW))
+
+
+SABOTEURS.add(
+    "frozen-jacobian",
+    "six iterations of Newton with the Jacobian of the first",
+    _iterated(_frozen_newton, 6),
+    _SEEN,
+)
+SABOTEURS.add(
+    "fixed-point-thrice",
+    "the fixed-point iteration stops silently after three times",
+    _iterated(_fixed_point, 3),
+    _SEEN,
+)
+SABOTEURS.add(
+    "silent-cap",
+    "the fixed-point iteration stops silently after 60 times, converged or not",
+    _iterated(_fixed_point, 60, 0.5 * EPS),
+    # Not energy: long steps overflow, which is an error of that law.
+    ("rounding",),
+)
+SABOTEURS.add(
+    "lanes-stop-together",
+    "all states of a batch stop iterating when the first of them has converged",
+    _iterated(_newton, 20, 1e-9, together=True),
+    ("reproducibility",),
+)
