@@ -31,6 +31,7 @@ from sepv.studies._compare.run import one_core
 from sepv.studies._evaluation_count import Work, counted
 from sepv.verification._orders.convergence import Estimate, strong_errors
 
+ROOT = Path(__file__).resolve().parents[1]
 STEPS = (4, 8, 16)
 
 
@@ -350,9 +351,11 @@ def late(problem, y, h, dW):
     assert "Traceback" not in result.output
 
 
-def test_every_peer_is_named_after_the_library_that_it_drives() -> None:
-    for name, home in PEERS.items():
-        assert home.startswith(f"sepv.peers._compare_{name.split('-')[0]}:")
+def test_every_peer_is_named_after_the_library_that_it_drives_and_its_solver() -> None:
+    for name in PEERS:
+        library, _, solver = name.partition("-")
+        drivers = (ROOT / "sepv" / "peers" / f"_compare_{library}.py").read_text(encoding="utf-8")
+        assert f"\n{solver.replace('-', '_')} = " in drivers
 
 
 def test_an_absent_library_is_named_with_its_remedy(

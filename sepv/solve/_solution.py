@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,32 +15,27 @@ from sepv.problem import Array, Problem
 from sepv.problem._fields import DENSE, Algebra
 
 
-class Status(IntEnum):
+class Worded(IntEnum):
+    """Numbers that arrays hold, each with its `text`."""
+
+    text: str
+
+    def __new__(cls, value: int, text: str = "") -> Self:
+        member = int.__new__(cls, value)
+        member._value_, member.text = value, text
+        return member
+
+
+class Status(Worded):
     """How a solve ended."""
 
-    CONVERGED = 0
-    NO_CONVERGENCE = 1
-    LEFT_DOMAIN = 2
-    OVERFLOW = 3
-    SINGULAR = 4
-    QUADRATURE = 5
-    UNDEFINED = 6
-
-    @property
-    def text(self) -> str:
-        """The status in words."""
-        return _TEXTS[self]
-
-
-_TEXTS = {
-    Status.CONVERGED: "converged",
-    Status.NO_CONVERGENCE: "no convergence",
-    Status.LEFT_DOMAIN: "left the domain of the problem",
-    Status.OVERFLOW: "overflow or NaN in B or ∇H",
-    Status.SINGULAR: "singular Jacobian",
-    Status.QUADRATURE: "the adaptive quadrature of ∇H did not reach rounding",
-    Status.UNDEFINED: "a structure is undefined: ∇H_0 vanishes or nearly so, and B∇H_j does not",
-}
+    CONVERGED = 0, "converged"
+    NO_CONVERGENCE = 1, "no convergence"
+    LEFT_DOMAIN = 2, "left the domain of the problem"
+    OVERFLOW = 3, "overflow or NaN in B or ∇H"
+    SINGULAR = 4, "singular Jacobian"
+    QUADRATURE = 5, "the adaptive quadrature of ∇H did not reach rounding"
+    UNDEFINED = 6, "a structure is undefined: ∇H_0 vanishes or nearly so, and B∇H_j does not"
 
 
 class Increment(NamedTuple):

@@ -14,7 +14,7 @@ import select
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -119,15 +119,8 @@ class Side:
 @contextmanager
 def both(target: str, head: Path, base: Path) -> Iterator[tuple[Side, Side]]:
     """A process for each of two checkouts."""
-    first = Side(target, head, "head's")
-    try:
-        second = Side(target, base, "other")
-        try:
-            yield first, second
-        finally:
-            second.close()
-    finally:
-        first.close()
+    with closing(Side(target, head, "head's")) as first, closing(Side(target, base, "other")) as second:
+        yield first, second
 
 
 def head_of(target: str) -> Path:

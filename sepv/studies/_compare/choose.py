@@ -13,22 +13,12 @@ from sepv.schemes import ask, load_scheme
 from sepv.schemes._load_target import load_object
 from sepv.studies._compare.method import Method, exact_time_change, from_scheme
 
-# Other libraries' solvers under the best driver one can give them, and the library each needs.
-PEERS = {
-    "diffrax-heun": "sepv.peers._compare_diffrax:heun",
-    "diffrax-heun-vmap": "sepv.peers._compare_diffrax:heun_vmap",
-    "diffrax-euler-heun": "sepv.peers._compare_diffrax:euler_heun",
-    "diffrax-reversible-heun": "sepv.peers._compare_diffrax:reversible_heun",
-    "diffrax-spark": "sepv.peers._compare_diffrax:spark",
-    "diffrax-slow-rk": "sepv.peers._compare_diffrax:slow_rk",
-    "diffrax-tsit5": "sepv.peers._compare_diffrax:tsit5",
-    "diffrax-dopri8": "sepv.peers._compare_diffrax:dopri8",
-    "diffrax-dopri8-vmap": "sepv.peers._compare_diffrax:dopri8_vmap",
-    "torchsde-heun": "sepv.peers._compare_torchsde:heun",
-    "torchsde-midpoint": "sepv.peers._compare_torchsde:midpoint",
-    "torchsde-reversible-heun": "sepv.peers._compare_torchsde:reversible_heun",
-    "sdeint-heun": "sepv.peers._compare_sdeint:heun",
-}
+# Other libraries' solvers under the best driver one can give them: the library, and what `sepv.peers` has of it.
+PEERS = (
+    "diffrax-heun", "diffrax-heun-vmap", "diffrax-euler-heun", "diffrax-reversible-heun", "diffrax-spark",
+    "diffrax-slow-rk", "diffrax-tsit5", "diffrax-dopri8", "diffrax-dopri8-vmap", "torchsde-heun", "torchsde-midpoint",
+    "torchsde-reversible-heun", "sdeint-heun",
+)  # fmt: skip
 EXACT = "exact-flow"
 NUMPY = "numpy/"
 
@@ -68,15 +58,16 @@ def load_method(target: str, problem: Problem) -> Method:
 
 
 def _peer(name: str) -> Method:
-    module, _, attribute = PEERS[name].partition(":")
+    library, _, solver = name.partition("-")
     try:
-        method: Method = getattr(import_module(module), attribute)
+        drivers = import_module(f"sepv.peers._compare_{library}")
     except ModuleNotFoundError as error:
         raise TargetError(
             expected=f"the library of {name}",
             received=f"{error}",
             remedy="pip install diffrax torchsde sdeint, or the one that is named",
         ) from error
+    method: Method = getattr(drivers, solver.replace("-", "_"))
     return method
 
 

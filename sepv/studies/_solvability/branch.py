@@ -11,7 +11,6 @@ Leray-Schauder theorem the curve meets every Δ, beyond folds if need be. Where 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from sepv.schemes._both_invariants import scheme as both_invariants
 from sepv.schemes._energy_preserving import scheme as energy_preserving
 from sepv.schemes._midpoint import scheme as midpoint
 from sepv.schemes._one_step import Implicit
-from sepv.solve._solution import IncrementFunction, JacobianFunction
+from sepv.solve._solution import IncrementFunction, JacobianFunction, Worded
 
 MOST_STEPS = 4000
 # Arclengths, the longest beside 1 + |z|: a branch that escapes to infinity gets there.
@@ -47,28 +46,14 @@ EQUATIONS: dict[str, tuple[IncrementFunction, JacobianFunction]] = {
 }
 
 
-class End(IntEnum):
+class End(Worded):
     """How a branch ends."""
 
-    RANGE = 0
-    FOLD = 1
-    BOUNDARY = 2
-    INFINITY = 3
-    LOST = 4
-
-    @property
-    def text(self) -> str:
-        """The end in words."""
-        return _TEXTS[self]
-
-
-_TEXTS = {
-    End.RANGE: "reaches the end of the range",
-    End.FOLD: "turns back at a fold",
-    End.BOUNDARY: "reaches the boundary of the domain",
-    End.INFINITY: "escapes to infinity",
-    End.LOST: "could not be followed further",
-}
+    RANGE = 0, "reaches the end of the range"
+    FOLD = 1, "turns back at a fold"
+    BOUNDARY = 2, "reaches the boundary of the domain"
+    INFINITY = 3, "escapes to infinity"
+    LOST = 4, "could not be followed further"
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from sepv.exact import exact_flow
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme, energy_preserving
 from sepv.solve import Status, solve
+from sepv.solve._solution import Worded
 from sepv.studies._solvability.branch import EQUATIONS, Branch, End, follow
 from sepv.studies._solvability.chance import chance_outside
 
@@ -23,28 +23,14 @@ SAME = 1e-4
 ROUNDS, LOWEST, POINTS = 3, 2, 4
 
 
-class Ending(IntEnum):
+class Ending(Worded):
     """What there is at one state and Δ."""
 
-    FOUND = 0
-    MISSED = 1
-    ANOTHER = 2
-    NONE = 3
-    UNKNOWN = 4
-
-    @property
-    def text(self) -> str:
-        """The finding in words."""
-        return _TEXTS[self]
-
-
-_TEXTS = {
-    Ending.FOUND: "connected solution, found",
-    Ending.MISSED: "connected solution, not found",
-    Ending.ANOTHER: "another solution found",
-    Ending.NONE: "no connected solution, none found",
-    Ending.UNKNOWN: "branch lost",
-}
+    FOUND = 0, "connected solution, found"
+    MISSED = 1, "connected solution, not found"
+    ANOTHER = 2, "another solution found"
+    NONE = 3, "no connected solution, none found"
+    UNKNOWN = 4, "branch lost"
 
 
 @dataclass(frozen=True)
@@ -168,30 +154,23 @@ def solvability_map(
     progress("branches")
     forward, backward = follow(problem, y, furthest, scheme), follow(problem, y, -furthest, scheme)
     steps = furthest * np.arange(1, grid + 1) / grid
-    rows: list[tuple[tuple[float, int], np.ndarray]] = []
-    for sign, branch in ((-1.0, backward), (1.0, forward)):
-        for number, delta in enumerate(sign * steps):
-            progress(f"Newton at Δ = {delta:.3g}, {len(rows) + 1} of {2 * grid}")
-            rows.append(((sign, number), _row(problem, scheme, y, delta, branch)))
-    ordered = sorted(rows, key=lambda item: item[0][0] * (item[0][1] + 1))
-    delta = np.concatenate([-steps[::-1], steps])
+    deltas = np.concatenate([-steps[::-1], steps])
+    rows: list[np.ndarray] = []
+    for delta in deltas:
+        progress(f"Newton at Δ = {delta:.3g}, {len(rows) + 1} of {2 * grid}")
+        rows.append(_row(problem, scheme, y, delta, forward if delta > 0 else backward))
     progress("the shortest branches")
-    refined = _refine(problem, scheme, y0, furthest, theta, forward.reach, backward.reach)
-    findings = np.stack([row for _, row in ordered])
-    return Map(problem, scheme, theta, y, delta, findings, forward, backward, refined)
+    reaches = np.stack([theta, forward.reach, backward.reach])
+    refined = _refine(problem, scheme, y0, furthest, reaches)
+    return Map(problem, scheme, theta, y, deltas, np.stack(rows), forward, backward, refined)
 
 
-def _refine(
-    problem: Problem,
-    scheme: Scheme,
-    y0: Array | None,
-    furthest: float,
-    theta: Array,
-    forward: Array,
-    backward: Array,
-) -> Shortest:
-    """States around the lowest local minima of both reaches, closer with each round: by 5 each time."""
-    known, count = np.stack([theta, forward, backward]), theta.size
+def _refine(problem: Problem, scheme: Scheme, y0: Array | None, furthest: float, known: Array) -> Shortest:
+    """States around the lowest local minima of both reaches, closer with each round: by 5 each time.
+
+    `known` has times and what is reached from there forward and backward, (3, M).
+    """
+    theta = known[0]
     for _ in range(ROUNDS):
         known = known[:, np.argsort(known[0])]
         new = [t for row in (1, 2) for t in _between(known[0], known[row], furthest)]
@@ -201,8 +180,7 @@ def _refine(
         y = exact_flow(problem, times, y0).y
         ahead, behind = follow(problem, y, furthest, scheme), follow(problem, y, -furthest, scheme)
         known = np.concatenate([known, np.stack([times, ahead.reach, behind.reach])], axis=1)
-    further = known[:, ~np.isin(known[0], theta)] if known.shape[1] > count else known[:, :0]
-    return Shortest(*further)
+    return Shortest(*known[:, ~np.isin(known[0], theta)])
 
 
 def _between(theta: Array, reach: Array, furthest: float) -> list[float]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -86,16 +86,7 @@ class Exits:
 
     def to_json(self) -> dict[str, Any]:
         """All of it."""
-        return {
-            "scheme": self.scheme,
-            "h": self.h,
-            "until": self.until,
-            "asked": self.asked,
-            "paths": self.paths,
-            "times": self.times.tolist(),
-            "statuses": self.statuses,
-            "share_at_most": self.share,
-        }
+        return {**asdict(self), "times": self.times.tolist(), "share_at_most": self.share}
 
 
 def follow_paths(
@@ -121,44 +112,32 @@ def follow_paths(
     steps : step sizes; each horizon is a multiple of h.
     k : truncation of the increments (Remark 2.1), None for none.
     """
-    found, end = [], time.monotonic() + seconds
-    for number, h in enumerate(steps):
-        share = (end - time.monotonic()) / (len(steps) - number)
-        found.append(_follow(problem, scheme, h, until, paths, k, y0, seed, share, progress))
-    return found
 
-
-def _follow(
-    problem: Problem,
-    scheme: Scheme,
-    h: float,
-    until: float,
-    paths: int,
-    k: int | None,
-    y0: Array | None,
-    seed: int,
-    seconds: float,
-    progress: Callable[[str], None],
-) -> Exits:
-    most, begin, last = max(1, round(until / h)), time.monotonic(), 0.0
-    count = min(FIRST, most)
-    while True:
+    def horizon(h: float, count: int, most: int) -> Exits:
         progress(f"{scheme.name}, h = {h:g}: {paths} paths to t = {count * h:g}")
-        started = time.monotonic()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", TruncationWarning)  # k is what was asked for
-            ends = ensemble(
-                scheme, problem, h=h, steps=count, paths=paths, seed=seed, y0=y0, truncation=k,
-            )  # fmt: skip
+            ends = ensemble(scheme, problem, h=h, steps=count, paths=paths, seed=seed, y0=y0, truncation=k)
         failed = ends.status != Status.CONVERGED
         names, counts = np.unique(ends.status[failed], return_counts=True)
-        result = Exits(
+        return Exits(
             scheme.name, h, count * h, paths, np.sort(ends.failed_step[failed]) * h,
             {Status(int(s)).name: int(n) for s, n in zip(names, counts, strict=True)}, most * h,
         )  # fmt: skip
-        # The first horizon's time is mostly that of compiling.
-        last = 0.0 if count == FIRST else time.monotonic() - started
-        spent = time.monotonic() - begin
-        if count == most or failed.all() or spent + SPARE * 2 * last > seconds:
-            return result
-        count = min(2 * count, most)
+
+    found, end = [], time.monotonic() + seconds
+    for number, h in enumerate(steps):
+        share = (end - time.monotonic()) / (len(steps) - number)
+        most, begin = max(1, round(until / h)), time.monotonic()
+        count = min(FIRST, most)
+        while True:
+            started = time.monotonic()
+            exits = horizon(h, count, most)
+            # The first horizon's time is mostly that of compiling.
+            last = 0.0 if count == FIRST else time.monotonic() - started
+            spent = time.monotonic() - begin
+            if count == most or exits.failed == paths or spent + SPARE * 2 * last > share:
+                break
+            count = min(2 * count, most)
+        found.append(exits)
+    return found
