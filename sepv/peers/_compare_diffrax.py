@@ -20,7 +20,7 @@ import numpy as np
 from sepv.peers.diffrax import _one_step
 from sepv.peers.posing import Formulas, pose
 from sepv.problem import Array, Problem
-from sepv.studies._compare.method import Ends, Followed, Method, finite_ends, invariant_defects
+from sepv.studies._compare.method import Method, from_states
 
 
 class _Field(diffrax.AbstractTerm):
@@ -119,34 +119,24 @@ def _vmapped(
 
 
 def _method(name: str, solver: Any, program: Any, evaluations: float | None, how: str) -> Method:
-    def arguments(problem: Problem, y0: Array, h: float, dW: Array) -> tuple[Any, ...]:
+    def run(problem: Problem, y0: Array, h: float, dW: Array, keep: bool) -> Callable[[], Array]:
         formulas, numbers = pose(problem, padded=False)
         start = np.repeat(y0[:, None], dW.shape[2], axis=1)
         H = np.sqrt(h / 12) * np.random.default_rng(0).standard_normal(dW.shape)
-        given = (numbers, problem.c, np.float64(h), start, np.ascontiguousarray(dW), H)
-        return formulas, jax.tree.map(jnp.asarray, given)
-
-    def run(problem: Problem, y0: Array, h: float, dW: Array, keep: bool) -> Callable[[], Array]:
         with jax.enable_x64(True):
-            formulas, given = arguments(problem, y0, h, dW)
+            given = jax.tree.map(
+                jnp.asarray, (numbers, problem.c, np.float64(h), start, np.ascontiguousarray(dW), H)
+            )
 
         def call() -> Array:
             with jax.enable_x64(True):
-                return np.asarray(program(solver, formulas, keep, *given))
+                found = np.asarray(program(solver, formulas, keep, *given))
+            return np.concatenate([start[None], found]) if keep else found[None]
 
         return call
 
-    def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]:
-        call = run(problem, y0, h, dW, keep=False)
-        return lambda: finite_ends(problem, call())
-
-    def follow(problem: Problem, y0: Array, h: float, dW: Array) -> Followed:
-        later = run(problem, y0, h, dW, keep=True)()
-        states = np.concatenate([np.broadcast_to(y0[None, :, None], (1, *later.shape[1:])), later])
-        return Followed(finite_ends(problem, states[-1]), *invariant_defects(problem, states), None)
-
     source = f"diffrax {diffrax.__version__} {type(solver).__name__}, {how}"
-    return Method(name, prepare, follow, source, evaluations=evaluations)
+    return from_states(name, run, source, evaluations=evaluations)
 
 
 _CLOCK = "all paths in one state, dy = f∘dθ"

@@ -11,11 +11,10 @@ import numpy as np
 import sdeint
 
 from sepv.problem import Array, Problem
-from sepv.studies._compare.method import Ends, Followed, Method, finite_ends, invariant_defects
+from sepv.studies._compare.method import from_states
 
 
-def _paths(problem: Problem, y0: Array, h: float, dW: Array) -> Array:
-    """States (N + 1, d, M)."""
+def _run(problem: Problem, y0: Array, h: float, dW: Array, _keep: bool) -> Callable[[], Array]:
     times = np.arange(len(dW) + 1) * h
     sums = np.einsum("j,njl->nl", problem.c, dW)
 
@@ -26,25 +25,10 @@ def _paths(problem: Problem, y0: Array, h: float, dW: Array) -> Array:
         return drift(y, time)[:, None]
 
     lanes = range(dW.shape[2])
-    return np.stack(
+    return lambda: np.stack(
         [sdeint.stratHeun(drift, noise, y0, times, dW=sums[:, lane, None]) for lane in lanes], axis=2
     )
 
 
-def _prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]:
-    return lambda: finite_ends(problem, _paths(problem, y0, h, dW)[-1])
-
-
-def _follow(problem: Problem, y0: Array, h: float, dW: Array) -> Followed:
-    states = _paths(problem, y0, h, dW)
-    return Followed(finite_ends(problem, states[-1]), *invariant_defects(problem, states), None)
-
-
-heun = Method(
-    "sdeint-heun",
-    _prepare,
-    _follow,
-    f"sdeint {sdeint.__version__} stratHeun, path by path",
-    batched=False,
-    evaluations=4,
-)
+_SOURCE = f"sdeint {sdeint.__version__} stratHeun, path by path"
+heun = from_states("sdeint-heun", _run, _SOURCE, batched=False, evaluations=4)

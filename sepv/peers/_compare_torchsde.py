@@ -14,18 +14,15 @@ import torchsde
 
 from sepv.peers.torchsde import _Given, _System
 from sepv.problem import Array, Problem
-from sepv.studies._compare.method import Ends, Followed, Method, finite_ends, invariant_defects
-
-
-class _Process(_Given):
-    """Given increments of the one process Σ c_j W_j: several noises of one field are one."""
+from sepv.studies._compare.method import Method, from_states
 
 
 def _method(method: str) -> Method:
     def run(problem: Problem, y0: Array, h: float, dW: Array, keep: bool) -> Callable[[], Array]:
+        # Several noises of one field are the one process Σ c_j W_j.
         system = _System(problem, torch.ones(1, dtype=torch.float64), "scalar")
         sums = np.einsum("j,njl->nl", problem.c, dW)[:, :, None]
-        noise = _Process(torch.as_tensor(sums), h)
+        noise = _Given(torch.as_tensor(sums), h)
         y = torch.as_tensor(np.repeat(y0[None], dW.shape[2], axis=0))
         grid = torch.arange(len(dW) + 1, dtype=torch.float64) * h
         times = grid if keep else grid[[0, -1]]
@@ -37,20 +34,8 @@ def _method(method: str) -> Method:
 
         return call
 
-    def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]:
-        call = run(problem, y0, h, dW, keep=False)
-        return lambda: finite_ends(problem, call()[-1])
-
-    def follow(problem: Problem, y0: Array, h: float, dW: Array) -> Followed:
-        states = run(problem, y0, h, dW, keep=True)()
-        return Followed(finite_ends(problem, states[-1]), *invariant_defects(problem, states), None)
-
-    return Method(
-        f"torchsde-{method.replace('_', '-')}",
-        prepare,
-        follow,
-        f"torchsde {torchsde.__version__} {method}, all paths in one batch",
-    )
+    source = f"torchsde {torchsde.__version__} {method}, all paths in one batch"
+    return from_states(f"torchsde-{method.replace('_', '-')}", run, source)
 
 
 heun = _method("heun")

@@ -29,21 +29,15 @@ def _integrate(
     return np.asarray(integrator(drift, noise, y, times, dW=dW, **more))
 
 
-def _step_by(integrator: Callable[..., Any]) -> Callable[[Problem, Array, float, Array], Array]:
-    """A step by sdeint's integrator over tspan = (0, h), with drift f = B∇H and noise fields c_j f."""
-
-    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        return _integrate(integrator, problem, y, h, dW.reshape(1, -1))[-1]
-
-    return step
-
-
-def _step_with_integrals(integrator: Callable[..., Any]) -> Callable[[Problem, Array, float, Array], Array]:
-    """The same where the integrator also wants the repeated integrals J_ij."""
+def _step_by(
+    integrator: Callable[..., Any], *, integrals: bool = False
+) -> Callable[[Problem, Array, float, Array], Array]:
+    """A step by sdeint's integrator over tspan = (0, h); some also want the repeated integrals J_ij."""
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         row = dW.reshape(1, -1)
-        return _integrate(integrator, problem, y, h, row, J=_repeated_integrals(row))[-1]
+        more = {"J": _repeated_integrals(row)} if integrals else {}
+        return _integrate(integrator, problem, y, h, row, **more)[-1]
 
     return step
 
@@ -80,7 +74,7 @@ strat_heun = Scheme(
 
 strat_srs2 = Scheme(
     name="sdeint stratSRS2",
-    step=_step_with_integrals(sdeint.stratSRS2),
+    step=_step_by(sdeint.stratSRS2, integrals=True),
     mean_square_order=1.0,
     source="sdeint.stratSRS2: order 1.0 strong convergence",
     truncation=None,
@@ -89,7 +83,7 @@ strat_srs2 = Scheme(
 # A two-step method, of which one step is the explicit one that starts it.
 strat_kp2is_start = Scheme(
     name="sdeint stratKP2iS, its first step",
-    step=_step_with_integrals(sdeint.stratKP2iS),
+    step=_step_by(sdeint.stratKP2iS, integrals=True),
     mean_square_order=1.0,
     source="sdeint.stratKP2iS: two-step implicit order 1.0 strong algorithm",
     truncation=None,

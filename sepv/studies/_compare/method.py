@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -49,6 +49,9 @@ class Prepare(Protocol):
     """(problem, y0 (d,), h, dW (N, m, M) untruncated) -> a job to be timed."""
 
     def __call__(self, problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]: ...
+
+
+Run = Callable[[Problem, Array, float, Array, bool], Callable[[], Array]]
 
 
 class Follow(Protocol):
@@ -192,6 +195,28 @@ def _run(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array, *, tr
         raise
     except (Exception, SystemExit) as error:
         raise SchemeCrash(error, (problem.dimension, dW.shape[2])) from error
+
+
+def from_states(name: str, run: Run, source: str, **more: Any) -> Method:
+    """A driver that reports no status, and whose states can be watched.
+
+    Parameters
+    ----------
+    run : callable
+        Of the same arguments and `keep`: a job that gives states (N + 1, d, M) from y0 on, or, without `keep`, any
+        whose last are those at T.
+    more : fields of `Method`.
+    """
+
+    def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]:
+        job = run(problem, y0, h, dW, False)
+        return lambda: finite_ends(problem, job()[-1])
+
+    def follow(problem: Problem, y0: Array, h: float, dW: Array) -> Followed:
+        states = run(problem, y0, h, dW, True)()
+        return Followed(finite_ends(problem, states[-1]), *invariant_defects(problem, states), None)
+
+    return Method(name, prepare, follow, source, **more)
 
 
 def exact_time_change() -> Method:
