@@ -1,18 +1,18 @@
 """Make the corpus of witnesses anew: ``python -m benchmarks.witnesses [--law NAME]... [-j N]``.
 
-Each saboteur that no witness has caught yet is shown to the searched laws that theory names for it, and its
-counterexample is simplified. Each case is then shown to all saboteurs of its law and class, and a few are kept: the one
-that catches most (ties: the quicker, then the shorter), then the one that catches most of the rest. A case that a right
-scheme fails would be a defect of the law, and ends the run.
+Each saboteur that no witness has caught yet is shown to the searched laws that theory names for it, and each built-in
+scheme to those that it does not claim; a counterexample is simplified. Each case is then shown to all of them, law by
+law and class by class, and a few are kept: the one that catches most (ties: the quicker, then the shorter), then the
+one that catches most of the rest. A case that a right scheme fails would be a defect of the law, and ends the run.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import multiprocessing
 import time
 import warnings
-from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -22,11 +22,10 @@ from sepv.reference.vector import digest
 from benchmarks import over, start
 from sepv import schemes
 from sepv.errors import SchemeFault, SepvError
-from sepv.faults import Saboteur
 from sepv.faults._saboteurs import SABOTEURS
-from sepv.problem import Systems
+from sepv.problem import GivenProblem, Systems
 from sepv.schemes import Scheme
-from sepv.verification import Case, Effort, Law, Verdict, load_laws
+from sepv.verification import Case, Effort, Law, Verdict, load_laws, searched
 from sepv.verification import _corpus as corpus
 from sepv.verification._cases.case import from_json, to_json
 from sepv.verification._cases.spaces import SPACES
@@ -41,7 +40,7 @@ SHRINK = 200
 def made(name: str) -> dict[str, Any]:
     """The file of one law."""
     (law,) = load_laws([name])
-    found = [entry for systems in SPACES if name in SPACES[systems] for entry in _of_class(law, systems)]
+    found = [entry for systems in Systems for entry in _of_class(law, systems)]
     entries = []
     for number, entry in enumerate(found, 1):
         numbered = {"id": f"{name}/{number:02}", **entry}
@@ -51,21 +50,22 @@ def made(name: str) -> dict[str, Any]:
 
 def _of_class(law: Law, systems: Systems) -> list[dict[str, Any]]:
     """The witnesses of one class of systems, in the order in which they are to be asked."""
-    suspects = [s for s in SABOTEURS.values() if law.name in s.caught_by and s.scheme.systems == systems]
+    suspects = suspects_of(law, systems)
     candidates: dict[Case, str] = {}
-    for suspect in suspects:
-        scheme = suspect.scheme
-        if not law.claimed_by(scheme) or any(accused(law, suspect.scheme, case) for case in candidates):
+    for name, scheme in suspects.items():
+        if any(accused(law, scheme, case) for case in candidates):
             continue
         finding = law.run(law, scheme, Effort(shrink_checks=SHRINK, corpus=False))
         if finding.verdict is Verdict.VIOLATED and finding.witness is not None:
-            candidates.setdefault(from_json(finding.witness), suspect.name)
+            case = from_json(finding.witness)
+            if not isinstance(case.problem, GivenProblem) and _shows_alone(law.name, systems, name, case):
+                candidates.setdefault(case, name)
     caught, seconds = {}, {}
     for case in candidates:
         start = time.perf_counter()
         _must_hold(law, systems, case)
         seconds[case] = time.perf_counter() - start
-        caught[case] = frozenset(s.name for s in suspects if accused(law, s.scheme, case))
+        caught[case] = frozenset(name for name, scheme in suspects.items() if accused(law, scheme, case))
     kept: list[Case] = []
     left = set().union(*caught.values()) if caught else set()
     while left and len(kept) < MOST:
@@ -76,6 +76,17 @@ def _of_class(law: Law, systems: Systems) -> list[dict[str, Any]]:
         {"systems": systems, "found": candidates[c], "caught": sorted(caught[c]), "case": to_json(c)}
         for c in kept
     ]
+
+
+def _shows_alone(law: str, systems: Systems, name: str, case: Case) -> bool:
+    """Whether a process that asks nothing else sees it: what a scheme remembers may come from another case."""
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as fresh:
+        return fresh.submit(_accused_by_name, law, systems, name, to_json(case)).result()
+
+
+def _accused_by_name(name: str, systems: Systems, scheme: str, case: dict[str, Any]) -> bool:
+    (law,) = load_laws([name])
+    return accused(law, suspects_of(law, systems)[scheme], from_json(case))
 
 
 def accused(law: Law, scheme: Scheme, case: Case) -> bool:
@@ -97,8 +108,11 @@ def _must_hold(law: Law, systems: Systems, case: Case) -> None:
 
 def right(law: Law, systems: Systems) -> list[Scheme]:
     """Built-in schemes of the class that claim the law."""
-    every = {**schemes.PAPER, **schemes.EXTENSIONS}.values()
-    return [s for s in every if s.systems == systems and law.claimed_by(s)]
+    return [s for s in _built_in(systems) if law.claimed_by(s)]
+
+
+def _built_in(systems: Systems) -> list[Scheme]:
+    return [s for s in {**schemes.PAPER, **schemes.EXTENSIONS}.values() if s.systems == systems]
 
 
 def _size(case: Case) -> int:
@@ -106,14 +120,17 @@ def _size(case: Case) -> int:
 
 
 def searched_laws() -> list[str]:
-    """Laws with a design, which are those that search cases of one step."""
-    names = {name for spaces in SPACES.values() for name in spaces}
-    return [law.name for law in load_laws() if law.name in names]
+    """Laws that search cases of one step: some have a design, the others say nothing but how they search."""
+    designed = {name for spaces in SPACES.values() for name in spaces}
+    return [w.name for w in load_laws() if w.name in designed or w.run.__module__ == searched.__module__]
 
 
-def suspects_of(law: str) -> Iterable[Saboteur]:
-    """The saboteurs that theory names for the law."""
-    return (s for s in SABOTEURS.values() if law in s.caught_by)
+def suspects_of(law: Law, systems: Systems) -> dict[str, Scheme]:
+    """The saboteurs of the class that theory names for the law and that claim it, and built-in schemes that do not."""
+    broken = (s for s in SABOTEURS.values() if law.name in s.caught_by and s.scheme.systems == systems)
+    return {s.name: s.scheme for s in broken if law.claimed_by(s.scheme)} | {
+        s.name: s for s in _built_in(systems) if not law.claimed_by(s)
+    }
 
 
 def text_of(data: dict[str, Any]) -> str:

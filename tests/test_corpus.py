@@ -10,6 +10,7 @@ from sepv.reference.vector import digest
 
 from benchmarks import witnesses as maker
 from benchmarks.right_schemes import RIGHT
+from sepv import schemes
 from sepv.commands import main
 from sepv.faults import _fault_detection as fault_detection
 from sepv.faults._saboteurs import SABOTEURS
@@ -25,8 +26,8 @@ SCHEMA = json.loads((FOLDER / "witnesses.schema.json").read_text())
 LAWS = sorted(p.stem for p in FOLDER.glob("*.json") if p.name != "witnesses.schema.json")
 
 
-def test_every_searched_law_that_a_saboteur_breaks_has_witnesses() -> None:
-    assert sorted(n for n in maker.searched_laws() if list(maker.suspects_of(n))) == LAWS
+def test_every_searched_law_has_witnesses() -> None:
+    assert sorted(maker.searched_laws()) == LAWS
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -41,13 +42,13 @@ def test_files_are_as_the_schema_says_and_small(law: str) -> None:
         assert witness["id"] == f"{law}/{number:02}"
         assert witness["hash"] == digest({k: v for k, v in witness.items() if k != "hash"})
         assert witness["found"] in witness["caught"]
-        assert set(witness["caught"]) <= set(SABOTEURS)
+        assert set(witness["caught"]) <= {*SABOTEURS, *schemes.PAPER, *schemes.EXTENSIONS}
     per_class = [w["systems"] for w in data["witnesses"]]
     assert all(per_class.count(systems) <= maker.MOST for systems in per_class)
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_right_schemes_pass_every_witness_and_the_saboteur_it_came_from_does_not(law: str) -> None:
+def test_right_schemes_pass_every_witness_and_the_scheme_it_came_from_does_not(law: str) -> None:
     (asked,) = load_laws([law])
     for witness in corpus.witnesses(law):
         for scheme in maker.right(asked, witness.systems):
@@ -55,7 +56,9 @@ def test_right_schemes_pass_every_witness_and_the_saboteur_it_came_from_does_not
             # What may be refused is left out.
             good = (Verdict.HOLDS, Verdict.NOT_APPLICABLE)
             assert finding.verdict in good, (witness.id, scheme.name, finding.message)
-        assert maker.accused(asked, SABOTEURS[witness.found].scheme, witness.case), witness.id
+        assert maker.accused(asked, maker.suspects_of(asked, witness.systems)[witness.found], witness.case), (
+            witness.id
+        )
 
 
 @pytest.mark.parametrize("name", ["fixed-point", "python-loop", "line-search"])

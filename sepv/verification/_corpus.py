@@ -1,4 +1,4 @@
-"""The corpus of witnesses: cases that caught a fault once, asked again before any search.
+"""The corpus of witnesses: cases that caught a violation once, asked again before any search.
 
 ``reference/witnesses/LAW.json``, as its schema describes it; docs/vectors.md is for whoever reads it without Python. A
 witness is a case of its law like any other: the law's own check measures it, with its own bound. So the corpus can
@@ -30,9 +30,9 @@ class Witness:
     systems : Systems
         The class of systems that it is a case of.
     found : str
-        The fault whose shrunk counterexample it is: a saboteur's name.
+        Whose simplified counterexample it is: a saboteur, or a built-in scheme that does not claim the law.
     caught : tuple of str
-        All saboteurs that this case accuses.
+        All of them that this case accuses.
     """
 
     id: str

@@ -69,6 +69,7 @@ class _Log:
         self.checks = 0
         self.worst: Measurement | None = None
         self.violation: tuple[Case, Measurement] | None = None
+        self.largest = 0.0  # defect of a violation, before any was simplified
         self.fault: tuple[Case, Exception] | None = None
         self.skipped: dict[str, int] = {}
 
@@ -198,12 +199,13 @@ def _from_json(witness: dict[str, Any]) -> Case:
 def _search(law: Law, scheme: Scheme, effort: Effort, asked: _Question) -> Finding:
     log, start = _Log(), time.perf_counter()
     known = asked.known if effort.corpus else ()
+    fixed = tuple(asked.fixed_cases())
     visited = (case for n in range(effort.designs) for case in _designed(asked.space, effort.seed, n))
-    _visit(log, scheme, chain(known, visited, asked.fixed_cases()), asked)
+    _visit(log, scheme, chain(known, visited, fixed), asked)
     if not (log.failed and effort.shrink_checks == 0):
         violation, fault = log.violation, log.fault
-        # A witness was shrunk when it was found: a search for a simpler one would come back to it.
-        if violation is None or violation[0] not in known:
+        # A witness was shrunk when it was found, and what is fixed is simple: a search would find nothing simpler.
+        if violation is None or violation[0] not in (*known, *fixed):
             _explore(log, scheme, effort, asked)
         if (log.violation or log.fault) in (violation, fault) and log.failed:
             _simplify(log, scheme, effort, asked)
@@ -350,14 +352,14 @@ def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate
     if log.worst is None or not measured.ratio <= log.worst.ratio:
         log.worst = measured
     if measured.violates:
-        log.violation = case, measured
+        log.violation, log.largest = (case, measured), max(log.largest, measured.defect)
         raise _Violation
     return measured
 
 
-def _may_be_a_tolerance(law: Law, scheme: Scheme, measured: Measurement) -> str:
-    """What to do where a defect is as small as the tolerance of a solver of which the scheme says nothing."""
-    small = law.unit.startswith("ulp") and measured.bound > 0 and measured.defect * EPS < MOST_TOLERANCE
+def _may_be_a_tolerance(law: Law, scheme: Scheme, measured: Measurement, largest: float) -> str:
+    """What to do where all defects are as small as the tolerance of a solver of which the scheme says nothing."""
+    small = law.unit.startswith("ulp") and measured.bound > 0 and largest * EPS < MOST_TOLERANCE
     if not small or scheme.solver_tolerance:
         return ""
     size = f"the defect is {measured.defect * EPS:.1e}{law.unit.removeprefix('ulp')}"
@@ -370,7 +372,9 @@ def _conclude(law: Law, scheme: Scheme, log: _Log) -> Finding:
     size = {"defect": log.worst.defect, "bound": log.worst.bound} if log.worst else {}
     if log.violation is not None:
         case, measured = log.violation
-        message = f"{case.describe()}\n{measured.detail}{_may_be_a_tolerance(law, scheme, measured)}"
+        message = (
+            f"{case.describe()}\n{measured.detail}{_may_be_a_tolerance(law, scheme, measured, log.largest)}"
+        )
         return law.finding(
             Verdict.VIOLATED, checks=log.checks, message=message, **_witness(law, case), **size
         )
