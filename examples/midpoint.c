@@ -13,7 +13,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MAXD = 16, MAXM = 16, MAX_ITERATIONS = 40 };
+enum { MAXD = 16, MAXE = MAXD * (MAXD - 1) / 2, MAXM = 16, MAX_ITERATIONS = 40 };
 
 /* ---- JSON: the text stays where it is; a value is a pointer to its first character. ---- */
 
@@ -102,22 +102,28 @@ static int numbers(const char *p, double *to, int most) {
 
 /* ---- Problems: the vector field f = B grad H. ---- */
 
+/* Terms of all polynomials of a message, read once: a step evaluates them some fifty times. */
+static struct { double coefficient; int e[MAXD]; } *terms;
+static size_t used, room;
+
+typedef struct {
+    size_t from, to; /* among the terms */
+} Polynomial;
+
 typedef struct {
     enum { OSCILLATOR, PENDULUM, RIGID_BODY, POLYNOMIAL } kind;
-    int d, m;
+    int d, m, entries, row[MAXE], column[MAXE];
     double c[MAXM], inertia[3];
-    const char *hamiltonian, *structure; /* polynomial data, as JSON */
+    Polynomial hamiltonian, structure[MAXE]; /* B above its diagonal */
 } Problem;
 
-/* The polynomial [[exponents, coefficient], ...] at p; its derivative by y_k where k >= 0. */
-static double polynomial(const char *p, const double *y, int k) {
+/* The polynomial; its derivative by y_k where k >= 0. */
+static double polynomial(Polynomial p, int d, const double *y, int k) {
     double sum = 0;
-    for (p = first(p); p; p = next(p)) {
-        const char *exponents = first(p);
-        double term = number(next(exponents));
-        int i = 0;
-        for (const char *q = first(exponents); q; q = next(q), i++) {
-            int e = atoi(q);
+    for (size_t n = p.from; n < p.to; n++) {
+        double term = terms[n].coefficient;
+        for (int i = 0; i < d; i++) {
+            int e = terms[n].e[i];
             if (i == k) term *= e--;
             for (; e > 0; e--) term *= y[i];
         }
@@ -137,26 +143,31 @@ static void field(const Problem *P, const double *y, double *f) {
         f[1] = y[2] * g[0] - y[0] * g[2];
         f[2] = y[0] * g[1] - y[1] * g[0];
     } else {
-        for (int i = 0; i < P->d; i++) g[i] = polynomial(P->hamiltonian, y, i), f[i] = 0;
-        for (const char *p = first(P->structure); p; p = next(p)) { /* [i, j, terms], i < j; B_ji = -B_ij */
-            const char *column = next(first(p));
-            int i = atoi(first(p)), j = atoi(column);
-            double b = polynomial(next(column), y, -1);
-            f[i] += b * g[j];
-            f[j] -= b * g[i];
+        for (int i = 0; i < P->d; i++) g[i] = polynomial(P->hamiltonian, P->d, y, i), f[i] = 0;
+        for (int n = 0; n < P->entries; n++) { /* B_ji = -B_ij */
+            double b = polynomial(P->structure[n], P->d, y, -1);
+            f[P->row[n]] += b * g[P->column[n]];
+            f[P->column[n]] -= b * g[P->row[n]];
         }
     }
 }
 
-/* Whether the terms at p have d exponents each, so that `polynomial` stays inside y. */
-static int fits(const char *p, int d) {
+/* The polynomial [[exponents, coefficient], ...] at p; whether it is one, of d exponents a term. */
+static int read_terms(const char *p, int d, Polynomial *to) {
+    to->from = to->to = used;
     if (!p || *p != '[') return 0;
     for (p = first(p); p; p = next(p)) {
         int n = 0;
         const char *exponents = first(p);
         if (!exponents || !next(exponents)) return 0;
-        for (const char *q = first(exponents); q; q = next(q)) n++;
+        if (used == room && !(terms = realloc(terms, (room = 2 * room + 64) * sizeof *terms))) exit(1);
+        for (const char *q = first(exponents); q; q = next(q)) {
+            if (n == d) return 0;
+            terms[used].e[n++] = atoi(q);
+        }
         if (n != d) return 0;
+        terms[used].coefficient = number(next(exponents));
+        to->to = ++used;
     }
     return 1;
 }
@@ -178,14 +189,17 @@ static const char *read_problem(const char *p, Problem *P) {
         P->kind = POLYNOMIAL;
         P->d = dimension ? atoi(dimension) : 0;
         if (P->d < 1 || P->d > MAXD) return "more than 16 dimensions, or none";
-        P->hamiltonian = member(p, "hamiltonian");
-        P->structure = member(p, "structure");
-        if (!fits(P->hamiltonian, P->d) || !P->structure || *P->structure != '[') return "no polynomial data";
-        for (const char *q = first(P->structure); q; q = next(q)) {
-            const char *row = first(q), *column = row ? next(row) : NULL, *terms = column ? next(column) : NULL;
-            if (!fits(terms, P->d) || atoi(row) < 0 || atoi(row) >= P->d || atoi(column) < 0 ||
-                atoi(column) >= P->d)
+        const char *structure = member(p, "structure");
+        used = 0;
+        if (!read_terms(member(p, "hamiltonian"), P->d, &P->hamiltonian) || !structure || *structure != '[')
+            return "no polynomial data";
+        P->entries = 0;
+        for (const char *q = first(structure); q; q = next(q), P->entries++) { /* [i, j, terms], i < j */
+            const char *row = first(q), *column = row ? next(row) : NULL, *entry = column ? next(column) : NULL;
+            if (P->entries == MAXE || !read_terms(entry, P->d, &P->structure[P->entries]) || atoi(row) < 0 ||
+                atoi(row) >= P->d || atoi(column) < 0 || atoi(column) >= P->d)
                 return "structure without [row, column, terms]";
+            P->row[P->entries] = atoi(row), P->column[P->entries] = atoi(column);
         }
         P->m = numbers(member(p, "noise"), P->c, MAXM);
     }

@@ -48,7 +48,8 @@ law = searched(
     statement="in dimension 3 every Casimir is kept, quadratic or not",
     source="§5",
     unit="ulp of C",
-    cost=0.6,
+    cost=0.3,
+    steps=51,
     cases=nambu_steps,
     check=check,
 )

@@ -34,6 +34,7 @@ law = Law(
     source="(3.8)",
     unit="slope",
     cost=0.2,
+    steps=9200,
     run=pathwise(run),
     replay=replay,
     level=2,

@@ -111,6 +111,7 @@ law = searched(
     source="§1, (2.1)",
     unit="ulp of y",
     cost=0.8,
+    steps=171,
     cases=cases,
     check=check,
     admits=lambda case: len(case.dW) > 1,

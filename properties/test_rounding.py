@@ -207,7 +207,8 @@ law = Law(
     statement="over many steps the energy walks like √n roundings, and does not drift",
     source="Prop. 3.1",
     unit="ulp H·√n",
-    cost=1.3,
+    cost=0.4,
+    steps=38400,
     run=run,
     replay=replay,
 )

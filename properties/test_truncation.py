@@ -140,6 +140,7 @@ law = Law(
     source="Rem. 2.1",
     unit="share",
     cost=0.1,
+    steps=792,
     run=run,
     replay=replay,
 )

@@ -35,12 +35,76 @@ def test_lines_say_the_share_and_the_seconds_left(monkeypatch: pytest.MonkeyPatc
     with progress.watching(laws=[energy, casimir]) as step:
         step(energy, None)
         first = _said(written, "energy")
-        step(energy, energy.finding(Verdict.HOLDS))
+        step(energy, energy.finding(Verdict.HOLDS, seconds=2000.0, checks=1))
         step(casimir, None)
         last = _said(written, "casimir")
     assert first.endswith("0 of 2 laws, energy")
-    # Not half of it: a law counts by what it costs. The seconds left are at least one.
-    assert re.fullmatch(r"25%, about \d+ s left: 1 of 2 laws, casimir", last)
+    # A law counts by what it costs, at the pace so far.
+    assert re.fullmatch(r"\d+%, about (59|60)\d\d s left: 1 of 2 laws, casimir", last)
+
+
+# What a run asks of a scheme beside its own work: states in batches, or single ones (`sepv.verification.LAWS`).
+BATCHED = {"contract": 3269, "reproducibility": 140606, "mean-square-order": 215040}
+SINGLE = {"reproducibility": 0, "mean-square-order": 129024}
+
+
+@pytest.mark.parametrize(
+    ("machine", "step", "single", "batched", "states"),
+    [
+        pytest.param(1.0, 1e-6, 1e-4, True, BATCHED, id="(2.1)"),
+        pytest.param(3.0, 3e-6, 3e-4, True, BATCHED, id="(2.1) on a busy machine"),
+        pytest.param(1.0, 2e-4, 2e-4, False, SINGLE, id="200 µs a state"),
+        pytest.param(
+            2.0, 2e-4, 2e-4, False, {**SINGLE, "mean-square-order": 230000}, id="with a second look"
+        ),
+        pytest.param(1.0, 5e-3, 5e-3, False, SINGLE, id="5 ms a state"),
+        pytest.param(1.5, 2e-5, 5e-4, True, BATCHED, id="a program"),
+        pytest.param(1.5, 2e-4, 2e-4, True, BATCHED, id="a slow program"),
+    ],
+)
+def test_the_seconds_left_are_right_to_a_factor_of_two_after_a_third_of_the_laws(
+    machine: float, step: float, single: float, batched: bool, states: dict[str, int],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """A law takes what it costs by turns 30 % more and less, and what its calls and states take."""
+    now, laws = 0.0, load_laws()
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    course, left = progress.Course(laws), []
+    for n, law in enumerate(laws):
+        course.heard(law, None)
+        count = states.get(law.name, law.steps)
+        seconds = machine * law.cost * 1.3 ** (-1) ** n + count * (step if count >= progress.MANY else single)
+        away = not batched and law.name == "reproducibility"
+        now += 0.0 if away else seconds
+        found = law.finding(
+            Verdict.NOT_APPLICABLE if away else Verdict.HOLDS,
+            seconds=0.0 if away else seconds,
+            checks=0 if away else 10,
+            # The oscillator's step takes less than the rigid body's.
+            step_seconds=0.75 * step if law.name == "contract" else None,
+        )
+        course.heard(law, found)
+        left.append((now, course.seconds_left()))
+    third = [(at, said) for at, said in left[len(laws) // 3 - 1 :] if now - at > 2.0]
+    assert len(third) > 8
+    for at, said in third:
+        assert said is not None
+        assert 0.5 <= said / (now - at) <= 2.0, (at, said, now)
+
+
+def test_the_seconds_left_of_laws_side_by_side_are_those_of_the_longest() -> None:
+    long, short, third = (
+        replace(law, cost=cost, steps=0)
+        for law, cost in zip(load_laws(["energy", "casimir", "identity"]), (60.0, 1.0, 1.0), strict=True)
+    )
+    course = progress.Course([long, short, third])
+    assert course.seconds_left() is None
+    for law in (long, short):
+        course.heard(law, None)
+    course.heard(short, short.finding(Verdict.HOLDS, seconds=1.0, checks=1))
+    left = course.seconds_left()
+    assert left is not None
+    assert 55 < left < 65
 
 
 def _said(written: io.StringIO, word: str) -> str:
@@ -58,6 +122,17 @@ def test_every_law_states_what_it_costs() -> None:
     costs = {law.name: law.cost for law in load_laws()}
     assert all(0 < cost < 60 for cost in costs.values())
     assert costs["contract"] > 10 * costs["truncation"]
+    steps = {law.name: law.steps for law in load_laws()}
+    assert (
+        steps["mean-square-order"]
+        > steps["rounding"]
+        > progress.MANY
+        > max(
+            count
+            for name, count in steps.items()
+            if name not in ("mean-square-order", "rounding", "local-mean")
+        )
+    )
 
 
 def test_what_is_quick_or_quiet_says_nothing(capfd: pytest.CaptureFixture[str]) -> None:

@@ -77,6 +77,8 @@ class Finding:
         The reason of an expected failure, which was checked by its witness.
     skipped : int
         Cases that the scheme does not take (`sepv.errors.Skipped`).
+    step_seconds : float or None
+        What a state took in a step, where the law timed it: for the seconds that a run has left.
     """
 
     law: str
@@ -95,6 +97,7 @@ class Finding:
     traceback: str = ""
     expected: str | None = None
     skipped: int = 0
+    step_seconds: float | None = None
 
 
 @dataclass(frozen=True)
@@ -160,8 +163,10 @@ class Law:
     needed : bool
         Whether the level needs it even of a scheme that does not claim it.
     cost : float
-        Processor seconds that it took for (2.1) when this was written, measured after the laws before it; laws that
-        share their paths are paid by the first. Only ratios matter, for the share of a run that is done.
+        Processor seconds that it took for (2.1) when this was written, without the steps below, measured after the laws
+        before it; laws that share their paths are paid by the first. For the seconds that a run has left.
+    steps : int
+        States of given problems that (2.1) is asked to step by it, for the same end.
     """
 
     name: str
@@ -174,6 +179,7 @@ class Law:
     level: int = 3
     needed: bool = False
     cost: float = 1.0
+    steps: int = 0
 
     def claimed_by(self, scheme: Scheme) -> bool:
         """Whether the scheme says that it obeys this law."""

@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from bisect import bisect_left
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import accumulate
 from typing import Any
 
 from rich.console import Console
 
-from sepv.verification import Finding, Law
+from sepv.verification import Finding, Law, Verdict
 from sepv.verification._report import console
 from sepv.verification._verify import LawProgress
 
@@ -26,22 +28,34 @@ class Shown:
     """The share that is done, None where nobody knows, and what is being done; read by whoever shows it."""
 
     def __init__(self) -> None:
-        self.text, self.share, self.started = "starting", 0.0, time.monotonic()
+        self.text, self.started = "starting", time.monotonic()
+        self._done = 0.0
+        # Whoever knows more than a share says the seconds left; None where they do not know yet.
+        self.expected: Callable[[], float | None] | None = None
 
     def update(self, text: str | None = None, share: float | None = None) -> None:
         """What is being done, and how much of all is done, 0 to 1; what is left out stays as it was."""
         self.text = self.text if text is None else text
-        self.share = self.share if share is None else share
+        self._done = self._done if share is None else share
 
     @property
     def seconds_left(self) -> float | None:
-        """At the pace so far; None where there is no pace yet."""
-        return (time.monotonic() - self.started) * (1 - self.share) / self.share if self.share > 0 else None
+        """As who works expects, or at the pace so far; None where there is no pace yet."""
+        if self.expected is not None:
+            return self.expected()
+        return (time.monotonic() - self.started) * (1 - self._done) / self._done if self._done > 0 else None
+
+    def share(self, left: float | None) -> float:
+        """How much is done, 0 to 1, where so many seconds are left."""
+        if self.expected is None or left is None:
+            return self._done
+        elapsed = time.monotonic() - self.started
+        return elapsed / (elapsed + left) if left else 1.0
 
     def line(self) -> str:
         """42 %, about 17 s left: energy."""
         left = self.seconds_left
-        known = f"{self.share:.0%}, {_about(left)}" if left is not None else ""
+        known = f"{self.share(left):.0%}, {_about(left)}" if left is not None else ""
         elapsed = f"{time.monotonic() - self.started:.0f} s"
         return f"{known or elapsed}: {self.text}" if self.text else known or elapsed
 
@@ -90,24 +104,82 @@ def _bar(shown: Shown, out: Console, done: threading.Event) -> None:
             left = shown.seconds_left
             text = f"{_about(left)}  {shown.text}" if left is not None else shown.text
             # No square bracket is markup here.
-            bar.update(task, completed=shown.share, description=text.replace("[", r"\["))
+            bar.update(task, completed=shown.share(left), description=text.replace("[", r"\["))
+
+
+# Steps of a law from which on these are most of its time, where a step takes more than some ten microseconds.
+MANY = 5000
+
+
+class Course:
+    """The laws that have begun and those that are done, and from these the seconds that the others will take.
+
+    A law takes pace · `Law.cost` + step · `Law.steps` seconds. The law "contract" times a step; without it a law of
+    MANY steps tells. The pace holds what the machine is slower by, and what single calls cost; it is a median, so that
+    a law does not count that took long by polynomials or counterexamples of its own.
+    """
+
+    def __init__(self, laws: Sequence[Law]) -> None:
+        self.left = {law.name: law for law in laws}
+        self.began: dict[str, float] = {}
+        self.found: list[tuple[Law, Finding]] = []
+        self.started = time.monotonic()
+
+    def heard(self, law: Law, finding: Finding | None) -> None:
+        """A law begins, or has its finding. Whoever shows it reads from another thread: nothing is changed in place."""
+        others = {name: since for name, since in self.began.items() if name != law.name}
+        if finding is None:
+            self.began = {**others, law.name: time.monotonic()}
+            return
+        self.found = [*self.found, (law, finding)]
+        self.left = {name: left for name, left in self.left.items() if name != law.name}
+        self.began = others
+
+    def rates(self) -> tuple[float, float]:
+        """(pace, seconds a step); a law that is not about the scheme took no time and says nothing."""
+        told = [(law, f) for law, f in self.found if f.checks or f.verdict is not Verdict.NOT_APPLICABLE]
+        few, many = ([(w, f) for w, f in told if (w.steps >= MANY) is wanted] for wanted in (False, True))
+        timed = [f.step_seconds for _, f in told if f.step_seconds is not None]
+        step = timed[0] if timed else 0.0
+        # Half a second at the pace of the machine on which costs were measured: one law alone says little.
+        paces = [(1.0, 0.5), *((max(0.0, f.seconds - step * w.steps) / w.cost, w.cost) for w, f in few)]
+        pace = _weighted_median(paces)
+        if many and not timed:
+            own = sum(max(0.0, f.seconds - pace * law.cost) for law, f in many)
+            step = own / sum(law.steps for law, _ in many)
+        return pace, step
+
+    def seconds_left(self) -> float | None:
+        """None before the first law is done."""
+        if not self.found:
+            return None
+        now, (pace, step) = time.monotonic(), self.rates()
+        whole = {name: pace * law.cost + step * law.steps for name, law in self.left.items()}
+        ran = {name: now - began for name, began in self.began.items() if name in whole}
+        # A law that takes longer than expected is expected to take an eighth more than it has taken.
+        rest = [max(whole.pop(name) - since, since / 8) for name, since in ran.items()]
+        worked = sum(ran.values()) + sum(f.seconds for _, f in self.found)
+        busy = max(1.0, worked / (now - self.started))  # processes on average
+        return max([(sum(rest) + sum(whole.values())) / busy, *rest])
+
+
+def _weighted_median(entries: Iterable[tuple[float, float]]) -> float:
+    """Of at least one (value, weight)."""
+    ordered = sorted(entries)
+    reached = list(accumulate(weight for _, weight in ordered))
+    return ordered[bisect_left(reached, reached[-1] / 2)][0]
 
 
 @contextmanager
 def watching(quiet: bool = False, laws: Sequence[Law] = ()) -> Iterator[LawProgress]:
-    """A progress callback for `sepv.verification.verify` of these laws, each of which counts by its cost."""
-    whole = sum(law.cost for law in laws)
+    """A progress callback for `sepv.verification.verify` of these laws."""
+    course = Course(laws)
     with showing(quiet) as shown:
-        running: list[str] = []
-        finished: dict[str, float] = {}
+        shown.expected = course.seconds_left
 
         def step(law: Law, finding: Finding | None) -> None:
-            if finding is None:
-                running.append(law.name)
-            else:
-                running[:] = [name for name in running if name != law.name]
-                finished[law.name] = law.cost
-            text = f"{len(finished)} of {len(laws)} laws, {', '.join(running)}".rstrip(", ")
-            shown.update(text, min(1.0, sum(finished.values()) / whole))
+            course.heard(law, finding)
+            done = f"{len(course.found)} of {len(laws)} laws"
+            shown.update(", ".join([done, *course.began]))
 
         yield step

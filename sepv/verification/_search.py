@@ -135,6 +135,7 @@ def searched(
     level: int = 3,
     needed: bool = False,
     cost: float = 1.0,
+    steps: int = 0,
 ) -> Law:
     """A law whose cases are drawn by a design and by a strategy, and measured one by one.
 
@@ -155,7 +156,7 @@ def searched(
         Which cases the law speaks of, where not all: a counterexample is simplified to such a case only.
     undesigned : int
         How many times as many random examples there are where there is no design.
-    level, needed, cost
+    level, needed, cost, steps
         As for `sepv.verification.Law`.
     """
 
@@ -189,7 +190,7 @@ def searched(
             _measure(log, scheme, _from_json(witness), check, faults_violate)
         return _conclude(law, scheme, log)
 
-    return Law(name, statement, source, unit, run, replay, always_claimed, level, needed, cost)
+    return Law(name, statement, source, unit, run, replay, always_claimed, level, needed, cost, steps)
 
 
 def _from_json(witness: dict[str, Any]) -> Case:
