@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from sepv.errors import ProblemError
 from sepv.large._problem import LargeProblem
 from sepv.problem import Array
+from sepv.problem._fields import slope_along
 
 # Central differences of order six with h = 2⁻⁷ of the scale leave 1e-12 where functions vary on the scale of y; what is
 # wrong by a sign, a factor or a missing term differs in the first digit.
@@ -38,11 +37,11 @@ def check_large(problem: LargeProblem, seed: int = 0) -> None:
             received=f"shape {B.shape}, largest entry of B + Bᵀ {skew!r}",
             remedy="build the part above the diagonal, and subtract its transpose",
         )
-    _same("gradient", problem.gradient(y) @ direction, _along(problem.energy, y, direction))
-    _same("hessian", problem.hessian(y) @ direction, _along(problem.gradient, y, direction))
+    _same("gradient", problem.gradient(y) @ direction, slope_along(problem.energy, y, direction, _WIDTH))
+    _same("hessian", problem.hessian(y) @ direction, slope_along(problem.gradient, y, direction, _WIDTH))
     v = rng.standard_normal(y.size)
     slope = np.zeros_like(y) if problem.structure_slope is None else problem.structure_slope(y, v) @ direction
-    _same("structure_slope", slope, _along(lambda at: problem.structure(at) @ v, y, direction))
+    _same("structure_slope", slope, slope_along(lambda at: problem.structure(at) @ v, y, direction, _WIDTH))
     for name in ("casimirs", "other_casimirs"):
         function = getattr(problem, name)
         if function is not None:
@@ -50,7 +49,7 @@ def check_large(problem: LargeProblem, seed: int = 0) -> None:
             flow = B @ v
             flow *= np.max(np.abs(direction)) / (np.max(np.abs(flow)) or 1.0)
             size = np.max(np.abs(function(y)), initial=1.0)
-            _same(name, _along(function, y, flow) / size, np.zeros(np.shape(function(y))))
+            _same(name, slope_along(function, y, flow, _WIDTH) / size, np.zeros(np.shape(function(y))))
     if problem.mean_gradient is not None:
         from sepv.record import gauss_legendre
 
@@ -59,15 +58,6 @@ def check_large(problem: LargeProblem, seed: int = 0) -> None:
             w * problem.gradient(y + t * direction) for t, w in zip(points, weights, strict=True)
         )
         _same("mean_gradient", problem.mean_gradient(y, y + direction), np.asarray(quadrature))
-
-
-def _along(function: Callable[[Array], Array | float], y: Array, direction: Array) -> Array:
-    """function′(y)·direction by central differences of order six."""
-    total = np.zeros(np.shape(function(y)))
-    for distance, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
-        shift = distance * _WIDTH * direction
-        total = total + weight * (np.asarray(function(y + shift)) - np.asarray(function(y - shift)))
-    return np.asarray(total / (60 * _WIDTH))
 
 
 def _same(name: str, given: Array, expected: Array) -> None:

@@ -182,6 +182,15 @@ def derivative_along(problem: Problem, y: Array, v: Array) -> Array:
     return np.asarray(best * size, dtype=np.float64)
 
 
+def slope_along(function: Callable[[Array], Any], y: Array, direction: Array, width: Any) -> Array:
+    """function′(y)·direction by central differences of order six, exact for polynomials of degree 6."""
+    rises = [
+        np.asarray(function(y + n * width * direction)) - function(y - n * width * direction)
+        for n in (1, 2, 3)
+    ]
+    return np.asarray((45.0 * rises[0] - 9.0 * rises[1] + rises[2]) / (60 * width))
+
+
 def linear_solve(A: Array, b: Array) -> Array:
     """x with A x = b for A of shape (d, d, M), b of shape (d, M); not finite where A is singular.
 

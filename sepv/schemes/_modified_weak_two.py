@@ -32,12 +32,11 @@ from __future__ import annotations
 import numpy as np
 
 from sepv.problem import Array, Problem, average_gradient
-from sepv.problem._fields import dot, matmul, matvec
+from sepv.problem._fields import dot, matmul, matvec, slope_along
 from sepv.schemes._one_step import EVERY, Implicit, one_step
 from sepv.solve import Increment
 
-# Central differences of order six, exact for polynomials of degree 7 (first: 6), whatever the width.
-FIRST = (45.0, -9.0, 1.0)
+# Central differences of order six, exact for polynomials of degree 7, whatever the width.
 SECOND = (270.0, -27.0, 2.0)
 MIDDLE = -490.0
 # Their width as a share of the larger of |y| and the length of a step: of the scale of y, whatever the units, and with
@@ -54,11 +53,7 @@ def structure_slope(problem: Problem, y: Array, w: Array, length: Array | float 
             total = total + D[:, :, k] * w[k]
         return np.asarray(total)
     width, direction, size = _along(y, w, length)
-    total = np.zeros((y.shape[0], *y.shape))
-    for n, weight in enumerate(FIRST, 1):
-        ahead, behind = y + n * width * direction, y - n * width * direction
-        total = total + weight * (problem.structure(ahead) - problem.structure(behind))
-    return total / (60 * width) * size
+    return np.asarray(slope_along(problem.structure, y, direction, width) * size)
 
 
 def gradient_slope(problem: Problem, y: Array, length: Array | float) -> Array:
@@ -70,11 +65,7 @@ def gradient_slope(problem: Problem, y: Array, length: Array | float) -> Array:
         axis = np.zeros_like(y)
         axis[k] = 1.0
         width, direction, _ = _along(y, axis, length)
-        steps = [n * width * direction for n in (1, 2, 3)]
-        rises = [
-            a * (problem.gradient(y + s) - problem.gradient(y - s)) for a, s in zip(FIRST, steps, strict=True)
-        ]
-        columns.append(sum(rises) / (60 * width))
+        columns.append(slope_along(problem.gradient, y, direction, width))
     return np.stack(columns, axis=1)
 
 

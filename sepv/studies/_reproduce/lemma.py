@@ -15,8 +15,8 @@ import numpy as np
 
 from sepv import problems, schemes
 from sepv.problem import Array, NamedProblem, Problem, vector_field
-from sepv.problem._fields import derivative_along, matvec
-from sepv.schemes._modified_weak_two import FIRST, structure_curvature, structure_slope
+from sepv.problem._fields import derivative_along, matvec, slope_along
+from sepv.schemes._modified_weak_two import structure_curvature, structure_slope
 from sepv.studies._picture import Axis
 from sepv.studies._reproduce.job import Job, Results, Size
 from sepv.studies._reproduce.order import H_AXIS
@@ -49,13 +49,8 @@ def _slope(problem: Problem, y: Array, w: Array) -> Array:
 
 
 def _curvature(problem: Problem, y: Array, w: Array) -> Array:
-    """g″(w, w), by central differences of order six of H″w along w."""
-    width = 2.0**-10
-    total = np.zeros_like(y)
-    for n, weight in enumerate(FIRST, 1):
-        ahead, behind = _slope(problem, y + n * width * w, w), _slope(problem, y - n * width * w, w)
-        total = total + weight * (ahead - behind)
-    return total / (60 * width)
+    """g″(w, w), by differences of H″w along w."""
+    return slope_along(lambda at: _slope(problem, at, w), y, w, 2.0**-10)
 
 
 def expanded(data: NamedProblem, y: Array) -> Array:
