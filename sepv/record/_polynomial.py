@@ -186,7 +186,7 @@ class _Sums:
         for k in range(1, self.top):
             np.multiply(powers[k], y, out=powers[k + 1])
         rule = self._at_once if terms * sums * y.shape[1] <= FEW else self._in_layers
-        return rule(powers.reshape(-1, y.shape[1]))
+        return rule(powers.reshape((self.top + 1) * len(y), y.shape[1]))  # M may be 0
 
     def _at_once(self, powers: NDArray[Any]) -> NDArray[Any]:
         one = len(self.factors) == 1
