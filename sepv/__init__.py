@@ -75,35 +75,17 @@ _HOME = {
     "Verdict": "sepv.verification._law",
     "Ensemble": "sepv.simulate._batch",
     "Trajectory": "sepv.simulate._paths",
-    **dict.fromkeys(
-        (
-            "SepvError",
-            "UsageError",
-            "ProblemError",
-            "TargetError",
-            "SchemeFault",
-            "StepFailure",
-            "ChunkFailure",
-            "Skipped",
-            "ClusterFailure",
-            "Interrupted",
-        ),
-        "sepv.errors",
+} | dict.fromkeys(
+    (
+        "SepvError", "UsageError", "ProblemError", "TargetError", "SchemeFault", "StepFailure", "ChunkFailure",
+        "Skipped", "ClusterFailure", "Interrupted",
     ),
-}
+    "sepv.errors",
+)  # fmt: skip
 # The rooms that a user enters; `strategies` is the one of them that stands in another.
 _MODULES = (
-    "exact",
-    "large",
-    "problem",
-    "problems",
-    "record",
-    "schemes",
-    "simulate",
-    "solve",
-    "studies",
-    "verification",
-)
+    "exact", "large", "problem", "problems", "record", "schemes", "simulate", "solve", "studies", "verification",
+)  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

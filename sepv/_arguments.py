@@ -41,12 +41,7 @@ def is_number(value: Any) -> bool:
 
 
 def require_flag(what: str, value: Any) -> None:
-    """Refuse anything but True and False: a word such as "no" would count as true.
-
-    Raises
-    ------
-    UsageError
-    """
+    """Refuse anything but True and False, by a UsageError: a word such as "no" would count as true."""
     if not isinstance(value, (bool, np.bool_)):
         raise UsageError(
             expected=f"{what}, True or False", received=repr(value), remedy=f"{what}=True or {what}=False"

@@ -23,12 +23,7 @@ __all__ = ["RESULTS", "schema"]
 
 
 def require_folder(path: str | None) -> None:
-    """Complain about a file that could not be written before hours of work, not after.
-
-    Raises
-    ------
-    UsageError
-    """
+    """Complain by a UsageError about a file that could not be written, before hours of work and not after."""
     if path is None:
         return
     folder = Path(path).resolve().parent
@@ -122,12 +117,7 @@ def read_json(path: str | Path, *, expected: str, remedy: str) -> Any:
 
 
 def require_schema(data: Any, name: str, path: str | Path, *, expected: str, remedy: str) -> None:
-    """Complain about data of a file that do not obey a schema of `SCHEMAS`. Files without "made" are older ones.
-
-    Raises
-    ------
-    UsageError
-    """
+    """A UsageError for data of a file that do not obey a schema of `SCHEMAS`. Files without "made" are older ones."""
     made = data.get("made") if isinstance(data, dict) else None
     version = made.get("version") if isinstance(made, dict) else None
     if isinstance(version, int) and version > RESULTS.get(name, version):

@@ -88,12 +88,7 @@ def _copy_sepv(python: Path) -> None:
 
 
 def measure(python: str, arguments: Sequence[str]) -> None:
-    """``python -m sepv.peers._peer`` in the environment; what it says goes to the same standard error.
-
-    Raises
-    ------
-    EnvironmentFailure
-    """
+    """``python -m sepv.peers._peer`` in the environment, with the same standard error; or an EnvironmentFailure."""
     # -P: a folder or a file of the current folder is nobody's module.
     done = subprocess.run([python, "-P", "-m", "sepv.peers._peer", *arguments], check=False)
     if done.returncode:

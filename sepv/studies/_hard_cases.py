@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from sepv.errors import SepvError, StepFailure
-from sepv.problem import Array, GivenProblem, Problem
+from sepv.problem import Array, Description, GivenProblem, Problem
 from sepv.problem._fields import matvec
 from sepv.problems.hard import CATALOGUE, HardCase, Sample
 from sepv.reference.exact_energy import exact_energy
@@ -139,7 +139,7 @@ def run(
 def _measure(seen: Seen, scheme: Scheme, sample: Sample) -> None:
     """Add one batch to what was seen."""
     problem, (y, h, dW) = seen.case.problem, sample
-    value, names, residual, iterations = _ask(scheme, problem, sample)
+    value, names, residual, iterations = ask_each(scheme, problem, sample)
     seen.steps += y.shape[1]
     before = seen.strays
     for name in np.unique(names):
@@ -163,7 +163,7 @@ def _measure(seen: Seen, scheme: Scheme, sample: Sample) -> None:
         if isinstance(seen.case.data, GivenProblem):
             bound = bound + exact_problem(seen.case.data).uncertainty(y0, y1)
         unit = energy_ulp(problem, y0, y1)
-    defect = energy_defects(seen.case, y0, y1)
+    defect = energy_defects(seen.case.data, y0, y1)
     if scheme.solve is not None:
         _count(seen, sample, good[~(residual[good] <= allowed.max(axis=0))], "residual beyond the bound")
     judged = np.isfinite(bound) & np.isfinite(unit)
@@ -208,13 +208,13 @@ def long_steps(problem: Problem, text: str = "") -> HardCase:
     )
 
 
-def energy_defects(case: HardCase, y0: Array, y1: Array) -> Array:
+def energy_defects(data: Description, y0: Array, y1: Array) -> Array:
     """|H(y1) − H(y0)| of every lane, (M,), H evaluated at the binary64 states in extended precision."""
-    H = exact_energy(case.data)
+    H = exact_energy(data)
     return np.array([abs(float(H(b) - H(a))) for a, b in zip(y0.T, y1.T, strict=True)])
 
 
-def _ask(scheme: Scheme, problem: Problem, sample: Sample) -> tuple[Array, np.ndarray, Array, np.ndarray]:
+def ask_each(scheme: Scheme, problem: Problem, sample: Sample) -> tuple[Array, np.ndarray, Array, np.ndarray]:
     """Value (d, M), name of the status, residual and iterations (M,): by `solve`, else one step at a time."""
     y, h, dW = sample
     if scheme.solve is not None:
@@ -227,7 +227,8 @@ def _ask(scheme: Scheme, problem: Problem, sample: Sample) -> tuple[Array, np.nd
     for lane in range(y.shape[1]):
         try:
             answer = np.asarray(raw_answer(scheme, problem, y[:, lane].copy(), h, dW[:, lane].copy()))
-            value[:, lane] = answer if answer.shape == (y.shape[0],) else np.nan
+            if answer.shape == y[:, lane].shape and answer.dtype == np.float64:
+                value[:, lane] = answer
         except StepFailure:
             names[lane] = "REFUSED"
         except SepvError:

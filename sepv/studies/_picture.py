@@ -124,12 +124,7 @@ def _free(number: int) -> Look:
 
 
 def require_picture(path: str | None) -> None:
-    """Complain about a wrong suffix or a missing library before the work, not after.
-
-    Raises
-    ------
-    UsageError
-    """
+    """Complain by a UsageError about a wrong suffix or a missing library before the work, not after."""
     if path is None:
         return
     if Path(path).suffix.lower() not in SUFFIXES:
@@ -140,12 +135,7 @@ def require_picture(path: str | None) -> None:
 
 
 def require_matplotlib(otherwise: str) -> None:
-    """Complain where there is no matplotlib; `otherwise` says what needs none.
-
-    Raises
-    ------
-    UsageError
-    """
+    """Complain by a UsageError where there is no matplotlib; `otherwise` says what needs none."""
     try:
         import matplotlib  # noqa: F401
     except ImportError as error:

@@ -13,16 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from sepv.errors import SepvError
 from sepv.exact import exact_flow
 from sepv.problem import Array, Problem
 from sepv.problems import EXTENSIONS
-from sepv.reference.exact_energy import exact_energy
+from sepv.problems.hard import Sample
 from sepv.reference.problem import exact_problem
 from sepv.schemes import Scheme
-from sepv.schemes._guard import raw_answer
 from sepv.simulate import _truncation as bounded
-from sepv.solve import Status
+from sepv.studies._hard_cases import ask_each, energy_defects
 from sepv.verification import energy_ulp
 from sepv.verification._cases.from_problem import describe
 from sepv.verification._tolerance import casimir_ulp
@@ -86,7 +84,9 @@ def one_step(
     rng = np.random.default_rng([seed, *problem.name.encode()])
     y0 = exact_flow(problem, rng.uniform(0, ORBIT, steps)).y
     dW = math.sqrt(length) * rng.standard_normal((problem.noises, steps))
-    y1, fine = _steps(scheme, problem, y0, length, bounded.truncate(dW, length, 2 if length < 1 else None))
+    used = bounded.truncate(dW, length, 2 if length < 1 else None)
+    y1, endings, _, _ = ask_each(scheme, problem, Sample(y0, length, used))
+    fine = (endings == "CONVERGED") & np.isfinite(y1).all(axis=0)
     energy, casimir = _defects(problem, y0[:, fine], y1[:, fine])
     return Ulps(
         scheme.name, problem.name, length, steps, int((~fine).sum()),
@@ -94,31 +94,14 @@ def one_step(
     )  # fmt: skip
 
 
-def _steps(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> tuple[Array, np.ndarray]:
-    """y1 (d, M), and where it is a value."""
-    if scheme.solve is not None:
-        solution = scheme.solve(problem, y, h, dW)
-        return solution.value, np.asarray(solution.status == Status.CONVERGED)
-    value = np.full_like(y, np.nan)
-    for lane in range(y.shape[1]):
-        try:
-            answer = np.asarray(raw_answer(scheme, problem, y[:, lane].copy(), h, dW[:, lane].copy()))
-        except SepvError:
-            continue
-        if answer.shape == y[:, lane].shape and answer.dtype == np.float64:
-            value[:, lane] = answer
-    return value, np.asarray(np.isfinite(value).all(axis=0))
-
-
 def _defects(problem: Problem, y0: Array, y1: Array) -> tuple[Array, Array]:
     """Defects of H and the worst of the Casimirs for each step, in their units."""
     data = problem.data if problem.name in EXTENSIONS else describe(problem)
     assert data is not None
-    H = exact_energy(data)
-    energy = [abs(float(H(b) - H(a))) for a, b in zip(y0.T, y1.T, strict=True)]
+    energy = energy_defects(data, y0, y1) / energy_ulp(problem, y0, y1)
     invariants = [*problem.casimirs, *problem.linear_casimirs]
     if not invariants or not y0.size:
-        return np.array(energy) / energy_ulp(problem, y0, y1), np.empty(0)
+        return energy, np.empty(0)
     exact = exact_problem(data, 40)
     worst = []
     for a, b in zip(y0.T, y1.T, strict=True):
@@ -129,4 +112,4 @@ def _defects(problem: Problem, y0: Array, y1: Array) -> tuple[Array, Array]:
                 for u, v, C in zip(before, after, invariants, strict=True)
             )
         )
-    return np.array(energy) / energy_ulp(problem, y0, y1), np.array(worst)
+    return energy, np.array(worst)

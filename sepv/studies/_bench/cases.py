@@ -36,11 +36,8 @@ def quartic_body() -> PolynomialSystem:
         _monomial(1.5, 2, 0, 0), _monomial(0.75, 0, 2, 0), _monomial(0.5, 0, 0, 2),
         _monomial(0.25, 4, 0, 0), _monomial(0.5, 2, 2, 0),
     )  # fmt: skip
-    structure = (
-        (0, 1, _monomial(-1.0, 0, 0, 1)),
-        (0, 2, _monomial(1.0, 0, 1, 0)),
-        (1, 2, _monomial(-1.0, 1, 0, 0)),
-    )
+    rows = ((0, 1, (-1.0, 0, 0, 1)), (0, 2, (1.0, 0, 1, 0)), (1, 2, (-1.0, 1, 0, 0)))
+    structure = tuple((i, j, _monomial(*entry)) for i, j, entry in rows)
     return PolynomialSystem(3, H, structure, casimirs=(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),))
 
 
@@ -82,12 +79,7 @@ def own_case(target: str) -> Case:
 
 
 def choose(names: tuple[str, ...], portable: bool) -> list[Case]:
-    """The cases of these names (all without any), or those that are portable.
-
-    Raises
-    ------
-    UsageError
-    """
+    """The cases of these names (all without any), or those that are portable; a UsageError for unknown names."""
     known = {case["name"]: case for case in CASES}
     for name in names:
         if name not in known:
