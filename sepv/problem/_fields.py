@@ -23,7 +23,7 @@ LANES = 256
 
 
 def matvec(A: Array, v: Array) -> Array:
-    """A v for A of shape (n, d, ...) and v of shape (d, ...)."""
+    """A v for A of shape (n, d, ...) and v of shape (d, ...); of ∂B_ij/∂y_k it is the derivative of B(y)v, v fixed."""
     total = A[:, 0] * v[0]
     for j in range(1, A.shape[1]):
         total = total + A[:, j] * v[j]
@@ -71,26 +71,26 @@ def casimir_gradients(quadratic: Sequence[Any], linear: Sequence[Any], ends: Arr
     ]
 
 
+def slope_along(D: Array, w: Array) -> Array:
+    """Σ_k D[:, :, k] w_k: B′(y)w, (d, d, ...), for D = ∂B_ij/∂y_k."""
+    total = D[:, :, 0] * w[0]
+    for k in range(1, len(w)):
+        total = total + D[:, :, k] * w[k]
+    return np.asarray(total)
+
+
 def field_jacobian(problem: Problem, y: Array) -> Array | None:
     """f′(y), of shape (d, d, ...); None where the problem does not give the derivatives of B and ∇H."""
     if problem.hessian is None or problem.structure_derivative is None:
         return None
     g = problem.gradient(y)
-    return contract(problem.structure_derivative(y), g) + matmul(problem.structure(y), problem.hessian(y))
-
-
-def contract(D: Array, v: Array) -> Array:
-    """Σ_j D[:, j, :] v_j: the derivative of B(y)v with v held fixed, for D = ∂B_ij/∂y_k."""
-    total = D[:, 0] * v[0]
-    for j in range(1, D.shape[1]):
-        total = total + D[:, j] * v[j]
-    return total
+    return matvec(problem.structure_derivative(y), g) + matmul(problem.structure(y), problem.hessian(y))
 
 
 def structure_slope(problem: Problem, y: Array, v: Array) -> Array:
     """The derivative of B(y)v with v held fixed, (d, d, ...): analytic, else by differences for Newton's use."""
     if problem.structure_derivative is not None:
-        return contract(problem.structure_derivative(y), v)
+        return matvec(problem.structure_derivative(y), v)
     flat = v.reshape(len(v), -1)
     return differences(problem, lambda at, lanes: matvec(problem.structure(at), flat[:, lanes]), y)
 

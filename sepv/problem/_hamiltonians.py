@@ -25,7 +25,7 @@ import numpy as np
 from sepv.errors import ProblemError, Skipped, UsageError
 from sepv.problem._checks import sample_states
 from sepv.problem._derived import derive
-from sepv.problem._fields import contract, differences, hessian, matmul, matvec, structure_slope
+from sepv.problem._fields import differences, hessian, matmul, matvec, structure_slope, vector_field
 from sepv.problem._problem import Array, Flow, Function, Problem
 from sepv.problem._structures import ClosedForm, CommutingStructure, StructuresProblem, combined
 
@@ -144,7 +144,7 @@ def noise_gradients(problem: Problem) -> Sequence[Function]:
 def combined_field(problem: Problem, y: Array, parts: Array) -> Array:
     """h f_0(y) + Σ_j c_j ΔW_j f_j(y), (d, M), for parts (1 + m, M) holding h and the c_j ΔW_j."""
     if isinstance(problem, HamiltoniansProblem):
-        return matvec(problem.structure(y), combined_gradient(problem, y, parts))
+        return hamiltonian_field(problem, y, parts)
     return matvec(combined(problem, y, parts), problem.gradient(y))
 
 
@@ -185,11 +185,7 @@ def noise_field(problem: Problem, j: int, y: Array) -> Array:
 
 def noise_slope(problem: Problem, j: int, y: Array) -> Array:
     """f_j′(y), (d, d, ...)."""
-    slope = noise_gradients(problem)[j](y)
-    if problem.structure_derivative is None:
-        turned = structure_slope(problem, y, slope)
-    else:
-        turned = contract(problem.structure_derivative(y), slope)
+    turned = structure_slope(problem, y, noise_gradients(problem)[j](y))
     return turned + matmul(problem.structure(y), noise_hessian(problem, j, y))
 
 
@@ -201,15 +197,15 @@ def bracket(problem: Problem, i: int, j: int, y: Array) -> Array:
 
 def drift_bracket(problem: Problem, j: int, y: Array) -> Array:
     """[f_0, f_j] of the drift and a noise, without its c: what A_0j = ½∫(s dW_j − W_j ds) multiplies."""
-    drift = matvec(problem.structure(y), problem.gradient(y))
-    return matvec(noise_slope(problem, j, y), drift) - matvec(
-        _drift_slope(problem, y), noise_field(problem, j, y)
-    )
+    turned = structure_slope(problem, y, problem.gradient(y))
+    drift_slope = turned + matmul(problem.structure(y), hessian(problem, y))
+    pushed = matvec(noise_slope(problem, j, y), vector_field(problem, y))
+    return pushed - matvec(drift_slope, noise_field(problem, j, y))
 
 
 def ito_drift(problem: Problem, y: Array) -> Array:
     """f_0 + ½ Σ_j c_j² f_j′f_j, (d, ...): the drift of the Itô form."""
-    total = matvec(problem.structure(y), problem.gradient(y))
+    total = vector_field(problem, y)
     for j, c in enumerate(problem.c):
         total = total + 0.5 * c * c * matvec(noise_slope(problem, j, y), noise_field(problem, j, y))
     return total
@@ -223,7 +219,7 @@ def column(problem: Problem) -> str:
     """
     if not is_several(problem):
         return "one"
-    if isinstance(problem, StructuresProblem) and not _has_gradients(problem):
+    if not all(isinstance(G, CommutingStructure) for G in getattr(problem, "noise_structures", ())):
         return "general"
     acting = [int(j) for j in np.flatnonzero(problem.c)]
     if acting and _vanish(problem, lambda y: [noise_slope(problem, j, y) for j in acting], per_field=True):
@@ -236,10 +232,6 @@ def column(problem: Problem) -> str:
     return "general"
 
 
-def _has_gradients(problem: StructuresProblem) -> bool:
-    return all(isinstance(G, CommutingStructure) for G in problem.noise_structures)
-
-
 def commutes(problem: Problem) -> bool:
     """Whether all fields commute, f_0 among them: y(T) is then the flow of T f_0 + Σ c_j W_j(T) f_j at the time 1."""
 
@@ -247,11 +239,6 @@ def commutes(problem: Problem) -> bool:
         return [drift_bracket(problem, int(j), y) for j in np.flatnonzero(problem.c)]
 
     return column(problem) != "general" and _vanish(problem, brackets)
-
-
-def _drift_slope(problem: Problem, y: Array) -> Array:
-    turned = structure_slope(problem, y, problem.gradient(y))
-    return turned + matmul(problem.structure(y), hessian(problem, y))
 
 
 def _vanish(problem: Problem, values: Callable[[Array], list[Any]], *, per_field: bool = False) -> bool:

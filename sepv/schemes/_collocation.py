@@ -186,20 +186,18 @@ def collocation(stages: int) -> Scheme:
     UsageError
         For another number of stages.
     """
+    source = "Cohen and Hairer (2011), with the random step"
+    return staged("collocation", stages, ENERGY_PRESERVING, source, averaged=True)
+
+
+def staged(name: str, stages: int, claims: frozenset[str], source: str, *, averaged: bool) -> Scheme:
+    """The scheme of `solve_stages` with truncation k = 4s (2 for s = 1)."""
     s = check_stages(stages)
 
     def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
         """One step of a batch with residual (of the stages), counts and status of each lane."""
         state, noise = as_lanes(problem, y, h, dW)
-        return solve_stages(problem, s, state, problem.random_step(h, noise))
+        return solve_stages(problem, s, state, problem.random_step(h, noise), averaged=averaged)
 
-    return one_step(
-        f"collocation-{s}",
-        solved_by(solve),
-        ENERGY_PRESERVING,
-        "Cohen and Hairer (2011), with the random step",
-        float(s),
-        solve=solve,
-        truncation=truncation_for(s),
-        stages=s,
-    )
+    more = {"solve": solve, "truncation": truncation_for(s), "stages": s}
+    return one_step(f"{name}-{s}", solved_by(solve), claims, source, float(s), **more)

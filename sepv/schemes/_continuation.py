@@ -16,7 +16,8 @@ import numpy as np
 
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem
-from sepv.schemes._scheme import Scheme, as_lanes, step_by
+from sepv.schemes._one_step import resolved
+from sepv.schemes._scheme import Scheme, as_lanes
 from sepv.solve import Status
 from sepv.solve._solution import Solution, merge
 
@@ -64,20 +65,7 @@ def continued(scheme: Scheme) -> Scheme:
                 whole.change[:, one] = part.change
         return whole
 
-    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        """One step; StepFailure where the curve of solutions ends before it."""
-        return step_by(solve, problem, y, h, dW)
-
-    return replace(
-        scheme,
-        name=f"{scheme.name}, continued",
-        step=step,
-        solve=solve,
-        claims=(),
-        mean_square_order=None,
-        weak_order=None,
-        source=f"{scheme.source}; failed steps by continuation",
-    )
+    return resolved(scheme, "continued", solve, "failed steps by continuation")
 
 
 def _follow(inner: Callable[..., Solution], problem: Problem, y: Array, h: float, dW: Array) -> Solution:

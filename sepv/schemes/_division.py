@@ -14,7 +14,8 @@ import numpy as np
 
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem
-from sepv.schemes._scheme import Scheme, as_lanes, step_by
+from sepv.schemes._one_step import resolved
+from sepv.schemes._scheme import Scheme, as_lanes
 from sepv.solve import Status
 from sepv.solve._solution import Solution, merge
 
@@ -58,20 +59,7 @@ def divided(scheme: Scheme, depth: int = 8) -> Scheme:
         state, noise = as_lanes(problem, y, h, dW)
         return _solve(scheme, problem, state, h, noise, int(depth))
 
-    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        """One step; StepFailure where even 2^depth parts do not lead through."""
-        return step_by(solve, problem, y, h, dW)
-
-    return replace(
-        scheme,
-        name=f"{scheme.name}, divided",
-        step=step,
-        solve=solve,
-        claims=(),
-        mean_square_order=None,
-        weak_order=None,
-        source=f"{scheme.source}; failed steps in up to 2^{depth} parts",
-    )
+    return resolved(scheme, "divided", solve, f"failed steps in up to 2^{depth} parts")
 
 
 def _solve(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, depth: int) -> Solution:

@@ -10,12 +10,9 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from sepv.problem import Array, Problem
-from sepv.schemes._collocation import solve_stages
-from sepv.schemes._one_step import SYMMETRIC, one_step, solved_by
-from sepv.schemes._scheme import Scheme, as_lanes, truncation_for
-from sepv.schemes._tableaux import check_stages
-from sepv.solve._solution import Solution
+from sepv.schemes._collocation import staged
+from sepv.schemes._one_step import SYMMETRIC
+from sepv.schemes._scheme import Scheme
 
 
 @lru_cache(maxsize=8)
@@ -27,20 +24,5 @@ def gauss(stages: int) -> Scheme:
     UsageError
         For another number of stages.
     """
-    s = check_stages(stages)
-
-    def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
-        """One step of a batch with residual (of the stages), counts and status of each lane."""
-        state, noise = as_lanes(problem, y, h, dW)
-        return solve_stages(problem, s, state, problem.random_step(h, noise), averaged=False)
-
-    return one_step(
-        f"gauss-{s}",
-        solved_by(solve),
-        SYMMETRIC | {"symplecticity"},
-        "Gauss Runge-Kutta, with the random step",
-        float(s),
-        solve=solve,
-        truncation=truncation_for(s),
-        stages=s,
-    )
+    claims = SYMMETRIC | {"symplecticity"}
+    return staged("gauss", stages, claims, "Gauss Runge-Kutta, with the random step", averaged=False)

@@ -166,14 +166,8 @@ def words_for(scheme: Any, problems: Any = None) -> str:
         inspect.isfunction(scheme) and scheme.__module__ != "__main__" and scheme.__qualname__.isidentifier()
     ):
         words = f"{scheme.__module__}:{scheme.__qualname__}"
-    asked = (
-        (problems,)
-        if isinstance(problems, str)
-        else tuple(problems)
-        if isinstance(problems, (list, tuple))
-        else ()
-    )
-    if not words or (problems is not None and not (asked and all(isinstance(p, str) for p in asked))):
+    asked = [] if problems is None else problems if isinstance(problems, (list, tuple)) else [problems]
+    if not words or (problems is not None and not asked) or not all(isinstance(p, str) for p in asked):
         return ""
     return " ".join([shlex.quote(words), *(f"-p {shlex.quote(p)}" for p in asked)])
 

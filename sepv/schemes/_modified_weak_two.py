@@ -47,11 +47,7 @@ WIDTH = 2.0**-4
 def structure_slope(problem: Problem, y: Array, w: Array, length: Array | float = 1.0) -> Array:
     """B′(y)w (d, d, M): analytic, else by differences along w."""
     if problem.structure_derivative is not None:
-        D = problem.structure_derivative(y)
-        total = D[:, :, 0] * w[0]
-        for k in range(1, y.shape[0]):
-            total = total + D[:, :, k] * w[k]
-        return np.asarray(total)
+        return slope_along(problem.structure_derivative(y), w)
     width, direction, size = _along(y, w, length)
     return np.asarray(slope_along(problem.structure, y, direction, width) * size)
 

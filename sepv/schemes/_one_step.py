@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -133,6 +133,14 @@ def implicit(formula: Formula, jacobian: JacobianFunction = no_jacobian, **more:
 def solved_by(solve: Solve) -> Callable[[Problem, Array, float, Array], Array]:
     """The step of a scheme that brings its own solver."""
     return partial(step_by, solve)
+
+
+def resolved(scheme: Scheme, word: str, solve: Solve, how: str) -> Scheme:
+    """The scheme with another solver, under a name of its own; it claims nothing."""
+    return replace(
+        scheme, name=f"{scheme.name}, {word}", step=solved_by(solve), solve=solve, claims=(),
+        mean_square_order=None, weak_order=None, source=f"{scheme.source}; {how}",
+    )  # fmt: skip
 
 
 def one_step(name: str, step: Any, claims: Any, source: str, order: float = 1.0, **facts: Any) -> Scheme:

@@ -7,8 +7,6 @@ iterated integrals ∫W_i∘dW_j of two noises are multiplied by brackets of the
 
 from __future__ import annotations
 
-from typing import Any
-
 from sepv.errors import UsageError
 
 COLUMNS = ("general", "commutative", "one", "additive")
@@ -65,13 +63,9 @@ class Orders(float):
         """As it is made."""
         return f"Orders({float(self):g}, " + ", ".join(f"{k}={getattr(self, k):g}" for k in COLUMNS[1:]) + ")"
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __getnewargs_ex__(self) -> tuple[tuple[float], dict[str, float]]:
         """For processes beside this one."""
-        return _made, (float(self), self.commutative, self.one, self.additive)
-
-
-def _made(general: float, commutative: float, one: float, additive: float) -> Orders:
-    return Orders(general, commutative=commutative, one=one, additive=additive)
+        return (float(self),), {key: getattr(self, key) for key in COLUMNS[1:]}
 
 
 def order_of(claimed: float | None, column: str, unclaimed: float = 1.0) -> float:

@@ -21,9 +21,9 @@ import numpy as np
 
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem, StructuresProblem, average_gradient
-from sepv.problem._fields import hessian, matmul, matvec
+from sepv.problem._fields import hessian, matmul, matvec, slope_along
 from sepv.problem._structures import combined
-from sepv.schemes._one_step import each_noise
+from sepv.schemes._one_step import each_noise, no_jacobian
 from sepv.schemes._scheme import as_lanes
 from sepv.solve import Increment
 from sepv.solve import solve as solve_implicit
@@ -33,21 +33,13 @@ from sepv.solve._solution import require_converged
 def commutator(problem: StructuresProblem, i: int, j: int, y: Array, mean: Array) -> Array:
     """K_ij (d, d, M) at y, for g = `mean`."""
     Gi, Gj = (problem.noise_structures[n](y) for n in (i, j))
+    assert problem.noise_structure_derivatives is not None
+    Di, Dj = (problem.noise_structure_derivatives[n](y) for n in (i, j))
     curved = hessian(problem, y)
     curved = 0.5 * (curved + np.swapaxes(curved, 0, 1))  # differences are not symmetric
     crossed = matmul(matmul(Gj, curved), Gi)
-    turned = _slope(problem, j, y, matvec(Gi, mean)) - _slope(problem, i, y, matvec(Gj, mean))
+    turned = slope_along(Dj, matvec(Gi, mean)) - slope_along(Di, matvec(Gj, mean))
     return turned + crossed - np.swapaxes(crossed, 0, 1)
-
-
-def _slope(problem: StructuresProblem, j: int, y: Array, w: Array) -> Array:
-    """G_j′(y)w."""
-    assert problem.noise_structure_derivatives is not None
-    D = problem.noise_structure_derivatives[j](y)
-    total = D[:, :, 0] * w[0]
-    for k in range(1, y.shape[0]):
-        total = total + D[:, :, k] * w[k]
-    return np.asarray(total)
 
 
 def step_with_areas(problem: Problem, y: Array, h: float, dW: Array, areas: Array) -> Array:
@@ -92,5 +84,5 @@ def step_with_areas(problem: Problem, y: Array, h: float, dW: Array, areas: Arra
         return Increment(matvec(structure, mean.value), mean.evaluations, counts, mean.reliable)
 
     # Newton's matrix from differences: K_ij′ would need third derivatives of H.
-    solution = solve_implicit(problem, state, known, increment, lambda *_: None)
+    solution = solve_implicit(problem, state, known, increment, no_jacobian)
     return require_converged(problem, state, h, noise, solution).reshape(np.shape(y))

@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any
 
 from sepv.problem import Array, Problem, average_gradient, average_hessian
-from sepv.problem._fields import contract, matmul
+from sepv.problem._fields import matmul, matvec
 from sepv.problem._hamiltonians import combined_gradient, combined_hessian
 from sepv.problem._structures import combined, combined_slope
 from sepv.solve._formula import Formula
@@ -100,7 +100,7 @@ class Linearised:
 
 
 def _turned(B: Array, slope: Array, y: Tangent, v: Tangent) -> Tangent:
-    return Tangent(None, y.slope * contract(slope, v.value) + matmul(B, v.slope))
+    return Tangent(None, y.slope * matvec(slope, v.value) + matmul(B, v.slope))
 
 
 def derivative(formula: Formula) -> JacobianFunction:

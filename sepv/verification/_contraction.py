@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sepv.problem import Array, Problem
-from sepv.problem._fields import contract, matmul, matvec
+from sepv.problem._fields import matmul, matvec
 from sepv.record import PolynomialMap
 from sepv.verification._cases.case import Case
 from sepv.verification._tolerance import majorants
@@ -47,7 +47,7 @@ def contraction_ball(problem: Problem, y: Array) -> tuple[float, float]:
     reach = np.abs(y)[:, None] + balls
     B, g, dB, H = majorants(problem, reach)
     field = np.max(matvec(B, g), axis=0)
-    slope = np.max(np.sum(contract(dB, g) + matmul(B, H), axis=1), axis=0)
+    slope = np.max(np.sum(matvec(dB, g) + matmul(B, H), axis=1), axis=0)
     with np.errstate(all="ignore"):
         # Where nothing moves any step is short enough; majorants that overflow leave no step at all.
         radii = np.minimum(

@@ -34,7 +34,7 @@ from typing import Any
 import numpy as np
 
 from sepv.problem import Array, HamiltoniansProblem, Problem, StructuresProblem
-from sepv.problem._fields import contract, matmul, matvec
+from sepv.problem._fields import matmul, matvec
 from sepv.problem._problem import Function
 from sepv.record import PolynomialMap
 from sepv.record._binary64 import EPS, TINY
@@ -156,7 +156,7 @@ def correction_rounding(problem: Problem, y0: Array, y1: Array, h: float) -> Arr
     """
     B, g, dB, H = majorants(problem, np.maximum(np.abs(y0), np.abs(y1)))
     factor = 0.5 * EPS * operations(problem) * abs(h) * float(problem.c @ problem.c)
-    return np.asarray(factor * matvec(contract(dB, g) + matmul(B, H), matvec(B, g)))
+    return np.asarray(factor * matvec(matvec(dB, g) + matmul(B, H), matvec(B, g)))
 
 
 def _any_gradient(problem: Problem, y0: Array, y1: Array) -> Array:
