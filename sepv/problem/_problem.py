@@ -22,6 +22,9 @@ from sepv.record import Polynomial
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
 Flow = Callable[[Array, Array], Array]
+# Of polynomial data: the entries (i, j, B_ij) with i < j, and a matrix row by row.
+Structure = tuple[tuple[int, int, Polynomial], ...]
+Matrix = tuple[tuple[float, ...], ...]
 
 
 @dataclass(frozen=True)
@@ -47,12 +50,12 @@ class PolynomialSystem:
 
     dimension: int
     hamiltonian: Polynomial
-    structure: tuple[tuple[int, int, Polynomial], ...]
+    structure: Structure
     noise: tuple[float, ...] = (1.0,)
-    casimirs: tuple[tuple[tuple[float, ...], ...], ...] = ()
+    casimirs: tuple[Matrix, ...] = ()
     linear_casimirs: tuple[tuple[float, ...], ...] = ()
     nambu: tuple[Polynomial, Polynomial] | None = None
-    noise_structures: tuple[tuple[tuple[int, int, Polynomial], ...], ...] = ()
+    noise_structures: tuple[Structure, ...] = ()
     noise_hamiltonians: tuple[Polynomial, ...] = ()
 
 

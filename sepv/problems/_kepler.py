@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sepv.errors import ProblemError
-from sepv.problem import Array, NamedProblem, Problem
+from sepv.problem import Array, Problem
 from sepv.problems._canonical import structure
+from sepv.problems._sum_of_parts import named
 
 
 def kepler(eccentricity: float = 0.6, noise: ArrayLike = 1.0) -> Problem:
@@ -25,20 +26,17 @@ def kepler(eccentricity: float = 0.6, noise: ArrayLike = 1.0) -> Problem:
             received=repr(eccentricity),
             remedy="an ellipse, such as 0.6",
         )
-    c = np.atleast_1d(np.asarray(noise, dtype=np.float64))
-    start = np.array([0.0, np.sqrt((1 + e) / (1 - e)), 1 - e, 0.0])
-    return Problem(
+    return named(
+        "kepler",
+        noise,
+        {"eccentricity": (e,)},
         dimension=4,
         structure=structure,
         hamiltonian=lambda y: 0.5 * (y[0] * y[0] + y[1] * y[1]) - 1 / _radius(y),
-        noise=c,
         # |q| is not affine in y: no rule derives it.
         mean_gradient=_mean_gradient,
         domain=_away_from_the_centre,
-        initial=start,
-        name="kepler",
-        data=NamedProblem("kepler", (("eccentricity", (e,)), ("noise", tuple(c.tolist())))),
-        check=False,
+        initial=(0.0, np.sqrt((1 + e) / (1 - e)), 1 - e, 0.0),
     )
 
 

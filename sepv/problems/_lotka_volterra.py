@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from sepv._arguments import is_number
 from sepv.errors import ProblemError
-from sepv.problem import Array, Nambu, NamedProblem, Problem
-from sepv.problems._sum_of_parts import flows, total
+from sepv.problem import Array, Nambu, Problem
+from sepv.problems._sum_of_parts import flows, named, total
 
 
 def lotka_volterra(
@@ -24,7 +24,6 @@ def lotka_volterra(
     From y = (1, 1.9, 0.5), in the octant y > 0. Its Casimir ln y1 + bd ln y2 − d ln y3 is not
     quadratic, so that (2.1) does not keep it. The defaults are those of §4.4: c = 0.5.
     """
-    c = np.atleast_1d(np.asarray(noise, dtype=np.float64))
     if not all(is_number(v) for v in (a, b, d, nu, mu)):
         raise ProblemError(
             expected="finite parameters a, b, d, ν, μ",
@@ -45,25 +44,23 @@ def lotka_volterra(
             B[j, i] = -B[i, j]
         return B
 
-    parameters = {"a": (a,), "b": (b,), "d": (d,), "nu": (nu,), "mu": (mu,), "noise": tuple(c.tolist())}
-    return Problem(
+    return named(
+        "lotka-volterra",
+        noise,
+        {"a": (a,), "b": (b,), "d": (d,), "nu": (nu,), "mu": (mu,)},
         dimension=3,
         structure=structure,
         hamiltonian=total(parts),
-        noise=c,
         domain=_positive,
         initial=(1.0, 1.9, 0.5),
         flows=flows(3, structure, parts),
         # States near the initial one have no solution at 0.26: an eighth of that.
         longest_step=2.0**-5,
-        name="lotka-volterra",
-        data=NamedProblem("lotka-volterra", tuple((k, tuple(map(float, v))) for k, v in parameters.items())),
         # B(y)v = −y1y2y3 (v × ∇C).
         nambu=Nambu(
             factor=lambda y: -y[0] * y[1] * y[2],
             casimir=lambda y: np.log(y[0]) + b * d * np.log(y[1]) - d * np.log(y[2]),
         ),
-        check=False,
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from sepv.errors import ProblemError
 from sepv.problem import PolynomialSystem
+from sepv.problem._problem import Structure
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 
@@ -28,18 +29,21 @@ def nambu_system(
                 remedy="B(y)v = g(y)(v × ∇C(y)) is about dimension 3",
             )
     degrees = {sum(e) for e, _ in casimir.terms}
-    quadratic: tuple[tuple[tuple[float, ...], ...], ...] = ()
-    linear: tuple[tuple[float, ...], ...] = ()
-    if degrees == {2}:
-        quadratic = (_matrix(casimir),)
-    elif degrees == {1}:
-        linear = (tuple(dict(casimir.terms).get(_unit(i), 0.0) for i in range(3)),)
+    slope = poly.gradient(casimir)
+    matrix = tuple(tuple(0.5 * _value(poly.differentiate(g, j)) for j in range(3)) for g in slope)
+    quadratic = (matrix,) if degrees == {2} else ()
+    linear = (tuple(_value(g) for g in slope),) if degrees == {1} else ()
     return PolynomialSystem(
         3, hamiltonian, _structure(factor, casimir), noise, quadratic, linear, nambu=(factor, casimir)
     )
 
 
-def _structure(factor: Polynomial, casimir: Polynomial) -> tuple[tuple[int, int, Polynomial], ...]:
+def _value(p: Polynomial) -> float:
+    """Of a constant."""
+    return sum((c for _, c in p.terms), 0.0)
+
+
+def _structure(factor: Polynomial, casimir: Polynomial) -> Structure:
     """B_12 = g ∂₃C, B_13 = −g ∂₂C, B_23 = g ∂₁C."""
     entries = [
         (i, j, poly.multiply(factor, poly.scale(sign, poly.differentiate(casimir, k))))
@@ -58,16 +62,3 @@ def check_nambu(data: PolynomialSystem) -> None:
             received=f"dimension {data.dimension}, structure {[(i, j, str(p)) for i, j, p in data.structure]}",
             remedy="make the system with sepv.problems.nambu_system(H, g, C)",
         )
-
-
-def _unit(i: int) -> tuple[int, ...]:
-    return tuple(int(i == k) for k in range(3))
-
-
-def _matrix(casimir: Polynomial) -> tuple[tuple[float, ...], ...]:
-    A = [[0.0] * 3 for _ in range(3)]
-    for exponents, coefficient in casimir.terms:
-        i, *rest = (k for k, e in enumerate(exponents) for _ in range(e))
-        A[i][rest[0]] += 0.5 * coefficient
-        A[rest[0]][i] += 0.5 * coefficient
-    return tuple(tuple(row) for row in A)

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from sepv.problem import HamiltoniansProblem, PolynomialSystem, Problem
+from sepv.problems._canonical import canonical
 from sepv.problems._polynomial_system import polynomial_problem
 from sepv.problems._sum_of_parts import flows
 from sepv.record import Polynomial, PolynomialMap
@@ -36,21 +37,16 @@ def pushed_henon_heiles(coupling: float = 0.5, noise: Sequence[float] = (0.5, 0.
     Where momenta alone are pushed f″(g, g) vanishes for the drift f and a push g: errors of methods then vanish that
     other additive noise shows, such as that of the explicit midpoint rule's weak order 2.
     """
-    others = [
-        poly.polynomial(4, [((1, 0, 0, 0), 1.0), ((0, 0, 1, 0), -0.5)]),
-        poly.polynomial(4, [((0, 1, 0, 0), 0.5), ((0, 0, 0, 1), -1.0)]),
-    ]
+    others = [poly.linear((1, 0, -0.5, 0)), poly.linear((0, 0.5, 0, -1))]
     return _oscillators(coupling, noise, others, "pushed-henon-heiles")
 
 
 def _oscillators(
     coupling: float, noise: Sequence[float], others: Sequence[Polynomial], name: str
 ) -> HamiltoniansProblem:
-    squares = [(tuple(2 * int(i == k) for i in range(4)), 0.5) for k in range(4)]
-    potential = [*squares[2:], ((0, 0, 2, 1), coupling), ((0, 0, 0, 3), -coupling / 3)]
-    parts = [poly.polynomial(4, terms) for terms in (squares[:2], potential)]
-    B = tuple((k, 2 + k, poly.constant(4, -1.0)) for k in range(2))
-    data = PolynomialSystem(4, poly.add(*parts), B, tuple(noise), noise_hamiltonians=tuple(others))
+    cubic = poly.polynomial(4, {(0, 0, 2, 1): coupling, (0, 0, 0, 3): -coupling / 3})
+    parts = [poly.squares((1, 1, 0, 0)), poly.add(poly.squares((0, 0, 1, 1)), cubic)]
+    data = PolynomialSystem(4, poly.add(*parts), canonical(4), tuple(noise), noise_hamiltonians=tuple(others))
     problem = polynomial_problem(data)
     assert isinstance(problem, HamiltoniansProblem)
     known = flows(4, problem.structure, [PolynomialMap((), (p,)) for p in (*parts, *others)])

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from sepv.problem import NamedProblem, Problem
+from sepv.problem import Problem
 from sepv.problems._canonical import structure
-from sepv.problems._sum_of_parts import flows, total
+from sepv.problems._sum_of_parts import flows, named, total
 
 # ½p² and ½x².
 _PARTS = (lambda y: 0.5 * y[0] * y[0], lambda y: 0.5 * y[1] * y[1])
@@ -18,17 +17,15 @@ def harmonic_oscillator(noise: ArrayLike = 1.0) -> Problem:
 
     The defaults are those of Figure 4.1: c = 1.
     """
-    c = np.atleast_1d(np.asarray(noise, dtype=np.float64))
-    return Problem(
+    return named(
+        "harmonic-oscillator",
+        noise,
+        {},
         dimension=2,
         structure=structure,
         hamiltonian=total(_PARTS),
-        noise=c,
         initial=(0.2, 0.1),
         flows=flows(2, structure, _PARTS),
         # Solved from 10⁵ states near the initial one, and led back by −Δ.
         longest_step=0.5,
-        name="harmonic-oscillator",
-        data=NamedProblem("harmonic-oscillator", (("noise", tuple(c.tolist())),)),
-        check=False,
     )

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sepv.problem import NamedProblem, Problem
+from sepv.problem import Problem
 from sepv.problems._canonical import structure
-from sepv.problems._sum_of_parts import flows, total
+from sepv.problems._sum_of_parts import flows, named, total
 
 # ½p² and −cos q.
 _PARTS = (lambda y: 0.5 * y[0] * y[0], lambda y: -np.cos(y[1]))
@@ -18,17 +18,15 @@ def pendulum(noise: ArrayLike = (1.0, 0.5)) -> Problem:
 
     The defaults are those of Figure 4.4: c = (1, 0.5).
     """
-    c = np.atleast_1d(np.asarray(noise, dtype=np.float64))
-    return Problem(
+    return named(
+        "pendulum",
+        noise,
+        {},
         dimension=2,
         structure=structure,
         hamiltonian=total(_PARTS),
-        noise=c,
         initial=(0.2, 1.0),
         flows=flows(2, structure, _PARTS),
         # Solved from 10⁵ states near the initial one, and led back by −Δ.
         longest_step=0.5,
-        name="pendulum",
-        data=NamedProblem("pendulum", (("noise", tuple(c.tolist())),)),
-        check=False,
     )

@@ -17,6 +17,7 @@ from sepv.problem import (
     StructuresProblem,
     commuting_hamiltonians,
 )
+from sepv.problem._problem import Matrix, Structure
 from sepv.problems._nambu_system import check_nambu
 from sepv.record import Polynomial, PolynomialMap
 from sepv.record import _polynomial as poly
@@ -76,9 +77,7 @@ def _hessian(gradient: tuple[Polynomial, ...]) -> tuple[Polynomial, ...]:
 
 
 @lru_cache(maxsize=512)
-def _structure_maps(
-    d: int, structure: tuple[tuple[int, int, Polynomial], ...]
-) -> tuple[PolynomialMap, PolynomialMap]:
+def _structure_maps(d: int, structure: Structure) -> tuple[PolynomialMap, PolynomialMap]:
     """B (d, d) and its derivatives (d, d, d): tables that systems which differ in H have in common."""
     zero = poly.polynomial(d, {})
     above = {(i, j): entry for i, j, entry in structure}
@@ -122,9 +121,7 @@ def _with_more_noise(drift: Problem, data: PolynomialSystem) -> Problem:
     for G in data.noise_structures:
         _check_indices(replace(data, structure=G))
         if data.casimirs or data.linear_casimirs:
-            table = structure_entries(replace(data, structure=G, nambu=None))
-            for name, slope in _casimir_gradients(data):
-                _check_casimir(name, slope, table)
+            _check_casimirs(d, G, data.casimirs, data.linear_casimirs)
     maps = [_structure_maps(d, G) for G in data.noise_structures]
     return StructuresProblem(
         **_shared(drift),
@@ -205,8 +202,7 @@ def _casimir_gradients(data: PolynomialSystem) -> list[tuple[str, list[Polynomia
     d = data.dimension
     found = []
     for n, A in enumerate(data.casimirs):
-        rows = [poly.add(*(poly.scale(a, poly.variable(d, k)) for k, a in enumerate(row))) for row in A]
-        found.append((f"casimirs[{n}]", rows))
+        found.append((f"casimirs[{n}]", [poly.linear(row) for row in A]))
     for n, b in enumerate(data.linear_casimirs):
         found.append((f"linear_casimirs[{n}]", [poly.constant(d, value) for value in b]))
     return found
@@ -214,10 +210,7 @@ def _casimir_gradients(data: PolynomialSystem) -> list[tuple[str, list[Polynomia
 
 @lru_cache(maxsize=256)
 def _check_casimirs(
-    d: int,
-    structure: tuple[tuple[int, int, Polynomial], ...],
-    casimirs: tuple[tuple[tuple[float, ...], ...], ...],
-    linear_casimirs: tuple[tuple[float, ...], ...],
+    d: int, structure: Structure, casimirs: tuple[Matrix, ...], linear_casimirs: Matrix
 ) -> None:
     """What depends on B and the Casimirs alone: systems that differ in H have it in common."""
     data = PolynomialSystem(d, poly.polynomial(d, {}), structure, (), casimirs, linear_casimirs)

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sepv.errors import ProblemError
-from sepv.problem import Array, Nambu, NamedProblem, Problem
-from sepv.problems._sum_of_parts import flows, total
-
-_HAT = ((0, 1, 2, -1.0), (0, 2, 1, 1.0), (1, 2, 0, -1.0))  # B[i, j] = sign · y[k]
+from sepv.problem import Array, Nambu, Problem
+from sepv.problems._canonical import HAT
+from sepv.problems._sum_of_parts import flows, named, total
 
 
 def rigid_body(inertia: ArrayLike = (0.345, 0.653, 1.0), noise: ArrayLike = 1.0) -> Problem:
@@ -19,7 +18,6 @@ def rigid_body(inertia: ArrayLike = (0.345, 0.653, 1.0), noise: ArrayLike = 1.0)
 
     The defaults are those of §4.2: I = (0.345, 0.653, 1), c = 1.
     """
-    c = np.atleast_1d(np.asarray(noise, dtype=np.float64))
     moments = np.array(inertia, dtype=np.float64)
     if moments.shape != (3,) or not np.all(np.isfinite(moments)) or np.any(moments <= 0):
         raise ProblemError(
@@ -29,20 +27,19 @@ def rigid_body(inertia: ArrayLike = (0.345, 0.653, 1.0), noise: ArrayLike = 1.0)
         )
 
     parts = tuple(partial(_about_axis, k, float(moments[k])) for k in range(3))
-    return Problem(
+    return named(
+        "rigid-body",
+        noise,
+        {"inertia": moments.tolist()},
         dimension=3,
         structure=_structure,
         hamiltonian=total(parts),
-        noise=c,
         casimirs=(np.eye(3),),
         initial=(0.8, 0.6, 0.0),
         flows=flows(3, _structure, parts),
         # Solved from 10⁵ states near the initial one, and led back by −Δ.
         longest_step=0.5,
-        name="rigid-body",
-        data=NamedProblem("rigid-body", (("inertia", tuple(moments.tolist())), ("noise", tuple(c.tolist())))),
         nambu=_NAMBU,
-        check=False,
     )
 
 
@@ -60,7 +57,7 @@ _NAMBU = Nambu(
 
 def _structure(y: Array) -> Array:
     B = np.zeros((3, 3, *y.shape[1:]), dtype=y.dtype)
-    for i, j, k, sign in _HAT:
+    for i, j, k, sign in HAT:
         B[i, j] = sign * y[k]
         B[j, i] = -sign * y[k]
     return B

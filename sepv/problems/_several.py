@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from sepv.problem import Array, PolynomialSystem, StructuresProblem
 from sepv.problem._fields import matvec
 from sepv.problem._structures import ClosedForm
+from sepv.problems._canonical import HAT, planes
 from sepv.problems._polynomial_system import polynomial_problem
 from sepv.record import Polynomial, PolynomialMap
 from sepv.record import _polynomial as poly
@@ -17,8 +18,7 @@ from sepv.record import _polynomial as poly
 
 def action(dimension: int, k: int) -> Polynomial:
     """I_k = ½(y_{2k−1}² + y_{2k}²), k = 0, 1, …"""
-    half = {tuple(2 * int(n == i) for n in range(dimension)): 0.5 for i in (2 * k, 2 * k + 1)}
-    return poly.polynomial(dimension, half)
+    return poly.squares([int(i // 2 == k) for i in range(dimension)])
 
 
 def in_actions(p: Polynomial) -> Polynomial:
@@ -32,10 +32,6 @@ def in_actions(p: Polynomial) -> Polynomial:
                 term = poly.multiply(term, action(d, k))
         terms.append(term)
     return poly.add(poly.polynomial(d, {}), *terms)
-
-
-def _terms(dimension: int, terms: Mapping[tuple[int, ...], float]) -> Polynomial:
-    return poly.polynomial(dimension, terms)
 
 
 def rotating_planes(
@@ -52,29 +48,22 @@ def rotating_planes(
     hamiltonian : polynomial in n variables, the actions
     frequencies : α_jk, m rows of n polynomials in the actions
     """
-    n, d = hamiltonian.dimension, 2 * hamiltonian.dimension
-    B = tuple((2 * k, 2 * k + 1, poly.constant(d, -1.0)) for k in range(n))
+    d = 2 * hamiltonian.dimension
     structures = tuple(
         tuple((2 * k, 2 * k + 1, poly.scale(-1.0, in_actions(a))) for k, a in enumerate(row) if a.terms)
         for row in frequencies
     )
     c = noise or (1.0,) * len(structures)
-    return PolynomialSystem(d, in_actions(hamiltonian), B, c, noise_structures=structures)
+    return PolynomialSystem(d, in_actions(hamiltonian), planes(d), c, noise_structures=structures)
 
 
 def commuting_actions(
     hamiltonian: Polynomial, others: Sequence[Polynomial], noise: tuple[float, ...] | None = None
 ) -> PolynomialSystem:
     """Several Hamiltonians H_j(I_1, …, I_n) in n planes: plane k turns by ∂H/∂I_k T + Σ_j c_j ∂H_j/∂I_k W_j."""
-    n, d = hamiltonian.dimension, 2 * hamiltonian.dimension
-    B = tuple((2 * k, 2 * k + 1, poly.constant(d, -1.0)) for k in range(n))
-    return PolynomialSystem(
-        d,
-        in_actions(hamiltonian),
-        B,
-        noise or (1.0,) * len(others),
-        noise_hamiltonians=tuple(in_actions(H) for H in others),
-    )
+    d, c = 2 * hamiltonian.dimension, noise or (1.0,) * len(others)
+    posed = tuple(in_actions(H) for H in others)
+    return PolynomialSystem(d, in_actions(hamiltonian), planes(d), c, noise_hamiltonians=posed)
 
 
 def closed_form(
@@ -92,10 +81,8 @@ def closed_form(
             angle = angle + matvec((turns(I) * np.asarray(noise)[:, None]).T[..., None], W)
         p, q = y0[0::2, None], y0[1::2, None]
         found = np.empty((2 * n, W.shape[1]))
-        found[0::2], found[1::2] = (
-            p * np.cos(angle) - q * np.sin(angle),
-            p * np.sin(angle) + q * np.cos(angle),
-        )
+        found[0::2] = p * np.cos(angle) - q * np.sin(angle)
+        found[1::2] = p * np.sin(angle) + q * np.cos(angle)
         return found
 
     return exact
@@ -111,7 +98,7 @@ def _with(
 
 def commuting_rotations() -> StructuresProblem:
     """Rotations of two planes, H = I1 + 2 I2 + I1 I2, with two noises of different structures that commute."""
-    H = _terms(2, {(1, 0): 1.0, (0, 1): 2.0, (1, 1): 1.0})
+    H = poly.polynomial(2, {(1, 0): 1.0, (0, 1): 2.0, (1, 1): 1.0})
     one, I1 = poly.constant(2, 1.0), poly.variable(2, 0)
     alpha = ((one, poly.scale(-0.5, one)), (poly.scale(0.5, I1), one))
     slopes = poly.gradient(H)
@@ -124,8 +111,8 @@ def commuting_rotations() -> StructuresProblem:
 
 def commuting_oscillators() -> StructuresProblem:
     """Rotations of two planes by H_0 = I1 + 2 I2 + I1 I2, H_1 = I1 − I2²/2 and H_2 = I2, which commute."""
-    H = _terms(2, {(1, 0): 1.0, (0, 1): 2.0, (1, 1): 1.0})
-    others = [_terms(2, {(1, 0): 1.0, (0, 2): -0.5}), poly.variable(2, 1)]
+    H = poly.polynomial(2, {(1, 0): 1.0, (0, 1): 2.0, (1, 1): 1.0})
+    others = [poly.polynomial(2, {(1, 0): 1.0, (0, 2): -0.5}), poly.variable(2, 1)]
     c = (1.0, 0.5)
     exact = closed_form(H, c, [list(poly.gradient(p)) for p in others])
     return _with(commuting_actions(H, others, c), exact, (0.8, 0.3, 0.2, 0.5), "commuting-oscillators")
@@ -133,13 +120,9 @@ def commuting_oscillators() -> StructuresProblem:
 
 def noncommuting_tops() -> StructuresProblem:
     """H = ½(y1² + 2 y2² + 3 y3²) with B = hat(e3), G_1 = hat(e1) and G_2 = hat(e2): noises that do not commute."""
-    H = _terms(3, {(2, 0, 0): 0.5, (0, 2, 0): 1.0, (0, 0, 2): 1.5})
-
-    def hat(k: int) -> tuple[tuple[int, int, Polynomial], ...]:
-        i, j, sign = {0: (1, 2, -1.0), 1: (0, 2, 1.0), 2: (0, 1, -1.0)}[k]
-        return ((i, j, poly.constant(3, sign)),)
-
-    system = PolynomialSystem(3, H, hat(2), (0.5, 0.5), noise_structures=(hat(0), hat(1)))
+    H = poly.squares((1, 2, 3))
+    B, G2, G1 = (((i, j, poly.constant(3, sign)),) for i, j, _, sign in HAT)
+    system = PolynomialSystem(3, H, B, (0.5, 0.5), noise_structures=(G1, G2))
     return _with(system, None, (0.6, 0.5, 0.4), "noncommuting-tops")
 
 

@@ -50,7 +50,7 @@ def _view(problem: Problem, *, bare: bool) -> Problem:
     kept: dict[str, Any] = {}
     for entry in fields(problem):
         value = getattr(problem, entry.name)
-        if not entry.init or entry.name in ("data", "scalar", "name", "closed_form") or value is None:
+        if not entry.init or entry.name in ("data", "name", "closed_form") or value is None:
             continue
         if entry.name in functions or (entry.name in derived and not bare):
             kept[entry.name] = _plain(value)

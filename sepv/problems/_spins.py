@@ -19,7 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from sepv.problem import HamiltoniansProblem, PolynomialSystem, Problem
-from sepv.problem._problem import Flow
+from sepv.problems._canonical import hat
 from sepv.problems._polynomial_system import polynomial_problem
 from sepv.problems._rigid_body import rigid_body
 from sepv.record import Polynomial
@@ -30,15 +30,10 @@ def spin_system(
     spins: int, hamiltonian: Polynomial, noise: Sequence[float], others: Sequence[Polynomial]
 ) -> PolynomialSystem:
     """n spins with H_0 and H_1, …, H_m, polynomials in the 3n components."""
-    d = 3 * spins
-    B = tuple(
-        (3 * n + i, 3 * n + j, poly.scale(sign, poly.variable(d, 3 * n + k)))
-        for n in range(spins)
-        for i, j, k, sign in ((0, 1, 2, -1.0), (0, 2, 1, 1.0), (1, 2, 0, -1.0))
-    )
     blocks = np.eye(spins).repeat(3, axis=1)
     casimirs = tuple(tuple(map(tuple, np.diag(block).tolist())) for block in blocks)
-    return PolynomialSystem(d, hamiltonian, B, tuple(noise), casimirs, noise_hamiltonians=tuple(others))
+    B, H = hat(spins=spins), tuple(others)
+    return PolynomialSystem(3 * spins, hamiltonian, B, tuple(noise), casimirs, noise_hamiltonians=H)
 
 
 def random_inertia(
@@ -50,17 +45,15 @@ def random_inertia(
 
     From (0.8, 0.6, 0). The flow of each part is a rotation, at a rate that depends on y.
     """
-
-    def energy(weights: Sequence[float]) -> Polynomial:
-        return poly.polynomial(3, {_square(3, k): 0.5 * w for k, w in enumerate(weights)})
-
-    weights = np.diag([1 / I for I in noise_inertia] + [0.0] * (3 - len(noise_inertia)))
-    others = [energy(row) for row in weights[: len(noise_inertia)]]
-    problem = polynomial_problem(spin_system(1, energy([1 / I for I in inertia]), noise, others))
-    padded = (*noise_inertia, *(1.0,) * (3 - len(noise_inertia)))
-    return _with_flows(
-        problem, "random-inertia", (0.8, 0.6, 0.0), rigid_body(inertia).flows,
-        rigid_body(padded).flows[: len(noise_inertia)],
+    count = len(noise_inertia)
+    weights = np.diag([1 / I for I in noise_inertia] + [0.0] * (3 - count))
+    others = [poly.squares(row) for row in weights[:count]]
+    problem = polynomial_problem(spin_system(1, poly.squares([1 / I for I in inertia]), noise, others))
+    assert isinstance(problem, HamiltoniansProblem)
+    padded = (*noise_inertia, *(1.0,) * (3 - count))
+    return replace(
+        problem, initial=(0.8, 0.6, 0.0), name="random-inertia", flows=rigid_body(inertia).flows,
+        noise_flows=rigid_body(padded).flows[:count], check=False,
     )  # fmt: skip
 
 
@@ -75,12 +68,9 @@ def two_spins(
     From (0.8, 0.6, 0) and (0, 0.6, −0.8).
     """
     terms = [(tuple(int(n in (k, 3 + k)) for n in range(6)), -coupling) for k in range(3)]
-    terms += [(_square(6, k), 0.5 * anisotropy) for k in (2, 5)]
-    others = [
-        poly.polynomial(6, [(tuple(int(i == 3 * n + k) for i in range(6)), b) for k, b in enumerate(field)])
-        for n, field in enumerate(fields)
-    ]
-    problem = polynomial_problem(spin_system(2, poly.polynomial(6, terms), noise, others))
+    H = poly.add(poly.polynomial(6, terms), poly.squares((0, 0, anisotropy) * 2))
+    others = [poly.linear((*(0,) * 3 * n, *field, *(0,) * 3 * (1 - n))) for n, field in enumerate(fields)]
+    problem = polynomial_problem(spin_system(2, H, noise, others))
     return replace(problem, initial=(0.8, 0.6, 0.0, 0.0, 0.6, -0.8), name="two-spins", check=False)
 
 
@@ -112,21 +102,3 @@ def _twisted(others: Sequence[Polynomial], noise: Sequence[float], name: str) ->
     assert isinstance(data, PolynomialSystem)
     problem = polynomial_problem(spin_system(1, data.hamiltonian, noise, others))
     return replace(problem, initial=(0.8, 0.6, 0.3), name=name, check=False)
-
-
-def _square(d: int, k: int) -> tuple[int, ...]:
-    return tuple(2 * int(i == k) for i in range(d))
-
-
-def _with_flows(
-    problem: Problem, name: str, y0: Sequence[float], flows: Sequence[Flow], noise_flows: Sequence[Flow]
-) -> Problem:
-    assert isinstance(problem, HamiltoniansProblem)
-    return replace(
-        problem,
-        initial=np.array(y0),
-        name=name,
-        flows=tuple(flows),
-        noise_flows=tuple(noise_flows),
-        check=False,
-    )

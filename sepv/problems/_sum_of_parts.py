@@ -1,12 +1,23 @@
-"""H as a sum of parts whose flows are known."""
+"""Problems that go by a name and parameters, and H as a sum of parts whose flows are known."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
-from sepv.problem import Array
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sepv.problem import Array, NamedProblem, Problem
 from sepv.problem._derived import PartFlow
 from sepv.problem._problem import Flow, Function
+
+
+def named(name: str, noise: ArrayLike, parameters: dict[str, Sequence[float]], **parts: Any) -> Problem:
+    """The problem of these parts, with its name and parameters as its data."""
+    c = tuple(np.atleast_1d(np.asarray(noise, dtype=np.float64)).tolist())
+    given = tuple((key, tuple(map(float, values))) for key, values in {**parameters, "noise": c}.items())
+    return Problem(**parts, noise=c, name=name, data=NamedProblem(name, given), check=False)
 
 
 def total(parts: Sequence[Function]) -> Function:

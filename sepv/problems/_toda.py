@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sepv.errors import ProblemError
-from sepv.problem import Array, NamedProblem, Problem
+from sepv.problem import Array, Problem
 from sepv.problem._fields import dot
 from sepv.problems._canonical import structure
+from sepv.problems._sum_of_parts import named
 
 
 def toda(particles: float = 3, noise: ArrayLike = 1.0) -> Problem:
@@ -18,18 +19,16 @@ def toda(particles: float = 3, noise: ArrayLike = 1.0) -> Problem:
         raise ProblemError(
             expected="an integer number of particles ≥ 2", received=repr(particles), remedy="give particles=3"
         )
-    c = np.atleast_1d(np.asarray(noise, dtype=np.float64))
 
     def hamiltonian(y: Array) -> Array:
         return 0.5 * dot(y[:n], y[:n]) + sum(np.exp(y[n:-1] - y[n + 1 :]))
 
-    return Problem(
+    return named(
+        "toda",
+        noise,
+        {"particles": (n,)},
         dimension=2 * n,
         structure=structure,
         hamiltonian=hamiltonian,
-        noise=c,
         initial=np.zeros(2 * n),
-        name="toda",
-        data=NamedProblem("toda", (("particles", (float(n),)), ("noise", tuple(c.tolist())))),
-        check=False,
     )

@@ -7,7 +7,7 @@ evaluated by mpmath at any precision exactly as it is evaluated here in binary64
 from __future__ import annotations
 
 import operator
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import isfinite
@@ -42,9 +42,7 @@ class Polynomial:
         return " + ".join(_term_text(e, c) for e, c in self.terms).replace("+ -", "- ") or "0"
 
 
-def polynomial(
-    dimension: int, terms: Mapping[Exponents, float] | Iterable[tuple[Exponents, float]]
-) -> Polynomial:
+def polynomial(dimension: int, terms: Mapping[Any, float] | Iterable[tuple[Exponents, float]]) -> Polynomial:
     """A polynomial from {exponents: coefficient}; equal exponents are added, zero terms dropped.
 
     Raises
@@ -94,6 +92,18 @@ def constant(dimension: int, value: float) -> Polynomial:
 def variable(dimension: int, index: int) -> Polynomial:
     """The coordinate y_index."""
     return Polynomial(dimension, ((tuple(int(i == index) for i in range(dimension)), 1.0),))
+
+
+def linear(coefficients: Sequence[float]) -> Polynomial:
+    """Σ b_k y_k."""
+    d = len(coefficients)
+    return polynomial(d, [(variable(d, k).terms[0][0], b) for k, b in enumerate(coefficients)])
+
+
+def squares(weights: Sequence[float]) -> Polynomial:
+    """½ Σ w_k y_k²."""
+    d = len(weights)
+    return polynomial(d, [(tuple(2 * int(i == k) for i in range(d)), 0.5 * w) for k, w in enumerate(weights)])
 
 
 def add(*summands: Polynomial) -> Polynomial:

@@ -16,6 +16,8 @@ from hypothesis import strategies as st
 
 from sepv import problems
 from sepv.problem import Description, NamedProblem, PolynomialSystem
+from sepv.problem._problem import Matrix, Structure
+from sepv.problems._canonical import planes
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 from sepv.verification._cases.case import Case
@@ -110,12 +112,7 @@ def polynomials(
 @st.composite
 def hamiltonians(draw: st.DrawFn, dimension: int, degree: int = 6, *, least: int = 1) -> Polynomial:
     """Polynomial H. Examples shrink towards ½|y|² (towards y1 for degree 1)."""
-    kinetic = poly.add(
-        *(
-            poly.polynomial(dimension, {tuple(2 * int(i == k) for i in range(dimension)): 0.5})
-            for k in range(dimension)
-        )
-    )
+    kinetic = poly.squares((1.0,) * dimension)
     if degree < 2:
         return draw(polynomials(dimension, degree, least=min(least, degree)))
     kind = draw(_KINDS)
@@ -126,19 +123,12 @@ def hamiltonians(draw: st.DrawFn, dimension: int, degree: int = 6, *, least: int
     return total if total.terms else kinetic
 
 
-def canonical(dimension: int) -> tuple[tuple[int, int, Polynomial], ...]:
-    """The constant B of (1.3), block by block; an odd last component does not move."""
-    return tuple((2 * k, 2 * k + 1, poly.constant(dimension, -1.0)) for k in range(dimension // 2))
-
-
 @cache
 @st.composite
-def skew_structures(
-    draw: st.DrawFn, dimension: int, degree: int = 3
-) -> tuple[tuple[int, int, Polynomial], ...]:
+def skew_structures(draw: st.DrawFn, dimension: int, degree: int = 3) -> Structure:
     """Skew B(y) with polynomial entries of degree 0 to `degree`. Examples shrink towards B = J."""
     if draw(st.sampled_from(["canonical", "any", "any"])) == "canonical":
-        return canonical(dimension)
+        return planes(dimension)
     pairs = draw(
         st.lists(
             st.sampled_from(list(combinations(range(dimension), 2))),
@@ -152,7 +142,7 @@ def skew_structures(
 
 @cache
 @st.composite
-def symmetric_matrices(draw: st.DrawFn, dimension: int) -> tuple[tuple[float, ...], ...]:
+def symmetric_matrices(draw: st.DrawFn, dimension: int) -> Matrix:
     """Symmetric integer matrices, not zero. Examples shrink towards the identity."""
     A = np.eye(dimension)
     for i, j in draw(st.lists(st.tuples(*[st.integers(0, dimension - 1)] * 2), max_size=4)):
@@ -175,8 +165,8 @@ def casimir_systems(draw: st.DrawFn, degree: int = 6, *, largest: int = 6) -> Po
     )
     A = draw(symmetric_matrices(d))
     v = linear_forms(A)
-    quadratic: tuple[tuple[tuple[float, ...], ...], ...] = (A,)
-    linear: tuple[tuple[float, ...], ...] = ()
+    quadratic: tuple[Matrix, ...] = (A,)
+    linear: Matrix = ()
     if kind == "skew":
         B = _skew_family(draw, d, v)
     elif kind == "two":
@@ -271,19 +261,16 @@ def in_the_mean(case: Case) -> Case:
     return replace(case, h=root * root, dW=(0.0,) * problem.noises)
 
 
-def linear_forms(A: tuple[tuple[float, ...], ...]) -> list[Polynomial]:
+def linear_forms(A: Matrix) -> list[Polynomial]:
     """The components of Ay."""
-    d = len(A)
-    return [poly.add(*(poly.scale(a, poly.variable(d, k)) for k, a in enumerate(row))) for row in A]
+    return [poly.linear(row) for row in A]
 
 
 def _parity(order: tuple[int, ...]) -> int:
     return (-1) ** sum(a > b for a, b in combinations(order, 2))
 
 
-def contracted(
-    draw: st.DrawFn, d: int, forms: list[list[Polynomial]]
-) -> tuple[tuple[int, int, Polynomial], ...]:
+def contracted(draw: st.DrawFn, d: int, forms: list[list[Polynomial]]) -> Structure:
     """B_ij = g Σ T_{ij k…} v_k …, T totally antisymmetric of rank 2 + len(forms), g a polynomial for d = 3."""
     entries: dict[tuple[int, int], list[Polynomial]] = {}
     for indices in combinations(range(d), 2 + len(forms)):
@@ -304,7 +291,7 @@ def contracted(
     )
 
 
-def _skew_family(draw: st.DrawFn, d: int, v: list[Polynomial]) -> tuple[tuple[int, int, Polynomial], ...]:
+def _skew_family(draw: st.DrawFn, d: int, v: list[Polynomial]) -> Structure:
     """B = |v|²S + v(Sv)ᵀ − (Sv)vᵀ, for which Bᵀv = 0."""
     S = np.zeros((d, d))
     for i, j in combinations(range(d), 2):

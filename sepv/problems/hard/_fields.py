@@ -7,22 +7,14 @@ from collections.abc import Callable
 import numpy as np
 
 from sepv.problem import Array, PolynomialSystem
-from sepv.problems.hard._hard_case import (
-    UNIT3,
-    HardCase,
-    Sample,
-    canonical,
-    hat,
-    sizes,
-    split,
-    squares,
-    terms,
-)
+from sepv.problems._canonical import canonical, hat
+from sepv.problems.hard._hard_case import UNIT3, HardCase, Sample, box, sizes, split
 from sepv.record import _polynomial as poly
+from sepv.record._polynomial import polynomial, squares
 
 _RESTING = PolynomialSystem(
     4,
-    terms(
+    polynomial(
         4, {(2, 0, 0, 0): 0.5, (0, 4, 0, 0): 0.25, (0, 1, 3, 0): 0.5, (1, 0, 0, 2): 0.25, (0, 0, 1, 3): 1.0}
     ),
     ((0, 1, poly.constant(4, -1.0)), (0, 3, poly.constant(4, 2.0**-40))),
@@ -30,36 +22,29 @@ _RESTING = PolynomialSystem(
 _NOTHING = PolynomialSystem(3, squares((1.0, 2.0, 3.0)), ())
 _RANK_2 = PolynomialSystem(
     6,
-    poly.add(squares((1.0,) * 6), terms(6, {(1, 1, 1, 1, 0, 0): 0.25, (0, 2, 0, 0, 1, 1): 0.25})),
-    ((0, 1, terms(6, {(0, 0, 0, 0, 0, 0): -1.0, (0, 0, 1, 0, 0, 1): 0.5})),),
+    poly.add(squares((1.0,) * 6), polynomial(6, {(1, 1, 1, 1, 0, 0): 0.25, (0, 2, 0, 0, 1, 1): 0.25})),
+    ((0, 1, polynomial(6, {(0, 0, 0, 0, 0, 0): -1.0, (0, 0, 1, 0, 0, 1): 0.5})),),
     (1.0,),
     (),
     tuple(tuple(float(i == k) for i in range(6)) for k in range(2, 6)),
 )
 # B = |y|² hat(y) vanishes to third order at y = 0, where ∇H does not: H has a linear part.
-_NORM = terms(3, {(2, 0, 0): 1.0, (0, 2, 0): 1.0, (0, 0, 2): 1.0})
+_NORM = squares((2.0, 2.0, 2.0))
 _VANISHING = PolynomialSystem(
     3,
-    poly.add(squares((1.0, 2.0, 3.0)), terms(3, {(1, 0, 0): 1.0, (0, 1, 0): 0.5})),
+    poly.add(squares((1.0, 2.0, 3.0)), poly.linear((1.0, 0.5, 0.0))),
     hat(_NORM),
     (1.0,),
     (UNIT3,),
 )
-_PLANE = PolynomialSystem(2, terms(2, {(2, 0): 0.5, (0, 4): 0.25, (0, 2): 0.5}), canonical(2))
-_LINE = PolynomialSystem(1, terms(1, {(4,): 1.0, (1,): 1.0}), ())
+_PLANE = PolynomialSystem(2, polynomial(2, {(2, 0): 0.5, (0, 4): 0.25, (0, 2): 0.5}), canonical(2))
+_LINE = PolynomialSystem(1, polynomial(1, {(4,): 1.0, (1,): 1.0}), ())
 
 
 def _resting(rng: np.random.Generator, lanes: int) -> Sample:
     """A quarter of the components is exactly zero."""
     y = np.where(rng.random((4, lanes)) < 0.25, 0.0, rng.uniform(-1.5, 1.5, (4, lanes)))
     return Sample(y, *split(rng, 1e-9, 0.1, lanes))
-
-
-def _ordinary(d: int) -> Callable[[np.random.Generator, int], Sample]:
-    def sample(rng: np.random.Generator, lanes: int) -> Sample:
-        return Sample(rng.uniform(-1.5, 1.5, (d, lanes)), *split(rng, 1e-3, 0.2, lanes))
-
-    return sample
 
 
 def _about_the_zero(rng: np.random.Generator, lanes: int) -> Sample:
@@ -84,7 +69,7 @@ def _nearly_skew(skewness: float, text: str, expected: str) -> HardCase:
         reason=f"B with a symmetric part of {text}",
         expected=expected,
         data=_PLANE,
-        sample=_ordinary(2),
+        sample=box(2, 1e-3, 0.2),
         laws=(),
         structure=_tilted(skewness),
         skewness=skewness,
@@ -105,7 +90,7 @@ CASES = (
         reason="B = 0",
         expected="y1 = y0 to the bit",
         data=_NOTHING,
-        sample=_ordinary(3),
+        sample=box(3, 1e-3, 0.2),
         laws=("energy", "symmetry", "reference"),
     ),
     HardCase(
@@ -113,7 +98,7 @@ CASES = (
         reason="B of rank 2 in six dimensions: four components are Casimirs",
         expected="solved; four components do not move at all",
         data=_RANK_2,
-        sample=_ordinary(6),
+        sample=box(6, 1e-3, 0.2),
         laws=("energy", "casimir", "symmetry"),
     ),
     HardCase(
@@ -135,7 +120,7 @@ CASES = (
         reason="d = 1: the only skew B is 0",
         expected="y1 = y0 to the bit",
         data=_LINE,
-        sample=_ordinary(1),
+        sample=box(1, 1e-3, 0.2),
         laws=("energy", "symmetry", "reference"),
     ),
 )

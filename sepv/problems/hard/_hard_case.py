@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from sepv.problem import Array, Description, Problem
-from sepv.record import Polynomial
-from sepv.record import _polynomial as poly
 
 # Names of `sepv.solve.Status`: the ways in which a step without a solution may be refused. Which of them
 # it is depends on where the iteration happens to be when it gives up.
@@ -63,8 +61,6 @@ class HardCase:
     @cached_property
     def problem(self) -> Problem:
         """The problem of every step of the family."""
-        from dataclasses import replace
-
         from sepv.problems import build
 
         problem = build(self.data)
@@ -91,28 +87,13 @@ def split(
     return h, (sizes(rng, low, high, (1, lanes)) - h) / c
 
 
-def terms(dimension: int, coefficients: Mapping[Any, float]) -> Polynomial:
-    """Σ coefficients[e] Π y_i^e_i."""
-    return poly.polynomial(dimension, coefficients)
+def box(d: int, low: float, high: float) -> Callable[[np.random.Generator, int], Sample]:
+    """States in ±1.5, and Δ as in `split`."""
 
+    def sample(rng: np.random.Generator, lanes: int) -> Sample:
+        return Sample(rng.uniform(-1.5, 1.5, (d, lanes)), *split(rng, low, high, lanes))
 
-def canonical(dimension: int) -> tuple[tuple[int, int, Polynomial], ...]:
-    """B = J⁻¹ for y = (p, q), equation (1.2)."""
-    n = dimension // 2
-    return tuple((k, n + k, poly.constant(dimension, -1.0)) for k in range(n))
-
-
-def hat(factor: Polynomial | None = None) -> tuple[tuple[int, int, Polynomial], ...]:
-    """B = factor · hat(y), d = 3: |y|² is a Casimir."""
-    entries = ((0, 1, 2, -1.0), (0, 2, 1, 1.0), (1, 2, 0, -1.0))
-    g = poly.constant(3, 1.0) if factor is None else factor
-    return tuple((i, j, poly.multiply(g, poly.scale(s, poly.variable(3, k)))) for i, j, k, s in entries)
-
-
-def squares(weights: tuple[float, ...]) -> Polynomial:
-    """½ Σ w_i y_i²."""
-    d = len(weights)
-    return terms(d, {tuple(2 * int(i == k) for i in range(d)): 0.5 * w for k, w in enumerate(weights)})
+    return sample
 
 
 UNIT3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

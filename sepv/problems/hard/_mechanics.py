@@ -5,20 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from sepv.problem import NamedProblem, PolynomialSystem
-from sepv.problems.hard._hard_case import REFUSALS, HardCase, Sample, canonical, sizes, split, terms
+from sepv.problems._canonical import canonical
+from sepv.problems.hard._hard_case import REFUSALS, HardCase, Sample, sizes, split
+from sepv.record._polynomial import add, polynomial, squares
 
 _SPREAD = (1e-3, 1.0, 1e3)
 _HENON = PolynomialSystem(
-    4,
-    terms(
-        4,
-        {
-            (2, 0, 0, 0): 0.5, (0, 2, 0, 0): 0.5, (0, 0, 2, 0): 0.5, (0, 0, 0, 2): 0.5,
-            (0, 0, 2, 1): 1.0, (0, 0, 0, 3): -1 / 3,
-        },
-    ),
-    canonical(4),
-)  # fmt: skip
+    4, add(squares((1.0,) * 4), polynomial(4, {(0, 0, 2, 1): 1.0, (0, 0, 0, 3): -1 / 3})), canonical(4)
+)
 
 
 def _rigid(inertia: tuple[float, float, float]) -> NamedProblem:

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import comb
 
 import numpy as np
 
 from sepv.problem import PolynomialSystem
-from sepv.problems.hard._hard_case import HardCase, Sample, canonical, sizes, split, squares, terms
+from sepv.problems._canonical import canonical
+from sepv.problems.hard._hard_case import HardCase, Sample, box, sizes, split
+from sepv.record._polynomial import polynomial, squares
 
 # ½p² + (q − 1)^10, expanded: coefficients up to 252 that cancel to nothing at q = 1.
-_CANCELLING = terms(2, {(2, 0): 0.5, **{(0, k): float((-1) ** k * comb(10, k)) for k in range(11)}})
-_CONSTANT = terms(2, {(0, 0): 2.0**60, (2, 0): 0.5, (0, 4): 0.25})
-_MIXED = terms(
+_CANCELLING = polynomial(2, {(2, 0): 0.5, **{(0, k): float((-1) ** k * comb(10, k)) for k in range(11)}})
+_CONSTANT = polynomial(2, {(0, 0): 2.0**60, (2, 0): 0.5, (0, 4): 0.25})
+_MIXED = polynomial(
     4, {(2, 0, 0, 0): 5e7, (0, 0, 2, 0): 5e7, (0, 2, 0, 0): 5e-9, (0, 0, 0, 4): 2.5e-9, (0, 1, 0, 1): 1e-8}
 )
 _FREQUENCIES = (1.0, 1e2, 1e4, 1e6)
-_SEXTIC = terms(2, {(6, 0): 0.25, (0, 6): 0.25, (2, 0): 0.5})
+_SEXTIC = polynomial(2, {(6, 0): 0.25, (0, 6): 0.25, (2, 0): 0.5})
 _FLAT = squares((1.0, 1.0))
 
 
@@ -28,20 +29,9 @@ def _near_one(rng: np.random.Generator, lanes: int) -> Sample:
     )
 
 
-def _ordinary(d: int, largest: float) -> Callable[[np.random.Generator, int], Sample]:
-    def sample(rng: np.random.Generator, lanes: int) -> Sample:
-        return Sample(rng.uniform(-1.5, 1.5, (d, lanes)), *split(rng, 1e-3, largest, lanes))
-
-    return sample
-
-
 def _mixed(rng: np.random.Generator, lanes: int) -> Sample:
     """The fast pair turns up to five times a step."""
     return Sample(sizes(rng, 1e-2, 1.5, (4, lanes)), *split(rng, 1e-10, 3e-7, lanes))
-
-
-def _stiff(rng: np.random.Generator, lanes: int) -> Sample:
-    return Sample(rng.uniform(-1.5, 1.5, (8, lanes)), *split(rng, 1e-4, 1.0, lanes))
 
 
 def _enormous(rng: np.random.Generator, lanes: int) -> Sample:
@@ -67,7 +57,7 @@ CASES = (
         reason="H = 2^60 + …: binary64 cannot see any defect of H below 256",
         expected="solved; only H in extended precision shows the defect",
         data=PolynomialSystem(2, _CONSTANT, canonical(2)),
-        sample=_ordinary(2, 0.3),
+        sample=box(2, 1e-3, 0.3),
         laws=("energy", "symmetry", "reference"),
     ),
     HardCase(
@@ -82,7 +72,7 @@ CASES = (
         reason="frequencies 1 to 10^6, |Δ| up to 10^6 periods",
         expected="solved in an iteration or two: the equation is linear, its matrix of condition |Δ| 10^6",
         data=PolynomialSystem(8, squares((*_FREQUENCIES, *_FREQUENCIES)), canonical(8)),
-        sample=_stiff,
+        sample=box(8, 1e-4, 1.0),
         laws=("energy", "midpoint"),
     ),
     HardCase(

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from sepv.problem import NamedProblem, PolynomialSystem
-from sepv.problems.hard._hard_case import UNIT3, HardCase, Sample, canonical, hat, sizes, squares, terms
+from sepv.problems._canonical import canonical, hat
+from sepv.problems.hard._hard_case import UNIT3, HardCase, Sample, sizes
+from sepv.record._polynomial import polynomial, squares
 
-_QUARTIC = terms(2, {(2, 0): 0.5, (0, 4): 0.25, (0, 2): -0.5, (1, 3): 0.125})
+_QUARTIC = polynomial(2, {(2, 0): 0.5, (0, 4): 0.25, (0, 2): -0.5, (1, 3): 0.125})
 _TOP = PolynomialSystem(3, squares((1.0, 2.0, 3.0)), hat(), (1.0,), (UNIT3,))
 
 

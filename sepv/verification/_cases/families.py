@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 
 from sepv import problems
 from sepv.problem import HamiltoniansProblem, PolynomialSystem, Systems
+from sepv.problem._problem import Matrix, Structure
+from sepv.problems._canonical import HAT, canonical
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 from sepv.verification.strategies import coefficients, hamiltonians, noises
 
-Row = tuple[float, ...]
 Constants = tuple[tuple[int, int, int, float], ...]
-Structure = tuple[tuple[int, int, Polynomial], ...]
 
 
 @st.composite
@@ -31,8 +31,7 @@ def canonical_separable(draw: st.DrawFn, *, pairs: int = 3, degree: int = 6) -> 
     n = draw(st.integers(1, pairs))
     kinetic = _placed(draw(hamiltonians(n, 4 if draw(st.booleans()) else 2, least=2)), 2 * n, 0)
     potential = _placed(draw(hamiltonians(n, degree)), 2 * n, n)
-    B = tuple((k, n + k, poly.constant(2 * n, -1.0)) for k in range(n))
-    return PolynomialSystem(2 * n, poly.add(kinetic, potential), B, draw(noises()))
+    return PolynomialSystem(2 * n, poly.add(kinetic, potential), canonical(2 * n), draw(noises()))
 
 
 def _placed(p: Polynomial, dimension: int, first: int) -> Polynomial:
@@ -42,9 +41,8 @@ def _placed(p: Polynomial, dimension: int, first: int) -> Polynomial:
 
 
 # Structure constants {y_i, y_j} = Σ_k c y_k as (i, j, k, c), quadratic Casimirs as diagonals or entries, linear ones.
-_ALGEBRAS: dict[str, tuple[int, Constants, tuple[dict[tuple[int, int], float], ...], tuple[Row, ...]]] = {
-    "so(3)": (3, ((0, 1, 2, -1.0), (0, 2, 1, 1.0), (1, 2, 0, -1.0)),
-              ({(0, 0): 1.0, (1, 1): 1.0, (2, 2): 1.0},), ()),
+_ALGEBRAS: dict[str, tuple[int, Constants, tuple[dict[tuple[int, int], float], ...], Matrix]] = {
+    "so(3)": (3, HAT, ({(0, 0): 1.0, (1, 1): 1.0, (2, 2): 1.0},), ()),
     "sl(2)": (3, ((0, 1, 2, 1.0), (0, 2, 1, 1.0), (1, 2, 0, -1.0)),
               ({(0, 0): 1.0, (1, 1): 1.0, (2, 2): -1.0},), ()),
     "e(2)": (3, ((0, 1, 2, 1.0), (0, 2, 1, -1.0)), ({(1, 1): 1.0, (2, 2): 1.0},), ()),
@@ -55,9 +53,7 @@ _ALGEBRAS: dict[str, tuple[int, Constants, tuple[dict[tuple[int, int], float], .
 }  # fmt: skip
 
 
-def algebra(
-    name: str,
-) -> tuple[int, Structure, tuple[tuple[Row, ...], ...], tuple[Row, ...]]:
+def algebra(name: str) -> tuple[int, Structure, tuple[Matrix, ...], Matrix]:
     """(d, B(y) linear in y, quadratic Casimirs, linear Casimirs) of a Lie algebra of `_ALGEBRAS`."""
     d, constants, quadratic, linear = _ALGEBRAS[name]
     B = tuple((i, j, poly.scale(c, poly.variable(d, k))) for i, j, k, c in constants)
@@ -80,8 +76,7 @@ def rigid_bodies(draw: st.DrawFn) -> PolynomialSystem:
     """§4.2 with random moments of inertia: H = ½ Σ w_k y_k², w_k = 1/I_k in eighths. Examples shrink towards w = 1."""
     d, B, quadratic, linear = algebra("so(3)")
     weights = [draw(st.sampled_from([8, 4, 6, 10, 12, 16, 20, 24])) / 8 for _ in range(d)]
-    H = poly.polynomial(d, {tuple(2 * int(i == k) for i in range(d)): w / 2 for k, w in enumerate(weights)})
-    return PolynomialSystem(d, H, B, draw(noises()), quadratic, linear)
+    return PolynomialSystem(d, poly.squares(weights), B, draw(noises()), quadratic, linear)
 
 
 def general(system: PolynomialSystem) -> bool:
@@ -105,22 +100,13 @@ def so3_hamiltonians(draw: st.DrawFn, *, degree: int = 4) -> PolynomialSystem:
 def separable_hamiltonians(draw: st.DrawFn, *, pairs: int = 2, degree: int = 4) -> PolynomialSystem:
     """H_0 = ½ Σ w_k p_k² + V(q), B = J⁻¹ and H_j = −Σ_k σ_jk q_k. Examples shrink towards the oscillator, pushed."""
     n = draw(st.integers(1, pairs))
-    kinetic = [
-        (tuple(2 * int(i == k) for i in range(2 * n)), draw(st.sampled_from([0.5, 0.25, 1.0])))
-        for k in range(n)
-    ]
+    kinetic = poly.squares([draw(st.sampled_from([1.0, 0.5, 2.0])) for _ in range(n)] + [0.0] * n)
     potential = _placed(draw(hamiltonians(n, degree)), 2 * n, n)
-    B = tuple((k, n + k, poly.constant(2 * n, -1.0)) for k in range(n))
     c = draw(noises(least=1, most=2).filter(all))
     pushes = [draw(st.lists(coefficients(), min_size=n, max_size=n)) for _ in c]
-    others = tuple(
-        poly.polynomial(
-            2 * n, [(tuple(int(i == n + k) for i in range(2 * n)), -s) for k, s in enumerate(row)]
-        )
-        for row in pushes
-    )
-    H = poly.add(poly.polynomial(2 * n, kinetic), potential)
-    return PolynomialSystem(2 * n, H, B, c, noise_hamiltonians=others)
+    others = tuple(poly.linear([0.0] * n + [-s for s in row]) for row in pushes)
+    H = poly.add(kinetic, potential)
+    return PolynomialSystem(2 * n, H, canonical(2 * n), c, noise_hamiltonians=others)
 
 
 # name: (what it is, the strategy, problems for the laws about many steps)

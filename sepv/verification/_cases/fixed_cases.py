@@ -14,6 +14,8 @@ import numpy as np
 
 from sepv import problems
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
+from sepv.problems._canonical import hat, planes
+from sepv.problems.hard._hard_case import UNIT3
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 from sepv.verification._cases.case import Case
@@ -80,29 +82,19 @@ def _is_constant(problem: Problem, points: Array) -> bool:
 def _polynomial() -> list[Case]:
     found = []
     for degree in (5, 6):
-        flat = PolynomialSystem(2, _dominated(2, degree), ((0, 1, poly.constant(2, -1.0)),), (1.0,))
-        x = [poly.variable(3, k) for k in range(3)]
-        hat = tuple(
-            (i, j, poly.scale(sign, x[k]))
-            for i, j, k, sign in ((0, 1, 2, -1.0), (0, 2, 1, 1.0), (1, 2, 0, -1.0))
-        )
-        sphere = PolynomialSystem(3, _dominated(3, degree), hat, (1.0, 0.5), (_IDENTITY,))
+        flat = PolynomialSystem(2, _dominated(2, degree), planes(2), (1.0,))
+        sphere = PolynomialSystem(3, _dominated(3, degree), hat(), (1.0, 0.5), (UNIT3,))
         found += [_longest(flat, (1.0, 0.75)), _longest(sphere, (1.0, 0.75, -0.5))]
     # Two uncoupled pairs, the second at rest: a guess that is not zero there is still to be seen in the answer.
-    pairs = ((0, 1, poly.constant(4, -1.0)), (2, 3, poly.constant(4, -1.0)))
-    found.append(_longest(PolynomialSystem(4, _dominated(4, 6), pairs, (1.0,)), (1.0, 0.75, 0.0, 0.0)))
+    found.append(_longest(PolynomialSystem(4, _dominated(4, 6), planes(4), (1.0,)), (1.0, 0.75, 0.0, 0.0)))
     return [case for pair in found for case in pair]
-
-
-_IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def _dominated(d: int, degree: int) -> Polynomial:
     """H = ½|y|² + ½ y1^n − ¼ y1 y2^(n−1), n the degree."""
-    squares = [poly.polynomial(d, {tuple(2 * int(i == k) for i in range(d)): 0.5}) for k in range(d)]
     first = (degree, *(0,) * (d - 1))
     mixed = (1, degree - 1, *(0,) * (d - 2))
-    return poly.add(*squares, poly.polynomial(d, {first: 0.5, mixed: -0.25}))
+    return poly.add(poly.squares((1.0,) * d), poly.polynomial(d, {first: 0.5, mixed: -0.25}))
 
 
 def _degrees() -> list[Case]:
@@ -113,9 +105,8 @@ def _degrees() -> list[Case]:
     """
     found = []
     for degree in (3, 4, 5, 6, 7, 8, 9, 10, _OPAQUE):
-        terms: dict[tuple[int, ...], float] = {(degree, 0): 1.0, (0, 1): 1.0}
-        H = poly.polynomial(2, terms)
-        driven = PolynomialSystem(2, H, ((0, 1, poly.constant(2, -1.0)),), (1.0,))
+        H = poly.polynomial(2, {(degree, 0): 1.0, (0, 1): 1.0})
+        driven = PolynomialSystem(2, H, planes(2), (1.0,))
         given = "bare functions" if degree == _OPAQUE else "data"
         found += [replace(case, given=given) for case in _longest(driven, (0.25, 1.0))]
     return found

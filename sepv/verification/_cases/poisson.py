@@ -14,12 +14,12 @@ from itertools import combinations
 from hypothesis import strategies as st
 
 from sepv.problem import PolynomialSystem
+from sepv.problems._canonical import planes
 from sepv.record import _polynomial as poly
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.families import lie_poisson
 from sepv.verification._cases.structures import nambu_systems
 from sepv.verification.strategies import (
-    canonical,
     coefficients,
     halved,
     hamiltonians,
@@ -35,7 +35,7 @@ from sepv.verification.strategies import (
 def constant_structures(draw: st.DrawFn) -> PolynomialSystem:
     """Constant skew B of dimension 2 to 6, canonical or any. Examples shrink towards the oscillator."""
     d = draw(st.integers(2, 6))
-    B = canonical(d) if draw(st.booleans()) else draw(skew_structures(d, 0))
+    B = planes(d) if draw(st.booleans()) else draw(skew_structures(d, 0))
     return PolynomialSystem(d, draw(hamiltonians(d, 6)), B, draw(noises()))
 
 

@@ -17,11 +17,11 @@ import numpy as np
 
 from sepv import problems
 from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, vector_field
+from sepv.problem._problem import Matrix
 from sepv.record import _polynomial as poly
 from sepv.record._polynomial import Exponents
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.random_parts import (
-    Matrix,
     coefficient,
     contracted,
     exponents_of,
@@ -210,10 +210,8 @@ def _at_rest_monomials(d: int, n: int, terms: int, random: Random) -> tuple[set[
 def at_origin(share: float, levels: Levels, random: Random, _attempt: int) -> Case:
     """y = 0, with all terms that the field and its slope need there; h and the noise are `share` of the radius."""
     d, n, terms = sizes(levels, random)
-    every = [tuple(int(i == k) for i in range(d)) for k in range(d)]
-    linear = poly.polynomial(d, [(e, coefficient(random)) for e in every])
-    square = poly.polynomial(d, [(tuple(2 * k for k in e), 0.5) for e in every])
-    H = poly.add(linear, square, hamiltonian(d, n, terms, 1.0, random))
+    linear = poly.linear([coefficient(random) for _ in range(d)])
+    H = poly.add(linear, poly.squares((1.0,) * d), hamiltonian(d, n, terms, 1.0, random))
     degree = integer(levels["degree of B"], random)
     B = []
     for i, j in combinations(range(d), 2):

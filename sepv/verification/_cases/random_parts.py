@@ -14,17 +14,17 @@ from random import Random
 
 import numpy as np
 
+from sepv.problem._problem import Matrix, Structure
+from sepv.problems._canonical import planes
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 from sepv.record._polynomial import Exponents
 from sepv.verification._cases.strata import Levels, Stratum, monomials
 from sepv.verification.strategies import linear_forms
 
-Entries = tuple[tuple[int, int, Polynomial], ...]
-Matrix = tuple[tuple[float, ...], ...]
 # Above it a table of all monomials is not worth making.
 FEW = 300
-# Entries of B above the diagonal, for large d: its derivatives are d³ polynomials.
+# Structure of B above the diagonal, for large d: its derivatives are d³ polynomials.
 MOST_ENTRIES = 8
 # The share of states and of components of a state that are something other than generic.
 SOMETIMES = 1 / 8
@@ -94,13 +94,8 @@ def exponents_of(d: int, chosen: Sequence[int]) -> Exponents:
 
 def hamiltonian(d: int, n: int, terms: int, unit: float, random: Random, *, least: int = 1) -> Polynomial:
     """A polynomial of degree n with so many terms, the coefficient of each divided by unit^degree."""
-    return poly.polynomial(
-        d,
-        [
-            (e, coefficient(random) * unit ** -sum(e))
-            for e in some_monomials(d, n, terms, random, least=least)
-        ],
-    )
+    chosen = some_monomials(d, n, terms, random, least=least)
+    return poly.polynomial(d, [(e, coefficient(random) * unit ** -sum(e)) for e in chosen])
 
 
 def scalar(d: int, degree: Stratum, unit: float, random: Random) -> Polynomial:
@@ -122,16 +117,13 @@ def noise(m: Stratum, random: Random) -> tuple[float, ...]:
     return c if count else ()
 
 
-def skew(d: int, degree: Stratum, unit: float, random: Random) -> Entries:
+def skew(d: int, degree: Stratum, unit: float, random: Random) -> Structure:
     """Any skew B of this degree; for degree 0 half of them canonical."""
     if degree.high == 0 and random.random() < 0.5:
-        return tuple((2 * k, 2 * k + 1, poly.constant(d, -1.0)) for k in range(d // 2))
+        return planes(d)
     pairs = list(combinations(range(d), 2))
-    chosen = sorted(
-        random.sample(
-            pairs, random.randint(min(d - 1, len(pairs)), min(len(pairs), max(d - 1, MOST_ENTRIES)))
-        )
-    )
+    count = random.randint(min(d - 1, len(pairs)), min(len(pairs), max(d - 1, MOST_ENTRIES)))
+    chosen = sorted(random.sample(pairs, count))
     n = integer(degree, random)
     entries = []
     for place, (i, j) in enumerate(chosen):
@@ -146,7 +138,7 @@ def skew(d: int, degree: Stratum, unit: float, random: Random) -> Entries:
 
 def structure(
     casimirs: str, d: int, degree: Stratum, unit: float, random: Random
-) -> tuple[Entries, tuple[Matrix, ...], tuple[tuple[float, ...], ...]]:
+) -> tuple[Structure, tuple[Matrix, ...], Matrix]:
     """B, its quadratic and its linear Casimirs.
 
     B_ij = g Σ T_ijk… v_k … with T totally antisymmetric and v = Ay for yᵀAy, v = b for bᵀy; or a B that leaves one
@@ -163,7 +155,7 @@ def structure(
             for i, j, e in skew(d - 1, degree, unit, random)
         )
         return B, (tuple(tuple(float(i == j == left) for j in range(d)) for i in range(d)),), ()
-    contraction: Entries = ()
+    contraction: Structure = ()
     while not contraction:
         matrices = tuple(symmetric(d, random) for _ in range(quadratic))
         vectors = tuple(vector(d, random) for _ in range((2 if casimirs == "two" else 1) - quadratic))
@@ -172,18 +164,15 @@ def structure(
     return times(scalar(d, less(degree, quadratic), unit, random), contraction), matrices, vectors
 
 
-def times(factor: Polynomial, entries: Entries) -> Entries:
+def times(factor: Polynomial, entries: Structure) -> Structure:
     """Each entry multiplied."""
     return tuple((i, j, poly.multiply(factor, e)) for i, j, e in entries)
 
 
 def symmetric(d: int, random: Random) -> Matrix:
     """The identity, or a symmetric matrix of small integers."""
-    A = (
-        np.diag([random.choice([1.0, 1.0, 2.0, -1.0]) for _ in range(d)])
-        if random.random() < 0.5
-        else np.eye(d)
-    )
+    some = random.random() < 0.5
+    A = np.diag([random.choice([1.0, 1.0, 2.0, -1.0]) if some else 1.0 for _ in range(d)])
     for _ in range(random.randint(0, 2)):
         i, j = random.randrange(d), random.randrange(d)
         A[i, j] = A[j, i] = random.choice([1.0, -1.0, 2.0])
@@ -197,7 +186,7 @@ def vector(d: int, random: Random) -> tuple[float, ...]:
     return tuple(b)
 
 
-def contracted(d: int, forms: list[list[Polynomial]], random: Random) -> Entries:
+def contracted(d: int, forms: list[list[Polynomial]], random: Random) -> Structure:
     """B_ij = Σ T_ijk… v_k … for a random totally antisymmetric T with a few entries; nothing where the forms depend."""
     rank = 2 + len(forms)
     entries: dict[tuple[int, int], list[Polynomial]] = {}

@@ -15,12 +15,11 @@ import numpy as np
 from sepv import problems
 from sepv.errors import SepvError
 from sepv.problem import PolynomialSystem
+from sepv.problem._problem import Structure
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 from sepv.verification._cases.case import Case
 from sepv.verification._contraction import contraction_radius
-
-Entries = tuple[tuple[int, int, Polynomial], ...]
 
 
 def shrunk(case: Case, fails: Callable[[Case], bool | None]) -> Case:
@@ -132,7 +131,7 @@ def _simpler(p: Polynomial) -> Iterator[Polynomial]:
                 break
 
 
-def _simpler_structures(B: Entries) -> Iterator[Entries]:
+def _simpler_structures(B: Structure) -> Iterator[Structure]:
     for n, (i, j, entry) in enumerate(B):
         if len(B) > 1:
             yield (*B[:n], *B[n + 1 :])
@@ -159,7 +158,7 @@ def _without(system: PolynomialSystem, k: int) -> PolynomialSystem:
     def restricted(p: Polynomial) -> Polynomial:
         return poly.polynomial(d, [((*e[:k], *e[k + 1 :]), c) for e, c in p.terms if not e[k]])
 
-    def cut(B: Entries) -> Entries:
+    def cut(B: Structure) -> Structure:
         return tuple((i - (i > k), j - (j > k), restricted(e)) for i, j, e in B if k not in (i, j))
 
     def shorter(row: Any) -> Any:
