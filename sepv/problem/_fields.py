@@ -71,7 +71,7 @@ def casimir_gradients(quadratic: Sequence[Any], linear: Sequence[Any], ends: Arr
     ]
 
 
-def slope_along(D: Array, w: Array) -> Array:
+def turned_along(D: Array, w: Array) -> Array:
     """Σ_k D[:, :, k] w_k: B′(y)w, (d, d, ...), for D = ∂B_ij/∂y_k."""
     total = D[:, :, 0] * w[0]
     for k in range(1, len(w)):

@@ -32,7 +32,7 @@ from __future__ import annotations
 import numpy as np
 
 from sepv.problem import Array, Problem, average_gradient
-from sepv.problem._fields import dot, matmul, matvec, slope_along
+from sepv.problem._fields import dot, matmul, matvec, slope_along, turned_along
 from sepv.schemes._one_step import EVERY, Implicit, one_step
 from sepv.solve import Increment
 
@@ -47,7 +47,7 @@ WIDTH = 2.0**-4
 def structure_slope(problem: Problem, y: Array, w: Array, length: Array | float = 1.0) -> Array:
     """B′(y)w (d, d, M): analytic, else by differences along w."""
     if problem.structure_derivative is not None:
-        return slope_along(problem.structure_derivative(y), w)
+        return turned_along(problem.structure_derivative(y), w)
     width, direction, size = _along(y, w, length)
     return np.asarray(slope_along(problem.structure, y, direction, width) * size)
 

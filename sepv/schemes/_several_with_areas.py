@@ -21,7 +21,7 @@ import numpy as np
 
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem, StructuresProblem, average_gradient
-from sepv.problem._fields import hessian, matmul, matvec, slope_along
+from sepv.problem._fields import hessian, matmul, matvec, turned_along
 from sepv.problem._structures import combined
 from sepv.schemes._one_step import each_noise, no_jacobian
 from sepv.schemes._scheme import as_lanes
@@ -38,7 +38,7 @@ def commutator(problem: StructuresProblem, i: int, j: int, y: Array, mean: Array
     curved = hessian(problem, y)
     curved = 0.5 * (curved + np.swapaxes(curved, 0, 1))  # differences are not symmetric
     crossed = matmul(matmul(Gj, curved), Gi)
-    turned = slope_along(Dj, matvec(Gi, mean)) - slope_along(Di, matvec(Gj, mean))
+    turned = turned_along(Dj, matvec(Gi, mean)) - turned_along(Di, matvec(Gj, mean))
     return turned + crossed - np.swapaxes(crossed, 0, 1)
 
 
