@@ -8,10 +8,10 @@ that one program serves every problem of a size. No library is imported here: a 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache, reduce
-from operator import add
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -21,9 +21,12 @@ from sepv.peers._multistep import PathSolver
 from sepv.peers._padded_batches import in_blocks
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
 from sepv.problem._hamiltonians import is_several
+from sepv.problems import PAPER, build
 from sepv.problems._polynomial_system import structure_entries
-from sepv.record import Polynomial
+from sepv.record import Polynomial, Tape, gradient
 from sepv.record import _polynomial as poly
+from sepv.record._arrays import source
+from sepv.record._functions import FUNCTIONS
 from sepv.schemes import load_problem
 
 __all__ = ["Formulas", "PathSolver", "field_in", "in_blocks", "pose"]
@@ -44,45 +47,47 @@ class Formulas:
         A problem's name, or "polynomial".
     powers : int
         At least the largest exponent of a polynomial problem.
+    texts : tuple of str
+        Else, the records of B, ∇H, H and f as code.
     """
 
     kind: str
     powers: int = 0
+    texts: tuple[str, ...] = ()
 
     def structure(self, xp: Any, numbers: Any, y: Any) -> Any:
         """B(y), of shape (d, d, ...)."""
-        if self.kind == "polynomial":
-            d = y.shape[0]
-            return self.values(xp, numbers, y, 0, d * d).reshape((d, d, *y.shape[1:]))
-        B, d = _NAMED[self.kind].structure(numbers, y), y.shape[0]
-        zero = xp.zeros_like(y[0])
-        table = [[_entry(B, i, j, zero) + zero for j in range(d)] for i in range(d)]
-        return xp.stack([xp.stack(row) for row in table])
+        d = y.shape[0]
+        entries = self._recorded(0, xp, numbers, y) if self.texts else self.values(xp, numbers, y, 0, d * d)
+        return entries.reshape((d, d, *y.shape[1:]))
 
     def gradient(self, xp: Any, numbers: Any, y: Any) -> Any:
         """∇H(y), of shape (d, ...)."""
-        if self.kind == "polynomial":
-            d = y.shape[0]
-            return self.values(xp, numbers, y, d * d, d * d + d)
-        return xp.stack(_NAMED[self.kind].gradient(xp, numbers, y))
+        if self.texts:
+            return self._recorded(1, xp, numbers, y)
+        d = y.shape[0]
+        return self.values(xp, numbers, y, d * d, d * d + d)
 
     def hamiltonian(self, xp: Any, numbers: Any, y: Any) -> Any:
         """H(y), of shape (...)."""
-        if self.kind == "polynomial":
-            d = y.shape[0]
-            return self.values(xp, numbers, y, d * d + d, d * d + d + 1)[0]
-        return _NAMED[self.kind].hamiltonian(xp, numbers, y)
+        if self.texts:
+            return self._recorded(2, xp, numbers, y)[0]
+        d = y.shape[0]
+        return self.values(xp, numbers, y, d * d + d, d * d + d + 1)[0]
 
     def field(self, xp: Any, numbers: Any, y: Any) -> Any:
         """f(y) = B(y)∇H(y), of shape (d, ...); entries of B that vanish everywhere cost nothing."""
+        if self.texts:
+            return self._recorded(3, xp, numbers, y)
         d = y.shape[0]
-        if self.kind == "polynomial":
-            both = self.values(xp, numbers, y, 0, d * d + d)
-            B = both[: d * d].reshape((d, d, *y.shape[1:]))
-            return xp.einsum("ij...,j...->i...", B, both[d * d :])
-        B, g = _NAMED[self.kind].structure(numbers, y), _NAMED[self.kind].gradient(xp, numbers, y)
-        pairs = [[(_entry(B, i, j, None), g[j]) for j in range(d)] for i in range(d)]
-        return xp.stack([reduce(add, [b * slope for b, slope in row if b is not None]) for row in pairs])
+        both = self.values(xp, numbers, y, 0, d * d + d)
+        B = both[: d * d].reshape((d, d, *y.shape[1:]))
+        return xp.einsum("ij...,j...->i...", B, both[d * d :])
+
+    def _recorded(self, which: int, xp: Any, numbers: Any, y: Any) -> Any:
+        """The components of one of the records; of those that are constant, too, one for each state."""
+        found, zero = _compiled(xp, self.texts[which])(y, numbers[which]), xp.zeros_like(y[0])
+        return xp.stack([v if getattr(v, "shape", None) == zero.shape else zero + v for v in found])
 
     def values(self, xp: Any, numbers: Any, y: Any, first: int, last: int) -> Any:
         """Rows of the table of polynomials at y."""
@@ -119,11 +124,11 @@ def pose(problem: str | Problem, *, padded: bool = True) -> tuple[Formulas, tupl
     --------
     >>> import numpy as np
     >>> formulas, numbers = pose("rigid-body")
-    >>> float(formulas.hamiltonian(np, numbers, numbers[0]))  # H at y = (I1, I2, I3)
-    0.999
+    >>> float(formulas.hamiltonian(np, numbers, np.array([0.0, 0.0, 2.0])))  # y₃²/2I₃ with I₃ = 1
+    2.0
     """
     found = load_problem(problem)
-    known = isinstance(found.data, PolynomialSystem) or getattr(found.data, "name", "") in _NAMED
+    known = isinstance(found.data, PolynomialSystem) or getattr(found.data, "name", "") in PAPER
     if found.data is None or not known or is_several(found):
         raise Skipped(
             f"{found.name} is not (1.1) given as data, and no other library can run NumPy functions: write it with "
@@ -158,8 +163,13 @@ def field_in(xp: Any, problem: str | Problem) -> Callable[[Any], Any]:
 @lru_cache(maxsize=256)
 def _pose(data: PolynomialSystem | NamedProblem, padded: bool) -> tuple[Formulas, tuple[Array, ...]]:
     if isinstance(data, NamedProblem):
-        given = dict(data.parameters)
-        return Formulas(data.name), tuple(np.array(given[key]) for key in _NAMED[data.name].parameters)
+        problem, y = build(data), Tape().vector(build(data).dimension)
+        B, H = problem.structure(y), problem.hamiltonian(y)
+        g = gradient(H, y)
+        records = [source([y], outputs) for outputs in (B, g, [H], B @ g)]
+        return Formulas(data.name, texts=tuple(r.text for r in records)), tuple(
+            np.array(r.parameters) for r in records
+        )
     entries = [entry for row in structure_entries(data) for entry in row]
     rows = [*entries, *poly.gradient(data.hamiltonian), data.hamiltonian]
     monomials = sorted({e for p in rows for e, _ in p.terms}) or [(0,) * data.dimension]
@@ -167,6 +177,16 @@ def _pose(data: PolynomialSystem | NamedProblem, padded: bool) -> tuple[Formulas
     if padded:
         powers, count = size(powers, LEAST_POWER), size(count, LEAST_TERMS)
     return Formulas("polynomial", powers), table(data.dimension, rows, monomials, count)
+
+
+@lru_cache(maxsize=64)
+def _compiled(xp: Any, text: str) -> Callable[..., tuple[Any, ...]]:
+    """A record as a function of (y, parameters) in the namespace."""
+    namespace: dict[str, Any] = {n: getattr(xp, n, None) for n in (*FUNCTIONS, "where", "logical_not")}
+    namespace |= {"power": pow, "inf": math.inf}
+    exec(compile(text, "<record>", "exec"), namespace)
+    function: Callable[..., tuple[Any, ...]] = namespace["evaluate"]
+    return function
 
 
 def size(needed: int, least: int) -> int:
@@ -189,69 +209,3 @@ def table(
         for e, c in p.terms:
             coefficients[r, index[e]] = c
     return exponents, coefficients
-
-
-Entries = Mapping[tuple[int, int], Any]
-
-
-@dataclass(frozen=True)
-class _Named:
-    """One of the paper's problems: its parameters' names, B above the diagonal (numbers, y), ∇H and H."""
-
-    parameters: tuple[str, ...]
-    structure: Callable[[Any, Any], Entries]
-    gradient: Callable[[Any, Any, Any], list[Any]]
-    hamiltonian: Callable[[Any, Any, Any], Any]
-
-
-def _entry(B: Entries, i: int, j: int, nothing: Any) -> Any:
-    if (j, i) in B:
-        return -B[j, i]
-    return B.get((i, j), nothing)
-
-
-def _lotka_volterra(numbers: Any) -> list[Any]:
-    return [value[0] for value in numbers]
-
-
-def _lotka_volterra_structure(numbers: Any, y: Any) -> Entries:
-    _a, b, d, _nu, _mu = _lotka_volterra(numbers)
-    return {(0, 1): d * y[0] * y[1], (0, 2): b * d * y[0] * y[2], (1, 2): -y[1] * y[2]}
-
-
-def _lotka_volterra_gradient(xp: Any, numbers: Any, y: Any) -> list[Any]:
-    a, b, _d, nu, mu = _lotka_volterra(numbers)
-    return [a * b * xp.ones_like(y[0]), 1 + nu / y[1], -a - mu / y[2]]
-
-
-def _lotka_volterra_energy(xp: Any, numbers: Any, y: Any) -> Any:
-    a, b, _d, nu, mu = _lotka_volterra(numbers)
-    return a * b * y[0] + y[1] - a * y[2] + nu * xp.log(y[1]) - mu * xp.log(y[2])
-
-
-_NAMED = {
-    "harmonic-oscillator": _Named(
-        (),
-        lambda _numbers, _y: {(0, 1): -1.0},
-        lambda _xp, _numbers, y: [y[0], y[1]],
-        lambda _xp, _numbers, y: 0.5 * (y[0] * y[0] + y[1] * y[1]),
-    ),
-    "pendulum": _Named(
-        (),
-        lambda _numbers, _y: {(0, 1): -1.0},
-        lambda xp, _numbers, y: [y[0], xp.sin(y[1])],
-        lambda xp, _numbers, y: 0.5 * y[0] * y[0] - xp.cos(y[1]),
-    ),
-    "rigid-body": _Named(
-        ("inertia",),
-        lambda _numbers, y: {(0, 1): -y[2], (0, 2): y[1], (1, 2): -y[0]},
-        lambda _xp, numbers, y: [y[i] / numbers[0][i] for i in range(3)],
-        lambda _xp, numbers, y: 0.5 * reduce(add, [y[i] * y[i] / numbers[0][i] for i in range(3)]),
-    ),
-    "lotka-volterra": _Named(
-        ("a", "b", "d", "nu", "mu"),
-        _lotka_volterra_structure,
-        _lotka_volterra_gradient,
-        _lotka_volterra_energy,
-    ),
-}
