@@ -36,6 +36,7 @@ from sepv.verification import Effort, Finding, Law, Verdict, energy_ulp, require
 from sepv.verification._cases.case_of_law import NOT_OF_HAMILTONIANS
 from sepv.verification._cases.from_problem import describe, reach
 from sepv.verification._cases.users_problems import problems_of
+from sepv.verification._failed_step import failed_step
 from sepv.verification._tolerance import rounding_walk
 
 PATHS = 60
@@ -70,19 +71,19 @@ def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
     for problem, h, usual in runs_for(scheme):
         label, steps = f"{problem.name}, h = {h:g}", usual * deeper
         try:
-            defects, predicted = energy_walk(scheme, problem, h, steps, effort.seed)
+            defects, predicted, failed = energy_walk(scheme, problem, h, steps, effort.seed)
         except Skipped as reason:
             skipped.append(f"{label}: {reason}")
             continue
         alive = np.isfinite(defects[-1])
         if alive.sum() < PATHS // 2:
-            broken.append(f"{label}: {PATHS - alive.sum()} of {PATHS} paths failed")
+            broken.append(f"{label}: {PATHS - alive.sum()} of {PATHS} paths failed; {failed}")
             continue
         checks += int(alive.sum())
         found = judge(defects[:, alive], predicted, scheme.solver_tolerance)
         judged += found
-        failed = "" if alive.all() else f", {PATHS - alive.sum()} paths failed"
-        lines.append(f"{label}, {steps} steps: " + ", ".join(r.text for r in found) + failed)
+        lost = "" if alive.all() else f", {PATHS - alive.sum()} paths failed; {failed}"
+        lines.append(f"{label}, {steps} steps: " + ", ".join(r.text for r in found) + lost)
     if not judged and not broken:
         return law.finding(Verdict.NOT_APPLICABLE, message="\n".join(skipped))
     worst = max(judged, key=lambda r: r.size / r.allowed, default=Judged("", 0.0, 1.0, ""))
@@ -163,10 +164,10 @@ def runs_for(scheme: Scheme) -> list[tuple[Problem, float, int]]:
 
 def energy_walk(
     scheme: Scheme, problem: Problem, h: float, steps: int, seed: int
-) -> tuple[np.ndarray, float]:
+) -> tuple[np.ndarray, float, str]:
     """Signed energy defects in ulp of H (checkpoints, paths), H in extended precision; NaN for failed paths.
 
-    And what rounding alone moves H by in a step, in the same unit.
+    And what rounding alone moves H by in a step, in the same unit; and the first step that failed, in words.
     """
     asked, exact = guarded(scheme), exact_problem(describe(problem), 30)
     raw = wiener.increments(seed, T=h * steps, steps=steps, noises=problem.noises, paths=PATHS)
@@ -175,9 +176,14 @@ def energy_walk(
     y = np.repeat(y0[:, None], PATHS, axis=1)
     H0, unit = exact.hamiltonian(exact.state(y0)), float(energy_ulp(problem, y0, y0))
     rows: list[np.ndarray] = []
-    walks, alive, checkpoint = [], np.arange(PATHS), FIRST
+    walks, alive, checkpoint, failed = [], np.arange(PATHS), FIRST, ""
     for n in range(1, steps + 1):
         value, status, _ = advance(asked, problem, y[:, alive], h, dW[n - 1][:, alive])
+        if not failed and np.any(status != Status.CONVERGED):
+            k = alive[status != Status.CONVERGED][0]
+            failed = f"path {k} of seed {seed} in step {n}, " + failed_step(
+                scheme, problem, y[:, k], h, dW[n - 1][:, k]
+            )
         alive = alive[status == Status.CONVERGED]
         y[:, alive] = value[:, status == Status.CONVERGED]
         if n == checkpoint:
@@ -193,8 +199,8 @@ def energy_walk(
             walks.append(walk if walk < EXPLODED else 0.0)
             checkpoint *= 2
         if not alive.size:
-            return np.full((1, PATHS), np.nan), 0.0
-    return np.array(rows), float(np.sqrt(np.mean(np.square(walks))))
+            return np.full((1, PATHS), np.nan), 0.0, failed
+    return np.array(rows), float(np.sqrt(np.mean(np.square(walks)))), failed
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -76,6 +77,58 @@ def test_a_law_by_quadrature_names_a_state_and_a_step(law: str) -> None:
         # Of Euler's step the mean is f h, of the exact solution f h + ½(Σc²)f′f h + …
         assert np.allclose(came, vector_field(problem, y0) * h, rtol=1e-8)
         assert np.linalg.norm(expected - came) > 0.1 * np.linalg.norm(came)
+
+
+@pytest.mark.parametrize("law", ["mean-square-order", "local-mean"])
+def test_an_effort_that_is_used_again_keeps_the_errors_of_each_scheme_apart(law: str) -> None:
+    """They are found by the identity of the step, which Python gives to the next function when one is gone."""
+    effort, found = Effort(), []
+    for wrong in (False, True, False, True):
+
+        def step(problem: Problem, y: Array, h: float, dW: Array, wrong: bool = wrong) -> Array:
+            return euler(problem, y, h, dW) if wrong else exact_step(problem, y, h, dW)
+
+        found.append(
+            verify(Scheme("own", step, batched=True), laws=[law], effort=effort).finding(law).verdict
+        )
+        del step
+    assert found == [Verdict.HOLDS, Verdict.VIOLATED] * 2
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        ("refuse", "no convergence after 12 iterations"),
+        ("nan", "Received [nan, nan, nan]."),
+        ("divide", "The scheme refused the step by ZeroDivisionError: no inverse"),
+    ],
+)
+@pytest.mark.parametrize("law", ["rounding", "mean-square-order", "weak-order", "local-mean"])
+def test_an_error_names_the_step_its_state_and_what_the_scheme_says(law: str, fault: str, said: str) -> None:
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        if h < 0.02 and abs(dW[0]) < 0.3 * h**0.5:
+            if fault == "refuse":
+                raise sepv.StepFailure("no convergence after 12 iterations")
+            if fault == "divide":
+                raise ZeroDivisionError("no inverse")
+            return np.full_like(y, np.nan)
+        return exact_step(problem, y, h, dW)
+
+    # Takes one state at a time, or its `if` would be about many.
+    found = verify(Scheme("own", step), laws=[law], effort=QUICK).finding(law)
+    assert found.verdict is Verdict.ERROR
+    place = re.search(
+        r"from y0 = \(([^)]+)\) with h = ([\d.e-]+), ΔW = \(([^)]+)\): (.*)", found.message, re.DOTALL
+    )
+    assert place is not None, found.message
+    y0, dW, h = numbers(place[1]), numbers(place[3]), float(place[2])
+    assert said in place[4]
+    if law != "local-mean":
+        assert re.search(r"path \d+ (of seed 0 )?in step \d+", found.message)
+    # What is printed is enough to see it again.
+    errors = {"refuse": sepv.StepFailure, "divide": ZeroDivisionError}
+    with pytest.raises(errors[fault]) if fault in errors else nullcontext():
+        assert np.isnan(step(problems.rigid_body(), y0, h, dW)).all()
 
 
 def test_a_weak_law_names_the_second_moment_where_the_means_agree() -> None:

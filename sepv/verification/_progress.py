@@ -108,7 +108,7 @@ def _bar(shown: Shown, out: Console, done: threading.Event) -> None:
 
 
 # Steps of a law from which on these are most of its time, where a step takes more than some ten microseconds.
-MANY = 5000
+MANY = 10000
 
 
 class Course:

@@ -157,7 +157,8 @@ def sampled(scheme: Scheme, setup: Setup, paths: int, effort: Effort) -> StrongE
     """The errors of the first `paths` paths, computed once for all laws of a run."""
     order = scheme.mean_square_order
     key = (id(scheme.step), scheme.truncation, scheme.increments, order, setup)
-    have: StrongErrors | None = effort.cache.get(key)
+    # The step is kept with its errors, so that its id stays its own: an effort may serve for several schemes.
+    _, have = effort.cache.get(key, (scheme.step, None))
     done = have.squared.shape[1] if have else 0
     if done < paths:
         problem, wanted, asked = setup.build(), range(done, paths), guarded(scheme)
@@ -168,7 +169,7 @@ def sampled(scheme: Scheme, setup: Setup, paths: int, effort: Effort) -> StrongE
         else:
             more = strong_errors(asked, problem, T=setup.T, steps=setup.steps, paths=wanted, seed=effort.seed)
         have = join([have, more]) if have else more
-        effort.cache[key] = have
+        effort.cache[key] = scheme.step, have
     assert have is not None
     return have if any(have.failures) else first(have, paths)  # nothing is judged by paths that failed
 
@@ -323,4 +324,5 @@ def _failures(setup: Setup, errors: StrongErrors) -> str:
 
 
 def _failed(law: Law, setup: Setup, errors: StrongErrors) -> Finding:
-    return law.finding(Verdict.ERROR, checks=errors.squared.shape[1], message=_failures(setup, errors))
+    text = f"{_failures(setup, errors)}\n{errors.failed}".strip()
+    return law.finding(Verdict.ERROR, checks=errors.squared.shape[1], message=text)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from sepv.problem import Problem
+from sepv.verification._failed_step import row
 from sepv.verification._orders.convergence import StrongErrors
 
 
@@ -30,8 +30,3 @@ def worst_path(problem: Problem, errors: StrongErrors, seed: int, *, drawn: bool
         f"{text}; its increments are sepv.simulate.increments({seed}, T={errors.T!r}, steps={errors.steps[-1]}, "
         f"noises={problem.noises}, paths=range({k}, {k + 1}))"
     )
-
-
-def row(values: ArrayLike | None) -> str:
-    """(0.5, -1.25e-07): twelve digits show an error of a high order too."""
-    return "(" + ", ".join(f"{float(v):.12g}" for v in np.atleast_1d(np.asarray(values))) + ")"

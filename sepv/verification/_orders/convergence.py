@@ -19,8 +19,10 @@ from sepv.record._binary64 import EPS
 from sepv.schemes import Scheme
 from sepv.simulate import _areas as areas
 from sepv.simulate import _wiener as wiener
-from sepv.simulate._batch import run_chunk
+from sepv.simulate._batch import Ensemble, run_chunk
+from sepv.simulate._truncation import seen
 from sepv.solve import Status
+from sepv.verification._failed_step import failed_step
 
 # Paths are split into this many groups for the jackknife: enough for a t-quantile with 31 degrees of
 # freedom, few enough that the mean square over a group is nearly normal.
@@ -43,7 +45,7 @@ class StrongErrors:
     `reference` is the rms error of a reference that is not exact, 0 where it is. `ends` (L, d, M) and `W` (L, m, M)
     are y(T) and W(T), `weights` (L, M) the likelihood ratios that `squared` and `errors` already carry: what
     `sepv.verification._orders.means` needs, empty where nobody asked for it. `tolerance` is what the scheme
-    says of its own solver.
+    says of its own solver, `failed` the first step of a path that failed, in words.
     """
 
     T: float
@@ -58,6 +60,7 @@ class StrongErrors:
     W: Array = field(default_factory=lambda: np.empty(0))
     weights: Array = field(default_factory=lambda: np.empty(0))
     tolerance: float = 0.0
+    failed: str = ""
 
     @property
     def h(self) -> Array:
@@ -104,7 +107,7 @@ def strong_errors(
     ends = np.empty((problem.dimension, len(paths)))
     W = np.empty((problem.noises, len(paths)))
     failures = np.zeros(len(steps), dtype=np.int64)
-    largest, reference = float(np.max(np.abs(start))), 0.0
+    largest, reference, failed = float(np.max(np.abs(start))), 0.0, ""
     for first in range(0, len(paths), _CHUNK):
         here = slice(first, min(first + _CHUNK, len(paths)))
         numbers = paths[here]
@@ -127,6 +130,7 @@ def strong_errors(
             raw = rough.rows(count, scheme.asks) if rough else wiener.coarsen(fine, finest // count)
             result = run_chunk(scheme, problem, start, T / count, raw, scheme.truncation, track=False)
             failures[row] += np.count_nonzero(result.status != Status.CONVERGED)
+            failed = failed or failed_path(scheme, problem, result, T / count, raw, numbers)
             errors[row, :, here] = result.y - exact
             with np.errstate(over="ignore"):  # a path that blows up has an infinite error, and is no accident
                 squared[row, here] = np.sum((result.y - exact) ** 2, axis=0)
@@ -136,8 +140,21 @@ def strong_errors(
     return StrongErrors(
         T, tuple(steps), squared, errors, first_failures(failures), largest, FLOOR, reference,
         np.broadcast_to(ends, (levels, *ends.shape)), np.broadcast_to(W, (levels, *W.shape)),
-        np.ones((levels, len(paths))), scheme.solver_tolerance,
+        np.ones((levels, len(paths))), scheme.solver_tolerance, failed,
     )  # fmt: skip
+
+
+def failed_path(
+    scheme: Scheme, problem: Problem, result: Ensemble, h: float, raw: Array, paths: range
+) -> str:
+    """The step in which the first path that failed did so, in words; empty where none did. `raw` is (N, m + k, M)."""
+    k = int(np.argmax(result.status != Status.CONVERGED))
+    if result.status[k] == Status.CONVERGED:
+        return ""
+    n, m = int(result.failed_step[k]), problem.noises
+    dW = np.concatenate([seen(raw[n, :m, k], h, scheme.truncation, scheme.increments), raw[n, m:, k]])
+    where = failed_step(scheme, problem, result.y[:, k], h, dW)
+    return f"path {paths[k]} in step {n + 1} of {len(raw)}, {where}"
 
 
 def first_failures(failures: NDArray[np.int64]) -> tuple[int, ...]:
@@ -158,6 +175,7 @@ def join(parts: Sequence[StrongErrors]) -> StrongErrors:
         failures=tuple(int(n) for n in np.sum([p.failures for p in parts], axis=0)),
         scale=max(p.scale for p in parts),
         reference=max(p.reference for p in parts),
+        failed=next((p.failed for p in parts if p.failed), ""),
     )
 
 

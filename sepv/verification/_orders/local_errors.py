@@ -44,9 +44,9 @@ from sepv.schemes._guard import guarded
 from sepv.schemes._order_claims import order_of
 from sepv.schemes._point_distributions import point_law
 from sepv.simulate._batch import advance
-from sepv.solve import Status
 from sepv.verification._cases.from_problem import reach
 from sepv.verification._cases.users_problems import problems_of
+from sepv.verification._failed_step import first_failed
 from sepv.verification._law import Effort
 from sepv.verification._orders.gaussian import Rule, point_rule
 from sepv.verification._orders.local_moments import FULL_DEGREE, SPLIT, exponents, moments_at
@@ -131,7 +131,8 @@ class LocalErrors:
         Steps of the scheme.
     column : str
         The kind of noise (`sepv.schemes._order_claims.COLUMNS`).
-    failed : tuple of h at which a step was not solved, not finite or out of the domain; they are not among `h`.
+    failed : tuple of (h, a step in words) at which a step was not solved, not finite or out of the domain; these h are
+        not among `h`.
     """
 
     problem: str
@@ -143,7 +144,7 @@ class LocalErrors:
     scale: float
     flow: float
     steps: int
-    failed: tuple[float, ...]
+    failed: tuple[tuple[float, str], ...]
     column: str = "one"
 
 
@@ -190,11 +191,9 @@ def local_errors(scheme: Scheme, problem: Problem, effort: Effort) -> LocalError
         id(problem),
     )
     if key not in effort.cache:
-        effort.cache[key] = (
-            problem,
-            _measure(scheme, problem),
-        )  # the problem is kept, so that its id is its own
-    found: LocalErrors = effort.cache[key][1]
+        # The problem and the step are kept, so that their ids stay their own.
+        effort.cache[key] = _measure(scheme, problem), problem, scheme.step
+    found: LocalErrors = effort.cache[key][0]
     return found
 
 
@@ -218,22 +217,23 @@ def _measure(scheme: Scheme, problem: Problem) -> LocalErrors:
     if known and not isinstance(problem.data, PolynomialSystem):
         seen = min(seen, SPLIT)
     rules = rules[len(rules) - len(exact) :]
-    rows, failed, steps = [], [], 0
+    rows: list[tuple[float, float, float, float]] = []
+    failed, steps = [], 0
     for (h, nodes), ends in zip(rules, exact, strict=True):
         taken = nodes if law is None else point_rule(m, law)
-        y, ok = one_step(asked, problem, states, h, taken)
+        y, stuck = one_step(asked, problem, states, h, taken)
         steps += taken.zeta.shape[1] * states.shape[1]
         moved = y - states[..., None]
-        if ok and known:
+        if stuck:
+            failed.append((h, stuck))
+            rows = []  # only what is finer than every failure
+        elif known:
             first, _, second = against_moments(moved, ends, taken.weights, top)
             rows.append((h, first, from_log_flow(problem, states, h, taken, y), second))
-        elif ok and law is not None:
+        elif law is not None:
             rows.append((h, *apart(moved, taken.weights, ends - states[..., None], nodes.weights, weak)))
-        elif ok:
-            rows.append((h, *_norms(moved, ends - states[..., None], nodes.weights, weak)))
         else:
-            failed.append(h)
-            rows = []  # only what is finer than every failure
+            rows.append((h, *_norms(moved, ends - states[..., None], nodes.weights, weak)))
     kept, mean, rms, weakly = np.array(rows).reshape(-1, 4).T
     return LocalErrors(
         problem.name, kept, mean, rms, weakly, seen, float(np.max(np.abs(states))), flow, steps, tuple(failed), kind,
@@ -277,14 +277,14 @@ def rule_degree(scheme: Scheme) -> int:
     return int(2 * max(order_of(p, "additive") for p in (scheme.mean_square_order, scheme.weak_order)) + 2)
 
 
-def one_step(scheme: Scheme, problem: Problem, states: Array, h: float, nodes: Rule) -> tuple[Array, bool]:
-    """y1 (d, S, n) from S states at the n nodes, and whether every step was made."""
+def one_step(scheme: Scheme, problem: Problem, states: Array, h: float, nodes: Rule) -> tuple[Array, str]:
+    """y1 (d, S, n) from S states at the n nodes, and the first step that was not made, in words: empty for none."""
     d, S = states.shape
     asked = nodes.zeta.shape[1]
-    y, status, _ = advance(
-        scheme, problem, np.repeat(states, asked, axis=1), h, np.tile(np.sqrt(h) * nodes.zeta, S)
-    )
-    return y.reshape(d, S, asked)[:, :, nodes.index], bool(np.all(status == Status.CONVERGED))
+    y0, dW = np.repeat(states, asked, axis=1), np.tile(np.sqrt(h) * nodes.zeta, S)
+    y, status, _ = advance(scheme, problem, y0, h, dW)
+    failed = first_failed(scheme, problem, y0, h, dW, status)
+    return y.reshape(d, S, asked)[:, :, nodes.index], failed
 
 
 def ends_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) -> tuple[list[Array], float]:

@@ -10,11 +10,11 @@ from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
 from sepv.schemes._guard import guarded
 from sepv.schemes._point_distributions import point_law
+from sepv.verification._failed_step import row
 from sepv.verification._orders.gaussian import point_rule
 from sepv.verification._orders.local_errors import ends_at, local_states, moments_only, one_step, rule_degree
 from sepv.verification._orders.local_moments import moments_at
 from sepv.verification._orders.local_rules import rule_for
-from sepv.verification._worst_path import row
 
 
 def mean_example(scheme: Scheme, problem: Problem, h: float) -> str:
@@ -52,13 +52,17 @@ def _means(scheme: Scheme, problem: Problem, h: float) -> tuple[Array, Array, Ar
     states, m, law = local_states(problem), problem.noises, point_law(scheme.increments)
     nodes = rule_for(scheme, problem, h, rule_degree(scheme))
     taken = nodes if law is None else point_rule(m, law)
-    y, ok = one_step(guarded(scheme), problem, states, h, taken)
+    y, failed = one_step(guarded(scheme), problem, states, h, taken)
     came = _monomials(y - states[..., None]) @ taken.weights
     if moments_only(problem):
         known, _ = moments_at(problem, states, [h])
-        return (states, came, known[0][: len(came)]) if ok and known else (states, came[:, :0], came[:, :0])
+        return (
+            (states, came, known[0][: len(came)])
+            if not failed and known
+            else (states, came[:, :0], came[:, :0])
+        )
     found, _ = ends_at(problem, states, [(h, nodes)])
-    if not ok or not found:
+    if failed or not found:
         return states, came[:, :0], came[:, :0]
     return states, came, _monomials(found[0] - states[..., None]) @ nodes.weights
 
@@ -73,11 +77,11 @@ def step_example(scheme: Scheme, problem: Problem, h: float) -> str:
     """y1 − y0 and φ − y0 for the increment that contributes most to E|y1 − φ|², at the state where that is largest."""
     states = local_states(problem)
     nodes = rule_for(scheme, problem, h, rule_degree(scheme))
-    y, ok = one_step(guarded(scheme), problem, states, h, nodes)
+    y, failed = one_step(guarded(scheme), problem, states, h, nodes)
     if moments_only(problem):
         return ""
     found, _ = ends_at(problem, states, [(h, nodes)])
-    if not ok or not found:
+    if failed or not found:
         return ""
     parts = np.sum((y - found[0]) ** 2, axis=0) * nodes.weights
     s = int(np.argmax(parts.sum(axis=1)))

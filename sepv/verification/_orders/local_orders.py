@@ -220,10 +220,11 @@ def _errors_text(m: dict[str, Any]) -> str:
 
 
 def _failed(law: Law, found: LocalErrors) -> Finding:
-    sizes = ", ".join(f"{h:.2g}" for h in found.failed)
+    sizes = ", ".join(f"{h:.2g}" for h, _ in found.failed)
     reason = f"steps were not solved, not finite or out of the domain for h = {sizes}" if sizes else "no flow"
     return law.finding(
         Verdict.ERROR,
         checks=found.steps,
-        message=f"{found.problem}: {reason}; only h smaller than all of these can be judged, and too few are left",
+        message=f"{found.problem}: {reason}; only h smaller than all of these can be judged, and too few are left"
+        + "".join(f"\n{found.problem}, {step}" for _, step in found.failed[-1:]),
     )

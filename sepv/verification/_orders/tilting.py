@@ -30,7 +30,7 @@ from sepv.schemes import Scheme
 from sepv.simulate import _truncation as bounded
 from sepv.simulate._batch import run_chunk
 from sepv.solve import Status
-from sepv.verification._orders.convergence import StrongErrors, first_failures
+from sepv.verification._orders.convergence import StrongErrors, failed_path, first_failures
 
 _CHUNK = 256
 # Errors below this many eps·scale are rounding. Rare paths count little here, and common ones have small errors,
@@ -81,7 +81,7 @@ def tilted_errors(
     W = np.full((len(steps), problem.noises, len(paths)), np.nan)
     ratios = np.full((len(steps), len(paths)), np.nan)
     failures = np.zeros(len(steps), dtype=np.int64)
-    largest = float(np.max(np.abs(start)))
+    largest, failed = float(np.max(np.abs(start))), ""
     powers = (2 * round(2 * order + 1), 2 * round(order + 1))
     for first in range(0, len(paths), _CHUNK):
         here = slice(first, min(first + _CHUNK, len(paths)))
@@ -102,6 +102,7 @@ def tilted_errors(
             ends[row, :, here], W[row, :, here], ratios[row, here] = exact, raw.sum(axis=0), weights
             result = run_chunk(scheme, problem, start, T / count, raw, scheme.truncation, track=False)
             failures[row] += np.count_nonzero(result.status != Status.CONVERGED)
+            failed = failed or failed_path(scheme, problem, result, T / count, raw, paths[here])
             with np.errstate(over="ignore"):
                 errors[row, :, here] = weights * (result.y - exact)
                 squared[row, here] = weights * np.sum((result.y - exact) ** 2, axis=0)
@@ -109,5 +110,5 @@ def tilted_errors(
                 break
     return StrongErrors(
         T, tuple(steps), squared, errors, first_failures(failures), largest, FLOOR, 0.0,
-        ends, W, ratios, scheme.solver_tolerance,
+        ends, W, ratios, scheme.solver_tolerance, failed,
     )  # fmt: skip

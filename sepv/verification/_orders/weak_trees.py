@@ -16,8 +16,8 @@ from sepv.schemes import PointLaw, Scheme
 from sepv.schemes._guard import guarded
 from sepv.schemes._point_distributions import point_law
 from sepv.simulate._batch import advance
-from sepv.solve import Status
 from sepv.verification._cases.from_problem import reach
+from sepv.verification._failed_step import first_failed
 from sepv.verification._law import Effort
 from sepv.verification._orders.gaussian import point_rule, rule
 from sepv.verification._orders.local_errors import LocalErrors, against_moments, apart, ends_at, moments_only
@@ -35,19 +35,19 @@ ENOUGH = 3
 
 def tree(
     scheme: Scheme, problem: Problem, start: Array, h: float, steps: int, law: PointLaw
-) -> tuple[Array, Array] | None:
-    """The ends (d, K^N) of all paths and their probabilities; None where a step was not made."""
+) -> tuple[Array, Array, str]:
+    """The ends (d, K^N) of all paths and their probabilities; and the first step that was not made, in words."""
     points = point_rule(problem.noises, law)
     y, weights = start[:, None], np.ones(1)
     dW = np.sqrt(h) * points.zeta
     for _ in range(steps):
-        y, status, _ = advance(
-            scheme, problem, np.repeat(y, dW.shape[1], axis=1), h, np.tile(dW, weights.size)
-        )
-        if np.any(status != Status.CONVERGED):
-            return None
+        y0, noise = np.repeat(y, dW.shape[1], axis=1), np.tile(dW, weights.size)
+        y, status, _ = advance(scheme, problem, y0, h, noise)
+        failed = first_failed(scheme, problem, y0, h, noise, status)
+        if failed:
+            return y, weights, failed
         weights = np.outer(weights, points.weights).ravel()
-    return y, weights
+    return y, weights, ""
 
 
 def tree_errors(scheme: Scheme, problem: Problem, _effort: Effort) -> LocalErrors:
@@ -80,19 +80,19 @@ def tree_errors(scheme: Scheme, problem: Problem, _effort: Effort) -> LocalError
     )
     asked, steps = guarded(scheme), 0
     rows: list[tuple[float, float, float, float]] = []
-    failed: list[float] = []
+    failed: list[tuple[float, str]] = []
     for count in counts if exact else ():
-        found = tree(asked, problem, start, end / count, count, law)
+        ways, chances, stuck = tree(asked, problem, start, end / count, count, law)
         steps += sum(ends ** (n + 1) for n in range(count))
-        if found is None:
-            failed.append(end / count)
+        if stuck:
+            failed.append((end / count, stuck))
             rows.clear()  # only what is finer than every failure
             continue
-        moved = (found[0] - start[:, None])[:, None]
+        moved = (ways - start[:, None])[:, None]
         errors = (
-            against_moments(moved, exact[0], found[1])
+            against_moments(moved, exact[0], chances)
             if known
-            else apart(moved, found[1], exact[0] - start[:, None, None], nodes.weights, weak)
+            else apart(moved, chances, exact[0] - start[:, None, None], nodes.weights, weak)
         )
         rows.append((end / count, *errors))
     h, mean, rms, weakly = np.array(rows).reshape(-1, 4).T

@@ -1,0 +1,40 @@
+"""What a reader sees of a step that was not made: from where it was asked, and what the scheme says to it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sepv.errors import SepvError
+from sepv.problem import Array, Problem
+from sepv.schemes import Scheme, ask
+from sepv.solve import Status
+
+
+def first_failed(
+    scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, status: NDArray[np.int64]
+) -> str:
+    """`failed_step` of the first of the states y (d, M) with dW (m, M) whose status (M,) says so; empty for none."""
+    k = int(np.argmax(status != Status.CONVERGED))
+    return "" if status[k] == Status.CONVERGED else failed_step(scheme, problem, y[:, k], h, dW[:, k])
+
+
+def failed_step(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> str:
+    """The step from y (d,) with dW (m,), in words, and the scheme's own error, for which it is asked once more."""
+    place = f"from y0 = {row(y)} with h = {float(h)!r}, ΔW = {row(dW[: problem.noises])}"
+    return f"{place}: {_said(scheme, problem, y, h, dW)}"
+
+
+def _said(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> str:
+    try:
+        answer = ask(scheme, problem, np.array(y), h, np.array(dW))
+    except SepvError as error:
+        return str(error)
+    if problem.domain is not None and not np.all(problem.domain(answer)):
+        return f"y1 = {row(answer)} came, which is out of the problem's domain"
+    return f"y1 = {row(answer)} came when it was asked for alone, and no state beside others"
+
+
+def row(values: ArrayLike | None) -> str:
+    """(0.5, -1.25e-07): twelve digits show an error of a high order too."""
+    return "(" + ", ".join(f"{float(v):.12g}" for v in np.atleast_1d(np.asarray(values))) + ")"
