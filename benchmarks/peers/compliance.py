@@ -23,27 +23,28 @@ from sepv import problems
 from sepv._terminal import markdown
 from sepv._version import __version__
 from sepv.peers._compliance_measurements import (
-    ENERGY_STEPS,
     LIBRARIES,
-    PATHS,
     SETUPS,
-    _energy,
-    _suite_key,
     law_cells,
     path_cells,
     release,
+    suite_key,
 )
 from sepv.peers._deviations import shown_by
 from sepv.peers._kept_measurements import Cell, measured
 from sepv.peers._multistep import PathSolver
 from sepv.problem import Problem
 from sepv.schemes import Scheme, energy_preserving
+from sepv.simulate import _wiener as wiener
 from sepv.simulate import ensemble
-from sepv.verification import LAWS, Effort, Law, load_laws
+from sepv.verification import LAWS, Effort, Law, energy_ulp, load_laws
 from sepv.verification._progress import Shown
 from sepv.verification._sequential import FALSE_ALARM, FIRST_LOOK
 
 COMMAND = "python -m benchmarks.peers.compliance"
+# Energy defects are those of this many paths and steps.
+PATHS = 256
+ENERGY_STEPS = 64
 
 
 @dataclass(frozen=True)
@@ -67,8 +68,7 @@ def rows(libraries: Sequence[str], effort: Effort, folder: Path | None, shown: S
     laws = load_laws()
     cells: list[Cell] = []
     for library, solver in jobs:
-        whole = isinstance(solver, PathSolver)
-        cells += path_cells(library, solver, effort) if whole else scheme_cells(library, solver, laws, effort)
+        cells += solver_cells(library, solver, laws, effort)
     found = measured(cells, folder, shown)
     return [
         (path_row if isinstance(solver, PathSolver) else scheme_row)(library, solver, found)
@@ -76,24 +76,37 @@ def rows(libraries: Sequence[str], effort: Effort, folder: Path | None, shown: S
     ]
 
 
-def scheme_cells(library: str, scheme: Scheme, laws: Sequence[Law], effort: Effort) -> Iterator[Cell]:
-    """Laws on one scheme, and its energy defects."""
-    yield from law_cells(library, scheme, laws, effort)
+def solver_cells(
+    library: str, solver: Scheme | PathSolver, laws: Sequence[Law], effort: Effort
+) -> Iterator[Cell]:
+    """Laws on one scheme, or errors of whole paths, and energy defects."""
+    if isinstance(solver, PathSolver):
+        yield from path_cells(library, solver, effort)
+    else:
+        yield from law_cells(library, solver, laws, effort)
     for setup in SETUPS:
-        problem = problems.by_name(setup.problem)
         yield Cell(
-            scheme.name,
+            solver.name,
             f"energy defect, {setup.problem}",
-            (release(library), *_suite_key(effort), setup.T, PATHS, ENERGY_STEPS),
-            partial(_energy_of_scheme, scheme, problem, setup.T),
+            (release(library), *suite_key(effort), setup.T, PATHS, ENERGY_STEPS),
+            partial(_energy, solver, problems.by_name(setup.problem), setup.T),
         )
 
 
-def _energy_of_scheme(scheme: Scheme, problem: Problem, T: float) -> str:
+def _energy(solver: Scheme | PathSolver, problem: Problem, T: float) -> str:
+    """The largest defect in energy ulps, or how many paths failed."""
+    h, start = T / ENERGY_STEPS, np.array(problem.initial, dtype=np.float64)
     with np.errstate(over="ignore", invalid="ignore"):
-        result = ensemble(scheme, problem, h=T / ENERGY_STEPS, T=T, paths=PATHS, engine="numpy")
-    failed = int(np.count_nonzero(result.status))
-    return f"{failed} paths failed" if failed else _energy(problem, result.energy_defect)
+        if isinstance(solver, PathSolver):
+            dW = wiener.increments(0, T=T, steps=ENERGY_STEPS, noises=problem.noises, paths=PATHS)
+            H = problem.hamiltonian(solver.path(problem, start, h, dW).swapaxes(0, 1))
+            failed, defects = ~np.isfinite(H).all(axis=0), np.abs(H - H[0])
+        else:
+            result = ensemble(solver, problem, h=h, T=T, paths=PATHS, engine="numpy")
+            failed, defects = result.status != 0, result.energy_defect
+    if failed.any():
+        return f"{np.count_nonzero(failed)} paths failed"
+    return f"{float(np.max(defects)) / energy_ulp(problem, start, start):.2g}"
 
 
 def document(found: Sequence[Row], deviations: Sequence[Deviation], command: str) -> str:

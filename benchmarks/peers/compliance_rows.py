@@ -89,7 +89,7 @@ def path_row(library: str, solver: PathSolver, cells: Mapping[tuple[str, str], A
         source=solver.source,
         claimed=f"{solver.mean_square_order:g}",
         orders=tuple(_interval(*cell["order"]) for cell in found),
-        energy=tuple(cell["energy"] for cell in found),
+        energy=tuple(cells[solver.name, f"energy defect, {s.problem}"] for s in SETUPS),
         verdicts={
             law: f"{MARKS[verdict]} +" for law, (verdict, _, _) in path_verdicts(solver, cells).items()
         },

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 import click
@@ -65,7 +66,7 @@ def ulps(
             for problem in chosen:
                 line.update(f"{scheme.name}, {problem.name}", len(rows) / (len(wanted) * len(chosen)))
                 rows.append(unit.one_step(scheme, problem, h=h, steps=steps, seed=seed))
-    save_json(json_file, "ulps", {"rows": [r.to_json() for r in rows]})
+    save_json(json_file, "ulps", {"rows": [asdict(r) for r in rows]})
     failures = any(r.failed for r in rows)  # a column of its own only where there are any: 80 columns are few
     sizes = ("energy:\nmedian", "\nlargest", "casimir:\nmedian", "\nlargest ")
     shown = [

@@ -21,6 +21,7 @@ from sepv.problem import Array, NamedProblem, Problem, vector_field
 from sepv.problem._hamiltonians import is_several
 from sepv.record._binary64 import EPS
 from sepv.schemes import load_problem
+from sepv.simulate._run_arguments import initial_state
 
 
 @dataclass(frozen=True)
@@ -79,14 +80,7 @@ def exact_flow(
             remedy="its closed_form, where the flows commute; no formula is known where they do not",
         )
     times = floats("theta", theta)
-    start = problem.initial if y0 is None else y0
-    start = None if start is None else floats("y0", start)
-    if start is None or np.shape(start) != (problem.dimension,) or not np.all(np.isfinite(start)):
-        raise UsageError(
-            expected=f"y0 finite, of shape ({problem.dimension},)",
-            received=f"{start!r:.80}",
-            remedy="give y0=, or initial= when making the problem",
-        )
+    start = initial_state(problem, y0)
     if times.ndim > 1 or not times.size or not np.all(np.isfinite(times)):
         raise UsageError(
             expected="theta finite, of shape (M,) or a scalar",

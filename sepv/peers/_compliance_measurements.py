@@ -1,4 +1,4 @@
-"""What is measured of a library's solver: laws, whole paths, energy defects, each a cell that can be kept."""
+"""What is measured of a library's solver: laws and whole paths, each a cell that can be kept."""
 
 from __future__ import annotations
 
@@ -16,18 +16,16 @@ from sepv._version import __version__
 from sepv.exact import exact_flow
 from sepv.peers._kept_measurements import Cell
 from sepv.peers._multistep import PathSolver
-from sepv.problem import Array, Problem
+from sepv.problem import Problem
 from sepv.schemes import Scheme
 from sepv.simulate import _wiener as wiener
-from sepv.verification import Effort, Law, Verdict, energy_ulp, verify
+from sepv.verification import Effort, Law, Verdict, verify
 from sepv.verification._orders.convergence import StrongErrors, log_decay, slope
 from sepv.verification._sequential import FALSE_ALARM, Setup, setups
 
 LIBRARIES = ("diffrax", "torchsde", "sdeint")
-# Energy defects are those of this many paths, the orders of whole paths of that many.
-PATHS = 256
+# The orders of whole paths are those of so many.
 ORDER_PATHS = 1024
-ENERGY_STEPS = 64
 # Where schemes with untruncated increments are judged, as all of these are.
 SETUPS = setups(truncation=None)
 
@@ -46,7 +44,7 @@ def law_cells(library: str, scheme: Scheme, laws: Sequence[Law], effort: Effort)
             law.name,
             (
                 release(library),
-                *_suite_key(effort),
+                *suite_key(effort),
                 law.statement,
                 law.source,
                 _text_of(law),
@@ -70,12 +68,12 @@ def draws(library: str, scheme: Scheme) -> bool:
 
 
 def path_cells(library: str, solver: PathSolver, effort: Effort) -> Iterator[Cell]:
-    """The error of whole paths and the energy defect of a solver that hands state on, problem by problem."""
+    """The error of whole paths of a solver that hands state on, problem by problem."""
     for setup in SETUPS:
         yield Cell(
             solver.name,
             f"whole paths, {setup.problem}",
-            (release(library), *_suite_key(effort), setup.T, setup.steps, ORDER_PATHS, PATHS, ENERGY_STEPS),
+            (release(library), *suite_key(effort), setup.T, setup.steps, ORDER_PATHS),
             partial(_paths, solver, setup, effort.seed),
         )
 
@@ -100,7 +98,7 @@ def path_verdicts(
     return verdicts
 
 
-def _suite_key(effort: Effort) -> tuple[Any, ...]:
+def suite_key(effort: Effort) -> tuple[Any, ...]:
     return (__version__, effort.seed, effort.examples, effort.paths, effort.designs)
 
 
@@ -132,7 +130,7 @@ def _finding(scheme: Scheme, law: str, effort: Effort) -> dict[str, Any]:
 
 
 def _paths(solver: PathSolver, setup: Setup, seed: int) -> dict[str, Any]:
-    """Order and fall of the error as (estimate, low, high), the energy defect, and paths that failed."""
+    """Order and fall of the error as (estimate, low, high), and paths that failed."""
     alpha = FALSE_ALARM / len(SETUPS)
     problem, note = problems.by_name(setup.problem), ""
     errors = _path_errors(solver, problem, setup, seed)
@@ -146,7 +144,6 @@ def _paths(solver: PathSolver, setup: Setup, seed: int) -> dict[str, Any]:
     return {
         "order": (order.value, order.low, order.high),
         "fall": (-decay.value, -decay.high, -decay.low),
-        "energy": _energy_of_paths(solver, problem, setup.T),
         "note": note,
     }
 
@@ -168,19 +165,6 @@ def _path_errors(solver: PathSolver, problem: Problem, setup: Setup, seed: int) 
         failures=tuple(int(np.count_nonzero(~np.isfinite(e).all(axis=0))) for e in errors),
         scale=float(np.max(np.abs(exact))),
     )
-
-
-def _energy_of_paths(solver: PathSolver, problem: Problem, T: float) -> str:
-    dW = wiener.increments(0, T=T, steps=ENERGY_STEPS, noises=problem.noises, paths=PATHS)
-    start = np.array(problem.initial, dtype=np.float64)
-    H = problem.hamiltonian(solver.path(problem, start, T / ENERGY_STEPS, dW).swapaxes(0, 1))
-    failed = int(np.count_nonzero(~np.isfinite(H).all(axis=0)))
-    return f"{failed} paths failed" if failed else _energy(problem, np.abs(H - H[0]))
-
-
-def _energy(problem: Problem, defects: Array) -> str:
-    start = np.array(problem.initial, dtype=np.float64)
-    return f"{float(np.max(defects)) / energy_ulp(problem, start, start):.2g}"
 
 
 def release(library: str) -> str:

@@ -6,7 +6,6 @@ claims of a solver: its orders and its limit. The compliance table has all laws.
 
 from __future__ import annotations
 
-import math
 import platform
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
@@ -20,7 +19,7 @@ import click
 
 from sepv._version import __version__
 from sepv.errors import SepvError
-from sepv.files import json_text, write_atomically
+from sepv.files import finite, json_text, write_atomically
 from sepv.peers._compliance_measurements import (
     LIBRARIES,
     law_cells,
@@ -101,23 +100,40 @@ def _scheme_entry(
     library: str, scheme: Any, asked: Sequence[Law], found: dict[tuple[str, str], Any]
 ) -> dict[str, Any]:
     unasked = silent(library, scheme)
-    said = {law.name: unasked.get(law.name) or found[scheme.name, law.name] for law in asked}
+    said = {law: unasked.get(law.name) or found[scheme.name, law.name] for law in asked}
+    laws = {
+        law.name: _said(law.unit, **{"defect": None, "bound": None, **cell}) for law, cell in said.items()
+    }
+    return _entry(library, scheme, scheme.weak_order, laws)
+
+
+def _entry(library: str, solver: Any, weak_order: float | None, laws: dict[str, Any]) -> dict[str, Any]:
     return {
-        "name": scheme.name.removeprefix(f"{library} "),
-        "source": scheme.source,
-        "mean_square_order": scheme.mean_square_order,
-        "weak_order": scheme.weak_order,
-        "laws": {
-            law.name: {
-                "verdict": said[law.name]["verdict"],
-                "claimed": said[law.name]["claimed"],
-                "defect": _finite(said[law.name].get("defect")),
-                "bound": _finite(said[law.name].get("bound")),
-                "unit": law.unit,
-                "message": said[law.name]["message"][:LONGEST],
-            }
-            for law in asked
-        },
+        "name": solver.name.removeprefix(f"{library} "),
+        "source": solver.source,
+        "mean_square_order": solver.mean_square_order,
+        "weak_order": weak_order,
+        "laws": laws,
+    }
+
+
+def _said(
+    unit: str,
+    *,
+    verdict: str,
+    claimed: bool,
+    defect: float | None,
+    bound: float | None,
+    message: str,
+    **_: Any,
+) -> dict[str, Any]:
+    return {
+        "verdict": verdict,
+        "claimed": claimed,
+        "defect": finite(defect),
+        "bound": finite(bound),
+        "unit": unit,
+        "message": message[:LONGEST],
     }
 
 
@@ -129,23 +145,12 @@ def _path_entry(library: str, solver: PathSolver, found: dict[tuple[str, str], A
     else:
         verdicts = dict(path_verdicts(solver, found))  # type: ignore[arg-type]  # None only after an error
     notes = "; ".join(errors) or "; ".join(cell["note"] for cell in cells if cell["note"])
-    return {
-        "name": solver.name.removeprefix(f"{library} "),
-        "source": solver.source,
-        "mean_square_order": solver.mean_square_order,
-        "weak_order": None,
-        "laws": {
-            law: {
-                "verdict": verdict.value,
-                "claimed": True,
-                "defect": _finite(number),
-                "bound": _finite(limit),
-                "unit": "slope of the rms error" if law == "mean-square-order" else "log of the fall",
-                "message": notes[:LONGEST],
-            }
-            for law, (verdict, number, limit) in verdicts.items()
-        },
+    units = {"mean-square-order": "slope of the rms error", "right-limit": "log of the fall"}
+    laws = {
+        law: _said(units[law], verdict=verdict.value, claimed=True, defect=number, bound=limit, message=notes)
+        for law, (verdict, number, limit) in verdicts.items()
     }
+    return _entry(library, solver, None, laws)
 
 
 def _scripts(library: str, folder: Path) -> Iterator[dict[str, Any]]:
@@ -163,10 +168,6 @@ def _packages() -> dict[str, str]:
     """What is installed beside it, without installers: a change may be another library's."""
     found = {d.metadata["Name"].lower(): d.version for d in distributions() if d.metadata["Name"]}
     return {name: found[name] for name in sorted(found) if name not in ("pip", "setuptools", "wheel", "sepv")}
-
-
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None
 
 
 @click.command()

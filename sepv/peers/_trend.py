@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Any
 
+from sepv.files import finite
 from sepv.peers._history import Record
 from sepv.verification import Verdict
 
@@ -38,10 +39,6 @@ class Change:
     before: str
     after: str
     besides: tuple[str, ...]
-
-    def to_json(self) -> dict[str, Any]:
-        """The change as a JSON object."""
-        return {**self.__dict__, "besides": list(self.besides)}
 
 
 def latest(records: Sequence[Record]) -> list[Record]:
@@ -163,8 +160,8 @@ def to_json(found: dict[str, list[Record]]) -> dict[str, Any]:
             "solvers": {
                 solver: {r.version: cell(r, solver) for r in latest(records)} for solver in solvers(records)
             },
-            "changes": [change.to_json() for change in changes(records)],
-            "deviations": [{**d.__dict__, "seen": list(d.seen)} for d in deviations(records)],
+            "changes": [finite(asdict(change)) for change in changes(records)],
+            "deviations": [finite(asdict(d)) for d in deviations(records)],
         }
         for library, records in found.items()
     }

@@ -7,9 +7,8 @@ scheme's and not the evaluation's. States lie on the exact orbit, increments are
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import Any
 
 import numpy as np
 
@@ -57,10 +56,6 @@ class Ulps:
     energy_largest: float | None
     casimir_median: float | None
     casimir_largest: float | None
-
-    def to_json(self) -> dict[str, Any]:
-        """All fields."""
-        return asdict(self)
 
 
 def peers() -> list[str]:

@@ -8,7 +8,7 @@ than a tolerance, below which a change is no regression. Time: see `sepv.studies
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -76,34 +76,27 @@ def _ratio(target: str, case: str, kind: str, ours: list[str], theirs: list[str]
     head, base = (np.array([float.fromhex(v) for v in groups]) for groups in (ours, theirs))
     if np.array_equal(head, base):
         return Check(target, case, kind, "same", f"{_rms(head):.3g}")
-    found = ratio(head, base)
+    value, low, high = ratio(head, base)
     tolerance = KINDS[kind]
     verdict = "same"
-    if not np.isfinite(found.value) or (found.low > 1 and found.value > tolerance):
+    if not np.isfinite(value) or (low > 1 and value > tolerance):
         verdict = "worse"
-    elif found.high < 1 and found.value < 1 / tolerance:
+    elif high < 1 and value < 1 / tolerance:
         verdict = "better"
-    text = (
-        f"{_rms(base):.3g} → {_rms(head):.3g}, ratio {found.value:.3f} in [{found.low:.3f}, {found.high:.3f}]"
-    )
+    text = f"{_rms(base):.3g} → {_rms(head):.3g}, ratio {value:.3f} in [{low:.3f}, {high:.3f}]"
     return Check(target, case, kind, verdict, text)
 
 
-class Ratio(NamedTuple):
-    """A ratio with its interval, each end of which misses with probability ALPHA."""
+def ratio(head: Array, base: Array) -> tuple[float, float, float]:
+    """√(mean head / mean base) from mean squares over the same groups of paths, and its lower and upper end.
 
-    value: float
-    low: float
-    high: float
-
-
-def ratio(head: Array, base: Array) -> Ratio:
-    """√(mean head / mean base) from mean squares over the same groups of paths."""
+    Each end misses with probability ALPHA.
+    """
     with np.errstate(all="ignore"):
         whole = 0.5 * np.log(np.mean(head) / np.mean(base))
         left_out = 0.5 * np.log((np.sum(head) - head) / (np.sum(base) - base))
         width = jackknife_half(left_out, 2 * ALPHA)
-        return Ratio(*(float(np.exp(v)) for v in (whole, whole - width, whole + width)))
+        return float(np.exp(whole)), float(np.exp(whole - width)), float(np.exp(whole + width))
 
 
 def _rms(groups: Array) -> float:

@@ -15,15 +15,10 @@ from sepv.studies._reproduce.runs import Run, rounding_bound
 FAR = 1e3
 
 
-def thinned(run: Run, values: Array, points: int = 600) -> tuple[Array, Array]:
-    """(t, values) at no more than about `points` steps, the last one among them."""
-    kept = np.unique(np.append(np.arange(0, values.size, max(1, values.size // points)), values.size - 1))
-    return kept * run.h, values[kept]
-
-
-def curve(run: Run, values: Array, style: str = "line") -> Series:
-    """An invariant along the first sample."""
-    return series(run.scheme, *thinned(run, values), scheme=run.scheme, style=style)
+def curve(run: Run, values: Array) -> Series:
+    """An invariant along the first sample, at no more than about 600 steps, the last one among them."""
+    kept = np.unique(np.append(np.arange(0, values.size, max(1, values.size // 600)), values.size - 1))
+    return series(run.scheme, kept * run.h, values[kept], scheme=run.scheme)
 
 
 def bound(run: Run, problem: str, what: str, *, constant: bool = True) -> float:

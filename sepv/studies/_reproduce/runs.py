@@ -24,6 +24,9 @@ from sepv.simulate._batch import Batch
 from sepv.studies._reproduce.job import Job, Size
 from sepv.verification._orders.convergence import StrongErrors
 
+# Of the sample that is shown.
+POINTS = 1000
+
 
 @dataclass(frozen=True)
 class Run:
@@ -72,7 +75,6 @@ def long_run(
     steps: int,
     seed: int,
     samples: int = 1,
-    points: int = 1000,
     engine: str = "auto",
 ) -> Run:
     """`samples` paths from the problem's initial state with the scheme's own step.
@@ -86,7 +88,7 @@ def long_run(
     first, energies, failed = _follow(method, system, h, raw, checkpoints, engine)
     stopped = failed + 1 if failed >= 0 else -1
     shown = first[:, : stopped if stopped > 0 else steps + 1]
-    kept = np.unique(np.append(np.arange(0, shown.shape[1], max(1, steps // points)), shown.shape[1] - 1))
+    kept = np.unique(np.append(np.arange(0, shown.shape[1], max(1, steps // POINTS)), shown.shape[1] - 1))
     W = np.concatenate([np.zeros((system.noises, 1)), np.cumsum(raw[:, :, 0].T, axis=1)], axis=1)
     t = np.arange(steps + 1) * h
     return Run(
