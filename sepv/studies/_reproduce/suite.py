@@ -153,39 +153,8 @@ def _panels(section: Any, results: Results, wanted: tuple[str, ...]) -> list[Pan
 def _run(jobs: list[Job], workers: Any, progress: ShareProgress) -> Results:
     """Every job, the longest first so that no process waits for a long one in the end."""
     jobs = sorted(jobs, key=lambda j: -j.seconds)
-    total = sum(j.seconds for j in jobs)
-    results: Results = {("seconds",): {}}
-    if workers == 1 or len(jobs) < 2:
-        done = 0.0
-        for job in jobs:
-            progress(done, total)
-            results[job.key], results[("seconds",)][job.key] = _timed(job)
-            done += job.seconds
-        progress(total, total)
-        return results
-    if not isinstance(workers, int):
-        return _elsewhere(jobs, workers, progress)
-    with ended_at_once(ProcessPoolExecutor(workers)) as pool:
-        running = {pool.submit(_timed, job): job for job in jobs}
-        done = 0.0
-        since: dict[tuple[str, ...], float] = {}
-        while running:
-            finished, _ = wait(running, timeout=0.5, return_when=FIRST_COMPLETED)
-            for future in finished:
-                job = running.pop(future)
-                results[job.key], results[("seconds",)][job.key] = future.result()
-                done += job.seconds
-            now = time.perf_counter()
-            active = [since.setdefault(job.key, now) for job in list(running.values())[:workers]]
-            parts = (_part(job, now - start) for job, start in zip(running.values(), active, strict=False))
-            progress(done + sum(parts), total)
-    return results
-
-
-def _elsewhere(jobs: list[Job], workers: Any, progress: ShareProgress) -> Results:
-    """The same on a cluster, where it cannot be seen how far a job is."""
-    results: Results = {("seconds",): {}}
     done, total = 0.0, sum(j.seconds for j in jobs)
+    results: Results = {("seconds",): {}}
 
     def take(number: int, found: tuple[Any, float]) -> None:
         nonlocal done
@@ -195,7 +164,20 @@ def _elsewhere(jobs: list[Job], workers: Any, progress: ShareProgress) -> Result
         progress(done, total)
 
     progress(done, total)
-    run_all(_timed, jobs, workers, threads=False, receive=take)
+    # On a cluster it cannot be seen how far a job is; in processes of this machine it can be guessed.
+    if not isinstance(workers, int) or workers == 1 or len(jobs) < 2:
+        run_all(_timed, jobs, workers, threads=False, receive=take)
+        return results
+    with ended_at_once(ProcessPoolExecutor(workers)) as pool:
+        running = {pool.submit(_timed, job): number for number, job in enumerate(jobs)}
+        since: dict[int, float] = {}
+        while running:
+            finished, _ = wait(running, timeout=0.5, return_when=FIRST_COMPLETED)
+            for future in finished:
+                take(running.pop(future), future.result())
+            now = time.perf_counter()
+            active = [(jobs[n], now - since.setdefault(n, now)) for n in list(running.values())[:workers]]
+            progress(done + sum(_part(job, elapsed) for job, elapsed in active), total)
     return results
 
 
