@@ -20,9 +20,7 @@ from benchmarks.peers import compliance_rows as rows
 from sepv import problems
 from sepv.errors import Skipped
 from sepv.peers import _compliance_measurements as measurements
-from sepv.peers._multistep import PathSolver
-from sepv.peers._padded_batches import in_blocks
-from sepv.peers.posing import pose
+from sepv.peers.posing import PathSolver, in_blocks, pose
 from sepv.problem import PolynomialSystem, Problem, vector_field
 from sepv.schemes import Scheme
 from sepv.verification import Case, Effort, Verdict, load_laws, verify

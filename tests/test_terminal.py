@@ -21,7 +21,7 @@ from sepv.commands import main
 from sepv.commands._cli import COMMANDS
 from sepv.faults import _fault_detection as fault_detection
 from sepv.studies._bench import store
-from sepv.studies._bench.table import record_table
+from sepv.studies._bench.store import record_table
 from sepv.verification import LAWS, Verdict
 from sepv.verification._report import console
 

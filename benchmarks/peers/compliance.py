@@ -32,7 +32,7 @@ from sepv.peers._compliance_measurements import (
 )
 from sepv.peers._deviations import shown_by
 from sepv.peers._kept_measurements import Cell, measured
-from sepv.peers._multistep import PathSolver
+from sepv.peers.posing import PathSolver
 from sepv.problem import Problem
 from sepv.schemes import Scheme, energy_preserving
 from sepv.simulate import _wiener as wiener

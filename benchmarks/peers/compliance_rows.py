@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from sepv.peers._compliance_measurements import NO_AREAS, SETUPS, path_verdicts, release, silent
-from sepv.peers._multistep import PathSolver
+from sepv.peers.posing import PathSolver
 from sepv.schemes import Scheme
 from sepv.verification import LAWS, Verdict
 from sepv.verification._report import MARKS

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from sepv import problems
-from sepv.peers._multistep import Path
+from sepv.peers.posing import Path
 from sepv.problem import Problem
 from sepv.schemes import Scheme, Systems
 from sepv.schemes._scheme import Step

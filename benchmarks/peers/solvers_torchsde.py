@@ -14,9 +14,8 @@ import torchsde
 
 from benchmarks.peers.solver import Solver
 from sepv.errors import Skipped
-from sepv.peers._multistep import Path
-from sepv.peers._padded_batches import LANES, in_blocks
 from sepv.peers._posing_fields import pose_fields
+from sepv.peers.posing import LANES, Path, in_blocks
 from sepv.problem import Array, Problem
 from sepv.schemes._further_increments import as_matrix, as_rows
 from sepv.schemes._scheme import Step

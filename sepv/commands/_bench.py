@@ -147,12 +147,12 @@ def _show(records: list[dict[str, Any]], checks: list[Any], *, saved: bool) -> N
     from rich.text import Text
 
     from sepv._terminal import print_table
-    from sepv.studies._bench import table
+    from sepv.studies._bench import store
     from sepv.verification._report import console
 
     out = console()
     for record in records:
-        print_table(table.record_table(record), out)
+        print_table(store.record_table(record), out)
     if not checks:
         if not saved:
             out.print("Nothing to compare with: --save and --against, or --against-ref.")

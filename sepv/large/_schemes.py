@@ -1,14 +1,104 @@
-"""Steps of (2.1) and of the midpoint rule (3.4) for one large state y (d,) with the random step Δ."""
+"""Steps of (2.1) and of the midpoint rule (3.4) for one large state y (d,) with the random step Δ.
+
+Newton's method is that of `sepv.solve._newton`, with sparse matrices. The linear algebra is LAPACK's band solver where the band is narrow, SuperLU elsewhere. Both are linear in d for the
+neighbour couplings of a chain.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
 
-from sepv.large._newton import LargeSolution, solve
-from sepv.large._problem import LargeProblem
+import numpy as np
+from numpy.typing import NDArray
+
+from sepv.large._fields import Answers, Slopes
+from sepv.large._problem import LargeProblem, Sparse
 from sepv.problem import Array
+from sepv.problem._fields import Algebra
 from sepv.schemes._energy_preserving import formula as _energy_preserving
 from sepv.schemes._midpoint import formula as _midpoint
+from sepv.solve import Increment, Status
+from sepv.solve._formula import Formula
+from sepv.solve._linearised import Tangent
+from sepv.solve._newton import newton
+from sepv.solve._solution import Equations, Evaluation
+
+# A band solver touches 2l + u + 1 numbers a row, fill of pivoting included; wider than this, SuperLU is faster.
+WIDEST_BAND = 64
+
+
+@dataclass(frozen=True)
+class LargeSolution:
+    """y1 (d,) where converged, else the last iterate; largest residual, iterations and how it ended."""
+
+    value: Array
+    residual: float
+    iterations: int
+    status: Status
+
+
+def solve(problem: LargeProblem, y0: Array, formula: Formula, delta: float) -> LargeSolution:
+    """y1 = y0 + R for the formula's R and the random step Δ; there is no second approach where Newton's fails."""
+    once = np.ones(1, dtype=np.int64)
+
+    def evaluate(z: Array, _: NDArray[np.intp]) -> Evaluation:
+        # Of `Fields` these answer what formulas of B(y)v, ∇H and its mean ask.
+        asked: Any = Answers(problem, y0, z[:, 0])
+        slopes: Any = Slopes(asked)
+        R = formula(asked, y0, z[:, 0], [delta])
+        slope = lambda: formula(slopes, y0, Tangent(z[:, 0], 1.0), [delta]).slope  # noqa: E731
+        return Evaluation(Increment(R[:, None], once, once, once == 1), lambda: (slope(), 0))
+
+    def inside(z: Array, _: NDArray[np.intp]) -> NDArray[np.bool_]:
+        assert problem.domain is not None
+        return np.array([problem.domain(y0 + z[:, 0])])
+
+    equations = Equations(
+        np.abs(y0)[:, None], evaluate, None if problem.domain is None else inside,
+        exact=problem.degree is not None, algebra=SPARSE,
+    )  # fmt: skip
+    found = newton(equations, np.zeros((y0.size, 1)), np.arange(1), differences=False)
+    status = Status(int(found.status[0]))
+    return LargeSolution(y0 + found.value[:, 0], float(found.residual[0]), int(found.iterations[0]), status)
+
+
+def newton_correction(K: Sparse, F: Array) -> Array:
+    """(I − K)⁻¹F, (d, 1); NaN where the matrix is singular."""
+    entries = K.tocoo()
+    lower = int(max((entries.row - entries.col).max(initial=0), 0))
+    upper = int(max((entries.col - entries.row).max(initial=0), 0))
+    d = F.size
+    if 2 * lower + upper + 1 <= WIDEST_BAND:
+        from scipy.linalg import LinAlgError, solve_banded
+
+        # Row u + i − j of a band holds A_ij. Entries given twice add up.
+        band = np.bincount(
+            (upper + entries.row - entries.col) * d + entries.col,
+            weights=entries.data,
+            minlength=(lower + upper + 1) * d,
+        ).reshape(lower + upper + 1, d)
+        np.negative(band, out=band)
+        band[upper] += 1
+        try:
+            return np.asarray(solve_banded((lower, upper), band, F, overwrite_ab=True, check_finite=False))
+        except LinAlgError:
+            return np.full_like(F, np.nan)
+    from scipy.sparse import eye_array
+    from scipy.sparse.linalg import splu
+
+    try:
+        return np.asarray(splu((eye_array(d) - K).tocsc()).solve(F))
+    except RuntimeError:  # how SuperLU says "exactly singular"
+        return np.full_like(F, np.nan)
+
+
+SPARSE = Algebra(
+    newton_correction,
+    lambda K: np.isfinite(K.data).all(),
+    lambda K, size: abs(K) @ size,
+)
 
 LargeStep = Callable[[LargeProblem, Array, float], LargeSolution]
 

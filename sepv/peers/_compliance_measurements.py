@@ -15,7 +15,7 @@ from sepv import problems
 from sepv._version import __version__
 from sepv.exact import exact_flow
 from sepv.peers._kept_measurements import Cell
-from sepv.peers._multistep import PathSolver
+from sepv.peers.posing import PathSolver
 from sepv.problem import Problem
 from sepv.schemes import Scheme
 from sepv.simulate import _wiener as wiener

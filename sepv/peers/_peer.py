@@ -30,7 +30,7 @@ from sepv.peers._compliance_measurements import (
 )
 from sepv.peers._deviations import shown_by
 from sepv.peers._kept_measurements import Cell, measured
-from sepv.peers._multistep import PathSolver
+from sepv.peers.posing import PathSolver
 from sepv.verification import SUITE, Effort, Law, Verdict, load_laws
 from sepv.verification._progress import showing
 

@@ -23,9 +23,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from sepv.peers._multistep import PathSolver
-from sepv.peers._padded_batches import LANES, in_blocks
-from sepv.peers.posing import Formulas, pose, size
+from sepv.peers.posing import LANES, Formulas, PathSolver, in_blocks, pose, size
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.schemes import Scheme
 

@@ -4,6 +4,9 @@ A problem's own functions are NumPy's, which a compiler cannot trace (`TracerArr
 derivative does not see through. A problem given as data is posed again: `pose` returns formulas, which are hashable and
 few, and numbers, which are arrays. A compiled step takes the formulas as a static argument and the numbers as data, so
 that one program serves every problem of a size. No library is imported here: a formula takes the namespace.
+
+A solver that hands state from one step to the next is a `PathSolver`: one step alone is not the solver, so whole paths
+are measured. Its first step is a `Scheme` beside it, for the laws about one step; the order is that of whole paths.
 """
 
 from __future__ import annotations
@@ -17,8 +20,6 @@ from typing import Any
 import numpy as np
 
 from sepv.errors import Skipped
-from sepv.peers._multistep import PathSolver
-from sepv.peers._padded_batches import in_blocks
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
 from sepv.problem._hamiltonians import is_several
 from sepv.problems import PAPER, build
@@ -33,6 +34,20 @@ __all__ = ["Formulas", "PathSolver", "field_in", "in_blocks", "pose"]
 
 # Tables of polynomials are filled up with zeros to one of a few sizes, so that few programs serve all problems.
 LEAST_POWER, LEAST_TERMS = 8, 32
+# Lanes computed together; the last block is filled up.
+LANES = 64
+# (problem, y0 (d,), h, dW (N, m, M)) -> states (N + 1, d, M)
+Path = Callable[[Problem, Array, float, Array], Array]
+
+
+@dataclass(frozen=True)
+class PathSolver:
+    """A solver of whole paths, and the order that its documentation states for noise that commutes."""
+
+    name: str
+    path: Path
+    mean_square_order: float
+    source: str = ""
 
 
 @dataclass(frozen=True)
@@ -209,3 +224,20 @@ def table(
         for e, c in p.terms:
             coefficients[r, index[e]] = c
     return exponents, coefficients
+
+
+def in_blocks(step: Callable[[Array, Array], Any], y: Array, dW: Array, lanes: int) -> Array:
+    """step(y (d, lanes), dW (m, lanes)) over any number of lanes, or on one state (d,) with dW (m,).
+
+    In blocks of one size: compiled code and the order of its operations then do not depend on their number.
+    """
+    states = y.reshape(y.shape[0], -1)
+    count = states.shape[1]
+    increments = dW.reshape(dW.shape[0], count)
+    filled = -(-count // lanes) * lanes
+    lane = np.minimum(np.arange(filled), count - 1)
+    parts = []
+    for first in range(0, filled, lanes):
+        block = lane[first : first + lanes]
+        parts.append(np.asarray(step(states[:, block], increments[:, block])))
+    return np.concatenate(parts, axis=1)[:, :count].reshape(y.shape)

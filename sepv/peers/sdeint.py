@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import sdeint
 
-from sepv.peers._multistep import PathSolver
+from sepv.peers.posing import PathSolver
 from sepv.problem import Array, Problem, vector_field
 from sepv.schemes import Scheme
 

@@ -18,9 +18,7 @@ import torch
 import torchsde
 
 from sepv.errors import Skipped
-from sepv.peers._multistep import PathSolver
-from sepv.peers._padded_batches import LANES, in_blocks
-from sepv.peers.posing import pose
+from sepv.peers.posing import LANES, PathSolver, in_blocks, pose
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
 
