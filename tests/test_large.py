@@ -15,7 +15,7 @@ import sepv
 from sepv import large, schemes
 from sepv.errors import ProblemError, StepFailure, UsageError
 from sepv.large import LargeProblem
-from sepv.large import _newton as newton
+from sepv.large import _schemes as newton
 from sepv.problem import Array
 from sepv.solve import Status
 

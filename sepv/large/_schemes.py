@@ -1,7 +1,7 @@
 """Steps of (2.1) and of the midpoint rule (3.4) for one large state y (d,) with the random step Δ.
 
-Newton's method is that of `sepv.solve._newton`, with sparse matrices. The linear algebra is LAPACK's band solver where the band is narrow, SuperLU elsewhere. Both are linear in d for the
-neighbour couplings of a chain.
+Newton's method is that of `sepv.solve._newton`, with sparse matrices: LAPACK's band solver where the band is narrow,
+SuperLU elsewhere. Both are linear in d for the neighbour couplings of a chain.
 """
 
 from __future__ import annotations
