@@ -44,6 +44,8 @@ def __dir__() -> list[str]:
     return __all__
 
 
+# As the law "expansion" has it: Δ as a share of the radius inside which y1(Δ) is analytic.
+ORIGIN_SHARE = 2.0**-9
 # Strategies are made once: Hypothesis validates each that is made anew, which costs as much as its draws.
 _SIGNS = st.sampled_from([1.0, -1.0])
 _KINDS = st.sampled_from(["kinetic", *["kinetic and more", "any"] * 2])

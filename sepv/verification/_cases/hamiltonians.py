@@ -22,7 +22,7 @@ from sepv.schemes._stochastic_splitting import scheme as stochastic_splitting
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.families import general, separable_hamiltonians
 from sepv.verification._cases.poisson import constant_structures, poisson_structures
-from sepv.verification._contraction import contraction_ball
+from sepv.verification._cases.structures import from_origin
 from sepv.verification.strategies import (
     casimir_systems,
     coefficients,
@@ -38,8 +38,6 @@ from sepv.verification.strategies import (
 )
 
 Cases = Callable[[], st.SearchStrategy[Case]]
-# As the law "expansion" has it: the step as a share of the radius inside which y1 is analytic.
-SHARE = 2.0**-9
 
 
 @st.composite
@@ -69,11 +67,6 @@ def hamiltonian_steps() -> st.SearchStrategy[Case]:
     return steps(any_hamiltonians())
 
 
-def poisson_hamiltonians() -> st.SearchStrategy[PolynomialSystem]:
-    """B that satisfies Jacobi's identity."""
-    return with_hamiltonians(poisson_structures()).filter(general)
-
-
 @st.composite
 def _still(draw: st.DrawFn) -> Case:
     """h = 0 and no increments, or all gradients zero at y."""
@@ -96,23 +89,13 @@ def _at_origin(draw: st.DrawFn) -> Case:
     d, m = draw(st.integers(2, 4)), draw(st.integers(1, 2))
 
     def hamiltonian() -> poly.Polynomial:
-        linear = [(tuple(int(i == k) for i in range(d)), draw(coefficients())) for k in range(d)]
-        square = [(tuple(2 * int(i == k) for i in range(d)), 0.5) for k in range(d)]
-        return poly.add(poly.polynomial(d, [*linear, *square]), draw(polynomials(d, 3, least=2, terms=2)))
+        linear, square = poly.linear([draw(coefficients()) for _ in range(d)]), poly.squares((1.0,) * d)
+        return poly.add(poly.add(linear, square), draw(polynomials(d, 3, least=2, terms=2)))
 
     B = draw(skew_structures(d, 2).filter(bool))
     B = tuple((i, j, poly.add(poly.constant(d, draw(coefficients())), entry)) for i, j, entry in B)
     others = tuple(hamiltonian() for _ in range(m))
-    system = PolynomialSystem(d, hamiltonian(), B, (1.0,) * m, noise_hamiltonians=others)
-    radius = contraction_ball(problems.build(system), np.zeros(d))[0]
-    part = SHARE * min(radius, 1.0) / (m + 1)
-    signs = [draw(st.sampled_from([1.0, -0.5, 0.25])) for _ in range(m)]
-    return Case(system, (0.0,) * d, part, tuple(s * part for s in signs))
-
-
-def constant_hamiltonians() -> st.SearchStrategy[PolynomialSystem]:
-    """Constant B."""
-    return with_hamiltonians(constant_structures()).filter(general)
+    return from_origin(draw, PolynomialSystem(d, hamiltonian(), B, (1.0,) * m, noise_hamiltonians=others))
 
 
 @st.composite
@@ -131,13 +114,12 @@ def species_steps(draw: st.DrawFn) -> Case:
     the splitting with exact flows leaves 2^±64, and another right scheme might overflow or underflow.
     """
     c = draw(noises(least=1, most=3).filter(any))
-    names = ("a", "b", "d", "nu", "mu")
     data = NamedProblem(
         "random-lotka-volterra",
         (
             ("beta", tuple(draw(coefficients()) for _ in range(3))),
             ("noise", c),
-            *((name, (draw(coefficients()),)) for name in names),
+            *((name, (draw(coefficients()),)) for name in ("a", "b", "d", "nu", "mu")),
         ),
     )
     y = tuple(draw(st.sampled_from([1.0, 1.5])) * 2.0 ** draw(st.integers(-10, 2)) for _ in range(3))
@@ -163,8 +145,8 @@ HAMILTONIANS: dict[str, Cases] = {
     "energy-drift": additive_steps,
     **dict.fromkeys(("contract", "reproducibility", "symmetry"), hamiltonian_steps),
     "casimir": lambda: steps(with_hamiltonians(casimir_systems(degree=4)).filter(general)),
-    "poisson-map": lambda: steps(poisson_hamiltonians()).map(halved),
-    "symplecticity": lambda: steps(constant_hamiltonians()).map(halved),
+    "poisson-map": lambda: steps(with_hamiltonians(poisson_structures()).filter(general)).map(halved),
+    "symplecticity": lambda: steps(with_hamiltonians(constant_structures()).filter(general)).map(halved),
     "identity": _still,
     "noise-sum": lambda: steps(any_hamiltonians(least=2)),
     "expansion": lambda: _at_origin().filter(lambda case: general(case.problem)),  # type: ignore[arg-type]

@@ -42,6 +42,7 @@ from sepv.verification._cases.strata import (
     WHY,
     Space,
 )
+from sepv.verification.strategies import ORIGIN_SHARE
 
 _SYSTEM = (DIMENSION, DEGREE, TERMS, STRUCTURE, NOISES)
 _STEPS = (SIZE, STEP, SIGN, SHARE, GIVEN)
@@ -50,8 +51,6 @@ _SEVERAL_NOISES = ("2", "3–4", "5–8")
 _SHORT = ("1e-5–1e-2", "1e-9–1e-5")
 # Substitutions multiply the terms.
 _SUBSTITUTED = {"degree_of_H": ("1–2", "3–4", "5–6"), "terms_of_H": ("1–2", "3–9", "10–19")}
-# As the law "expansion" has it: Δ as a share of the radius inside which y1(Δ) is analytic.
-ORIGIN_SHARE = 2.0**-9
 
 # Where no quadrature and no place of B can be wrong.
 _QUADRATIC = {"degree_of_H": ("1–2",)}

@@ -17,12 +17,14 @@ from hypothesis import strategies as st
 
 from sepv import problems
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem, StructuresProblem, Systems
+from sepv.problem._problem import Structure
 from sepv.problems._several import commuting_actions, rotating_planes
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 from sepv.verification._cases.case import Case
 from sepv.verification._contraction import contraction_ball
 from sepv.verification.strategies import (
+    ORIGIN_SHARE,
     coefficients,
     components,
     contracted,
@@ -38,14 +40,9 @@ from sepv.verification.strategies import (
     symmetric_matrices,
 )
 
-# As the law "expansion" has it: Δ as a share of the radius inside which y1(Δ) is analytic.
-SHARE = 2.0**-9
+# ½|y|² in three variables.
+SPHERE = poly.squares((1.0,) * 3)
 Cases = Callable[[], st.SearchStrategy[Case]]
-
-
-def sphere() -> Polynomial:
-    """½|y|² in three variables."""
-    return poly.polynomial(3, {tuple(2 * int(i == k) for i in range(3)): 0.5 for k in range(3)})
 
 
 @st.composite
@@ -77,9 +74,7 @@ def nambu_systems(
 def quadratic_casimirs() -> st.SearchStrategy[Polynomial]:
     """Homogeneous quadratic C, which (2.1) keeps too. Examples shrink towards ½|y|²."""
     more = polynomials(3, 2, least=2).filter(lambda p: p.terms)  # terms may cancel
-    return st.one_of(
-        st.just(sphere()), more, more.map(lambda p: poly.add(sphere(), p)).filter(lambda p: p.terms)
-    )
+    return st.one_of(st.just(SPHERE), more, more.map(lambda p: poly.add(SPHERE, p)).filter(lambda p: p.terms))
 
 
 def linear_casimirs() -> st.SearchStrategy[Polynomial]:
@@ -124,14 +119,14 @@ def _at_origin(draw: st.DrawFn) -> Case:
     """y0 = 0, with the linear and quadratic terms of H and C and the constant and linear ones of g."""
 
     def function() -> Polynomial:
-        linear = [(tuple(int(i == k) for i in range(3)), draw(coefficients())) for k in range(3)]
+        linear = poly.linear([draw(coefficients()) for _ in range(3)])
         more = draw(polynomials(3, 4, least=2)) if draw(st.booleans()) else poly.polynomial(3, {})
-        return poly.add(poly.polynomial(3, linear), sphere(), more)
+        return poly.add(linear, SPHERE, more)
 
     g = poly.add(poly.constant(3, 1.0), draw(polynomials(3, 2, least=1, terms=3)))
     system = problems.nambu_system(function(), g, function())
     radius = contraction_ball(problems.build(system), np.zeros(3))[0]
-    step = SHARE * min(radius, 1.0)
+    step = ORIGIN_SHARE * min(radius, 1.0)
     return Case(system, (0.0, 0.0, 0.0), step, (draw(st.sampled_from([0.0, 0.5, -0.25])) * step,))
 
 
@@ -189,9 +184,9 @@ def common_casimir_systems(draw: st.DrawFn, *, degree: int = 4) -> PolynomialSys
     In dimension three they are g_j(y) times one matrix; in four the tensors differ.
     """
     d, m = draw(st.sampled_from([3, 4])), draw(st.integers(1, 2))
-    v = linear_forms(draw(symmetric_matrices(d)))
+    A = draw(symmetric_matrices(d))
+    v = linear_forms(A)
     B, *G = (contracted(draw, d, [v]) for _ in range(m + 1))
-    A = tuple(tuple(float(dict(form.terms).get(_unit(d, k), 0.0)) for k in range(d)) for form in v)
     c = draw(noises(least=m, most=m))
     H = draw(hamiltonians(d, degree))
     if not B or not all(G):  # a tensor of zeros
@@ -220,21 +215,16 @@ def commuting_hamiltonian_steps(draw: st.DrawFn) -> Case:
     fields at y allow, which is measured and not derived.
     """
     n, m = draw(st.integers(1, 2)), draw(st.integers(1, 2))
-    H = poly.add(poly.polynomial(n, [(_unit(n, k), 1.0) for k in range(n)]), draw(action_polynomials(n, 2)))
-    system = commuting_actions(
-        H, [draw(action_polynomials(n, 2)) for _ in range(m)], draw(noises(least=m, most=m))
-    )
+    H = poly.add(poly.linear((1.0,) * n), draw(action_polynomials(n, 2)))
+    others = [draw(action_polynomials(n, 2)) for _ in range(m)]
+    system = commuting_actions(H, others, draw(noises(least=m, most=m)))
     y = tuple(draw(st.sampled_from([0.5, 1.0, -0.75])) for _ in range(2 * n))
     problem, state = problems.build(system), np.array(y)
     assume(float(np.linalg.norm(problem.gradient(state))) > 0.25)
-    length = 1 / (16 * (1 + _steepest(problem, state)))
+    part = 1 / (16 * (1 + _steepest(problem, state))) / (m + 1)
     shares = [draw(st.sampled_from([1.0, 0.5, -0.5, 2.0**-10])) for _ in range(m)]
-    return Case(
-        system,
-        y,
-        length / (m + 1),
-        tuple(length / (m + 1) * s / (c or 1.0) for s, c in zip(shares, system.noise, strict=True)),
-    )
+    dW = tuple(part * s / (c or 1.0) for s, c in zip(shares, system.noise, strict=True))
+    return Case(system, y, part, dW)
 
 
 @st.composite
@@ -247,15 +237,13 @@ def critical_hamiltonian_steps(draw: st.DrawFn) -> Case:
     y: tuple[float, ...]
     if draw(st.booleans()):
         n, kept, y = 2, 1, (0.0, 0.0, a, b)
-        H = poly.polynomial(
-            2, [((1, 0), 1.0), ((2, 0), draw(coefficients())), ((1, 1), draw(coefficients()))]
-        )
+        H = poly.polynomial(2, {(1, 0): 1.0, (2, 0): draw(coefficients()), (1, 1): draw(coefficients())})
     else:
         # I_0 is a sum of squares of few bits: ∇H_0 = (I − I_0) y is exactly zero.
         n, kept, y = 1, 0, (a, b)
         H = poly.polynomial(1, [((2,), 0.5), ((1,), -0.5 * (a * a + b * b))])
     m = draw(st.integers(1, 2))
-    others = [poly.polynomial(n, [(_unit(n, kept), 1.0)])]
+    others = [poly.variable(n, kept)]
     others += [draw(action_polynomials(n, 2)) for _ in range(m - 1)]
     system = commuting_actions(H, others, (1.0, 0.5)[:m])
     h = draw(st.sampled_from([2.0**-3, 2.0**-6, 2.0**-10]))
@@ -272,9 +260,8 @@ def _steepest(problem: Problem, y: Array) -> float:
             at = y.copy()
             at[k] += 1e-6
             field, moved = G(y) @ problem.gradient(y), G(at) @ problem.gradient(at)
-            worst = max(
-                worst, c * float(np.max(np.abs(moved - field))) / 1e-6, c * float(np.max(np.abs(field)))
-            )
+            sizes = np.max(np.abs(moved - field)) / 1e-6, np.max(np.abs(field))
+            worst = max(worst, c * float(max(sizes)))
     return worst
 
 
@@ -313,31 +300,26 @@ def _scaled_copies() -> st.SearchStrategy[Case]:
 def _several_at_origin(draw: st.DrawFn) -> Case:
     """y0 = 0 with all terms that the fields and their slopes need there, inside the radius of the whole step."""
     d, m = draw(st.integers(2, 4)), draw(st.integers(1, 2))
-    linear = poly.polynomial(d, [(_unit(d, k), draw(coefficients())) for k in range(d)])
-    square = poly.polynomial(d, [(tuple(2 * e for e in _unit(d, k)), 0.5) for k in range(d)])
+    H = poly.add(poly.linear([draw(coefficients()) for _ in range(d)]), poly.squares((1.0,) * d))
 
-    def structure() -> tuple[tuple[int, int, Polynomial], ...]:
-        return tuple(
-            (
-                i,
-                j,
-                poly.add(poly.constant(d, draw(coefficients())), draw(polynomials(d, 2, least=1, terms=2))),
-            )
-            for i, j in combinations(range(d), 2)
-            if j == i + 1 or draw(st.booleans())
-        )
+    def entry() -> Polynomial:
+        return poly.add(poly.constant(d, draw(coefficients())), draw(polynomials(d, 2, least=1, terms=2)))
+
+    def structure() -> Structure:
+        pairs = combinations(range(d), 2)
+        return tuple((i, j, entry()) for i, j in pairs if j == i + 1 or draw(st.booleans()))
 
     G = tuple(structure() for _ in range(m))
-    system = PolynomialSystem(d, poly.add(linear, square), structure(), (1.0,) * m, noise_structures=G)
+    return from_origin(draw, PolynomialSystem(d, H, structure(), (1.0,) * m, noise_structures=G))
+
+
+def from_origin(draw: st.DrawFn, system: PolynomialSystem) -> Case:
+    """A step from y0 = 0 with a share of the radius for h and for each noise."""
+    d, m = system.dimension, len(system.noise)
     radius = contraction_ball(problems.build(system), np.zeros(d))[0]
-    part = SHARE * min(radius, 1.0) / (m + 1)
-    return Case(
-        system, (0.0,) * d, part, tuple(draw(st.sampled_from([1.0, -0.5, 0.25])) * part for _ in range(m))
-    )
-
-
-def _unit(d: int, k: int) -> tuple[int, ...]:
-    return tuple(int(i == k) for i in range(d))
+    part = ORIGIN_SHARE * min(radius, 1.0) / (m + 1)
+    signs = [draw(st.sampled_from([1.0, -0.5, 0.25])) for _ in range(m)]
+    return Case(system, (0.0,) * d, part, tuple(s * part for s in signs))
 
 
 SEVERAL: dict[str, Cases] = {

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -163,15 +164,18 @@ def first_failures(failures: NDArray[np.int64]) -> tuple[int, ...]:
     return tuple(int(n) if row in failed[:1] else 0 for row, n in enumerate(failures))
 
 
+# What has an entry for each path.
+PER_PATH = ("squared", "errors", "ends", "W", "weights")
+
+
 def join(parts: Sequence[StrongErrors]) -> StrongErrors:
     """The errors of all the paths of several runs over the same steps."""
+    arrays: dict[str, Any] = {
+        name: np.concatenate([getattr(p, name) for p in parts], axis=-1) for name in PER_PATH
+    }
     return replace(
         parts[0],
-        squared=np.concatenate([p.squared for p in parts], axis=-1),
-        errors=np.concatenate([p.errors for p in parts], axis=-1),
-        ends=np.concatenate([p.ends for p in parts], axis=-1),
-        W=np.concatenate([p.W for p in parts], axis=-1),
-        weights=np.concatenate([p.weights for p in parts], axis=-1),
+        **arrays,
         failures=tuple(int(n) for n in np.sum([p.failures for p in parts], axis=0)),
         scale=max(p.scale for p in parts),
         reference=max(p.reference for p in parts),
@@ -181,12 +185,7 @@ def join(parts: Sequence[StrongErrors]) -> StrongErrors:
 
 def first(errors: StrongErrors, paths: int) -> StrongErrors:
     """The first so many paths; `failures` and `scale` stay those of all."""
-    return replace(
-        errors,
-        **{
-            name: getattr(errors, name)[..., :paths] for name in ("squared", "errors", "ends", "W", "weights")
-        },
-    )
+    return replace(errors, **{name: getattr(errors, name)[..., :paths] for name in PER_PATH})
 
 
 def floors(errors: StrongErrors) -> Array:
@@ -206,7 +205,7 @@ def slope(errors: StrongErrors, alpha: float) -> Estimate:
     depend on each other, groups of paths do not.
     """
     kept = above_floor(errors)
-    x = np.log(errors.T / np.array(errors.steps, dtype=np.float64))[kept]
+    x = np.log(errors.h)[kept]
     x = x - x.mean()
     weights = x / np.sum(x * x)
     return jackknife(errors.squared[kept], lambda mean: float(0.5 * (weights @ np.log(mean))), alpha)

@@ -57,19 +57,9 @@ LEVELS = 10
 
 def five_noises() -> Problem:
     """Quartic H, the Casimir |y|² and a factor that is not constant, in dimension three, with five different c_j."""
-    H: dict[tuple[int, ...], float] = {
-        (2, 0, 0): 0.5,
-        (0, 2, 0): 1.0,
-        (0, 0, 2): 0.25,
-        (2, 2, 0): 0.25,
-        (0, 1, 3): 0.125,
-    }
-    g: dict[tuple[int, ...], float] = {(0, 0, 0): 1.0, (1, 0, 0): 0.25}
-    C: dict[tuple[int, ...], float] = {(2, 0, 0): 0.5, (0, 2, 0): 0.5, (0, 0, 2): 0.5}
-    system = problems.nambu_system(
-        poly.polynomial(3, H), poly.polynomial(3, g), poly.polynomial(3, C), (0.5, 0.25, 0.375, 0.75, 0.3125)
-    )
-    problem = problems.polynomial_problem(system)
+    H = poly.add(poly.squares((1.0, 2.0, 0.5)), poly.polynomial(3, {(2, 2, 0): 0.25, (0, 1, 3): 0.125}))
+    g, c = poly.polynomial(3, {(0, 0, 0): 1.0, (1, 0, 0): 0.25}), (0.5, 0.25, 0.375, 0.75, 0.3125)
+    problem = problems.polynomial_problem(problems.nambu_system(H, g, poly.squares((1.0,) * 3), c))
     return replace(problem, initial=(0.75, -0.5, 0.5), name="quartic-top", check=False)
 
 
@@ -162,9 +152,8 @@ def step_sizes(order: float) -> Array:
 def _sizes(strong: float, weak: float) -> list[float]:
     """The step sizes of the mean-square order; a weak order well above it has its own, larger ones, besides."""
     found: list[float] = []
-    for h in sorted(
-        {*step_sizes(strong).tolist(), *(step_sizes(weak).tolist() if weak > strong + 0.5 else ())}
-    )[::-1]:
+    more = step_sizes(weak).tolist() if weak > strong + 0.5 else []
+    for h in sorted({*step_sizes(strong).tolist(), *more}, reverse=True):
         if not found or h < 0.75 * found[-1]:  # slopes over sizes next to each other say little
             found.append(h)
     return found
@@ -180,16 +169,8 @@ def local_errors(scheme: Scheme, problem: Problem, effort: Effort) -> LocalError
     sepv.schemes._guard.SchemeCrash, SchemeFault
         What the scheme does.
     """
-    key = (
-        "local errors",
-        id(scheme.step),
-        scheme.asks,
-        scheme.truncation,
-        scheme.increments,
-        scheme.mean_square_order,
-        scheme.weak_order,
-        id(problem),
-    )
+    told = scheme.asks, scheme.truncation, scheme.increments, scheme.mean_square_order, scheme.weak_order
+    key = ("local errors", id(scheme.step), *told, id(problem))
     if key not in effort.cache:
         # The problem and the step are kept, so that their ids stay their own.
         effort.cache[key] = _measure(scheme, problem), problem, scheme.step

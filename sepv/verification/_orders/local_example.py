@@ -56,15 +56,11 @@ def _means(scheme: Scheme, problem: Problem, h: float) -> tuple[Array, Array, Ar
     came = _monomials(y - states[..., None]) @ taken.weights
     if moments_only(problem):
         known, _ = moments_at(problem, states, [h])
-        return (
-            (states, came, known[0][: len(came)])
-            if not failed and known
-            else (states, came[:, :0], came[:, :0])
-        )
-    found, _ = ends_at(problem, states, [(h, nodes)])
-    if failed or not found:
-        return states, came[:, :0], came[:, :0]
-    return states, came, _monomials(found[0] - states[..., None]) @ nodes.weights
+    else:
+        found, _ = ends_at(problem, states, [(h, nodes)])
+        known = [_monomials(ends - states[..., None]) @ nodes.weights for ends in found]
+    compared = known and not failed
+    return (states, came, known[0][: len(came)]) if compared else (states, came[:, :0], came[:, :0])
 
 
 def _monomials(z: Array) -> Array:

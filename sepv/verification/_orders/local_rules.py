@@ -80,12 +80,5 @@ def _of_bridges(m: int, h: float, degree: int, fewer: int) -> Rule:
     """Increments, not truncated, and space-time areas of variance h/12, independent of them."""
     two = rule(2 * m, h, None, degree, False, fewer)
     H = two.xi[m:] / np.sqrt(12)
-    return Rule(
-        two.xi[:m],
-        two.weights,
-        np.concatenate([two.xi[:m], H]),
-        np.arange(two.weights.size),
-        two.degree,
-        None,
-        H,
-    )
+    zeta = np.concatenate([two.xi[:m], H])
+    return Rule(two.xi[:m], two.weights, zeta, np.arange(two.weights.size), two.degree, bridges=H)
