@@ -8,7 +8,9 @@ never an assumption: every lane of a batch carries its status.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -40,6 +42,11 @@ STAGNATION = float(np.sqrt(EPS))
 # … and when the residual is rounding too: a few hundred operations stand behind R, each rounded at the scale of y.
 # Without this, corrections that shrink slowly (Newton's matrix is approximate for some H) pass for stagnation.
 ROUNDING = 256 * EPS
+# After a correction of so small a share of every component the matrix serves once more: the next one leaves the cube of
+# that share, below a rounding.
+SERVES = 2.0**-18
+# … where corrections shrink by this or faster: else Newton's matrix changes along the way, or is a poor one.
+SHRINKING = 2.0**-4
 # Unknowns of a single lane up to which numbers are quicker than arrays.
 FEW = 64
 # The rounding of a sum of a dozen terms, beside their absolute values: far below the K of
@@ -156,8 +163,7 @@ def _newton_of_many(
 
     What is seldom needed is asked for only where some lane needs it, and nothing is copied while all lanes go on.
     """
-    exact = differences or equations.exact
-    count = start.shape[1]
+    exact, count = differences or equations.exact, start.shape[1]
     z_all, size_all = start.copy(), equations.size[:, numbers]
     # Where y1 is 2^52 times y0 or more, an ulp of it says nothing about the components that stayed small. Where
     # y0 = 0 nothing says what small is: a component that cancels to zero would never settle.
@@ -168,19 +174,21 @@ def _newton_of_many(
     status = np.full(count, Status.NO_CONVERGENCE, dtype=np.int64)
     last_size = last_move = np.full(count, np.inf)
     active, algebra = np.arange(count), equations.algebra
+    # Lanes whose matrix serves once more, and the matrices of all.
+    serves, kept = np.zeros(count, dtype=bool), np.empty(0)
     with np.errstate(all="ignore"):
         for _ in range(MAX_ITERATIONS):
-            z, lanes, y = z_all, numbers, size_all
-            at: Any = slice(None)
-            if active.size < count:
-                z, lanes, y, at = z[:, active], lanes[active], y[:, active], active
+            at: Any = slice(None) if active.size == count else active
+            z, y, lanes = z_all[:, at], size_all[:, at], numbers if active.size == count else numbers[at]
             R, jacobian = equations.evaluate(z, lanes)
             F = z - R.value
             residual[at] = rest = np.abs(F).max(axis=0)
             iterations[at] += 1
-            K, further = slopes(equations, z, lanes, R.value) if differences else jacobian()
-            gradients[at] += (1 + further) * R.gradients
-            structures[at] += (1 + further) * R.structures
+            K, asked = _matrices(
+                partial(slopes, equations, z, lanes, R.value) if differences else jacobian, serves, kept
+            )
+            gradients[at] += asked * R.gradients
+            structures[at] += asked * R.structures
             correction = algebra.correction(K, F)
             reach, moves = y + np.abs(z), np.abs(correction)
             scale, move = reach.max(axis=0), moves.max(axis=0)
@@ -189,7 +197,9 @@ def _newton_of_many(
             # Stagnation needs both measures to stop shrinking: a component near zero moves by a large share of
             # itself long before the others have arrived.
             stuck = (size >= 0.5 * last_size) & (move >= 0.5 * last_move)
-            still = _small(size, moves, reach, scale > vast_all[at]) | ((move <= STAGNATION * scale) & stuck)
+            vast = scale > vast_all[at]
+            serves, kept = (size <= SERVES) & (size <= SHRINKING * last_size) & ~vast, K
+            still = _small(size, moves, reach, vast) | ((move <= STAGNATION * scale) & stuck)
             if still.any():
                 still &= _is_rounding(equations, lanes, rest, z, scale, still & exact)
             ended = broken | singular | solved | still
@@ -200,17 +210,33 @@ def _newton_of_many(
                 if ended.all():
                     break
                 go_on = ~ended
-                z, correction, size, move = z[:, go_on], correction[:, go_on], size[go_on], move[go_on]
-                active, lanes = active[go_on], lanes[go_on]
-            last_size, last_move = size, move
+                z, correction, lanes = z[:, go_on], correction[:, go_on], lanes[go_on]
+                active, size, move, serves, kept = _of(go_on, active, size, move, serves, kept)
             moved, inside = into_domain(equations, z, correction, lanes)
             z_all[:, active] = moved
             if not inside.all():
                 status[active[~inside]] = Status.LEFT_DOMAIN
-                active, last_size, last_move = active[inside], size[inside], move[inside]
-            if not active.size:
-                break
+                if not inside.any():
+                    break
+                active, size, move, serves, kept = _of(inside, active, size, move, serves, kept)
+            last_size, last_move = size, move
     return Solution(z_all, residual, iterations, gradients, structures, status)
+
+
+def _matrices(
+    formed: Callable[[], tuple[Any, int]], serves: NDArray[np.bool_], kept: Any
+) -> tuple[Any, NDArray[np.int64]]:
+    """Each lane's matrix, the one that it has where that serves, and the evaluations of R for it, with its own."""
+    asked = np.ones(serves.size, dtype=np.int64)
+    if serves.all():
+        return kept, asked
+    K, further = formed()
+    return np.where(serves, kept, K) if serves.any() else K, asked + further * ~serves
+
+
+def _of(lanes: NDArray[np.bool_], *values: Any) -> list[Any]:
+    """Of each array what belongs to the lanes; of none there is none."""
+    return [v[..., lanes] if v.size else v for v in values]
 
 
 def _small(size: Array, moves: Array, reach: Array, vast: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -247,13 +273,16 @@ def _newton_of_one(
     residual, iterations, gradients, structures = math.inf, 0, 0, 0
     algebra = equations.algebra
     status, last_size, last_move = Status.NO_CONVERGENCE, math.inf, math.inf
+    K: Any = None
+    serves = False
     with np.errstate(all="ignore"):
         for _ in range(MAX_ITERATIONS):
             R, jacobian = equations.evaluate(z, number)
             F = z - R.value
             rest = residual = _largest(F.ravel().tolist())
-            iterations += 1
-            K, further = slopes(equations, z, number, R.value) if differences else jacobian()
+            iterations, further = iterations + 1, 0
+            if not serves:
+                K, further = slopes(equations, z, number, R.value) if differences else jacobian()
             gradients += (1 + further) * int(R.gradients[0])
             structures += (1 + further) * int(R.structures[0])
             if not math.isfinite(rest):
@@ -270,6 +299,7 @@ def _newton_of_one(
             size = _largest([a / (b + EPS * scale + TINY) for a, b in zip(moves, reach, strict=True)])
             stuck = size >= 0.5 * last_size and move >= 0.5 * last_move
             vast = before > 0 and scale > before / EPS
+            serves = size <= SERVES and size <= SHRINKING * last_size and not vast
             small = size <= 0.5 * EPS and not (
                 vast and any(a > STAGNATION * b for a, b in zip(moves, reach, strict=True))
             )
