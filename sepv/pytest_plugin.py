@@ -11,6 +11,7 @@ an error fails, claimed or not. ``--expected FILE`` is the file of ``sepv verify
 from __future__ import annotations
 
 import secrets
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,15 +29,19 @@ _EXPECTED = pytest.StashKey[Expectations]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """--scheme, --sepv-examples, --sepv-paths, --sepv-seed, and ini sepv_schemes."""
+    """--scheme, --sepv-examples, --sepv-paths, --sepv-shrink-checks, --sepv-seed, --expected, and ini sepv_schemes."""
     group = parser.getgroup("sepv", "verification of energy-preserving integrators")
     group.addoption(
         "--scheme", action="append", default=[], metavar="MODULE:ATTR", help="scheme to verify; repeatable"
     )
     group.addoption(
-        "--sepv-examples", type=int, default=None, help="examples for each law (default 25, after its design)"
+        "--sepv-examples", type=int, default=None, help="examples for each law (default 12, after its design)"
     )
     group.addoption("--sepv-paths", type=int, default=None, help="most paths for a law (default 8192)")
+    group.addoption(
+        "--sepv-shrink-checks", type=int, default=None,
+        help="checks to simplify a counterexample with; 0 leaves it as found (default 500)",
+    )  # fmt: skip
     group.addoption("--sepv-seed", default="0", help="seed of examples and paths, or 'fresh' for a new one")
     group.addoption(
         "--expected", "--sepv-expected", dest="sepv_expected", default=None, metavar="FILE",
@@ -52,11 +57,12 @@ def pytest_configure(config: pytest.Config) -> None:
     if given != "fresh" and not given.isdigit():
         raise pytest.UsageError(f"--sepv-seed: expected an integer ≥ 0 or 'fresh', received {given!r}")
     seed = secrets.randbits(32) if given == "fresh" else int(given)
-    default = Effort()
+    default, shrink = Effort(), config.getoption("--sepv-shrink-checks")
     config.stash[_EFFORT] = Effort(
         examples=config.getoption("--sepv-examples") or default.examples,
         paths=config.getoption("--sepv-paths") or default.paths,
         seed=seed,
+        shrink_checks=default.shrink_checks if shrink is None else shrink,
     )
     config.stash[_FINDINGS] = []
     config.pluginmanager.register(_Collector(config))
@@ -136,7 +142,14 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
     target = pyfuncitem.callspec.id if hasattr(pyfuncitem, "callspec") else "TARGET"
 
     def measure(asked: Law, scheme: Scheme, effort: Effort) -> Finding:
-        return suite.measure(asked, scheme, effort, failure=listed.failures.get(asked.name))
+        failure = listed.failures.get(asked.name)
+        if not asked.claimed_by(scheme) and not listed.is_pin:
+            # A violation is one line then, which shows no counterexample: none is simplified. An error is shown, and is
+            # looked at as hard as any.
+            found = suite.measure(asked, scheme, replace(effort, shrink_checks=0), failure=failure)
+            if found.verdict is not Verdict.ERROR:
+                return found
+        return suite.measure(asked, scheme, effort, failure=failure)
 
     found: list[Finding] = []
     result: Any = None

@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from typing import Any
@@ -20,6 +22,11 @@ settings.register_profile("ci", derandomize=True, **_COMMON)
 settings.register_profile("fresh", derandomize=False, print_blob=True, **_COMMON)
 settings.register_profile("deep", derandomize=False, print_blob=True, max_examples=2000, **_COMMON)
 settings.load_profile("ci")
+
+# Hundreds of processes are started here. Where an environment forbids bytecode, each would compile sepv, its laws and the
+# plugins of pytest again, which is a third of its time.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 # What comes in badly must not hang: far above what any such test takes.
 SECONDS = 30

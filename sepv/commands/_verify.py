@@ -46,8 +46,12 @@ from sepv.errors import UsageError
 @click.option(
     "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths."
 )
-@click.option("--examples", type=click.IntRange(min=1), help="Random examples for each law. [default: 25]")
+@click.option("--examples", type=click.IntRange(min=1), help="Random examples for each law. [default: 12]")
 @click.option("--paths", type=click.IntRange(min=64), help="Most paths for a law. [default: 8192]")
+@click.option(
+    "--shrink-checks", type=click.IntRange(min=0),
+    help="Checks to simplify a counterexample with; 0 leaves it as found. [default: 500]",
+)  # fmt: skip
 @click.option("--deep", is_flag=True, help="The nightly effort: 1000 examples, 20 designs, 16384 paths.")
 @click.option("--no-corpus", is_flag=True, help="Leave out the known witnesses, which are asked first.")
 @click.option(
@@ -174,7 +178,14 @@ def _verify_program(laws: tuple[str, ...], claims: tuple[str, ...], **options: A
 
 
 def _effort(
-    *, seed: int, examples: int | None, paths: int | None, deep: bool, no_corpus: bool, **_: Any
+    *,
+    seed: int,
+    examples: int | None,
+    paths: int | None,
+    shrink_checks: int | None,
+    deep: bool,
+    no_corpus: bool,
+    **_: Any,
 ) -> Any:
     from dataclasses import replace
 
@@ -186,6 +197,7 @@ def _effort(
         seed=seed,
         examples=examples or effort.examples,
         paths=paths or effort.paths,
+        shrink_checks=effort.shrink_checks if shrink_checks is None else shrink_checks,
         corpus=not no_corpus,
     )
 
