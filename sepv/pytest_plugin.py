@@ -106,7 +106,9 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     try:
         schemes = [load_scheme(name, _listed(metafunc.config).claims or ()) for name in names]
     except SepvError as error:
-        raise pytest.UsageError(str(error)) from error
+        # Said once and without frames of pytest: the other laws would say it again.
+        metafunc.definition.session.shouldfail = "there is no scheme to verify"
+        raise pytest.Collector.CollectError(str(error)) from None
     if len(names) > 1 and _listed(metafunc.config) != Expectations():
         raise pytest.UsageError(
             f"--expected is about one scheme, and there are {len(names)}: name it with --scheme"

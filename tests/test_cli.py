@@ -63,7 +63,7 @@ def test_a_violation_shows_a_counterexample_that_replays(call) -> None:
 
 
 def test_claims_make_violations_count(call) -> None:
-    assert call("verify midpoint --law energy --claim energy").exit_code == 1
+    assert call("verify midpoint --law energy --claim energy --shrink-checks 0").exit_code == 1
     result = call("verify mine:correct --claim energy,casimir --law energy --law casimir", "")
     assert result.exit_code == 0
     assert "All 2 claimed laws hold" in result.output
@@ -94,7 +94,7 @@ def test_step_failure_takes_words(call) -> None:
 
 
 def test_a_bare_function_claims_nothing_and_is_measured(call) -> None:
-    result = call("verify mine:correct --law energy --law contract", "")
+    result = call("verify mine:correct --law energy --law contract --shrink-checks 0", "")
     assert result.exit_code == 0
     # The contract is what whoever hands over a step signs; a green run says nothing about the rest.
     last = " ".join(result.output.splitlines()[-1:])
@@ -104,7 +104,7 @@ def test_a_bare_function_claims_nothing_and_is_measured(call) -> None:
 
 
 def test_several_targets_give_a_matrix(call) -> None:
-    result = call("verify energy-preserving euler-heun --law energy --law identity --examples 30")
+    result = call("verify energy-preserving euler-heun --law energy --law identity --examples 2 --shrink-checks 0")
     assert result.exit_code == 0
     assert "holds +" in result.output
     assert "+ claimed" in result.output
@@ -197,7 +197,7 @@ FAULTY = {
 def test_faulty_steps_end_in_a_verdict(call, fault: str) -> None:
     body, exit_code, verdict, word = FAULTY[fault]
     result = call(
-        "verify mine:step --law contract --examples 20", f"def step(problem, y, h, dW):\n    {body}\n"
+        "verify mine:step --law contract --examples 2 --shrink-checks 20", f"def step(problem, y, h, dW):\n    {body}\n"
     )
     assert result.exit_code == exit_code, result.output
     assert verdict in result.output
@@ -207,7 +207,7 @@ def test_faulty_steps_end_in_a_verdict(call, fault: str) -> None:
 
 def test_a_raising_scheme_is_an_error_of_every_law_and_debug_shows_it(call) -> None:
     code = "def step(problem, y, h, dW):\n    raise RuntimeError('out of order')\n"
-    result = call("verify mine:step --examples 10 --paths 256", code)
+    result = call("verify mine:step --examples 2 --paths 64 --shrink-checks 2", code)
     assert result.exit_code == 3
     from sepv.verification import LAWS
 
@@ -215,7 +215,7 @@ def test_a_raising_scheme_is_an_error_of_every_law_and_debug_shows_it(call) -> N
     # laws are for schemes of another class of systems.
     assert f"3 not applicable, {len(LAWS) - 3} error" in result.output
     assert "out of order" in result.output
-    shown = call("verify mine:step --examples 10 --law energy --debug", code)
+    shown = call("verify mine:step --examples 2 --law energy --debug", code)
     assert "Traceback" in shown.output or isinstance(shown.exception, RuntimeError)
 
 

@@ -36,7 +36,8 @@ def test_every_engine_of_the_page_has_a_block() -> None:
     assert NEEDS == ["distributed", "joblib", "ray", "zarr"]
 
 
-@pytest.mark.parametrize("number", [0, 1, 3])
+# Dask itself is asked in test_clusters.py; its block starts a cluster of processes, which takes a quarter of a minute.
+@pytest.mark.parametrize("number", [pytest.param(0, marks=pytest.mark.deep), 1, 3])
 def test_a_block_runs(number: int, tmp_path: Path) -> None:
     shown = ran(number, tmp_path)
     assert "(2, 20000)" in shown if number < 3 else (tmp_path / "paths.zarr").is_dir()

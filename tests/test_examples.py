@@ -39,7 +39,7 @@ def euler_heun_plain():
     return shlex.join([sys.executable, "-I", "-S", str(ROOT / "examples" / "euler_heun_plain.py")])
 
 
-SMALL = Effort(examples=40, paths=1024, shrink_checks=50)
+SMALL = Effort(examples=2, paths=1024, shrink_checks=10)
 
 
 def verdicts(command: str, laws: list[str]) -> dict[str, str]:

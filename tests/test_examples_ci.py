@@ -71,7 +71,14 @@ def ran(project: Project, home: Path) -> subprocess.CompletedProcess[str]:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("project", ALL, ids=lambda project: project.folder)
+# One program over `--exec`, that in C++, is run each time.
+@pytest.mark.parametrize(
+    "project",
+    [
+        pytest.param(project, id=project.folder, marks=[pytest.mark.deep] * (project.needs == "node"))
+        for project in ALL
+    ],
+)
 def test_a_project_is_green_and_with_a_fault_red(project: Project, tmp_path: Path) -> None:
     found = shutil.which(project.needs) or importlib.util.find_spec(project.needs.replace("c++", "cxx"))
     if not found:

@@ -29,7 +29,7 @@ from sepv.schemes import Scheme
 from sepv.verification import Effort, Report, verify
 from sepv.verification._junit_and_badge import badge_json, junit_xml
 
-FEW = Effort(examples=15, paths=256)
+FEW = Effort(examples=2, paths=256, shrink_checks=20)
 
 
 def broken(problem, y, h, dW):
@@ -129,7 +129,7 @@ def test_commands_write_results_that_obey_their_schemas_and_name_the_command(
         "path": "run midpoint --steps 20 --engine numpy -q --json path.json",
         "bench": "bench midpoint --case rigid-body -q --save bench.json",
         "teeth": "teeth b-at-y0 --law expansion --seeds 1 -q --json teeth.json",
-        "report": "verify midpoint --law contract --examples 5 -q --json report.json",
+        "report": "verify midpoint --law identity --examples 2 -q --json report.json",
     }
     for name, line in words.items():
         done = CliRunner().invoke(main, line.split(), prog_name="sepv")
@@ -180,7 +180,7 @@ def run(arguments: list[str]) -> tuple[int, str]:
     return result.exit_code, result.output
 
 
-LAWS = ["--law", "energy", "--law", "casimir", "--law", "right-limit", "--examples", "30"]
+LAWS = ["--law", "energy", "--law", "casimir", "--examples", "2", "--shrink-checks", "20"]
 
 
 def test_expected_failures_are_strict_both_ways(tmp_path: Path) -> None:
@@ -244,12 +244,14 @@ def test_statistical_laws_can_be_expected_failures(tmp_path: Path, monkeypatch: 
 )
 def test_wrong_files_are_refused_with_one_message(tmp_path: Path, text: str | None, words: str) -> None:
     file = tmp_path / "expected.toml"
-    if text is not None:
+    if text is not None and "TOKEN" in text:
         from sepv.verification._cases.case import from_json, to_token
 
         finding = verify("midpoint", laws=["energy"], effort=FEW).finding("energy")
         assert finding.witness
-        file.write_text(text.replace("TOKEN", to_token(from_json(finding.witness))))
+        text = text.replace("TOKEN", to_token(from_json(finding.witness)))
+    if text is not None:
+        file.write_text(text)
     code, output = run(["verify", "midpoint", "--law", "energy", "--expected", str(file)])
     assert code == 2, output
     assert words in output

@@ -85,7 +85,7 @@ def test_two_half_steps_and_the_exact_flow_are_right() -> None:
     assert all("rounding" in f.message and f.defect is None for f in report.findings)
 
 
-@pytest.mark.parametrize("truncation", [None, 4])
+@pytest.mark.parametrize("truncation", [None, pytest.param(4, marks=pytest.mark.deep)])
 def test_a_scheme_of_weak_order_two_and_mean_square_order_one_is_seen_as_both(truncation: int | None) -> None:
     """E[S³ − 3c²hS] = 0 and E[S(S³ − 3c²hS)] = 0, so that the moments of the step are right to O(h³)."""
     scheme = Scheme(

@@ -44,7 +44,7 @@ def test_shell_blocks_run(tmp_path: Path) -> None:
     lines = [line for block in blocks("sh") for line in block.splitlines() if line.startswith("sepv ")]
     assert lines
     for line in lines:
-        few = "--examples 5 --paths 64" + ("" if "--law" in line else " --law energy")
+        few = "--examples 2 --paths 64 --shrink-checks 10" + ("" if "--law" in line else " --law energy")
         done = subprocess.run(
             [sys.executable, "-W", "error", "-m", *line.split(), *few.split()],
             cwd=tmp_path, capture_output=True, text=True, check=False,

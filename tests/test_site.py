@@ -196,16 +196,17 @@ async def _look(site: Path, address: str) -> list[str]:
     """What a reader would stumble over, on every page, narrow and wide."""
     faults = []
     async with _browser(address) as browser:
-        for width, height in SIZES:
-            await browser.resize(width, height)
-            for page in sorted(site.glob("**/*.html")):
-                await browser.visit(page.as_uri())
+        for page in sorted(site.glob("**/*.html")):
+            await browser.visit(page.as_uri())
+            for width, height in SIZES:
+                await browser.resize(width, height)
                 where = f"{page.relative_to(site)} at {width} px"
                 wide = await browser.value("document.documentElement.scrollWidth - innerWidth")
                 if wide > 0:
                     faults.append(f"{where}: {wide} px wider than the window")
                 faint = await browser.value(f"{SCRIPTS}; faint()")
-                faults += [f"{where}: {text}" for text in (*faint, *browser.complaints())]
+                faults += [f"{where}: {text}" for text in faint]
+            faults += [f"{page.relative_to(site)}: {text}" for text in browser.complaints()]
     return faults
 
 

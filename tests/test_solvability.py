@@ -85,13 +85,13 @@ def test_midpoint_can_be_followed_and_others_are_refused() -> None:
 
 def test_the_map_agrees_with_the_fold_of_lotka_volterra() -> None:
     """Steps of |Δ| up to about 0.26 were solved from every state that was tried, beyond not from all of them."""
-    found = solvability_map(problems.lotka_volterra(), furthest=1.0, states=24, grid=10, time=3.0)
+    found = solvability_map(problems.lotka_volterra(), furthest=1.0, states=24, grid=4, time=3.0)
     low, high = found.safe
     assert 0.26 < high < 0.29
     assert -0.6 < low < -0.4
     inside = (found.delta > low) & (found.delta < high)
     assert (found.findings[inside] == Ending.FOUND).all()
-    assert sum(found.counts().values()) == found.findings.size == 20 * 24
+    assert sum(found.counts().values()) == found.findings.size == 8 * 24
     assert found.counts()[Ending.NONE] > 0
     assert found.counts()[Ending.UNKNOWN] == 0
     p = [found.chances(2.0**-n, 2).mean() for n in (3, 4, 5, 7)]

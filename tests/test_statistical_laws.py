@@ -51,11 +51,11 @@ def noisier(scheme: Scheme, factor: float) -> Scheme:
 
 @pytest.mark.parametrize(
     ("order", "seed"),
-    [(1.5, 0), (1.5, 1), (2.0, 0), *(pytest.param(1.5, n, marks=pytest.mark.deep) for n in (2, 3, 4))],
+    [(1.5, 0), (2.0, 0), *(pytest.param(1.5, n, marks=pytest.mark.deep) for n in (1, 2, 3, 4))],
 )
 def test_a_scheme_of_weak_order_two_and_mean_square_order_one_is_not_accused(order: float, seed: int) -> None:
     """Its means lie within the noise of errors of mean-square order 1, whose slope must not be taken for theirs."""
-    finding = found(replace(RIGHT["weak-two"], weak_order=order), "weak-order", seed, 512)
+    finding = found(replace(RIGHT["weak-two"], weak_order=order), "weak-order", seed, 256)
     assert finding.verdict in (Verdict.HOLDS, Verdict.INCONCLUSIVE)
     assert finding.verdict is Verdict.HOLDS or "settle it" in finding.message
 
@@ -83,7 +83,7 @@ def test_the_first_looks_find_that_right_schemes_hold(name: str) -> None:
 def test_errors_at_the_rounding_floor_accuse_nobody(order: float) -> None:
     """The exact flow is within C h^p of itself for every p, with a tiny C."""
     flow = replace(RIGHT["exact-flow"], mean_square_order=order, weak_order=order)
-    assert verdicts_of(flow, 512) == dict.fromkeys(SAMPLED, Verdict.HOLDS)
+    assert verdicts_of(flow, 128) == dict.fromkeys(SAMPLED, Verdict.HOLDS)
 
 
 def errors_of(squared: Array, steps: tuple[int, ...]) -> StrongErrors:
@@ -189,7 +189,7 @@ def test_a_scheme_for_one_state_is_asked_for_half_a_minute_of_200_microseconds()
 
 def test_what_is_open_says_what_it_would_take() -> None:
     slow = replace(schemes.euler_maruyama, batched=False)
-    finding = found(slow, "weak-order", paths=512)
+    (finding,) = verify(slow, laws=["weak-order"], problems="pendulum", effort=Effort(paths=512)).findings
     assert finding.verdict is Verdict.INCONCLUSIVE
     assert "paths" in finding.message
     assert "steps, would settle it (--paths" in finding.message
