@@ -23,8 +23,8 @@ settings.register_profile("fresh", derandomize=False, print_blob=True, **_COMMON
 settings.register_profile("deep", derandomize=False, print_blob=True, max_examples=2000, **_COMMON)
 settings.load_profile("ci")
 
-# Hundreds of processes are started here. Where an environment forbids bytecode, each would compile sepv, its laws and the
-# plugins of pytest again, which is a third of its time.
+# Hundreds of processes are started here. Where an environment forbids bytecode, each would compile sepv, its laws and
+# the plugins of pytest again, which is a third of its time.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 

@@ -13,7 +13,6 @@ import shlex
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -48,7 +47,9 @@ def cli(arguments: str, code: int, *words: str, files: dict[str, bytes] | None =
     return check
 
 
-def scheme(body: str, code: int, *words: str, options: str = "--law contract --examples 2 --shrink-checks 10") -> Check:
+def scheme(
+    body: str, code: int, *words: str, options: str = "--law contract --examples 2 --shrink-checks 10"
+) -> Check:
     """`sepv verify` of a step with this body."""
     text = f"import numpy as np, os, sys, time\n\nHISTORY = []\n\ndef step(problem, y, h, dW):\n    {body}\n"
     return cli(f"verify mine:step {options}", code, *words, files={"mine.py": text.encode()})
@@ -60,7 +61,11 @@ def program(body: str, *words: str) -> Check:
     def check(folder: Path) -> None:
         (folder / "program.py").write_text(f"import sys, os, time\n{body}\n")
         command = shlex.quote(f"{shlex.quote(sys.executable)} program.py")
-        cli(f"verify --exec {command} --law contract --examples 1 --shrink-checks 2 --call-timeout 1", 3, *words)(folder)
+        cli(
+            f"verify --exec {command} --law contract --examples 1 --shrink-checks 2 --call-timeout 1",
+            3,
+            *words,
+        )(folder)
 
     return check
 

@@ -104,7 +104,9 @@ def test_a_bare_function_claims_nothing_and_is_measured(call) -> None:
 
 
 def test_several_targets_give_a_matrix(call) -> None:
-    result = call("verify energy-preserving euler-heun --law energy --law identity --examples 2 --shrink-checks 0")
+    result = call(
+        "verify energy-preserving euler-heun --law energy --law identity --examples 2 --shrink-checks 0"
+    )
     assert result.exit_code == 0
     assert "holds +" in result.output
     assert "+ claimed" in result.output
@@ -197,7 +199,8 @@ FAULTY = {
 def test_faulty_steps_end_in_a_verdict(call, fault: str) -> None:
     body, exit_code, verdict, word = FAULTY[fault]
     result = call(
-        "verify mine:step --law contract --examples 2 --shrink-checks 20", f"def step(problem, y, h, dW):\n    {body}\n"
+        "verify mine:step --law contract --examples 2 --shrink-checks 20",
+        f"def step(problem, y, h, dW):\n    {body}\n",
     )
     assert result.exit_code == exit_code, result.output
     assert verdict in result.output

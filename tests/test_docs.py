@@ -169,7 +169,9 @@ def test_the_blocks_of_the_page_about_ci_and_the_steps_of_its_workflows_run(fold
     commands = list(dict.fromkeys(command for steps in jobs for _, command in steps))
     for command in commands:
         assert "${{" not in command
-        if command.startswith("sepv") and any(set(command.split()) < set(other.split()) for other in commands):
+        if command.startswith("sepv") and any(
+            set(command.split()) < set(other.split()) for other in commands
+        ):
             continue
         few = " -k identity" if command.startswith("pytest") else ""
         done = run(["bash", "-e", "-c", command + few], folder, **variables)

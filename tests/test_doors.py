@@ -47,8 +47,18 @@ def test_the_command_line_says_the_same(at_home: dict[str, str], tmp_path: Path)
 
 
 def test_pytest_says_the_same(at_home: dict[str, str], tmp_path: Path) -> None:
-    numbers = f"--sepv-examples {EXAMPLES} --sepv-paths {PATHS} --sepv-shrink-checks {SHRINK} --sepv-seed {SEED}"
-    door = ["-p", "sepv.pytest_plugin", "-p", "no:cacheprovider", "--pyargs", "sepv.properties", *numbers.split()]
+    numbers = (
+        f"--sepv-examples {EXAMPLES} --sepv-paths {PATHS} --sepv-shrink-checks {SHRINK} --sepv-seed {SEED}"
+    )
+    door = [
+        "-p",
+        "sepv.pytest_plugin",
+        "-p",
+        "no:cacheprovider",
+        "--pyargs",
+        "sepv.properties",
+        *numbers.split(),
+    ]
     done = subprocess.run(
         [sys.executable, "-m", "pytest", *door, "--scheme", "euler-heun"],
         cwd=tmp_path,

@@ -29,6 +29,13 @@ gained = sepv.Scheme("gained", sepv.schemes.energy_preserving.step)
 """
 
 
+@pytest.fixture(autouse=True)
+def own_modules(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Modules of the same names that other tests left behind are not those of these."""
+    for name in ("mine", "test_own", "test_mine", "broken"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+
+
 def laws(pytester: pytest.Pytester, *arguments: str, alone: bool = False) -> pytest.RunResult:
     """The laws of `STEPS`, in this process, which has imported sepv, or in one of their own."""
     pytester.makepyfile(mine=MINE)

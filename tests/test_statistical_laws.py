@@ -26,7 +26,8 @@ from sepv.verification._orders.convergence import (
     strong_errors,
 )
 from sepv.verification._orders.means import critical, decay, leading, limit_errors, moment_errors
-from sepv.verification._sequential import FIRST_LOOK, budget, looks, setups
+from sepv.verification._sequential import FIRST_LOOK, budget, looks, sampled, setups, setups_for
+from sepv.verification._sequential import _wanted as wanted
 
 SAMPLED = ("mean-square-order", "weak-order", "right-limit")
 RIGID = problems.rigid_body()
@@ -188,11 +189,17 @@ def test_a_scheme_for_one_state_is_asked_for_half_a_minute_of_200_microseconds()
 
 
 def test_what_is_open_says_what_it_would_take() -> None:
-    slow = replace(schemes.euler_maruyama, batched=False)
-    (finding,) = verify(slow, laws=["weak-order"], problems="pendulum", effort=Effort(paths=512)).findings
+    scheme = schemes.euler_maruyama
+    finding = found(scheme, "weak-order", paths=512)
     assert finding.verdict is Verdict.INCONCLUSIVE
-    assert "paths" in finding.message
     assert "steps, would settle it (--paths" in finding.message
+    # A scheme for one state is told what would be quicker: from the same errors, which it would take seconds to draw.
+    (setup,) = [s for s in setups_for(scheme) if s.problem == "pendulum"]
+    errors = sampled(scheme, setup, 512, Effort())
+    alone = replace(scheme, batched=False)
+    words = wanted(alone, setup, weak.assessing(scheme.weak_order, False), errors, 1e-5)
+    assert "steps, would settle it (--paths" in words
+    assert words.endswith("; a step that takes batches, (d, M), gets so many by itself)")
 
 
 def test_students_quantile_is_two_sided() -> None:
