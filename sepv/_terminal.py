@@ -263,6 +263,11 @@ def table_html(table: Table) -> str:
     return f"<table>{title}<thead><tr>{heads}</tr></thead><tbody>{body}</tbody></table>"
 
 
+def counted(number: int, what: str) -> str:
+    """1 law, 27 laws."""
+    return f"{number} {what}" + ("" if number == 1 else "s")
+
+
 def longest(texts: Iterable[str]) -> int:
     """The width of the widest of them in cells of a terminal, 0 for none."""
     from rich.cells import cell_len

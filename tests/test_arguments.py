@@ -106,7 +106,7 @@ def test_a_report_prints_as_its_table_and_as_html(report: sepv.Report) -> None:
     assert text.startswith("midpoint · ")
     assert any(line.split()[:2] == ["law", "claimed"] for line in text.splitlines())
     assert any(line.lstrip().startswith("identity") and "holds" in line for line in text.splitlines())
-    assert repr(report) == "<Report of midpoint: 2 holds>"
+    assert repr(report) == "<Report of midpoint: 2 hold>"
     page = report._repr_html_()
     assert page.startswith("<table>") and "<td>identity</td>" in page  # noqa: PT018  (one statement)
     hostile = sepv.verify(sepv.Scheme("<script>", heun), laws="identity", effort=Effort(examples=2))

@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from sepv.commands import main
+from sepv.verification import Verdict
 
 CORRECT = "from sepv.schemes._energy_preserving import step as correct\n"
 
@@ -82,7 +83,49 @@ def test_a_pin_says_which_command_guards_and_what_it_guards_no_more(call) -> Non
         "From now on: sepv verify midpoint --law identity,casimir --expected p.toml"
     )
     second = call(f"verify euler-heun --law identity,casimir {few}")
-    assert "The pin before guarded casimir too." in " ".join(second.output.split())
+    assert "The pin before guarded casimir, identity too." in " ".join(second.output.split())
+
+
+def test_a_pin_of_another_scheme_is_said_with_what_to_do(call, tmp_path: Path) -> None:
+    few = "--law identity,energy --examples 2 -q"
+    call(f"verify energy-preserving {few} --pin p.toml")
+    assert "written for" not in call(f"verify energy-preserving {few} --expected p.toml").output
+    # Green, and not without a word: a renamed scheme is right, the file of another one is not.
+    other = call(f"verify mine:correct {few} --expected p.toml", "")
+    assert other.exit_code == 0
+    said = " ".join(other.output.split())
+    assert (
+        "was written for energy-preserving, and this is mine:correct: where it is the same scheme, write"
+        in said
+    )
+    renamed = (tmp_path / "p.toml").read_text().replace('"energy-preserving"', '"mine:correct"')
+    (tmp_path / "p.toml").write_text(renamed)
+    assert "written for" not in call(f"verify mine:correct {few} --expected p.toml").output
+    # One of a version that wrote no names.
+    (tmp_path / "p.toml").write_text(renamed.replace('scheme = "mine:correct"\n', ""))
+    assert "written for" not in call(f"verify mine:correct {few} --expected p.toml").output
+    (tmp_path / "p.toml").write_text(renamed.replace('"mine:correct"', "3"))
+    assert call(f"verify mine:correct {few} --expected p.toml").exit_code == 2
+
+
+def test_a_quiet_line_names_its_target_where_there_are_several(call) -> None:
+    both = call("verify energy-preserving midpoint --law energy,identity --examples 2 -q").output.splitlines()
+    assert [line.split(": ")[0] for line in both if line] == ["energy-preserving", "midpoint"]
+    assert "midpoint: 2 laws: 1 holds, 1 violated; " in both[-1]
+    (alone,) = call("verify midpoint --law identity --examples 2 -q").output.splitlines()
+    assert alone.startswith("1 law: 1 holds; ")
+
+
+@pytest.mark.parametrize(
+    ("verdict", "one", "two"),
+    [
+        ("holds", "1 holds", "2 hold"),
+        ("violated", "1 violated", "2 violated"),
+        ("error", "1 error", "2 errors"),
+    ],
+)
+def test_counts_of_laws_are_singular_or_plural(verdict: str, one: str, two: str) -> None:
+    assert (Verdict(verdict).of(1), Verdict(verdict).of(2)) == (one, two)
 
 
 def test_step_failure_takes_words(call) -> None:

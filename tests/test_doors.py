@@ -136,4 +136,4 @@ def test_laws_are_listed_with_commas_as_claims_are() -> None:
     result = CliRunner().invoke(
         main, ["verify", "midpoint", "--law", "identity,casimir", "--law", "truncation"]
     )
-    assert "3 laws: 3 holds" in result.output
+    assert "3 laws: 3 hold;" in result.output

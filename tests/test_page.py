@@ -364,7 +364,7 @@ def test_a_scheme_handed_over_as_an_object_gets_no_command_that_fails() -> None:
 def test_the_headline_counts_the_claims_and_names_those_that_break() -> None:
     good, bad = verify_report("fine", verdict="holds"), verify_report("broken")
     page = render(Sources(verify=[good, bad]))
-    assert "1 of 2 claimed laws hold; 1 of 2 schemes keep all that they claim." in page
+    assert "1 of 2 claimed laws holds; 1 of 2 schemes keeps all that it claims." in page
     assert "Not shown to hold: broken: energy." in page
     assert page.index("1 of 2 claimed laws hold") < page.index("<nav")
 

@@ -24,7 +24,7 @@ def test_a_report_is_printed_in_any_encoding(encoding: str) -> None:
     assert done.returncode == 0, done.stderr
     shown = done.stdout.decode("ascii")
     assert "<= 0" in shown
-    assert "2 laws: 2 holds" in shown
+    assert "2 laws: 2 hold;" in shown
 
 
 def test_texts_read_the_same_in_ascii() -> None:

@@ -146,7 +146,7 @@ def _show(records: list[dict[str, Any]], checks: list[Any], *, saved: bool) -> N
 
     from rich.text import Text
 
-    from sepv._terminal import print_table
+    from sepv._terminal import counted, print_table
     from sepv.studies._bench import store
     from sepv.verification._report import console
 
@@ -162,6 +162,10 @@ def _show(records: list[dict[str, Any]], checks: list[Any], *, saved: bool) -> N
             line = Text(f"{c.target}, {c.case}: {c.what} ")
             out.print(line.append(c.verdict, style=STYLES[c.verdict]).append(f"  {c.text}"), soft_wrap=True)
     counts = Counter(c.verdict for c in checks)
-    out.print(f"{len(checks)} checks: " + ", ".join(f"{counts[v]} {v}" for v in STYLES if counts[v]) + ".")
+    out.print(
+        f"{counted(len(checks), 'check')}: "
+        + ", ".join(f"{counts[v]} {v}" for v in STYLES if counts[v])
+        + "."
+    )
     if counts["better"]:
         out.print("Better than the other side: a file that guards the new state is written with --save.")

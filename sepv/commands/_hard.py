@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sepv._terminal import print_table
+from sepv._terminal import counted, print_table
 from sepv.commands._shared import EXEC, FILE, candidates, friendly, save_json
 
 if TYPE_CHECKING:
@@ -144,7 +144,9 @@ def _complaint(target: str, seen: Seen) -> str:
     from sepv.verification._cases import case as cases
 
     lines = [f"{seen.case.name}: expected {seen.case.expected}; seen {_endings(seen)}"]
-    lines += [f"  the law {law} held on {a} of {b} steps" for law, (a, b) in seen.laws.items() if a != b]
+    lines += [
+        f"  the law {law} held on {a} of {counted(b, 'step')}" for law, (a, b) in seen.laws.items() if a != b
+    ]
     if seen.worst is not None:
         lines += ["  " + text for text in seen.worst.describe().splitlines()]
         lines.append(f"  sepv verify {target} --law energy --replay {cases.to_token(seen.worst)}")
@@ -157,15 +159,11 @@ def _summary(seen: Sequence[Seen]) -> str:
     wrong = sum(sum(s.wrong.values()) for s in seen)
     nan = sum(s.wrong.get("not finite", 0) for s in seen)
     return (
-        f"{_cases(len(seen))}, {steps} steps: {solved} solved, {steps - solved - crashed} refused, "
+        f"{counted(len(seen), 'case')}, {counted(steps, 'step')}: {solved} solved, {steps - solved - crashed} refused, "
         f"{crashed} crashed; "
-        f"{nan} not finite, {wrong} wrong values passed for solutions; "
-        f"{_cases(sum(s.as_expected for s in seen))} as expected."
+        f"{nan} not finite, {counted(wrong, 'wrong value')} passed for {'a solution' if wrong == 1 else 'solutions'}; "
+        f"{counted(sum(s.as_expected for s in seen), 'case')} as expected."
     )
-
-
-def _cases(number: int) -> str:
-    return f"{number} case" + "s" * (number != 1)
 
 
 def _middle(values: Any) -> float:

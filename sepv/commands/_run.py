@@ -144,7 +144,9 @@ def _show(scheme: str, problem: str, path: Any, quiet: bool, *, counted: bool, c
     unit = 2.0**-52 * max(path.steps, 1) ** 0.5
     if quiet:
         second = f", Casimirs {path.casimir_defect:.3g}" if casimirs else ""
-        console().print(f"{path.steps:,} steps: energy {path.energy_defect:.3g}{second} at most")
+        console().print(
+            f"{path.steps:,} step{'s' * (path.steps != 1)}: energy {path.energy_defect:.3g}{second} at most"
+        )
         return
     rows = [
         (

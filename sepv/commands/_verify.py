@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from sepv._terminal import print_table
+from sepv._terminal import counted, print_table
 from sepv.commands._shared import (
     EXIT_CODES,
     FILE,
@@ -92,7 +92,7 @@ def verify(targets: tuple[str, ...], laws: tuple[str, ...], claims: tuple[str, .
     if bool(targets) == bool(options["program"]):
         raise UsageError(
             expected="a TARGET, or a program with --exec",
-            received=f"{len(targets)} targets" + (" and --exec" if options["program"] else ""),
+            received=counted(len(targets), "target") + (" and --exec" if options["program"] else ""),
             remedy="sepv verify energy-preserving, or sepv verify --exec './program'",
         )
     if options["coverage"] and targets:
@@ -225,7 +225,9 @@ def _verify(
             report = replace(run(target, progress=progress, **options), target=named)
         reports.append(report)
         if quiet:
-            page.line(out, page.summary(report, named))
+            # Of one nobody needs to be told which.
+            which = f"{named}: " if len(targets) > 1 else ""
+            page.line(out, page.summary(report, named, which))
         else:
             page.show(report, named, out, debug=debug)
         only = f" --law {shlex.quote(','.join(options['laws']))}" if options["laws"] else ""

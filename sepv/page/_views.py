@@ -8,13 +8,15 @@ import shlex
 from dataclasses import dataclass
 from typing import Any
 
+from sepv._terminal import counted
 from sepv.errors import UsageError
 from sepv.page._pictures import Pictures
 from sepv.page._sources import Sources
 from sepv.page._text import name, number, plain
 from sepv.schemes import Look
 from sepv.studies._picture import FLOOR, Axis, Series, power
-from sepv.verification import LAWS, load_laws
+from sepv.studies._reproduce.record import in_words
+from sepv.verification import LAWS, Verdict, load_laws
 
 # Characters of counterexamples on a page; the JSON files have them all.
 BUDGET = 17_000
@@ -79,7 +81,7 @@ def schemes(reports: list[dict[str, Any]]) -> tuple[list[str], list[SchemeView]]
 def _scheme(report: dict[str, Any], laws: list[str], budget: int) -> SchemeView:
     found = {law["law"]: law for law in report["laws"]}
     cells = [_cell(found[law]) if law in found else Cell("absent", "", "not measured", False) for law in laws]
-    counts = ", ".join(f"{n} {WORDS.get(k, ('', k))[1]}" for k, n in report["counts"].items() if n)
+    counts = ", ".join(Verdict(k).of(n) for k, n in report["counts"].items() if n)
     target = _target(report["scheme"])
     shown, left = _counterexamples(report["laws"], target, budget)
     suite = report["suite"]
@@ -91,7 +93,7 @@ def _scheme(report: dict[str, Any], laws: list[str], budget: int) -> SchemeView:
         counterexamples=shown,
         left_out=left,
         unsettled=_unsettled(report["laws"]),
-        summary=f"{len(report['laws'])} laws: {counts}",
+        summary=f"{counted(len(report['laws']), 'law')}: {counts}",
         command=plain(
             f"sepv verify {target}{_asked(report)} --seed {suite['seed']} --examples {suite['examples']} "
             f"--paths {suite['paths']} --json FILE"
@@ -199,9 +201,14 @@ def headline(reports: list[dict[str, Any]]) -> str:
     broken = [(r, law) for r, law in claimed if law["verdict"] != "holds"]
     kept = sum(not any(r is b for b, _ in broken) for r in reports)
     if not claimed:
-        return f"{len(reports)} scheme{'s' * (len(reports) != 1)}, of which nothing is claimed."
+        return f"{counted(len(reports), 'scheme')}, of which nothing is claimed."
     held = len(claimed) - len(broken)
-    text = f"{held} of {len(claimed)} claimed laws hold; {kept} of {len(reports)} schemes keep all that they claim."
+    hold, keep = (
+        "holds" if held == 1 else "hold",
+        "keeps all that it claims" if kept == 1 else "keep all that they claim",
+    )
+    text = f"{held} of {counted(len(claimed), 'claimed law')} {hold}; "
+    text += f"{kept} of {counted(len(reports), 'scheme')} {keep}."
     if broken:
         named = [f"{name(r['scheme']['name'])}: {name(law['law'])}" for r, law in broken[:6]]
         more = f" and {len(broken) - 6} more" if len(broken) > 6 else ""
@@ -378,7 +385,7 @@ def reproduction(data: dict[str, Any], pictures: Pictures) -> dict[str, Any]:
     return {
         "about": {k: plain(v, 60) if isinstance(v, str) else v for k, v in data["reproduction"].items()},
         "of": plain(data["reproduction"]["of"], 300),
-        "counts": "{holds} statements hold, {fails} do not, {open} are open".format(**data["counts"]),
+        "counts": in_words(data["counts"]),
         "panels": [_panel(p, pictures) for p in data["panels"]],
         "text": [_statement(s) for s in data["text"]],
     }

@@ -1,5 +1,6 @@
 """What a scheme is held to from now on: a TOML file of claims and of known violations, strict both ways.
 
+    scheme = "mypkg.mymodule:step"     # whose they are, for a word where another one is measured
     claims = ["contract", "casimir"]   # laws that must hold; leave it out where the scheme states its own
     measured = ["contract", "casimir", "energy", "weak-order"]   # all that were asked for when it was pinned
 
@@ -42,11 +43,12 @@ class ExpectedFailure:
 
 @dataclass(frozen=True)
 class Expectations:
-    """A file: the laws that it claims and those that were measured for it, None where it does not say; its entries."""
+    """A file: the laws that it claims, those measured for it and its scheme's name, None where it does not say."""
 
     claims: frozenset[str] | None = None
     failures: dict[str, ExpectedFailure] = field(default_factory=dict)
     measured: frozenset[str] | None = None
+    scheme: str | None = None
 
     @property
     def is_pin(self) -> bool:
@@ -65,14 +67,22 @@ class Expectations:
         left = {*self.failures, *(self.claims or ())} - set(laws)
         return tuple(sorted(left))
 
-    def gaps(self, laws: Iterable[str]) -> list[str]:
-        """A sentence each for laws that the file does not know, and for those of a pin that were not asked for now."""
+    def gaps(self, laws: Iterable[str], scheme: str) -> list[str]:
+        """A sentence each: another scheme's file; laws that it does not know; those of a pin not asked for now."""
         asked = list(laws)
+        other = (
+            [
+                f"The file of --expected was written for {_line(self.scheme)}, and this is {_line(scheme)}: "
+                f"where it is the same scheme, write scheme = {_quoted(scheme)} there, else --pin a file of its own."
+            ]
+            if self.scheme not in (None, scheme)
+            else []
+        )
         kinds = (
             ("Not in the pin, which was written without them", self.unpinned(asked)),
             ("In the pin and not measured now", self.unasked(asked) if self.is_pin else ()),
         )
-        return [f"{words}: {', '.join(which)}." for words, which in kinds if which]
+        return other + [f"{words}: {', '.join(which)}." for words, which in kinds if which]
 
 
 def load(path: str | Path, laws: Iterable[str]) -> Expectations:
@@ -115,7 +125,14 @@ def load(path: str | Path, laws: Iterable[str]) -> Expectations:
             received=f"both: {', '.join(both)}",
             remedy="a law that the scheme breaks is no claim: take it out of claims",
         )
-    return Expectations(claims, found, measured)
+    scheme = data.get("scheme")
+    if not isinstance(scheme, str | None):
+        raise UsageError(
+            expected=f"scheme in {path}, a name in quotes",
+            received=f"{scheme!r}",
+            remedy="correct it, or leave it out",
+        )
+    return Expectations(claims, found, measured, scheme)
 
 
 def _names(key: str, value: Any, path: str, known: tuple[str, ...]) -> frozenset[str] | None:
@@ -164,7 +181,10 @@ def to_toml(scheme: str, findings: Iterable[Finding]) -> str:
     listed = [f for f in findings if f.claimed or f.expected is not None]
     entries = _entries(f for f in listed if f.verdict is Verdict.VIOLATED)
     title = f"# Expected failures of {_line(scheme)}. Replace each reason by yours."
-    return "\n".join([title, *(entries or ["# No claimed law is violated."])]) + "\n"
+    return (
+        "\n".join([title, f"scheme = {_quoted(scheme)}", *(entries or ["# No claimed law is violated."])])
+        + "\n"
+    )
 
 
 def pin(scheme: str, findings: Iterable[Finding]) -> str:
@@ -177,6 +197,7 @@ def pin(scheme: str, findings: Iterable[Finding]) -> str:
     lines = [
         f"# What sepv found of {_line(scheme)}: these laws must hold from now on, and the violations below stay as",
         "# they are. Both ways: a law that breaks turns the run red, and so does one that no longer fails.",
+        f"scheme = {_quoted(scheme)}",
         f"claims = [{', '.join(_quoted(law) for law in held)}]",
         "# All that were asked for: a law that is not here is named when it is measured.",
         f"measured = [{', '.join(_quoted(f.law) for f in found)}]",

@@ -30,6 +30,11 @@ class Verdict(Enum):
         """The verdict in words."""
         return self.value.replace("_", " ")
 
+    def of(self, number: int) -> str:
+        """So many laws ended so: 1 holds, 2 hold, 3 violated, 2 errors."""
+        plural = {Verdict.HOLDS: "hold", Verdict.ERROR: "errors"}
+        return f"{number} {self.text if number == 1 else plural.get(self, self.text)}"
+
 
 @dataclass(frozen=True)
 class Measurement:

@@ -117,7 +117,7 @@ class Report:
 
     def __repr__(self) -> str:
         """One line: the scheme and the counts."""
-        counts = ", ".join(f"{n} {Verdict(k).text}" for k, n in self.counts.items() if n)
+        counts = ", ".join(Verdict(k).of(n) for k, n in self.counts.items() if n)
         return f"<Report of {self.scheme.name}: {counts}>"
 
     def _repr_html_(self) -> str:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 from rich.console import Console
 from rich.text import Text
 
-from sepv._terminal import Column, Table, ascii_cell, cannot_show, print_table, table_html
+from sepv._terminal import Column, Table, ascii_cell, cannot_show, counted, print_table, table_html
 from sepv.verification._law import Finding, Verdict
 
 if TYPE_CHECKING:
@@ -130,22 +130,24 @@ def _law_row(report: Report, f: Finding) -> tuple[str | Text, ...]:
     )
 
 
-def summary(report: Report, target: str = "") -> Text:
+def summary(report: Report, target: str = "", before: str = "") -> Text:
     """One line: the counts, what the claims came to, the level; and what would guard a scheme that claims nothing.
 
     Parameters
     ----------
     target : str
         As the scheme was named on the command line, for the command that guards it.
+    before : str
+        Where the line stands alone, of which scheme it is.
     """
-    return _outcome(report, target).append(_level(report))
+    return Text(before, style="bold").append_text(_outcome(report, target)).append(_level(report))
 
 
 def _outcome(report: Report, target: str) -> Text:
-    counts = ", ".join(f"{n} {Verdict(k).text}" for k, n in report.counts.items() if n)
+    counts = ", ".join(Verdict(k).of(n) for k, n in report.counts.items() if n)
     checks, skipped = (sum(getattr(f, what) for f in report.findings) for what in ("checks", "skipped"))
     left_out = f", {skipped} skipped" if skipped else ""
-    text = Text(f"{_count(len(report.findings), 'law')}: {counts}; {_count(checks, 'check')}{left_out}. ")
+    text = Text(f"{counted(len(report.findings), 'law')}: {counts}; {counted(checks, 'check')}{left_out}. ")
     if report.interrupted:
         return text.append("Interrupted: what was not measured is not judged.", style="bold")
     for gap in report.gaps:
@@ -165,11 +167,11 @@ def _outcome(report: Report, target: str) -> Text:
     held = len(claims) - len(vacuous)
     if held:
         text.append(
-            f"{'The' if held == 1 else 'All'} {_count(held, 'claimed law')} {'holds' if held == 1 else 'hold'}.",
+            f"{'The' if held == 1 else 'All'} {counted(held, 'claimed law')} {'holds' if held == 1 else 'hold'}.",
             style="green",
         )
     elif not vacuous and not errors:
-        text.append("None of them is claimed.")
+        text.append("None of them is claimed." if len(report.findings) > 1 else "It is not claimed.")
     if vacuous:
         text.append(f" Claimed, but not about this scheme: {', '.join(vacuous)}.", style="yellow")
     return text
@@ -220,10 +222,6 @@ def _unguarded(report: Report, target: str) -> str:
     return (
         f"Nothing is claimed, so nothing is guarded but the contract of a step. {guard}: {named} --pin FILE."
     )
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}" + ("" if number == 1 else "s")
 
 
 def matrix(reports: Sequence[Report]) -> Table:

@@ -21,6 +21,7 @@ from hypothesis import seed as hypothesis_seed
 from hypothesis import strategies as st
 from hypothesis.errors import Unsatisfiable
 
+from sepv._terminal import counted
 from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure
 from sepv.record._binary64 import EPS
 from sepv.schemes import Scheme, Systems
@@ -387,7 +388,9 @@ def _conclude(law: Law, scheme: Scheme, log: _Log) -> Finding:
         return law.finding(
             Verdict.ERROR, checks=log.checks, message=message, traceback=trace, **_witness(law, case), **size
         )
-    skipped = "\n".join(f"{count} cases skipped: {reason}" for reason, count in log.skipped.items())
+    skipped = "\n".join(
+        f"{counted(count, 'case')} skipped: {reason}" for reason, count in log.skipped.items()
+    )
     left_out = sum(log.skipped.values())
     if not log.checks:
         verdict = Verdict.NOT_APPLICABLE if skipped else Verdict.ERROR

@@ -133,7 +133,7 @@ def verify(
         interrupted,
         known.is_pin,
         words_for(scheme, problems),
-        tuple(known.gaps(law.name for law in chosen)),
+        tuple(known.gaps((law.name for law in chosen), candidate.name)),
         level,
     )
 

@@ -9,8 +9,8 @@ from typing import NamedTuple
 from rich.console import Console
 from rich.text import Text
 
-from sepv._terminal import Column, Table, print_table
-from sepv.studies._reproduce.record import Statement, counts
+from sepv._terminal import Column, Table, counted, print_table
+from sepv.studies._reproduce.record import Statement, counts, in_words
 from sepv.studies._reproduce.suite import Reproduction, ShareProgress
 from sepv.verification._progress import showing
 
@@ -62,9 +62,10 @@ def _print(rows: Sequence[Row], out: Console) -> None:
 def summary(found: Reproduction) -> Text:
     """One line: the counts, and how long it took."""
     n = counts(found.statements)
-    text = Text(f"{sum(n.values())} statements: {n['holds']} hold, {n['fails']} do not, {n['open']} open; ")
+    text = Text(f"{in_words(n)}; ")
     text.append(
-        f"{len(found.panels)} panels in {found.seconds:.0f} s, {found.processor_seconds:.0f} s of processor time"
+        f"{counted(len(found.panels), 'panel')} in {found.seconds:.0f} s, "
+        f"{found.processor_seconds:.0f} s of processor time"
     )
     if found.size.share != 1:
         text.append(f", with a share of {found.size.share:g} of the samples and steps", style="yellow")

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sepv._terminal import counted
 from sepv.files import finite
 from sepv.studies._picture import Axis, Series
 
@@ -118,3 +119,12 @@ def counts(statements: Iterable[Statement]) -> dict[str, int]:
     """How many statements hold, fail and stay open."""
     found = [s.verdict for s in statements]
     return {kind: found.count(kind) for kind in ("holds", "fails", "open")}
+
+
+def in_words(counts: Mapping[str, int]) -> str:
+    """12 statements: 10 hold, 1 does not, 1 open."""
+    holds, fails = counts["holds"], counts["fails"]
+    return (
+        f"{counted(sum(counts.values()), 'statement')}: {holds} hold{'s' * (holds == 1)}, "
+        f"{fails} {'does' if fails == 1 else 'do'} not, {counts['open']} open"
+    )
