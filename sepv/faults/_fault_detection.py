@@ -103,11 +103,8 @@ def run(
     chosen = [find(name) for name in (SABOTEURS if names is None else names)]
     asked = [law.name for law in load_laws(laws)]
     budget = effort or Effort(corpus=False)
-    jobs = [
-        (s.name, seed, asked, budget.examples, budget.paths, first, budget.corpus)
-        for seed in seeds
-        for s in chosen
-    ]
+    how = (asked, budget.examples, budget.paths, first, budget.corpus)
+    jobs = [(s.name, seed, *how) for seed in seeds for s in chosen]
     detections: list[Detection] = []
     # spawn: a saboteur may have left anything in this process's memory.
     context = multiprocessing.get_context("spawn")
@@ -158,12 +155,7 @@ def detect(
 
 
 def find(name: str) -> Saboteur:
-    """The saboteur of that name.
-
-    Raises
-    ------
-    UsageError
-    """
+    """The saboteur of that name; a UsageError for others."""
     if name not in SABOTEURS:
         raise UsageError(
             expected=f"a saboteur, one of {', '.join(SABOTEURS)}",
@@ -276,11 +268,8 @@ def _rows(detections: Sequence[Detection]) -> Iterator[tuple[str, Text, dict[str
 
 def summary(detections: Sequence[Detection]) -> Text:
     """One line: how many are killed with every seed, and after how many examples."""
-    names, alive, fewest = (
-        {b.saboteur for b in detections},
-        survivors(detections),
-        examples_to_kill(detections),
-    )
+    names, alive = {b.saboteur for b in detections}, survivors(detections)
+    fewest = examples_to_kill(detections)
     seeds = len({b.seed for b in detections})
     text = Text(f"{len(names) - len(alive)} of {len(names)} saboteurs killed with each of {seeds} seeds")
     if fewest:
@@ -318,8 +307,5 @@ def _cell(detections: Sequence[Detection]) -> Text:
             (Verdict.NOT_APPLICABLE, "n/a", "dim"),
         )
         text, style = next(((sign, colour) for v, sign, colour in order if v in verdicts), ("·", "dim"))
-    if not detections:
-        return Text("")
-    return Text(
-        text + ("" if detections[0].claimed else "*"), style=style if detections[0].claimed else "dim"
-    )
+    claimed = detections[0].claimed
+    return Text(text if claimed else f"{text}*", style=style if claimed else "dim")

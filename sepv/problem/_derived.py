@@ -71,12 +71,7 @@ def derive(dimension: int, structure: Function, hamiltonian: Function) -> Derive
 
 
 def derivatives(dimension: int, hamiltonian: Function, name: str = "hamiltonian") -> Derivatives:
-    """What follows from H alone.
-
-    Raises
-    ------
-    ProblemError
-    """
+    """What follows from H alone; a ProblemError as for `derive`."""
     tape = Tape()
     y, z = tape.vector(dimension), tape.vector(dimension)
     H = _recorded(tape, name, hamiltonian, y)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from sepv.errors import ProblemError
-from sepv.problem._problem import Description, GivenProblem, NamedProblem, PolynomialSystem
-from sepv.record import Polynomial
+from sepv.problem._problem import Description, GivenProblem, NamedProblem, PolynomialSystem, Structure
 from sepv.record import _polynomial as poly
 from sepv.record._polynomial import parse_float
 
@@ -33,17 +32,24 @@ def problem_from_json(data: Any) -> PolynomialSystem | NamedProblem:
 
 def to_json(data: PolynomialSystem) -> dict[str, Any]:
     """A JSON object with hex floats; `from_json` gives back an equal record."""
-    nambu = {} if data.nambu is None else {"nambu": [poly.to_json(p) for p in data.nambu]}
+    more = {
+        "nambu": [poly.to_json(p) for p in data.nambu or ()],
+        "noise_structures": [_table(G) for G in data.noise_structures],
+        "noise_hamiltonians": [poly.to_json(p) for p in data.noise_hamiltonians],
+    }
     return {
         "dimension": data.dimension,
         "hamiltonian": poly.to_json(data.hamiltonian),
-        "structure": [[i, j, poly.to_json(entry)] for i, j, entry in data.structure],
+        "structure": _table(data.structure),
         "noise": [c.hex() for c in data.noise],
         "casimirs": [[[a.hex() for a in row] for row in A] for A in data.casimirs],
         "linear_casimirs": [[b.hex() for b in vector] for vector in data.linear_casimirs],
-        **nambu,
-        **_more_noise(data),
+        **{key: values for key, values in more.items() if values},
     }
+
+
+def _table(structure: Structure) -> list[Any]:
+    return [[i, j, poly.to_json(entry)] for i, j, entry in structure]
 
 
 def from_json(data: Any) -> PolynomialSystem:
@@ -54,22 +60,27 @@ def from_json(data: Any) -> PolynomialSystem:
     ProblemError
         For anything that does not describe a problem, with what was expected.
     """
+
+    def structure(table: Any) -> Structure:
+        return tuple((int(i), int(j), poly.from_json(d, entry)) for i, j, entry in table)
+
     try:
         d = int(data["dimension"])
+        nambu = None
+        if data.get("nambu"):
+            factor, casimir = (poly.from_json(d, p) for p in data["nambu"])
+            nambu = factor, casimir
         return PolynomialSystem(
             dimension=d,
             hamiltonian=poly.from_json(d, data["hamiltonian"]),
-            structure=tuple((int(i), int(j), poly.from_json(d, entry)) for i, j, entry in data["structure"]),
+            structure=structure(data["structure"]),
             noise=tuple(parse_float(c) for c in data.get("noise", [1.0])),
             casimirs=tuple(
                 tuple(tuple(parse_float(a) for a in row) for row in A) for A in data.get("casimirs", [])
             ),
             linear_casimirs=tuple(tuple(parse_float(b) for b in v) for v in data.get("linear_casimirs", [])),
-            nambu=_nambu(d, data["nambu"]) if data.get("nambu") else None,
-            noise_structures=tuple(
-                tuple((int(i), int(j), poly.from_json(d, entry)) for i, j, entry in G)
-                for G in data.get("noise_structures", [])
-            ),
+            nambu=nambu,
+            noise_structures=tuple(structure(G) for G in data.get("noise_structures", [])),
             noise_hamiltonians=tuple(poly.from_json(d, p) for p in data.get("noise_hamiltonians", [])),
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
@@ -80,20 +91,3 @@ def from_json(data: Any) -> PolynomialSystem:
             received=f"{type(error).__name__}: {error}",
             remedy="write one with sepv.problems.to_json and change that",
         ) from error
-
-
-def _more_noise(data: PolynomialSystem) -> dict[str, Any]:
-    """The keys of several structures or Hamiltonians, where there are any."""
-    found: dict[str, Any] = {}
-    if data.noise_structures:
-        found["noise_structures"] = [
-            [[i, j, poly.to_json(entry)] for i, j, entry in G] for G in data.noise_structures
-        ]
-    if data.noise_hamiltonians:
-        found["noise_hamiltonians"] = [poly.to_json(p) for p in data.noise_hamiltonians]
-    return found
-
-
-def _nambu(d: int, data: Any) -> tuple[Polynomial, Polynomial]:
-    factor, casimir = data
-    return poly.from_json(d, factor), poly.from_json(d, casimir)

@@ -150,12 +150,7 @@ def guarded(scheme: Scheme) -> Scheme:
 
 
 def ask_once(scheme: Scheme, problem: Problem, y: Array, h: float) -> None:
-    """Refuse a step that answers with no state before a run over many of them; what it cannot solve may pass.
-
-    Raises
-    ------
-    SchemeFault, SchemeCrash
-    """
+    """Refuse by a SchemeFault or SchemeCrash a step that answers with no state; what it cannot solve may pass."""
     if scheme.solve is None:
         with suppress(StepFailure):
             guarded(scheme).step(problem, y, h, np.zeros(problem.noises))

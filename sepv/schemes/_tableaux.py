@@ -80,12 +80,7 @@ def amplification(stages: int) -> float:
 
 
 def check_stages(stages: object) -> int:
-    """The number of stages, 1 to 6.
-
-    Raises
-    ------
-    UsageError
-    """
+    """The number of stages, 1 to 6; a UsageError for others."""
     if isinstance(stages, bool) or not isinstance(stages, (int, np.integer)) or not 1 <= stages <= MAX_STAGES:
         raise UsageError(
             expected=f"stages, an integer from 1 to {MAX_STAGES}",

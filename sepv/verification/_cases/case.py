@@ -101,12 +101,7 @@ def to_json(case: Case) -> dict[str, Any]:
 
 
 def from_json(data: Any) -> Case:
-    """The inverse of `to_json`.
-
-    Raises
-    ------
-    UsageError
-    """
+    """The inverse of `to_json`; a UsageError for anything else."""
     try:
         given = "given" in data["problem"]
         return Case(

@@ -23,14 +23,14 @@ Constants = tuple[tuple[int, int, int, float], ...]
 
 
 @st.composite
-def canonical_separable(draw: st.DrawFn, *, pairs: int = 3, degree: int = 6) -> PolynomialSystem:
+def canonical_separable(draw: st.DrawFn) -> PolynomialSystem:
     """H = T(p) + V(q) with y = (p_1, …, p_n, q_1, …, q_n) and B = J⁻¹ of (1.3): q̇ = ∇T, ṗ = −∇V.
 
     Examples shrink towards the harmonic oscillator in one pair.
     """
-    n = draw(st.integers(1, pairs))
+    n = draw(st.integers(1, 3))
     kinetic = _placed(draw(hamiltonians(n, 4 if draw(st.booleans()) else 2, least=2)), 2 * n, 0)
-    potential = _placed(draw(hamiltonians(n, degree)), 2 * n, n)
+    potential = _placed(draw(hamiltonians(n, 6)), 2 * n, n)
     return PolynomialSystem(2 * n, poly.add(kinetic, potential), canonical(2 * n), draw(noises()))
 
 
@@ -65,10 +65,10 @@ def algebra(name: str) -> tuple[int, Structure, tuple[Matrix, ...], Matrix]:
 
 
 @st.composite
-def lie_poisson(draw: st.DrawFn, *, degree: int = 4) -> PolynomialSystem:
+def lie_poisson(draw: st.DrawFn) -> PolynomialSystem:
     """B(y)_ij = Σ_k c_ij^k y_k of a Lie algebra, any polynomial H. Examples shrink towards so(3), H = ½|y|²."""
     d, B, quadratic, linear = algebra(draw(st.sampled_from(list(_ALGEBRAS))))
-    return PolynomialSystem(d, draw(hamiltonians(d, degree)), B, draw(noises()), quadratic, linear)
+    return PolynomialSystem(d, draw(hamiltonians(d, 4)), B, draw(noises()), quadratic, linear)
 
 
 @st.composite
@@ -85,23 +85,22 @@ def general(system: PolynomialSystem) -> bool:
 
 
 @st.composite
-def so3_hamiltonians(draw: st.DrawFn, *, degree: int = 4) -> PolynomialSystem:
+def so3_hamiltonians(draw: st.DrawFn) -> PolynomialSystem:
     """B of the rigid body, any H_0, …, H_m that do not all commute with H_0. Examples shrink towards ½|y|²."""
     d, B, quadratic, linear = algebra("so(3)")
     c = draw(noises(least=1, most=3).filter(any))
-    H = draw(hamiltonians(d, degree))
-    others = tuple(draw(hamiltonians(d, degree)) for _ in c)
-    system = PolynomialSystem(d, H, B, c, quadratic, linear, noise_hamiltonians=others)
+    H, *others = (draw(hamiltonians(d, 4)) for _ in range(1 + len(c)))
+    system = PolynomialSystem(d, H, B, c, quadratic, linear, noise_hamiltonians=tuple(others))
     assume(general(system))
     return system
 
 
 @st.composite
-def separable_hamiltonians(draw: st.DrawFn, *, pairs: int = 2, degree: int = 4) -> PolynomialSystem:
+def separable_hamiltonians(draw: st.DrawFn) -> PolynomialSystem:
     """H_0 = ½ Σ w_k p_k² + V(q), B = J⁻¹ and H_j = −Σ_k σ_jk q_k. Examples shrink towards the oscillator, pushed."""
-    n = draw(st.integers(1, pairs))
+    n = draw(st.integers(1, 2))
     kinetic = poly.squares([draw(st.sampled_from([1.0, 0.5, 2.0])) for _ in range(n)] + [0.0] * n)
-    potential = _placed(draw(hamiltonians(n, degree)), 2 * n, n)
+    potential = _placed(draw(hamiltonians(n, 4)), 2 * n, n)
     c = draw(noises(least=1, most=2).filter(all))
     pushes = [draw(st.lists(coefficients(), min_size=n, max_size=n)) for _ in c]
     others = tuple(poly.linear([0.0] * n + [-s for s in row]) for row in pushes)

@@ -74,6 +74,11 @@ REDUCED = _axis("reduced", "constant B", "c = 0")
 CASIMIR_DEGREE = _axis("degree of C", ("1", 1, 1), ("2", 2, 2), ("3–4", 3, 4), ("5–6", 5, 6))
 FACTOR = _axis("degree of g", ("0", 0, 0), ("1–2", 1, 2), ("3–4", 3, 4))
 
+
+def _is_varied(reduced: Stratum, degree: Stratum, most: int) -> bool:
+    return reduced.name == "constant B" and degree.high > most
+
+
 RULES = (
     Rule(
         ("d", "degree of H", "terms of H"),
@@ -100,16 +105,9 @@ RULES = (
         lambda kind, degree: kind.name == "common Casimir" and degree.high < 1,
         "B = Σ T_ijk v_k with v = Ay is linear at least",
     ),
-    Rule(
-        ("reduced", "degree of C"),
-        lambda reduced, degree: reduced.name == "constant B" and degree.high > 1,
-        "B is constant",
-    ),
-    Rule(
-        ("reduced", "degree of g"),
-        lambda reduced, degree: reduced.name == "constant B" and degree.high > 0,
-        "B is constant",
-    ),
+    Rule(("reduced", "degree of C"), lambda reduced, C: _is_varied(reduced, C, 1), "B is constant"),
+    Rule(("reduced", "degree of g"), lambda reduced, g: _is_varied(reduced, g, 0), "B is constant"),
+    Rule(("reduced", "degree of B"), lambda reduced, B: _is_varied(reduced, B, 0), "B is constant"),
     Rule(
         ("reduced", "m"),
         lambda reduced, m: reduced.name == "constant B" and m.high < 1,
@@ -133,11 +131,6 @@ RULES = (
             and degree.high > {"500–2000": 4, "4097–9000": 2}.get(batch.name, 10)
         ),
         "cost: quadrature and Jacobian by many evaluations for thousands of states take seconds",
-    ),
-    Rule(
-        ("reduced", "degree of B"),
-        lambda reduced, degree: reduced.name == "constant B" and degree.high > 0,
-        "B is constant",
     ),
 )
 HIDING = ("step/radius", "2⁻¹⁰")

@@ -178,7 +178,7 @@ def random_structures(draw: st.DrawFn, *, degree: int = 6, largest: int = 5) -> 
 
 
 @st.composite
-def common_casimir_systems(draw: st.DrawFn, *, degree: int = 4) -> PolynomialSystem:
+def common_casimir_systems(draw: st.DrawFn) -> PolynomialSystem:
     """B and all G_j contracted from totally antisymmetric tensors with one Ay, so that yᵀAy is a Casimir of each.
 
     In dimension three they are g_j(y) times one matrix; in four the tensors differ.
@@ -188,7 +188,7 @@ def common_casimir_systems(draw: st.DrawFn, *, degree: int = 4) -> PolynomialSys
     v = linear_forms(A)
     B, *G = (contracted(draw, d, [v]) for _ in range(m + 1))
     c = draw(noises(least=m, most=m))
-    H = draw(hamiltonians(d, degree))
+    H = draw(hamiltonians(d, 4))
     if not B or not all(G):  # a tensor of zeros
         return draw(random_structures())
     return PolynomialSystem(d, H, B, c, (A,), noise_structures=tuple(G))
