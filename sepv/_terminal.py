@@ -136,6 +136,7 @@ def print_table(table: Table, out: Console) -> None:
     """The table as wide as the console, the columns that must go left out, the others whole."""
     from rich import box
     from rich.table import Table as RichTable
+    from rich.text import Text
 
     if cannot_show(out.file):
         table = _in_ascii(table)
@@ -150,7 +151,9 @@ def print_table(table: Table, out: Console) -> None:
     left = kept(total, room, sorted(order, key=order.__getitem__), between)
     shown = RichTable(
         box=box.SIMPLE_HEAD if ruled else None,
-        title=_bold(table.title) if table.title else None,
+        title=Text(table.title, style="bold")
+        if isinstance(table.title, str) and table.title
+        else table.title or None,
         caption=table.caption or None,
         title_justify="left",
         caption_justify="left",
@@ -277,9 +280,3 @@ def longest(texts: Iterable[str]) -> int:
 
 def _plain(cell: Cell) -> str:
     return cell if isinstance(cell, str) else cell.plain
-
-
-def _bold(cell: Cell) -> Text:
-    from rich.text import Text
-
-    return Text(cell, style="bold") if isinstance(cell, str) else cell

@@ -15,7 +15,7 @@ import sepv
 from sepv import large, schemes
 from sepv.errors import ProblemError, StepFailure, UsageError
 from sepv.large import LargeProblem
-from sepv.large import _schemes as newton
+from sepv.large import _schemes as steps
 from sepv.problem import Array
 from sepv.solve import Status
 
@@ -104,7 +104,7 @@ def test_the_band_solver_and_the_sparse_one_agree(name: str, monkeypatch: pytest
     problem = CHAINS[name](60)
     delta = 0.05
     banded = large.energy_preserving(problem, problem.initial, delta)
-    monkeypatch.setattr(newton, "WIDEST_BAND", -1)
+    monkeypatch.setattr(steps, "WIDEST_BAND", -1)
     sparse = large.energy_preserving(problem, problem.initial, delta)
     assert banded.status is sparse.status is Status.CONVERGED
     assert np.max(np.abs(banded.value - sparse.value)) <= 32 * EPS * np.max(np.abs(problem.initial))
@@ -192,9 +192,9 @@ def test_a_singular_matrix_is_no_solution() -> None:
     from scipy.sparse import eye_array
 
     ones = np.ones((200, 1))
-    assert np.isnan(newton.newton_correction(eye_array(4).tocsr(), ones[:4])).all()
+    assert np.isnan(steps.newton_correction(eye_array(4).tocsr(), ones[:4])).all()
     ring = eye_array(200, k=150) + eye_array(200, k=-50)  # I minus a permutation
-    assert np.isnan(newton.newton_correction(ring.tocsr(), ones)).all()
+    assert np.isnan(steps.newton_correction(ring.tocsr(), ones)).all()
     # ½Δ B H″ = 1 where H″ is −4B, B² = −1 and Δ = ½.
     chain = large.toda_chain(5)
     singular = replace(chain, hessian=lambda y: -4 * chain.structure(y))

@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from sepv.peers.diffrax import _one_step
+from sepv.peers.diffrax import _paths
 from sepv.peers.posing import Formulas, pose
 from sepv.problem import Array, Problem
 from sepv.studies._compare.method import Method, from_states
@@ -100,22 +100,9 @@ def _apart(
     )
 
 
-@partial(jax.jit, static_argnames=("solver", "formulas", "keep"))
-def _vmapped(
-    solver: Any, formulas: Formulas, keep: bool, arrays: Any, c: Any, h: Any, y: Any, dW: Any, _H: Any
-) -> Any:
+def _vmapped(solver: Any, formulas: Formulas, keep: bool, *given: Any) -> Any:
     """Path by path under vmap, as diffrax's examples do."""
-
-    def lane(y: Any, dW: Any) -> Any:
-        def advance(carry: Any, dW: Any) -> Any:
-            carry = _one_step(solver, formulas, arrays, c, h, carry[0], dW, carry[1])
-            return carry, carry[0] if keep else None
-
-        first = _one_step(solver, formulas, arrays, c, h, y, dW[0], None)
-        last, rest = jax.lax.scan(advance, first, dW[1:])
-        return jnp.concatenate([first[0][None], rest]) if keep else last[0]
-
-    return jax.vmap(lane, in_axes=(1, 2), out_axes=-1)(y, dW)
+    return _paths(solver, formulas, *given[:-1], keep=keep)
 
 
 def _method(name: str, solver: Any, program: Any, evaluations: float | None, how: str) -> Method:

@@ -48,7 +48,9 @@ def law_cells(library: str, scheme: Scheme, laws: Sequence[Law], effort: Effort)
                 law.statement,
                 law.source,
                 _text_of(law),
-                *_claimed(scheme),
+                sorted(scheme.claims),
+                scheme.mean_square_order,
+                scheme.weak_order,
             ),
             partial(_finding, scheme, law.name, effort),
         )
@@ -106,10 +108,6 @@ def _text_of(law: Law) -> str:
     """A digest of the law's own file, so that a law that measures something else is measured anew."""
     file = resources.files("sepv.properties") / f"test_{law.name.replace('-', '_')}.py"
     return hashlib.sha256(file.read_bytes()).hexdigest()
-
-
-def _claimed(scheme: Scheme) -> tuple[Any, ...]:
-    return (sorted(scheme.claims), scheme.mean_square_order, scheme.weak_order)
 
 
 def _finding(scheme: Scheme, law: str, effort: Effort) -> dict[str, Any]:

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
-from functools import partial
 from importlib import import_module
 from importlib.metadata import distributions
 from pathlib import Path
@@ -86,14 +86,14 @@ def record(
 
 def _safe(cell: Cell) -> Cell:
     """A solver of whole paths that raises is an entry of its own, and no end of the run."""
-    return Cell(cell.solver, cell.name, cell.key, partial(_or_error, cell))
 
+    def measure() -> Any:
+        try:
+            return cell.measure()
+        except Exception as error:
+            return {"error": f"{type(error).__name__}: {error}".partition("\n")[0]}
 
-def _or_error(cell: Cell) -> Any:
-    try:
-        return cell.measure()
-    except Exception as error:
-        return {"error": f"{type(error).__name__}: {error}".partition("\n")[0]}
+    return replace(cell, measure=measure)
 
 
 def _scheme_entry(

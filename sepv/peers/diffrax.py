@@ -97,20 +97,22 @@ def _steps(solver: Any, formulas: Formulas, arrays: Any, c: Any, h: Any, y: Any,
     return jax.vmap(lane, in_axes=1, out_axes=1)(y, dW)
 
 
-@partial(jax.jit, static_argnames=("solver", "formulas"))
-def _paths(solver: Any, formulas: Formulas, arrays: Any, c: Any, h: Any, y: Any, dW: Any) -> Any:
-    """Whole paths with the solver's state handed on: y (d, L), dW (N, m, L) -> (N + 1, d, L)."""
+@partial(jax.jit, static_argnames=("solver", "formulas", "keep"))
+def _paths(
+    solver: Any, formulas: Formulas, arrays: Any, c: Any, h: Any, y: Any, dW: Any, keep: bool = True
+) -> Any:
+    """Whole paths with the solver's state handed on: y (d, L), dW (N, m, L) -> (N, d, L), or the last states (d, L)."""
 
     def lane(y: Any, dW: Any) -> Any:
         def advance(carry: Any, dW: Any) -> Any:
             carry = _one_step(solver, formulas, arrays, c, h, carry[0], dW, carry[1])
-            return carry, carry[0]
+            return carry, carry[0] if keep else None
 
         first = _one_step(solver, formulas, arrays, c, h, y, dW[0], None)
-        _, rest = jax.lax.scan(advance, first, dW[1:])
-        return jnp.concatenate([y[None], first[0][None], rest])
+        last, rest = jax.lax.scan(advance, first, dW[1:])
+        return jnp.concatenate([first[0][None], rest]) if keep else last[0]
 
-    return jax.vmap(lane, in_axes=(1, 2), out_axes=2)(y, dW)
+    return jax.vmap(lane, in_axes=(1, 2), out_axes=-1)(y, dW)
 
 
 @lru_cache(maxsize=256)
@@ -159,13 +161,9 @@ def _step_by(solver: Any) -> Callable[[Problem, Array, float, Array], Array]:
 def _path_by(solver: Any) -> Callable[[Problem, Array, float, Array], Array]:
     def path(problem: Problem, y0: Array, h: float, dW: Array) -> Array:
         start = np.repeat(y0[:, None], dW.shape[2], axis=1)
-        return np.asarray(_call(_paths, solver, problem, start, h, dW))
+        return np.concatenate([start[None], _call(_paths, solver, problem, start, h, dW)])
 
     return path
-
-
-def _source(order: float, weak: float) -> str:
-    return f'diffrax, "SDE solver table": order {order:g} strong and {weak:g} weak for commutative noise'
 
 
 ABSENT: list[str] = []
@@ -182,7 +180,7 @@ def _scheme(name: str, order: float, weak: float = 1.0, note: str = "") -> Any:
         step=_step_by(make()),
         mean_square_order=order,
         weak_order=weak,
-        source=_source(order, weak),
+        source=f'diffrax, "SDE solver table": order {order:g} strong and {weak:g} weak for commutative noise',
         truncation=None,
         batched=True,
     )

@@ -26,17 +26,6 @@ def jobs(setting: Setting, size: Size) -> list[Job]:
     ]
 
 
-def _truncation(setting: Setting, counts: list[int]) -> list[str]:
-    """One truncated increment is an error of that sample that no step size explains: a bump in the curve."""
-    h = [f"2^{np.log2(setting.T / n):.0f}" for n in setting.steps]
-    found = [f"{n} at h = {at}" for n, at in zip(counts, h, strict=True) if n]
-    return (
-        [f"increments that Remark 2.1 truncates, each a bump in the curves: {', '.join(found)}"]
-        if found
-        else []
-    )
-
-
 def panel(setting: Setting, results: Results, source: str, stated: str) -> Panel:
     """True errors, and errors as the fine-step reference sees them; `stated` is where the paper names it."""
     found: dict[str, StrongErrors] = {n: results[setting.figure, "fine", n] for n in setting.schemes}
@@ -56,6 +45,13 @@ def panel(setting: Setting, results: Results, source: str, stated: str) -> Panel
         f"{o / t:.0%} at h = 2^{np.log2(step):.0f}" for step, o, t in zip(h, own, true, strict=True)
     )
     own_step = f"2^{np.log2(h[-1]):.0f}"
+    # One truncated increment is an error of that sample that no step size explains.
+    truncated = ", ".join(
+        f"{n} at h = 2^{np.log2(step):.0f}"
+        for n, step in zip(results[setting.figure, "fine", "truncated"], h, strict=True)
+        if n
+    )
+    bumps = f"increments that Remark 2.1 truncates, each a bump in the curves: {truncated}"
     exact = Statement(
         text=f"The {reference} scheme with step {own_step} serves as the exact solution",
         source=stated,
@@ -75,7 +71,7 @@ def panel(setting: Setting, results: Results, source: str, stated: str) -> Panel
         parameters={"problem": setting.problem, "T": setting.T, "samples": truth.shape[1], "h": h.tolist()},
         chosen=(
             f"{truth.shape[1]} samples; step sizes down to the reference's own, {own_step}, where its bias is largest",
-            *_truncation(setting, results[setting.figure, "fine", "truncated"]),
+            *([bumps] if truncated else []),
         ),
         slopes=(0.5, 1.0),
         statements=(exact,),

@@ -13,7 +13,7 @@ from sepv.studies._picture import Axis, Series
 from sepv.studies._reproduce import runs
 from sepv.studies._reproduce.job import Job, Results, Size
 from sepv.studies._reproduce.record import Panel, Statement, decide, series
-from sepv.verification._orders.convergence import Estimate, StrongErrors, join, slope
+from sepv.verification._orders.convergence import StrongErrors, join, slope
 
 # Two-sided, for each slope: the chance that an interval misses the slope that it estimates.
 ALPHA = 0.01
@@ -103,17 +103,14 @@ def order_statement(name: str, found: StrongErrors, source: str) -> Statement:
     return Statement(
         text=f"{sentence(name)} has mean-square order {words}",
         source=source,
-        verdict=decide(*_inside(measured, stated)),
+        verdict=decide(
+            stated - 0.25 < measured.low and measured.high < stated + 0.25,
+            measured.high < stated - 0.25 or measured.low > stated + 0.25,
+        ),
         measured=f"slope {measured.value:.3f} in [{measured.low:.3f}, {measured.high:.3f}]"
         + (f"; {sum(found.failures)} samples with a step that failed" if any(found.failures) else ""),
         criterion=f"the 99 % interval lies within {stated:g} ± 1/4, the middle between the orders 1/2 and 1",
     )
-
-
-def _inside(measured: Estimate, stated: float) -> tuple[bool, bool]:
-    inside = stated - 0.25 < measured.low and measured.high < stated + 0.25
-    outside = measured.high < stated - 0.25 or measured.low > stated + 0.25
-    return inside, outside
 
 
 def same_statement(

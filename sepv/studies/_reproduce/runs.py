@@ -98,7 +98,9 @@ def long_run(
         y=shown[:, kept],
         theta=(t + system.c @ W)[kept],
         energy=system.hamiltonian(shown),
-        casimir=_casimir(system.casimirs[0], shown) if system.casimirs else np.empty(0),
+        casimir=np.einsum("in,ij,jn->n", shown, system.casimirs[0], shown)
+        if system.casimirs
+        else np.empty(0),
         checkpoints=checkpoints,
         energies=energies,
         stopped=stopped,
@@ -227,7 +229,3 @@ def rounding_bound(steps: int) -> float:
     Azuma's inequality the walk exceeds 8 eps √N with probability below 1e-3. Measured: 0.3 eps √N.
     """
     return 8 * EPS * float(np.sqrt(steps))
-
-
-def _casimir(A: Array, y: Array) -> Array:
-    return np.einsum("in,ij,jn->n", y, A, y)
