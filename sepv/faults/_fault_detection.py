@@ -7,6 +7,7 @@ also where a claimed law ends in `error`, which no reader takes for a pass.
 from __future__ import annotations
 
 import multiprocessing
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
@@ -167,27 +168,21 @@ def find(name: str) -> Saboteur:
 
 def survivors(detections: Sequence[Detection]) -> dict[str, list[int]]:
     """The seeds with which no claimed law killed, for each saboteur that has any."""
-    alive = dict.fromkeys(((b.saboteur, b.seed) for b in detections), True)
-    for b in detections:
-        if b.kills:
-            alive[b.saboteur, b.seed] = False
+    killed = {(b.saboteur, b.seed) for b in detections if b.kills}
     found: dict[str, list[int]] = {}
-    for (name, seed), lives in sorted(alive.items()):
-        if lives:
-            found.setdefault(name, []).append(seed)
+    for name, seed in sorted({(b.saboteur, b.seed) for b in detections} - killed):
+        found.setdefault(name, []).append(seed)
     return found
 
 
 def found_by_one_law(detections: Sequence[Detection]) -> dict[str, list[str]]:
     """For each law, the saboteurs that no other law killed with any seed: what the suite loses without it."""
-    killers: dict[str, set[str]] = {}
-    for b in detections:
-        if b.kills:
-            killers.setdefault(b.saboteur, set()).add(b.law)
+    kills = dict.fromkeys((b.saboteur, b.law) for b in detections if b.kills)
+    laws = Counter(name for name, _ in kills)
     kept: dict[str, list[str]] = {}
-    for name, laws in killers.items():
-        if len(laws) == 1:
-            kept.setdefault(min(laws), []).append(name)
+    for name, law in kills:
+        if laws[name] == 1:
+            kept.setdefault(law, []).append(name)
     return kept
 
 
