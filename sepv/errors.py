@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -19,6 +20,13 @@ class UsageError(SepvError, ValueError):
     def __init__(self, *, expected: str, received: str, remedy: str) -> None:
         self.expected, self.received, self.remedy = expected, received, remedy
         super().__init__(f"Expected {expected}.\nReceived {received}.\nRemedy: {remedy}")
+
+
+def require_one_of(what: str, given: Any, known: Collection[Any], remedy: str = "correct the name") -> None:
+    """A UsageError for what is not one of the known."""
+    if given not in known:
+        names = ", ".join(map(str, known))
+        raise UsageError(expected=f"{what}, one of {names}", received=repr(given), remedy=remedy)
 
 
 class ProblemError(UsageError):

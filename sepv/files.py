@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from sepv._version import __version__
-from sepv.errors import UsageError
+from sepv.errors import UsageError, require_one_of
 
 # What users need; the rest is for the commands.
 __all__ = ["RESULTS", "schema"]
@@ -137,10 +137,7 @@ def schema(name: str) -> dict[str, Any]:
     ------
     UsageError
     """
-    if name not in SCHEMAS:
-        raise UsageError(
-            expected=f"a schema, one of {', '.join(SCHEMAS)}", received=repr(name), remedy="correct the name"
-        )
+    require_one_of("a schema", name, SCHEMAS)
     found = _packaged(name)
     if name in RESULTS:
         found["properties"]["made"] = _packaged("made")

@@ -123,7 +123,13 @@ def disk_full(folder: Path) -> None:
         "main(['hard', '--case', 'rank-0', '--steps', '2', '--laws', '0', '--json', 'r.json'])"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=False, timeout=SECONDS
+        # -B: bytecode is a file too, and would be cut off.
+        [sys.executable, "-B", "-c", code],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=SECONDS,
     )
     assert done.returncode == 2, done.stderr
     assert "sepv:" in done.stderr

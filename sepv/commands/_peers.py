@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from sepv.commands._shared import friendly
-from sepv.errors import SepvError, UsageError
+from sepv.errors import SepvError, require_one_of
 from sepv.files import read_json
 
 FOLDER = click.Path(file_okay=False)
@@ -95,12 +95,8 @@ def _asked(library: str | None, releases: tuple[str, ...], versions: bool) -> li
     from sepv.peers._compliance_measurements import LIBRARIES
     from sepv.peers._versions import VERSIONS
 
-    if library is not None and library not in LIBRARIES:
-        raise UsageError(
-            expected=f"a library that has an adapter, one of {', '.join(LIBRARIES)}",
-            received=repr(library),
-            remedy="sepv peers sdeint 0.3.0",
-        )
+    if library is not None:
+        require_one_of("a library that has an adapter", library, LIBRARIES, "sepv peers sdeint 0.3.0")
     if versions:
         tried = {name: tuple(found) for name, found in VERSIONS.items() if library in (None, name)}
         return [(name, version) for name, found in tried.items() for version in found]

@@ -32,7 +32,7 @@ def trend(
     sepv trend results --out docs/trend.md
     """
     from sepv._terminal import Table, columns, print_table
-    from sepv.errors import UsageError
+    from sepv.errors import require_one_of
     from sepv.files import json_text, require_folder, write_atomically
     from sepv.peers import _trend as compared
     from sepv.peers._history import load
@@ -42,11 +42,9 @@ def trend(
     require_folder(json_file)
     require_folder(out)
     found = load(Path(folder))
-    if library is not None and library not in found:
-        raise UsageError(
-            expected=f"a library of {folder}, one of {', '.join(found)}",
-            received=repr(library),
-            remedy="measure it first: sepv peers LIBRARY VERSION",
+    if library is not None:
+        require_one_of(
+            f"a library of {folder}", library, found, "measure it first: sepv peers LIBRARY VERSION"
         )
     found = {name: records for name, records in found.items() if library in (None, name)}
     if json_file:

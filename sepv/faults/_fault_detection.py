@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.text import Text
 
 from sepv._terminal import Table, columns, fits, print_table
-from sepv.errors import UsageError
+from sepv.errors import require_one_of
 from sepv.faults._saboteurs import SABOTEURS, Saboteur
 from sepv.simulate._engine.crew import ended_at_once
 from sepv.verification import LAWS, Effort, Verdict, load_laws, verify
@@ -157,12 +157,7 @@ def detect(
 
 def find(name: str) -> Saboteur:
     """The saboteur of that name; a UsageError for others."""
-    if name not in SABOTEURS:
-        raise UsageError(
-            expected=f"a saboteur, one of {', '.join(SABOTEURS)}",
-            received=repr(name),
-            remedy="take one of these names",
-        )
+    require_one_of("a saboteur", name, SABOTEURS, "take one of these names")
     return SABOTEURS[name]
 
 

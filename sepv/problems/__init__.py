@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import lru_cache
 
 from sepv._arguments import did_you_mean
-from sepv.errors import UsageError
+from sepv.errors import UsageError, require_one_of
 from sepv.problem import Description, GivenProblem, NamedProblem, PolynomialSystem, Problem
 from sepv.problem import from_json as from_json
 from sepv.problem import to_json as to_json
@@ -98,11 +98,7 @@ def build(data: Description) -> Problem:
 def _named(data: NamedProblem) -> Problem:
     """Recording takes as long as a few steps: once for a name and parameters."""
     known = PAPER | EXTENSIONS | HAMILTONIANS
-    factory = known.get(data.name)
-    if factory is None:
-        raise UsageError(
-            expected=f"a problem's name, one of {', '.join(known)}",
-            received=repr(data.name),
-            remedy="correct the name, or give the problem as polynomial data",
-        )
-    return factory(**{key: value[0] if len(value) == 1 else value for key, value in data.parameters})
+    require_one_of(
+        "a problem's name", data.name, known, "correct the name, or give the problem as polynomial data"
+    )
+    return known[data.name](**{key: value[0] if len(value) == 1 else value for key, value in data.parameters})

@@ -10,7 +10,7 @@ from __future__ import annotations
 from functools import lru_cache, partial
 from typing import Any
 
-from sepv.errors import UsageError
+from sepv.errors import require_one_of
 from sepv.schemes._explicit_tableaux import TABLEAUX, ExplicitTableau
 from sepv.schemes._one_step import RANDOM_STEP, Explicit, one_step
 from sepv.schemes._scheme import Scheme, truncation_for
@@ -41,12 +41,7 @@ def explicit(order: int) -> Scheme:
     UsageError
         For another order.
     """
-    if order not in TABLEAUX:
-        raise UsageError(
-            expected=f"an order, one of {', '.join(map(str, TABLEAUX))}",
-            received=repr(order),
-            remedy="take 8",
-        )
+    require_one_of("an order", order, TABLEAUX, "take 8")
     return one_step(
         f"explicit-{order}",
         Explicit(partial(end, TABLEAUX[order])),

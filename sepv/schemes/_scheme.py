@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sepv._arguments import floats, is_number
-from sepv.errors import UsageError
+from sepv.errors import UsageError, require_one_of
 from sepv.problem import Array, Problem, Systems
 from sepv.schemes._picture_look import Look
 from sepv.schemes._point_distributions import PointLaw, point_law
@@ -136,12 +136,7 @@ class Scheme:
             claims |= PATHWISE - {"commutation"}
         if self.weak_order is not None:
             claims |= {"weak-order", "local-weak"}
-        if self.systems not in tuple(Systems):
-            raise UsageError(
-                expected=f"systems, one of {', '.join(Systems)}",
-                received=repr(self.systems),
-                remedy="leave it out for a scheme for (1.1)",
-            )
+        require_one_of("systems", self.systems, tuple(Systems), "leave it out for a scheme for (1.1)")
         object.__setattr__(self, "systems", Systems(self.systems))
         if self.asks not in ASKS:
             raise UsageError(

@@ -23,7 +23,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from sepv.errors import UsageError
+from sepv.errors import UsageError, require_one_of
 from sepv.verification._cases import case as cases
 from sepv.verification._law import Finding, Verdict
 
@@ -152,12 +152,7 @@ def _entry(entry: Any, where: str, known: tuple[str, ...]) -> ExpectedFailure:
         keys = sorted(entry) if isinstance(entry, dict) else type(entry).__name__
         raise UsageError(expected=f"law, reason and witness in {where}", received=f"{keys}", remedy=_EXAMPLE)
     law, reason, witness = entry["law"], entry["reason"], entry["witness"]
-    if law not in known:
-        raise UsageError(
-            expected=f"a law in {where}, one of {', '.join(known)}",
-            received=repr(law),
-            remedy="correct the name",
-        )
+    require_one_of(f"a law in {where}", law, known)
     if not isinstance(reason, str) or not reason.strip():
         raise UsageError(
             expected=f"a reason in {where}", received=repr(reason), remedy="say why this failure is expected"

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from sepv._arguments import require_flag
 from sepv._version import __version__
-from sepv.errors import ChunkFailure, Interrupted, UsageError
+from sepv.errors import ChunkFailure, Interrupted, UsageError, require_one_of
 from sepv.problem import Problem
 from sepv.schemes import PointLaw, Scheme, load_problem, load_scheme
 from sepv.schemes._guard import ask_once
@@ -254,10 +254,7 @@ def choose(
     UsageError
         For an unknown engine, and where it must be the compiled one and cannot.
     """
-    if engine not in ENGINES:
-        raise UsageError(
-            expected=f"engine, one of {', '.join(ENGINES)}", received=repr(engine), remedy="take auto"
-        )
+    require_one_of("engine", engine, ENGINES, "take auto")
     if engine == "numpy":
         return False, "engine='numpy'"
     try:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from sepv import problems
-from sepv.errors import UsageError
+from sepv.errors import UsageError, require_one_of
 from sepv.problem import PolynomialSystem
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
@@ -82,8 +82,5 @@ def choose(names: tuple[str, ...], portable: bool) -> list[Case]:
     """The cases of these names (all without any), or those that are portable; a UsageError for unknown names."""
     known = {case["name"]: case for case in CASES}
     for name in names:
-        if name not in known:
-            raise UsageError(
-                expected=f"a case, one of {', '.join(known)}", received=repr(name), remedy="correct the name"
-            )
+        require_one_of("a case", name, known)
     return [c for c in CASES if (not names or c["name"] in names) and (c["portable"] or not portable)]
