@@ -18,7 +18,7 @@ from hypothesis import HealthCheck, settings
 # Cases are large by nature: too slow a draw is no finding here.
 _COMMON = {"deadline": None, "database": None, "suppress_health_check": [HealthCheck.too_slow]}
 
-settings.register_profile("ci", derandomize=True, **_COMMON)
+settings.register_profile("ci", derandomize=True, max_examples=40, **_COMMON)
 settings.register_profile("fresh", derandomize=False, print_blob=True, **_COMMON)
 settings.register_profile("deep", derandomize=False, print_blob=True, max_examples=2000, **_COMMON)
 settings.load_profile("ci")
@@ -27,6 +27,27 @@ settings.load_profile("ci")
 # the plugins of pytest again, which is a third of its time.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_cmdline_main(config: pytest.Config) -> None:
+    """With workers, tests that share something costly go to one of them, and no worker is handed long queues."""
+    if getattr(config.option, "numprocesses", None) and config.option.dist == "no":
+        config.option.dist = "loadgroup"
+
+
+# *Reproducibility* solves batches of thousands of states, for this scheme with an adaptive quadrature in each, which
+# takes a quarter of a minute. tests/test_implicit.py asks the same of it with smaller batches.
+DEEP = {"properties/test_reproducibility.py::test_reproducibility[discrete-gradient]"}
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The laws ship without marks of these tests."""
+    for item in items:
+        if item.nodeid in DEEP:
+            item.add_marker(pytest.mark.deep)
+
 
 # What comes in badly must not hang: far above what any such test takes.
 SECONDS = 30

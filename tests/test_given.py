@@ -27,7 +27,7 @@ from sepv.verification._cases.users_problems import cases_for, items
 from sepv.verification._contraction import contraction_radius
 from sepv.verification._verify import replay
 
-FEW = Effort(examples=8, paths=256, shrink_checks=30)
+FEW = Effort(examples=4, paths=256, shrink_checks=30)
 SEARCHED = "contract,identity,energy,casimir,noise-sum,symmetry,reduction,reference,midpoint"
 
 

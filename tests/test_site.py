@@ -22,6 +22,7 @@ from sepv.verification import LAWS
 
 ROOT = Path(__file__).resolve().parents[1]
 CHROMIUM = next((p for p in ("chromium", "chromium-browser", "google-chrome") if shutil.which(p)), None)
+pytestmark = pytest.mark.xdist_group("site")
 SIZES = ((390, 844), (1280, 800))
 
 
@@ -31,7 +32,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("site")
     done = subprocess.run(
         [
-            sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-d", out / "doctrees",
+            sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-D", "gallery_time=1", "-d", out / "doctrees",
             ROOT / "docs", out / "html",
         ],
         capture_output=True, text=True, check=False,

@@ -29,7 +29,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 VERIFY = ["verify", "midpoint", "--law", "energy", "--law", "truncation", "--law", "reproducibility"]
-CHEAP = ["--examples", "5", "--paths", "64"]
+CHEAP = ["--examples", "2", "--paths", "64", "--shrink-checks", "5"]
 
 
 def on_a_terminal(arguments: list[str], **variables: str) -> str:

@@ -13,7 +13,8 @@ import sepv
 from sepv.errors import SepvError
 from sepv.studies._picture import Axis, content, figure, frame
 
-STEPS, T = 1024, 16.0
+# Steps in a unit of time of the paths of problems and of schemes.
+FINE, COARSE = 64, 32
 SIZE = (6.4, 3.0)
 
 
@@ -21,12 +22,17 @@ def generate(app: Any) -> None:
     """Write `_generated/problems.md` and `_generated/schemes.md`, and their pictures."""
     folder = Path(app.srcdir) / "_generated"
     folder.mkdir(exist_ok=True)
+    T = float(app.config.gallery_time)
     _write(folder / "example.txt", _example())
     for name, title, entries in (
-        ("problems", "Gallery of problems", _problems(folder)),
-        ("schemes", "Gallery of schemes", _schemes(folder)),
+        ("problems", "Gallery of problems", _problems(folder, T)),
+        ("schemes", "Gallery of schemes", _schemes(folder, T)),
     ):
-        text = f"# {title}\n\n{INTRODUCTIONS[name]}\n\n" + "\n\n".join(entries) + "\n"
+        text = (
+            f"# {title}\n\n{INTRODUCTIONS[name].format(T=T, steps=round(COARSE * T))}\n\n"
+            + "\n\n".join(entries)
+            + "\n"
+        )
         _write(folder / f"{name}.md", text)
 
 
@@ -43,18 +49,19 @@ def _example() -> str:
 
 
 INTRODUCTIONS = {
-    "problems": f"One path of each problem that sepv brings, up to T = {T:g}: the exact solution, which is the "
+    "problems": "One path of each problem that sepv brings, up to T = {T:g}: the exact solution, which is the "
     "deterministic flow at the random time t + Σ c_j W_j(t).",
-    "schemes": f"The energy along one path of the pendulum, T = {T:g} in 512 steps, the same increments for each "
+    "schemes": "The energy along one path of the pendulum, T = {T:g} in {steps} steps, the same increments for each "
     "scheme. What each keeps exactly, to rounding, is what `sepv verify NAME` says.",
 }
 
 
-def _problems(folder: Path) -> Iterator[str]:
+def _problems(folder: Path, T: float) -> Iterator[str]:
+    steps = round(FINE * T)
     for name in (*sepv.problems.PAPER, *sepv.problems.EXTENSIONS):
         problem = sepv.problems.by_name(name)
-        increments = np.random.default_rng(1).normal(scale=np.sqrt(T / STEPS), size=(problem.noises, STEPS))
-        times = np.linspace(0.0, T, STEPS + 1)
+        increments = np.random.default_rng(1).normal(scale=np.sqrt(T / steps), size=(problem.noises, steps))
+        times = np.linspace(0.0, T, steps + 1)
         theta = times + np.concatenate([[0.0], np.cumsum(problem.c @ increments)])
         path = sepv.exact_flow(problem, theta)
         with figure(*SIZE, layout="constrained") as drawn:
@@ -73,12 +80,12 @@ def _maker(name: str) -> Any:
     return {**sepv.problems.PAPER, **sepv.problems.EXTENSIONS}[name]
 
 
-def _schemes(folder: Path) -> Iterator[str]:
+def _schemes(folder: Path, T: float) -> Iterator[str]:
     problem = sepv.problems.by_name("pendulum")
     for name, scheme in {**sepv.schemes.PAPER, **sepv.schemes.EXTENSIONS}.items():
         heading = f"## {name}\n\n{scheme.source}."
         try:
-            path = sepv.integrate(scheme, problem, h=T / 512, T=T, seed=1)
+            path = sepv.integrate(scheme, problem, h=1 / COARSE, T=T, seed=1)
         except SepvError as error:
             yield f"{heading} Not shown: {str(error).splitlines()[0]}"
             continue
@@ -97,6 +104,7 @@ def _schemes(folder: Path) -> Iterator[str]:
 
 def setup(app: Any) -> dict[str, bool]:
     """Called by Sphinx."""
+    app.add_config_value("gallery_time", "16", "env")  # how long the paths are; -D gives texts
     app.connect("builder-inited", generate)
     app.connect("autodoc-process-docstring", _plain)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
