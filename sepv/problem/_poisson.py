@@ -49,10 +49,9 @@ def shifted(y: Array, widths: Array) -> Array:
 
 
 def derivative(answers: Array, widths: Array) -> tuple[Array, Array]:
-    """∂Φ/∂y (d, d) from Φ at the states of `shifted`, and how far that of order four is from it, entry by entry."""
-    d = widths.size
+    """∂Φ/∂y (n, d) from Φ (n, …) at the states of `shifted`, and how far order four is from it, entry by entry."""
     # For j: k = 1, 2, 3, each with both signs.
-    sides = answers[:, 1:].reshape(d, d, POINTS, 2)
+    sides = answers[:, 1:].reshape(-1, widths.size, POINTS, 2)
     rises = sides[..., 0] - sides[..., 1]
     sixth, fourth = (rises @ np.array(weights) / widths for weights in (_WEIGHTS, _FOURTH))
     return sixth, np.abs(sixth - fourth)
@@ -65,8 +64,7 @@ def derivative_of_structure(problem: Problem, y: Array) -> Array:
     d = problem.dimension
     widths = BLIND_WIDTH * scales(problem, y)
     values = problem.structure(shifted(y, widths)).reshape(d * d, -1)
-    sides = values[:, 1:].reshape(d * d, d, POINTS, 2)
-    return ((sides[..., 0] - sides[..., 1]) @ np.array(_WEIGHTS) / widths).reshape(d, d, d)
+    return derivative(values, widths)[0].reshape(d, d, d)
 
 
 def scales(problem: Problem, y: Array) -> Array:

@@ -6,11 +6,10 @@ Tretyakov (SIAM J. Numer. Anal. 40, 2002), §5.1, use it for symplectic methods 
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache
 
 from sepv.problem import HamiltoniansProblem, Problem, StructuresProblem
-from sepv.problems._polynomial_system import polynomial_problem
+from sepv.problems._polynomial_system import started
 from sepv.problems._several import closed_form, commuting_actions
 from sepv.record import PolynomialMap
 from sepv.record import _polynomial as poly
@@ -19,10 +18,9 @@ from sepv.record import _polynomial as poly
 def kubo_oscillator(a: float = 2.0, sigma: float = 0.5) -> Problem:
     """The oscillator from (1, 0)."""
     H, one = poly.scale(a, poly.variable(1, 0)), poly.variable(1, 0)
-    problem = polynomial_problem(commuting_actions(H, [one], (sigma,)))
     exact = closed_form(H, (sigma,), [list(poly.gradient(one))])
-    assert isinstance(problem, StructuresProblem)
-    return replace(problem, closed_form=exact, initial=(1.0, 0.0), name="kubo-oscillator", check=False)
+    data = commuting_actions(H, [one], (sigma,))
+    return started(data, "kubo-oscillator", (1.0, 0.0), closed_form=exact)
 
 
 @lru_cache(maxsize=1)

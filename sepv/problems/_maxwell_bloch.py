@@ -8,17 +8,15 @@ equations (J. Nonlinear Sci. 2, 1992).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from sepv.problem import Problem
 from sepv.problems._nambu_system import nambu_system
-from sepv.problems._polynomial_system import polynomial_problem
+from sepv.problems._polynomial_system import started
 from sepv.record import _polynomial as poly
 
 
 def maxwell_bloch(noise: Sequence[float] = (0.5,)) -> Problem:
     """The system from (1, 0.5, 0.5)."""
-    H = poly.polynomial(3, [((2, 0, 0), 0.5), ((0, 0, 1), 1.0)])
-    C = poly.polynomial(3, [((0, 2, 0), 0.5), ((0, 0, 2), 0.5)])
+    H, C = poly.add(poly.squares((1, 0, 0)), poly.variable(3, 2)), poly.squares((0, 1, 1))
     data = nambu_system(H, poly.constant(3, -1.0), C, tuple(noise))
-    return replace(polynomial_problem(data), initial=(1.0, 0.5, 0.5), name="maxwell-bloch", check=False)
+    return started(data, "maxwell-bloch", (1.0, 0.5, 0.5))

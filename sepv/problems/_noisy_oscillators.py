@@ -8,13 +8,10 @@ for Poisson systems). M. Hénon and C. Heiles, Astron. J. 69 (1964).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
-import numpy as np
-
-from sepv.problem import HamiltoniansProblem, PolynomialSystem, Problem
-from sepv.problems._canonical import canonical
-from sepv.problems._polynomial_system import polynomial_problem
+from sepv.problem import PolynomialSystem, Problem
+from sepv.problems._canonical import canonical, structure
+from sepv.problems._polynomial_system import started
 from sepv.problems._sum_of_parts import flows
 from sepv.record import Polynomial, PolynomialMap
 from sepv.record import _polynomial as poly
@@ -41,16 +38,9 @@ def pushed_henon_heiles(coupling: float = 0.5, noise: Sequence[float] = (0.5, 0.
     return _oscillators(coupling, noise, others, "pushed-henon-heiles")
 
 
-def _oscillators(
-    coupling: float, noise: Sequence[float], others: Sequence[Polynomial], name: str
-) -> HamiltoniansProblem:
+def _oscillators(coupling: float, noise: Sequence[float], others: Sequence[Polynomial], name: str) -> Problem:
     cubic = poly.polynomial(4, {(0, 0, 2, 1): coupling, (0, 0, 0, 3): -coupling / 3})
     parts = [poly.squares((1, 1, 0, 0)), poly.add(poly.squares((0, 0, 1, 1)), cubic)]
     data = PolynomialSystem(4, poly.add(*parts), canonical(4), tuple(noise), noise_hamiltonians=tuple(others))
-    problem = polynomial_problem(data)
-    assert isinstance(problem, HamiltoniansProblem)
-    known = flows(4, problem.structure, [PolynomialMap((), (p,)) for p in (*parts, *others)])
-    return replace(
-        problem, initial=np.array((0.2, -0.1, 0.3, 0.2)), name=name, flows=known[:2], noise_flows=known[2:],
-        check=False,
-    )  # fmt: skip
+    known = flows(4, structure, [PolynomialMap((), (p,)) for p in (*parts, *others)])
+    return started(data, name, (0.2, -0.1, 0.3, 0.2), flows=known[:2], noise_flows=known[2:])

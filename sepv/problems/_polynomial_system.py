@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from functools import lru_cache
 from typing import Any
@@ -67,6 +68,11 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
         check=False,
     )
     return _with_more_noise(problem, data) if data.noise_structures or data.noise_hamiltonians else problem
+
+
+def started(data: PolynomialSystem, name: str, initial: Sequence[float], **more: Any) -> Any:
+    """The problem of this data under a name, with an initial state and what is known of it besides."""
+    return replace(polynomial_problem(data), name=name, initial=tuple(initial), check=False, **more)
 
 
 def _hessian(gradient: tuple[Polynomial, ...]) -> tuple[Polynomial, ...]:

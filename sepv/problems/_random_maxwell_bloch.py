@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from sepv.problem import HamiltoniansProblem, PolynomialSystem, Problem
+from sepv.problem import PolynomialSystem, Problem
 from sepv.problems._maxwell_bloch import maxwell_bloch
-from sepv.problems._polynomial_system import polynomial_problem
+from sepv.problems._polynomial_system import started
 from sepv.problems._sum_of_parts import flows
 from sepv.record import PolynomialMap
 from sepv.record import _polynomial as poly
@@ -22,15 +22,11 @@ def random_maxwell_bloch(noise: Sequence[float] = (0.5,)) -> Problem:
     """The system from (1, 0.5, 0.5), with one noise or two."""
     base = maxwell_bloch()
     assert isinstance(base.data, PolynomialSystem)
-    halves = (poly.polynomial(3, [((2, 0, 0), 0.5)]), poly.variable(3, 2))
+    halves = (poly.squares((1, 0, 0)), poly.variable(3, 2))
     parts = halves[: len(tuple(noise))]
     # Of (y2² + y3²)/2 alone a factor is known to be a Casimir as a matrix.
     casimir = ((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     data = replace(base.data, noise=tuple(noise), nambu=None, casimirs=(casimir,), noise_hamiltonians=parts)
-    problem = polynomial_problem(data)
-    assert isinstance(problem, HamiltoniansProblem)
-    own = flows(3, problem.structure, [PolynomialMap((), (p,)) for p in halves])
-    return replace(
-        problem, initial=base.initial, name="random-maxwell-bloch", flows=own, noise_flows=own[: len(parts)],
-        check=False,
-    )  # fmt: skip
+    own = flows(3, base.structure, [PolynomialMap((), (p,)) for p in halves])
+    y0 = (1.0, 0.5, 0.5)
+    return started(data, "random-maxwell-bloch", y0, flows=own, noise_flows=own[: len(parts)])

@@ -11,9 +11,11 @@ from sepv.problem import Array, PolynomialSystem, StructuresProblem
 from sepv.problem._fields import matvec
 from sepv.problem._structures import ClosedForm
 from sepv.problems._canonical import HAT, planes
-from sepv.problems._polynomial_system import polynomial_problem
+from sepv.problems._polynomial_system import started
 from sepv.record import Polynomial, PolynomialMap
 from sepv.record import _polynomial as poly
+
+_IN_PLANES = (0.8, 0.3, 0.2, 0.5)
 
 
 def action(dimension: int, k: int) -> Polynomial:
@@ -88,14 +90,6 @@ def closed_form(
     return exact
 
 
-def _with(
-    system: PolynomialSystem, exact: ClosedForm | None, y0: Sequence[float], name: str
-) -> StructuresProblem:
-    problem = polynomial_problem(system)
-    assert isinstance(problem, StructuresProblem)
-    return replace(problem, closed_form=exact, initial=np.array(y0), name=name, check=False)
-
-
 def commuting_rotations() -> StructuresProblem:
     """Rotations of two planes, H = I1 + 2 I2 + I1 I2, with two noises of different structures that commute."""
     H = poly.polynomial(2, {(1, 0): 1.0, (0, 1): 2.0, (1, 1): 1.0})
@@ -104,9 +98,8 @@ def commuting_rotations() -> StructuresProblem:
     slopes = poly.gradient(H)
     rates = [[poly.multiply(a, s) for a, s in zip(row, slopes, strict=True)] for row in alpha]
     c = (1.0, 0.5)
-    return _with(
-        rotating_planes(H, alpha, c), closed_form(H, c, rates), (0.8, 0.3, 0.2, 0.5), "commuting-rotations"
-    )
+    data, exact = rotating_planes(H, alpha, c), closed_form(H, c, rates)
+    return started(data, "commuting-rotations", _IN_PLANES, closed_form=exact)
 
 
 def commuting_oscillators() -> StructuresProblem:
@@ -115,7 +108,8 @@ def commuting_oscillators() -> StructuresProblem:
     others = [poly.polynomial(2, {(1, 0): 1.0, (0, 2): -0.5}), poly.variable(2, 1)]
     c = (1.0, 0.5)
     exact = closed_form(H, c, [list(poly.gradient(p)) for p in others])
-    return _with(commuting_actions(H, others, c), exact, (0.8, 0.3, 0.2, 0.5), "commuting-oscillators")
+    data = commuting_actions(H, others, c)
+    return started(data, "commuting-oscillators", _IN_PLANES, closed_form=exact)
 
 
 def noncommuting_tops() -> StructuresProblem:
@@ -123,7 +117,7 @@ def noncommuting_tops() -> StructuresProblem:
     H = poly.squares((1, 2, 3))
     B, G2, G1 = (((i, j, poly.constant(3, sign)),) for i, j, _, sign in HAT)
     system = PolynomialSystem(3, H, B, (0.5, 0.5), noise_structures=(G1, G2))
-    return _with(system, None, (0.6, 0.5, 0.4), "noncommuting-tops")
+    return started(system, "noncommuting-tops", (0.6, 0.5, 0.4))
 
 
 def noncommuting_drift() -> StructuresProblem:
@@ -135,4 +129,4 @@ def noncommuting_drift() -> StructuresProblem:
     assert isinstance(base, PolynomialSystem)
     B = (*base.structure, (0, 2, poly.constant(4, -0.7)))
     system = replace(base, structure=B, casimirs=(), linear_casimirs=())
-    return _with(system, None, (0.8, 0.3, 0.2, 0.5), "noncommuting-drift")
+    return started(system, "noncommuting-drift", _IN_PLANES)

@@ -14,13 +14,12 @@ fields
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from sepv.problem import HamiltoniansProblem, PolynomialSystem, Problem
+from sepv.problem import PolynomialSystem, Problem
 from sepv.problems._canonical import hat
-from sepv.problems._polynomial_system import polynomial_problem
+from sepv.problems._polynomial_system import started
 from sepv.problems._rigid_body import rigid_body
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
@@ -48,13 +47,9 @@ def random_inertia(
     count = len(noise_inertia)
     weights = np.diag([1 / I for I in noise_inertia] + [0.0] * (3 - count))
     others = [poly.squares(row) for row in weights[:count]]
-    problem = polynomial_problem(spin_system(1, poly.squares([1 / I for I in inertia]), noise, others))
-    assert isinstance(problem, HamiltoniansProblem)
-    padded = (*noise_inertia, *(1.0,) * (3 - count))
-    return replace(
-        problem, initial=(0.8, 0.6, 0.0), name="random-inertia", flows=rigid_body(inertia).flows,
-        noise_flows=rigid_body(padded).flows[:count], check=False,
-    )  # fmt: skip
+    data = spin_system(1, poly.squares([1 / I for I in inertia]), noise, others)
+    own, padded = rigid_body(inertia).flows, rigid_body((*noise_inertia, *(1.0,) * (3 - count))).flows
+    return started(data, "random-inertia", (0.8, 0.6, 0.0), flows=own, noise_flows=padded[:count])
 
 
 def two_spins(
@@ -70,8 +65,7 @@ def two_spins(
     terms = [(tuple(int(n in (k, 3 + k)) for n in range(6)), -coupling) for k in range(3)]
     H = poly.add(poly.polynomial(6, terms), poly.squares((0, 0, anisotropy) * 2))
     others = [poly.linear((*(0,) * 3 * n, *field, *(0,) * 3 * (1 - n))) for n, field in enumerate(fields)]
-    problem = polynomial_problem(spin_system(2, H, noise, others))
-    return replace(problem, initial=(0.8, 0.6, 0.0, 0.0, 0.6, -0.8), name="two-spins", check=False)
+    return started(spin_system(2, H, noise, others), "two-spins", (0.8, 0.6, 0.0, 0.0, 0.6, -0.8))
 
 
 def twisted_top(noise: Sequence[float] = (0.5,)) -> Problem:
@@ -92,13 +86,11 @@ def commuting_twists(noise: Sequence[float] = (0.5, 0.5)) -> Problem:
 
     They commute and g_2′g_1 ≠ 0, where it vanishes for two spins, each of which has a noise of its own.
     """
-    first = poly.polynomial(3, [((0, 0, 2), 0.5)])
     second = poly.polynomial(3, [((0, 0, 1), 1.0), ((0, 0, 3), 1 / 6)])
-    return _twisted((first, second), noise, "commuting-twists")
+    return _twisted((poly.squares((0, 0, 1)), second), noise, "commuting-twists")
 
 
 def _twisted(others: Sequence[Polynomial], noise: Sequence[float], name: str) -> Problem:
     data = random_inertia().data
     assert isinstance(data, PolynomialSystem)
-    problem = polynomial_problem(spin_system(1, data.hamiltonian, noise, others))
-    return replace(problem, initial=(0.8, 0.6, 0.3), name=name, check=False)
+    return started(spin_system(1, data.hamiltonian, noise, others), name, (0.8, 0.6, 0.3))

@@ -18,20 +18,11 @@ from sepv.errors import Skipped
 from sepv.problem import Array, HamiltoniansProblem, Problem, Systems, hamiltonian_field
 from sepv.problem._hamiltonians import bracket
 from sepv.schemes._further_increments import as_rows
-from sepv.schemes._one_step import EVERY, each_noise, no_jacobian
+from sepv.schemes._one_step import each_noise, no_jacobian
 from sepv.schemes._scheme import Scheme, as_lanes
-from sepv.solve import Increment
-from sepv.solve import solve as solve_implicit
-from sepv.solve._solution import Solution, require_converged
-
-
-def solve(problem: Problem, y: Array, h: float, dW: Array, areas: Array) -> Solution:
-    """One step of a batch, y (d, M), dW (m, M), areas (m, m, M); Newton's matrix is one of differences."""
-    require_derivatives(problem)
-    state, noise = as_lanes(problem, y, h, dW)
-    rows = as_rows(np.asarray(areas)).reshape(-1, state.shape[1])
-    known = np.concatenate([each_noise(problem, h, noise), rows])
-    return solve_implicit(problem, state, known, increment, no_jacobian)
+from sepv.schemes._stochastic_midpoint import CLAIMS
+from sepv.solve import Increment, solve
+from sepv.solve._solution import require_converged
 
 
 def require_derivatives(problem: Problem) -> None:
@@ -69,15 +60,19 @@ def step(problem: Problem, y: Array, h: float, dW: Array, areas: Array) -> Array
     StepFailure
         Where the equation was not solved.
     """
+    require_derivatives(problem)
     state, noise = as_lanes(problem, y, h, dW)
-    solution = solve(problem, state, h, noise, np.reshape(areas, (*np.shape(areas)[:2], state.shape[1])))
+    rows = as_rows(np.asarray(areas)).reshape(-1, state.shape[1])
+    known = np.concatenate([each_noise(problem, h, noise), rows])
+    # Newton's matrix is one of differences.
+    solution = solve(problem, state, known, increment, no_jacobian)
     return require_converged(problem, state, h, noise, solution).reshape(np.shape(y))
 
 
 scheme = Scheme(
     "area-midpoint",
     step,
-    EVERY | {"identity", "casimir", "symplecticity", "symmetry", "noise-sum", "equivariance"},
+    CLAIMS - {"expansion"},
     "the midpoint rule with Lévy areas",
     mean_square_order=1.0,
     weak_order=1.0,

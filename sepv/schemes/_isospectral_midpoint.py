@@ -24,14 +24,13 @@ import numpy as np
 from sepv.errors import Skipped
 from sepv.problem import Array, Problem, Systems
 from sepv.problem._hamiltonians import noise_gradients
+from sepv.problems._canonical import HAT
 from sepv.schemes._one_step import EVERY, each_noise, no_jacobian, one_step, solved_by
 from sepv.schemes._order_claims import Orders
 from sepv.schemes._scheme import as_lanes
 from sepv.solve import Increment
 from sepv.solve import solve as solve_implicit
 from sepv.solve._solution import Solution
-
-_PLACES = ((0, 1, 2, -1.0), (0, 2, 1, 1.0), (1, 2, 0, -1.0))
 
 
 def parts(problem: Problem, x: Array, step: Array) -> tuple[Array, Array]:
@@ -64,7 +63,7 @@ def require_spins(problem: Problem, y: Array) -> None:
     """
     expected = np.zeros((len(y), len(y), y.shape[1]))
     for n in range(0, len(y) - len(y) % 3, 3):
-        for i, j, k, sign in _PLACES:
+        for i, j, k, sign in HAT:
             expected[n + i, n + j] = sign * y[n + k]
             expected[n + j, n + i] = -sign * y[n + k]
     if len(y) % 3 or not np.array_equal(problem.structure(y), expected):

@@ -7,6 +7,7 @@ H = ½|y|², B = J or hat(y), c = (1), h = 1.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import combinations, permutations
@@ -268,8 +269,17 @@ def linear_forms(A: Matrix) -> list[Polynomial]:
     return [poly.linear(row) for row in A]
 
 
-def _parity(order: tuple[int, ...]) -> int:
-    return (-1) ** sum(a > b for a, b in combinations(order, 2))
+def tensor_terms(
+    d: int, indices: Sequence[int], weight: float, forms: list[list[Polynomial]]
+) -> Iterator[tuple[tuple[int, int], Polynomial]]:
+    """What the entry `weight` of a totally antisymmetric tensor at these indices adds to each B_ij, i < j."""
+    for i, j, *others in permutations(indices):
+        if i < j:
+            parity = (-1) ** sum(a > b for a, b in combinations((i, j, *others), 2))
+            product = poly.constant(d, weight * parity)
+            for form, k in zip(forms, others, strict=True):
+                product = poly.multiply(product, form[k])
+            yield (i, j), product
 
 
 def contracted(draw: st.DrawFn, d: int, forms: list[list[Polynomial]]) -> Structure:
@@ -279,12 +289,8 @@ def contracted(draw: st.DrawFn, d: int, forms: list[list[Polynomial]]) -> Struct
         weight = 1.0 if d == 3 else draw(st.sampled_from([1.0, 0.0, -1.0, 2.0]))
         if not weight:
             continue
-        for order in permutations(indices):
-            if order[0] < order[1]:
-                factor = poly.constant(d, weight * _parity(order))
-                for form, k in zip(forms, order[2:], strict=True):
-                    factor = poly.multiply(factor, form[k])
-                entries.setdefault((order[0], order[1]), []).append(factor)
+        for place, factor in tensor_terms(d, indices, weight, forms):
+            entries.setdefault(place, []).append(factor)
     g = poly.constant(d, 1.0)
     if d == 3 and draw(st.booleans()):
         g = draw(polynomials(d, 2, least=0, terms=2))

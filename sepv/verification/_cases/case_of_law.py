@@ -12,13 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from sepv import problems as named
-from sepv.problem import (
-    GivenProblem,
-    HamiltoniansProblem,
-    PolynomialSystem,
-    StructuresProblem,
-    is_poisson,
-)
+from sepv.problem import GivenProblem, HamiltoniansProblem, PolynomialSystem, StructuresProblem, is_poisson
 from sepv.problem._hamiltonians import is_several
 from sepv.problem._poisson import derivative_of_structure
 from sepv.problems._polynomial_system import drift_of_energy

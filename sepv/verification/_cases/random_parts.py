@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import combinations, combinations_with_replacement, permutations
+from itertools import combinations, combinations_with_replacement
 from random import Random
 
 import numpy as np
@@ -20,7 +20,7 @@ from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 from sepv.record._polynomial import Exponents
 from sepv.verification._cases.strata import Levels, Stratum, monomials
-from sepv.verification.strategies import linear_forms
+from sepv.verification.strategies import linear_forms, tensor_terms
 
 # Above it a table of all monomials is not worth making.
 FEW = 300
@@ -193,12 +193,7 @@ def contracted(d: int, forms: list[list[Polynomial]], random: Random) -> Structu
     for _ in range(random.randint(1, 3) if d > rank else 1):
         indices = sorted(random.sample(range(d), rank))
         weight = random.choice([1.0, -1.0, 2.0])
-        for order in permutations(indices):
-            if order[0] < order[1]:
-                parity = (-1) ** sum(a > b for a, b in combinations(order, 2))
-                product = poly.constant(d, weight * parity)
-                for form, k in zip(forms, order[2:], strict=True):
-                    product = poly.multiply(product, form[k])
-                entries.setdefault((order[0], order[1]), []).append(product)
+        for place, product in tensor_terms(d, indices, weight, forms):
+            entries.setdefault(place, []).append(product)
     added = [(i, j, poly.add(*parts)) for (i, j), parts in sorted(entries.items())]
     return tuple(entry for entry in added if entry[2].terms)

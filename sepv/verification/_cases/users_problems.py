@@ -19,14 +19,7 @@ from hypothesis import strategies as st
 from sepv import problems as named
 from sepv._arguments import did_you_mean
 from sepv.errors import Skipped, UsageError
-from sepv.problem import (
-    Array,
-    HamiltoniansProblem,
-    NamedProblem,
-    PolynomialSystem,
-    Problem,
-    Systems,
-)
+from sepv.problem import Array, HamiltoniansProblem, NamedProblem, PolynomialSystem, Problem, Systems
 from sepv.problem._checks import sample_states
 from sepv.schemes import load_problem
 from sepv.schemes._load_target import load_object

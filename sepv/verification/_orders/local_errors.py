@@ -14,7 +14,7 @@ expectations are apart: a finite sum of the scheme's, and the same quadrature fo
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations_with_replacement
 from math import factorial
@@ -36,6 +36,7 @@ from sepv.problem import (
     commutes,
 )
 from sepv.problem._checks import sample_states
+from sepv.problems._polynomial_system import started
 from sepv.record import _polynomial as poly
 from sepv.record._binary64 import EPS
 from sepv.schemes import Scheme
@@ -59,8 +60,7 @@ def five_noises() -> Problem:
     """Quartic H, the Casimir |y|² and a factor that is not constant, in dimension three, with five different c_j."""
     H = poly.add(poly.squares((1.0, 2.0, 0.5)), poly.polynomial(3, {(2, 2, 0): 0.25, (0, 1, 3): 0.125}))
     g, c = poly.polynomial(3, {(0, 0, 0): 1.0, (1, 0, 0): 0.25}), (0.5, 0.25, 0.375, 0.75, 0.3125)
-    problem = problems.polynomial_problem(problems.nambu_system(H, g, poly.squares((1.0,) * 3), c))
-    return replace(problem, initial=(0.75, -0.5, 0.5), name="quartic-top", check=False)
+    return started(problems.nambu_system(H, g, poly.squares((1, 1, 1)), c), "quartic-top", (0.75, -0.5, 0.5))
 
 
 CASES: dict[Systems, tuple[Callable[[], Problem], ...]] = {
