@@ -176,6 +176,9 @@ def print_table(table: Table, out: Console) -> None:
     for row in table.rows:
         shown.add_row(*(row[n] for n in chosen))
     out.print(shown)
+    gone = dict.fromkeys(c.heading for c in table.columns if c.heading not in left)
+    if gone:
+        out.print(f"Left out, for width: {', '.join(' '.join(h.split()) for h in gone)}.", style="dim")
 
 
 def fits(table: Table, out: Console) -> bool:

@@ -76,7 +76,7 @@ FILES: dict[str, Check] = {
     "expected: empty": cli(f"{VERIFY} --expected e.toml", 0, files={"e.toml": b""}),
     "expected: binary": cli(f"{VERIFY} --expected e.toml", 2, "TOML", files={"e.toml": bytes(range(256))}),
     "expected: truncated": cli(f"{VERIFY} --expected e.toml", 2, "TOML", files={"e.toml": b"[[expected"}),
-    "expected: a folder": cli(f"{VERIFY} --expected .", 2, "expected failures"),
+    "expected: a folder": cli(f"{VERIFY} --expected .", 2, "is a directory"),
     "expected: unknown law": cli(
         f"{VERIFY} --expected e.toml",
         2,

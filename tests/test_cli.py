@@ -128,6 +128,61 @@ def test_counts_of_laws_are_singular_or_plural(verdict: str, one: str, two: str)
     assert (Verdict(verdict).of(1), Verdict(verdict).of(2)) == (one, two)
 
 
+def test_arguments_in_another_order_are_named_before_anything_is_measured(call) -> None:
+    code = "def step(y, problem, h, dW):\n    return y\n"
+    result = call("verify mine:step --law energy", code)
+    assert result.exit_code == 3
+    assert "step(problem, y, h, dW)" in result.output
+    assert "Received mine:step(y, problem, h, dW): the same names in another order." in result.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "raised"),
+    [("u, system, dt, xi", "AttributeError"), ("system, u, xi, dt", "TypeError")],
+)
+def test_other_names_in_another_order_end_in_an_error_that_says_what_was_called(
+    call, arguments: str, raised: str
+) -> None:
+    code = f"def step({arguments}):\n    return u + system.random_step(dt, xi) * system.gradient(u)\n"
+    said = call("verify mine:step --law energy --examples 2", code).output
+    assert f"The scheme raised {raised}" in said
+    # In the author's file, and not in the function of sepv that was given the wrong thing.
+    assert re.search(r"mine\.py, line \d+, in step\)", said)
+    called = r"called with the problem [^,]+, y of shape \(2,\), h = [\d.]+, dW of shape \(0,\)"
+    assert re.search(called, said)
+
+
+def test_a_refusal_by_a_function_of_sepv_is_the_schemes_error(call) -> None:
+    """Not a usage error of the command, which would end the run with the advice for another mistake."""
+    code = "def step(problem, y, h, dW):\n    return sepv.exact_flow(problem, 'x', y).y[:, 0]\n"
+    result = call("verify mine:step --law energy --examples 2", code)
+    assert result.exit_code == 3
+    assert re.search(
+        r"The scheme raised UsageError: Expected .* \(\S*mine\.py, line", result.output, re.DOTALL
+    )
+
+
+def test_a_name_that_a_module_lacks_is_answered_by_its_schemes_first(call) -> None:
+    code = "def helper(x):\n    return x\nright = sepv.Scheme('right', correct)\nsystem = sepv.problems.rigid_body()\n"
+    said = " ".join(call("verify mine:nosuch", code).output.split())
+    assert "a module with right, system, correct, helper." in said
+
+
+def test_columns_that_a_narrow_terminal_leaves_out_are_named(call, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "60")
+    narrow = call("verify midpoint --law energy,rounding --examples 2").output
+    assert "Left out, for width: source." in narrow
+    monkeypatch.setenv("COLUMNS", "80")
+    assert "Left out" not in call("verify midpoint --law energy,rounding --examples 2").output
+
+
+def test_help_of_all_commands_has_one_word_for_a_file_and_one_for_a_folder() -> None:
+    for name, command in main.commands.items():
+        text = CliRunner().invoke(command, ["--help"]).output
+        assert not re.search(r"--[\w-]+ (PATH|DIRECTORY|FILENAME)\b", text), name
+        assert not re.search(r"--(problem|scheme|h) TEXT\b", text), name
+
+
 def test_step_failure_takes_words(call) -> None:
     code = "def refusing(problem, y, h, dW):\n    raise sepv.StepFailure('no luck')\n"
     result = call("verify mine:refusing --law energy --examples 2", code)

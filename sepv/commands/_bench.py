@@ -25,7 +25,7 @@ crashed, or could not be loaded."""
     help="A case of your own: name, file.json or module:attribute.",
 )  # fmt: skip
 @click.option("--save", type=FILE, help="Write the records to this file.")
-@click.option("--against", type=click.Path(), help="Compare with the records of this file.")
+@click.option("--against", type=FILE, help="Compare with the records of this file.")
 @click.option(
     "--against-ref",
     type=click.Path(exists=True, file_okay=False),

@@ -43,7 +43,12 @@ class Numbers(click.ParamType):
 @click.command(short_help="Error, defects, time and work of schemes, side by side.")
 @click.argument("targets", nargs=-1, metavar="SCHEME...")
 @click.option(
-    "--problem", "-p", default="rigid-body", show_default=True, help="By name, file.json or module:attribute."
+    "--problem",
+    "-p",
+    default="rigid-body",
+    show_default=True,
+    metavar="PROBLEM",
+    help="By name, file.json or module:attribute.",
 )
 @EXEC
 @click.option(

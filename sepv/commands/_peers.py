@@ -10,11 +10,9 @@ from typing import Any
 
 import click
 
-from sepv.commands._shared import friendly
+from sepv.commands._shared import FOLDER, friendly
 from sepv.errors import SepvError, require_one_of
 from sepv.files import read_json
-
-FOLDER = click.Path(file_okay=False)
 
 
 @click.command(short_help="What released versions of other libraries do.")

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import click
 
-from sepv.commands._shared import friendly
+from sepv.commands._shared import FILE, friendly
 
 
 @click.command(short_help="One HTML page from the JSON files of the others.")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=click.Path())
-@click.option(
-    "-o", "--out", type=click.Path(dir_okay=False), default="report.html", show_default=True, help="The page."
-)
+@click.option("-o", "--out", type=FILE, default="report.html", show_default=True, help="The page.")
 @click.option("--title", default="Which structural properties hold?", show_default=True, help="Its heading.")
 @click.option("-q", "--quiet", is_flag=True, help="Print nothing.")
 @friendly

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from sepv.commands._shared import Workers, friendly, save_json
+from sepv.commands._shared import FILE, FOLDER, Workers, friendly, save_json
 from sepv.errors import UsageError
 
 QUICK = 1 / 32
@@ -15,10 +15,8 @@ QUICK = 1 / 32
 
 @click.command(short_help="The paper's figures again, with verdicts.")
 @click.argument("figures", nargs=-1, metavar="[FIGURE]...")
-@click.option("-o", "--out", type=click.Path(file_okay=False), help="Folder for JSON, CSV, SVG and PNG.")
-@click.option(
-    "--json", "json_file", type=click.Path(dir_okay=False), help="Write the whole record to this file."
-)
+@click.option("-o", "--out", type=FOLDER, help="Folder for JSON, CSV, SVG and PNG.")
+@click.option("--json", "json_file", type=FILE, help="Write the whole record to this file.")
 @click.option("--errata", is_flag=True, help="Only what does not hold as printed, with its evidence.")
 @click.option("--no-figures", is_flag=True, help="With --out: numbers only, matplotlib is not needed.")
 @click.option(

@@ -16,7 +16,12 @@ from sepv.schemes._point_distributions import NAMES
 @click.command(short_help="One path over many steps.")
 @click.argument("scheme", required=False)
 @click.option(
-    "--problem", "-p", default="rigid-body", show_default=True, help="By name, file.json or module:attribute."
+    "--problem",
+    "-p",
+    default="rigid-body",
+    show_default=True,
+    metavar="PROBLEM",
+    help="By name, file.json or module:attribute.",
 )
 @EXEC
 @click.option("--h", "h", type=float, default=0.01, show_default=True, help="The step size.")

@@ -22,7 +22,17 @@ WORDS = "sepv.words"
 # As EX_SOFTWARE of sysexits.h: a defect of this package, told from every verdict.
 CRASH = 70
 
-FILE = click.Path(dir_okay=False)
+
+class _Folder(click.Path):
+    """A folder, by this word in help."""
+
+    def __init__(self) -> None:
+        super().__init__(file_okay=False)
+        self.name = "folder"
+
+
+# In help: FILE and FOLDER, whether they are read or written.
+FILE, FOLDER = click.Path(dir_okay=False), _Folder()
 
 
 def save_json(path: str | None, name: str, data: dict[str, Any], *, indent: int | None = 1) -> None:

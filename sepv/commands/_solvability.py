@@ -27,7 +27,11 @@ FOLLOWED = tuple(2.0**-n for n in range(4, 10))
 @click.command(short_help="Which steps have a solution, and how long a step size is safe.")
 @click.argument("problem")
 @click.option(
-    "--scheme", default="energy-preserving", show_default=True, help="This, midpoint or both-invariants."
+    "--scheme",
+    default="energy-preserving",
+    show_default=True,
+    metavar="SCHEME",
+    help="This, midpoint or both-invariants.",
 )
 @click.option(
     "--range", "furthest", type=click.FloatRange(min=0, min_open=True), default=1.0, show_default=True,

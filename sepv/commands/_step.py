@@ -13,7 +13,7 @@ from sepv.commands._shared import friendly
 @click.argument("scheme")
 @click.argument("problem")
 @click.option("--y", "state", metavar="Y1,Y2,…", help="The state. [default: the problem's initial state]")
-@click.option("--h", required=True, help="The step size, of either sign.")
+@click.option("--h", required=True, metavar="FLOAT", help="The step size, of either sign.")
 @click.option("--dW", "noise", metavar="W1,W2,…", help="The Wiener increments. [default: 0]")
 @click.option("--digits", type=int, default=50, show_default=True, help="Significant digits.")
 @click.option("--certify", is_flag=True, help="Prove it by ball arithmetic (needs python-flint).")

@@ -19,7 +19,7 @@ from sepv.errors import UsageError
 @click.option("--out", type=FILE, required=True, help="The bundle, a .zip.")
 @click.option("--problem", "-p", "problems", multiple=True, metavar="PROBLEM", help="What it is for.")
 @click.option("--claim", "claims", multiple=True, metavar="LAW,…", help="Hold the scheme to these laws too.")
-@click.option("--waivers", type=click.Path(), help="Expected failures with their reasons (docs/ci.md).")
+@click.option("--waivers", type=FILE, help="Expected failures with their reasons (docs/ci.md).")
 @click.option(
     "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths."
 )

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import click
 
-from sepv.commands._shared import FILE, friendly
+from sepv.commands._shared import FILE, FOLDER, friendly
 
 
 @click.command(short_help="Which verdict changed, in which version of a library.")
-@click.argument("folder", default="results", type=click.Path(file_okay=False))
+@click.argument("folder", default="results", type=FOLDER)
 @click.option("--library", metavar="NAME", help="Only this one.")
 @click.option("--json", "json_file", type=FILE, help="Write cells, changes and deviations to this file.")
 @click.option("--out", type=FILE, help="Write the page of the site, Markdown, to this file.")

@@ -14,7 +14,12 @@ from sepv.commands._shared import EXEC, FILE, Renamed, candidates, friendly, sav
 @click.argument("targets", nargs=-1, metavar="[SCHEME]...")
 @EXEC
 @click.option(
-    "--problem", "-p", "names", multiple=True, help="By name or as for compare. [default: the paper's]"
+    "--problem",
+    "-p",
+    "names",
+    multiple=True,
+    metavar="PROBLEM",
+    help="By name or as for compare. [default: the paper's]",
 )
 @click.option(
     "--h",

@@ -39,7 +39,7 @@ from sepv.errors import UsageError
 @click.option("--json", "json", type=FILE, help="Write the report to this file.")
 @click.option("--junit", "junit", type=FILE, help="Write JUnit XML to this file.")
 @click.option("--badge", "badge", type=FILE, help="Write JSON for a badge to this file.")
-@click.option("--expected", type=click.Path(), help="A file of --pin or --write-expected; strict both ways.")
+@click.option("--expected", type=FILE, help="A file of --pin or --write-expected; strict both ways.")
 @click.option("--pin", type=FILE, help="Write what holds and what is violated today, for --expected.")
 @click.option("--write-expected", type=FILE, help="Write today's violations of claimed laws, for --expected.")
 @click.option("--replay", "token", metavar="TOKEN", help="Measure one witness; needs one --law.")

@@ -6,11 +6,12 @@ import traceback
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from sepv.errors import SchemeFault, SepvError, StepFailure
+from sepv.errors import SchemeFault, SepvError, StepFailure, UsageError
 from sepv.problem import Array, Problem
 from sepv.problem._hamiltonians import is_several
 from sepv.problems._shown_to_schemes import shown
@@ -44,8 +45,13 @@ class Refusal(StepFailure):
         )
 
 
+_PACKAGE = str(Path(__file__).parents[1])
+
+
 def _where(error: BaseException) -> str:
     frames = traceback.extract_tb(error.__traceback__)[1:]  # without the frame that called the scheme
+    # A mistake in what the scheme hands to a function of sepv is the scheme's.
+    frames = [f for f in frames if not f.filename.startswith(_PACKAGE)] or frames
     return f" ({frames[-1].filename}, line {frames[-1].lineno}, in {frames[-1].name})" if frames else ""
 
 
@@ -54,9 +60,9 @@ _TRACED = {"TracerArrayConversionError", "ConcretizationTypeError", "TracerBoolC
 
 
 class SchemeCrash(SepvError):
-    """The scheme raised an exception of its own; `traceback` is its text, from the scheme on."""
+    """The scheme raised an exception of its own when called so; `traceback` is its text, from the scheme on."""
 
-    def __init__(self, error: BaseException, shape: tuple[int, ...]) -> None:
+    def __init__(self, error: BaseException, shape: tuple[int, ...], given: str = "") -> None:
         self.traceback = "".join(traceback.format_exception(error))
         kind = type(error).__name__
         remedy = (
@@ -67,7 +73,7 @@ class SchemeCrash(SepvError):
         said = str(error).partition("\n")[0] if kind in _TRACED else error
         super().__init__(
             f"The scheme raised {kind}: {said}{_where(error)}\n"
-            f"Expected y_next of shape {shape} from step(problem, y, h, dW).\n"
+            f"Expected y_next of shape {shape} from step(problem, y, h, dW){given}.\n"
             f"Remedy: {remedy}."
         )
 
@@ -96,10 +102,20 @@ def raw_answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) 
         raise
     except REFUSALS as error:
         raise Refusal(error, problem, y, h, dW) from error
-    except SepvError:
-        raise
+    except SepvError as error:
+        # A function of sepv that the scheme calls refuses its arguments: mostly the scheme's own were taken for others.
+        if type(error) is not UsageError:
+            raise
+        raise _crash(error, problem, y, h, dW) from error
     except (Exception, SystemExit) as error:
-        raise SchemeCrash(error, y.shape) from error
+        raise _crash(error, problem, y, h, dW) from error
+
+
+def _crash(error: BaseException, problem: Problem, y: Array, h: float, dW: Array) -> SchemeCrash:
+    given = (
+        f", called with the problem {problem.name}, y of shape {y.shape}, h = {h:g}, dW of shape {dW.shape}"
+    )
+    return SchemeCrash(error, y.shape, given)
 
 
 def check_answer(answer: Any, y: Array) -> Array:

@@ -21,6 +21,8 @@ from sepv.record._polynomial import parse_float
 from sepv.schemes._one_step import Explicit, Implicit
 from sepv.schemes._scheme import Scheme, Step
 
+# What a step is called with, by place.
+_ARGUMENTS = ("problem", "y", "h", "dW")
 _UNCLAIMED = "a function of which nothing is claimed"
 
 
@@ -98,6 +100,13 @@ def _check_signature(step: Any, name: str, count: int = 4) -> None:
             received=f"{name}{signature}: {error}",
             remedy="wrap it: def step(problem, y, h, dW): ...",
         ) from error
+    named = list(signature.parameters)[: len(_ARGUMENTS)]
+    if set(named) == set(_ARGUMENTS) and named != list(_ARGUMENTS):
+        raise TargetError(
+            expected="a function step(problem, y, h, dW): it is called with these four by their places",
+            received=f"{name}{signature}: the same names in another order",
+            remedy=f"wrap it: def step(problem, y, h, dW): return …({', '.join(named)})",
+        )
 
 
 def _named(target: str, problems: Iterable[Problem]) -> Scheme:
@@ -220,11 +229,13 @@ def load_object(target: str) -> Any:
         try:
             value = getattr(value, part)
         except AttributeError as error:
-            names = [n for n in vars(module) if not n.startswith("_") and callable(getattr(module, n, None))]
+            own = {n: v for n, v in vars(module).items() if not n.startswith("_")}
+            records = [n for n, v in own.items() if isinstance(v, (Scheme, Problem))]
+            names = records + [n for n, v in own.items() if callable(v) and n not in records]
             raise TargetError(
                 expected=f"an attribute {attribute!r} in module {module_name}",
                 received=f"{did_you_mean(attribute, names)} and a module with "
-                + (", ".join(names) or "no public functions"),
+                + (", ".join(names) or "no public functions or records"),
                 remedy="correct the name after the colon",
             ) from error
     return value
