@@ -25,7 +25,7 @@ from sepv.problems import hard
 from sepv.record import _polynomial as poly
 from sepv.schemes import Scheme
 from sepv.simulate import _wiener as wiener
-from sepv.studies._solvability import follow
+from sepv.studies._solvability.branch import follow
 from sepv.verification import Effort, strategies
 from sepv.verification._cases import case as cases
 

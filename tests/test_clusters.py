@@ -318,8 +318,8 @@ def test_laws_that_a_lost_cluster_did_not_decide_are_not_measured(monkeypatch: A
 
 
 def test_errors_of_a_comparison_are_those_of_one_process(client: Any) -> None:
-    from sepv.studies._compare import compare
     from sepv.studies._compare.method import from_scheme
+    from sepv.studies._compare.run import compare
 
     def table(workers: Any) -> Any:
         methods = [from_scheme(s, PENDULUM) for s in (EP, schemes.midpoint)]

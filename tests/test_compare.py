@@ -23,11 +23,19 @@ from sepv.files import schema
 from sepv.problem import Array, Problem
 from sepv.schemes import load_problem
 from sepv.simulate import _wiener as wiener
-from sepv.studies._compare import Comparison, Method, compare, exact_time_change, from_scheme, picture, table
+from sepv.studies._compare import picture, table
 from sepv.studies._compare.choose import PEERS
-from sepv.studies._compare.method import Ends, Followed, finite_ends, invariant_defects
-from sepv.studies._compare.record import Point, Seconds, time_to_error
-from sepv.studies._compare.run import one_core
+from sepv.studies._compare.method import (
+    Ends,
+    Followed,
+    Method,
+    exact_time_change,
+    finite_ends,
+    from_scheme,
+    invariant_defects,
+)
+from sepv.studies._compare.record import Comparison, Point, Seconds, time_to_error
+from sepv.studies._compare.run import compare, one_core
 from sepv.studies._evaluation_count import Work, counted
 from sepv.verification._orders.convergence import Estimate, strong_errors
 

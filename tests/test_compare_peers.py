@@ -11,8 +11,8 @@ import pytest
 from sepv import problems
 from sepv.problem import Array, Problem
 from sepv.simulate import _wiener as wiener
-from sepv.studies._compare import compare
 from sepv.studies._compare.method import Method
+from sepv.studies._compare.run import compare
 
 PROBLEMS = ("rigid-body", "pendulum", "lotka-volterra")
 

@@ -18,8 +18,6 @@ from sepv.commands import main
 from sepv.errors import UsageError
 from sepv.files import schema
 from sepv.studies._reproduce import (
-    Reproduction,
-    Size,
     errata,
     figure_4_3,
     figure_4_6,
@@ -29,10 +27,11 @@ from sepv.studies._reproduce import (
     invariants,
     order,
     record,
-    reproduce,
     runs,
 )
+from sepv.studies._reproduce.job import Size
 from sepv.studies._reproduce.panel_files import draw
+from sepv.studies._reproduce.suite import Reproduction, reproduce
 from sepv.studies._reproduce.suite import _run as run_jobs
 from sepv.verification._orders.convergence import strong_errors
 

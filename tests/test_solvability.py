@@ -16,15 +16,10 @@ from sepv.commands import main
 from sepv.errors import UsageError
 from sepv.files import schema
 from sepv.simulate import _truncation as bounded
-from sepv.studies._solvability import (
-    End,
-    Ending,
-    Exits,
-    chance_outside,
-    follow,
-    follow_paths,
-    solvability_map,
-)
+from sepv.studies._solvability.branch import End, follow
+from sepv.studies._solvability.chance import chance_outside
+from sepv.studies._solvability.map import Ending, solvability_map
+from sepv.studies._solvability.paths import Exits, follow_paths
 
 # H = q²p: the equation of q alone is Δq1² + (Δ − 3)q1 + Δ + 3 = 0 from q0 = 1, with the discriminant
 # 9 − 18Δ − 3Δ²: a fold at Δ = 2√3 − 3. Backwards p1 has a pole where q1 = 0, at Δ = −3.

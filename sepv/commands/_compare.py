@@ -92,11 +92,11 @@ def compare(
     """
     from sepv.files import require_folder, write_atomically
     from sepv.schemes import load_problem
-    from sepv.studies._compare import compare as run
     from sepv.studies._compare import picture as drawing
     from sepv.studies._compare import table
     from sepv.studies._compare.choose import PEERS, installed_peers
     from sepv.studies._compare.method import from_scheme
+    from sepv.studies._compare.run import compare as run
     from sepv.studies._compare.run import one_core
     from sepv.studies._picture import require_picture
     from sepv.verification._progress import showing

@@ -53,9 +53,9 @@ def reproduce(figures: tuple[str, ...], out: str | None, json_file: str | None, 
     Exit code 0, or 2 for wrong usage.
     """  # fmt: skip
     from sepv.files import require_folder
-    from sepv.studies._reproduce import Size
-    from sepv.studies._reproduce import reproduce as run
+    from sepv.studies._reproduce.job import Size
     from sepv.studies._reproduce.on_terminal import show, summary, watching
+    from sepv.studies._reproduce.suite import reproduce as run
     from sepv.verification._report import console, line
 
     if options["errata"]:

@@ -15,7 +15,8 @@ from sepv.commands._shared import FILE, Renamed, friendly, save_json
 
 if TYPE_CHECKING:
     from sepv._terminal import Table
-    from sepv.studies._solvability import Exits, Map
+    from sepv.studies._solvability.map import Map
+    from sepv.studies._solvability.paths import Exits
 
 STEPS = tuple(2.0**-n for n in range(1, 11))
 # Means over all states and over every second one differ by this share at most where they are fine enough.
@@ -119,7 +120,8 @@ def solvability(
     from sepv.files import require_folder, write_atomically
     from sepv.schemes import load_problem, load_scheme
     from sepv.studies._picture import require_picture
-    from sepv.studies._solvability import Exits, follow_paths, solvability_map
+    from sepv.studies._solvability.map import solvability_map
+    from sepv.studies._solvability.paths import Exits, follow_paths
     from sepv.verification._report import console
 
     require_picture(picture)
@@ -180,7 +182,7 @@ def _watching() -> Iterator[Callable[[str], None]]:
 
 
 def _show(found: Map, furthest: float, k: int | None, out: Any) -> None:
-    from sepv.studies._solvability import End
+    from sepv.studies._solvability.branch import End
 
     low, high = found.safe
     limits = (
