@@ -111,7 +111,7 @@ class Chunk:
     def _settle(self) -> None:
         """Sets the blocks up, which the first step does else."""
         if self.done == 0:
-            self.driver.settle(self.S, self.I, self.W, self.start, self.task.count)
+            self._run(0)
 
     def failed(self) -> bool:
         """Whether no path goes on."""

@@ -20,7 +20,6 @@ from sepv.simulate._engine.module import ALIVE, DONE, FAILED, LANES, LIVING, PEN
 from sepv.simulate._engine.signatures import (
     CAREFUL,
     RUN,
-    SETTLE,
     address,
     call_advance,
     call_begin,
@@ -37,7 +36,8 @@ def later(S: Any, I: Any, k: int, P: Any, problem: Any, shape: Any, table: Any) 
 LATER, BEGINNING, FILLING = address(later), address(begin), address(fill)
 
 
-_kernel: Any = njit(error_model="numpy", nogil=True, cache=True)
+# Inlined by numba, so that they are compiled once, with `run`.
+_kernel: Any = njit(error_model="numpy", nogil=True, inline="always")
 
 
 @intrinsic
@@ -109,13 +109,6 @@ def _settle(S: Any, I: Any, W: Any, start: Any, count: int, b: int) -> None:
         I[b, ALIVE * lanes + k] = select(k < living, 1, 0)
     I[b, 4 * lanes + LIVING] = living
     W[b] = 0.0
-
-
-@njit(SETTLE, error_model="numpy", nogil=True, cache=True)
-def settle(S: Any, I: Any, W: Any, start: Any, count: int) -> None:
-    """The state of a chunk at the start, with `count` lanes that live."""
-    for b in range(S.shape[0]):
-        _settle(S, I, W, start, count, b)
 
 
 @njit(RUN, error_model="numpy", nogil=True, cache=True)

@@ -31,7 +31,6 @@ _words = types.uint64[:, ::1]
 _streams, _stacks = types.uint64[:, :, :, ::1], types.float64[:, :, :, ::1]
 FILL = types.void(_block, _int, _int, types.uint64[:, :, ::1], _block, _block, _vector, _int, _scratch)
 BEGIN = types.void(types.uint64[:, :, ::1], _block, _words, _int, _vector, _int, _int, _scratch)
-SETTLE = types.void(_matrix, types.int64[:, ::1], _block, _vector, _int)
 RUN = types.void(
     _int, _int, _int, _int, _int, _integers, _matrix,
     _matrix, types.int64[:, ::1], _block, _vector, _int, _words, _int, _streams, _stacks, _stacks, _vector, _int, _int,
