@@ -175,8 +175,8 @@ def test_a_weak_order_that_is_not_there_is_violated_by_both_laws(name: str, incr
 def test_a_tree_has_every_path_once_with_its_probability() -> None:
     scheme = weakly(schemes.euler_maruyama, "three-point")
     found = tree(scheme, _drifting(), np.zeros(2), 0.25, 2, THREE_POINT)
-    assert found is not None
-    y, weights = found
+    y, weights, failed = found
+    assert failed == ""
     assert weights.sum() == pytest.approx(1.0, abs=1e-14)
     assert y.shape == (2, 81)
     # The end is T plus a sum of mean 0 and variance |c|²T, T = ½.
