@@ -75,9 +75,7 @@ def _posed(data: PolynomialSystem, ito: bool) -> tuple[Fields, tuple[Array, ...]
     if ito:
         drift = [poly.add(p, *(_second(F, i) for F in noises)) for i, p in enumerate(drift)]
     rows = [p for field in (drift, *noises) for p in field]
-    monomials = sorted({e for p in rows for e, _ in p.terms}) or [(0,) * data.dimension]
-    powers = max(max(e) for e in monomials)
-    numbers = table(data.dimension, rows, monomials, len(monomials))
+    powers, numbers = table(data.dimension, rows, padded=False)
     return Fields(data.dimension, len(noises), powers), numbers
 
 

@@ -187,11 +187,8 @@ def _pose(data: PolynomialSystem | NamedProblem, padded: bool) -> tuple[Formulas
         )
     entries = [entry for row in structure_entries(data) for entry in row]
     rows = [*entries, *poly.gradient(data.hamiltonian), data.hamiltonian]
-    monomials = sorted({e for p in rows for e, _ in p.terms}) or [(0,) * data.dimension]
-    powers, count = max(max(e) for e in monomials), len(monomials)
-    if padded:
-        powers, count = size(powers, LEAST_POWER), size(count, LEAST_TERMS)
-    return Formulas("polynomial", powers), table(data.dimension, rows, monomials, count)
+    powers, numbers = table(data.dimension, rows, padded)
+    return Formulas("polynomial", powers), numbers
 
 
 @lru_cache(maxsize=64)
@@ -211,19 +208,23 @@ def size(needed: int, least: int) -> int:
     return least
 
 
-def table(
-    dimension: int, rows: list[Polynomial], monomials: list[tuple[int, ...]], count: int
-) -> tuple[Any, Array]:
-    """Exponents (d, T) of the monomials, and the coefficients (R, T) of the rows; T = count, the rest zeros."""
+def table(dimension: int, rows: list[Polynomial], padded: bool) -> tuple[int, tuple[Any, Array]]:
+    """The largest exponent, and exponents (d, T) of the monomials with coefficients (R, T) of the rows.
+
+    Where they are `padded`, both are no less than one of a few sizes: the rest are zeros.
+    """
+    monomials = sorted({e for p in rows for e, _ in p.terms}) or [(0,) * dimension]
+    powers, count = max(map(max, monomials)), len(monomials)
+    if padded:
+        powers, count = size(powers, LEAST_POWER), size(count, LEAST_TERMS)
     index = {e: t for t, e in enumerate(monomials)}
     exponents = np.zeros((dimension, count), dtype=np.int64)
-    for e, t in index.items():
-        exponents[:, t] = e
+    exponents[:, : len(monomials)] = np.transpose(monomials)
     coefficients = np.zeros((len(rows), count))
     for r, p in enumerate(rows):
         for e, c in p.terms:
             coefficients[r, index[e]] = c
-    return exponents, coefficients
+    return powers, (exponents, coefficients)
 
 
 def in_blocks(step: Callable[[Array, Array], Any], y: Array, dW: Array, lanes: int) -> Array:

@@ -170,9 +170,6 @@ def _invariants(problem: Problem, y: np.ndarray) -> np.ndarray:
 def _scales(problem: Problem, y: np.ndarray) -> np.ndarray:
     """Typical sizes of H and of the Casimirs, for the rounding of their evaluation: (2,)."""
     energy = float(np.mean(np.sum(np.abs(problem.gradient(y) * y), axis=0)))
-    casimir = max((float(np.mean(np.sum(np.abs(y) * (np.abs(A) @ np.abs(y)), axis=0))) for A in problem.casimirs),
-                  default=0.0)  # fmt: skip
-    linear = max(
-        (float(np.mean(np.sum(np.abs(b[:, None] * y), axis=0))) for b in problem.linear_casimirs), default=0.0
-    )
-    return np.array([energy, max(casimir, linear)])
+    casimirs = [np.sum(np.abs(y) * (np.abs(A) @ np.abs(y)), axis=0) for A in problem.casimirs]
+    casimirs += [np.sum(np.abs(b[:, None] * y), axis=0) for b in problem.linear_casimirs]
+    return np.array([energy, max((float(np.mean(c)) for c in casimirs), default=0.0)])

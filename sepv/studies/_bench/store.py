@@ -65,6 +65,5 @@ def record_table(record: dict[str, Any]) -> Table:
 
 
 def _rms(groups: list[str]) -> str:
-    return f"{np.sqrt(np.mean([float.fromhex(v) for v in groups])):.1e}".replace("e-0", "e-").replace(
-        "e+00", ""
-    )
+    text = f"{np.sqrt(np.mean([float.fromhex(v) for v in groups])):.1e}"
+    return text.replace("e-0", "e-").replace("e+00", "")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -45,19 +45,11 @@ class Followed(NamedTuple):
     stated_error: float = 0.0
 
 
-class Prepare(Protocol):
-    """(problem, y0 (d,), h, dW (N, m, M) untruncated) -> a job to be timed."""
-
-    def __call__(self, problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]: ...
-
-
+# (problem, y0 (d,), h, dW (N, m, M) untruncated) -> a job to be timed, and the same run, watched.
+Prepare = Callable[[Problem, Array, float, Array], Callable[[], Ends]]
+Follow = Callable[[Problem, Array, float, Array], Followed]
+# The same arguments and `keep` -> a job that gives states: see `from_states`.
 Run = Callable[[Problem, Array, float, Array, bool], Callable[[], Array]]
-
-
-class Follow(Protocol):
-    """The same arguments -> the same run, watched."""
-
-    def __call__(self, problem: Problem, y0: Array, h: float, dW: Array) -> Followed: ...
 
 
 @dataclass(frozen=True)
