@@ -147,8 +147,7 @@ def schema(name: str) -> dict[str, Any]:
 
 def _packaged(name: str) -> dict[str, Any]:
     text = (files("sepv") / "schemas" / f"{name}.schema.json").read_text(encoding="utf-8")
-    found: dict[str, Any] = json.loads(text)
-    return found
+    return dict(json.loads(text))
 
 
 def fault(data: Any, schema: dict[str, Any]) -> str:

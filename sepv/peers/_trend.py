@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Any
@@ -141,15 +141,10 @@ def deviations(records: Sequence[Record]) -> list[Deviation]:
     ]
 
 
-def _mended(found: Iterable[tuple[str, bool | None]]) -> str:
+def _mended(found: Sequence[tuple[str, bool | None]]) -> str:
     """The first version that does not deviate after the last that does."""
-    mended, seen = "", False
-    for version, deviates in found:
-        if deviates:
-            mended, seen = "", True
-        elif deviates is False and seen and not mended:
-            mended = version
-    return mended
+    last = max((n for n, (_, deviates) in enumerate(found) if deviates), default=len(found))
+    return next((version for version, deviates in found[last:] if deviates is False), "")
 
 
 def to_json(found: dict[str, list[Record]]) -> dict[str, Any]:

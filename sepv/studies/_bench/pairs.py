@@ -57,6 +57,9 @@ class Side:
             text=True,
             encoding="utf-8",
         )
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        self.questions, self.answers = self.process.stdin, self.process.stdout
         try:
             self._require_origin(target, checkout)
         except BaseException:
@@ -81,13 +84,11 @@ class Side:
         TargetError
             Where the scheme raises, the process ends, or it takes longer than TIMEOUT.
         """
-        assert self.process.stdin is not None
-        assert self.process.stdout is not None
         try:
-            self.process.stdin.write(json.dumps(question) + "\n")
-            self.process.stdin.flush()
-            ready, _, _ = select.select([self.process.stdout], [], [], TIMEOUT)
-            line = self.process.stdout.readline() if ready else ""
+            self.questions.write(json.dumps(question) + "\n")
+            self.questions.flush()
+            ready, _, _ = select.select([self.answers], [], [], TIMEOUT)
+            line = self.answers.readline() if ready else ""
         except BrokenPipeError:
             line = ""
         answer = json.loads(line) if line else {"failed": "no answer: it ended, or took too long"}
@@ -102,18 +103,14 @@ class Side:
 
     def close(self) -> None:
         """End the process."""
-        assert self.process.stdin is not None
-        assert self.process.stdout is not None
         with suppress(BrokenPipeError):
-            self.process.stdin.close()
-        try:
-            self.process.wait(
-                timeout=0.5
-            )  # it ends with its input, unless it is interrupted while it measures
+            self.questions.close()
+        try:  # it ends with its input, unless it is interrupted while it measures
+            self.process.wait(timeout=0.5)
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.wait()
-        self.process.stdout.close()
+        self.answers.close()
 
 
 @contextmanager

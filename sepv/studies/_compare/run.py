@@ -7,7 +7,7 @@ import platform
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from time import perf_counter, process_time
 from typing import Any, NamedTuple
 
@@ -97,10 +97,7 @@ def compare(
         )
     times = _alternate([cell.job for cell, _ in there], repeats, progress, done.share)
     points = [
-        replace(
-            _point(cell.method, cell.steps, T, run, exact.y, np.array(row), cell.first),
-            clipping=clipping_error(problem, T=T, steps=cell.steps, k=cell.method.truncation),
-        )
+        _point(cell, run, problem, T, exact.y, np.array(row))
         for (cell, run), row in zip(there, times, strict=True)
     ]
     return Comparison(
@@ -215,9 +212,8 @@ def _time(job: Callable[[], Ends], inner: int = 1) -> tuple[float, float]:
     return (process_time() - begin[0]) / inner, (perf_counter() - begin[1]) / inner
 
 
-def _point(
-    method: Method, count: int, T: float, run: Followed, exact: Array, seconds: Array, first: float
-) -> Point:
+def _point(cell: _Cell, run: Followed, problem: Problem, T: float, exact: Array, seconds: Array) -> Point:
+    method, count = cell.method, cell.steps
     paths = run.ends.y.shape[1]
     done = run.ends.status == Status.CONVERGED
     strong, weak = errors(run.ends.y[:, done] - exact[:, :paths][:, done])
@@ -240,10 +236,11 @@ def _point(
         weak=weak,
         energy_defect=_largest(run.energy_defect[done]),
         casimir_defect=_largest(run.casimir_defect[done]),
-        seconds=Seconds(median, low, high, float(np.median(wall)), first - median),
+        seconds=Seconds(median, low, high, float(np.median(wall)), cell.first - median),
         evaluations=evaluations,
         iterations=None if work is None or work.iterations is None else work.iterations / cost,
         steps_matter=method.steps_matter,
+        clipping=clipping_error(problem, T=T, steps=count, k=method.truncation),
     )
 
 
