@@ -26,8 +26,8 @@ from sepv.schemes._explicit_tableaux import TABLEAUX
 from sepv.schemes._one_step import one_step, solved_by
 from sepv.schemes._scheme import Scheme, as_lanes, truncation_for
 from sepv.solve import Status
+from sepv.solve._ends import ROUNDING
 from sepv.solve._formula import Asked
-from sepv.solve._newton import ROUNDING
 from sepv.solve._solution import Solution
 
 # Each iteration gains a factor of about |I″||y1 − y*|/|∇I|; a step that needs more than this is far too coarse.

@@ -18,10 +18,20 @@ from numpy.typing import NDArray
 
 from sepv.problem import Array, Problem
 from sepv.problem._fields import Algebra, matvec
-from sepv.record._binary64 import EPS, TINY
+from sepv.record._binary64 import EPS
 from sepv.record._polynomial import majorant
 from sepv.solve._damped import approach
 from sepv.solve._differences import difference_jacobian, slopes
+from sepv.solve._ends import (
+    QUANTA,
+    ROUNDING,
+    STAGNATION,
+    is_rounding,
+    is_small,
+    is_stuck,
+    matrix_serves,
+    share,
+)
 from sepv.solve._solution import (
     Equations,
     Evaluation,
@@ -32,21 +42,9 @@ from sepv.solve._solution import (
     merge,
 )
 
-# A residual of a few of the smallest numbers there are is none.
-_QUANTA = 4 * float(np.finfo(np.float64).smallest_subnormal)
 # Newton needs 3 to 5 iterations for steps that make sense; 40 leave room for damped starts.
 MAX_ITERATIONS = 40
 MAX_HALVINGS = 40
-# Corrections that stop shrinking are rounding, not divergence, only when they are small: √eps.
-STAGNATION = float(np.sqrt(EPS))
-# … and when the residual is rounding too: a few hundred operations stand behind R, each rounded at the scale of y.
-# Without this, corrections that shrink slowly (Newton's matrix is approximate for some H) pass for stagnation.
-ROUNDING = 256 * EPS
-# After a correction of so small a share of every component the matrix serves once more: the next one leaves the cube of
-# that share, below a rounding.
-SERVES = 2.0**-18
-# … where corrections shrink by this or faster: else Newton's matrix changes along the way, or is a poor one.
-SHRINKING = 2.0**-4
 # Unknowns of a single lane up to which numbers are quicker than arrays.
 FEW = 64
 # The rounding of a sum of a dozen terms, beside their absolute values: far below the K of
@@ -192,14 +190,11 @@ def _newton_of_many(
             correction = algebra.correction(K, F)
             reach, moves = y + np.abs(z), np.abs(correction)
             scale, move = reach.max(axis=0), moves.max(axis=0)
-            size = (moves / (reach + EPS * scale + TINY)).max(axis=0)
+            size = share(moves, reach, scale).max(axis=0)
             solved, broken, singular = _stopped(rest, move, K, algebra)
-            # Stagnation needs both measures to stop shrinking: a component near zero moves by a large share of
-            # itself long before the others have arrived.
-            stuck = (size >= 0.5 * last_size) & (move >= 0.5 * last_move)
             vast = scale > vast_all[at]
-            serves, kept = (size <= SERVES) & (size <= SHRINKING * last_size) & ~vast, K
-            still = _small(size, moves, reach, vast) | ((move <= STAGNATION * scale) & stuck)
+            serves, kept = matrix_serves(size, last_size) & ~vast, K
+            still = _small(size, moves, reach, vast) | is_stuck(size, move, scale, last_size, last_move)
             if still.any():
                 still &= _is_rounding(equations, lanes, rest, z, scale, still & exact)
             ended = broken | singular | solved | still
@@ -241,7 +236,7 @@ def _of(lanes: NDArray[np.bool_], *values: Any) -> list[Any]:
 
 def _small(size: Array, moves: Array, reach: Array, vast: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Where the correction is below half an ulp of every component, and no share of those that a vast one hides."""
-    small: NDArray[np.bool_] = size <= 0.5 * EPS
+    small: NDArray[np.bool_] = is_small(size)
     if vast.any():
         small &= ~(vast & (moves > STAGNATION * reach).any(axis=0))
     return small
@@ -254,7 +249,7 @@ def _stopped(
 
     A state at rest is a solution, also where the Jacobian is singular.
     """
-    solved: NDArray[np.bool_] = rest <= _QUANTA
+    solved: NDArray[np.bool_] = rest <= QUANTA
     broken = ~np.isfinite(rest)
     singular = ~(broken | solved | np.isfinite(move))
     if singular.any():
@@ -292,19 +287,18 @@ def _newton_of_one(
             reach = [a + abs(b) for a, b in zip(y, z.ravel().tolist(), strict=True)]
             moves = [abs(v) for v in correction.ravel().tolist()]
             scale, move = _largest(reach), _largest(moves)
-            solved = rest <= _QUANTA
+            solved = rest <= QUANTA
             if not solved and not math.isfinite(move):
                 status = Status.SINGULAR if np.all(algebra.finite(K)) else Status.OVERFLOW
                 break
-            size = _largest([a / (b + EPS * scale + TINY) for a, b in zip(moves, reach, strict=True)])
-            stuck = size >= 0.5 * last_size and move >= 0.5 * last_move
+            size = _largest([share(a, b, scale) for a, b in zip(moves, reach, strict=True)])
             vast = before > 0 and scale > before / EPS
-            serves = size <= SERVES and size <= SHRINKING * last_size and not vast
-            small = size <= 0.5 * EPS and not (
+            serves = matrix_serves(size, last_size) and not vast
+            small = is_small(size) and not (
                 vast and any(a > STAGNATION * b for a, b in zip(moves, reach, strict=True))
             )
-            still = small or (move <= STAGNATION * scale and stuck)
-            if still and not rest <= ROUNDING * scale + _QUANTA:
+            still = small or is_stuck(size, move, scale, last_size, last_move)
+            if still and not is_rounding(rest, scale):
                 least = np.array([rest]), z, np.array([scale]), np.array([exact])
                 still = bool(_is_rounding(equations, number, *least)[0])
             if solved or still:
@@ -340,7 +334,7 @@ def _is_rounding(
     sixteenfold for what changes along the step: at y1 itself it would excuse any residual next to a singularity
     of ∇H, where R can no longer be computed. Both are asked for only where the first does not suffice.
     """
-    rounding = residual <= ROUNDING * scale + _QUANTA
+    rounding: NDArray[np.bool_] = is_rounding(residual, scale)
     open_ = np.flatnonzero(asked & ~rounding)
     if open_.size:
         K, _ = equations.evaluate(np.zeros_like(z[:, open_]), numbers[open_]).jacobian()

@@ -22,9 +22,9 @@ from sepv.problem import Array, NamedProblem, Problem
 from sepv.problem._fields import cramer
 from sepv.record import CannotRecord, NoClosedForm
 from sepv.record._arrays import Source, source
-from sepv.record._binary64 import EPS, TINY
+from sepv.record._binary64 import EPS
+from sepv.solve._ends import STAGNATION, is_rounding, is_small, is_stuck, share
 from sepv.solve._formula import Formula
-from sepv.solve._newton import ROUNDING, STAGNATION
 from sepv.solve._recorded import Recorded
 from sepv.solve._solution import Solution
 
@@ -39,7 +39,6 @@ MOST_KEPT = 128
 _KEPT: dict[Any, Iteration | None] = {}
 # Where functions of problems by name are from: written there, or derived.
 _OWN = ("sepv.problems.", "sepv.record.", "sepv.problem._derived")
-_QUANTA = 4 * float(np.finfo(np.float64).smallest_subnormal)
 
 
 @dataclass(frozen=True)
@@ -98,12 +97,11 @@ class Iteration:
             if near.any():
                 reach = [a + np.abs(b) for a, b in zip(sizes, z, strict=True)]
                 scale = reduce(np.maximum, reach)
-                least = EPS * scale + TINY
-                sharing = [a / (b + least) for a, b in zip(moves, reach, strict=True)]
+                sharing = [share(a, b, scale) for a, b in zip(moves, reach, strict=True)]
                 np.copyto(size, reduce(np.maximum, sharing), where=near)
                 rest = reduce(np.maximum, map(np.abs, out[:d]))
-                still = (size <= 0.5 * EPS) | ((size >= 0.5 * last_size) & (move >= 0.5 * last_move))
-                ended = go_on & near & still & (rest <= ROUNDING * scale + _QUANTA)
+                still = is_small(size) | is_stuck(size, move, limit, last_size, last_move)
+                ended = go_on & near & still & is_rounding(rest, scale)
                 there = np.flatnonzero(ended & (EPS * scale <= limit))
                 if there.size:
                     where = lanes[there]
@@ -139,11 +137,10 @@ class Iteration:
                 if move <= STAGNATION * limit:
                     reach = [a + abs(b) for a, b in zip(sizes, z, strict=True)]
                     scale = max(reach)
-                    least = EPS * scale + TINY
-                    size = max([a / (b + least) for a, b in zip(moves, reach, strict=True)])
+                    size = max([share(a, b, scale) for a, b in zip(moves, reach, strict=True)])
                     rest = max([abs(v) for v in out[:d]])
-                    still = size <= 0.5 * EPS or (size >= 0.5 * last_size and move >= 0.5 * last_move)
-                    if still and rest <= ROUNDING * scale + _QUANTA and EPS * scale <= limit:
+                    still = is_small(size) or is_stuck(size, move, limit, last_size, last_move)
+                    if still and is_rounding(rest, scale) and EPS * scale <= limit:
                         return np.array(z)[:, None], np.array([rest]), np.array([number])
                 z = [a - b for a, b in zip(z, corrections, strict=True)]
                 last_size, last_move = size, move

@@ -30,7 +30,8 @@ from sepv.simulate._engine.module import (
     TURNED,
 )
 from sepv.simulate._engine.signatures import CAREFUL, address, call_problem
-from sepv.solve._newton import MAX_HALVINGS, MAX_ITERATIONS, ROUNDING, STAGNATION
+from sepv.solve._ends import ROUNDING, STAGNATION
+from sepv.solve._newton import MAX_HALVINGS, MAX_ITERATIONS
 
 # What `shape` says: sizes, rows of S, places of I; the counts of nodes of all rules follow, then where they begin.
 LANES, D, UNKNOWNS, KNOWN, UNKNOWN_ROWS, STEP_ROWS, STAGES, RULES, EXACT, WORK, EVALUATIONS, COUNTS = range(

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sepv.solve import Status
-from sepv.solve._newton import ROUNDING
+from sepv.solve._ends import ROUNDING
 
 # Paths side by side: sixteen registers of eight doubles, which hide latencies and cache lines far apart, still in L1.
 LANES = 128
