@@ -65,17 +65,20 @@ def _candidates(case: Case) -> Iterator[Case]:
     if isinstance(system, PolynomialSystem):
         yield from _smaller_systems(case, system)
     for k, v in enumerate(case.y):
-        # Only what comes before v in this order is simpler: 1 and −1 would be tried in turn until the budget is spent.
         for simple in (0.0, 1.0, -1.0, _rounded(v)):
-            if simple == v:
-                break
-            yield replace(case, y=(*case.y[:k], simple, *case.y[k + 1 :]))
+            if simple != v and v:
+                yield replace(case, y=_put(case.y, k, simple))
     for k, v in enumerate(case.dW):
         for simple in (0.0, _rounded(v)):
             if simple != v:
-                yield replace(case, dW=(*case.dW[:k], simple, *case.dW[k + 1 :]))
+                yield replace(case, dW=_put(case.dW, k, simple))
     if case.h != _rounded(case.h):
         yield replace(case, h=_rounded(case.h))
+
+
+def _put(entries: tuple[Any, ...], n: int, *new: Any) -> tuple[Any, ...]:
+    """The entries with others, or none, in the place of the n-th."""
+    return (*entries[:n], *new, *entries[n + 1 :])
 
 
 def _rounded(v: float) -> float:
@@ -87,33 +90,31 @@ def _smaller_systems(case: Case, system: PolynomialSystem) -> Iterator[Case]:
     d = system.dimension
     if d > 2 and system.nambu is None:
         for k in reversed(range(d)):
-            yield replace(case, problem=_without(system, k), y=(*case.y[:k], *case.y[k + 1 :]))
+            yield replace(case, problem=_without(system, k), y=_put(case.y, k))
     for j in reversed(range(len(system.noise))):
-        yield replace(case, problem=_quieter(system, j), dW=(*case.dW[:j], *case.dW[j + 1 :]))
+        yield replace(case, problem=_quieter(system, j), dW=_put(case.dW, j))
+    yield from (replace(case, problem=simpler) for simpler in _simpler_systems(system))
+
+
+def _simpler_systems(system: PolynomialSystem) -> Iterator[PolynomialSystem]:
+    """With the same dimension and as many noises."""
     if system.casimirs or system.linear_casimirs:
-        yield replace(case, problem=replace(system, casimirs=(), linear_casimirs=()))
+        yield replace(system, casimirs=(), linear_casimirs=())
     for H in _simpler(system.hamiltonian):
-        yield replace(case, problem=replace(system, hamiltonian=H))
-    for n, H in enumerate(system.noise_hamiltonians):
-        others = system.noise_hamiltonians
-        for H_n in _simpler(H):
-            yield replace(
-                case, problem=replace(system, noise_hamiltonians=(*others[:n], H_n, *others[n + 1 :]))
-            )
+        yield replace(system, hamiltonian=H)
+    for n, other in enumerate(system.noise_hamiltonians):
+        for H in _simpler(other):
+            yield replace(system, noise_hamiltonians=_put(system.noise_hamiltonians, n, H))
     if system.nambu is not None:
         g, C = system.nambu
-        simpler = [(g, p) for p in _simpler(C)] + [(p, C) for p in _simpler(g)]
-        for pair in simpler:
-            yield replace(case, problem=problems.nambu_system(system.hamiltonian, *pair, system.noise))
+        for pair in [(g, p) for p in _simpler(C)] + [(p, C) for p in _simpler(g)]:
+            yield problems.nambu_system(system.hamiltonian, *pair, system.noise)
         return
     for B in _simpler_structures(system.structure):
-        yield replace(case, problem=replace(system, structure=B))
+        yield replace(system, structure=B)
     for n, G in enumerate(system.noise_structures):
         for simple in _simpler_structures(G):
-            parts = system.noise_structures
-            yield replace(
-                case, problem=replace(system, noise_structures=(*parts[:n], simple, *parts[n + 1 :]))
-            )
+            yield replace(system, noise_structures=_put(system.noise_structures, n, simple))
 
 
 def _simpler(p: Polynomial) -> Iterator[Polynomial]:
@@ -123,32 +124,26 @@ def _simpler(p: Polynomial) -> Iterator[Polynomial]:
         yield poly.polynomial(p.dimension, terms[: len(terms) // 2])
         yield poly.polynomial(p.dimension, terms[len(terms) // 2 :])
     if len(terms) > 1:
-        yield from (poly.polynomial(p.dimension, (*terms[:t], *terms[t + 1 :])) for t in range(len(terms)))
+        yield from (poly.polynomial(p.dimension, _put(terms, t)) for t in range(len(terms)))
     for t, (e, c) in enumerate(terms):
         for simple in (1.0, _rounded(c)):
             if simple != c:
-                yield poly.polynomial(p.dimension, (*terms[:t], (e, simple), *terms[t + 1 :]))
+                yield poly.polynomial(p.dimension, _put(terms, t, (e, simple)))
                 break
 
 
 def _simpler_structures(B: Structure) -> Iterator[Structure]:
     for n, (i, j, entry) in enumerate(B):
         if len(B) > 1:
-            yield (*B[:n], *B[n + 1 :])
+            yield _put(B, n)
         for simple in _simpler(entry):
-            yield (*B[:n], (i, j, simple), *B[n + 1 :])
+            yield _put(B, n, (i, j, simple))
 
 
 def _quieter(system: PolynomialSystem, j: int) -> PolynomialSystem:
-    def fewer(parts: tuple[Any, ...]) -> tuple[Any, ...]:
-        return (*parts[:j], *parts[j + 1 :])
-
-    return replace(
-        system,
-        noise=fewer(system.noise),
-        noise_structures=fewer(system.noise_structures),
-        noise_hamiltonians=fewer(system.noise_hamiltonians),
-    )
+    keys = ("noise", "noise_structures", "noise_hamiltonians")
+    fewer: dict[str, Any] = {key: _put(getattr(system, key), j) for key in keys}
+    return replace(system, **fewer)
 
 
 def _without(system: PolynomialSystem, k: int) -> PolynomialSystem:
@@ -156,21 +151,18 @@ def _without(system: PolynomialSystem, k: int) -> PolynomialSystem:
     d = system.dimension - 1
 
     def restricted(p: Polynomial) -> Polynomial:
-        return poly.polynomial(d, [((*e[:k], *e[k + 1 :]), c) for e, c in p.terms if not e[k]])
+        return poly.polynomial(d, [(_put(e, k), c) for e, c in p.terms if not e[k]])
 
     def cut(B: Structure) -> Structure:
         return tuple((i - (i > k), j - (j > k), restricted(e)) for i, j, e in B if k not in (i, j))
-
-    def shorter(row: Any) -> Any:
-        return (*row[:k], *row[k + 1 :])
 
     return replace(
         system,
         dimension=d,
         hamiltonian=restricted(system.hamiltonian),
         structure=cut(system.structure),
-        casimirs=tuple(tuple(shorter(row) for row in shorter(A)) for A in system.casimirs),
-        linear_casimirs=tuple(shorter(b) for b in system.linear_casimirs),
+        casimirs=tuple(tuple(_put(row, k) for row in _put(A, k)) for A in system.casimirs),
+        linear_casimirs=tuple(_put(b, k) for b in system.linear_casimirs),
         noise_structures=tuple(cut(G) for G in system.noise_structures),
         noise_hamiltonians=tuple(restricted(H) for H in system.noise_hamiltonians),
     )
