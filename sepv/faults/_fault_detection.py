@@ -208,19 +208,15 @@ def show(detections: Sequence[Detection], out: Console) -> None:
     out.print(Text("·: holds, ?: inconclusive, e: error, n/a: not applicable; *: unclaimed"))
     if not wide:
         out.print(Text(", ".join(f"{abbreviation(law)} {law}" for law in laws)))
-    if not _has_holes(detections):
+    # `first` leaves holes: some saboteur was not shown to some law with some seed.
+    runs = {(b.saboteur, b.seed) for b in detections}
+    if len({(b.saboteur, b.seed, b.law) for b in detections}) == len(runs) * len(laws):
         for law, names in found_by_one_law(detections).items():
             out.print(Text(f"only {law} kills: {', '.join(names)}"))
         pairs = missed(detections)
         if pairs:
             out.print(Text(f"expected, never seen: {', '.join(f'{name} by {law}' for name, law in pairs)}"))
     out.print(summary(detections))
-
-
-def _has_holes(detections: Sequence[Detection]) -> bool:
-    """Whether some saboteur was not shown to some law with some seed, as `first` leaves it."""
-    runs, laws = {(b.saboteur, b.seed) for b in detections}, {b.law for b in detections}
-    return len({(b.saboteur, b.seed, b.law) for b in detections}) < len(runs) * len(laws)
 
 
 def matrix(detections: Sequence[Detection]) -> Table:
@@ -270,7 +266,8 @@ def summary(detections: Sequence[Detection]) -> Text:
         )
     text.append(".")
     for name, left in alive.items():
-        text.append(f"\nsurvives: {name}, {_seeds(left, seeds)}: {SABOTEURS[name].broken}", style="bold red")
+        which = "every seed" if len(left) == seeds else f"seed {', '.join(map(str, left))}"
+        text.append(f"\nsurvives: {name}, {which}: {SABOTEURS[name].broken}", style="bold red")
     return text
 
 
@@ -278,10 +275,6 @@ def abbreviation(law: str) -> str:
     """The initials of a name of several words, else three letters."""
     words = law.split("-")
     return "".join(w[0] for w in words) if len(words) > 1 else law[:3]
-
-
-def _seeds(left: Sequence[int], seeds: int) -> str:
-    return "every seed" if len(left) == seeds else f"seed {', '.join(map(str, left))}"
 
 
 def _cell(detections: Sequence[Detection]) -> Text:

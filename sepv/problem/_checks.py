@@ -48,14 +48,19 @@ def sample_states(problem: Problem) -> Iterator[Array]:
     d = problem.dimension
     centre = np.ones(d) if problem.initial is None else np.asarray(problem.initial)
     candidates = [centre] + [centre + 0.25 * (1 + np.abs(centre)) * rng.uniform(-1, 1, d) for _ in range(64)]
-    inside = [y for y in candidates if problem.domain is None or bool(np.all(_call(problem, "domain", y)))]
-    if not inside:
+    found = [y for y in candidates if inside(problem, y)]
+    if not found:
         raise ProblemError(
             expected="a domain that contains the initial state or states near it",
             received=f"domain(y) is False at y = {centre.tolist()} and at 64 states about it",
             remedy="give initial=, a state inside the domain, or correct domain",
         )
-    yield from inside[:SAMPLES]
+    yield from found[:SAMPLES]
+
+
+def inside(problem: Problem, y: Array) -> bool:
+    """Whether a state (d,) lies in the domain, if there is one."""
+    return problem.domain is None or bool(np.all(_call(problem, "domain", y)))
 
 
 def _check_shapes(problem: Problem, y: Array) -> None:
@@ -99,29 +104,22 @@ def _check_gradient(problem: Problem, y: Array) -> None:
 
 
 def _check_mean_gradient(problem: Problem, y: Array) -> None:
-    if problem.mean_gradient is None:
-        return
-    end = y * (1 + 2.0**-4) + 2.0**-6
-    if problem.domain is None or bool(np.all(_call(problem, "domain", end))):
-        check_mean_gradient("mean_gradient", problem, y, end, problem.mean_gradient(y, end))
-
-
-def check_mean_gradient(name: str, problem: Problem, y: Array, end: Array, mean: Any) -> None:
     """(y1 − y0)ᵀ∇̄H = H(y1) − H(y0): the one property that the energy rests on.
 
-    Raises
-    ------
-    ProblemError
-        Where the difference is larger than GRADIENT_TOLERANCE of the terms: another rule, such as the midpoint's,
-        is off by the cube of the distance, of order 1e-5 here.
+    To GRADIENT_TOLERANCE of the terms: another rule, such as the midpoint's, is off by the cube of the distance, of
+    order 1e-5 here.
     """
-    terms = (end - y) * np.asarray(mean, dtype=np.float64)
+    end = y * (1 + 2.0**-4) + 2.0**-6
+    if problem.mean_gradient is None or not inside(problem, end):
+        return
+    terms = (end - y) * np.asarray(problem.mean_gradient(y, end), dtype=np.float64)
     difference = float(problem.hamiltonian(end) - problem.hamiltonian(y))
     # The rounding of two energies, and ten roundings of each term.
     rounding = 2.0**-50 * (abs(float(problem.hamiltonian(end))) + abs(float(problem.hamiltonian(y))))
     if not abs(terms.sum() - difference) <= GRADIENT_TOLERANCE * np.abs(terms).sum() + rounding:
         raise ProblemError(
-            expected=f"{name} to be ∫₀¹∇H(y + τ(x − y))dτ, so that (x − y)ᵀ{name} = H(x) − H(y) = {difference!r}",
+            expected="mean_gradient to be ∫₀¹∇H(y + τ(x − y))dτ, so that (x − y)ᵀmean_gradient = H(x) − H(y) = "
+            f"{difference!r}",
             received=f"{float(terms.sum())!r} for y = {y.tolist()}, x = {end.tolist()}",
             remedy="correct it, or leave it out: the mean is then computed by quadrature",
         )

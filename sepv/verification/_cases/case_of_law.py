@@ -8,11 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from sepv import problems as named
-from sepv.problem import GivenProblem, HamiltoniansProblem, PolynomialSystem, StructuresProblem, is_poisson
+from sepv.problem import (
+    GivenProblem,
+    HamiltoniansProblem,
+    PolynomialSystem,
+    Problem,
+    StructuresProblem,
+    is_poisson,
+)
 from sepv.problem._hamiltonians import is_several
 from sepv.problem._poisson import derivative_of_structure
 from sepv.problems._polynomial_system import drift_of_energy
@@ -27,9 +35,14 @@ def as_it_is(case: Case) -> Case:
     return case
 
 
-def _has_casimirs(case: Case) -> Case | None:
-    problem = named.build(case.problem)
-    return case if len(problem.casimirs) or len(problem.linear_casimirs) else None
+def _where(holds: Callable[[Problem], Any], *, data: bool = False) -> Turn:
+    """The case as it is where this holds of its problem, and where that is given as data if it has to be."""
+
+    def turn(case: Case) -> Case | None:
+        lacks = data and _functions(case)
+        return case if not lacks and holds(named.build(case.problem)) else None
+
+    return turn
 
 
 def _no_step(case: Case) -> Case | None:
@@ -42,10 +55,6 @@ def _no_step(case: Case) -> Case | None:
         return None
     unit = 2.0 ** np.floor(np.log2(max(abs(case.h), 2.0**-30)))
     return replace(case, h=float(c[0] * unit), dW=(-float(unit), *(0.0,) * (c.size - 1)))
-
-
-def _quadratic(case: Case) -> Case | None:
-    return case if named.build(case.problem).degree in (1, 2) and not _functions(case) else None
 
 
 def _functions(case: Case) -> bool:
@@ -77,19 +86,6 @@ def _several_noises(case: Case) -> Case | None:
     return with_noise(case, (first, first / 2), (share / 2, share))
 
 
-def _noisy(case: Case) -> Case | None:
-    c = named.build(case.problem).c
-    return case if c.size and c.any() else None
-
-
-def _data(case: Case) -> Case | None:
-    return None if _functions(case) else case
-
-
-def _nambu(case: Case) -> Case | None:
-    return case if named.build(case.problem).nambu is not None and not _functions(case) else None
-
-
 def _poisson(case: Case) -> Case | None:
     problem = named.build(case.problem)
     if isinstance(problem, StructuresProblem):
@@ -102,10 +98,6 @@ def _constant(case: Case) -> Case | None:
     if isinstance(problem, StructuresProblem):
         return None
     return None if np.any(derivative_of_structure(problem, np.array(case.y))) else halved(case)
-
-
-def _bounded(case: Case) -> Case | None:
-    return case if named.build(case.problem).domain is not None else None
 
 
 def _steady_drift(case: Case) -> Case | None:
@@ -127,25 +119,35 @@ def of_one_hamiltonian(turn: Turn) -> Turn:
     return turned
 
 
+_noisy = _where(lambda p: p.c.any())
 _NEEDS_DATA = "it compares with a solution in extended precision, which needs the problem as data"
 # law: (what it makes of a case, why it says nothing where that is None)
 TURNS: dict[str, tuple[Turn, str]] = {
-    "casimir": (_has_casimirs, "the problems name no quadratic or linear Casimir"),
-    "any-casimir": (_nambu, "the problems have no Casimir and factor in dimension 3 as data"),
+    "casimir": (
+        _where(lambda p: len(p.casimirs) or len(p.linear_casimirs)),
+        "the problems name no quadratic or linear Casimir",
+    ),
+    "any-casimir": (
+        _where(lambda p: p.nambu is not None, data=True),
+        "the problems have no Casimir and factor in dimension 3 as data",
+    ),
     "poisson-map": (_poisson, "B of the problems does not satisfy Jacobi's identity"),
     "symplecticity": (_constant, "B of the problems is not constant"),
-    "positivity": (_bounded, "the problems have no domain to leave"),
+    "positivity": (_where(lambda p: p.domain is not None), "the problems have no domain to leave"),
     "energy-drift": (
         _steady_drift,
         "the generator makes no constant of H_0, or the problems are not given as data",
     ),
     "identity": (_no_step, "the problems have no noise that could cancel h"),
-    "midpoint": (_quadratic, "the problems have no quadratic H given as data"),
+    "midpoint": (
+        _where(lambda p: p.degree in (1, 2), data=True),
+        "the problems have no quadratic H given as data",
+    ),
     "reduction": (_constant_or_silent, _NEEDS_DATA),
     "noise-sum": (_several_noises, "the problems have one structure for each noise"),
     "symmetry": (_noisy, "the problems have no noise"),
     "random-step": (_noisy, "the problems have no noise"),
-    "reference": (_data, _NEEDS_DATA),
+    "reference": (_where(lambda _: True, data=True), _NEEDS_DATA),
 }
 _NOT_KEPT = "with several Hamiltonians that do not commute with H_0 the exact flow does not keep H_0"
 _NO_STEP = "with several Hamiltonians there is no random step Δ"

@@ -85,18 +85,14 @@ def near(draw: st.DrawFn, description: Description) -> Case:
     elif (
         isinstance(description, NamedProblem)
         and problem.longest_step is not None
-        and _as_by_name(description)
+        # With the default parameters, of which a problem's longest step speaks.
+        and description == named.by_name(description.name).data
     ):
         radius = problem.longest_step
     else:
         radius = min(measured_radius(problem, np.array(y)), 4.0)
     assume(radius > 0)
     return draw(steps_within(description, y, radius * draw(st.sampled_from([1.0, 0.5, 0.25, 2.0**-6]))))
-
-
-def _as_by_name(description: NamedProblem) -> bool:
-    """With the default parameters, of which a problem's longest step speaks."""
-    return description == named.by_name(description.name).data
 
 
 def _state(draw: st.DrawFn, problem: Problem) -> tuple[float, ...]:
