@@ -128,7 +128,7 @@ def test_a_wrong_level_is_refused(wrong: object, laws: object) -> None:
 def test_the_commands_of_the_page_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every line of docs/levels.md's sh blocks as it stands, with a smaller default effort."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sepv.verification, "Effort", partial(Effort, examples=2, paths=512))
+    monkeypatch.setattr(sepv.verification, "Effort", partial(Effort, examples=2, paths=512, shrink_checks=10))
     lines = "".join(re.findall(r"^```sh\n(.*?)^```$", DOC, flags=re.MULTILINE | re.DOTALL)).splitlines()
     assert [line.split()[1] for line in lines] == ["verify", "submit", "check"]
     for line in lines:

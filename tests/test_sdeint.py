@@ -21,7 +21,9 @@ def test_the_adapter_runs_sdeints_own_code() -> None:
 
 
 def test_strat_heun_converges_rightly_and_keeps_nothing() -> None:
-    report = verify(strat_heun, laws=["contract", "energy", "casimir"], effort=Effort(examples=40))
+    report = verify(
+        strat_heun, laws=["contract", "energy", "casimir"], effort=Effort(examples=2, shrink_checks=10)
+    )
     assert report.finding("contract").verdict is Verdict.HOLDS
     for law in ("energy", "casimir"):
         finding = report.finding(law)
@@ -31,7 +33,8 @@ def test_strat_heun_converges_rightly_and_keeps_nothing() -> None:
 
 
 def test_ito_euler_given_stratonovich_coefficients_is_caught_at_the_wrong_limit() -> None:
-    report = verify(ito_euler, laws=["right-limit", "mean-square-order"], effort=Effort(paths=256))
+    laws = ["right-limit", "mean-square-order"]
+    report = verify(ito_euler, laws=laws, problems="pendulum", effort=Effort(paths=256))
     assert report.finding("right-limit").verdict is Verdict.VIOLATED
     assert report.finding("mean-square-order").verdict is Verdict.VIOLATED
     assert report.exit_code == 1
