@@ -103,12 +103,13 @@ def _by_splitting(problem: Problem, states: Array, h: float, degree: int) -> tup
     half, halves, second = _split(problem, start, h / 2)
     twice, _, third = _split(problem, half, h / 2)
     products = np.multiply.outer(halves, halves).reshape(-1)
-    rough = _moments(whole - start, weights, asked)
-    fine = _moments(twice - start, products, asked)
+    rough = moments_of(whole - start, weights, asked)
+    fine = moments_of(twice - start, products, asked)
     return (4 * fine - rough) / 3, 2 * max(first, second, third)
 
 
-def _moments(moved: Array, weights: Array, asked: tuple[tuple[int, ...], ...]) -> Array:
+def moments_of(moved: Array, weights: Array, asked: tuple[tuple[int, ...], ...]) -> Array:
+    """E z^α (A, S) of z (d, S, n)."""
     return np.array(
         [np.prod([moved[i] ** a for i, a in enumerate(alpha)], axis=0) @ weights for alpha in asked]
     )
