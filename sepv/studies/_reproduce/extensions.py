@@ -53,9 +53,8 @@ def errors(samples: int, seed: int) -> dict[str, list[float]]:
             corrected = step_with_areas(problem, corrected, T / steps, dW[n], A[n])
         for key, y in (("without", plain), ("with", corrected)):
             found[key].append(float(np.sqrt(np.mean(np.sum((y - exact) ** 2, axis=0)))))
-        found["energy"].append(
-            float(np.max(np.abs(problem.hamiltonian(corrected) - problem.hamiltonian(start))))
-        )
+        energy = problem.hamiltonian(corrected) - problem.hamiltonian(start)
+        found["energy"].append(float(np.max(np.abs(energy))))
     return found
 
 
@@ -83,18 +82,10 @@ def weak(scheme: str, increments: str | None = None) -> dict[str, list[float]]:
 
 def jobs(size: Size) -> list[Job]:
     """The areas, and one step of each scheme."""
-    arguments = {"samples": size.samples(SAMPLES), "seed": size.seed}
+    arguments, few = {"samples": size.samples(SAMPLES), "seed": size.seed}, {"samples": STAGED_SAMPLES}
     return [
         Job(("theory", "areas"), errors, arguments, 6.0),
-        *(
-            Job(
-                ("theory", "stages", str(s)),
-                staged,
-                {"stages": s, "samples": STAGED_SAMPLES, "seed": size.seed},
-                5.0,
-            )
-            for s in STAGES
-        ),
+        *(Job(("theory", "stages", str(s)), staged, {"stages": s, **arguments, **few}, 5.0) for s in STAGES),
         *(Job(("theory", "weak", name), weak, {"scheme": name}, 0.5) for name in WEAK),
         *(
             Job(("theory", "weak", f"{name}, {law}"), weak, {"scheme": name, "increments": law}, 0.5)

@@ -80,10 +80,8 @@ def measured(problem: str) -> dict[str, Any]:
     for h in H_STEPS:
         nodes = rule(system.noises, h, 2, 12)
         dW = np.sqrt(h) * nodes.zeta[:, nodes.index]
-        moved = (
-            schemes.energy_preserving.step(system, np.repeat(y[:, None], dW.shape[1], axis=1), h, dW)
-            - y[:, None]
-        )
+        start = np.repeat(y[:, None], dW.shape[1], axis=1)
+        moved = schemes.energy_preserving.step(system, start, h, dW) - start
         delta = system.random_step(h, dW)
         R = moved - a[:, None] * delta - b[:, None] * delta**2 - c[:, None] * delta**3
         size = np.sqrt(np.sum(R * R, axis=0))
@@ -102,9 +100,8 @@ def panels(results: Results) -> list[Panel]:
     found = {name: results["theory", "lemma", name] for name in NAMES}
     statements = []
     for name, one in found.items():
-        gap = float(
-            np.max(np.abs(np.subtract(one["formula"], one["expansion"]))) / np.max(np.abs(one["expansion"]))
-        )
+        expansion = np.array(one["expansion"])
+        gap = float(np.max(np.abs(one["formula"] - expansion)) / np.max(np.abs(expansion)))
         # The finest pair of steps: the next term of R_n is a factor √h of the first.
         slopes = [float(np.log2(one[kind][-2] / one[kind][-1])) for kind in ("mean", "rms")]
         statements += [

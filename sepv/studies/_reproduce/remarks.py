@@ -78,10 +78,8 @@ def casimir_loss(h: float, steps: int, paths: int, seed: int, engine: str) -> di
     failed = np.where(found.failed_step < 0, steps, found.failed_step) * h
     means = []
     for t, states in zip(times, found.states, strict=True):
-        alive = failed >= t
-        means.append(
-            float(np.mean(problem.nambu.casimir(states[:, alive]) - before)) if alive.any() else np.nan
-        )
+        lost = problem.nambu.casimir(states[:, failed >= t]) - before
+        means.append(float(np.mean(lost)) if lost.size else np.nan)
     return {
         "T": steps * h,
         "t": times,
@@ -129,8 +127,10 @@ def failing(problem: str, truncated: bool, samples: int, seed: int, engine: str)
 def jobs(size: Size) -> list[Job]:
     """The order without a bounded H, Lotka-Volterra's Casimir, failures with and without truncation."""
     samples = size.samples(SAMPLES)
-    found = [Job(("theory", "sublinear"), sublinear_errors, {"samples": samples, "seed": size.seed}, 2.0)]
-    found.append(Job(("theory", "sublinear step"), sublinear_step, {}, 0.5))
+    found = [
+        Job(("theory", "sublinear"), sublinear_errors, {"samples": samples, "seed": size.seed}, 2.0),
+        Job(("theory", "sublinear step"), sublinear_step, {}, 0.5),
+    ]
     for h in LOST_H:
         steps = size.steps(round(LOST / h))
         arguments = {"h": h, "steps": steps, "paths": LOST_PATHS, **size.given}
