@@ -38,8 +38,9 @@ APART = 2.0**-20
 TIMES = 1024
 # A step of more than 30 ms is asked as often as fits in so many seconds.
 MOST_SECONDS = 30.0
-# States of the batch that says what a state takes among others.
-MANY = 256
+# How a step is timed: a share of the last question, as an iteration takes longer for a long step, for so many seconds
+# or calls; and of a scheme that takes batches, a state among as many others.
+SHORT, TIMING, MANY = 0.125, 0.25, 256
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
@@ -62,15 +63,15 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     return Measurement(0.0, 0.0)
 
 
-def _repeats(scheme: Scheme, case: Case) -> float:
-    """One question asked again and again: the same bits each time. How many seconds a call took.
+def _repeats(scheme: Scheme, case: Case) -> None:
+    """One question asked again and again: the same bits each time.
 
     Raises
     ------
     SchemeFault
     """
     problem, y, h, dW = case.build()
-    first, start = ask(scheme, problem, y, h, dW), time.monotonic()
+    first, end = ask(scheme, problem, y, h, dW), time.monotonic() + MOST_SECONDS
     for n in range(2, case.times + 1):
         try:
             answer: Array | str = ask(scheme, problem, y, h, dW)
@@ -83,9 +84,8 @@ def _repeats(scheme: Scheme, case: Case) -> float:
                 f"{answer if isinstance(answer, str) else answer.tolist()}",
                 remedy="remove counters, caches and random numbers from the step",
             )
-        if time.monotonic() > start + MOST_SECONDS:
+        if time.monotonic() > end:
             break
-    return (time.monotonic() - start) / (n - 1)
 
 
 def _keeps(
@@ -229,15 +229,23 @@ def _unfit(scheme: Scheme, case: Case) -> tuple[bool, bool, int]:
     return h < 0, still, len(case.describe())
 
 
-def _among_many(scheme: Scheme, case: Case) -> float | None:
-    """Seconds that a state takes in a batch; None where the scheme does not take this one."""
+def _step_seconds(scheme: Scheme, case: Case) -> float | None:
+    """What a state takes in a step as short as those of paths; of a scheme that takes batches, one among MANY.
+
+    None where the scheme does not take it.
+    """
     problem, y, h, dW = case.build()
-    states, noise = (np.repeat(a[:, None], MANY, axis=1) for a in (y, dW))
+    h, dW = SHORT * h, SHORT * dW
+    if scheme.batched:
+        y, dW = (np.repeat(a[:, None], MANY, axis=1) for a in (y, dW))
+    calls = 0
     with suppress(SepvError):
-        ask(scheme, problem, states, h, noise)  # may compile
+        ask(scheme, problem, y, h, dW)  # may compile
         start = time.monotonic()
-        ask(scheme, problem, states, h, noise)
-        return (time.monotonic() - start) / MANY
+        while calls < MANY and time.monotonic() < start + TIMING:
+            ask(scheme, problem, y, h, dW)
+            calls += 1
+        return (time.monotonic() - start) / calls / (MANY if scheme.batched else 1)
     return None
 
 
@@ -258,7 +266,7 @@ def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
         simplest = min(measured, key=lambda case: _unfit(scheme, case))
         asked = replace(simplest, times=TIMES)
         try:
-            seconds: float | None = _repeats(scheme, asked)
+            _repeats(scheme, asked)
         except SchemeFault as fault:
             return replace(
                 finding,
@@ -269,8 +277,7 @@ def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
                 replay=f"--law {law.name} --replay {to_token(asked)}",
                 checks=finding.checks + 1,
             )
-        if scheme.batched:
-            seconds = _among_many(scheme, simplest)
+        seconds = _step_seconds(scheme, simplest)
     return replace(finding, checks=finding.checks + 1, step_seconds=seconds)
 
 

@@ -114,9 +114,9 @@ MANY = 10000
 class Course:
     """The laws that have begun and those that are done, and from these the seconds that the others will take.
 
-    A law takes pace · `Law.cost` + step · `Law.steps` seconds. The law "contract" times a step; without it a law of
-    MANY steps tells. The pace holds what the machine is slower by, and what single calls cost; it is a median, so that
-    a law does not count that took long by polynomials or counterexamples of its own.
+    A law takes pace · `Law.cost` + step · `Law.steps` seconds. The law "contract" times a step; a law of MANY steps may
+    say less, and tells where that was not measured. The pace holds what the machine is slower by, and what single calls
+    cost; it is a median, so that a law does not count that took long by polynomials or counterexamples of its own.
     """
 
     def __init__(self, laws: Sequence[Law]) -> None:
@@ -144,9 +144,12 @@ class Course:
         # Half a second at the pace of the machine on which costs were measured: one law alone says little.
         paces = [(1.0, 0.5), *((max(0.0, f.seconds - step * w.steps) / w.cost, w.cost) for w, f in few)]
         pace = _weighted_median(paces)
-        if many and not timed:
-            own = sum(max(0.0, f.seconds - pace * law.cost) for law, f in many)
-            step = own / sum(law.steps for law, _ in many)
+        if many:
+            own = sum(max(0.0, f.seconds - pace * law.cost) for law, f in many) / sum(
+                w.steps for w, _ in many
+            )
+            # Of a scheme that takes batches these are mostly calls.
+            step = min(step, own) if timed else own
         return pace, step
 
     def seconds_left(self) -> float | None:
