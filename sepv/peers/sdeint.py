@@ -62,41 +62,31 @@ def _kp2is_path(problem: Problem, y0: Array, h: float, dW: Array) -> Array:
     return np.stack(paths, axis=2)
 
 
-_COMMUTE = "because all noises drive one field"
+def _scheme(
+    integrator: Callable[..., Any],
+    source: str,
+    *,
+    order: float = 1.0,
+    note: str = "",
+    integrals: bool = False,
+) -> Scheme:
+    return Scheme(
+        name=f"sdeint {integrator.__name__}{note}",
+        step=_step_by(integrator, integrals=integrals),
+        mean_square_order=order,
+        source=source,
+        truncation=None,
+    )
 
-strat_heun = Scheme(
-    name="sdeint stratHeun",
-    step=_step_by(sdeint.stratHeun),
-    mean_square_order=1.0,
-    source=f"sdeint.stratHeun; order 1 {_COMMUTE}",
-    truncation=None,
-)
 
-strat_srs2 = Scheme(
-    name="sdeint stratSRS2",
-    step=_step_by(sdeint.stratSRS2, integrals=True),
-    mean_square_order=1.0,
-    source="sdeint.stratSRS2: order 1.0 strong convergence",
-    truncation=None,
-)
-
+strat_heun = _scheme(sdeint.stratHeun, "sdeint.stratHeun; order 1 because all noises drive one field")
+strat_srs2 = _scheme(sdeint.stratSRS2, "sdeint.stratSRS2: order 1.0 strong convergence", integrals=True)
 # A two-step method, of which one step is the explicit one that starts it.
-strat_kp2is_start = Scheme(
-    name="sdeint stratKP2iS, its first step",
-    step=_step_by(sdeint.stratKP2iS, integrals=True),
-    mean_square_order=1.0,
-    source="sdeint.stratKP2iS: two-step implicit order 1.0 strong algorithm",
-    truncation=None,
-)
-
+_TWO_STEPS = "sdeint.stratKP2iS: two-step implicit order 1.0 strong algorithm"
+strat_kp2is_start = _scheme(sdeint.stratKP2iS, _TWO_STEPS, note=", its first step", integrals=True)
 # Given the Stratonovich coefficients unconverted, as a user does who overlooks the difference.
-ito_euler = Scheme(
-    name="sdeint itoEuler, unconverted",
-    step=_step_by(sdeint.itoEuler),
-    mean_square_order=0.5,
-    source="sdeint.itoEuler, given the coefficients of the Stratonovich form",
-    truncation=None,
-)
+_GIVEN = "sdeint.itoEuler, given the coefficients of the Stratonovich form"
+ito_euler = _scheme(sdeint.itoEuler, _GIVEN, order=0.5, note=", unconverted")
 
 SCHEMES = (strat_heun, strat_srs2, strat_kp2is_start)
 PATHS = (PathSolver("sdeint stratKP2iS, whole paths", _kp2is_path, 1.0, strat_kp2is_start.source),)
