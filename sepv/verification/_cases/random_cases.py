@@ -20,24 +20,8 @@ from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, 
 from sepv.problem._problem import Matrix
 from sepv.record import _polynomial as poly
 from sepv.record._polynomial import Exponents
+from sepv.verification._cases import random_parts as some
 from sepv.verification._cases.case import Case
-from sepv.verification._cases.random_parts import (
-    coefficient,
-    contracted,
-    exponents_of,
-    hamiltonian,
-    integer,
-    less,
-    noise,
-    scalar,
-    sizes,
-    skew,
-    some_monomials,
-    state,
-    structure,
-    symmetric,
-    times,
-)
 from sepv.verification._cases.shows_faults import shows_faults
 from sepv.verification._cases.strata import Levels, Stratum, monomials
 from sepv.verification._contraction import contraction_ball, contraction_radius
@@ -90,17 +74,11 @@ def _without(axis: str, levels: Levels) -> Levels:
 @drawn
 def single(levels: Levels, random: Random, attempt: int) -> Case | None:
     """A case of class (1.1)."""
-    d, n, terms = sizes(levels, random)
-    y, unit = state(d, levels["|y|"], random)
-    B, quadratic, linear = structure(
-        levels["Casimirs"].name if "Casimirs" in levels else "none",
-        d,
-        levels["degree of B"],
-        unit,
-        random,
-    )
-    H = hamiltonian(d, n, terms, unit, random)
-    c = noise(levels["m"], random)
+    d, n, terms = some.sizes(levels, random)
+    y, unit = some.state(d, levels["|y|"], random)
+    B, quadratic, linear = some.structure(levels["Casimirs"].name, d, levels["degree of B"], unit, random)
+    H = some.hamiltonian(d, n, terms, unit, random)
+    c = some.noise(levels["m"], random)
     system = PolynomialSystem(d, H, B, c, quadratic, linear)
     return _where_faults_show(placed(system, y, levels, random), levels, attempt)
 
@@ -108,35 +86,36 @@ def single(levels: Levels, random: Random, attempt: int) -> Case | None:
 @drawn
 def nambu(levels: Levels, random: Random, attempt: int) -> Case | None:
     """A case with B(y)v = g(y)(v × ∇C(y)) in dimension three."""
-    _, n, terms = sizes(levels, random)
-    y, unit = state(3, levels["|y|"], random)
-    H, g = hamiltonian(3, n, terms, unit, random), scalar(3, levels["degree of g"], unit, random)
-    degree = integer(levels["degree of C"], random)
+    _, n, terms = some.sizes(levels, random)
+    y, unit = some.state(3, levels["|y|"], random)
+    H, g = some.hamiltonian(3, n, terms, unit, random), some.scalar(3, levels["degree of g"], unit, random)
+    degree = some.integer(levels["degree of C"], random)
     # One of degree 2 is homogeneous, so that it is a quadratic Casimir.
     least = 2 if degree == 2 else 1
     most = monomials(3, degree) - monomials(3, least - 1)
-    C = hamiltonian(3, degree, min(random.randint(2, 6), most), unit, random, least=least)
-    c = noise(levels["m"], random)
+    C = some.hamiltonian(3, degree, min(random.randint(2, 6), most), unit, random, least=least)
+    c = some.noise(levels["m"], random)
     return _where_faults_show(placed(problems.nambu_system(H, g, C, c), y, levels, random), levels, attempt)
 
 
 @drawn
 def several(levels: Levels, random: Random, attempt: int) -> Case | None:
     """A case with a structure for each noise."""
-    d, n, terms = sizes(levels, random)
-    y, unit = state(d, levels["|y|"], random)
-    c = noise(levels["m"], random)
+    d, n, terms = some.sizes(levels, random)
+    y, unit = some.state(d, levels["|y|"], random)
+    c = some.noise(levels["m"], random)
     quadratic: tuple[Matrix, ...] = ()
     if levels["structures"].name == "common Casimir":
-        quadratic = (symmetric(d, random),)
+        quadratic = (some.symmetric(d, random),)
         forms = [linear_forms(quadratic[0])]
+        degree = some.less(levels["degree of B"], 1)
         parts = [
-            times(scalar(d, less(levels["degree of B"], 1), unit, random), contracted(d, forms, random))
+            some.times(some.scalar(d, degree, unit, random), some.contracted(d, forms, random))
             for _ in range(1 + len(c))
         ]
     else:
-        parts = [skew(d, levels["degree of B"], unit, random) for _ in range(1 + len(c))]
-    H = hamiltonian(d, n, terms, unit, random)
+        parts = [some.skew(d, levels["degree of B"], unit, random) for _ in range(1 + len(c))]
+    H = some.hamiltonian(d, n, terms, unit, random)
     system = PolynomialSystem(d, H, parts[0], c, quadratic, noise_structures=tuple(parts[1:]))
     return _where_faults_show(placed(system, y, levels, random), levels, attempt)
 
@@ -144,15 +123,15 @@ def several(levels: Levels, random: Random, attempt: int) -> Case | None:
 @drawn
 def hamiltonians(levels: Levels, random: Random, attempt: int) -> Case | None:  # noqa: ARG001  (of `drawn`)
     """A case with a Hamiltonian for each noise, of the degree of H at most, some of which do not commute with H."""
-    d, n, terms = sizes(levels, random)
-    y, unit = state(d, levels["|y|"], random)
-    B, quadratic, linear = structure(levels["Casimirs"].name, d, levels["degree of B"], unit, random)
-    H, c = hamiltonian(d, n, terms, unit, random), noise(levels["m"], random)
+    d, n, terms = some.sizes(levels, random)
+    y, unit = some.state(d, levels["|y|"], random)
+    B, quadratic, linear = some.structure(levels["Casimirs"].name, d, levels["degree of B"], unit, random)
+    H, c = some.hamiltonian(d, n, terms, unit, random), some.noise(levels["m"], random)
     others = []
     for _ in c:
         degree = random.randint(1, n)
         count = random.randint(1, min(terms, monomials(d, degree)))
-        others.append(hamiltonian(d, degree, count, unit, random))
+        others.append(some.hamiltonian(d, degree, count, unit, random))
     system = PolynomialSystem(d, H, B, c, quadratic, linear, noise_hamiltonians=tuple(others))
     return (
         placed(system, y, levels, random) if isinstance(problems.build(system), HamiltoniansProblem) else None
@@ -176,14 +155,14 @@ def still(levels: Levels, seed: int) -> Case:
 @drawn
 def at_rest(levels: Levels, random: Random, attempt: int) -> Case | None:
     """A critical point of H: each monomial has degree ≥ 2 in the components of y that are zero."""
-    d, n, terms = sizes(levels, random, least=2)
-    y, unit = state(d, levels["|y|"], random)
+    d, n, terms = some.sizes(levels, random, least=2)
+    y, unit = some.state(d, levels["|y|"], random)
     zero, kept = _at_rest_monomials(d, n, terms, random)
     if len(zero) == d and attempt < ATTEMPTS:
         return None
-    H = poly.polynomial(d, [(e, coefficient(random) * unit ** -sum(e)) for e in kept])
-    B, quadratic, linear = structure(levels["Casimirs"].name, d, levels["degree of B"], unit, random)
-    system = PolynomialSystem(d, H, B, noise(levels["m"], random), quadratic, linear)
+    H = poly.polynomial(d, [(e, some.coefficient(random) * unit ** -sum(e)) for e in kept])
+    B, quadratic, linear = some.structure(levels["Casimirs"].name, d, levels["degree of B"], unit, random)
+    system = PolynomialSystem(d, H, B, some.noise(levels["m"], random), quadratic, linear)
     rest = tuple(0.0 if i in zero else v for i, v in enumerate(y))
     return placed(system, rest, levels, random, moving=False)
 
@@ -200,28 +179,28 @@ def _at_rest_monomials(d: int, n: int, terms: int, random: Random) -> tuple[set[
                 random.choice(zero),
                 *(random.randrange(d) for _ in range(degree - 2)),
             ]
-            found.setdefault(exponents_of(d, chosen))
+            found.setdefault(some.exponents_of(d, chosen))
             if len(found) == terms:
                 return set(zero), list(found)
-    every = some_monomials(d, n, terms, random, least=2)
+    every = some.some_monomials(d, n, terms, random, least=2)
     return set(range(d)), every
 
 
 def at_origin(share: float, levels: Levels, random: Random, _attempt: int) -> Case:
     """y = 0, with all terms that the field and its slope need there; h and the noise are `share` of the radius."""
-    d, n, terms = sizes(levels, random)
-    linear = poly.linear([coefficient(random) for _ in range(d)])
-    H = poly.add(linear, poly.squares((1.0,) * d), hamiltonian(d, n, terms, 1.0, random))
-    degree = integer(levels["degree of B"], random)
+    d, n, terms = some.sizes(levels, random)
+    linear = poly.linear([some.coefficient(random) for _ in range(d)])
+    H = poly.add(linear, poly.squares((1.0,) * d), some.hamiltonian(d, n, terms, 1.0, random))
+    degree = some.integer(levels["degree of B"], random)
     B = []
     for i, j in combinations(range(d), 2):
         if j == i + 1 or random.random() < 1 / d:
-            entry = poly.constant(d, coefficient(random))
+            entry = poly.constant(d, some.coefficient(random))
             if degree:
                 own = degree if i == 0 else random.randint(1, degree)
-                entry = poly.add(entry, hamiltonian(d, own, min(2, monomials(d, own)), 1.0, random))
+                entry = poly.add(entry, some.hamiltonian(d, own, min(2, monomials(d, own)), 1.0, random))
             B.append((i, j, entry))
-    m = integer(levels["m"], random)
+    m = some.integer(levels["m"], random)
     system = PolynomialSystem(d, H, tuple(B), (1.0, *(random.choice([1.0, 0.5, 0.25]) for _ in range(m - 1))))
     radius = contraction_ball(problems.build(system), np.zeros(d))[0]
     wanted = math.exp(random.uniform(math.log(levels["|Δ|"].low), math.log(levels["|Δ|"].high)))
@@ -261,7 +240,7 @@ def unmoved(make: Make, levels: Levels, seed: int) -> Case:
 def batched(make: Make, levels: Levels, seed: int) -> Case:
     """A case that is asked about in a batch."""
     case = make(_without("batch", levels), seed)
-    return replace(case, batch=integer(levels["batch"], _random(levels, seed)))
+    return replace(case, batch=some.integer(levels["batch"], _random(levels, seed)))
 
 
 def placed(

@@ -43,7 +43,7 @@ def less(stratum: Stratum, by: int) -> Stratum:
 def sizes(levels: Levels, random: Random, least: int = 1) -> tuple[int, int, int]:
     """(d, degree of H, terms of H), of which there are enough monomials of degree ≥ `least`."""
     while True:
-        d = integer(levels["d"], random) if "d" in levels else 3
+        d = integer(levels["d"], random)
         n, terms = integer(levels["degree of H"], random), integer(levels["terms of H"], random)
         if n >= least and terms <= monomials(d, n) - monomials(d, least - 1):
             return d, n, terms

@@ -65,9 +65,11 @@ def _candidates(case: Case) -> Iterator[Case]:
     if isinstance(system, PolynomialSystem):
         yield from _smaller_systems(case, system)
     for k, v in enumerate(case.y):
+        # Only what comes before v in this order is simpler: 1 and −1 would be tried in turn until the budget is spent.
         for simple in (0.0, 1.0, -1.0, _rounded(v)):
-            if simple != v and v:
-                yield replace(case, y=_put(case.y, k, simple))
+            if simple == v:
+                break
+            yield replace(case, y=_put(case.y, k, simple))
     for k, v in enumerate(case.dW):
         for simple in (0.0, _rounded(v)):
             if simple != v:
