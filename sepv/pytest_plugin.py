@@ -23,7 +23,7 @@ from sepv.verification import Effort, Expectations, Finding, Law, LawViolated, V
 
 # What the laws found, as properties of their tests: so it travels from workers of pytest-xdist, and into JUnit files.
 _FINDINGS = pytest.StashKey[list[dict[str, str]]]()
-_KEYS = ("sepv_scheme", "sepv_law", "sepv_verdict", "sepv_claimed")
+_KEYS = ("sepv_scheme", "sepv_law", "sepv_verdict", "sepv_claimed", "sepv_name")
 _EFFORT = pytest.StashKey[Effort]()
 _EXPECTED = pytest.StashKey[Expectations]()
 
@@ -163,7 +163,10 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
         except SepvError as error:
             pytest.fail(str(error), pytrace=False)
     for finding in found:
-        row = (target, finding.law, finding.verdict.text, "yes" if finding.claimed else "no")
+        # What a report calls the scheme, and a pin with it: a record's name is its own.
+        given = pyfuncitem.callspec.params if hasattr(pyfuncitem, "callspec") else {}
+        name = getattr(given.get("scheme"), "name", target)
+        row = (target, finding.law, finding.verdict.text, "yes" if finding.claimed else "no", name)
         pyfuncitem.user_properties.extend(zip(_KEYS, row, strict=True))
         _conclude(finding, target, listed.is_pin)
     return result
@@ -221,5 +224,5 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
                 claimed = " +" if row["sepv_claimed"] == "yes" else ""
                 terminalreporter.write_line(f"  {row['sepv_law']:<20}{row['sepv_verdict']}{claimed}")
     # --expected is about one scheme.
-    for gap in _listed(config).gaps(dict.fromkeys(row["sepv_law"] for row in found), found[0]["sepv_scheme"]):
+    for gap in _listed(config).gaps(dict.fromkeys(row["sepv_law"] for row in found), found[0]["sepv_name"]):
         terminalreporter.write_line(gap, yellow=True)

@@ -367,6 +367,13 @@ def test_the_headline_counts_the_claims_and_names_those_that_break() -> None:
     assert "1 of 2 claimed laws holds; 1 of 2 schemes keeps all that it claims." in page
     assert "Not shown to hold: broken: energy." in page
     assert page.index("1 of 2 claimed laws hold") < page.index("<nav")
+    silent = verify_report("silent")
+    silent["laws"][0] |= {"claimed": False}
+    page = render(Sources(verify=[good, silent]))
+    assert (
+        "1 of 1 claimed law holds; 1 of 1 scheme keeps all that it claims. Nothing is claimed of the other one."
+        in page
+    )
 
 
 def test_laws_stand_in_the_order_of_the_suite_and_link_to_what_they_say() -> None:

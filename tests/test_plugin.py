@@ -103,6 +103,7 @@ def test_a_pin_is_strict_both_ways_here_too(pytester: pytest.Pytester) -> None:
     finding = verify(midpoint, laws=["energy"], effort=Effort(15, 64, 0, 0.1)).finding("energy")
     (pytester.path / "pin.toml").write_text(pin("honest", [finding]))
     known = laws(pytester, "--scheme", "mine:honest", "--expected", "pin.toml")
+    assert "was written for" not in known.stdout.str()
     known.assert_outcomes(passed=3, xfailed=1, skipped=1, deselected=OTHERS)
     gained = laws(pytester, "--scheme", "mine:gained", "--expected", "pin.toml")
     gained.assert_outcomes(passed=1, skipped=3, failed=1, deselected=OTHERS)

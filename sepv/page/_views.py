@@ -199,16 +199,21 @@ def headline(reports: list[dict[str, Any]]) -> str:
     claimed = [(r, law) for r in reports for law in r["laws"] if law["claimed"] and law["expected"] is None]
     claimed = [(r, law) for r, law in claimed if law["verdict"] != "not_applicable"]
     broken = [(r, law) for r, law in claimed if law["verdict"] != "holds"]
-    kept = sum(not any(r is b for b, _ in broken) for r in reports)
     if not claimed:
         return f"{counted(len(reports), 'scheme')}, of which nothing is claimed."
+    # A scheme of which nothing is claimed keeps nothing that it claims.
+    claiming = [r for r in reports if any(r is c for c, _ in claimed)]
+    kept = sum(not any(r is b for b, _ in broken) for r in claiming)
+    silent = len(reports) - len(claiming)
     held = len(claimed) - len(broken)
     hold, keep = (
         "holds" if held == 1 else "hold",
         "keeps all that it claims" if kept == 1 else "keep all that they claim",
     )
     text = f"{held} of {counted(len(claimed), 'claimed law')} {hold}; "
-    text += f"{kept} of {counted(len(reports), 'scheme')} {keep}."
+    text += f"{kept} of {counted(len(claiming), 'scheme')} {keep}."
+    if silent:
+        text += f" Nothing is claimed of {'the other one' if silent == 1 else f'the other {silent}'}."
     if broken:
         named = [f"{name(r['scheme']['name'])}: {name(law['law'])}" for r, law in broken[:6]]
         more = f" and {len(broken) - 6} more" if len(broken) > 6 else ""
