@@ -7,16 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from sepv import schemes
 from sepv.faults._saboteurs.record import Family, imitating
 from sepv.problem import Array, Problem, hamiltonian_field
-from sepv.schemes import (
-    area_midpoint,
-    darboux_lie,
-    drift_preserving,
-    isospectral_midpoint,
-    stochastic_midpoint,
-    stochastic_splitting,
-)
 from sepv.schemes._drift_preserving import pushed, quiet
 from sepv.schemes._isospectral_midpoint import require_spins
 from sepv.schemes._one_step import Implicit, each_noise
@@ -31,42 +24,42 @@ PUSH = 2.0**-30
 @SABOTEURS.made(
     "the last noise is 2⁻¹⁰ too large",
     ("local-weak", "local-mean", "local-mean-square", "noise-sum", "expansion"),
-    partial(imitating, stochastic_midpoint),
+    partial(imitating, schemes.stochastic_midpoint),
 )
 def second_noise_louder(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """The last increment a thousandth too large."""
     noise = np.array(dW)
     noise[-1] *= LOUDER
-    return stochastic_midpoint.step(problem, y, h, noise)
+    return schemes.stochastic_midpoint.step(problem, y, h, noise)
 
 
 @SABOTEURS.made(
     "y1 is multiplied by 1 + 2⁻³⁰h",
     ("casimir", "symmetry", "symplecticity"),
-    partial(imitating, stochastic_midpoint),
+    partial(imitating, schemes.stochastic_midpoint),
 )
 def away_from_the_origin(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """y1 a little too long."""
-    return stochastic_midpoint.step(problem, y, h, dW) * (1 + PUSH * h)
+    return schemes.stochastic_midpoint.step(problem, y, h, dW) * (1 + PUSH * h)
 
 
 @SABOTEURS.made(
     "the Lévy areas have the wrong sign",
     ("local-mean-square", "mean-square-order"),
-    partial(imitating, area_midpoint),
+    partial(imitating, schemes.area_midpoint),
 )
 def areas_of_other_sign(problem: Problem, y: Array, h: float, dW: Array, areas: Array) -> Array:
-    return area_midpoint.step(problem, y, h, dW, -areas)
+    return schemes.area_midpoint.step(problem, y, h, dW, -areas)
 
 
 @SABOTEURS.made(
     "the flows are composed in turn, and not symmetrically",
     ("symmetry",),
-    partial(imitating, stochastic_splitting),
+    partial(imitating, schemes.stochastic_splitting),
 )
 def lie_and_trotter(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """All flows in turn, and not the same way back."""
-    stochastic_splitting.step(problem, y, 0.0, 0 * dW)  # refuses what that refuses
+    schemes.stochastic_splitting.step(problem, y, 0.0, 0 * dW)  # refuses what that refuses
     state, noise = as_lanes(problem, y, h, dW)
     flows: tuple[Any, ...] = (*problem.flows, *problem.noise_flows)  # type: ignore[attr-defined]
     times = [state[0] * 0 + h] * len(problem.flows) + list(problem.c[:, None] * noise)
@@ -78,18 +71,18 @@ def lie_and_trotter(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 @SABOTEURS.made(
     "¼(mᵀx)m is left out: all Casimirs and orders are kept, the structure is not",
     ("poisson-map",),
-    partial(imitating, isospectral_midpoint),
+    partial(imitating, schemes.isospectral_midpoint),
 )
 def midpoint_as_isospectral(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """y0 = x − ½f, y1 = x + ½f: the midpoint rule."""
     require_spins(problem, as_lanes(problem, y, h, dW)[0])
-    return stochastic_midpoint.step(problem, y, h, dW)
+    return schemes.stochastic_midpoint.step(problem, y, h, dW)
 
 
 @SABOTEURS.made(
     "ȳ is the arithmetic mean, not that of logarithms: positive, of that order, no Poisson map",
     ("poisson-map",),
-    lambda increment: imitating(darboux_lie, Implicit(increment, parts=each_noise)),
+    lambda increment: imitating(schemes.darboux_lie, Implicit(increment, parts=each_noise)),
 )
 def arithmetic_middle(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
     """y0(exp(f(ȳ)/ȳ) − 1) with ȳ = (y0 + y1)/2, as an equation for y1."""
@@ -102,21 +95,21 @@ def arithmetic_middle(problem: Problem, y0: Array, y1: Array, step: Array) -> In
 @SABOTEURS.made(
     "each half of the step sees half of its increment",
     ("energy-drift",),
-    partial(imitating, drift_preserving),
+    partial(imitating, schemes.drift_preserving),
 )
 def halves_alike(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
     """Half of the increment at both ends: two halves that are one."""
-    return drift_preserving.step(problem, y, h, dW, 0 * first + 0.5 * dW)
+    return schemes.drift_preserving.step(problem, y, h, dW, 0 * first + 0.5 * dW)
 
 
 @SABOTEURS.made(
     "the additive noise is 2⁻²⁰ too large",
     ("energy-drift", "local-weak"),
-    partial(imitating, drift_preserving),
+    partial(imitating, schemes.drift_preserving),
 )
 def pushed_too_far(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
     """All pushes too long by 2⁻²⁰."""
-    drift_preserving.step(problem, y, 0.0, 0 * dW, 0 * first)  # refuses what that refuses
+    schemes.drift_preserving.step(problem, y, 0.0, 0 * dW, 0 * first)  # refuses what that refuses
     state, noise = as_lanes(problem, y, h, dW)
     before, far = np.reshape(first, noise.shape), 1 + 2.0**-20
     middle = quiet(problem, pushed(problem, state, far * before), h, noise)

@@ -12,23 +12,14 @@ from typing import Any
 
 import numpy as np
 
+from sepv import schemes
 from sepv.errors import StepFailure
 from sepv.faults._saboteurs.record import Family, imitating, middle
 from sepv.problem import Array, Problem
 from sepv.problem._fields import matvec
 from sepv.problem._nambu import cross
 from sepv.problem._structures import noise_structures
-from sepv.schemes import (
-    PointLaw,
-    Scheme,
-    both_invariants,
-    collocation,
-    energy_preserving,
-    implicit,
-    modified_weak_two,
-    several_structures,
-    weakly,
-)
+from sepv.schemes import PointLaw, Scheme, implicit, weakly
 from sepv.schemes._both_invariants import required
 from sepv.schemes._one_step import each_noise
 from sepv.schemes._scheme import Step, as_lanes
@@ -73,7 +64,7 @@ def staged(stages: int, tables: Tables) -> Step:
 
 
 def _staged(tables: Tables) -> Callable[[], Scheme]:
-    return imitating(collocation(2), staged(2, tables), batched=False)
+    return imitating(schemes.collocation(2), staged(2, tables), batched=False)
 
 
 @SABOTEURS.made(
@@ -98,7 +89,7 @@ def stages_one_node_short(stages: int, nodes: int) -> tuple[Array, Array]:
 SABOTEURS.add(
     "three-stages-k-2",
     "increments of a scheme of order 3 are truncated with the paper's k = 2",
-    lambda: replace(collocation(3), truncation=2),
+    lambda: replace(schemes.collocation(3), truncation=2),
     ("truncation", "local-mean-square", "mean-square-order"),
 )
 
@@ -116,7 +107,7 @@ def _as_both(step: Step) -> Step:
 SABOTEURS.add(
     "casimir-at-midpoint",
     "∇C is taken at the midpoint and not averaged: (2.1), which keeps quadratic Casimirs only",
-    imitating(both_invariants, _as_both(energy_preserving.step), batched=False),
+    imitating(schemes.both_invariants, _as_both(schemes.energy_preserving.step), batched=False),
     ("any-casimir", "reference"),
 )
 
@@ -124,7 +115,7 @@ SABOTEURS.add(
 @SABOTEURS.made(
     "g is taken at y0: both invariants are kept, but the scheme is not symmetric",
     ("symmetry", "expansion", "reference", "midpoint"),
-    lambda R: imitating(both_invariants, _as_both(implicit(R))),
+    lambda R: imitating(schemes.both_invariants, _as_both(implicit(R))),
 )
 def factor_at_start(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     """Δ g(y0) (∇̄H × ∇̄C): both invariants are kept, symmetry is lost."""
@@ -132,7 +123,7 @@ def factor_at_start(fields: Fields, y: Any, z: Any, step: Any) -> Any:
 
 
 def _of_structures(formula: Formula) -> Callable[[], Scheme]:
-    return imitating(several_structures, implicit(formula, parts=each_noise))
+    return imitating(schemes.several_structures, implicit(formula, parts=each_noise))
 
 
 @SABOTEURS.made(
@@ -173,7 +164,9 @@ def rests_where_undefined(fields: Fields, y: Any, z: Any, step: Any) -> Any:
 
 def _of_points(name: str, broken: str, increments: str | PointLaw) -> None:
     """A scheme of weak order 2 for three-point increments, with others; it goes on claiming weak order 2."""
-    SABOTEURS.add(name, broken, lambda: weakly(modified_weak_two, increments), ("local-weak", "weak-order"))
+    SABOTEURS.add(
+        name, broken, lambda: weakly(schemes.modified_weak_two, increments), ("local-weak", "weak-order")
+    )
 
 
 def _three(probability: float, size: float) -> PointLaw:
