@@ -29,11 +29,26 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_cmdline_main(config: pytest.Config) -> None:
-    """With workers, tests that share something costly go to one of them, and no worker is handed long queues."""
-    if getattr(config.option, "numprocesses", None) and config.option.dist == "no":
-        config.option.dist = "loadgroup"
+# Each has something costly that its tests share: a site, a cluster, a report of all laws, a copy of the tree.
+TOGETHER = {f"tests/test_{n}.py" for n in ("site", "clusters", "doors", "submission", "extending", "files")}
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """With ``-n`` the tests of these files go to one worker each; of the others each goes to the first that is free.
+
+    ``--dist loadgroup`` would do, but cannot stand in ``addopts``, where it is an error without workers.
+    """
+    if config.option.dist != "load":
+        return None
+    from xdist.scheduler import LoadScopeScheduling
+
+    class Scheduling(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = nodeid.partition("::")[0]
+            return file if file in TOGETHER else nodeid
+
+    return Scheduling(config, log)
 
 
 # *Reproducibility* solves batches of thousands of states, for this scheme with an adaptive quadrature in each, which

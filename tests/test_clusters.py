@@ -31,7 +31,6 @@ from sepv.simulate._engine.workers import run_all
 from sepv.simulate._results.labelled import AXES
 
 distributed = pytest.importorskip("distributed")
-pytestmark = pytest.mark.xdist_group("clusters")
 
 EP = schemes.energy_preserving
 PENDULUM = problems.pendulum()

@@ -20,7 +20,6 @@ from sepv.verification import LAWS, Effort, verify
 
 ROOT = Path(__file__).resolve().parent.parent
 EXAMPLES, PATHS, SHRINK, SEED = 2, 256, 10, 4
-pytestmark = pytest.mark.xdist_group("doors")
 EFFORT = Effort(EXAMPLES, PATHS, SEED, SHRINK)
 # Far above what a loaded machine needs to end after Ctrl-C.
 SOON = 30.0

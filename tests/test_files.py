@@ -29,7 +29,6 @@ from sepv.schemes import Scheme
 from sepv.verification import Effort, Report, verify
 from sepv.verification._junit_and_badge import badge_json, junit_xml
 
-pytestmark = pytest.mark.xdist_group("files")
 FEW = Effort(examples=2, paths=256, shrink_checks=20)
 
 

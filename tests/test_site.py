@@ -22,7 +22,6 @@ from sepv.verification import LAWS
 
 ROOT = Path(__file__).resolve().parents[1]
 CHROMIUM = next((p for p in ("chromium", "chromium-browser", "google-chrome") if shutil.which(p)), None)
-pytestmark = pytest.mark.xdist_group("site")
 SIZES = ((390, 844), (1280, 800))
 
 

@@ -32,7 +32,6 @@ def heun(problem, y, h, dW):
 
 scheme = sepv.Scheme("heun", heun, claims=["right-limit", "mean-square-order"], batched=True)
 """
-pytestmark = pytest.mark.xdist_group("submission")
 FEW = Effort(examples=2, paths=256, shrink_checks=10)
 
 
