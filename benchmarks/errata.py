@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from benchmarks import start
 from sepv.studies._reproduce.errata import errata
 
 
@@ -22,5 +23,10 @@ def to_markdown() -> str:
     return "\n".join(lines) + "\n"
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Print it."""
     print(to_markdown(), end="")
+
+
+if __name__ == "__main__":
+    start(main)

@@ -33,6 +33,10 @@ class ProblemError(UsageError):
     """A problem whose parts contradict each other: B not skew, a gradient that is not that of H, …"""
 
 
+class SystemsError(UsageError):
+    """A scheme for another class of systems than the problem's, which is no mistake within its step."""
+
+
 class TargetError(UsageError):
     """A scheme that cannot be loaded (exit code 3 on the command line)."""
 

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from sepv.errors import ProblemError, Skipped, UsageError
+from sepv.errors import ProblemError, Skipped, SystemsError, UsageError
 from sepv.problem._checks import sample_states
 from sepv.problem._derived import derive
 from sepv.problem._fields import differences, hessian, matmul, matvec, structure_slope, vector_field
@@ -108,10 +108,10 @@ class HamiltoniansProblem(Problem):
 
         Raises
         ------
-        UsageError
+        SystemsError
             Always: a scheme that asks for Δ = h + Σ c_j ΔW_j is for a single Hamiltonian.
         """
-        raise UsageError(
+        raise SystemsError(
             expected="a scheme for several Hamiltonians, such as stochastic-midpoint",
             received=f"a scheme that reduces the noise of {self.name} to one random step",
             remedy="use a scheme with systems='hamiltonians': with several Hamiltonians there is no such step",
