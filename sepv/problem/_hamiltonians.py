@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from sepv.errors import ProblemError, Skipped, SystemsError, UsageError
+from sepv.errors import ProblemError, Skipped, SystemsError
 from sepv.problem._checks import sample_states
 from sepv.problem._derived import derive
 from sepv.problem._fields import differences, hessian, matmul, matvec, structure_slope, vector_field
