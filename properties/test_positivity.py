@@ -42,7 +42,7 @@ def lotka_volterra_steps(draw: st.DrawFn) -> Case:
     data = draw(st.sampled_from(SYSTEMS))
     y = tuple(draw(st.sampled_from([1.0, 1.5])) * 2.0 ** draw(st.integers(-10, 2)) for _ in range(3))
     problem, state = as_given(data, "data"), np.array(y)
-    c = problem.noise
+    c = problem.c.tolist()
     field = problem.structure(state) @ problem.gradient(state)
     rate = float(np.max(np.abs(field) / state))
     length = draw(st.sampled_from([2.0, 1.0, 0.5, 0.125])) / max(rate, 1.0)
