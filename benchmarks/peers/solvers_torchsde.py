@@ -16,6 +16,7 @@ from benchmarks.peers.solver import Solver
 from sepv.errors import Skipped
 from sepv.peers._posing_fields import pose_fields
 from sepv.peers.posing import LANES, Path, in_blocks
+from sepv.peers.torchsde import Given
 from sepv.problem import Array, Problem
 from sepv.schemes._further_increments import as_matrix, as_rows
 from sepv.schemes._scheme import Step
@@ -40,21 +41,12 @@ class _System(torch.nn.Module):
         return self.fields.noise(torch, self.numbers, y.T).permute(2, 1, 0)
 
 
-class _Given(torchsde.BaseBrownian):
+class _WithAreas(Given):
     """Given increments (N, L, m) over N steps of length h, with space-time areas (N, L, m) or areas (N, L, m, m)."""
 
-    levy_area_approximation = "foster"
-    dtype, device = torch.float64, torch.device("cpu")
-
     def __init__(self, increments: Any, h: float, spacetime: Any, areas: Any) -> None:
-        self.increments, self.h, self.spacetime, self.areas = increments, h, spacetime, areas
-
-    @property
-    def shape(self) -> Any:
-        return self.increments.shape[1:]
-
-    def __repr__(self) -> str:
-        return f"given increments of shape {tuple(self.increments.shape)}"
+        super().__init__(increments, h)
+        self.spacetime, self.areas = spacetime, areas
 
     def __call__(self, ta: Any, tb: Any = None, return_U: bool = False, return_A: bool = False) -> Any:
         del tb
@@ -89,7 +81,7 @@ def _integrate(
     areas = None
     if asks == "areas":
         areas = tensor(np.stack([as_matrix(one, m) for one in further]).transpose(0, 3, 1, 2))
-    noise = _Given(tensor(dW.transpose(0, 2, 1)), h, spacetime, areas)
+    noise = _WithAreas(tensor(dW.transpose(0, 2, 1)), h, spacetime, areas)
     with torch.no_grad():
         states = torchsde.sdeint(
             _System(problem, ito, NOISE_TYPES[kind]),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sepv.commands._shared import EXEC, FILE, Renamed, Workers, candidates, friendly, save_json
+from sepv.commands._shared import EXEC, FILE, PROBLEM, Renamed, Workers, candidates, friendly, save_json
 from sepv.errors import SepvError, UsageError
 
 if TYPE_CHECKING:
@@ -42,14 +42,7 @@ class Numbers(click.ParamType):
 
 @click.command(short_help="Error, defects, time and work of schemes, side by side.")
 @click.argument("targets", nargs=-1, metavar="SCHEME...")
-@click.option(
-    "--problem",
-    "-p",
-    default="rigid-body",
-    show_default=True,
-    metavar="PROBLEM",
-    help="By name, file.json or module:attribute.",
-)
+@PROBLEM
 @EXEC
 @click.option(
     "--y", "--initial", "initial", cls=Renamed, type=Numbers(float),

@@ -9,20 +9,13 @@ from typing import Any
 
 import click
 
-from sepv.commands._shared import EXEC, FILE, candidates, friendly, save_json
+from sepv.commands._shared import EXEC, FILE, PROBLEM, candidates, friendly, save_json
 from sepv.schemes._point_distributions import NAMES
 
 
 @click.command(short_help="One path over many steps.")
 @click.argument("scheme", required=False)
-@click.option(
-    "--problem",
-    "-p",
-    default="rigid-body",
-    show_default=True,
-    metavar="PROBLEM",
-    help="By name, file.json or module:attribute.",
-)
+@PROBLEM
 @EXEC
 @click.option("--h", "h", type=float, default=0.01, show_default=True, help="The step size.")
 @click.option(

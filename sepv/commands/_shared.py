@@ -56,6 +56,10 @@ class Renamed(click.Option):
             self.opts = opts
 
 
+PROBLEM = click.option(
+    "--problem", "-p", default="rigid-body", show_default=True, metavar="PROBLEM",
+    help="By name, file.json or module:attribute.",
+)  # fmt: skip
 EXEC = click.option(
     "--exec", "programs", multiple=True, metavar="COMMAND",
     help="A program in any language (docs/protocol.md); may be repeated.",

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 import torchsde
 
-from sepv.peers.torchsde import _Given, _System
+from sepv.peers.torchsde import Given, _System
 from sepv.problem import Array, Problem
 from sepv.studies._compare.method import Method, from_states
 
@@ -22,7 +22,7 @@ def _method(method: str) -> Method:
         # Several noises of one field are the one process Σ c_j W_j.
         system = _System(problem, torch.ones(1, dtype=torch.float64), "scalar")
         sums = np.einsum("j,njl->nl", problem.c, dW)[:, :, None]
-        noise = _Given(torch.as_tensor(sums), h)
+        noise = Given(torch.as_tensor(sums), h)
         y = torch.as_tensor(np.repeat(y0[None], dW.shape[2], axis=0))
         grid = torch.arange(len(dW) + 1, dtype=torch.float64) * h
         times = grid if keep else grid[[0, -1]]

@@ -41,7 +41,7 @@ class _System(torch.nn.Module):
         return self.f(t, y)[:, :, None] * self.weights
 
 
-class _Given(torchsde.BaseBrownian):
+class Given(torchsde.BaseBrownian):
     """A Brownian motion with given increments (N, L, m) over N equal steps of length h, and no Lévy area."""
 
     levy_area_approximation = "foster"
@@ -73,7 +73,7 @@ def _integrate(
         dW = np.einsum("j,njl->nl", weights / size if size else weights, dW)[:, None]
         weights, noise_type = np.array([size]), "scalar"
     system = _System(problem, torch.as_tensor(weights.copy()), noise_type)
-    noise = _Given(torch.as_tensor(np.ascontiguousarray(dW.transpose(0, 2, 1))), h)
+    noise = Given(torch.as_tensor(np.ascontiguousarray(dW.transpose(0, 2, 1))), h)
     times = torch.arange(len(dW) + 1, dtype=torch.float64) * h
     with torch.no_grad():
         states = torchsde.sdeint(

@@ -230,8 +230,8 @@ def _matrices(
 
 
 def _of(lanes: NDArray[np.bool_], *values: Any) -> list[Any]:
-    """Of each array what belongs to the lanes; of none there is none."""
-    return [v[..., lanes] if v.size else v for v in values]
+    """Of each array what belongs to the lanes."""
+    return [v[..., lanes] for v in values]
 
 
 def _small(size: Array, moves: Array, reach: Array, vast: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -354,7 +354,7 @@ def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate
     if log.worst is None or not measured.ratio <= log.worst.ratio:
         log.worst = measured
     if measured.violates:
-        log.violation, log.largest = (case, measured), max(log.largest, measured.defect)
+        log.violation, log.largest = (case, measured), max(measured.defect, log.largest)  # NaN stays
         raise _Violation
     return measured
 
