@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from sepv import problems, schemes
 from sepv.schemes import Scheme
-from sepv.verification import Case, Effort, Law, Measurement, Verdict, searched
+from sepv.verification import Case, Effort, Law, Measurement, Verdict, load_laws, searched
 from sepv.verification import _search as search
 from sepv.verification._cases.same_draws import without_local_constants
 
@@ -53,3 +53,12 @@ def test_examples_are_drawn_from_the_constants_of_hypothesis_alone() -> None:
     with without_local_constants():
         assert providers._get_local_constants() == providers.Constants()
     assert providers._get_local_constants is before
+
+
+def test_a_defect_that_is_not_a_number_is_no_tolerance() -> None:
+    log, case = search._Log(), Case(problems.rigid_body().data, (0.8, 0.6, 0.0), 0.125, (0.25,))
+    nothing = Measurement(float("nan"), 1.0)
+    with pytest.raises(search._Violation):
+        search._measure(log, schemes.midpoint, case, lambda *_: nothing, False)
+    (energy,) = load_laws(["energy"])
+    assert "tolerance" not in search._conclude(energy, schemes.midpoint, log).message
