@@ -25,14 +25,21 @@ import sepv
 from benchmarks import over, start
 from sepv import problems, schemes
 from sepv.exact import clipping_error
-from sepv.problem import PolynomialSystem, Problem
+from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.record import _polynomial as poly
 from sepv.schemes._scheme import truncation_for
-from sepv.verification._orders.convergence import Estimate, StrongErrors, slope, strong_errors
-from sepv.verification._orders.means import weak_slope
+from sepv.verification._orders.convergence import (
+    Estimate,
+    StrongErrors,
+    jackknife,
+    slope,
+    strong_errors,
+)
 from sepv.verification._orders.tilting import tilted_errors
 
 ALPHA = 0.01
+# Means that stand less than this many standard errors out of the noise show no slope.
+SIGNAL = 5.0
 
 
 @dataclass(frozen=True)
@@ -113,6 +120,28 @@ def defects(name: str, stages: int) -> tuple[float, float]:
         fine = ends.status == 0
         worst = np.maximum(worst, [ends.energy_defect[fine].max() / H0, ends.casimir_defect[fine].max() / C0])
     return float(worst[0]), float(worst[1])
+
+
+def weak_slope(errors: StrongErrors, alpha: float) -> Estimate:
+    """The slope of log |E e| over the step sizes whose mean error stands out of the noise.
+
+    NaN, with an infinite interval, where fewer than two do. Laws judge by `leading` and `decay` of
+    `sepv.verification._orders.means`.
+    """
+    d, paths = errors.errors.shape[1:]
+    size = np.linalg.norm(errors.errors.mean(axis=2), axis=1)
+    noise = np.linalg.norm(errors.errors.std(axis=2), axis=1) / np.sqrt(paths)
+    kept = np.flatnonzero(size > SIGNAL * noise)
+    if kept.size < 2:
+        return Estimate(np.nan, np.inf, alpha)
+    x = np.log(errors.h[kept])
+    x = (x - x.mean()) / np.sum((x - x.mean()) ** 2)
+    samples = errors.errors[kept].reshape(-1, paths)
+
+    def order(mean: Array) -> float:
+        return float(x @ np.log(np.linalg.norm(mean.reshape(-1, d), axis=1)))
+
+    return jackknife(samples, order, alpha)
 
 
 def shown(estimate: Estimate) -> str:

@@ -26,7 +26,7 @@ from sepv.verification import (
     step_residual,
 )
 from sepv.verification._cases.hamiltonians import additive_steps
-from sepv.verification._orders.local_rules import rule_for
+from sepv.verification._orders.gaussian import rule_for
 from sepv.verification._tolerance import operations
 
 
@@ -94,7 +94,7 @@ law = searched(
     cases=additive_steps,
     check=check,
     not_applicable=keeps_energy,
-    undesigned=2,
+    undesigned=3,
 )
 
 

@@ -30,5 +30,5 @@ law = searched(
     check=check,
     fixed_cases=lambda: tuple(case for case in fixed_cases() if is_short(case)),
     admits=is_short,
-    undesigned=4,
+    undesigned=6,
 )

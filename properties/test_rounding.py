@@ -178,7 +178,7 @@ def energy_walk(
     rows: list[np.ndarray] = []
     walks, alive, checkpoint, failed = [], np.arange(PATHS), FIRST, ""
     for n in range(1, steps + 1):
-        value, status, _ = advance(asked, problem, y[:, alive], h, dW[n - 1][:, alive])
+        value, status, *_ = advance(asked, problem, y[:, alive], h, dW[n - 1][:, alive])
         if not failed and np.any(status != Status.CONVERGED):
             k = alive[status != Status.CONVERGED][0]
             failed = f"path {k} of seed {seed} in step {n}, " + failed_step(

@@ -29,5 +29,5 @@ law = searched(
     check=check,
     fixed_cases=lambda: tuple(case for case in with_constant_structure() if is_short(case)),
     admits=is_short,
-    undesigned=2,
+    undesigned=3,
 )

@@ -61,27 +61,24 @@ if TYPE_CHECKING:
     from sepv.verification._verify import verify as verify
 
 _HOME = {
-    "Problem": "sepv.problem._problem",
-    "PolynomialSystem": "sepv.problem._problem",
-    "Scheme": "sepv.schemes._scheme",
-    "PointLaw": "sepv.schemes._point_distributions",
-    "integrate": "sepv.simulate._paths",
-    "ensemble": "sepv.simulate._engine.ensemble",
-    "long_path": "sepv.simulate._engine.long",
-    "exact_flow": "sepv.exact._flow",
-    "verify": "sepv.verification._verify",
-    "Report": "sepv.verification._outcome",
-    "Effort": "sepv.verification._law",
-    "Verdict": "sepv.verification._law",
-    "Ensemble": "sepv.simulate._batch",
-    "Trajectory": "sepv.simulate._paths",
-} | dict.fromkeys(
-    (
-        "SepvError", "UsageError", "ProblemError", "TargetError", "SchemeFault", "StepFailure", "ChunkFailure",
-        "Skipped", "ClusterFailure", "Interrupted",
-    ),
-    "sepv.errors",
-)  # fmt: skip
+    name: f"sepv.{module}"
+    for module, names in {
+        "errors": "SepvError UsageError ProblemError TargetError SchemeFault StepFailure ChunkFailure Skipped "
+        "ClusterFailure Interrupted",
+        "exact._flow": "exact_flow",
+        "problem._problem": "Problem PolynomialSystem",
+        "schemes._point_distributions": "PointLaw",
+        "schemes._scheme": "Scheme",
+        "simulate._batch": "Ensemble",
+        "simulate._engine.ensemble": "ensemble",
+        "simulate._engine.long": "long_path",
+        "simulate._paths": "Trajectory integrate",
+        "verification._law": "Effort Verdict",
+        "verification._outcome": "Report",
+        "verification._verify": "verify",
+    }.items()
+    for name in names.split()
+}
 # The rooms that a user enters; `strategies` is the one of them that stands in another.
 _MODULES = (
     "exact", "large", "problem", "problems", "record", "schemes", "simulate", "solve", "studies", "verification",

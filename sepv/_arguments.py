@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from difflib import get_close_matches
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -14,13 +15,7 @@ from sepv.errors import UsageError
 
 
 def floats(what: str, value: Any) -> NDArray[np.float64]:
-    """The value as an array of binary64 numbers, finite or not.
-
-    Raises
-    ------
-    UsageError
-        For anything that is not an array of real numbers.
-    """
+    """The value as an array of binary64 numbers, finite or not; a UsageError for what is not real numbers."""
     try:
         if np.iscomplexobj(value):
             raise TypeError("complex numbers")
@@ -40,12 +35,29 @@ def is_number(value: Any) -> bool:
     return isinstance(value, (int, float, np.integer, np.floating)) and math.isfinite(value)
 
 
+def require_whole(what: str, value: Any, remedy: str, low: int = 1, high: int | None = None) -> int:
+    """The value as an int; a UsageError for what is not an integer within these bounds."""
+    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+    if not whole or value < low or (high is not None and value > high):
+        bounds = f"≥ {low}" if high is None else f"from {low} to {high}"
+        raise UsageError(expected=f"{what}, an integer {bounds}", received=repr(value), remedy=remedy)
+    return int(value)
+
+
 def require_flag(what: str, value: Any) -> None:
     """Refuse anything but True and False, by a UsageError: a word such as "no" would count as true."""
     if not isinstance(value, (bool, np.bool_)):
         raise UsageError(
             expected=f"{what}, True or False", received=repr(value), remedy=f"{what}=True or {what}=False"
         )
+
+
+def optional(module: str, expected: str, remedy: str, kind: type[UsageError] = UsageError) -> Any:
+    """A module that need not be installed, or an error that says what it is needed for."""
+    try:
+        return import_module(module)
+    except ImportError as error:
+        raise kind(expected=expected, received=f"{error}", remedy=remedy) from error
 
 
 def did_you_mean(word: Any, known: Iterable[str]) -> str:

@@ -77,50 +77,28 @@ WORDS = 24
 
 @dataclass(frozen=True)
 class Column:
-    """A column.
-
-    Attributes
-    ----------
-    heading : str
-        Columns of one heading go together, and are as wide as the widest of them.
-    right : bool
-        Numbers stand under each other at the right.
-    words : bool
-        May be broken between words, and within one where nothing else is left to go.
-    goes : int
-        The place among the columns that go where the terminal is narrow, 1 first; 0 for one that stays.
-    least : int
-        The least width, in cells of a terminal.
-    """
+    """A column. Columns of one heading go together, and are as wide as the widest of them."""
 
     heading: str
-    right: bool = False
-    words: bool = False
-    goes: int = 0
-    least: int = 0
+    right: bool = False  # numbers stand under each other at the right
+    words: bool = False  # may be broken between words, and within one where nothing else is left to go
+    goes: int = (
+        0  # the place among the columns that go where the terminal is narrow, 1 first; 0 for one that stays
+    )
+    least: int = 0  # the least width, in cells of a terminal
 
 
 @dataclass(frozen=True)
 class Table:
-    """Columns and rows of as many cells, a string or a `rich.text.Text` each.
-
-    Attributes
-    ----------
-    ruled : bool
-        A line under the headings, on a terminal that is wide enough.
-    edged : bool
-        Blanks around a table that is ruled.
-    headed : bool
-        Whether the headings are shown.
-    """
+    """Columns and rows of as many cells, a string or a `rich.text.Text` each."""
 
     columns: tuple[Column, ...]
     rows: Sequence[Sequence[Cell]]
     title: Cell = ""
     caption: Cell = ""
-    ruled: bool = False
-    edged: bool = True
-    headed: bool = True
+    ruled: bool = False  # a line under the headings, on a terminal that is wide enough
+    edged: bool = True  # blanks around a table that is ruled
+    headed: bool = True  # whether the headings are shown
 
 
 def columns(
@@ -149,11 +127,10 @@ def print_table(table: Table, out: Console) -> None:
     # rich counts the blanks after the last column, and does not print them.
     room = width - _edges(table, width) - (between - ruled)
     left = kept(total, room, sorted(order, key=order.__getitem__), between)
+    title = Text(table.title, style="bold") if isinstance(table.title, str) and table.title else table.title
     shown = RichTable(
         box=box.SIMPLE_HEAD if ruled else None,
-        title=Text(table.title, style="bold")
-        if isinstance(table.title, str) and table.title
-        else table.title or None,
+        title=title or None,
         caption=table.caption or None,
         title_justify="left",
         caption_justify="left",
@@ -198,11 +175,8 @@ def _edges(table: Table, width: int) -> int:
 def _laid(table: Table, width: int) -> tuple[dict[str, int], int]:
     """Widths by heading, and the blanks between columns: headings in one line and two blanks where all fit so."""
     room = width - _edges(table, width)
-    for whole, words, between in (
-        (True, WORDS, 2),
-        (False, WORDS, 2),
-        (False, 0, 2 if _ruled(table, width) else 1),
-    ):
+    least = 2 if _ruled(table, width) else 1
+    for whole, words, between in ((True, WORDS, 2), (False, WORDS, 2), (False, 0, least)):
         needed = _needed(table, whole=whole, words=words)
         if sum(needed[c.heading] + between for c in table.columns) <= room:
             break
@@ -229,22 +203,17 @@ def _needed(table: Table, *, whole: bool = False, words: int = 0) -> dict[str, i
     for n, c in enumerate(table.columns):
         texts = [_plain(row[n]) for row in table.rows]
         pieces = [p for text in texts for p in (text.split() if c.words else text.splitlines())]
-        own = longest(
-            [*pieces, *((c.heading.splitlines() if whole else c.heading.split()) if table.headed else ())]
-        )
+        heading = (c.heading.splitlines() if whole else c.heading.split()) if table.headed else ()
+        own = longest([*pieces, *heading])
         comfortable = min(longest(texts), words) if c.words else 0
         found[c.heading] = max(found.get(c.heading, 0), own, c.least, comfortable)
     return found
 
 
 def kept(needed: Mapping[str, int], width: int, dropped: Sequence[str], between: int = 1) -> list[str]:
-    """The columns that fit into the width: those of `dropped` go in their order, as far as they must.
+    """The columns that fit into the width, `between` blanks apart: those of `dropped` go in their order, as they must.
 
-    Parameters
-    ----------
-    needed : mapping of heading to width
-    between : int
-        Blanks between two columns.
+    `needed` are the widths by heading.
     """
     left = dict(needed)
     for heading in dropped:

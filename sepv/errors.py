@@ -22,11 +22,13 @@ class UsageError(SepvError, ValueError):
         super().__init__(f"Expected {expected}.\nReceived {received}.\nRemedy: {remedy}")
 
 
-def require_one_of(what: str, given: Any, known: Collection[Any], remedy: str = "correct the name") -> None:
+def require_one_of(
+    what: str, given: Any, known: Collection[Any], remedy: str = "correct the name", received: str = ""
+) -> None:
     """A UsageError for what is not one of the known."""
     if given not in known:
         names = ", ".join(map(str, known))
-        raise UsageError(expected=f"{what}, one of {names}", received=repr(given), remedy=remedy)
+        raise UsageError(expected=f"{what}, one of {names}", received=received or repr(given), remedy=remedy)
 
 
 class ProblemError(UsageError):
@@ -141,15 +143,9 @@ class StepFailure(SepvError, ArithmeticError):
     """
 
     def __init__(
-        self,
-        status: str = "the step was not made",
-        *,
-        problem: str = "",
-        y: np.ndarray | None = None,
-        delta: float = math.nan,
-        residual: float = math.nan,
-        iterations: int = 0,
-    ) -> None:
+        self, status: str = "the step was not made", *, problem: str = "", y: np.ndarray | None = None,
+        delta: float = math.nan, residual: float = math.nan, iterations: int = 0,
+    ) -> None:  # fmt: skip
         self.problem, self.y, self.delta = problem, y, delta
         self.residual, self.status, self.iterations = residual, status, iterations
         if y is None:

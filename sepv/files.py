@@ -61,13 +61,7 @@ LARGEST = 64 * 2**20
 
 
 def json_text(data: Any, *, indent: int | None = 1) -> str:
-    """JSON, strict: no NaN and no infinity.
-
-    Raises
-    ------
-    ValueError
-        For a number that is not finite; `finite` makes it null.
-    """
+    """JSON, strict: a ValueError for a number that is not finite, which `finite` makes null."""
     return json.dumps(data, indent=indent, ensure_ascii=False, allow_nan=False) + "\n"
 
 
@@ -87,26 +81,15 @@ def write_json(
 ) -> None:
     """Write a result, one of `RESULTS`, after what made it: versions, the platform and the command."""
     made = {
-        "schema": name,
-        "version": RESULTS[name],
-        "sepv": __version__,
-        "python": platform.python_version(),
-        "numpy": metadata.version("numpy"),
-        "scipy": metadata.version("scipy"),
-        "platform": f"{platform.system()} {platform.machine()}",
-        "command": command,
-    }
+        "schema": name, "version": RESULTS[name], "sepv": __version__, "python": platform.python_version(),
+        "numpy": metadata.version("numpy"), "scipy": metadata.version("scipy"),
+        "platform": f"{platform.system()} {platform.machine()}", "command": command,
+    }  # fmt: skip
     write_atomically(path, json_text({"made": made} | data, indent=indent))
 
 
 def read_json(path: str | Path, *, expected: str, remedy: str) -> Any:
-    """What a JSON file holds.
-
-    Raises
-    ------
-    UsageError
-        For a file that cannot be read, is too large or no JSON.
-    """
+    """What a JSON file holds; a UsageError for one that cannot be read, is too large or no JSON."""
     try:
         size = Path(path).stat().st_size
         if size > LARGEST:

@@ -104,25 +104,19 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     asked = metafunc.config.getoption("--scheme") or getattr(metafunc.module, "sepv_schemes", None)
     names = asked or metafunc.config.getini("sepv_schemes") or list(PAPER)
     try:
-        schemes = [load_scheme(name, _listed(metafunc.config).claims or ()) for name in names]
+        schemes = [load_scheme(name, metafunc.config.stash[_EXPECTED].claims or ()) for name in names]
     except SepvError as error:
         # Said once and without frames of pytest: the other laws would say it again.
         metafunc.definition.session.shouldfail = "there is no scheme to verify"
         raise pytest.Collector.CollectError(str(error)) from None
-    if len(names) > 1 and _listed(metafunc.config) != Expectations():
+    if len(names) > 1 and metafunc.config.stash[_EXPECTED] != Expectations():
         raise pytest.UsageError(
             f"--expected is about one scheme, and there are {len(names)}: name it with --scheme"
         )
     metafunc.parametrize("scheme", schemes, ids=names, scope="session")
 
 
-def _listed(config: pytest.Config) -> Expectations:
-    return config.stash[_EXPECTED]
-
-
 def _is_law(module: Any) -> bool:
-    from sepv.verification import Law
-
     return isinstance(getattr(module, "law", None), Law)
 
 
@@ -140,7 +134,7 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
     from sepv.verification import _law as law
     from sepv.verification import _verify as suite
 
-    listed = _listed(pyfuncitem.config)
+    listed = pyfuncitem.config.stash[_EXPECTED]
     target = pyfuncitem.callspec.id if hasattr(pyfuncitem, "callspec") else "TARGET"
 
     def measure(asked: Law, scheme: Scheme, effort: Effort) -> Finding:
@@ -177,26 +171,16 @@ def _conclude(finding: Finding, target: str, pinned: bool) -> None:
 
     __tracebackhide__ = True
     replay = f"replay: sepv verify {target} {finding.replay}" if finding.replay else ""
-    text = "\n".join(part for part in (_words(finding), finding.message, replay) if part)
+    text = "\n".join(part for part in (finding.words, finding.message, replay) if part)
     if finding.expected is not None and finding.verdict is Verdict.VIOLATED:
-        pytest.xfail(f"{_words(finding)}; expected: {finding.expected}")
+        pytest.xfail(f"{finding.words}; expected: {finding.expected}")
     if fails(finding, pinned) or finding.verdict is Verdict.ERROR:
         unlisted = not finding.claimed and finding.expected is None and finding.verdict is not Verdict.ERROR
         pytest.fail(text + ("\nneither claimed nor in the pin" if unlisted else ""), pytrace=False)
     if finding.verdict is Verdict.NOT_APPLICABLE:
-        pytest.skip(f"{_words(finding)}: {' '.join(finding.message.split())}")
+        pytest.skip(f"{finding.words}: {' '.join(finding.message.split())}")
     if not finding.claimed:
-        pytest.skip(f"not claimed; {_words(finding)}")
-
-
-def _words(finding: Finding) -> str:
-    """casimir (Prop. 3.2) violated: 1.2e+09 against 51 ulp of C."""
-    size = (
-        f": {finding.defect:.3g} against {finding.bound:.3g} {finding.unit}"
-        if finding.defect is not None and finding.bound is not None
-        else ""
-    )
-    return f"{finding.law} ({finding.source}) {finding.verdict.text}{size}"
+        pytest.skip(f"not claimed; {finding.words}")
 
 
 class _Collector:
@@ -224,5 +208,7 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
                 claimed = " +" if row["sepv_claimed"] == "yes" else ""
                 terminalreporter.write_line(f"  {row['sepv_law']:<20}{row['sepv_verdict']}{claimed}")
     # --expected is about one scheme.
-    for gap in _listed(config).gaps(dict.fromkeys(row["sepv_law"] for row in found), found[0]["sepv_name"]):
+    for gap in config.stash[_EXPECTED].gaps(
+        dict.fromkeys(row["sepv_law"] for row in found), found[0]["sepv_name"]
+    ):
         terminalreporter.write_line(gap, yellow=True)

@@ -1,4 +1,6 @@
-"""Hypothesis profiles for these tests: the same examples in every run by default, never a deadline. And an alarm.
+"""Hypothesis profiles for these tests: the same examples in every run by default, never a deadline.
+
+And two fixtures: an alarm, and a reader who types what documents show.
 
 ``--hypothesis-profile fresh`` draws new ones, ``--hypothesis-profile deep`` many of them.
 """
@@ -10,10 +12,12 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
+from reader import Reader
 
 # Cases are large by nature: too slow a draw is no finding here.
 _COMMON = {"deadline": None, "database": None, "suppress_health_check": [HealthCheck.too_slow]}
@@ -85,3 +89,15 @@ def alarm() -> Iterator[None]:
     yield
     timer.cancel()
     signal.signal(signal.SIGUSR1, before)
+
+
+@pytest.fixture
+def reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Reader:
+    """In a folder that is empty."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    # A module that is written twice in a second would be taken for the first.
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    # Of the run that we are in, and not of those that a reader begins.
+    monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
+    return Reader(tmp_path)

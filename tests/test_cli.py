@@ -87,7 +87,7 @@ def test_a_pin_says_which_command_guards_and_what_it_guards_no_more(call) -> Non
 
 
 def test_a_pin_of_another_scheme_is_said_with_what_to_do(call, tmp_path: Path) -> None:
-    few = "--law identity,energy --examples 2 -q"
+    few = "--law identity,casimir --examples 2 -q"
     call(f"verify energy-preserving {few} --pin p.toml")
     assert "written for" not in call(f"verify energy-preserving {few} --expected p.toml").output
     # Green, and not without a word: a renamed scheme is right, the file of another one is not.

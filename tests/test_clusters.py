@@ -25,10 +25,10 @@ import sepv
 from sepv import problems, schemes
 from sepv.errors import Interrupted
 from sepv.simulate import _wiener as wiener
+from sepv.simulate._batch import AXES
 from sepv.simulate._engine import on_dask
 from sepv.simulate._engine.crew import AHEAD
 from sepv.simulate._engine.workers import run_all
-from sepv.simulate._results.labelled import AXES
 
 distributed = pytest.importorskip("distributed")
 
@@ -174,6 +174,8 @@ def test_ctrl_c_keeps_what_was_done(client: Any) -> None:
 
 INTERRUPTED = """
 import os, signal, sys, sepv
+# A shell that starts jobs in the background has them ignore SIGINT.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 def interrupt(done, paths):
     os.kill(os.getpid(), signal.SIGINT)
 try:
@@ -329,7 +331,7 @@ def test_errors_of_a_comparison_are_those_of_one_process(client: Any) -> None:
 
 
 def test_a_figure_is_the_same_from_the_cluster(client: Any) -> None:
-    from sepv.studies._reproduce.job import Size
+    from sepv.studies._reproduce.record import Size
     from sepv.studies._reproduce.suite import reproduce
 
     size = Size(share=0.001)

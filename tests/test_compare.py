@@ -24,8 +24,8 @@ from sepv.problem import Array, Problem
 from sepv.schemes import load_problem
 from sepv.simulate import _wiener as wiener
 from sepv.studies._compare import picture, table
-from sepv.studies._compare.choose import PEERS
 from sepv.studies._compare.method import (
+    PEERS,
     Ends,
     Followed,
     Method,
@@ -373,7 +373,7 @@ def test_an_absent_library_is_named_with_its_remedy(
     def absent(name: str) -> None:
         raise ModuleNotFoundError("No module named 'diffrax'", name="diffrax")
 
-    monkeypatch.setattr("sepv.studies._compare.choose.import_module", absent)
+    monkeypatch.setattr("sepv._arguments.import_module", absent)
     result = call("compare diffrax-heun")
     assert result.exit_code == 3
     assert "pip install diffrax" in result.output

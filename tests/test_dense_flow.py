@@ -10,8 +10,9 @@ import pytest
 from numpy.polynomial import legendre
 
 from sepv.exact import _dense_flow as dense
-from sepv.exact._dense_flow import DenseSolution, FlowFailure, legendre_values, solve_dense
+from sepv.exact._dense_flow import DenseSolution, FlowFailure, solve_dense
 from sepv.record import gauss_legendre
+from sepv.record._quadrature import legendre_values
 
 EPS = 2.0**-52
 

@@ -9,12 +9,13 @@ import re
 import shlex
 import shutil
 import subprocess
-import sys
 import tomllib
+from itertools import pairwise
 from pathlib import Path
 
 import click
 import pytest
+from reader import Reader
 
 from benchmarks.mutation.targets import TARGETS
 from sepv.commands import main
@@ -50,45 +51,36 @@ def blocks(page: str, language: str | None = None) -> list[tuple[str, str]]:
     return [(kind, body) for kind, body in found if language in (None, kind)]
 
 
-def run(command: list[str], folder: Path, **variables: str) -> subprocess.CompletedProcess[str]:
-    environment = os.environ | {"PYTHONPATH": str(folder), "PYTHONWARNINGS": "error"} | variables
-    return subprocess.run(
-        command, cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=300
-    )
+def fewer(words: list[str]) -> list[str]:
+    """The printed command with less effort."""
+    _, command, *rest = words
+    if command == "bench":
+        rest += ["--batches", "4"]
+    if command == "solvability":
+        rest += shlex.split("--range 0.5 --states 4 --grid 4 --until 1 --paths 4")
+    if command == "verify" and "--check-protocol" not in rest:
+        rest = [word for word in rest if word != "--deep"] + shlex.split(
+            "--examples 2 --paths 64 --shrink-checks 0"
+        )
+        while ("--law", "contract") in pairwise(rest):
+            at = rest.index("contract")
+            del rest[at - 1 : at + 1]
+        if "--law" not in rest:
+            rest += shlex.split("--law energy --law casimir")
+    return ["sepv", command, *rest]
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    """A reader's folder with the examples, and commands of the printed names that take less effort."""
-    (tmp_path / "examples").symlink_to(ROOT / "examples")
+def reader(reader: Reader) -> Reader:
+    """Has the examples, and what the pages say is there."""
+    reader.fewer = fewer
+    (reader.folder / "examples").symlink_to(ROOT / "examples")
     # The reader's scheme, which the ten minutes write anew; this one takes batches.
-    (tmp_path / "mine.py").write_text("from sepv.schemes._midpoint import step\n")
-    tools = tmp_path / "bin"
-    tools.mkdir()
-    few = "--examples 2 --paths 64 --shrink-checks 0"
-    laws = "--law energy --law casimir"
-    scripts = {
-        "sepv": f"""
-if [ "$1" = bench ]; then set -- "$@" --batches 4; fi
-if [ "$1" = solvability ]; then set -- "$@" --states 4 --grid 4 --until 1 --paths 4; fi
-if [ "$1" = verify ]; then
-    for word; do shift; [ "$word" = --deep ] || set -- "$@" "$word"; done
-    set -- $(echo "$@" | sed "s/--law contract //")
-    case "$*" in *--law*|*--check*) set -- "$@" {few} ;; *) set -- "$@" {few} {laws} ;; esac
-fi
-exec {sys.executable} -m sepv "$@"
-""",
-        "pytest": f"""exec {sys.executable} -m pytest -p no:cacheprovider "$@" --sepv-examples 2 --sepv-paths 64""",
-    }
-    # Installed is what runs these tests; what a workflow would install is written down instead.
-    scripts["pip"] = f"""echo "$@" >> {tmp_path}/installed"""
-    (tmp_path / "mypkg").mkdir()
-    (tmp_path / "mypkg" / "__init__.py").touch()
-    (tmp_path / "mypkg" / "scheme.py").write_text("from sepv.schemes._midpoint import step as scheme\n")
-    for name, body in scripts.items():
-        (tools / name).write_text(f"#!/bin/sh\n{body}\n")
-        (tools / name).chmod(0o755)
-    return tmp_path
+    (reader.folder / "mine.py").write_text("from sepv.schemes._midpoint import step\n")
+    (reader.folder / "mypkg").mkdir()
+    (reader.folder / "mypkg" / "__init__.py").touch()
+    (reader.folder / "mypkg" / "scheme.py").write_text("from sepv.schemes._midpoint import step as scheme\n")
+    return reader
 
 
 # Of other people, and large: their blocks run where they are installed.
@@ -102,11 +94,11 @@ def lacks_a_library(body: str) -> bool:
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if page != "ci"])
-def test_the_blocks_of_a_page_run_in_their_order(page: str, folder: Path) -> None:
-    run_blocks(page, folder)
+def test_the_blocks_of_a_page_run_in_their_order(page: str, reader: Reader) -> None:
+    run_blocks(page, reader)
 
 
-def run_blocks(page: str, folder: Path, **variables: str) -> None:
+def run_blocks(page: str, reader: Reader) -> None:
     left_out: set[str] = set()
     for kind, body in blocks(page):
         if kind == "python":
@@ -115,35 +107,48 @@ def run_blocks(page: str, folder: Path, **variables: str) -> None:
                 left_out.add(name[1].removesuffix(".py") if name else "")
                 continue
             if name:
-                (folder / name[1]).write_text(body, encoding="utf-8")
-            done = run([sys.executable, "-c", body], folder)
-            assert done.returncode == 0, done.stderr
-            assert name or done.stdout, f"a block of {page} shows nothing"
+                (reader.folder / name[1]).write_text(body, encoding="utf-8")
+            shown = reader.python(body)
+            assert name or shown, f"a block of {page} shows nothing"
         elif kind == "sh":
             if "cc " in body and shutil.which("cc") is None:
                 continue
             if any(f"{module}:" in body for module in left_out):
                 continue
-            path = f"{folder / 'bin'}{os.pathsep}{os.environ['PATH']}"
-            done = run(["bash", "-e", "-c", body], folder, **{"PATH": path, **variables})
-            assert done.returncode == 0, f"{body}\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}"
+            for line in body.splitlines():
+                typed(line, reader)
         elif kind == "toml":
             tomllib.loads(body)
-            check_pyproject(body, folder)
+            check_pyproject(body, reader)
         else:
             assert kind in ("text", "yaml"), f"{page}: nothing runs a {kind} block"
 
 
-def check_pyproject(body: str, folder: Path) -> None:
+def typed(line: str, reader: Reader) -> None:
+    """A line for a shell. Installed is what runs these tests; what would be installed is written down instead."""
+    tool, *words = shlex.split(line)
+    if tool == "pip":
+        with (reader.folder / "installed").open("a") as file:
+            file.write(os.path.expandvars(" ".join(words)) + "\n")
+    elif tool == "pytest":
+        reader.pytest(*words, "--sepv-examples", "2")
+    elif tool == "cc":
+        subprocess.run([tool, *words], cwd=reader.folder, check=True)
+    else:
+        reader.sepv(line)
+
+
+def check_pyproject(body: str, reader: Reader) -> None:
     """A pyproject.toml makes pytest run laws beside a test of the reader's own."""
-    project = folder / "project"
+    project = reader.folder / "project"
     project.mkdir()
-    shutil.copytree(folder / "mypkg", project / "mypkg")
+    shutil.copytree(reader.folder / "mypkg", project / "mypkg")
     (project / "pyproject.toml").write_text(body, encoding="utf-8")
     (project / "test_own.py").write_text("def test_own(): pass\n")
-    done = run([str(folder / "bin" / "pytest"), "-k", "own or test_casimir or test_identity"], project)
-    assert done.returncode == 0, done.stdout
-    assert "1 passed, 2 skipped" in done.stdout
+    with pytest.MonkeyPatch.context() as there:
+        there.chdir(project)
+        shown = reader.pytest("-k", "own or test_casimir or test_identity", "--sepv-examples", "2")
+    assert "1 passed, 2 skipped" in shown
 
 
 def steps_of(workflow: str) -> list[tuple[str, str]]:
@@ -158,10 +163,12 @@ def steps_of(workflow: str) -> list[tuple[str, str]]:
     return found
 
 
-def test_the_blocks_of_the_page_about_ci_and_the_steps_of_its_workflows_run(folder: Path) -> None:
+def test_the_blocks_of_the_page_about_ci_and_the_steps_of_its_workflows_run(
+    reader: Reader, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """As a runner does, job by job, in a folder with the files that the page says to commit."""
-    variables = {"PATH": f"{folder / 'bin'}{os.pathsep}{os.environ['PATH']}", "SEPV": str(ROOT)}
-    run_blocks("ci", folder, **variables)
+    monkeypatch.setenv("SEPV", str(ROOT))
+    run_blocks("ci", reader)
     jobs = [steps_of(body) for _, body in blocks("ci", "yaml")]
     assert [len(steps) for steps in jobs] == [10, 1, 0, 5]
     # Each once; what another does with more options is not done twice.
@@ -172,10 +179,8 @@ def test_the_blocks_of_the_page_about_ci_and_the_steps_of_its_workflows_run(fold
         # Another checkout is measured by tests/test_bench.py.
         if "--against-ref" in words or ("sepv" in words and any(words < set(c.split()) for c in commands)):
             continue
-        few = " -k identity" if command.startswith("pytest") else ""
-        done = run(["bash", "-e", "-c", command + few], folder, **variables)
-        assert done.returncode == 0, f"{command}\n{done.stdout[-2000:]}\n{done.stderr[-2000:]}"
-    installed = (folder / "installed").read_text().splitlines()
+        typed(command + (" -k identity" if command.startswith("pytest") else ""), reader)
+    installed = (reader.folder / "installed").read_text().splitlines()
     assert set(installed) == {"install .", f"install . {ROOT}", "install pytest"}
 
 

@@ -47,9 +47,9 @@ from sepv.verification._cases.families import separable_hamiltonians, so3_hamilt
 from sepv.verification._cases.hamiltonians import any_hamiltonians, hamiltonian_steps
 from sepv.verification._cases.shrink import shrunk
 from sepv.verification._contraction import contraction_ball
+from sepv.verification._orders.gaussian import rule_for
 from sepv.verification._orders.local_errors import local_errors
 from sepv.verification._orders.local_moments import exponents
-from sepv.verification._orders.local_rules import rule_for
 from sepv.verification._sequential import setups
 
 QUICK = Effort(examples=4, shrink_checks=0)
@@ -407,6 +407,7 @@ def test_default_problems_show_errors_that_symmetric_ones_hide() -> None:
         truncation=None,
         mean_square_order=strong,
         weak_order=1.0,
+        batched=True,
     )
     report = sepv.verify(sided, laws=["local-mean", "local-weak"])
     assert {f.verdict for f in report.findings} == {Verdict.VIOLATED}

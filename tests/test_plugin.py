@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -15,9 +16,9 @@ from sepv.verification._expected_failures import pin
 pytest_plugins = ["pytester"]
 
 ROOT = Path(__file__).resolve().parents[1]
-DOOR = ("-p", "sepv.pytest_plugin", "-p", "no:cacheprovider", "--sepv-examples", "15", "--sepv-paths", "256")
-STEPS = "energy or test_casimir or identity or contract"
-OTHERS = len(LAWS) - 5
+DOOR = ("-p", "sepv.pytest_plugin", "-p", "no:cacheprovider", "--sepv-examples", "8", "--sepv-paths", "256")
+STEPS = "energy or test_casimir or identity"
+OTHERS = len(LAWS) - 4
 
 MINE = """
 import sepv
@@ -52,8 +53,9 @@ def test_it_never_loads_itself(pytester: pytest.Pytester) -> None:
 
 
 def test_a_scheme_that_keeps_its_claims_passes(pytester: pytest.Pytester) -> None:
-    result = laws(pytester, "--scheme", "mine:honest")
-    result.assert_outcomes(passed=3, skipped=2, deselected=OTHERS)
+    # *contract*, which everybody claims, takes a second, and is asked here alone.
+    result = laws(pytester, "-k", f"{STEPS} or contract", "--scheme", "mine:honest")
+    result.assert_outcomes(passed=3, skipped=2, deselected=OTHERS - 1)
     result.stdout.fnmatch_lines(
         ["*laws (+ claimed)*", "mine:honest", "*casimir*holds +*", "*energy*violated*"]
     )
@@ -61,7 +63,7 @@ def test_a_scheme_that_keeps_its_claims_passes(pytester: pytest.Pytester) -> Non
 
 def test_a_scheme_that_breaks_a_claim_fails_with_a_counterexample(pytester: pytest.Pytester) -> None:
     result = laws(pytester, "--scheme", "mine:liar", "--scheme", "mine:honest")
-    result.assert_outcomes(passed=4, failed=1, skipped=5, deselected=2 * OTHERS)
+    result.assert_outcomes(passed=2, failed=1, skipped=5, deselected=2 * OTHERS)
     shown = result.stdout.str()
     result.stdout.fnmatch_lines(
         [
@@ -100,13 +102,13 @@ def test_what_is_not_claimed_or_does_not_apply_is_skipped_with_what_was_measured
 def test_a_pin_is_strict_both_ways_here_too(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(mine=MINE)
     pytester.syspathinsert()
-    finding = verify(midpoint, laws=["energy"], effort=Effort(15, 64, 0, 0.1)).finding("energy")
+    finding = verify(midpoint, laws=["energy"], effort=Effort(8, 64, 0, 0)).finding("energy")
     (pytester.path / "pin.toml").write_text(pin("honest", [finding]))
     known = laws(pytester, "--scheme", "mine:honest", "--expected", "pin.toml")
     assert "was written for" not in known.stdout.str()
-    known.assert_outcomes(passed=3, xfailed=1, skipped=1, deselected=OTHERS)
+    known.assert_outcomes(passed=2, xfailed=1, skipped=1, deselected=OTHERS)
     gained = laws(pytester, "--scheme", "mine:gained", "--expected", "pin.toml")
-    gained.assert_outcomes(passed=1, skipped=3, failed=1, deselected=OTHERS)
+    gained.assert_outcomes(skipped=3, failed=1, deselected=OTHERS)
     gained.stdout.fnmatch_lines(["*expected to be violated*remove the entry*"])
 
 
@@ -125,7 +127,7 @@ def test_schemes_of_the_ini_file_run_beside_the_own_tests(pytester: pytest.Pytes
 def test_an_error_fails_claimed_or_not(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(broken="def step(problem, y, h, dW):\n    raise RuntimeError('out of order')\n")
     result = laws(pytester, "--scheme", "broken:step")
-    result.assert_outcomes(failed=4, skipped=1, deselected=OTHERS)
+    result.assert_outcomes(failed=3, skipped=1, deselected=OTHERS)
     result.stdout.fnmatch_lines(["*energy (Prop. 3.1) error*", "*out of order*"])
 
 
@@ -146,7 +148,7 @@ def test_two_lines_in_a_test_file_do_as_well(pytester: pytest.Pytester) -> None:
 
 def test_it_works_with_xdist_and_junitxml(pytester: pytest.Pytester) -> None:
     few = ("-k", "test_casimir or identity")
-    result = laws(pytester, *few, "--scheme", "mine:honest", "-n", "2", "--junitxml", "out.xml", alone=True)
+    result = laws(pytester, *few, "--scheme", "mine:honest", "-n", "1", "--junitxml", "out.xml", alone=True)
     result.assert_outcomes(passed=2)
     assert 'tests="2"' in (pytester.path / "out.xml").read_text()
     result.stdout.fnmatch_lines(["*laws (+ claimed)*", "  casimir * holds +"])
@@ -172,7 +174,7 @@ def test_a_third_party_package_runs_the_laws_from_an_installed_wheel(tmp_path: P
     (site / "littlescheme" / "__init__.py").write_text(MINE)
     # pip builds a wheel and installs it.
     subprocess.run(
-        [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check", "install", "--no-deps",
+        [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check", "install", "--no-deps", "--no-compile",
          "--target", str(site), str(source)],
         check=True,
     )  # fmt: skip
@@ -187,6 +189,8 @@ def test_a_third_party_package_runs_the_laws_from_an_installed_wheel(tmp_path: P
         [sys.executable, "-c", code, *DOOR, "--pyargs", "sepv.properties",
          "-k", "test_casimir or test_energy", "--scheme", "littlescheme:honest"],
         cwd=tmp_path,
+        # Plugins of other libraries take a second to load.
+        env=os.environ | {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"},
         capture_output=True,
         text=True,
         check=False,

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 
 import sepv
 from sepv import problems
-from sepv.problem import Array, PolynomialSystem, Problem, Systems
+from sepv.problem import Array, PolynomialSystem, Problem, Systems, jacobi_defect
 from sepv.problem import _poisson as poisson
-from sepv.problem._structures import jacobi_defect
 from sepv.record import _polynomial as poly
 from sepv.schemes import Scheme, by_name, midpoint
 from sepv.verification import Case, Effort, Verdict

@@ -189,7 +189,9 @@ MODULE = (
 )
 
 
-@pytest.mark.parametrize("words", ["benchmarks.slopes", "benchmarks.local_orders"])
+@pytest.mark.parametrize(
+    "words", ["benchmarks.slopes", pytest.param("benchmarks.local_orders", marks=pytest.mark.deep)]
+)
 def test_a_benchmark_says_how_far_it_is_and_ends_with_a_word(words: str) -> None:
     child = subprocess.Popen(
         [sys.executable, "-c", MODULE, *words.split()],

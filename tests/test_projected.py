@@ -24,7 +24,7 @@ FEW = Effort(examples=4, shrink_checks=0)
 @pytest.mark.parametrize("order", ORDERS)
 def test_the_laws_about_steps_that_it_claims_hold(order: int) -> None:
     scheme = schemes.projected(order)
-    laws = ["contract", "identity", "energy", "casimir", "noise-sum"]
+    laws = ["identity", "energy", "casimir", "noise-sum", *(["contract"] if order == 4 else [])]
     assert set(laws) <= scheme.claims
     report = verify(
         scheme, laws=[*laws, "symmetry", "midpoint", *(["equivariance"] if order == 4 else [])], effort=FEW

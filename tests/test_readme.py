@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from reader import Reader
 
 from sepv.schemes import energy_preserving
 from sepv.verification import load_laws
@@ -20,37 +21,25 @@ def blocks(language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```$", README, flags=re.MULTILINE | re.DOTALL)
 
 
-def test_python_blocks_run_as_printed(tmp_path: Path) -> None:
+def test_python_blocks_run_as_printed(reader: Reader) -> None:
     mine, *others = blocks("python")
-    (tmp_path / "mine.py").write_text(mine)
+    (reader.folder / "mine.py").write_text(mine)
     for block in others:
-        done = subprocess.run(
-            [sys.executable, "-W", "error", "-c", block],
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, done.stderr
-        assert done.stdout
+        shown = reader.python(block)
+        assert shown
         if "sepv.verify" in block:
-            assert "Verdict.HOLDS" in done.stdout
-            assert "H(y1) − H(y0)" in done.stdout
+            assert "Verdict.HOLDS" in shown
+            assert "H(y1) − H(y0)" in shown
 
 
-def test_shell_blocks_run(tmp_path: Path) -> None:
+def test_shell_blocks_run(reader: Reader) -> None:
     """The setup and the test command are what brought us here; the others run with less effort."""
-    (tmp_path / "mine.py").write_text(blocks("python")[0])
+    (reader.folder / "mine.py").write_text(blocks("python")[0])
     lines = [line for block in blocks("sh") for line in block.splitlines() if line.startswith("sepv ")]
     assert lines
     for line in lines:
         few = "--examples 2 --paths 64 --shrink-checks 10" + ("" if "--law" in line else " --law energy")
-        done = subprocess.run(
-            [sys.executable, "-W", "error", "-m", *line.split(), *few.split()],
-            cwd=tmp_path, capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr
-        assert "holds" in done.stdout
+        assert "holds" in reader.sepv(f"{line} {few}")
 
 
 def shape(line: str) -> str:
@@ -61,18 +50,22 @@ def shape(line: str) -> str:
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/ten-minutes.md"])
-def test_what_is_shown_of_the_midpoint_rule_is_what_is_printed(page: str, tmp_path: Path) -> None:
+def test_what_is_shown_of_the_midpoint_rule_is_what_is_printed(page: str, reader: Reader) -> None:
     """Row by row and line by line, but for numbers, and for which system and step it is."""
     content = (ROOT / page).read_text()
     shown = re.findall(r"^```text\n(.*?)^```$", content, flags=re.MULTILINE | re.DOTALL)
-    (tmp_path / "mine.py").write_text(
+    (reader.folder / "mine.py").write_text(
         re.findall(r"^```python\n(.*?)^```$", content, flags=re.MULTILINE | re.DOTALL)[0]
     )
-    target = "midpoint" if page == "README.md" else "mine:step"
-    printed = subprocess.run(
-        [sys.executable, "-m", "sepv", "verify", target, "--law", "energy,casimir"],
-        cwd=tmp_path, capture_output=True, text=True, check=False,
-    ).stdout.splitlines()  # fmt: skip
+    command = "verify midpoint" if page == "README.md" else "verify mine:step"
+    if page == "README.md":
+        # As a reader sees it, in a process of its own.
+        printed = subprocess.run(
+            [sys.executable, "-W", "error", "-m", "sepv", *command.split(), "--law", "energy,casimir"],
+            cwd=reader.folder, capture_output=True, text=True, check=False,
+        ).stdout.splitlines()  # fmt: skip
+    else:
+        printed = reader.sepv(f"sepv {command} --law energy,casimir").splitlines()
     there = {shape(line) for line in printed}
     tables = [block for block in shown if block.startswith(" law ")]
     assert len(tables) == (page == "README.md")

@@ -244,6 +244,18 @@ def test_choices_and_conditions_are_recorded() -> None:
     assert np.array_equal(K[1, 1], np.sign(state[0]))
 
 
+@pytest.mark.parametrize("axis", [{}, {"axis": 0}, {"axis": 1}, {"axis": -1}], ids=str)
+def test_extremes_are_recorded_along_any_axis(axis: dict[str, int]) -> None:
+    def function(y):
+        table = np.reshape(y, (2, 3))
+        return np.atleast_1d(np.max(table, **axis) + np.min(table, *axis.values()))
+
+    tape = Tape()
+    y = tape.vector(6)
+    state = np.array([0.3, -0.7, 1.1, 2.0, 0.5, -1.5])
+    assert np.array_equal(evaluator([y], np.array(function(y)))(state), function(state))
+
+
 def test_functions_that_move_elements_about_are_recorded() -> None:
     def function(y):
         a = np.cross(y, np.roll(y, 1)) + np.zeros_like(y) + y[::-1]

@@ -23,14 +23,11 @@ from sepv.studies._reproduce import (
     figure_4_6,
     figures_4_1_and_4_2,
     figures_4_4_and_4_5,
-    fine_step,
-    invariants,
     order,
     record,
     runs,
 )
-from sepv.studies._reproduce.job import Size
-from sepv.studies._reproduce.panel_files import draw
+from sepv.studies._reproduce.record import Size, draw
 from sepv.studies._reproduce.suite import Reproduction, reproduce
 from sepv.studies._reproduce.suite import _run as run_jobs
 from sepv.verification._orders.convergence import strong_errors
@@ -86,9 +83,7 @@ def test_a_broken_scheme_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(schemes.PAPER, "energy-preserving", schemes.PAPER["euler-maruyama"])
     run = runs.long_run("energy-preserving", "rigid-body", h=0.01, steps=300, seed=0, engine="numpy")
     for what in ("energy", "Casimir"):
-        found = invariants.statement(
-            replace(run, scheme="energy-preserving"), "rigid-body", what, constant=True, source=""
-        )
+        found = runs.statement(replace(run, scheme="energy-preserving"), what, constant=True, source="")
         assert found.verdict == "fails"
     errors = {
         name: runs.errors(
@@ -136,9 +131,9 @@ def test_a_fine_step_reference_sees_no_error_at_its_own_step() -> None:
         "4.5", "pendulum", T=1.0, steps=(8, 32, 128), samples=128, schemes=("midpoint", "milstein")
     )
     results = {
-        job.key: job.function(**job.arguments) for job in fine_step.jobs(setting, Size(engine="numpy"))
+        job.key: job.function(**job.arguments) for job in order.fine_jobs(setting, Size(engine="numpy"))
     }
-    panel = fine_step.panel(setting, results, "", "")
+    panel = order.fine_panel(setting, results, "", "")
     seen = panel.numbers["midpoint"]["fine-step reference"]
     truth = strong_errors(
         schemes.midpoint, problems.pendulum(), T=1.0, steps=(8, 32, 128), paths=range(128)
@@ -238,7 +233,17 @@ def _walking(T: float, kind: str, seed: int) -> runs.Run:
     start = -0.520014
     none = np.empty(0)
     return runs.Run(
-        "midpoint", h, none, none, none, np.array([start]), none, checkpoints, start + error, stopped=-1
+        "midpoint",
+        "pendulum",
+        h,
+        none,
+        none,
+        none,
+        np.array([start]),
+        none,
+        checkpoints,
+        start + error,
+        stopped=-1,
     )
 
 

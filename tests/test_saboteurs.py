@@ -130,13 +130,13 @@ def test_workers_find_what_one_process_finds() -> None:
     names, laws, effort = (
         ["b-at-y0", "two-half-steps"],
         ["casimir", "midpoint"],
-        Effort(examples=20, corpus=False),
+        Effort(examples=4, corpus=False),
     )
     seen: list[int] = []
     found = fault_detection.run(
         names, [0], lambda done, total, _: seen.append(total - done), laws=laws, effort=effort
     )
-    alone = [b for name in names for b in fault_detection.detect(name, 0, laws, 20)]
+    alone = [b for name in names for b in fault_detection.detect(name, 0, laws, 4)]
     assert [(b.saboteur, b.law, b.verdict, b.examples) for b in found] == [
         (b.saboteur, b.law, b.verdict, b.examples) for b in alone
     ]

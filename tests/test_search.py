@@ -7,9 +7,10 @@ from hypothesis import strategies as st
 
 from sepv import problems, schemes
 from sepv.schemes import Scheme
-from sepv.verification import Case, Effort, Law, Measurement, Verdict, load_laws, searched
+from sepv.verification import Case, Effort, Law, Measurement, Verdict, load_laws, searched, verify
 from sepv.verification import _search as search
 from sepv.verification._cases.same_draws import without_local_constants
+from sepv.verification._verify import replay
 
 # A violation lies in a thousandth of the states, on a slope of the defect that is seen from all of them.
 MOST, BEST, NEAR = 10**4, 6_543, 4
@@ -62,3 +63,13 @@ def test_a_defect_that_is_not_a_number_is_no_tolerance() -> None:
         search._measure(log, schemes.midpoint, case, lambda *_: nothing, False)
     (energy,) = load_laws(["energy"])
     assert "tolerance" not in search._conclude(energy, schemes.midpoint, log).message
+
+
+@pytest.mark.parametrize("checks", [0, 3, 10, 30])
+def test_a_defect_is_that_of_the_witness_wherever_simplifying_ends(checks: int) -> None:
+    """The midpoint rule does not keep the energy of the pendulum, by more the longer the step."""
+    effort = Effort(shrink_checks=checks, corpus=False)
+    (found,) = verify("midpoint", laws=["energy"], problems=["pendulum"], effort=effort).findings
+    again = replay("midpoint", "energy", found.witness)
+    assert found.verdict is again.verdict is Verdict.VIOLATED
+    assert (found.defect, found.bound) == (again.defect, again.bound)

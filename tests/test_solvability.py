@@ -17,8 +17,7 @@ from sepv.errors import UsageError
 from sepv.files import schema
 from sepv.simulate import _truncation as bounded
 from sepv.studies._solvability.branch import End, follow
-from sepv.studies._solvability.chance import chance_outside
-from sepv.studies._solvability.map import Ending, solvability_map
+from sepv.studies._solvability.map import Ending, chance_outside, solvability_map
 from sepv.studies._solvability.paths import Exits, follow_paths
 
 # H = q²p: the equation of q alone is Δq1² + (Δ − 3)q1 + Δ + 3 = 0 from q0 = 1, with the discriminant

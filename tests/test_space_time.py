@@ -14,7 +14,7 @@ from sepv.schemes._further_increments import some
 from sepv.schemes._order_claims import Orders
 from sepv.simulate import _areas as areas
 from sepv.verification import Effort, Verdict, verify
-from sepv.verification._orders.local_rules import rule_for
+from sepv.verification._orders.gaussian import rule_for
 
 LOCAL = ["local-mean", "local-mean-square", "local-weak"]
 

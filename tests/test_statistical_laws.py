@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from benchmarks.right_schemes import RIGHT
 from sepv import problems, schemes, verify
 from sepv.problem import Array, Problem, vector_field
 from sepv.schemes import Scheme
-from sepv.schemes._scheme import step_by
+from sepv.schemes._one_step import Solved
 from sepv.solve import Status
 from sepv.solve._solution import Solution
 from sepv.verification import Effort, Finding, Verdict
@@ -51,14 +50,19 @@ def noisier(scheme: Scheme, factor: float) -> Scheme:
 
 
 @pytest.mark.parametrize(
-    ("order", "seed"),
-    [(1.5, 0), (2.0, 0), *(pytest.param(1.5, n, marks=pytest.mark.deep) for n in (1, 2, 3, 4))],
+    ("orders", "seed"),
+    [((1.5, 2.0), 0), *(pytest.param((1.5,), n, marks=pytest.mark.deep) for n in (1, 2, 3, 4))],
 )
-def test_a_scheme_of_weak_order_two_and_mean_square_order_one_is_not_accused(order: float, seed: int) -> None:
+def test_a_scheme_of_weak_order_two_and_mean_square_order_one_is_not_accused(
+    orders: tuple[float, ...], seed: int
+) -> None:
     """Its means lie within the noise of errors of mean-square order 1, whose slope must not be taken for theirs."""
-    finding = found(replace(RIGHT["weak-two"], weak_order=order), "weak-order", seed, 256)
-    assert finding.verdict in (Verdict.HOLDS, Verdict.INCONCLUSIVE)
-    assert finding.verdict is Verdict.HOLDS or "settle it" in finding.message
+    effort = Effort(seed=seed, paths=256)  # keeps the errors, which hang on no claim
+    for order in orders:
+        scheme = replace(RIGHT["weak-two"], weak_order=order)
+        finding = verify(scheme, laws=["weak-order"], effort=effort).finding("weak-order")
+        assert finding.verdict in (Verdict.HOLDS, Verdict.INCONCLUSIVE)
+        assert finding.verdict is Verdict.HOLDS or "settle it" in finding.message
 
 
 @pytest.mark.parametrize("name", ["energy-preserving", "euler-heun"])
@@ -84,7 +88,7 @@ def test_the_first_looks_find_that_right_schemes_hold(name: str) -> None:
 def test_errors_at_the_rounding_floor_accuse_nobody(order: float) -> None:
     """The exact flow is within C h^p of itself for every p, with a tiny C."""
     flow = replace(RIGHT["exact-flow"], mean_square_order=order, weak_order=order)
-    assert verdicts_of(flow, 128) == dict.fromkeys(SAMPLED, Verdict.HOLDS)
+    assert verdicts_of(flow, 64) == dict.fromkeys(SAMPLED, Verdict.HOLDS)
 
 
 def errors_of(squared: Array, steps: tuple[int, ...]) -> StrongErrors:
@@ -177,7 +181,8 @@ def test_a_scheme_for_one_state_is_asked_for_half_a_minute_of_200_microseconds()
     """134 000 steps by first looks, *rounding* and local laws; searched laws add thousands, a second look 43 000."""
     from sepv.properties.test_rounding import PATHS, RUNS
 
-    scheme = replace(schemes.energy_preserving, batched=False, solve=None)
+    # How many are asked for does not hang on what a step is: this one is cheap.
+    scheme = replace(schemes.energy_preserving, batched=False, solve=None, step=schemes.euler_heun.step)
     assert looks(budget(scheme, Effort())) == [FIRST_LOOK, 2 * FIRST_LOOK]
     sampled = sum(FIRST_LOOK * sum(setup.steps) for setup in setups())
     walked = PATHS * sum(steps for _, _, steps in RUNS)
@@ -252,14 +257,14 @@ def _timid(limit: float) -> Scheme:
 
     solve_all = schemes.energy_preserving.solve
     assert solve_all is not None
-    return replace(schemes.energy_preserving, name="timid", step=partial(step_by, solve), solve=solve)
+    return replace(schemes.energy_preserving, name="timid", step=Solved(solve), solve=solve)
 
 
 @pytest.mark.parametrize(
     ("limit", "problem", "refused", "steps"),
     [
         (1.4, "pendulum", "1 with 4 steps", "8, 32, 128"),
-        (0.9, "rigid-body", "29 with 4 steps", "8, 32, 128"),
+        pytest.param(0.9, "rigid-body", "29 with 4 steps", "8, 32, 128", marks=pytest.mark.deep),
         (0.8, "rigid-body", "6 with 8 steps", "16, 64, 256"),
     ],
 )

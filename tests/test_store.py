@@ -14,7 +14,7 @@ import pytest
 
 import sepv
 from sepv import problems, schemes
-from sepv.simulate._results.labelled import AXES
+from sepv.simulate._batch import AXES
 
 pytest.importorskip("zarr")
 

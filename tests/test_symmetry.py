@@ -16,7 +16,7 @@ from sepv.verification import Effort, Finding, Verdict
 LAWS = ("symmetry", "random-step")
 
 
-def measured(scheme: Scheme, examples: int = 30) -> list[Finding]:
+def measured(scheme: Scheme, examples: int = 8) -> list[Finding]:
     findings = verify(scheme, laws=LAWS, effort=Effort(examples=examples, shrink_checks=20)).findings
     return sorted(findings, key=lambda f: LAWS.index(f.law))
 

@@ -28,7 +28,7 @@ from sepv.verification._report import console
 ROOT = Path(__file__).resolve().parents[1]
 
 ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
-VERIFY = ["verify", "midpoint", "--law", "energy", "--law", "truncation", "--law", "reproducibility"]
+VERIFY = ["verify", "midpoint", "--law", "energy", "--law", "truncation", "--law", "local-mean-square"]
 CHEAP = ["--examples", "2", "--paths", "64", "--shrink-checks", "5"]
 
 
@@ -69,7 +69,7 @@ def test_a_terminal_has_colour_and_tables_of_80_columns(shown: str) -> None:
     for line in lines:
         # The command that replays is one line, however long: it is there to be copied.
         assert cell_len(line) <= 80 or "--replay" in line, line
-    assert any("reproducibility " in line for line in lines)
+    assert any("local-mean-square " in line for line in lines)
 
 
 def test_no_colour_where_it_is_not_wanted() -> None:

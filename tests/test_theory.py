@@ -62,9 +62,9 @@ def test_the_sublinear_problem_is_what_the_remark_says() -> None:
 
 
 def test_lotka_volterra_fails_at_large_steps_whether_truncated_or_not() -> None:
-    shares = [remarks.failing("lotka-volterra", truncated, 128, 0, "numpy") for truncated in (True, False)]
+    shares = [remarks.failing("lotka-volterra", truncated, 48, 0, "numpy") for truncated in (True, False)]
     assert min(shares[0][0], shares[1][0]) > 0.1
-    assert remarks.failing("harmonic-oscillator", False, 128, 0, "numpy") == [0.0] * len(remarks.CLIP_STEPS)
+    assert remarks.failing("harmonic-oscillator", False, 48, 0, "numpy") == [0.0] * len(remarks.CLIP_STEPS)
     assert problems.by_name("harmonic-oscillator").noises == 1
 
 

@@ -170,9 +170,21 @@ def test_peers_lists_its_records_and_leaves_alone_what_is_recorded(tmp_path: Pat
     assert CliRunner().invoke(main, ["peers", "numpy", "2.0"]).exit_code == 2
 
 
+@pytest.mark.parametrize("whole", [False, pytest.param(True, marks=pytest.mark.deep)])
 def test_a_version_that_cannot_be_installed_is_said_so_without_an_address(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    whole: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """The environment's pip fails; where it is not made whole, this one's pip for it."""
+    run = environments._run
+
+    def spared(command: list[str], what: str, remedy: str) -> str:
+        python, _, module, *words = command
+        if module == "venv":
+            return run([python, "-m", "venv", "--without-pip", *words], what, remedy)
+        return run([sys.executable, "-m", "pip", "--python", python, *words], what, remedy)
+
+    if not whole:
+        monkeypatch.setattr(environments, "_run", spared)
     monkeypatch.setenv("PIP_NO_INDEX", "1")
     monkeypatch.delenv("PIP_FIND_LINKS", raising=False)
     arguments = ["peers", "sdeint", "0.0.1", "--results", str(tmp_path / "r"), "--keep", str(tmp_path / "k")]
@@ -202,11 +214,10 @@ def test_a_library_that_is_installed_here_is_recorded_as_the_schema_says(
 ) -> None:
     sdeint = pytest.importorskip("sdeint", reason="sdeint is not installed")
     from sepv.peers import sdeint as adapter
-    from sepv.verification import load_laws
 
     monkeypatch.setattr(adapter, "SCHEMES", adapter.SCHEMES[:1])
     monkeypatch.setattr(adapter, "PATHS", ())
-    monkeypatch.setattr(peer, "laws", lambda: load_laws(["identity", "noise-sum", "local-mean"]))
+    monkeypatch.setattr(peer, "ASKED", ("identity", "noise-sum", "local-mean"))
     found = peer.record("sdeint", Effort(examples=2, paths=64, shrink_checks=0), None, None, Shown())
     path = history.add(tmp_path, found)
     (loaded,) = history.load(tmp_path)["sdeint"]

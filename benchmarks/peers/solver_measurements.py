@@ -28,8 +28,8 @@ from sepv.simulate._areas import RoughPath
 from sepv.simulate._batch import run_chunk
 from sepv.verification import Effort, Verdict, load_laws, verify
 from sepv.verification._orders.convergence import StrongErrors, slope
+from sepv.verification._orders.gaussian import rule_for
 from sepv.verification._orders.local_errors import local_states, one_step, rule_degree
-from sepv.verification._orders.local_rules import rule_for
 
 LOCAL = ("local-mean", "local-mean-square", "local-weak")
 KEPT = ("casimir", "poisson-map")

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import click
 
-from sepv.commands._shared import EXEC, FILE, candidates, friendly, save_json
+from sepv._terminal import counted, print_table
+from sepv.commands import _shared as cli
 from sepv.errors import UsageError
 
 Case = dict[str, Any]
@@ -19,43 +21,26 @@ crashed, or could not be loaded."""
 
 @click.command(epilog=EXITS, short_help="Guard work, error and time against a file or a checkout.")
 @click.argument("targets", nargs=-1, metavar="TARGET...")
-@EXEC
+@cli.EXEC
 @click.option(
     "--problem", "-p", "own", multiple=True, metavar="PROBLEM",
     help="A case of your own: name, file.json or module:attribute.",
 )  # fmt: skip
-@click.option("--save", type=FILE, help="Write the records to this file.")
-@click.option("--against", type=FILE, help="Compare with the records of this file.")
+@click.option("--save", type=cli.OUT, help="Write the records to this file.")
+@click.option("--against", type=cli.FILE, help="Compare with the records of this file.")
 @click.option(
-    "--against-ref",
-    type=click.Path(exists=True, file_okay=False),
-    metavar="CHECKOUT",
+    "--against-ref", type=click.Path(exists=True, file_okay=False), metavar="CHECKOUT",
     help="Compare with another checkout of the same code, time included.",
-)
+)  # fmt: skip
 @click.option("--case", "names", multiple=True, metavar="NAME", help="Only this case; may be repeated.")
 @click.option("--portable", is_flag=True, help="Only cases whose counters are the same on every machine.")
-@click.option(
-    "--batches",
-    type=click.IntRange(min=4),
-    default=12,
-    show_default=True,
-    help="Most batches of paired times.",
-)
+@click.option("--batches", type=click.IntRange(min=4), default=12, help="Most batches of paired times.")
 @click.option("-q", "--quiet", is_flag=True, help="Only what differs, and the counts.")
-@friendly
+@cli.friendly
 def bench(
-    targets: tuple[str, ...],
-    programs: tuple[str, ...],
-    own: tuple[str, ...],
-    save: str | None,
-    against: str | None,
-    against_ref: str | None,
-    names: tuple[str, ...],
-    portable: bool,
-    batches: int,
-    quiet: bool,
-    debug: bool,  # noqa: ARG001  (every command takes it)
-) -> None:
+    targets: cli.Names, programs: cli.Names, own: cli.Names, save: str | None, against: str | None,
+    against_ref: str | None, names: cli.Names, portable: bool, batches: int, quiet: bool,
+) -> None:  # fmt: skip
     """Work, error and invariant defects of TARGETs in fixed cases, against a file or another checkout.
 
     Counters are exact integers, and one more is a regression. Errors are compared over the same paths, with an
@@ -67,7 +52,6 @@ def bench(
     sepv bench mymodule:step --against-ref ../other-checkout
     sepv bench mymodule:step -p mymodule:problem
     """
-    from sepv.files import require_folder
     from sepv.studies._bench import cases, store
     from sepv.verification._progress import showing
 
@@ -75,7 +59,6 @@ def bench(
         raise UsageError(
             expected="one of --against and --against-ref", received="both", remedy="run once with each"
         )
-    require_folder(save)
     if against_ref and programs:
         raise UsageError(
             expected="TARGETs with --against-ref", received="--exec",
@@ -86,7 +69,7 @@ def bench(
     base = {r["target"]: r for r in store.load(against)} if against else {}
     records: list[dict[str, Any]] = []
     checks: list[Any] = []
-    with candidates(targets, programs) as found, showing(quiet) as line:
+    with cli.candidates(targets, programs) as found, showing(quiet) as line:
         for target, scheme in found:
             line.update(f"{target}: work and errors")
             if against and target not in base:
@@ -102,7 +85,7 @@ def bench(
             checks += found_here
             records.append(ours)
     if save:
-        save_json(save, "bench", store.document(records))
+        cli.save_json(save, "bench", store.document(records))
         click.echo(f"Saved in {save}: hold later runs to it with --against {save}")
     _show([] if quiet else records, checks, saved=bool(save))
     raise SystemExit(1 if any(c.verdict == "worse" for c in checks) else 0)
@@ -125,7 +108,7 @@ def _beside(
 
 
 def _alone(
-    target: str, scheme: Any, before: dict[str, Any] | None, chosen: list[Case], names: tuple[str, ...]
+    target: str, scheme: Any, before: dict[str, Any] | None, chosen: list[Case], names: cli.Names
 ) -> tuple[dict[str, Any], list[Any]]:
     """The record of today, in the cases of an earlier one where there is one, and what it comes to beside that."""
     from sepv.studies._bench import store
@@ -142,11 +125,8 @@ def _alone(
 
 def _show(records: list[dict[str, Any]], checks: list[Any], *, saved: bool) -> None:
     """The records; then what differs from the other side, and one line of counts."""
-    from collections import Counter
-
     from rich.text import Text
 
-    from sepv._terminal import counted, print_table
     from sepv.studies._bench import store
     from sepv.verification._report import console
 
@@ -162,10 +142,7 @@ def _show(records: list[dict[str, Any]], checks: list[Any], *, saved: bool) -> N
             line = Text(f"{c.target}, {c.case}: {c.what} ")
             out.print(line.append(c.verdict, style=STYLES[c.verdict]).append(f"  {c.text}"), soft_wrap=True)
     counts = Counter(c.verdict for c in checks)
-    out.print(
-        f"{counted(len(checks), 'check')}: "
-        + ", ".join(f"{counts[v]} {v}" for v in STYLES if counts[v])
-        + "."
-    )
+    said = ", ".join(f"{counts[v]} {v}" for v in STYLES if counts[v])
+    out.print(f"{counted(len(checks), 'check')}: {said}.")
     if counts["better"]:
         out.print("Better than the other side: a file that guards the new state is written with --save.")

@@ -7,7 +7,7 @@ from contextlib import ExitStack
 import click
 from rich.text import Text
 
-from sepv.commands._shared import friendly
+from sepv.commands._shared import NATURAL, friendly
 
 _EXIT_CODES = """Exit codes: 0 all is as stated; 1 something is not; 2 no bundle, or wrong usage; 3 the scheme cannot be
 loaded here, so that nothing was measured again; 130 interrupted."""
@@ -16,19 +16,13 @@ loaded here, so that nothing was measured again; 130 interrupted."""
 @click.command(epilog=_EXIT_CODES, short_help="Check a bundle, and measure a part of it again.")
 @click.argument("path", metavar="BUNDLE", type=click.Path())
 @click.option(
-    "--share", type=click.FloatRange(0, 1, min_open=True), default=0.25, show_default=True,
+    "--share", type=click.FloatRange(0, 1, min_open=True), default=0.25,
     help="Of the laws that are measured again.",
 )  # fmt: skip
-@click.option("--seed", type=click.IntRange(min=0), help="Of the choice. [default: another one each time]")
+@click.option("--seed", type=NATURAL, help="Of the choice. [default: another one each time]")
 @click.option("--no-run", is_flag=True, help="Schema, hashes and counts alone; no code of the scheme is run.")
 @friendly
-def check(
-    path: str,
-    share: float,
-    seed: int | None,
-    no_run: bool,
-    debug: bool,  # noqa: ARG001  (every command takes it)
-) -> None:
+def check(path: str, share: float, seed: int | None, no_run: bool) -> None:
     """Check schema, hashes, counts and level of BUNDLE; then measure counterexamples and a random share of laws again.
 
     \b

@@ -18,34 +18,14 @@ from sepv._terminal import cannot_show, never_fail
 from sepv._version import __version__
 from sepv.commands._shared import EXIT_CODES, WORDS
 
-# By heading, in the order in which --help shows them: the name of a command, and where it is.
+# By heading, in the order in which --help shows them: each is the module of `sepv.commands` of its name.
 GROUPS = {
-    "Commands": {
-        "verify": "sepv.commands._verify:verify",
-        "compare": "sepv.commands._compare:compare",
-        "bench": "sepv.commands._bench:bench",
-        "run": "sepv.commands._run:run",
-        "reproduce": "sepv.commands._reproduce:reproduce",
-        "report": "sepv.commands._report:report",
-        "list": "sepv.commands._listing:list_",
-        "completion": "sepv.commands._completion:completion",
-    },
-    "Submissions, and other libraries": {
-        "submit": "sepv.commands._submit:submit",
-        "check": "sepv.commands._check:check",
-        "peers": "sepv.commands._peers:peers",
-        "trend": "sepv.commands._trend:trend",
-    },
-    "For specialists": {
-        "exact": "sepv.commands._exact:exact",
-        "step": "sepv.commands._step:step",
-        "ulps": "sepv.commands._ulps:ulps",
-        "hard": "sepv.commands._hard:hard",
-        "solvability": "sepv.commands._solvability:solvability",
-        "teeth": "sepv.commands._teeth:teeth",
-    },
+    "Commands": ("verify", "compare", "bench", "run", "reproduce", "report", "list", "completion"),
+    "Submissions, and other libraries": ("submit", "check", "peers", "trend"),
+    "For specialists": ("exact", "step", "ulps", "hard", "solvability", "teeth"),
 }
-COMMANDS = {name: place for group in GROUPS.values() for name, place in group.items()}
+COMMANDS = tuple(name for names in GROUPS.values() for name in names)
+_SETTINGS = {"help_option_names": ["-h", "--help"], "show_default": True}
 
 
 class _Commands(click.Group):
@@ -64,8 +44,8 @@ class _Commands(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
         if cmd_name not in COMMANDS:
             return None
-        module, name = COMMANDS[cmd_name].split(":")
-        command: click.Command = getattr(import_module(module), name)
+        module = import_module(f"sepv.commands._{cmd_name}")
+        command: click.Command = module.list_ if cmd_name == "list" else getattr(module, cmd_name)
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -75,12 +55,7 @@ class _Commands(click.Group):
         for heading, names in GROUPS.items():
             with formatter.section(heading):
                 found = ((name, self.get_command(ctx, name)) for name in names)
-                rows = [
-                    (name.ljust(width), command.get_short_help_str(limit))
-                    for name, command in found
-                    if command
-                ]
-                formatter.write_dl(rows)
+                formatter.write_dl([(n.ljust(width), c.get_short_help_str(limit)) for n, c in found if c])
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -90,9 +65,8 @@ class _Commands(click.Group):
             return super().resolve_command(ctx, args)
         except click.UsageError as error:
             word = did_you_mean(args[0], COMMANDS)
-            raise click.UsageError(
-                f"No such command {word}. There are: {', '.join(COMMANDS)}.", ctx
-            ) from error
+            text = f"No such command {word}. There are: {', '.join(COMMANDS)}."
+            raise click.UsageError(text, ctx) from error
 
     def main(self, *args: Any, **kwargs: Any) -> Any:
         """As click does, but an interruption before a command began also ends with 130."""
@@ -102,7 +76,7 @@ class _Commands(click.Group):
             sys.exit(130)
 
 
-@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]}, epilog=EXIT_CODES)
+@click.group(cls=_Commands, context_settings=_SETTINGS, epilog=EXIT_CODES)
 @click.version_option(__version__, prog_name="sepv")
 def main() -> None:
     """Which structural properties does an integrator for dy = B(y)∇H(y)(dt + Σ c_j∘dW_j) really have?
@@ -118,11 +92,7 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if cannot_show(stream):
             never_fail(stream)
-    _keep_hypothesis_out_of_the_folder()
-
-
-def _keep_hypothesis_out_of_the_folder() -> None:
-    """Hypothesis caches a little in its storage directory: not in the folder where a user happens to be."""
+    # Hypothesis caches a little in its storage directory: not in the folder where a user happens to be.
     folder = Path(tempfile.gettempdir()) / f"sepv-{getpass.getuser()}"
     os.environ.setdefault("HYPOTHESIS_STORAGE_DIRECTORY", str(folder))
 

@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sepv.commands._shared import EXEC, FILE, PROBLEM, Renamed, Workers, candidates, friendly, save_json
+from sepv._terminal import print_table
+from sepv.commands import _shared as cli
 from sepv.errors import SepvError, UsageError
+from sepv.files import write_atomically
 
 if TYPE_CHECKING:
     from sepv.studies._compare.record import Comparison
@@ -42,33 +44,33 @@ class Numbers(click.ParamType):
 
 @click.command(short_help="Error, defects, time and work of schemes, side by side.")
 @click.argument("targets", nargs=-1, metavar="SCHEME...")
-@PROBLEM
-@EXEC
+@cli.PROBLEM
+@cli.EXEC
 @click.option(
-    "--y", "--initial", "initial", cls=Renamed, type=Numbers(float),
+    "--y", "--initial", "initial", cls=cli.Renamed, type=Numbers(float),
     help="Initial state. [default: the problem's own]",
 )  # fmt: skip
-@click.option("--time", "T", type=click.FloatRange(min=0, min_open=True), help="T. [default: 1]")
+@click.option("--time", "T", type=cli.POSITIVE, help="T. [default: 1]")
 @click.option("--steps", type=Numbers(int), help="Numbers of steps, such as 8,16,32.")
-@click.option("--paths", type=click.IntRange(min=32), default=1000, show_default=True, help="How many paths.")
-@click.option("--repeats", type=click.IntRange(min=1), default=5, show_default=True, help="Timed rounds.")
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the paths.")
+@click.option("--paths", type=click.IntRange(min=32), default=1000, help="How many paths.")
+@click.option("--repeats", type=cli.COUNT, default=5, help="Timed rounds.")
+@click.option("--seed", type=cli.NATURAL, default=0, help="Of the paths.")
 @click.option(
-    "--error", "errors", type=Numbers(float), default="1e-2,1e-4,1e-6", show_default=True,
+    "--error", "errors", type=Numbers(float), default="1e-2,1e-4,1e-6",
     help="Strong errors for which the time is shown.",
 )  # fmt: skip
 @click.option("--peers", is_flag=True, help="And every peer whose library is installed.")
 @click.option(
-    "--workers", type=Workers(), default=1, show_default=True,
+    "--workers", type=cli.Workers(), default=1,
     help="For errors and defects: threads, or a Dask scheduler's address. Times are taken here.",
 )  # fmt: skip
-@click.option("--json", "json_file", type=FILE, help="Write the comparison to this file.")
-@click.option("--csv", "csv_file", type=FILE, help="Write one line for each point to this file.")
-@click.option("--picture", type=FILE, help="Draw it: .svg, .png or .pdf (extra plots).")
+@click.option("--json", "json_file", type=cli.OUT, help="Write the comparison to this file.")
+@click.option("--csv", "csv_file", type=cli.OUT, help="Write one line for each point to this file.")
+@click.option("--picture", type=cli.OUT, help="Draw it: .svg, .png or .pdf (extra plots).")
 @click.option("-q", "--quiet", is_flag=True, help="No progress, and only the second table.")
-@friendly
+@cli.friendly
 def compare(
-    targets: tuple[str, ...], programs: tuple[str, ...], problem: str, picture: str | None, **options: Any
+    targets: cli.Names, programs: cli.Names, problem: str, picture: str | None, **options: Any
 ) -> None:
     """Error, invariant defects, time and work of SCHEMEs, on the same paths.
 
@@ -83,23 +85,23 @@ def compare(
 
     A scheme that fails is left out and named at the end; the exit code is 3 then.
     """
-    from sepv.files import require_folder, write_atomically
     from sepv.schemes import load_problem
     from sepv.studies._compare import picture as drawing
     from sepv.studies._compare import table
-    from sepv.studies._compare.choose import PEERS, installed_peers
-    from sepv.studies._compare.method import from_scheme
+    from sepv.studies._compare.method import PEERS, from_scheme, installed_peers
     from sepv.studies._compare.run import compare as run
     from sepv.studies._compare.run import one_core
     from sepv.studies._picture import require_picture
     from sepv.verification._progress import showing
 
     require_picture(picture)
-    for path in (options["json_file"], options["csv_file"], picture):
-        require_folder(path)
     with one_core() as alone, showing(options["quiet"]) as line:
-        system = _problem(load_problem(problem), options["initial"])
-        T, steps = options["T"] or 1.0, options["steps"] or _usual_steps(system)
+        system = load_problem(problem)
+        if options["initial"] is not None:
+            system = replace(system, initial=options["initial"], check=False)
+        coarsest = math.ceil(4 / (system.longest_step or 0.5))
+        usual = tuple(n for n in (coarsest * 2**k for k in range(5)) if n <= max(coarsest, MOST_STEPS))
+        T, steps = options["T"] or 1.0, options["steps"] or usual
         names = list(dict.fromkeys((*targets, *(installed_peers() if options["peers"] else ()))))
         if not names and not programs:
             raise UsageError(
@@ -108,25 +110,17 @@ def compare(
                 remedy=f"a built-in, module:attribute, exact-flow or a peer ({', '.join(PEERS)})",
             )
         methods, failed = _methods(names, system, line.update)
-        block: Any = candidates((), programs) if programs else nullcontext([])
+        block: Any = cli.candidates((), programs) if programs else nullcontext([])
         with block as others:
             methods += [replace(from_scheme(own, system), name=name) for name, own in others]
             if not methods:
                 raise failed[names[0]]
+            given = {key: options[key] for key in ("paths", "repeats", "seed", "workers")}
             found = run(
-                methods,
-                system,
-                steps=steps,
-                T=T,
-                paths=options["paths"],
-                repeats=options["repeats"],
-                seed=options["seed"],
-                targets=options["errors"],
-                workers=options["workers"],
-                progress=line.update,
+                methods, system, steps=steps, T=T, targets=options["errors"], progress=line.update, **given
             )
     found = replace(found, failed={name: str(e) for name, e in failed.items()} | found.failed)
-    save_json(options["json_file"], "comparison", found.to_json())
+    cli.save_json(options["json_file"], "comparison", found.to_json())
     if options["csv_file"]:
         write_atomically(options["csv_file"], table.to_csv(found))
     if picture:
@@ -140,7 +134,6 @@ def compare(
 
 def _show(found: Comparison, *, alone: bool, quiet: bool) -> None:
     """All points, the times to errors, and what a reader must know of them."""
-    from sepv._terminal import print_table
     from sepv.studies._compare import table
     from sepv.verification._report import console
 
@@ -161,7 +154,7 @@ def _methods(
     names: list[str], problem: Any, progress: Callable[[str], None]
 ) -> tuple[list[Any], dict[str, SepvError]]:
     """The methods that can be loaded and take a step, and what went wrong with the others."""
-    from sepv.studies._compare.choose import load_method
+    from sepv.studies._compare.method import load_method
 
     methods, failed = [], {}
     for name in names:
@@ -171,12 +164,3 @@ def _methods(
         except SepvError as error:
             failed[name] = error
     return methods, failed
-
-
-def _usual_steps(problem: Any) -> tuple[int, ...]:
-    coarsest = math.ceil(4 / (problem.longest_step or 0.5))
-    return tuple(n for n in (coarsest * 2**k for k in range(5)) if n <= max(coarsest, MOST_STEPS))
-
-
-def _problem(problem: Any, initial: tuple[float, ...] | None) -> Any:
-    return problem if initial is None else replace(problem, initial=initial, check=False)

@@ -11,7 +11,7 @@ from sepv.commands._shared import friendly
 @click.command(short_help="The completion script for bash, zsh or fish.")
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
 @friendly
-def completion(shell: str, debug: bool) -> None:  # noqa: ARG001  (every command takes it)
+def completion(shell: str) -> None:
     """Print the completion script for SHELL: commands, options, schemes and laws.
 
     \b

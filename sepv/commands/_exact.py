@@ -13,17 +13,10 @@ from sepv.commands._shared import friendly
 @click.option(
     "--y", "state", metavar="Y1,Y2,…", help="Where it starts. [default: the problem's initial state]"
 )
-@click.option("--digits", type=int, default=50, show_default=True, help="Significant digits.")
+@click.option("--digits", type=int, default=50, help="Significant digits.")
 @click.option("--certify", is_flag=True, help="Enclose the result in balls (needs python-flint).")
 @friendly
-def exact(
-    problem: str,
-    theta: str,
-    state: str | None,
-    digits: int,
-    certify: bool,
-    debug: bool,  # noqa: ARG001  (every command takes it)
-) -> None:
+def exact(problem: str, theta: str, state: str | None, digits: int, certify: bool) -> None:
     """The exact solution of PROBLEM at the random time θ: a name, a .json file of polynomial data, or module:attribute.
 
     Computed by Taylor series in extended precision, beside the closed form where there is one, and beside

@@ -3,56 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from sepv._terminal import counted, print_table
-from sepv.commands._shared import EXEC, FILE, candidates, friendly, save_json
+from sepv._terminal import Table, columns, counted, print_table
+from sepv.commands import _shared as cli
 
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from sepv._terminal import Table
     from sepv.studies._hard_cases import Seen
 
 
 @click.command(short_help="A scheme on hard cases: large steps, stiff, near singular.")
 @click.argument("target", metavar="[TARGET]", required=False)
-@EXEC
+@cli.EXEC
 @click.option(
     "--problem", "-p", "own", multiple=True, metavar="PROBLEM",
     help="Long steps of this problem in place of the cases.",
 )  # fmt: skip
 @click.option("--case", "names", multiple=True, metavar="NAME", help="Only this case; may be repeated.")
-@click.option(
-    "--steps", type=click.IntRange(min=1), default=200, show_default=True, help="Random steps of each case."
-)
-@click.option(
-    "--laws",
-    type=click.IntRange(min=0),
-    default=2,
-    show_default=True,
-    help="Steps on which laws are measured.",
-)
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@click.option("--steps", type=cli.COUNT, default=200, help="Random steps of each case.")
+@click.option("--laws", type=cli.NATURAL, default=2, help="Steps on which laws are measured.")
+@click.option("--seed", type=cli.NATURAL, default=0)
 @click.option("--explain", is_flag=True, help="Why each case is hard, and what is expected. Runs nothing.")
-@click.option("--json", "json_file", type=FILE, help="Write all numbers to this file.")
+@click.option("--json", "json_file", type=cli.OUT, help="Write all numbers to this file.")
 @click.option("-q", "--quiet", is_flag=True, help="Only what was not expected, and the last line.")
-@friendly
+@cli.friendly
 def hard(
-    target: str | None,
-    programs: tuple[str, ...],
-    own: tuple[str, ...],
-    names: tuple[str, ...],
-    steps: int,
-    laws: int,
-    seed: int,
-    explain: bool,
-    json_file: str | None,
-    quiet: bool,
-    debug: bool,  # noqa: ARG001  (every command takes it)
-) -> None:
+    target: str | None, programs: cli.Names, own: cli.Names, names: cli.Names, steps: int, laws: int, seed: int,
+    explain: bool, json_file: str | None, quiet: bool,
+) -> None:  # fmt: skip
     """Where schemes break: random steps of the hard cases, each solved to its bound or refused by name.
 
     TARGET is a built-in scheme or module:attribute. Exit code 0 if every step of every case ends as the
@@ -78,21 +60,19 @@ def hard(
         for case in cases:
             out.print(f"[bold]{case.name}[/bold]\n  hard: {case.reason}\n  expected: {case.expected}")
         return
-    from sepv.files import require_folder
     from sepv.studies._hard_cases import run
     from sepv.verification._progress import showing
 
-    require_folder(json_file)
     asked = [target] if target else [] if programs else ["energy-preserving"]
-    with candidates(asked, programs) as found, showing(quiet) as shown:
+    with cli.candidates(asked, programs) as found, showing(quiet) as shown:
         target, scheme = found[0]
         places = {case.name: n / len(cases) for n, case in enumerate(cases)}
         seen = run(
             scheme, cases, steps=steps, laws=laws, seed=seed,
             progress=lambda case: shown.update(case.name, places[case.name]),
         )  # fmt: skip
-    report = {"scheme": scheme.name, "seed": seed, "cases": [s.to_json() for s in seen]}
-    save_json(json_file, "hard", report)
+    cases_seen = [s.to_json() for s in seen]
+    cli.save_json(json_file, "hard", {"scheme": scheme.name, "seed": seed, "cases": cases_seen})
     if not quiet:
         print_table(_table(scheme.name, seen), out)
         out.print("* a step may be refused; solved otherwise. Why, says --explain.\n")
@@ -104,26 +84,19 @@ def hard(
 
 
 def _table(name: str, seen: Sequence[Seen]) -> Table:
+    import numpy as np
     from rich.text import Text
-
-    from sepv._terminal import Table, columns
 
     rows: list[tuple[str | Text, ...]] = []
     for s in seen:
         held = f"{sum(a for a, _ in s.laws.values())}/{sum(b for _, b in s.laws.values())}" if s.laws else ""
-        turns = f"{_number(s.iterations, _middle)}, ≤ {int(max(s.iterations))}" if s.iterations.any() else ""
+        turns = f"{np.median(s.iterations):.2g}, ≤ {int(max(s.iterations))}" if s.iterations.any() else ""
         style = "" if s.as_expected else "bold red"
-        rows.append(
-            (
-                Text(s.case.name + ("*" if s.case.refusals else ""), style=style),
-                Text(_endings(s), style=style),
-                _number(s.defects, _middle),
-                _number(s.defects, max),
-                f"{s.ratio:.1g}" if s.defects.size else "",
-                turns,
-                held,
-            )
-        )
+        name_of = Text(s.case.name + ("*" if s.case.refusals else ""), style=style)
+        sizes = ["", "", ""]
+        if s.defects.size:
+            sizes = [f"{np.median(s.defects):.2g}", f"{max(s.defects):.2g}", f"{s.ratio:.1g}"]
+        rows.append((name_of, Text(_endings(s), style=style), *sizes, turns, held))
     numbers = ("median", "largest", "of bound", "Newton", "laws")
     goes = ("laws", "Newton", "median", "of bound", "largest")
     heads = (*columns(["case"]), *columns(["seen"], words=True), *columns((), numbers, goes=goes))
@@ -164,13 +137,3 @@ def _summary(seen: Sequence[Seen]) -> str:
         f"{nan} not finite, {counted(wrong, 'wrong value')} passed for {'a solution' if wrong == 1 else 'solutions'}; "
         f"{counted(sum(s.as_expected for s in seen), 'case')} as expected."
     )
-
-
-def _middle(values: Any) -> float:
-    import numpy as np
-
-    return float(np.median(values))
-
-
-def _number(values: Any, of: Any) -> str:
-    return f"{of(values):.2g}" if values.size else ""

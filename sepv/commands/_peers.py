@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from sepv.commands._shared import FOLDER, friendly
+from sepv.commands import _shared as cli
 from sepv.errors import SepvError, require_one_of
 from sepv.files import read_json
 
@@ -19,31 +19,21 @@ from sepv.files import read_json
 @click.argument("library", required=False, metavar="[LIBRARY]")
 @click.argument("releases", nargs=-1, metavar="[VERSION]...")
 @click.option("--versions", is_flag=True, help="Every version that was tried (sepv.peers._versions).")
-@click.option("--results", type=FOLDER, default="results", show_default=True, help="The records' folder.")
+@click.option("--results", type=cli.FOLDER, default="results", help="The records' folder.")
 @click.option(
     "--with", "companions", multiple=True, metavar="REQUIREMENT", help="Installed beside it, by pip."
 )
 @click.option(
-    "--python", default=sys.executable, metavar="EXECUTABLE", help="The Python of the environments."
-)
-@click.option("--keep", type=FOLDER, help="Environments and cells stay there, and the next run goes on.")
-@click.option(
-    "--scripts", type=FOLDER, default="docs/peers", show_default=True, help="Scripts of deviations."
-)
+    "--python", default=sys.executable, show_default=False, metavar="EXECUTABLE",
+    help="The Python of the environments.",
+)  # fmt: skip
+@click.option("--keep", type=cli.FOLDER, help="Environments and cells stay there, and the next run goes on.")
+@click.option("--scripts", type=cli.FOLDER, default="docs/peers", help="Scripts of deviations.")
 @click.option("--again", is_flag=True, help="Versions that have a record, too; the new one stands beside it.")
-@click.option(
-    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths."
-)
-@click.option("-j", "--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Side by side.")
-@friendly
-def peers(
-    library: str | None,
-    releases: tuple[str, ...],
-    versions: bool,
-    results: str,
-    debug: bool,  # noqa: ARG001  (every command takes it)
-    **options: Any,
-) -> None:
+@click.option("--seed", type=cli.NATURAL, default=0, help="Of examples and paths.")
+@click.option("-j", "--jobs", type=cli.COUNT, default=1, help="Side by side.")
+@cli.friendly
+def peers(library: str | None, releases: cli.Names, versions: bool, results: str, **options: Any) -> None:
     """Measure VERSIONs of LIBRARY, each in a fresh virtual environment, and record what its solvers do.
 
     pip installs each version, from wherever your pip installs. A record is RESULTS/LIBRARY/VERSION.json and is never
@@ -58,12 +48,14 @@ def peers(
 
     Exit codes: 0 every version is recorded; 2 wrong usage; 3 a version could not be installed or measured.
     """
-    from sepv.peers._history import recorded
+    from sepv.peers._history import load, recorded
 
     folder = Path(results)
     asked = _asked(library, releases, versions)
     if not asked:
-        _list(folder, library)
+        for name, records in load(folder).items():
+            if library in (None, name):
+                click.echo(f"{name}: {', '.join(dict.fromkeys(r.version for r in records))}")
         return
     wanted = []
     for name, version in asked:
@@ -88,7 +80,7 @@ def peers(
     raise SystemExit(0 if all(right for right, _ in said) else 3)
 
 
-def _asked(library: str | None, releases: tuple[str, ...], versions: bool) -> list[tuple[str, str]]:
+def _asked(library: str | None, releases: cli.Names, versions: bool) -> list[tuple[str, str]]:
     """(library, version) of what is to be measured."""
     from sepv.peers._compliance_measurements import LIBRARIES
     from sepv.peers._versions import VERSIONS
@@ -99,14 +91,6 @@ def _asked(library: str | None, releases: tuple[str, ...], versions: bool) -> li
         tried = {name: tuple(found) for name, found in VERSIONS.items() if library in (None, name)}
         return [(name, version) for name, found in tried.items() for version in found]
     return [(str(library), version) for version in dict.fromkeys(releases)]
-
-
-def _list(folder: Path, library: str | None) -> None:
-    from sepv.peers._history import load
-
-    for name, records in load(folder).items():
-        if library in (None, name):
-            click.echo(f"{name}: {', '.join(dict.fromkeys(r.version for r in records))}")
 
 
 def _recorded(library: str, version: str, folder: Path, options: dict[str, Any]) -> str:
@@ -122,15 +106,8 @@ def _recorded(library: str, version: str, folder: Path, options: dict[str, Any])
         click.echo(f"{library} {version}: an environment with {', '.join(requirements)}", err=True)
         python = environments.made(home / "environment", requirements, options["python"])
         out, scripts = Path(temporary) / "record.json", Path(options["scripts"])
-        arguments = [
-            library,
-            "--out",
-            str(out),
-            "--keep",
-            str(home / "cells"),
-            "--seed",
-            str(options["seed"]),
-        ]
+        files = ["--out", str(out), "--keep", str(home / "cells")]
+        arguments = [library, *files, "--seed", str(options["seed"])]
         if scripts.is_dir():
             arguments += ["--scripts", str(scripts.resolve())]
         environments.measure(python, arguments)

@@ -32,13 +32,7 @@ def numbers(text: str | None, what: str, count: int, default: Any = None) -> tup
 
 
 def description(problem: Problem) -> PolynomialSystem | NamedProblem:
-    """The data of a problem, which is what the references read.
-
-    Raises
-    ------
-    UsageError
-        For a problem that is Python functions and nothing else.
-    """
+    """The data of a problem, which the references read; a UsageError where it is Python functions and nothing else."""
     if problem.data is None:
         raise UsageError(
             expected="a problem by name, or polynomial data (a .json file)",

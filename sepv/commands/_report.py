@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import click
 
-from sepv.commands._shared import FILE, friendly
+from sepv.commands._shared import OUT, Names, friendly
+from sepv.files import write_atomically
 
 
 @click.command(short_help="One HTML page from the JSON files of the others.")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=click.Path())
-@click.option("-o", "--out", type=FILE, default="report.html", show_default=True, help="The page.")
-@click.option("--title", default="Which structural properties hold?", show_default=True, help="Its heading.")
+@click.option("-o", "--out", type=OUT, default="report.html", help="The page.")
+@click.option("--title", default="Which structural properties hold?", help="Its heading.")
 @click.option("-q", "--quiet", is_flag=True, help="Print nothing.")
 @friendly
-def report(files: tuple[str, ...], out: str, title: str, quiet: bool, debug: bool) -> None:  # noqa: ARG001
+def report(files: Names, out: str, title: str, quiet: bool) -> None:
     """One self-contained HTML page from the JSON FILEs of verify, compare, bench and reproduce.
 
     The page needs no network and no JavaScript; it prints, and it follows the reader's light or dark theme. Its
@@ -26,10 +27,8 @@ def report(files: tuple[str, ...], out: str, title: str, quiet: bool, debug: boo
 
     Exit code 0, or 2 for wrong usage.
     """
-    from sepv.files import require_folder, write_atomically
     from sepv.page import load, render
 
-    require_folder(out)
     page = render(load(files), title=title)
     write_atomically(out, page)
     if not quiet:

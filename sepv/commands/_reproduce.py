@@ -7,36 +7,31 @@ from typing import Any
 
 import click
 
-from sepv.commands._shared import FILE, FOLDER, Workers, friendly, save_json
+from sepv.commands import _shared as cli
 from sepv.errors import UsageError
+from sepv.files import json_text, write_atomically
 
 QUICK = 1 / 32
 
 
 @click.command(short_help="The paper's figures again, with verdicts.")
 @click.argument("figures", nargs=-1, metavar="[FIGURE]...")
-@click.option("-o", "--out", type=FOLDER, help="Folder for JSON, CSV, SVG and PNG.")
-@click.option("--json", "json_file", type=FILE, help="Write the whole record to this file.")
+@click.option("-o", "--out", type=cli.FOLDER, help="Folder for JSON, CSV, SVG and PNG.")
+@click.option("--json", "json_file", type=cli.OUT, help="Write the whole record to this file.")
 @click.option("--errata", is_flag=True, help="Only what does not hold as printed, with its evidence.")
 @click.option("--no-figures", is_flag=True, help="With --out: numbers only, matplotlib is not needed.")
 @click.option(
     "--quick", is_flag=True, help=f"A share of {QUICK:g} of the samples and steps; verdicts may stay open."
 )
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of all Wiener paths.")
+@click.option("--seed", type=cli.NATURAL, default=0, help="Of all Wiener paths.")
+@click.option("--workers", type=cli.Workers(), default=2, help="Processes, or a Dask scheduler's address.")
 @click.option(
-    "--workers",
-    type=Workers(),
-    default=2,
-    show_default=True,
-    help="Processes, or a Dask scheduler's address.",
-)
-@click.option(
-    "--engine", type=click.Choice(["auto", "numpy"]), default="auto", show_default=True,
+    "--engine", type=click.Choice(["auto", "numpy"]), default="auto",
     help="auto: compiled where the extra fast has code for the scheme.",
 )  # fmt: skip
 @click.option("-q", "--quiet", is_flag=True, help="Only the last line.")
-@friendly
-def reproduce(figures: tuple[str, ...], out: str | None, json_file: str | None, **options: Any) -> None:
+@cli.friendly
+def reproduce(figures: cli.Names, out: str | None, json_file: str | None, **options: Any) -> None:
     """The paper's Figures 4.1 to 4.6, computed again, with a verdict on each statement about them.
 
     FIGURE is one of 4.1 to 4.6, "theory" for what §2, §3 and the remarks say, or "text" for formulas and arguments
@@ -52,21 +47,19 @@ def reproduce(figures: tuple[str, ...], out: str | None, json_file: str | None, 
 
     Exit code 0, or 2 for wrong usage.
     """  # fmt: skip
-    from sepv.files import require_folder
-    from sepv.studies._reproduce.job import Size
     from sepv.studies._reproduce.on_terminal import show, summary, watching
+    from sepv.studies._reproduce.record import Size
     from sepv.studies._reproduce.suite import reproduce as run
     from sepv.verification._report import console, line
 
     if options["errata"]:
         _errata()
         return
-    require_folder(json_file)
     folder = _folder(out, draws=not options["no_figures"])
     size = Size(share=QUICK if options["quick"] else 1.0, seed=options["seed"], engine=options["engine"])
     with watching(options["quiet"]) as progress:
         found = run(figures, size=size, workers=options["workers"], progress=progress)
-    save_json(json_file, "reproduction", found.to_json(), indent=None)
+    cli.save_json(json_file, "reproduction", found.to_json(), indent=None)
     if folder is not None:
         _write(found, folder, draws=not options["no_figures"])
     screen = console()
@@ -111,13 +104,11 @@ def _folder(out: str | None, *, draws: bool) -> Path | None:
 
 
 def _write(found: Any, folder: Path, *, draws: bool) -> None:
-    from sepv.files import json_text, write_atomically
-
-    save_json(str(folder / "reproduction.json"), "reproduction", found.to_json(), indent=None)
+    cli.save_json(str(folder / "reproduction.json"), "reproduction", found.to_json(), indent=None)
     for panel in found.panels:
         write_atomically(str(folder / f"{panel.key}.json"), json_text(panel.to_json(), indent=None))
         write_atomically(str(folder / f"{panel.key}.csv"), panel.to_csv())
         if draws:
-            from sepv.studies._reproduce.panel_files import draw
+            from sepv.studies._reproduce.record import draw
 
             draw(panel, folder)

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import click
 
-from sepv.commands._shared import EXEC, FILE, PROBLEM, candidates, friendly, save_json
+from sepv._terminal import Column, Table, print_table
+from sepv.commands import _shared as cli
+from sepv.errors import UsageError
+from sepv.files import finite
 from sepv.schemes._point_distributions import NAMES
 
 
 @click.command(short_help="One path over many steps.")
 @click.argument("scheme", required=False)
-@PROBLEM
-@EXEC
-@click.option("--h", "h", type=float, default=0.01, show_default=True, help="The step size.")
+@cli.PROBLEM
+@cli.EXEC
+@click.option("--h", "h", type=float, default=0.01, help="The step size.")
 @click.option(
     "--steps",
     type=float,
@@ -25,21 +27,19 @@ from sepv.schemes._point_distributions import NAMES
     show_default=False,
     help="How many steps, such as 1e8.  [default: 1e6]",
 )
-@click.option("--seed", type=int, default=0, show_default=True)
+@click.option("--seed", type=int, default=0)
 @click.option("--every", type=float, help="Keep the state after each so many steps [default: a thousandth].")
 @click.option("--compensated", is_flag=True, help="Kahan's summation of the steps.")
 @click.option(
     "--increments", type=click.Choice(NAMES), help="Instead of those the scheme is meant for (weak schemes)."
 )
-@click.option("--engine", type=click.Choice(["auto", "numpy", "compiled"]), default="auto", show_default=True)
-@click.option("--json", "json_file", type=FILE, help="Write the kept states and defects.")
+@click.option("--engine", type=click.Choice(["auto", "numpy", "compiled"]), default="auto")
+@click.option("--json", "json_file", type=cli.OUT, help="Write the kept states and defects.")
 @click.option("-q", "--quiet", is_flag=True, help="No progress; print one line, the defects.")
-@friendly
+@cli.friendly
 def run(
-    scheme: str | None, problem: str, programs: tuple[str, ...], h: float, steps: float, seed: int,
-    every: float | None, compensated: bool, increments: str | None,
-    engine: str, json_file: str | None, quiet: bool,
-    debug: bool,  # noqa: ARG001  (every command takes it)
+    scheme: str | None, problem: str, programs: cli.Names, h: float, steps: float, seed: int, every: float | None,
+    compensated: bool, increments: str | None, engine: str, json_file: str | None, quiet: bool,
 ) -> None:  # fmt: skip
     """One path of SCHEME over many steps: its end, its invariants, its price.
 
@@ -49,45 +49,47 @@ def run(
 
     Ctrl-C stops it, shows and writes what was done, and exits with 130.
     """
-    from sepv.errors import UsageError
-    from sepv.files import finite, require_folder
     from sepv.schemes import load_problem
     from sepv.simulate import long_path
+    from sepv.verification._progress import showing
 
-    require_folder(json_file)
     count = _whole("steps", steps)
     kept = _whole("every", every) if every is not None else max(1, count // 1000)
     system = load_problem(problem)
-    with candidates([scheme] if scheme else [], programs, [system]) as found, _bar(count, quiet) as progress:
+    with cli.candidates([scheme] if scheme else [], programs, [system]) as found, showing(quiet) as shown:
         if len(found) > 1:
             raise UsageError(
                 expected="one scheme", received=f"{len(found)}", remedy="sepv run, once for each of them"
             )
         scheme, own = found[0]
-        said: list[BaseException] = []
+        said: list[str] = []
         if own.solve is None and not own.step.__module__.startswith("sepv."):
             own = replace(own, step=_remembering(own.step, said))
         path = long_path(
             own, system, h=h, steps=count, seed=seed, every=kept,
-            compensated=compensated, increments=increments, engine=engine, progress=progress,
+            compensated=compensated, increments=increments, engine=engine,
+            progress=lambda done, _: shown.update(f"{done:,} of {count:,} steps", done / count),
         )  # fmt: skip
     counted = own.solve is not None
     casimirs = bool(system.casimirs or system.linear_casimirs)
     _show(scheme, problem, path, quiet, counted=counted, casimirs=casimirs)
     if json_file:
-        record = _record(scheme, problem, h, seed, path)
-        if not casimirs:
-            record["casimir_defect"] = None
-        if not counted:
-            record["iterations"] = None
-        save_json(json_file, "path", finite(record), indent=None)
+        record = {
+            "scheme": scheme, "problem": problem, "h": h, "seed": seed, "steps": path.steps, "planned": path.planned,
+            "interrupted": path.interrupted, "status": path.status.text, "engine": path.engine,
+            "y": path.y.tolist(), "W": path.W.tolist(), "times": path.times.tolist(),
+            "states": path.states.T.tolist(), "energy_defects": path.energy_defects.tolist(),
+            "energy_defect": path.energy_defect, "casimir_defect": path.casimir_defect if casimirs else None,
+            "iterations": path.iterations if counted else None, "seconds": path.seconds,
+        }  # fmt: skip
+        cli.save_json(json_file, "path", finite(record), indent=None)
     if path.interrupted:
         raise SystemExit(130)
     if path.status:
         raise UsageError(
             expected=f"a path of {count:,} steps",
             received=f"{path.steps:,} steps; the next one, from y = {path.y.tolist()} with h = {h!r}, failed: "
-            + (_words(said[-1]) if said else path.status.text if counted else _UNCOUNTED[path.status.name]),
+            + (said[-1] if said else path.status.text if counted else _UNCOUNTED[path.status.name]),
             remedy="a smaller --h",
         )
 
@@ -100,26 +102,20 @@ _UNCOUNTED = {
 }
 
 
-def _words(error: BaseException) -> str:
-    return f"the scheme raised {type(error).__name__}: {error}".partition("\n")[0]
-
-
-def _remembering(step: Callable[..., Any], said: list[BaseException]) -> Callable[..., Any]:
-    """The step; the last of its own exceptions is kept, which the status of a path does not tell."""
+def _remembering(step: Callable[..., Any], said: list[str]) -> Callable[..., Any]:
+    """The step; the last of its own exceptions is kept in words, which the status of a path does not tell."""
 
     def asked(problem: Any, y: Any, h: float, dW: Any) -> Any:
         try:
             return step(problem, y, h, dW)
         except Exception as error:
-            said[:] = [error]
+            said[:] = [f"the scheme raised {type(error).__name__}: {error}".partition("\n")[0]]
             raise
 
     return asked
 
 
 def _whole(name: str, value: float) -> int:
-    from sepv.errors import UsageError
-
     if not (1 <= value < 2**62) or value != int(value):
         raise UsageError(
             expected=f"--{name}, a whole number ≥ 1", received=f"{value!r}", remedy="such as 1e6"
@@ -127,52 +123,26 @@ def _whole(name: str, value: float) -> int:
     return int(value)
 
 
-@contextmanager
-def _bar(total: int, quiet: bool) -> Iterator[Callable[[int, int], None]]:
-    from sepv.verification._progress import showing
-
-    with showing(quiet) as shown:
-        yield lambda done, _total: shown.update(f"{done:,} of {total:,} steps", done / total)
-
-
 def _show(scheme: str, problem: str, path: Any, quiet: bool, *, counted: bool, casimirs: bool) -> None:
-    from sepv._terminal import Column, Table, print_table
     from sepv.verification._report import console
 
     unit = 2.0**-52 * max(path.steps, 1) ** 0.5
     if quiet:
         second = f", Casimirs {path.casimir_defect:.3g}" if casimirs else ""
-        console().print(
-            f"{path.steps:,} step{'s' * (path.steps != 1)}: energy {path.energy_defect:.3g}{second} at most"
-        )
+        steps = f"{path.steps:,} step{'s' * (path.steps != 1)}"
+        console().print(f"{steps}: energy {path.energy_defect:.3g}{second} at most")
         return
+    why = f" ({path.reason})" if path.reason else ""
+    size = "largest defect {0:.3g} = {1:.3g} eps·√N"
     rows = [
-        (
-            "path",
-            f"{scheme} on {problem}, {path.engine} engine" + (f" ({path.reason})" if path.reason else ""),
-        ),
+        ("path", f"{scheme} on {problem}, {path.engine} engine{why}"),
         ("steps", f"{path.steps:,} of {path.planned:,}" + (" (interrupted)" if path.interrupted else "")),
         ("time", f"{path.seconds:.3g} s, {path.seconds / max(path.steps, 1) * 1e9:.3g} ns a step"),
         ("end", f"t = {path.t:g}, y = {[float(v) for v in path.y]}"),
-        ("energy", f"largest defect {path.energy_defect:.3g} = {path.energy_defect / unit:.3g} eps·√N"),
+        ("energy", size.format(path.energy_defect, path.energy_defect / unit)),
     ]
     if casimirs:
-        rows.append(
-            (
-                "Casimirs",
-                f"largest defect {path.casimir_defect:.3g} = {path.casimir_defect / unit:.3g} eps·√N",
-            )
-        )
+        rows.append(("Casimirs", size.format(path.casimir_defect, path.casimir_defect / unit)))
     if counted:
         rows.append(("work", f"{path.iterations / max(path.steps, 1):.3g} iterations a step"))
     print_table(Table((Column("what"), Column("found", words=True)), rows, headed=False), console())
-
-
-def _record(scheme: str, problem: str, h: float, seed: int, path: Any) -> dict[str, Any]:
-    return {
-        "scheme": scheme, "problem": problem, "h": h, "seed": seed, "steps": path.steps, "planned": path.planned,
-        "interrupted": path.interrupted, "status": path.status.text, "engine": path.engine,
-        "y": path.y.tolist(), "W": path.W.tolist(), "times": path.times.tolist(), "states": path.states.T.tolist(),
-        "energy_defects": path.energy_defects.tolist(), "energy_defect": path.energy_defect,
-        "casimir_defect": path.casimir_defect, "iterations": path.iterations, "seconds": path.seconds,
-    }  # fmt: skip

@@ -14,6 +14,7 @@ from typing import Any
 import click
 
 from sepv.errors import SepvError, TargetError, UsageError
+from sepv.files import require_folder
 
 EXIT_CODES = """Exit codes: 0 all claimed laws hold; 1 a claimed law is violated, or not shown to hold within the
 budget; 2 wrong usage; 3 the scheme crashed, hung, or could not be loaded; 70 sepv itself failed; 130 interrupted."""
@@ -31,8 +32,14 @@ class _Folder(click.Path):
         self.name = "folder"
 
 
-# In help: FILE and FOLDER, whether they are read or written.
-FILE, FOLDER = click.Path(dir_okay=False), _Folder()
+# In help: FILE and FOLDER, whether they are read or written. `friendly` looks whether an OUT can be written.
+FILE, OUT, FOLDER = click.Path(dir_okay=False), click.Path(dir_okay=False), _Folder()
+NATURAL, COUNT, POSITIVE = (
+    click.IntRange(min=0),
+    click.IntRange(min=1),
+    click.FloatRange(min=0, min_open=True),
+)
+Names = tuple[str, ...]
 
 
 def save_json(path: str | None, name: str, data: dict[str, Any], *, indent: int | None = 1) -> None:
@@ -56,9 +63,16 @@ class Renamed(click.Option):
             self.opts = opts
 
 
+def listed(_context: click.Context, _parameter: click.Parameter, values: Names) -> Names:
+    """Names that were separated by commas, by repeating the option, or both."""
+    return tuple(name.strip() for value in values for name in value.split(",") if name.strip())
+
+
 PROBLEM = click.option(
-    "--problem", "-p", default="rigid-body", show_default=True, metavar="PROBLEM",
-    help="By name, file.json or module:attribute.",
+    "--problem", "-p", default="rigid-body", metavar="PROBLEM", help="By name, file.json or module:attribute."
+)
+CLAIM = click.option(
+    "--claim", "claims", multiple=True, metavar="LAW,…", help="Hold the scheme to these laws too.", callback=listed
 )  # fmt: skip
 EXEC = click.option(
     "--exec", "programs", multiple=True, metavar="COMMAND",
@@ -70,13 +84,7 @@ EXEC = click.option(
 def candidates(
     targets: Iterable[str], programs: Iterable[str], problems: Iterable[Any] = ()
 ) -> Iterator[list[tuple[str, Any]]]:
-    """(how a command names it, scheme) of every target and every program; the programs end with the block.
-
-    Raises
-    ------
-    UsageError
-        Where there is neither a target nor a program.
-    """
+    """(how a command names it, scheme) of every target and every program; the programs end with the block."""
     from sepv.schemes import load_scheme
 
     with ExitStack() as stack:
@@ -117,11 +125,6 @@ def complete_schemes(_context: click.Context, _parameter: click.Parameter, incom
     return [name for name in schemes.PAPER if name.startswith(incomplete)]
 
 
-def listed(_context: click.Context, _parameter: click.Parameter, values: tuple[str, ...]) -> tuple[str, ...]:
-    """Names that were separated by commas, by repeating the option, or both."""
-    return tuple(name.strip() for value in values for name in value.split(",") if name.strip())
-
-
 def complete_laws(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
     """Laws, for shell completion."""
     from sepv.verification import LAWS
@@ -130,12 +133,19 @@ def complete_laws(_context: click.Context, _parameter: click.Parameter, incomple
 
 
 def friendly(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Errors as one message and the documented exit code, never 1; the traceback only with --debug."""
+    """Errors as one message and the documented exit code, never 1; the traceback only with --debug.
+
+    Files that could not be written are such an error.
+    """
 
     @wraps(command)
     def wrapper(*args: Any, debug: bool, **kwargs: Any) -> Any:
         try:
-            return command(*args, debug=debug, **kwargs)
+            context = click.get_current_context()
+            for option in context.command.params:
+                if option.type is OUT and option.name:
+                    require_folder(context.params[option.name])
+            return command(*args, **kwargs)
         except (SystemExit, click.exceptions.Exit, click.ClickException):
             raise
         except BaseException as error:
@@ -147,7 +157,9 @@ def friendly(command: Callable[..., Any]) -> Callable[..., Any]:
 def _ended_by(error: BaseException, debug: bool) -> int:
     """Say it, and the exit code of it."""
     if isinstance(error, BrokenPipeError):
-        return _reader_gone()
+        # ``sepv … | head``: nobody reads on. What is left to write, also at exit, goes nowhere; 141 as for SIGPIPE.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
     if debug and not isinstance(error, KeyboardInterrupt):
         traceback.print_exception(error)
     elif isinstance(error, KeyboardInterrupt):
@@ -165,9 +177,3 @@ def _ended_by(error: BaseException, debug: bool) -> int:
     if isinstance(error, SepvError):
         return 2 if isinstance(error, UsageError) and not isinstance(error, TargetError) else 3
     return 2 if isinstance(error, OSError) else CRASH
-
-
-def _reader_gone() -> int:
-    """``sepv … | head``: nobody reads on. What is left to write, also at exit, goes nowhere; 141 as for SIGPIPE."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    return 141

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import time as clock
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from sepv._terminal import Table, columns, print_table
+from sepv.commands import _shared as cli
 from sepv.commands._compare import Numbers
-from sepv.commands._shared import FILE, Renamed, friendly, save_json
+from sepv.files import write_atomically
 
 if TYPE_CHECKING:
-    from sepv._terminal import Table
     from sepv.studies._solvability.map import Map
     from sepv.studies._solvability.paths import Exits
 
@@ -28,80 +28,44 @@ FOLLOWED = tuple(2.0**-n for n in range(4, 10))
 @click.command(short_help="Which steps have a solution, and how long a step size is safe.")
 @click.argument("problem")
 @click.option(
-    "--scheme",
-    default="energy-preserving",
-    show_default=True,
-    metavar="SCHEME",
-    help="This, midpoint or both-invariants.",
+    "--scheme", default="energy-preserving", metavar="SCHEME", help="This, midpoint or both-invariants."
 )
+@click.option("--range", "furthest", type=cli.POSITIVE, default=1.0, help="The largest |Δ|.")
+@click.option("--states", type=click.IntRange(min=2), default=96, help="How many, along the orbit.")
+@click.option("--time", type=click.FloatRange(min=0), default=10.0, help="Length of the orbit.")
+@click.option("--grid", type=click.IntRange(min=2), default=80, help="Points of Δ on each side of 0.")
 @click.option(
-    "--range", "furthest", type=click.FloatRange(min=0, min_open=True), default=1.0, show_default=True,
-    help="The largest |Δ|.",
-)  # fmt: skip
-@click.option(
-    "--states", type=click.IntRange(min=2), default=96, show_default=True, help="How many, along the orbit."
-)
-@click.option(
-    "--time", type=click.FloatRange(min=0), default=10.0, show_default=True, help="Length of the orbit."
-)
-@click.option(
-    "--grid", type=click.IntRange(min=2), default=80, show_default=True, help="Points of Δ on each side of 0."
-)
-@click.option(
-    "--y", "--initial", "initial", cls=Renamed, type=Numbers(float),
+    "--y", "--initial", "initial", cls=cli.Renamed, type=Numbers(float),
     help="Initial state. [default: the problem's own]",
 )  # fmt: skip
 @click.option("--noise", type=Numbers(float), help="The c_j, such as 1,0.5. [default: the problem's own]")
 @click.option(
-    "--truncation",
-    type=click.IntRange(min=0),
-    help="k of Remark 2.1; 0 for none. [default: each scheme's own]",
+    "--truncation", type=cli.NATURAL, help="k of Remark 2.1; 0 for none. [default: each scheme's own]"
 )
 @click.option(
-    "--follow",
-    multiple=True,
-    metavar="SCHEME",
+    "--follow", multiple=True, metavar="SCHEME",
     help="Whose paths are followed; any scheme, more than once. [default: that of the map]",
-)
+)  # fmt: skip
 @click.option(
     "--until",
     type=click.FloatRange(min=0),
     default=512.0,
-    show_default=True,
     help="Time to which paths are followed; 0 for none.",
 )
-@click.option("--paths", type=click.IntRange(min=1), default=48, show_default=True, help="For each h.")
+@click.option("--paths", type=cli.COUNT, default=48, help="For each h.")
 @click.option(
-    "--seconds",
-    type=click.FloatRange(min=0),
-    default=60.0,
-    show_default=True,
+    "--seconds", type=click.FloatRange(min=0), default=60.0,
     help="For following, in all; paths are followed less far where it is not enough.",
-)
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the paths.")
-@click.option("--json", "json_file", type=FILE, help="Write all numbers to this file.")
-@click.option("--picture", type=FILE, help="Draw it: .svg, .png or .pdf (extra plots).")
-@friendly
+)  # fmt: skip
+@click.option("--seed", type=cli.NATURAL, default=0, help="Of the paths.")
+@click.option("--json", "json_file", type=cli.OUT, help="Write all numbers to this file.")
+@click.option("--picture", type=cli.OUT, help="Draw it: .svg, .png or .pdf (extra plots).")
+@cli.friendly
 def solvability(
-    problem: str,
-    *,
-    scheme: str,
-    furthest: float,
-    states: int,
-    time: float,
-    grid: int,
-    initial: tuple[float, ...] | None,
-    noise: tuple[float, ...] | None,
-    truncation: int | None,
-    follow: tuple[str, ...],
-    until: float,
-    paths: int,
-    seconds: float,
-    seed: int,
-    json_file: str | None,
-    picture: str | None,
-    debug: bool,  # noqa: ARG001  (every command takes it)
-) -> None:
+    problem: str, *, scheme: str, furthest: float, initial: tuple[float, ...] | None,
+    noise: tuple[float, ...] | None, truncation: int | None, follow: cli.Names, until: float, seconds: float,
+    paths: int, seed: int, json_file: str | None, picture: str | None, **orbit: Any,
+) -> None:  # fmt: skip
     """How far the solutions of a step of PROBLEM reach in Δ = h + Σ c_j ΔW_j, and how long a step size is safe.
 
     First states are taken along the exact orbit. From each, the branch of solutions that starts in y0 at Δ = 0 is
@@ -117,16 +81,14 @@ def solvability(
 
     import numpy as np
 
-    from sepv.files import require_folder, write_atomically
     from sepv.schemes import load_problem, load_scheme
     from sepv.studies._picture import require_picture
     from sepv.studies._solvability.map import solvability_map
     from sepv.studies._solvability.paths import Exits, follow_paths
+    from sepv.verification._progress import showing
     from sepv.verification._report import console
 
     require_picture(picture)
-    for path in (json_file, picture):
-        require_folder(path)
     chosen = load_problem(problem)
     if noise is not None:
         chosen = replace(chosen, noise=noise, check=False)
@@ -134,24 +96,17 @@ def solvability(
     k = mapped.truncation if truncation is None else truncation or None
     followed = [load_scheme(name) for name in follow] or [mapped]
     out, exits = console(), list[Exits]()
-    with _watching() as progress:
+    with showing() as line:
         found = solvability_map(
-            chosen,
-            scheme=mapped,
-            furthest=furthest,
-            states=states,
-            time=time,
-            grid=grid,
-            y0=y0,
-            progress=progress,
+            chosen, scheme=mapped, furthest=furthest, y0=y0, progress=line.update, **orbit
         )
         for one in followed if until else ():
             exits += follow_paths(
                 chosen, one, FOLLOWED, until=until, paths=paths, k=one.truncation if truncation is None else k,
-                y0=y0, seed=seed, seconds=seconds / len(followed), progress=progress,
+                y0=y0, seed=seed, seconds=seconds / len(followed), progress=line.update,
             )  # fmt: skip
     data = found.to_json(STEPS, k) | {"paths": [e.to_json() for e in exits]}
-    save_json(json_file, "solvability", data, indent=None)
+    cli.save_json(json_file, "solvability", data, indent=None)
     if picture:
         from sepv.studies._solvability.picture import draw
 
@@ -160,36 +115,13 @@ def solvability(
     _show_exits(exits, out)
 
 
-@contextmanager
-def _watching() -> Iterator[Callable[[str], None]]:
-    """What is being done, on stderr: a live line on a terminal, a line every two seconds elsewhere."""
-    from sepv.verification._report import console
-
-    out = console(stderr=True)
-    if out.is_terminal:
-        with out.status("") as line:
-            yield line.update
-        return
-    last = clock.monotonic()
-
-    def say(text: str) -> None:
-        nonlocal last
-        if clock.monotonic() - last >= 2:
-            out.print(text)
-            last = clock.monotonic()
-
-    yield say
-
-
 def _show(found: Map, furthest: float, k: int | None, out: Any) -> None:
     from sepv.studies._solvability.branch import End
 
     low, high = found.safe
-    limits = (
-        f"{low:.6g} < Δ < {high:.6g}"
-        if min(-low, high) < furthest
-        else f"|Δ| ≤ {furthest:g}, all that was asked"
-    )
+    limits = f"|Δ| ≤ {furthest:g}, all that was asked"
+    if min(-low, high) < furthest:
+        limits = f"{low:.6g} < Δ < {high:.6g}"
     further = found.refined.theta.size
     out.print(
         f"{found.problem.name}, {found.scheme.name}: {found.theta.size} states of the exact orbit, |Δ| ≤ {furthest:g}."
@@ -203,53 +135,42 @@ def _show(found: Map, furthest: float, k: int | None, out: Any) -> None:
         out.print(
             f"  {sign}: branches from {branch.reach.min():.6g} to {branch.reach.max():.6g} long; {', '.join(ends)}"
         )
-    total = found.findings.size
-    out.print(
-        f"The map, {total} points: "
-        + "; ".join(f"{kind.text}: {c}" for kind, c in found.counts().items() if c)
-        + "."
-    )
+    kinds = "; ".join(f"{kind.text}: {c}" for kind, c in found.counts().items() if c)
+    out.print(f"The map, {found.findings.size} points: {kinds}.")
     law = f"truncated with k = {k}" if k else "untruncated"
-    from sepv._terminal import print_table
-
     out.print(f"\nP(Δ of a step is off the branch), c = {found.problem.c.tolist()}, {law}:")
     print_table(_table(found, k), out)
-    rough = [h for h in STEPS if _rough(found, h, k)]
+    rough = []  # where a mean says more of the states than of the orbit
+    for h in STEPS:
+        p = found.chances(h, k)
+        mean, half = float(p.mean()), float(p[::2].mean())
+        if abs(mean - half) > ROUGH * mean or (mean == 0 and found.worst(h, k) > 0):
+            rough.append(h)
     if rough:
         out.print(
-            f"The means are rough from h = 2^{round(_log2(rough[0]))} on: every second state alone gives one that is "
-            f"off by more than {ROUGH:.0%}, or all are 0 beside a state that is not. More --states make them finer."
+            f"The means are rough from h = 2^{round(math.log2(rough[0]))} on: every second state alone gives one "
+            f"that is off by more than {ROUGH:.0%}, or all are 0 beside a state that is not. More --states make them "
+            "finer."
         )
 
 
-def _rough(found: Map, h: float, k: int | None) -> bool:
-    """Whether a mean says more of the states than of the orbit."""
-    p = found.chances(h, k)
-    mean, half = float(p.mean()), float(p[::2].mean())
-    return abs(mean - half) > ROUGH * mean or (mean == 0 and found.worst(h, k) > 0)
-
-
 def _table(found: Map, k: int | None) -> Table:
-    from sepv._terminal import Table, columns
-
     rows = []
     for h in STEPS:
         p = float(found.chances(h, k).mean())
         path = 1 - (1 - p) ** round(1 / h)
-        rows.append((f"2^{round(_log2(h))}", *(f"{v:.2g}" for v in (p, found.worst(h, k), path))))
+        rows.append((f"2^{round(math.log2(h))}", *(f"{v:.2g}" for v in (p, found.worst(h, k), path))))
     heads = ("h", "mean over the states", "worst state", "some step to T = 1, on the orbit")
     return Table(columns((), heads, goes=["worst state"]), rows)
 
 
 def _show_exits(exits: Sequence[Exits], out: Any) -> None:
     """How long paths found a solution of each step."""
-    from sepv._terminal import Table, columns, print_table
-
     if not exits:
         return
     rows = [
         (
-            e.scheme, f"2^{round(_log2(e.h))}", f"{e.until:.6g}" + "*" * e.cut_short,
+            e.scheme, f"2^{round(math.log2(e.h))}", f"{e.until:.6g}" + "*" * e.cut_short,
             f"{e.failed} of {e.paths}", *("–" if t is None else f"{t:.4g}" for t in (e.first, e.median)),
             f"≤ {e.share:.2g}",
         )
@@ -265,9 +186,3 @@ def _show_exits(exits: Sequence[Exits], out: Any) -> None:
     )
     if any(e.cut_short for e in exits):
         out.print("* not as far as asked: --seconds were up.")
-
-
-def _log2(h: float) -> float:
-    import math
-
-    return math.log2(h)

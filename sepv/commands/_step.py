@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from sepv.commands._shared import friendly
+from sepv.errors import SepvError
 
 
 @click.command(short_help="One step to any number of digits, beside float64.")
@@ -15,18 +16,11 @@ from sepv.commands._shared import friendly
 @click.option("--y", "state", metavar="Y1,Y2,…", help="The state. [default: the problem's initial state]")
 @click.option("--h", required=True, metavar="FLOAT", help="The step size, of either sign.")
 @click.option("--dW", "noise", metavar="W1,W2,…", help="The Wiener increments. [default: 0]")
-@click.option("--digits", type=int, default=50, show_default=True, help="Significant digits.")
+@click.option("--digits", type=int, default=50, help="Significant digits.")
 @click.option("--certify", is_flag=True, help="Prove it by ball arithmetic (needs python-flint).")
 @friendly
 def step(
-    scheme: str,
-    problem: str,
-    state: str | None,
-    h: str,
-    noise: str | None,
-    digits: int,
-    certify: bool,
-    debug: bool,  # noqa: ARG001  (every command takes it)
+    scheme: str, problem: str, state: str | None, h: str, noise: str | None, digits: int, certify: bool
 ) -> None:
     """One step of SCHEME on PROBLEM in extended precision, beside the float64 result and its error in ulp.
 
@@ -58,22 +52,25 @@ def step(
     out.print(f"y = {row(y0)}, h = {size!r}, dW = {row(dW)}\n")
     _show(out, scheme, chosen, y0, size, dW, found, digits)
     if certify:
-        _prove(out, data, y0, size, dW, found)
+        from sepv.reference.certify import certify as proved
+
+        out.print()
+        out.print(proved(data, y0, size, dW, found).describe(), soft_wrap=True)
 
 
 def _show(out: Any, scheme: str, problem: Any, y0: Any, h: float, dW: Any, found: Any, digits: int) -> None:
     import numpy as np
 
     from sepv.commands._reference import decimal
-    from sepv.errors import SepvError
     from sepv.reference.problem import exact_problem
+    from sepv.schemes import ask, load_scheme
     from sepv.verification import state_ulp
 
+    y1, missing = None, ""
     try:
-        y1 = _float64(scheme, problem, y0, h, dW)
-        missing = ""
+        y1 = ask(load_scheme(scheme), problem, np.array(y0), h, np.array(dW, dtype=np.float64))
     except SepvError as error:
-        y1, missing = None, str(error).splitlines()[0]
+        missing = str(error).splitlines()[0]
     unit = state_ulp(np.array(y0), *([] if y1 is None else [y1]))
     out.print(f"{digits} digits, and float64 with its error in ulp of the largest component:")
     for k, v in enumerate(found.y1):
@@ -93,18 +90,3 @@ def _show(out: Any, scheme: str, problem: Any, y0: Any, h: float, dW: Any, found
     out.print(f"condition number of the solve {max(map(sum, found.condition)):.3g}")
     if missing:
         out.print(f"no float64 result: {missing}")
-
-
-def _float64(scheme: str, problem: Any, y0: Any, h: float, dW: Any) -> Any:
-    import numpy as np
-
-    from sepv.schemes import ask, load_scheme
-
-    return ask(load_scheme(scheme), problem, np.array(y0), h, np.array(dW, dtype=np.float64))
-
-
-def _prove(out: Any, data: Any, y0: Any, h: float, dW: Any, found: Any) -> None:
-    from sepv.reference.certify import certify
-
-    out.print()
-    out.print(certify(data, y0, h, dW, found).describe(), soft_wrap=True)

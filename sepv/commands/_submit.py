@@ -9,24 +9,23 @@ from typing import Any
 
 import click
 
-from sepv.commands._shared import EXIT_CODES, FILE, complete_schemes, friendly
+from sepv.commands import _shared as cli
 from sepv.errors import UsageError
+from sepv.files import write_atomically
 
 
-@click.command(epilog=EXIT_CODES, short_help="Verify a scheme, and write a bundle for others to check.")
-@click.argument("target", required=False, shell_complete=complete_schemes)
+@click.command(epilog=cli.EXIT_CODES, short_help="Verify a scheme, and write a bundle for others to check.")
+@click.argument("target", required=False, shell_complete=cli.complete_schemes)
 @click.option("--exec", "program", metavar="COMMAND", help="A program in any language (docs/protocol.md).")
-@click.option("--out", type=FILE, required=True, help="The bundle, a .zip.")
+@click.option("--out", type=cli.OUT, required=True, help="The bundle, a .zip.")
 @click.option("--problem", "-p", "problems", multiple=True, metavar="PROBLEM", help="What it is for.")
-@click.option("--claim", "claims", multiple=True, metavar="LAW,…", help="Hold the scheme to these laws too.")
-@click.option("--waivers", type=FILE, help="Expected failures with their reasons (docs/ci.md).")
-@click.option(
-    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths."
-)
+@cli.CLAIM
+@click.option("--waivers", type=cli.FILE, help="Expected failures with their reasons (docs/ci.md).")
+@click.option("--seed", type=cli.NATURAL, default=0, help="Of examples and paths.")
 @click.option("--deep", is_flag=True, help="The nightly effort.")
-@click.option("-j", "--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Processes.")
+@click.option("-j", "--jobs", type=cli.COUNT, default=1, help="Processes.")
 @click.option("-q", "--quiet", is_flag=True, help="Only the last lines.")
-@friendly
+@cli.friendly
 def submit(target: str | None, program: str | None, out: str, quiet: bool, **options: Any) -> None:
     """Measure every law on TARGET, and write report, versions, seeds, counterexamples and hashes as one file.
 
@@ -37,7 +36,6 @@ def submit(target: str | None, program: str | None, out: str, quiet: bool, **opt
     sepv check scheme.zip
     """
     from sepv.external import load_program
-    from sepv.files import require_folder, write_atomically
     from sepv.verification import Effort, bundle, load_laws, verify
     from sepv.verification import _report as page
     from sepv.verification._progress import watching
@@ -49,8 +47,7 @@ def submit(target: str | None, program: str | None, out: str, quiet: bool, **opt
             received="both" if target else "neither",
             remedy="sepv submit mypackage.mymodule:scheme --out scheme.zip",
         )
-    require_folder(out)
-    claims = tuple(sorted({c.strip() for text in options["claims"] for c in text.split(",") if c.strip()}))
+    claims = tuple(sorted({*options["claims"]}))
     asked = Asked(target or "", program or "", options["problems"], claims)
     source(asked)  # refused before the work, not after
     effort = Effort().deeper() if options["deep"] else Effort()

@@ -4,34 +4,26 @@ from __future__ import annotations
 
 import click
 
-from sepv.commands._shared import FILE, friendly, listed, save_json
+from sepv.commands import _shared as cli
 
 
 @click.command(short_help="Which planted faults each law finds.")
 @click.argument("names", nargs=-1, metavar="[SABOTEUR]...")
 @click.option(
-    "--law", "laws", multiple=True, metavar="NAME,…", help="Only these laws; may be repeated.", callback=listed
+    "--law", "laws", multiple=True, metavar="NAME,…", help="Only these laws; may be repeated.", callback=cli.listed
 )  # fmt: skip
-@click.option("--seeds", type=click.IntRange(min=1), help="How many seeds. [default: 10; bare 1]")
+@click.option("--seeds", type=cli.COUNT, help="How many seeds. [default: 10; bare 1]")
 @click.option("--matrix", is_flag=True, help="Every saboteur by every law: an hour or more.")
 @click.option("--first", is_flag=True, help="Stop each saboteur at the first law that kills it.")
 @click.option("--corpus", is_flag=True, help="Ask known witnesses first, as `verify` does: counts mean less.")
-@click.option("--workers", type=click.IntRange(min=1), default=2, show_default=True, help="Processes.")
-@click.option("--json", "json_file", type=FILE, help="Write every single finding to this file.")
+@click.option("--workers", type=cli.COUNT, default=2, help="Processes.")
+@click.option("--json", "json_file", type=cli.OUT, help="Write every single finding to this file.")
 @click.option("-q", "--quiet", is_flag=True, help="Only the last line.")
-@friendly
+@cli.friendly
 def teeth(
-    names: tuple[str, ...],
-    laws: tuple[str, ...],
-    seeds: int | None,
-    matrix: bool,
-    first: bool,
-    corpus: bool,
-    workers: int,
-    json_file: str | None,
-    quiet: bool,
-    debug: bool,  # noqa: ARG001  (every command takes it)
-) -> None:
+    names: cli.Names, laws: cli.Names, seeds: int | None, matrix: bool, first: bool, corpus: bool, workers: int,
+    json_file: str | None, quiet: bool,
+) -> None:  # fmt: skip
     """Which planted faults each law finds: saboteurs × laws, with the examples to the first violation.
 
     Exit code 0 if every saboteur is killed with every seed, else 1.
@@ -42,12 +34,10 @@ def teeth(
     sepv teeth --matrix                 the whole matrix, an hour or more
     """
     from sepv.faults import _fault_detection as fault_detection
-    from sepv.files import require_folder
     from sepv.verification import Effort
     from sepv.verification._progress import showing
     from sepv.verification._report import console, line
 
-    require_folder(json_file)
     bare = not (names or laws or matrix)
     seeds = seeds or (1 if bare else 10)
     with showing(quiet) as shown:
@@ -55,12 +45,9 @@ def teeth(
             names or None,
             range(seeds),
             lambda done, total, _: shown.update(f"{done} of {total}", done / total),
-            laws=laws or None,
-            first=first or bare,
-            effort=Effort(corpus=corpus),
-            workers=workers,
-        )
-    save_json(json_file, "teeth", {"detections": [b.to_json() for b in detections]})
+            laws=laws or None, first=first or bare, effort=Effort(corpus=corpus), workers=workers,
+        )  # fmt: skip
+    cli.save_json(json_file, "teeth", {"detections": [b.to_json() for b in detections]})
     if quiet:
         line(console(), fault_detection.summary(detections))
     else:

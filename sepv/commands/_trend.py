@@ -6,24 +6,20 @@ from pathlib import Path
 
 import click
 
-from sepv.commands._shared import FILE, FOLDER, friendly
+from sepv._terminal import Table, columns, print_table
+from sepv.commands._shared import FOLDER, OUT, friendly
+from sepv.errors import require_one_of
+from sepv.files import json_text, write_atomically
 
 
 @click.command(short_help="Which verdict changed, in which version of a library.")
 @click.argument("folder", default="results", type=FOLDER)
 @click.option("--library", metavar="NAME", help="Only this one.")
-@click.option("--json", "json_file", type=FILE, help="Write cells, changes and deviations to this file.")
-@click.option("--out", type=FILE, help="Write the page of the site, Markdown, to this file.")
+@click.option("--json", "json_file", type=OUT, help="Write cells, changes and deviations to this file.")
+@click.option("--out", type=OUT, help="Write the page of the site, Markdown, to this file.")
 @click.option("-q", "--quiet", is_flag=True, help="Only the changes, a line each.")
 @friendly
-def trend(
-    folder: str,
-    library: str | None,
-    json_file: str | None,
-    out: str | None,
-    quiet: bool,
-    debug: bool,  # noqa: ARG001  (every command takes it)
-) -> None:
+def trend(folder: str, library: str | None, json_file: str | None, out: str | None, quiet: bool) -> None:
     """Compare the records of FOLDER (default: results), version by version.
 
     \b
@@ -31,22 +27,16 @@ def trend(
     sepv trend results --library diffrax --json trend.json
     sepv trend results --out docs/trend.md
     """
-    from sepv._terminal import Table, columns, print_table
-    from sepv.errors import require_one_of
-    from sepv.files import json_text, require_folder, write_atomically
     from sepv.peers import _trend as compared
     from sepv.peers._history import load
     from sepv.peers._trend_page import page
     from sepv.verification._report import console
 
-    require_folder(json_file)
-    require_folder(out)
     found = load(Path(folder))
     if library is not None:
-        require_one_of(
-            f"a library of {folder}", library, found, "measure it first: sepv peers LIBRARY VERSION"
-        )
-    found = {name: records for name, records in found.items() if library in (None, name)}
+        remedy = "measure it first: sepv peers LIBRARY VERSION"
+        require_one_of(f"a library of {folder}", library, found, remedy)
+        found = {library: found[library]}
     if json_file:
         write_atomically(json_file, json_text(compared.to_json(found)))
     if out:

@@ -3,30 +3,23 @@
 from __future__ import annotations
 
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
 
 from sepv._terminal import counted, print_table
-from sepv.commands._shared import (
-    EXIT_CODES,
-    FILE,
-    Workers,
-    complete_laws,
-    complete_schemes,
-    friendly,
-    listed,
-    save_json,
-)
+from sepv.commands import _shared as cli
 from sepv.errors import UsageError
+from sepv.files import write_atomically
 
 
-@click.command(epilog=EXIT_CODES, short_help="Measure every law on a scheme.")
-@click.argument("targets", nargs=-1, metavar="TARGET...", shell_complete=complete_schemes)
+@click.command(epilog=cli.EXIT_CODES, short_help="Measure every law on a scheme.")
+@click.argument("targets", nargs=-1, metavar="TARGET...", shell_complete=cli.complete_schemes)
 @click.option(
-    "--law", "laws", multiple=True, metavar="NAME,…", help="Only these laws; may be repeated.", callback=listed,
-    shell_complete=complete_laws,
+    "--law", "laws", multiple=True, metavar="NAME,…", help="Only these laws; may be repeated.", callback=cli.listed,
+    shell_complete=cli.complete_laws,
 )  # fmt: skip
 @click.option(
     "--problem", "-p", "problems", multiple=True, metavar="PROBLEM",
@@ -35,49 +28,43 @@ from sepv.errors import UsageError
 @click.option(
     "--level", type=click.IntRange(1, 3), help="Only the laws up to this level, which must be reached."
 )
-@click.option("--claim", "claims", multiple=True, metavar="LAW,…", help="Hold the scheme to these laws too.")
-@click.option("--json", "json", type=FILE, help="Write the report to this file.")
-@click.option("--junit", "junit", type=FILE, help="Write JUnit XML to this file.")
-@click.option("--badge", "badge", type=FILE, help="Write JSON for a badge to this file.")
-@click.option("--expected", type=FILE, help="A file of --pin or --write-expected; strict both ways.")
-@click.option("--pin", type=FILE, help="Write what holds and what is violated today, for --expected.")
-@click.option("--write-expected", type=FILE, help="Write today's violations of claimed laws, for --expected.")
-@click.option("--replay", "token", metavar="TOKEN", help="Measure one witness; needs one --law.")
+@cli.CLAIM
+@click.option("--json", type=cli.OUT, help="Write the report to this file.")
+@click.option("--junit", type=cli.OUT, help="Write JUnit XML to this file.")
+@click.option("--badge", type=cli.OUT, help="Write JSON for a badge to this file.")
+@click.option("--expected", type=cli.FILE, help="A file of --pin or --write-expected; strict both ways.")
+@click.option("--pin", type=cli.OUT, help="Write what holds and what is violated today, for --expected.")
 @click.option(
-    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths."
+    "--write-expected", type=cli.OUT, help="Write today's violations of claimed laws, for --expected."
 )
-@click.option("--examples", type=click.IntRange(min=1), help="Random examples for each law. [default: 12]")
+@click.option("--replay", "token", metavar="TOKEN", help="Measure one witness; needs one --law.")
+@click.option("--seed", type=cli.NATURAL, default=0, help="Of examples and paths.")
+@click.option("--examples", type=cli.COUNT, help="Random examples for each law. [default: 12]")
 @click.option("--paths", type=click.IntRange(min=64), help="Most paths for a law. [default: 8192]")
 @click.option(
-    "--shrink-checks", type=click.IntRange(min=0),
+    "--shrink-checks", type=cli.NATURAL,
     help="Checks to simplify a counterexample with; 0 leaves it as found. [default: 500]",
 )  # fmt: skip
 @click.option("--deep", is_flag=True, help="The nightly effort: 1000 examples, 20 designs, 16384 paths.")
 @click.option("--no-corpus", is_flag=True, help="Leave out the known witnesses, which are asked first.")
-@click.option(
-    "--timeout", type=click.FloatRange(min=0.1), default=600.0, show_default=True, help="Seconds a law."
-)
+@click.option("--timeout", type=click.FloatRange(min=0.1), default=600.0, help="Seconds a law.")
 @click.option(
     "--exec", "program", metavar="COMMAND", help="Verify a program in any language (docs/protocol.md)."
 )
 @click.option(
     "--check-protocol", is_flag=True, help="With --exec: say line by line what the program does wrong."
 )
+@click.option("--call-timeout", type=click.FloatRange(min=0.01), default=10.0, help="With --exec.")
+@click.option("-j", "--jobs", type=cli.COUNT, default=1, help="Processes for the laws.")
 @click.option(
-    "--call-timeout", type=click.FloatRange(min=0.01), default=10.0, show_default=True, help="With --exec."
-)
-@click.option(
-    "-j", "--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Processes for the laws."
-)
-@click.option(
-    "--workers", type=Workers(), help="A Dask scheduler's address, for the laws (docs/clusters.md)."
+    "--workers", type=cli.Workers(), help="A Dask scheduler's address, for the laws (docs/clusters.md)."
 )
 @click.option(
     "--coverage", is_flag=True, help="Show which strata the laws' cases cover, and measure nothing."
 )
 @click.option("-q", "--quiet", is_flag=True, help="Only the last line.")
-@friendly
-def verify(targets: tuple[str, ...], laws: tuple[str, ...], claims: tuple[str, ...], **options: Any) -> None:
+@cli.friendly
+def verify(targets: cli.Names, laws: cli.Names, **options: Any) -> None:
     """Measure every law on TARGET: a built-in name or module:attribute.
 
     The attribute is a sepv.Scheme, or a function step(problem, y, h, dW) -> y_next. Laws that a scheme
@@ -97,20 +84,21 @@ def verify(targets: tuple[str, ...], laws: tuple[str, ...], claims: tuple[str, .
         )
     if options["coverage"] and targets:
         raise SystemExit(_coverage(targets, laws))
-    if options["program"]:
-        raise SystemExit(_verify_program(laws, claims, **options))
-    if options["token"] is not None:
-        _replay(targets, laws, options["token"], options["debug"])
-    files = _files(**options)
-    if len(targets) > 1 and (any(files.values()) or options["expected"]):
-        raise UsageError(
-            expected="one TARGET with files", received=f"{len(targets)} targets", remedy="run once for each"
-        )
-    arguments = _arguments(laws, claims, **options)
-    raise SystemExit(_verify(targets, arguments, files, options["quiet"], options["debug"]))
+    command, seconds = options["program"], options["call_timeout"]
+    if not command:
+        raise SystemExit(_verify(targets, laws, options))
+    from sepv.external import check_protocol, describe, load_program
+    from sepv.verification import LAWS
+
+    if options["check_protocol"]:
+        checks = check_protocol(command, call_timeout=seconds, laws=LAWS)
+        click.echo(describe(checks))
+        raise SystemExit(0 if all(c.ok for c in checks) else 3)
+    with load_program(command, call_timeout=seconds) as scheme:
+        raise SystemExit(_verify((scheme,), laws, options, f"--exec {shlex.quote(command)}"))
 
 
-def _coverage(targets: tuple[str, ...], laws: tuple[str, ...]) -> int:
+def _coverage(targets: cli.Names, laws: cli.Names) -> int:
     """``--coverage``: the designs for the class of systems that each target takes."""
     from sepv.schemes import load_scheme
     from sepv.verification import _report as page
@@ -122,107 +110,53 @@ def _coverage(targets: tuple[str, ...], laws: tuple[str, ...]) -> int:
     return 0
 
 
-def _files(**options: Any) -> dict[str, str | None]:
-    """The files to write, after a look whether they can be."""
-    from sepv.files import require_folder
-
-    files = {kind: options[kind] for kind in ("json", "junit", "badge", "write_expected", "pin")}
-    for path in files.values():
-        require_folder(path)
-    return files
-
-
-def _arguments(laws: tuple[str, ...], claims: tuple[str, ...], **options: Any) -> dict[str, Any]:
+def _arguments(laws: cli.Names, options: dict[str, Any]) -> dict[str, Any]:
+    """What `sepv.verification.verify` is told."""
     from sepv.verification._laws import laws_of
 
     asked = [law.name for law in laws_of(laws or None, options["level"])]
-    named = [c.strip().replace("_", "-") for text in claims for c in text.split(",") if c.strip()]
-    left_out = [law.name for law in laws_of() if law.name in named and law.name not in asked]
+    claims = [claim.replace("_", "-") for claim in options["claims"]]
+    left_out = [law.name for law in laws_of() if law.name in claims and law.name not in asked]
     if left_out:
         raise UsageError(
             expected="a claim to be among the laws that are measured",
             received=f"--claim {','.join(left_out)}, and {', '.join(asked)} to measure",
             remedy=f"add --law {','.join(left_out)}, or leave it out of --claim",
         )
-    return {
-        "laws": laws or None,
-        "claims": named,
-        "effort": _effort(**options),
-        "timeout": options["timeout"],
-        "expected": options["expected"],
-        "jobs": options["jobs"],
-        "problems": options["problems"] or None,
-        "workers": options["workers"],
-        "level": options["level"],
-    }
+    as_given = {key: options[key] for key in ("timeout", "expected", "jobs", "workers", "level")}
+    listed = {"laws": laws or None, "claims": claims, "problems": options["problems"] or None}
+    return as_given | listed | {"effort": _effort(**options)}
 
 
-def _verify_program(laws: tuple[str, ...], claims: tuple[str, ...], **options: Any) -> int:
-    """``sepv verify --exec``: the same laws, asked of a child process."""
-    from sepv.external import check_protocol, describe, load_program
-    from sepv.verification import LAWS
-
-    command, seconds = options["program"], options["call_timeout"]
-    if options["check_protocol"]:
-        checks = check_protocol(command, call_timeout=seconds, laws=LAWS)
-        click.echo(describe(checks))
-        return 0 if all(c.ok for c in checks) else 3
-    files = _files(**options)
-    with load_program(command, call_timeout=seconds) as scheme:
-        if options["token"] is not None:
-            _replay((scheme,), laws, options["token"], options["debug"])
-        arguments = _arguments(laws, claims, **options)
-        return _verify(
-            (scheme,), arguments, files, options["quiet"], options["debug"], f"--exec {shlex.quote(command)}"
-        )
-
-
-def _effort(
-    *,
-    seed: int,
-    examples: int | None,
-    paths: int | None,
-    shrink_checks: int | None,
-    deep: bool,
-    no_corpus: bool,
-    **_: Any,
-) -> Any:
-    from dataclasses import replace
-
+def _effort(**options: Any) -> Any:
     from sepv.verification import Effort
 
-    effort = Effort().deeper() if deep else Effort()
-    return replace(
-        effort,
-        seed=seed,
-        examples=examples or effort.examples,
-        paths=paths or effort.paths,
-        shrink_checks=effort.shrink_checks if shrink_checks is None else shrink_checks,
-        corpus=not no_corpus,
-    )
+    effort = Effort().deeper() if options["deep"] else Effort()
+    asked = {key: options[key] for key in ("examples", "paths", "shrink_checks") if options[key] is not None}
+    return replace(effort, seed=options["seed"], corpus=not options["no_corpus"], **asked)
 
 
-def _verify(
-    targets: tuple[Any, ...],
-    options: dict[str, Any],
-    files: dict[str, str | None],
-    quiet: bool,
-    debug: bool,
-    shown: str = "",
-) -> int:
-    from dataclasses import replace
-
+def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], shown: str = "") -> int:
     from sepv.verification import _report as page
     from sepv.verification import verify as run
     from sepv.verification._laws import laws_of
     from sepv.verification._progress import watching
 
+    quiet, debug = options["quiet"], click.get_current_context().params["debug"]
+    if options["token"] is not None:
+        _replay(targets, laws, options["token"], debug)
+    files = {kind: options[kind] for kind in ("json", "junit", "badge", "write_expected", "pin")}
+    if len(targets) > 1 and (any(files.values()) or options["expected"]):
+        raise UsageError(
+            expected="one TARGET with files", received=f"{len(targets)} targets", remedy="run once for each"
+        )
+    arguments = _arguments(laws, options)
     out, reports = page.console(), []
     for target in targets:
-        asked = "".join(f" -p {shlex.quote(p)}" for p in options["problems"] or ())
+        asked = "".join(f" -p {shlex.quote(p)}" for p in options["problems"])
         named = (shown or shlex.quote(target)) + asked
-        with watching(quiet, laws_of(options["laws"], options["level"])) as progress:
-            report = replace(run(target, progress=progress, **options), target=named)
+        with watching(quiet, laws_of(laws or None, options["level"])) as progress:
+            report = replace(run(target, progress=progress, **arguments), target=named)
         reports.append(report)
         if quiet:
             # Of one nobody needs to be told which.
@@ -230,7 +164,7 @@ def _verify(
             page.line(out, page.summary(report, named, which))
         else:
             page.show(report, named, out, debug=debug)
-        only = f" --law {shlex.quote(','.join(options['laws']))}" if options["laws"] else ""
+        only = f" --law {shlex.quote(','.join(laws))}" if laws else ""
         _write(report, files, named + only)
         if report.interrupted:
             break
@@ -241,11 +175,10 @@ def _verify(
 
 def _write(report: Any, files: dict[str, str | None], named: str) -> None:
     """The files; of an interrupted run none that later runs would be held to."""
-    from sepv.files import write_atomically
     from sepv.verification._expected_failures import pin, to_toml
     from sepv.verification._junit_and_badge import badge_json, junit_xml
 
-    save_json(files["json"], "report", report.to_json())
+    cli.save_json(files["json"], "report", report.to_json())
     texts = {
         "junit": junit_xml,
         "badge": badge_json,
@@ -278,7 +211,7 @@ def _no_longer_guarded(path: str, report: Any) -> list[str]:
     return sorted(claims - {f.law for f in report.findings if f.verdict is Verdict.HOLDS})
 
 
-def _replay(targets: tuple[Any, ...], laws: tuple[str, ...], token: str, debug: bool) -> None:
+def _replay(targets: tuple[Any, ...], laws: cli.Names, token: str, debug: bool) -> None:
     from sepv.verification import Verdict
     from sepv.verification import _report as report
     from sepv.verification._cases import case

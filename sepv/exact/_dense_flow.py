@@ -15,8 +15,8 @@ import numpy as np
 
 from sepv.errors import SepvError
 from sepv.problem import Array
-from sepv.record import gauss_legendre
 from sepv.record._binary64 import EPS
+from sepv.record._quadrature import gauss_legendre, legendre_values
 
 _MAX_PANELS = 50_000
 _PICARD = 60
@@ -46,14 +46,6 @@ class DenseSolution:
 
 class FlowFailure(SepvError, ArithmeticError):
     """The flow could not be followed to the time asked for (it leaves the domain, or blows up)."""
-
-
-def legendre_values(x: Array, degree: int) -> list[Array]:
-    """P_0(x), …, P_degree(x) by the three-term recurrence."""
-    values = [np.ones_like(x), x]
-    for k in range(1, degree):
-        values.append(((2 * k + 1) * x * values[k] - k * values[k - 1]) / (k + 1))
-    return values[: degree + 1]
 
 
 @lru_cache(maxsize=8)

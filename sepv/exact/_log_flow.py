@@ -10,6 +10,7 @@ reference and no scheme: nothing that is verified is used in it.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -18,6 +19,7 @@ from sepv.problem import Array, Problem
 from sepv.problem._hamiltonians import bracket, combined_field, drift_bracket
 from sepv.record._binary64 import EPS
 from sepv.schemes._explicit_tableaux import CLASSICAL, DORMAND_PRINCE_8, ExplicitTableau
+from sepv.schemes._one_step import each_noise
 
 # The steps of an explicit method in s are doubled until nothing changes by more than roundings.
 FEWEST, MOST = 4, 64
@@ -39,19 +41,6 @@ def field(problem: Problem, y: Array, parts: Array, areas: Array, bridges: Array
     return total
 
 
-def explicit(
-    problem: Problem,
-    y: Array,
-    parts: Array,
-    areas: Array,
-    steps: int,
-    tableau: ExplicitTableau,
-    bridges: Array | None = None,
-) -> Array:
-    """y(1) by so many steps of an explicit Runge-Kutta method."""
-    return runge_kutta(lambda at: field(problem, at, parts, areas, bridges), y, steps, tableau)
-
-
 def runge_kutta(field: Callable[[Array], Array], y: Array, steps: int, tableau: ExplicitTableau) -> Array:
     """z(1) of ż = field(z) from y by so many steps."""
     for _ in range(steps):
@@ -68,10 +57,11 @@ def runge_kutta(field: Callable[[Array], Array], y: Array, steps: int, tableau: 
 
 def log_flow(problem: Problem, y: Array, parts: Array, areas: Array) -> tuple[Array, float]:
     """y(1) from y (d, M), and its error: to rounding, by steps of order 8 that are doubled until they agree."""
-    steps, found = FEWEST, explicit(problem, y, parts, areas, FEWEST, DORMAND_PRINCE_8)
+    right_side = partial(field, problem, parts=parts, areas=areas)
+    steps, found = FEWEST, runge_kutta(right_side, y, FEWEST, DORMAND_PRINCE_8)
     while True:
         steps *= 2
-        finer = explicit(problem, y, parts, areas, steps, DORMAND_PRINCE_8)
+        finer = runge_kutta(right_side, y, steps, DORMAND_PRINCE_8)
         apart, scale = float(np.max(np.abs(finer - found))), float(np.max(np.abs(finer)))
         found = finer
         # The error of the finer ones is a 256th of what they are apart, until roundings are more.
@@ -91,8 +81,8 @@ def path(problem: Problem, y0: Array, h: float, dW: Array, areas: Array) -> Arra
     none = np.zeros((0, dW.shape[2]))
     pairs = list(combinations(range(problem.noises), 2))
     for increment, area in zip(dW, areas, strict=True):
-        parts = np.concatenate([np.full((1, dW.shape[2]), h), problem.c[:, None] * increment])
-        moved = explicit(problem, y, parts, none, 1, CLASSICAL)
+        parts = each_noise(problem, h, increment)
+        moved = runge_kutta(partial(field, problem, parts=parts, areas=none), y, 1, CLASSICAL)
         for row, (i, j) in zip(area, pairs, strict=True):
             moved = moved + (problem.c[i] * problem.c[j] * row) * bracket(problem, i, j, y)
         y = moved

@@ -21,9 +21,8 @@ import numpy as np
 from sepv.exact._flow import exact_flow
 from sepv.exact._log_flow import log_flow, path
 from sepv.problem import Array, HamiltoniansProblem, Problem, commutes
-from sepv.problem._fields import matvec
-from sepv.problem._hamiltonians import is_several
-from sepv.problem._structures import combined
+from sepv.problem._hamiltonians import combined_field, is_several
+from sepv.schemes._one_step import each_noise
 from sepv.simulate import _areas as areas
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._areas import RoughPath
@@ -39,9 +38,8 @@ def ends(problem: Problem, y0: Array, T: float, W: Array) -> Array | None:
         return exact_flow(problem, problem.random_step(T, W), y0).y
     form = getattr(problem, "closed_form", None)
     if form is None and isinstance(problem, HamiltoniansProblem) and commutes(problem):
-        parts = np.concatenate([np.full((1, W.shape[1]), T), problem.c[:, None] * W])
         states = np.repeat(y0[:, None], W.shape[1], axis=1)
-        return log_flow(problem, states, parts, np.zeros((0, W.shape[1])))[0]
+        return log_flow(problem, states, each_noise(problem, T, W), np.zeros((0, W.shape[1])))[0]
     return None if form is None else np.asarray(form(y0, T, W))
 
 
@@ -73,10 +71,8 @@ def heun(problem: Problem, y0: Array, T: float, dW: Array) -> Array:
     """ŷ = y + F(y), y ← y + ½(F(y) + F(ŷ)), F = [h B + Σ c_j ΔW_j G_j]∇H: converges to the Stratonovich solution."""
     h = T / dW.shape[0]
     y = np.repeat(y0[:, None], dW.shape[2], axis=1)
-    drift = np.full((1, dW.shape[2]), h)
     for increment in dW:
-        parts = np.concatenate([drift, problem.c[:, None] * increment])
-        slope = matvec(combined(problem, y, parts), problem.gradient(y))
-        ahead = y + slope
-        y = y + 0.5 * (slope + matvec(combined(problem, ahead, parts), problem.gradient(ahead)))
+        parts = each_noise(problem, h, increment)
+        slope = combined_field(problem, y, parts)
+        y = y + 0.5 * (slope + combined_field(problem, y + slope, parts))
     return y

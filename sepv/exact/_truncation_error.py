@@ -22,8 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sepv.exact._flow import exact_flow
-from sepv.problem import Array, Problem
-from sepv.problem._fields import matvec
+from sepv.problem import Problem, vector_field
 from sepv.simulate import truncation_bound
 
 # Trapezoidal nodes over ± this many standard deviations of θ(T): exact to 1e-8 for an |f|² that is smooth there.
@@ -80,5 +79,5 @@ def _speed(problem: Problem, mean: float, deviation: float, y0: ArrayLike | None
     x = np.linspace(-REACH, REACH, NODES)
     weights = np.exp(-0.5 * x * x)
     y = exact_flow(problem, mean + deviation * x, y0).y
-    f: Array = matvec(problem.structure(y), problem.gradient(y))
+    f = vector_field(problem, y)
     return float(weights @ np.sum(f * f, axis=0) / weights.sum())

@@ -10,10 +10,9 @@ import numpy as np
 
 from sepv.errors import SchemeFault, SepvError, Skipped
 from sepv.external._child import STOP_GRACE
-from sepv.external._errors import BadAnswer
+from sepv.external._errors import BadAnswer, clean
 from sepv.external._messages import MOST_STEPS, Hello
 from sepv.external._program import Program
-from sepv.external._text import clean
 from sepv.problem import Array, PolynomialSystem, Problem
 
 
@@ -57,7 +56,7 @@ def check_protocol(
 
     try:
         if check(lambda p: _try_hello(p, None if laws is None else set(laws))):
-            for trial in (*_sample_trials(program.hello()), _try_stranger, _try_word, _try_stop, _try_end):
+            for trial in (*_sample_trials(program.hello()), *_LAST_TRIALS):
                 check(trial)
     finally:
         program.stop()
@@ -140,7 +139,7 @@ def _same(one: Array, other: Array, expected: str, remedy: str) -> None:
         raise SchemeFault(expected=expected, received=f"{one.tolist()} and {other.tolist()}", remedy=remedy)
 
 
-def _refused(program: Program, body: str, kind: str, why: str) -> str:
+def _try_refused(body: str, kind: str, why: str, program: Program) -> str:
     given, answer = program.ask(body)
     if given != kind:
         raise BadAnswer(
@@ -151,27 +150,9 @@ def _refused(program: Program, body: str, kind: str, why: str) -> str:
     return f"{kind}: {clean(answer)}"
 
 
-def _try_stranger(program: Program) -> str:
-    problem, steps = '{"name":"no-such-problem","parameters":{}}', '[{"y":[],"h":"0x1p+0","dW":[]}]'
-    body = f'"type":"step","problem":{problem},"steps":{steps}'
-    return _refused(program, body, "skip", "for a problem that the program does not have")
-
-
-def _try_word(program: Program) -> str:
-    return _refused(program, '"type":"no-such-type"', "error", "for a message of an unknown type")
-
-
-def _try_stop(program: Program) -> str:
+def _try_end(say: bool, event: str, program: Program) -> str:
     program.hello()
-    return _ended(program.stop(), "stop")
-
-
-def _try_end(program: Program) -> str:
-    program.hello()
-    return _ended(program.stop(say=False), "the end of stdin")
-
-
-def _ended(status: str | None, event: str) -> str:
+    status = program.stop(say)
     if status != "exit code 0":
         raise BadAnswer(
             expected=f"exit code 0 within {STOP_GRACE:g} s of {event}",
@@ -179,3 +160,16 @@ def _ended(status: str | None, event: str) -> str:
             remedy="leave the loop over lines there, and end",
         )
     return f"ended with {status}"
+
+
+_LAST_TRIALS: tuple[Callable[[Program], str], ...] = (
+    partial(
+        _try_refused,
+        '"type":"step","problem":{"name":"no-such-problem","parameters":{}},"steps":[{"y":[],"h":"0x1p+0","dW":[]}]',
+        "skip",
+        "for a problem that the program does not have",
+    ),
+    partial(_try_refused, '"type":"no-such-type"', "error", "for a message of an unknown type"),
+    partial(_try_end, True, "stop"),
+    partial(_try_end, False, "the end of stdin"),
+)

@@ -11,15 +11,8 @@ import time
 import weakref
 from contextlib import suppress
 
-from sepv.external._errors import (
-    CallTimeout,
-    LineTooLong,
-    NeverReads,
-    ProgramError,
-    ProgramExit,
-    StartFailure,
-)
-from sepv.external._text import shown
+from sepv.external import _errors as errors
+from sepv.external._errors import shown
 
 # A message of 1000 steps in 20 dimensions is half of it; a child that prints without end stops here.
 LINE_LIMIT = 1 << 20
@@ -46,7 +39,7 @@ class Child:
                 start_new_session=True,
             )
         except (OSError, ValueError) as error:
-            raise StartFailure(
+            raise errors.StartFailure(
                 expected=f"a program that can be started: {shlex.join(argv)}",
                 received=f"{type(error).__name__}: {error}",
                 remedy="give its path (./program), make it executable, and start it once by hand",
@@ -72,7 +65,7 @@ class Child:
             # What comes before the message is sent is bounded as a whole: a child may print and never read.
             if (len(self.received) - 1 if end < 0 or self.unsent else end) > self.limit:
                 raise self.fault(
-                    LineTooLong,
+                    errors.LineTooLong,
                     f"a line of at most {self.limit} bytes",
                     f"{len(self.received)} bytes and more: {shown(bytes(self.received[:60]))}…",
                     "one answer a line, nothing else on stdout; give hello a smaller max_steps",
@@ -122,7 +115,9 @@ class Child:
             time.sleep(0.002)
         if ended is None:
             return None
-        return f"exit code {ended}" if ended >= 0 else f"signal {_signal_name(-ended)}"
+        if ended >= 0:
+            return f"exit code {ended}"
+        return f"signal {next((s.name for s in signal.Signals if s == -ended), -ended)}"
 
     def _exit_code(self) -> int | None:
         """As `Popen.poll`, but without reaping where the system can (macOS: since Python 3.13)."""
@@ -136,36 +131,38 @@ class Child:
             return None
         return how.si_status if how.si_code == os.CLD_EXITED else -how.si_status
 
-    def _gone(self, what: str) -> ProgramError:
+    def _gone(self, what: str) -> errors.ProgramError:
         status = self.status(0.5)
         return self.fault(
-            ProgramExit,
+            errors.ProgramExit,
             "a program that runs until it is told to stop",
             f"the end of the program with {status}" if status else f"a running program that {what}",
             "answer every line of stdin, an unknown one with error; end at stop or at the end of stdin only",
         )
 
-    def _late(self, seconds: float) -> ProgramError:
+    def _late(self, seconds: float) -> errors.ProgramError:
         status, unread = self.status(0), len(self.unsent) + _unread(self.stdin)
         if status:
             return self._gone("")
         if unread:
             return self.fault(
-                NeverReads,
+                errors.NeverReads,
                 f"a program that reads its stdin within {seconds:g} s",
                 f"a message of which {unread} bytes were not read",
                 "read stdin line by line, to the end of each line, in a loop",
             )
         part = f"{len(self.received)} bytes without a line end" if self.received else "nothing"
         return self.fault(
-            CallTimeout,
+            errors.CallTimeout,
             f"a line of answer within {seconds:g} s",
             f"{part}, from a program that read the whole message",
             "end the answer with a newline and flush stdout; a slow program takes fewer steps a message "
             "(max_steps) or is given more time",
         )
 
-    def fault(self, kind: type[ProgramError], expected: str, received: str, remedy: str) -> ProgramError:
+    def fault(
+        self, kind: type[errors.ProgramError], expected: str, received: str, remedy: str
+    ) -> errors.ProgramError:
         """An error that carries the end of the program's stderr."""
         if self.stderr in self.selector.get_map():
             self._drain()
@@ -211,10 +208,3 @@ def _unread(fd: int) -> int:
         return int.from_bytes(fcntl.ioctl(fd, termios.FIONREAD, bytes(4)), "little")
     except OSError:
         return 0
-
-
-def _signal_name(number: int) -> str:
-    try:
-        return signal.Signals(number).name
-    except ValueError:
-        return str(number)

@@ -1,4 +1,4 @@
-"""What can be wrong with a program: one class for each way."""
+"""What can be wrong with a program, one class for each way, and its text for a terminal or a page."""
 
 from __future__ import annotations
 
@@ -72,3 +72,13 @@ class StepRefused(StepFailure):
             f"problem {problem}, y = {[float(v) for v in y]}, Δ = {delta!r}.\n"
             "Remedy: a smaller h, or a truncation of the increments (Remark 2.1).",
         )
+
+
+def shown(line: bytes, most: int = 200) -> str:
+    return clean(line.decode(errors="backslashreplace"), most)
+
+
+def clean(text: str, most: int = 200) -> str:
+    """A program's text for a terminal or a page: no control characters, not endless."""
+    safe = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text[:most])
+    return safe + ("…" if len(text) > most else "")

@@ -11,8 +11,7 @@ from typing import Any
 
 from sepv.errors import Skipped
 from sepv.external._child import Child
-from sepv.external._errors import BadAnswer, NotFinite, NotJson, WrongId, WrongShape
-from sepv.external._text import clean, shown
+from sepv.external._errors import BadAnswer, NotFinite, NotJson, WrongId, WrongShape, clean, shown
 from sepv.problem import NamedProblem, PolynomialSystem, Problem
 from sepv.problem._json import problem_to_json
 from sepv.schemes._point_distributions import NAMES, NORMAL
@@ -80,13 +79,7 @@ _HELLO: dict[str, tuple[Callable[[Any], bool], str]] = {
 
 
 def read_hello(answer: dict[str, Any]) -> Hello:
-    """The record of a hello answer.
-
-    Raises
-    ------
-    BadAnswer
-        For the first member that is missing, unknown, or of another type.
-    """
+    """The record of a hello answer; BadAnswer for the first member that is missing, unknown, or of another type."""
     remedy = "see docs/protocol.md"
     for key, value in answer.items():
         test, text = _HELLO.get(key, (lambda _: False, f"one of the members {', '.join(_HELLO)}"))

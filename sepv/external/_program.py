@@ -10,15 +10,16 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from sepv.errors import Skipped, UsageError
+from sepv.external import _errors as errors
 from sepv.external._child import LINE_LIMIT, Child
-from sepv.external._errors import BadAnswer, CallTimeout, NeverReads, ProgramError, RunTimeout, StepRefused
+from sepv.external._errors import StepRefused, clean, shown
 from sepv.external._messages import MOST_STEPS, PROTOCOL, Hello, decode, read_hello, row, states, travelling
-from sepv.external._text import clean, shown
 from sepv.problem import Array, Problem
 from sepv.problems import PAPER
 from sepv.schemes import Scheme
@@ -49,7 +50,8 @@ class Program:
     def __reduce__(self) -> tuple[Any, ...]:
         """In another process it is a program of its own, started there when it is asked."""
         left = None if self.run_timeout is None else max(0.0, self.until - time.monotonic())
-        return _again, (self.command, self.call_timeout, self.start_timeout, left, self.line_limit)
+        timed = partial(Program, call_timeout=self.call_timeout, start_timeout=self.start_timeout)
+        return partial(timed, run_timeout=left, line_limit=self.line_limit), (self.command,)
 
     def hello(self) -> Hello:
         """What the program says of itself; starts it."""
@@ -66,7 +68,7 @@ class Program:
             given = [key for key in ("y_next", "skip", "error") if key in answer]
             if len(given) != 1 or (given[0] != "y_next" and not isinstance(answer[given[0]], str)):
                 raise child.fault(
-                    BadAnswer,
+                    errors.BadAnswer,
                     'exactly one of "y_next": [states], "skip": "reason", "error": "reason"',
                     shown(json.dumps(answer).encode()),
                     "see docs/protocol.md",
@@ -95,7 +97,7 @@ class Program:
             answer = self._exchange(self.child, f'"type":"hello","protocol":{PROTOCOL}', self.start_timeout)
             try:
                 self.said = read_hello(answer)
-            except ProgramError:
+            except errors.ProgramError:
                 self.abandon()
                 raise
         return self.child
@@ -109,7 +111,7 @@ class Program:
                 raise self._out_of_time()
             line = child.exchange(self.sent.encode() + b"\n", min(seconds, left))
             return decode(child, line, number)
-        except (CallTimeout, NeverReads):
+        except (errors.CallTimeout, errors.NeverReads):
             self.abandon()
             if left < seconds:
                 raise self._out_of_time() from None
@@ -124,8 +126,8 @@ class Program:
             self.child.end()
             self.child = None
 
-    def _out_of_time(self) -> RunTimeout:
-        return RunTimeout(
+    def _out_of_time(self) -> errors.RunTimeout:
+        return errors.RunTimeout(
             expected=f"a run of at most {self.run_timeout:g} s",
             received="a call after that time",
             remedy="give the run more time, or ask for fewer laws, examples or paths",
@@ -183,18 +185,6 @@ class Program:
             rows += states(answer, len(part), problem.dimension)
         found = np.array(rows, dtype=np.float64).reshape(len(rows), problem.dimension)
         return np.ascontiguousarray(found.T).reshape(np.shape(y))
-
-
-def _again(
-    command: str, call_timeout: float, start_timeout: float, run_timeout: float | None, line_limit: int
-) -> Program:
-    return Program(
-        command,
-        call_timeout=call_timeout,
-        start_timeout=start_timeout,
-        run_timeout=run_timeout,
-        line_limit=line_limit,
-    )
 
 
 @contextmanager

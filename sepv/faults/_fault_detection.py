@@ -33,15 +33,7 @@ _NO_SHRINKING = 0
 
 @dataclass(frozen=True)
 class Detection:
-    """What one law made of one saboteur with one seed.
-
-    Attributes
-    ----------
-    examples : int
-        Examples (paths of a statistical law) measured: up to the first failure, where there was one.
-    expected : bool
-        Whether the saboteur's `caught_by` names the law.
-    """
+    """What one law made of one saboteur with one seed."""
 
     saboteur: str
     family: str
@@ -49,8 +41,8 @@ class Detection:
     seed: int
     verdict: Verdict
     claimed: bool
-    expected: bool
-    examples: int
+    expected: bool  # whether the saboteur's `caught_by` names the law
+    examples: int  # or paths, measured: up to the first failure, where there was one
     seconds: float
     message: str = ""
 
@@ -79,27 +71,11 @@ def run(
     first: bool = False,
     workers: int = 2,
 ) -> list[Detection]:
-    """Run saboteurs against laws, each saboteur and seed in a worker process.
+    """Run saboteurs against laws, each saboteur and seed in a worker process; a UsageError for an unknown name.
 
-    Parameters
-    ----------
-    names, laws : iterable of str, optional
-        Only these; by default all.
-    seeds : iterable of int
-        Each is a whole run, with its own examples and paths.
-    progress : callable (done, total, detections), optional
-        Called in this process after each saboteur and seed.
-    effort : Effort, optional
-        Examples and paths; the default budget of `sepv verify` by default, without the corpus of witnesses: many of
-        these are the saboteurs' own, and would say nothing of what the search finds. Nothing is shrunk.
-    first : bool
-        Stop at the first law that kills, expected ones first; the matrix then has holes.
-    workers : int
-
-    Raises
-    ------
-    UsageError
-        For a name that no saboteur or law has.
+    `progress` is called in this process after each saboteur and seed. Without `effort` it is that of `sepv verify` but
+    for the corpus of witnesses: many are the saboteurs' own, and would say nothing of what the search finds. Nothing is
+    shrunk. With `first` a saboteur is done at the first law that kills, expected ones first: the matrix has holes.
     """
     chosen = [find(name) for name in (SABOTEURS if names is None else names)]
     asked = [law.name for law in load_laws(laws)]
@@ -120,14 +96,9 @@ def run(
 
 
 def detect(
-    name: str,
-    seed: int,
-    laws: Sequence[str],
-    examples: int = 100,
-    paths: int = 4096,
-    first: bool = False,
+    name: str, seed: int, laws: Sequence[str], examples: int = 100, paths: int = 4096, first: bool = False,
     corpus: bool = False,
-) -> list[Detection]:
+) -> list[Detection]:  # fmt: skip
     """One saboteur, one seed: the laws in turn on a new copy of it, in this process."""
     saboteur = find(name)
     scheme, effort = saboteur.scheme, Effort(examples, paths, seed, _NO_SHRINKING, corpus=corpus)
@@ -136,20 +107,12 @@ def detect(
     detections: list[Detection] = []
     for law in laws:
         (finding,) = verify(scheme, laws=[law], effort=effort, timeout=TIMEOUT).findings
-        detections.append(
-            Detection(
-                saboteur=name,
-                family=saboteur.family,
-                law=law,
-                seed=seed,
-                verdict=finding.verdict,
-                claimed=finding.claimed,
-                expected=law in saboteur.caught_by,
-                examples=finding.checks,
-                seconds=round(finding.seconds, 3),
-                message=finding.message if finding.verdict is Verdict.ERROR else "",
-            )
-        )
+        message = finding.message if finding.verdict is Verdict.ERROR else ""
+        found = Detection(
+            name, saboteur.family, law, seed, finding.verdict, finding.claimed, law in saboteur.caught_by,
+            finding.checks, round(finding.seconds, 3), message,
+        )  # fmt: skip
+        detections.append(found)
         if first and detections[-1].kills:
             break
     return detections
@@ -223,20 +186,18 @@ def matrix(detections: Sequence[Detection]) -> Table:
     """Saboteur × law, with the seeds killed."""
     laws = list(dict.fromkeys(b.law for b in detections))
     heads = columns(["saboteur"], [*map(abbreviation, laws), "killed"])
-    rows = [
-        [name, *(cells.get(law, "") for law in laws), killed] for name, killed, cells in _rows(detections)
-    ]
-    return Table(heads, rows)
+    found = _rows(detections)
+    return Table(
+        heads, [[name, *(cells.get(law, "") for law in laws), killed] for name, killed, cells in found]
+    )
 
 
 def listing(detections: Sequence[Detection]) -> Table:
     """The same where the matrix is too wide: for each saboteur what does not hold, in words."""
     rows: list[tuple[str, Text, Text]] = []
     for name, killed, cells in _rows(detections):
-        seen = [
-            Text(f"{law} ") + cell for law, cell in cells.items() if cell.plain.strip("*") not in ("·", "n/a")
-        ]
-        rows.append((name, killed, Text(", ").join(seen)))
+        told = ((law, cell) for law, cell in cells.items() if cell.plain.strip("*") not in ("·", "n/a"))
+        rows.append((name, killed, Text(", ").join(Text(f"{law} ") + cell for law, cell in told)))
     return Table((*columns(["saboteur"], ["killed"]), *columns(["laws"], words=True)), rows)
 
 
@@ -277,6 +238,12 @@ def abbreviation(law: str) -> str:
     return "".join(w[0] for w in words) if len(words) > 1 else law[:3]
 
 
+# The sign and its style; the first of them that was seen stands.
+_SIGNS = {
+    Verdict.ERROR: ("e", "magenta"), Verdict.INCONCLUSIVE: ("?", "yellow"), Verdict.NOT_APPLICABLE: ("n/a", "dim")
+}  # fmt: skip
+
+
 def _cell(detections: Sequence[Detection]) -> Text:
     failing = [b for b in detections if b.verdict is Verdict.VIOLATED]
     if failing:
@@ -284,11 +251,6 @@ def _cell(detections: Sequence[Detection]) -> Text:
         text, style = number if len(failing) == len(detections) else f"({number})", "green"
     else:
         verdicts = {b.verdict for b in detections}
-        order = (
-            (Verdict.ERROR, "e", "magenta"),
-            (Verdict.INCONCLUSIVE, "?", "yellow"),
-            (Verdict.NOT_APPLICABLE, "n/a", "dim"),
-        )
-        text, style = next(((sign, colour) for v, sign, colour in order if v in verdicts), ("·", "dim"))
+        text, style = next((shown for v, shown in _SIGNS.items() if v in verdicts), ("·", "dim"))
     claimed = detections[0].claimed
     return Text(text if claimed else f"{text}*", style=style if claimed else "dim")

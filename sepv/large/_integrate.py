@@ -78,11 +78,9 @@ def integrate(
             expected="h > 0 and steps, an integer ≥ 1", received=f"h = {h!r}, steps = {steps!r}",
             remedy="give both",
         )  # fmt: skip
-    raw = (
-        wiener.increments(seed, T=h * steps, steps=steps, noises=m)[:, :, 0]
-        if dW is None
-        else np.asarray(dW, dtype=np.float64)
-    )
+    if dW is None:
+        dW = wiener.increments(seed, T=h * steps, steps=steps, noises=m)[:, :, 0]
+    raw = np.asarray(dW, dtype=np.float64)
     y = np.array(problem.initial if y0 is None else y0, dtype=np.float64)
     for name, array, shape in (("dW", raw, (steps, m)), ("y0", y, (problem.dimension,))):
         if array.shape != shape or not np.all(np.isfinite(array)):
@@ -116,8 +114,5 @@ def integrate(
 
 
 def _casimirs(problem: LargeProblem, y: Array) -> tuple[Array, Array]:
-    none = np.zeros(0)
-    return (
-        none if problem.casimirs is None else problem.casimirs(y),
-        none if problem.other_casimirs is None else problem.other_casimirs(y),
-    )
+    one, other = (np.zeros(0) if C is None else C(y) for C in (problem.casimirs, problem.other_casimirs))
+    return one, other

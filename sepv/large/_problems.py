@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -146,21 +147,16 @@ def nonlinear_schroedinger(
         return y[q] ** 2 + y[p] ** 2
 
     def gradient(y: Array) -> Array:
-        s = squares(y)
-        g = np.empty_like(y)
+        g = -strength * np.repeat(squares(y), 2) * y
         for part in (q, p):
-            u = y[part]
-            stretch = w * np.diff(u)
-            force = -strength * s * u
-            force[:-1] -= stretch
-            force[1:] += stretch
-            g[part] = force
+            stretch = w * np.diff(y[part])
+            g[part[:-1]] -= stretch
+            g[part[1:]] += stretch
         return g
 
     def hessian(y: Array) -> Sparse:
         s, cross = squares(y), -2 * strength * y[q] * y[p]
-        rows = [q, p, q, p]
-        cols = [q, p, p, q]
+        rows, cols = [q, p, q, p], [q, p, p, q]
         data = [inner - strength * (s + 2 * y[part] ** 2) for part in (q, p)] + [cross, cross]
         for part in (q, p):
             rows += [part[:-1], part[1:]]
@@ -199,10 +195,7 @@ def spin_chain(
     base = 3 * np.arange(n)
     z = base + 2
 
-    def structure(y: Array) -> Sparse:
-        return _hat(y)
-
-    def _hat(v: Array) -> Sparse:
+    def hat(v: Array) -> Sparse:
         """Block diagonal with hat(v_i): hat(a)b = a × b."""
         a, b, c = v[base], v[base + 1], v[base + 2]
         rows = np.concatenate([base, base, base + 1, base + 1, base + 2, base + 2])
@@ -225,8 +218,8 @@ def spin_chain(
     spins = np.random.default_rng(seed).standard_normal((n, 3)) + np.array([0.0, 0.0, 2.0])
     return LargeProblem(
         name="spin-chain",
-        structure=structure,
-        structure_slope=lambda _y, v: -_hat(v),
+        structure=hat,
+        structure_slope=lambda _y, v: -hat(v),
         terms=lambda y: np.concatenate([-y[:-3] * y[3:], -0.25 * anisotropy * y[z] ** 4]),
         gradient=gradient,
         hessian=hessian,
@@ -239,13 +232,11 @@ def spin_chain(
 
 def _canonical(n: int) -> Callable[[Array], Sparse]:
     """q_i′ = ∂H/∂p_i, p_i′ = −∂H/∂q_i for y = (q₁, p₁, q₂, …): one constant matrix."""
-    made: list[Sparse] = []
 
-    def structure(_y: Array) -> Sparse:
-        if not made:
-            q = np.arange(0, 2 * n, 2)
-            rows, cols = np.concatenate([q, q + 1]), np.concatenate([q + 1, q])
-            made.append(_sparse(2 * n, rows, cols, np.concatenate([np.ones(n), -np.ones(n)])))
-        return made[0]
+    @cache
+    def matrix() -> Sparse:
+        q = np.arange(0, 2 * n, 2)
+        rows, cols = np.concatenate([q, q + 1]), np.concatenate([q + 1, q])
+        return _sparse(2 * n, rows, cols, np.concatenate([np.ones(n), -np.ones(n)]))
 
-    return structure
+    return lambda _y: matrix()

@@ -13,23 +13,12 @@ from dataclasses import dataclass
 from typing import Any
 from xml.etree import ElementTree
 
+from markupsafe import Markup
+
 from sepv.page._text import name
 from sepv.schemes import Look
-from sepv.studies._picture import (
-    GRID,
-    GUIDE,
-    SOFT,
-    TEXT,
-    Axis,
-    Series,
-    content,
-    draw_curves,
-    figure,
-    line,
-    looks,
-    looks_of,
-    require_matplotlib,
-)
+from sepv.studies import _picture as drawing
+from sepv.studies._picture import GRID, GUIDE, SOFT, TEXT, Axis, Series
 
 # Of a drawing and of a sample in its legend, in the units of both: points, at 72 to the inch.
 WIDTH, HEIGHT = 520, 330
@@ -61,7 +50,7 @@ class Pictures:
     """All pictures of one page."""
 
     def __init__(self, schemes: Iterable[str] = (), own: Mapping[str, Look] | None = None) -> None:
-        self.looks = looks(["", *schemes], own)
+        self.looks = drawing.looks(["", *schemes], own)
         self._shared: dict[str, str] = {}  # an element and its identifier
         self._colours: dict[str, str] = {}  # on light and on dark
         self._samples: dict[tuple[Look, str], Any] = {}
@@ -74,32 +63,26 @@ class Pictures:
     @property
     def definitions(self) -> Any:
         """What drawings refer to: once on the page, before them."""
-        return _markup(
-            "".join(re.sub("^<([a-zA-Z]+)", rf'<\1 id="{at}"', e) for e, at in self._shared.items())
-        )
+        # SVG that matplotlib and ElementTree have escaped, here and below: the template does not escape it again.
+        named = (re.sub("^<([a-zA-Z]+)", rf'<\1 id="{at}"', e) for e, at in self._shared.items())
+        return Markup("".join(named))
 
     def draw(self, series: Sequence[Series], x: Axis, y: Axis, **more: Any) -> Picture:
-        """The picture of series; `more` is for `sepv.studies._picture.draw_curves`.
-
-        Raises
-        ------
-        UsageError
-            Where matplotlib is not installed.
-        """
-        require_matplotlib("a page of verdicts and counters alone needs none")
-        with figure(WIDTH / 72, HEIGHT / 72, _STYLE) as drawn, warnings.catch_warnings():
+        """The picture of series; `more` is for `sepv.studies._picture.draw_curves`."""
+        drawing.require_matplotlib("a page of verdicts and counters alone needs none")
+        with drawing.figure(WIDTH / 72, HEIGHT / 72, _STYLE) as drawn, warnings.catch_warnings():
             # A sign that matplotlib's font lacks is drawn with the reader's fonts.
             warnings.filterwarnings("ignore", "Glyph .* missing from")
             right = NAMES if more.get("slopes") else RIGHT
             frame = (LEFT, BOTTOM, WIDTH - LEFT - right, HEIGHT - TOP - BOTTOM)
             unit = (WIDTH, HEIGHT, WIDTH, HEIGHT)
             axes = drawn.add_axes(tuple(v / of for v, of in zip(frame, unit, strict=True)))
-            draw_curves(axes, series, self.looks, x, y, size=MARKER, most=MOST, **more)
+            drawing.draw_curves(axes, series, self.looks, x, y, size=MARKER, most=MOST, **more)
             if not more.get("equal"):  # there the frame is narrower than its place
                 axes.yaxis.set_label_coords((14 - LEFT) / frame[2], 0.5)
             drawn.patch.set_visible(False)
             axes.patch.set_visible(False)
-            own = looks_of(series, self.looks)
+            own = drawing.looks_of(series, self.looks)
             inside = self._inside(drawn, own)
         samples = [(name(s.name), self._sample(look, s.style)) for s, look in zip(series, own, strict=True)]
         return Picture(inside, samples)
@@ -109,10 +92,13 @@ class Pictures:
             from matplotlib.lines import Line2D
 
             width, height = SAMPLE
-            with figure(width / 72, height / 72, _STYLE) as drawn:
+            with drawing.figure(width / 72, height / 72, _STYLE) as drawn:
                 drawn.patch.set_visible(False)
                 across = (0.03, 0.5, 0.97)
-                how = line(look, style, MARKER) | {"markersize": MARKER, "markeredgewidth": 0.2 * MARKER}
+                how = drawing.line(look, style, MARKER) | {
+                    "markersize": MARKER,
+                    "markeredgewidth": 0.2 * MARKER,
+                }
                 drawn.add_artist(Line2D(across, (0.5, 0.5, 0.5), **how, markevery=(1, 2)))
                 self._samples[look, style] = self._inside(drawn, [look])
         return self._samples[look, style]
@@ -121,7 +107,7 @@ class Pictures:
         """The figure's elements, fit for the page."""
         for look in own:
             self._colours.setdefault(look.colour, look.dark)
-        root = ElementTree.fromstring(content(drawn, ".svg"))
+        root = ElementTree.fromstring(drawing.content(drawn, ".svg"))
         paint = {c.lower(): f"var(--{k})" for k, c, _ in self.colours}
         paint |= {GUIDE: "var(--guide)", GRID: "var(--grid)", SOFT: "var(--soft)", TEXT: "var(--fg)"}
         new: dict[str, str] = {}
@@ -137,9 +123,9 @@ class Pictures:
                 element.set("href", f"#{new[element.attrib['href'][1:]]}")
             if "clip-path" in element.attrib:
                 element.set("clip-path", f"url(#{new[element.attrib['clip-path'][5:-1]]})")
-        drawing = next(e for e in root if e.tag == "g")
-        _flat(drawing)
-        return _markup("".join(ElementTree.tostring(e, encoding="unicode") for e in drawing))
+        group = next(e for e in root if e.tag == "g")
+        _flat(group)
+        return Markup("".join(ElementTree.tostring(e, encoding="unicode") for e in group))
 
 
 def _inert(element: ElementTree.Element, paint: Mapping[str, str]) -> str:
@@ -181,10 +167,3 @@ def _flat(element: ElementTree.Element) -> None:
         elif child.tag != "defs":
             kept.append(child)
     element[:] = kept
-
-
-def _markup(text: str) -> Any:
-    """SVG that matplotlib and ElementTree have escaped: the template does not escape it again."""
-    from markupsafe import Markup
-
-    return Markup(text)

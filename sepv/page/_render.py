@@ -18,27 +18,29 @@ from sepv.page._text import plain
 def render(sources: Sources, *, title: str = "Which structural properties hold?") -> str:
     """The HTML page, complete: no script, no font, no picture and no style from anywhere else."""
     from jinja2 import Environment, StrictUndefined
+    from markupsafe import Markup
 
     folder = files(__name__.rpartition(".")[0])
     environment = Environment(
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
+    )  # fmt: skip
+
+    def filled(template: str, **names: Any) -> str:
+        text = (folder / f"{template}.j2").read_text(encoding="utf-8")
+        return environment.from_string(text).render(**names)
+
     pictures = Pictures(*views.drawn(sources))
     comparisons = [views.comparison(c, pictures) for c in sources.compare]
     reproductions = [views.reproduction(r, pictures) for r in sources.reproduce]
-    style = environment.from_string((folder / "style.css.j2").read_text(encoding="utf-8")).render(
-        colours=pictures.colours
-    )
+    style = filled("style.css", colours=pictures.colours)
     digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
     laws, schemes = views.schemes(sources.verify)
-    return environment.from_string((folder / "page.html.j2").read_text(encoding="utf-8")).render(
+    return filled(
+        "page.html",
         title=plain(title, 200),
         version=__version__,
-        style=_trusted(style),
+        # It holds nothing of the files read: the one text that is not escaped.
+        style=Markup(style),
         style_hash=digest,
         laws=views.law_texts(laws),
         headline=views.headline(sources.verify) if sources.verify else "",
@@ -66,13 +68,6 @@ def fingerprint() -> str:
         for s in (*schemes.PAPER.values(), *schemes.EXTENSIONS.values())
     ]
     return hashlib.sha256(json.dumps([__version__, laws, built_in]).encode()).hexdigest()[:16]
-
-
-def _trusted(style: str) -> Any:
-    """Our own style sheet, which holds nothing of the files read: the one text that is not escaped."""
-    from markupsafe import Markup
-
-    return Markup(style)
 
 
 def _version(record: dict[str, Any]) -> str:

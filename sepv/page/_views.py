@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 import shlex
-from dataclasses import dataclass
 from typing import Any
 
 from sepv._terminal import counted
@@ -22,55 +21,16 @@ from sepv.verification import LAWS, Verdict, load_laws
 BUDGET = 17_000
 
 WORDS = {
-    "holds": ("✓", "holds"),
-    "violated": ("✗", "violated"),
-    "inconclusive": ("?", "inconclusive"),
-    "not_applicable": ("·", "not applicable"),
-    "error": ("!", "error"),
-    "not_measured": ("", "not measured"),
-    "fails": ("✗", "does not hold"),
-    "open": ("?", "open"),
-}
+    "holds": ("✓", "holds"), "violated": ("✗", "violated"), "inconclusive": ("?", "inconclusive"),
+    "not_applicable": ("·", "not applicable"), "error": ("!", "error"), "not_measured": ("", "not measured"),
+    "fails": ("✗", "does not hold"), "open": ("?", "open"),
+}  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Cell:
-    """One verdict of the matrix."""
-
-    kind: str
-    sign: str
-    words: str
-    claimed: bool
+View = dict[str, Any]
 
 
-@dataclass(frozen=True)
-class Counterexample:
-    """A violation: the law, its source, what happened, and how to see it again."""
-
-    law: str
-    source: str
-    verdict: str
-    claimed: bool
-    message: str
-    command: str
-
-
-@dataclass(frozen=True)
-class SchemeView:
-    """A scheme's row in the matrix, its table, its counterexamples and how many were left out."""
-
-    name: str
-    source: str
-    cells: list[Cell]
-    rows: list[dict[str, Any]]
-    counterexamples: list[Counterexample]
-    left_out: int
-    unsettled: list[str]
-    summary: str
-    command: str
-
-
-def schemes(reports: list[dict[str, Any]]) -> tuple[list[str], list[SchemeView]]:
+def schemes(reports: list[View]) -> tuple[list[str], list[View]]:
     """The laws, in the order of the suite and then as they appear, and a view of each report."""
     laws = list(dict.fromkeys(law["law"] for r in reports for law in r["laws"]))
     laws.sort(key=lambda law: LAWS.index(law) if law in LAWS else len(LAWS))
@@ -78,33 +38,36 @@ def schemes(reports: list[dict[str, Any]]) -> tuple[list[str], list[SchemeView]]
     return laws, [_scheme(r, laws, share) for r in reports]
 
 
-def _scheme(report: dict[str, Any], laws: list[str], budget: int) -> SchemeView:
+def _scheme(report: View, laws: list[str], budget: int) -> View:
+    """A scheme's row in the matrix, its table, its counterexamples and how many were left out."""
     found = {law["law"]: law for law in report["laws"]}
-    cells = [_cell(found[law]) if law in found else Cell("absent", "", "not measured", False) for law in laws]
+    absent = {"kind": "absent", "sign": "", "words": "not measured", "claimed": False}
     counts = ", ".join(Verdict(k).of(n) for k, n in report["counts"].items() if n)
     target = _target(report["scheme"])
     shown, left = _counterexamples(report["laws"], target, budget)
-    suite = report["suite"]
-    return SchemeView(
-        name=name(report["scheme"]["name"]),
-        source=plain(report["scheme"]["source"], 200),
-        cells=cells,
-        rows=[_row(law) for law in report["laws"]],
-        counterexamples=shown,
-        left_out=left,
-        unsettled=_unsettled(report["laws"]),
-        summary=f"{counted(len(report['laws']), 'law')}: {counts}",
-        command=plain(
+    suite, own = report["suite"], name(report["scheme"]["name"])
+    command = f"# {own} was handed over as an object in Python: no command names it"
+    if target:
+        command = (
             f"sepv verify {target}{_asked(report)} --seed {suite['seed']} --examples {suite['examples']} "
             f"--paths {suite['paths']} --json FILE"
-            if target
-            else f"# {name(report['scheme']['name'])} was handed over as an object in Python: no command names it",
-            1500,
-        ),
-    )
+        )
+    return {
+        "name": own,
+        "source": plain(report["scheme"]["source"], 200),
+        "cells": [
+            _cell(found[law]["verdict"], found[law]["claimed"]) if law in found else absent for law in laws
+        ],
+        "rows": [_row(law) for law in report["laws"]],
+        "counterexamples": shown,
+        "left_out": left,
+        "unsettled": _unsettled(report["laws"]),
+        "summary": f"{counted(len(report['laws']), 'law')}: {counts}",
+        "command": plain(command, 1500),
+    }
 
 
-def _asked(report: dict[str, Any]) -> str:
+def _asked(report: View) -> str:
     """The options that a run was given beside its effort: laws, where not all, and claims that no built-in makes."""
     laws = [law["law"] for law in report["laws"]]
     only = f" --law {','.join(laws)}" if set(laws) < set(LAWS) else ""
@@ -113,16 +76,17 @@ def _asked(report: dict[str, Any]) -> str:
     return only + (f" --claim {','.join(claims)}" if own and claims else "")
 
 
-def _cell(law: dict[str, Any]) -> Cell:
-    sign, words = WORDS[law["verdict"]]
-    return Cell(law["verdict"], sign, words, law["claimed"])
+def _cell(verdict: str, claimed: bool = False) -> View:
+    """One verdict of the matrix."""
+    sign, words = WORDS[verdict]
+    return {"kind": verdict, "sign": sign, "words": words, "claimed": claimed}
 
 
-def _row(law: dict[str, Any]) -> dict[str, Any]:
+def _row(law: View) -> View:
     bound = "" if law["bound"] is None else f"{'≥' if law['at_least'] else '≤'} {number(law['bound'])}"
     return {
         "law": name(law["law"]),
-        "cell": _cell(law),
+        "cell": _cell(law["verdict"], law["claimed"]),
         "claimed": "expected to fail" if law["expected"] is not None else "yes" if law["claimed"] else "",
         "defect": number(law["defect"]),
         "bound": bound,
@@ -131,31 +95,26 @@ def _row(law: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _counterexamples(
-    laws: list[dict[str, Any]], target: str, budget: int
-) -> tuple[list[Counterexample], int]:
+def _counterexamples(laws: list[View], target: str, budget: int) -> tuple[list[View], int]:
     """Claimed laws first; as many as the budget of characters allows, and how many it does not."""
     open_ = [law for law in laws if law["verdict"] in ("violated", "error") and law["message"]]
-    shown: list[Counterexample] = []
+    shown: list[View] = []
     for law in sorted(open_, key=lambda v: not v["claimed"]):
         # A command is there to be copied: whole or not at all.
         command = f"sepv verify {target} {law['replay']}" if target and len(law["replay"]) < 4000 else ""
-        entry = Counterexample(
-            name(law["law"]),
-            plain(law["source"], 60),
-            WORDS[law["verdict"]][1],
-            law["claimed"],
-            plain(law["message"]),
-            plain(command, 8200) if law["replay"] else "",
-        )
-        budget -= len(entry.message) + len(entry.command)
+        entry = {
+            "law": name(law["law"]), "source": plain(law["source"], 60), "verdict": WORDS[law["verdict"]][1],
+            "claimed": law["claimed"], "message": plain(law["message"]),
+            "command": plain(command, 8200) if law["replay"] else "",
+        }  # fmt: skip
+        budget -= len(entry["message"]) + len(entry["command"])
         if budget < 0 and not (law["claimed"] and not shown):
             break
         shown.append(entry)
     return shown, len(open_) - len(shown)
 
 
-def _unsettled(laws: list[dict[str, Any]]) -> list[str]:
+def _unsettled(laws: list[View]) -> list[str]:
     """In words, why each inconclusive law is: what was measured, and what may keep its interval wide."""
     found = []
     for law in laws:
@@ -182,7 +141,7 @@ def _runs_away(*errors: str) -> bool:
     return first * third > 4 * second**2
 
 
-def _target(scheme: dict[str, Any]) -> str:
+def _target(scheme: View) -> str:
     """What stands for the scheme in a command: as the file says, else its name where that is a built-in's."""
     from sepv.schemes import by_name
 
@@ -194,7 +153,7 @@ def _target(scheme: dict[str, Any]) -> str:
         return ""
 
 
-def headline(reports: list[dict[str, Any]]) -> str:
+def headline(reports: list[View]) -> str:
     """How many claims hold, and whose do not."""
     claimed = [(r, law) for r in reports for law in r["laws"] if law["claimed"] and law["expected"] is None]
     claimed = [(r, law) for r, law in claimed if law["verdict"] != "not_applicable"]
@@ -207,7 +166,7 @@ def headline(reports: list[dict[str, Any]]) -> str:
     silent = len(reports) - len(claiming)
     held = len(claimed) - len(broken)
     hold, keep = (
-        "holds" if held == 1 else "hold",
+        "hold" + "s" * (held == 1),
         "keeps all that it claims" if kept == 1 else "keep all that they claim",
     )
     text = f"{held} of {counted(len(claimed), 'claimed law')} {hold}; "
@@ -223,16 +182,11 @@ def headline(reports: list[dict[str, Any]]) -> str:
 
 def law_texts(laws: list[str]) -> list[dict[str, str]]:
     """What each law of the suite says and where it comes from; laws that it does not know have no text."""
-    known = {law.name: law for law in load_laws([law for law in laws if law in LAWS])}
-    return [
-        {
-            "name": name(law),
-            "anchor": f"law-{law}" if law in known else "",
-            "statement": plain(known[law].statement, 400) if law in known else "",
-            "source": plain(known[law].source, 80) if law in known else "",
-        }
-        for law in laws
-    ]
+    texts = {law: {"name": name(law), "anchor": "", "statement": "", "source": ""} for law in laws}
+    for law in load_laws([law for law in laws if law in LAWS]):
+        said = {"statement": plain(law.statement, 400), "source": plain(law.source, 80)}
+        texts[law.name] |= {"anchor": f"law-{law.name}", **said}
+    return list(texts.values())
 
 
 def step_size(h: float) -> str:
@@ -241,7 +195,7 @@ def step_size(h: float) -> str:
     return power(h, 2) if exponent == int(exponent) and exponent < -1 else number(h)
 
 
-def priced(points: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def priced(points: list[View]) -> list[View]:
     """The points from where time is paid for steps: where twice the steps no longer cost less than half as much again.
 
     Left of that a call's own overhead is what was measured. The last two points stay in any case.
@@ -266,13 +220,13 @@ def drawn(sources: Sources) -> tuple[list[str], dict[str, Look]]:
     return names, {m["name"]: Look(**m["look"]) for m in methods if "look" in m}
 
 
-def comparison(data: dict[str, Any], pictures: Pictures) -> dict[str, Any]:
+def comparison(data: View, pictures: Pictures) -> View:
     """Two plots, the points, the times to given errors, and where it ran."""
     methods = [m["name"] for m in data["methods"]]
     points = [p for p in data["points"] if p["failures"] < p["paths"]]
     by_method = {m: [p for p in points if p["method"] == m] for m in methods}
 
-    def micro(p: dict[str, Any]) -> float:
+    def micro(p: View) -> float:
         return float(p["seconds"]["median"] / p["paths"] * 1e6)
 
     def curve(m: str, value: Any) -> Series:
@@ -280,19 +234,15 @@ def comparison(data: dict[str, Any], pictures: Pictures) -> dict[str, Any]:
         return Series(m, [micro(p) for p in own], [value(p) for p in own], m, "both")
 
     time = Axis("processor time of one path in µs", log=True)
-    errors = pictures.draw(
-        [curve(m, lambda p: p["strong_error"]["value"]) for m in methods],
-        time,
-        Axis("strong error at T", log=True),
-    )
+
+    def drawn(label: str, value: Any) -> Any:
+        return pictures.draw([curve(m, value) for m in methods], time, Axis(label, log=True))
+
+    errors = drawn("strong error at T", lambda p: p["strong_error"]["value"])
     # A defect of exactly zero has no logarithm: it is drawn at half a rounding of one, as the caption says.
-    defects = pictures.draw(
-        [
-            curve(m, lambda p: None if p["energy_defect"] is None else max(p["energy_defect"], FLOOR))
-            for m in methods
-        ],
-        time,
-        Axis("largest energy defect", log=True),
+    defects = drawn(
+        "largest energy defect",
+        lambda p: None if p["energy_defect"] is None else max(p["energy_defect"], FLOOR),
     )
     return {
         "problem": name(data["problem"]),
@@ -310,7 +260,7 @@ def comparison(data: dict[str, Any], pictures: Pictures) -> dict[str, Any]:
     }
 
 
-def _compare_command(data: dict[str, Any]) -> str:
+def _compare_command(data: View) -> str:
     """The command that makes such a comparison, its methods and step sizes filled in."""
     methods = " ".join(shlex.quote(str(m["name"])) for m in data["methods"])
     steps = sorted({int(p["steps"]) for p in data["points"] if p["steps"] > 1})
@@ -321,8 +271,7 @@ def _compare_command(data: dict[str, Any]) -> str:
     return plain(text)
 
 
-def _point(p: dict[str, Any], micro: float) -> dict[str, Any]:
-    evaluations = ", ".join(f"{number(v)} {plain(k, 30)}" for k, v in p["evaluations_per_step"].items())
+def _point(p: View, micro: float) -> View:
     error = p["strong_error"]
     return {
         "method": name(p["method"]),
@@ -331,28 +280,26 @@ def _point(p: dict[str, Any], micro: float) -> dict[str, Any]:
         "energy": number(p["energy_defect"]),
         "casimir": number(p["casimir_defect"]),
         "micro": number(micro),
-        "evaluations": evaluations,
+        "evaluations": ", ".join(f"{number(v)} {plain(k, 30)}" for k, v in p["evaluations_per_step"].items()),
         "iterations": number(p["iterations_per_step"]),
         "failures": p["failures"] or "",
     }
 
 
-def _times(times: list[dict[str, Any]], methods: list[str]) -> list[tuple[str, list[str]]]:
+def _times(times: list[View], methods: list[str]) -> list[tuple[str, list[str]]]:
     wanted = sorted({t["error"] for t in times}, reverse=True)
     words = {"between": "", "beyond": " (extrapolated)", "coarsest": " (at the coarsest step)"}
     rows = []
     for m in methods:
         own = {t["error"]: t for t in times if t["method"] == m}
-        cells = [
-            "never" if e not in own or own[e]["microseconds"] is None
-            else number(own[e]["microseconds"]) + words.get(own[e]["how"], "")
-            for e in wanted
-        ]  # fmt: skip
+        known = {e: t for e, t in own.items() if t["microseconds"] is not None}
+        times_of = {e: number(t["microseconds"]) + words.get(t["how"], "") for e, t in known.items()}
+        cells = [times_of.get(e, "never") for e in wanted]
         rows.append((name(m), cells))
     return rows
 
 
-def bench(data: dict[str, Any]) -> dict[str, Any]:
+def bench(data: View) -> View:
     """For each target a row a case: exact counters, and the rms of error and defects over all paths."""
     kinds = list(dict.fromkeys(k for r in data["records"] for case in r["cases"] for k in case["counters"]))
 
@@ -360,32 +307,25 @@ def bench(data: dict[str, Any]) -> dict[str, Any]:
         values = [float.fromhex(v) for v in groups]
         return number((sum(values) / max(1, len(values))) ** 0.5)
 
+    def row(c: View) -> View:
+        case, counters = c["case"], c["counters"]
+        return {
+            "case": name(case["name"]),
+            "size": f"{step_size(case['h'])}, {case['steps']}, {case['paths']}",
+            "counters": ["–" if counters.get(k) is None else counters[k] for k in kinds],
+            **{key: rms(c[key]) for key in ("error", "energy", "casimir")},
+        }
+
     return {
         "kinds": [name(k) for k in kinds],
         "environment": [(plain(k, 40), plain(v, 120)) for k, v in data["environment"].items()],
         "records": [
-            {
-                "target": name(r["target"]),
-                "rows": [
-                    {
-                        "case": name(c["case"]["name"]),
-                        "size": f"{step_size(c['case']['h'])}, {c['case']['steps']}, {c['case']['paths']}",
-                        "counters": [
-                            "–" if c["counters"].get(k) is None else c["counters"][k] for k in kinds
-                        ],
-                        "error": rms(c["error"]),
-                        "energy": rms(c["energy"]),
-                        "casimir": rms(c["casimir"]),
-                    }
-                    for c in r["cases"]
-                ],
-            }
-            for r in data["records"]
+            {"target": name(r["target"]), "rows": list(map(row, r["cases"]))} for r in data["records"]
         ],
     }
 
 
-def reproduction(data: dict[str, Any], pictures: Pictures) -> dict[str, Any]:
+def reproduction(data: View, pictures: Pictures) -> View:
     """The panels with their plots and statements."""
     return {
         "about": {k: plain(v, 60) if isinstance(v, str) else v for k, v in data["reproduction"].items()},
@@ -396,15 +336,13 @@ def reproduction(data: dict[str, Any], pictures: Pictures) -> dict[str, Any]:
     }
 
 
-def _panel(p: dict[str, Any], pictures: Pictures) -> dict[str, Any]:
+def _panel(p: View, pictures: Pictures) -> View:
     curves = [Series(s["name"], s["x"], s["y"], s["scheme"], s["style"]) for s in p["series"]]
     x, y = (Axis(plain(p[k]["label"], 60), p[k]["log"]) for k in ("x", "y"))
     statements = [_statement(s) for s in p["statements"]]
-    held = [s for s in statements if s["cell"].kind == "holds"]
+    held = [s for s in statements if s["cell"]["kind"] == "holds"]
     return {
-        "title": plain(p["title"], 120),
-        "source": plain(p["source"], 120),
-        "description": plain(p["description"], 400),
+        **{key: plain(p[key], most) for key, most in (("title", 120), ("source", 120), ("description", 400))},
         "chosen": [plain(c, 300) for c in p["chosen"]],
         "statements": statements,
         "held": held,
@@ -413,9 +351,8 @@ def _panel(p: dict[str, Any], pictures: Pictures) -> dict[str, Any]:
     }
 
 
-def _statement(s: dict[str, Any]) -> dict[str, Any]:
-    sign, words = WORDS[s["verdict"]]
+def _statement(s: View) -> View:
     return {
-        "cell": Cell(s["verdict"], sign, words, False),
+        "cell": _cell(s["verdict"]),
         **{key: plain(s[key], 600) for key in ("text", "source", "measured", "criterion", "correction")},
     }

@@ -39,21 +39,11 @@ def law_cells(library: str, scheme: Scheme, laws: Sequence[Law], effort: Effort)
     for law in laws:
         if law.name in OVER_INCREMENTS and draws(library, scheme):
             continue
-        yield Cell(
-            scheme.name,
-            law.name,
-            (
-                release(library),
-                *suite_key(effort),
-                law.statement,
-                law.source,
-                _text_of(law),
-                sorted(scheme.claims),
-                scheme.mean_square_order,
-                scheme.weak_order,
-            ),
-            partial(_finding, scheme, law.name, effort),
-        )
+        key = (
+            release(library), *suite_key(effort), law.statement, law.source, _text_of(law), sorted(scheme.claims),
+            scheme.mean_square_order, scheme.weak_order,
+        )  # fmt: skip
+        yield Cell(scheme.name, law.name, key, partial(_finding, scheme, law.name, effort))
 
 
 def silent(library: str, scheme: Scheme) -> dict[str, dict[str, Any]]:
@@ -72,12 +62,9 @@ def draws(library: str, scheme: Scheme) -> bool:
 def path_cells(library: str, solver: PathSolver, effort: Effort) -> Iterator[Cell]:
     """The error of whole paths of a solver that hands state on, problem by problem."""
     for setup in SETUPS:
-        yield Cell(
-            solver.name,
-            f"whole paths, {setup.problem}",
-            (release(library), *suite_key(effort), setup.T, setup.steps, ORDER_PATHS),
-            partial(_paths, solver, setup, effort.seed),
-        )
+        key = (release(library), *suite_key(effort), setup.T, setup.steps, ORDER_PATHS)
+        measure = partial(_paths, solver, setup, effort.seed)
+        yield Cell(solver.name, f"whole paths, {setup.problem}", key, measure)
 
 
 def path_verdicts(
@@ -117,14 +104,9 @@ def _finding(scheme: Scheme, law: str, effort: Effort) -> dict[str, Any]:
     if report.interrupted:
         raise KeyboardInterrupt
     finding = report.finding(law)
-    return {
-        "verdict": finding.verdict.value,
-        "claimed": finding.claimed,
-        "message": finding.message,
-        "defect": finding.defect,
-        "bound": finding.bound,
-        "measured": (finding.witness or {}).get("measured", ()) if law == "mean-square-order" else (),
-    }
+    said = {key: getattr(finding, key) for key in ("claimed", "message", "defect", "bound")}
+    measured = (finding.witness or {}).get("measured", ()) if law == "mean-square-order" else ()
+    return {"verdict": finding.verdict.value, **said, "measured": measured}
 
 
 def _paths(solver: PathSolver, setup: Setup, seed: int) -> dict[str, Any]:

@@ -16,24 +16,12 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Shown:
-    """What a script came to.
+    """What a script came to."""
 
-    Attributes
-    ----------
-    name : str
-        Of its file.
-    title, body : str
-        The first line of its docstring, and the rest up to the exit code.
-    code : int
-        1: the library deviates; 0: it does not; else the script failed.
-    output, errors : str
-        What it printed.
-    """
-
-    name: str
-    title: str
-    body: str
-    code: int
+    name: str  # of its file
+    title: str  # the first line of its docstring
+    body: str  # the rest, up to the exit code
+    code: int  # 1: the library deviates; 0: it does not; else the script failed
     output: str
     errors: str
 

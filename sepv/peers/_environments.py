@@ -34,26 +34,16 @@ class EnvironmentFailure(SepvError, RuntimeError):
 def made(folder: Path, requirements: Sequence[str], python: str = sys.executable) -> str:
     """The interpreter of an environment with these requirements, made anew where the folder holds another one.
 
-    Parameters
-    ----------
-    requirements : sequence of str
-        As pip takes them: ``"diffrax==0.6.2"``, ``"jax<0.5"``.
-    python : str
-        The interpreter that it is made with.
-
-    Raises
-    ------
-    EnvironmentFailure
-        Where pip does not install them, with its last words but without addresses.
+    They are as pip takes them: ``"diffrax==0.6.2"``, ``"jax<0.5"``. Where it does not install them, an
+    EnvironmentFailure has its last words, but no addresses.
     """
     own = folder / "bin" / "python"
     stamp = folder / "requirements.txt"
     wanted = "\n".join((python, *requirements, *_own_requirements())) + "\n"
     if not (stamp.exists() and stamp.read_text(encoding="utf-8") == wanted):
         shutil.rmtree(folder, ignore_errors=True)
-        _run(
-            [python, "-m", "venv", str(folder)], "no virtual environment", "see what Python says of `-m venv`"
-        )
+        remedy = "see what Python says of `-m venv`"
+        _run([python, "-m", "venv", str(folder)], "no virtual environment", remedy)
         _run(
             [str(own), "-m", "pip", "install", "-q", *requirements, *_own_requirements()],
             f"pip did not install {' '.join(requirements)}",
@@ -72,11 +62,8 @@ def _own_requirements() -> list[str]:
 
 def _copy_sepv(python: Path) -> None:
     """The package as it runs here, with the folders that a checkout keeps at its top."""
-    done = _run(
-        [str(python), "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"],
-        "no Python",
-        "make it anew",
-    )
+    code = "import sysconfig; print(sysconfig.get_path('purelib'))"
+    done = _run([str(python), "-c", code], "no Python", "make it anew")
     target, source = Path(done.strip()) / "sepv", Path(import_module("sepv").__file__ or "").parent
     ignored = shutil.ignore_patterns("__pycache__")
     shutil.rmtree(target, ignore_errors=True)
@@ -92,18 +79,15 @@ def measure(python: str, arguments: Sequence[str]) -> None:
     # -P: a folder or a file of the current folder is nobody's module.
     done = subprocess.run([python, "-P", "-m", "sepv.peers._peer", *arguments], check=False)
     if done.returncode:
-        raise EnvironmentFailure(
-            f"the measurement ended with exit code {done.returncode}",
-            "what it said is above; --keep goes on there",
-        )
+        what = f"the measurement ended with exit code {done.returncode}"
+        raise EnvironmentFailure(what, "what it said is above; --keep goes on there")
 
 
 def _run(command: list[str], what: str, remedy: str) -> str:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
-        said = [
-            line for line in done.stderr.splitlines() if line.startswith("ERROR")
-        ] or done.stderr.splitlines()
+        lines = done.stderr.splitlines()
+        said = [line for line in lines if line.startswith("ERROR")] or lines
         text = "\n".join(_ADDRESS.sub("…", line) for line in said[-4:])
         raise EnvironmentFailure(f"{what}\n{text}".strip(), remedy)
     return done.stdout

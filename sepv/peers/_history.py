@@ -45,13 +45,7 @@ def recorded(folder: Path, library: str, version: str) -> list[Path]:
 
 
 def add(folder: Path, data: dict[str, Any]) -> Path:
-    """Put a record there, under a new name.
-
-    Raises
-    ------
-    UsageError
-        For data that are no record, and where this version has one of today already.
-    """
+    """Put a record there, under a new name; a UsageError where there is one of this version and day already."""
     if wrong := fault(data, schema("peers")):
         raise UsageError(
             expected="a record of a version", received=wrong, remedy="measure it with `sepv peers`"
@@ -71,13 +65,7 @@ def add(folder: Path, data: dict[str, Any]) -> Path:
 
 
 def load(folder: Path) -> dict[str, list[Record]]:
-    """All records by library, in the order of versions and, within one, of dates.
-
-    Raises
-    ------
-    UsageError
-        For a folder without records, or a file that is none.
-    """
+    """All records by library, in the order of versions and, within one, of dates; a UsageError where there are none."""
     found: dict[str, list[Record]] = {}
     for path in sorted(folder.glob("*/*.json")):
         said = {"expected": "records of versions", "remedy": "remove the file"}

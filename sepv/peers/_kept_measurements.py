@@ -22,24 +22,14 @@ from sepv.verification._progress import Shown
 
 @dataclass(frozen=True)
 class Cell:
-    """One measurement.
+    """One measurement."""
 
-    Attributes
-    ----------
-    solver : str
-        Whose it is: cells of one solver share a file.
-    name : str
-        What is measured: a law, or a number on a problem.
-    key : tuple
-        All that the result depends on, as JSON; the solver and the name belong to it in any case.
-    measure : () -> value
-        A value that JSON keeps: NaN and infinities included, as Python's json writes them.
-    """
-
-    solver: str
-    name: str
-    key: tuple[Any, ...]
-    measure: Callable[[], Any]
+    solver: str  # cells of one solver share a file
+    name: str  # a law, or a number on a problem
+    key: tuple[Any, ...]  # all that the result depends on, as JSON, beside the solver and the name
+    measure: Callable[
+        [], Any
+    ]  # a value that JSON keeps: NaN and infinities too, as Python's json writes them
 
     @property
     def digest(self) -> str:
@@ -48,13 +38,7 @@ class Cell:
 
 
 def measured(cells: Iterable[Cell], folder: Path | None, shown: Shown) -> dict[tuple[str, str], Any]:
-    """The value of every cell, by solver and name: from the folder where it has it, else measured and put there.
-
-    Raises
-    ------
-    UsageError
-        For a file in the folder that holds no cells.
-    """
+    """The value of every cell, by solver and name: from the folder where it has it, else measured and put there."""
     listed = list(cells)
     kept = {solver: _read(folder, solver) for solver in {cell.solver for cell in listed}}
     missing = [cell for cell in listed if cell.digest not in kept[cell.solver]]

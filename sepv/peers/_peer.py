@@ -20,14 +20,8 @@ import click
 from sepv._version import __version__
 from sepv.errors import SepvError
 from sepv.files import finite, json_text, write_atomically
-from sepv.peers._compliance_measurements import (
-    LIBRARIES,
-    law_cells,
-    path_cells,
-    path_verdicts,
-    release,
-    silent,
-)
+from sepv.peers import _compliance_measurements as measurements
+from sepv.peers._compliance_measurements import LIBRARIES, release
 from sepv.peers._deviations import shown_by
 from sepv.peers._kept_measurements import Cell, measured
 from sepv.peers.posing import PathSolver
@@ -42,38 +36,30 @@ ASKED = ("local-mean", "local-mean-square", "local-weak", "mean-square-order", "
 LONGEST = 600
 
 
-def laws() -> list[Law]:
-    """Those that are asked of each version."""
-    return load_laws(ASKED)
-
-
 def record(
     library: str, effort: Effort, keep: Path | None, scripts: Path | None, shown: Any
 ) -> dict[str, Any]:
     """What the solvers of the installed library were found to do, as the schema `peers` describes it."""
-    adapter, asked = import_module(f"sepv.peers.{library}"), laws()
+    adapter, asked = import_module(f"sepv.peers.{library}"), load_laws(ASKED)
     schemes, paths = adapter.SCHEMES, adapter.PATHS
-    cells = [cell for s in schemes for cell in law_cells(library, s, asked, effort)]
-    cells += [_safe(cell) for p in paths for cell in path_cells(library, p, effort)]
+    cells = [cell for s in schemes for cell in measurements.law_cells(library, s, asked, effort)]
+    cells += [_safe(cell) for p in paths for cell in measurements.path_cells(library, p, effort)]
     found = measured(cells, keep, shown)
     shown.update("the scripts that show deviations", 1.0)
+    # What is installed beside it, without installers: a change may be another library's.
+    beside = {d.metadata["Name"].lower(): d.version for d in distributions() if d.metadata["Name"]}
+    packages = {n: beside[n] for n in sorted(beside) if n not in ("pip", "setuptools", "wheel", "sepv")}
     return {
         "format": FORMAT,
         "library": library,
         "version": release(library),
         "date": f"{datetime.now(UTC):%Y-%m-%d}",
         "suite": {
-            "version": __version__,
-            "laws_version": SUITE,
-            "laws": [law.name for law in asked],
-            "seed": effort.seed,
-            "examples": effort.examples,
-            "paths": effort.paths,
+            "version": __version__, "laws_version": SUITE, "laws": [law.name for law in asked],
+            "seed": effort.seed, "examples": effort.examples, "paths": effort.paths,
         },
         "environment": {
-            "python": platform.python_version(),
-            "machine": platform.machine(),
-            "packages": _packages(),
+            "python": platform.python_version(), "machine": platform.machine(), "packages": packages
         },
         "absent": [name.removeprefix(f"{library} ") for name in getattr(adapter, "ABSENT", ())],
         "solvers": [
@@ -81,7 +67,7 @@ def record(
             *(_path_entry(library, solver, found) for solver in paths),
         ],
         "scripts": [] if scripts is None else list(_scripts(library, scripts)),
-    }
+    }  # fmt: skip
 
 
 def _safe(cell: Cell) -> Cell:
@@ -99,42 +85,21 @@ def _safe(cell: Cell) -> Cell:
 def _scheme_entry(
     library: str, scheme: Any, asked: Sequence[Law], found: dict[tuple[str, str], Any]
 ) -> dict[str, Any]:
-    unasked = silent(library, scheme)
+    unasked = measurements.silent(library, scheme)
     said = {law: unasked.get(law.name) or found[scheme.name, law.name] for law in asked}
-    laws = {
-        law.name: _said(law.unit, **{"defect": None, "bound": None, **cell}) for law, cell in said.items()
-    }
+    laws = {law.name: _said(law.unit, cell) for law, cell in said.items()}
     return _entry(library, scheme, scheme.weak_order, laws)
 
 
 def _entry(library: str, solver: Any, weak_order: float | None, laws: dict[str, Any]) -> dict[str, Any]:
-    return {
-        "name": solver.name.removeprefix(f"{library} "),
-        "source": solver.source,
-        "mean_square_order": solver.mean_square_order,
-        "weak_order": weak_order,
-        "laws": laws,
-    }
+    name, order = solver.name.removeprefix(f"{library} "), solver.mean_square_order
+    orders = {"mean_square_order": order, "weak_order": weak_order}
+    return {"name": name, "source": solver.source, **orders, "laws": laws}
 
 
-def _said(
-    unit: str,
-    *,
-    verdict: str,
-    claimed: bool,
-    defect: float | None,
-    bound: float | None,
-    message: str,
-    **_: Any,
-) -> dict[str, Any]:
-    return {
-        "verdict": verdict,
-        "claimed": claimed,
-        "defect": finite(defect),
-        "bound": finite(bound),
-        "unit": unit,
-        "message": message[:LONGEST],
-    }
+def _said(unit: str, cell: dict[str, Any]) -> dict[str, Any]:
+    said = {key: finite(cell.get(key)) for key in ("verdict", "claimed", "defect", "bound")}
+    return said | {"unit": unit, "message": cell["message"][:LONGEST]}
 
 
 def _path_entry(library: str, solver: PathSolver, found: dict[tuple[str, str], Any]) -> dict[str, Any]:
@@ -143,40 +108,31 @@ def _path_entry(library: str, solver: PathSolver, found: dict[tuple[str, str], A
     if errors:
         verdicts = dict.fromkeys(("mean-square-order", "right-limit"), (Verdict.ERROR, None, None))
     else:
-        verdicts = dict(path_verdicts(solver, found))  # type: ignore[arg-type]  # None only after an error
+        verdicts = dict(measurements.path_verdicts(solver, found))  # type: ignore[arg-type]  # None only after an error
     notes = "; ".join(errors) or "; ".join(cell["note"] for cell in cells if cell["note"])
     units = {"mean-square-order": "slope of the rms error", "right-limit": "log of the fall"}
-    laws = {
-        law: _said(units[law], verdict=verdict.value, claimed=True, defect=number, bound=limit, message=notes)
-        for law, (verdict, number, limit) in verdicts.items()
-    }
+    laws = {}
+    for law, (verdict, number, limit) in verdicts.items():
+        cell = {"verdict": verdict.value, "claimed": True, "defect": number, "bound": limit, "message": notes}
+        laws[law] = _said(units[law], cell)
     return _entry(library, solver, None, laws)
 
 
 def _scripts(library: str, folder: Path) -> Iterator[dict[str, Any]]:
     for script in shown_by(folder, library):
         failed = script.errors.strip().splitlines()[-1:] if script.deviates is None else []
-        yield {
-            "name": script.name,
-            "title": script.title,
-            "deviates": script.deviates,
-            "output": "\n".join([script.output, *failed]).strip(),
-        }
+        output = "\n".join([script.output, *failed]).strip()
+        yield {"name": script.name, "title": script.title, "deviates": script.deviates, "output": output}
 
 
-def _packages() -> dict[str, str]:
-    """What is installed beside it, without installers: a change may be another library's."""
-    found = {d.metadata["Name"].lower(): d.version for d in distributions() if d.metadata["Name"]}
-    return {name: found[name] for name in sorted(found) if name not in ("pip", "setuptools", "wheel", "sepv")}
+_FOLDER = click.Path(file_okay=False, path_type=Path)
 
 
 @click.command()
 @click.argument("library", type=click.Choice(LIBRARIES))
 @click.option("--out", type=click.Path(dir_okay=False), required=True, help="The record, as JSON.")
-@click.option(
-    "--keep", type=click.Path(file_okay=False, path_type=Path), help="A folder for what is measured."
-)
-@click.option("--scripts", type=click.Path(file_okay=False, path_type=Path), help="The folder of deviations.")
+@click.option("--keep", type=_FOLDER, help="A folder for what is measured.")
+@click.option("--scripts", type=_FOLDER, help="The folder of deviations.")
 @click.option(
     "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths."
 )

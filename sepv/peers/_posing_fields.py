@@ -42,19 +42,8 @@ class Fields:
 
 
 def pose_fields(problem: Problem, *, ito: bool = False) -> tuple[Fields, tuple[Array, ...]]:
-    """The formulas of a system with several Hamiltonians, and its numbers as NumPy arrays.
+    """The formulas of a system with several Hamiltonians given as data, and its numbers as NumPy arrays.
 
-    Parameters
-    ----------
-    ito : whether the drift is that of Itô's form.
-
-    Raises
-    ------
-    Skipped
-        For a problem that is not given as data with `noise_hamiltonians`.
-
-    Examples
-    --------
     >>> import numpy as np
     >>> from sepv import problems
     >>> fields, numbers = pose_fields(problems.random_inertia())

@@ -17,28 +17,16 @@ ABSENT, THERE = "absent", "there"
 
 @dataclass(frozen=True)
 class Change:
-    """A verdict that is another one than in the record before.
-
-    Attributes
-    ----------
-    since : str
-        The version of the record before; the same as `version` where that was measured again.
-    law : str
-        Empty where the whole solver came or went.
-    before, after : str
-        Verdicts as `sepv.verification.Verdict` has them, or "absent".
-    besides : tuple of str
-        What else changed between the two records and may be the reason: the suite, packages, Python.
-    """
+    """A verdict that is another one than in the record before."""
 
     library: str
     solver: str
-    law: str
-    since: str
+    law: str  # empty where the whole solver came or went
+    since: str  # the version of the record before; the same as `version` where that was measured again
     version: str
-    before: str
+    before: str  # as `sepv.verification.Verdict` has it, or "absent"
     after: str
-    besides: tuple[str, ...]
+    besides: tuple[str, ...]  # what else changed and may be the reason: the suite, packages, Python
 
 
 def latest(records: Sequence[Record]) -> list[Record]:
@@ -104,21 +92,13 @@ def cell(record: Record, solver: str) -> str:
 
 @dataclass(frozen=True)
 class Deviation:
-    """A script over the versions: where it shows its deviation, and the version that mended it.
-
-    Attributes
-    ----------
-    seen : tuple of str
-        Versions in which it deviates.
-    mended : str
-        The first version after these in which it does not; empty where none was seen.
-    """
+    """A script over the versions: where it shows its deviation, and the version that mended it."""
 
     library: str
     script: str
     title: str
     seen: tuple[str, ...]
-    mended: str
+    mended: str  # the first version after those in which it does not deviate; empty where none was seen
 
 
 def deviations(records: Sequence[Record]) -> list[Deviation]:
@@ -129,16 +109,11 @@ def deviations(records: Sequence[Record]) -> list[Deviation]:
         for script in record.data["scripts"]:
             titles[script["name"]] = script["title"]
             states.setdefault(script["name"], []).append((record.version, script["deviates"]))
-    return [
-        Deviation(
-            records[0].library,
-            name,
-            titles[name],
-            tuple(version for version, deviates in found if deviates),
-            _mended(found),
-        )
-        for name, found in states.items()
-    ]
+    shown = []
+    for name, found in states.items():
+        seen = tuple(version for version, deviates in found if deviates)
+        shown.append(Deviation(records[0].library, name, titles[name], seen, _mended(found)))
+    return shown
 
 
 def _mended(found: Sequence[tuple[str, bool | None]]) -> str:

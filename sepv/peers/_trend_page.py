@@ -30,13 +30,7 @@ reason may be there."""
 
 
 def page(found: dict[str, list[Record]]) -> str:
-    """The page.
-
-    Parameters
-    ----------
-    found : dict of library to records
-        As `sepv.peers._history.load` gives them.
-    """
+    """The page of the records by library, as `sepv.peers._history.load` gives them."""
     parts = ["# Other libraries over their versions", INTRODUCTION]
     for library, records in found.items():
         parts += [f"## {library}", *_library(records)]
@@ -78,14 +72,12 @@ def _library(records: Sequence[Record]) -> Iterator[str]:
             ["script", "statement", "seen in", "mended in"],
             [
                 (
-                    f"[`{d.script}`](peers/{d.script})",
-                    d.title,
-                    ", ".join(d.seen) or "none of these",
+                    f"[`{d.script}`](peers/{d.script})", d.title, ", ".join(d.seen) or "none of these",
                     d.mended or ("not yet" if d.seen else "–"),
                 )
                 for d in shown
             ],
-        )
+        )  # fmt: skip
 
 
 def _falls_slowly(entry: dict[str, Any]) -> bool:
@@ -104,9 +96,8 @@ def _with(record: Record) -> str:
 
 def _few(besides: Sequence[str]) -> str:
     """What computes comes first; the rest is counted."""
-    named = [
-        b for b in besides if b.split()[0] in ("suite", "python", "machine", "jax", "torch", "numpy", "scipy")
-    ]
+    first = ("suite", "python", "machine", "jax", "torch", "numpy", "scipy")
+    named = [b for b in besides if b.split()[0] in first]
     rest = len(besides) - len(named)
     return ", ".join(named + ([f"{rest} other packages"] if rest else [])) or "none"
 

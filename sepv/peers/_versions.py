@@ -7,19 +7,9 @@ that a version runs; nothing where it runs with the newest of all.
 from __future__ import annotations
 
 VERSIONS: dict[str, dict[str, tuple[str, ...]]] = {
-    "diffrax": {
-        "0.5.1": ("jax==0.4.38", "jaxlib==0.4.38", "equinox==0.11.12"),
-        "0.6.2": (),
-        "0.7.2": (),
-    },
-    "torchsde": {
-        "0.2.5": (),
-        "0.2.6": (),
-    },
-    "sdeint": {
-        "0.2.4": (),
-        "0.3.0": (),
-    },
+    "diffrax": {"0.5.1": ("jax==0.4.38", "jaxlib==0.4.38", "equinox==0.11.12"), "0.6.2": (), "0.7.2": ()},
+    "torchsde": {"0.2.5": (), "0.2.6": ()},
+    "sdeint": {"0.2.4": (), "0.3.0": ()},
 }
 
 

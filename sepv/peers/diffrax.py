@@ -176,14 +176,10 @@ def _scheme(name: str, order: float, weak: float = 1.0, note: str = "") -> Any:
         ABSENT.append(f"diffrax {name}{note}")
         return None
     return Scheme(
-        name=f"diffrax {name}{note}",
-        step=_step_by(make()),
-        mean_square_order=order,
-        weak_order=weak,
+        name=f"diffrax {name}{note}", step=_step_by(make()), mean_square_order=order, weak_order=weak,
         source=f'diffrax, "SDE solver table": order {order:g} strong and {weak:g} weak for commutative noise',
-        truncation=None,
-        batched=True,
-    )
+        truncation=None, batched=True,
+    )  # fmt: skip
 
 
 euler_heun = _scheme("EulerHeun", 0.5)
@@ -201,8 +197,5 @@ _ALL = (euler_heun, heun, midpoint, ralston, milstein, spark, general_shark, slo
 SCHEMES = tuple(scheme for scheme in _ALL if scheme is not None)
 # These draw an area beside the increment. A mean over ΔW alone is not the mean of their step.
 DRAWING = tuple(scheme for scheme in (spark, general_shark, slow_rk) if scheme is not None)
-PATHS = (
-    PathSolver(
-        "diffrax ReversibleHeun, whole paths", _path_by(diffrax.ReversibleHeun()), 1.0, reversible_heun.source
-    ),
-)
+_WHOLE = _path_by(diffrax.ReversibleHeun())
+PATHS = (PathSolver("diffrax ReversibleHeun, whole paths", _WHOLE, 1.0, reversible_heun.source),)

@@ -12,6 +12,7 @@ import sdeint
 from sepv.peers.posing import PathSolver
 from sepv.problem import Array, Problem, vector_field
 from sepv.schemes import Scheme
+from sepv.schemes._scheme import Step
 
 
 def _integrate(
@@ -29,9 +30,7 @@ def _integrate(
     return np.asarray(integrator(drift, noise, y, times, dW=dW, **more))
 
 
-def _step_by(
-    integrator: Callable[..., Any], *, integrals: bool = False
-) -> Callable[[Problem, Array, float, Array], Array]:
+def _step_by(integrator: Callable[..., Any], integrals: bool) -> Step:
     """A step by sdeint's integrator over tspan = (0, h); some also want the repeated integrals J_ij."""
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
@@ -63,20 +62,10 @@ def _kp2is_path(problem: Problem, y0: Array, h: float, dW: Array) -> Array:
 
 
 def _scheme(
-    integrator: Callable[..., Any],
-    source: str,
-    *,
-    order: float = 1.0,
-    note: str = "",
-    integrals: bool = False,
+    integrator: Callable[..., Any], source: str, order: float = 1.0, note: str = "", integrals: bool = False
 ) -> Scheme:
-    return Scheme(
-        name=f"sdeint {integrator.__name__}{note}",
-        step=_step_by(integrator, integrals=integrals),
-        mean_square_order=order,
-        source=source,
-        truncation=None,
-    )
+    name, step = f"sdeint {integrator.__name__}{note}", _step_by(integrator, integrals)
+    return Scheme(name=name, step=step, mean_square_order=order, source=source, truncation=None)
 
 
 strat_heun = _scheme(sdeint.stratHeun, "sdeint.stratHeun; order 1 because all noises drive one field")

@@ -76,15 +76,8 @@ def _integrate(
     noise = Given(torch.as_tensor(np.ascontiguousarray(dW.transpose(0, 2, 1))), h)
     times = torch.arange(len(dW) + 1, dtype=torch.float64) * h
     with torch.no_grad():
-        states = torchsde.sdeint(
-            system,
-            torch.as_tensor(np.ascontiguousarray(y.T)),
-            times,
-            bm=noise,
-            method=method,
-            dt=h,
-            options=options,
-        )
+        start = torch.as_tensor(np.ascontiguousarray(y.T))
+        states = torchsde.sdeint(system, start, times, bm=noise, method=method, dt=h, options=options)
     return states.detach().numpy().transpose(0, 2, 1).copy()
 
 
@@ -112,14 +105,9 @@ def _source(order: float, note: str = "") -> str:
 
 def _scheme(method: str, order: float = 1.0, note: str = "", name: str = "", **options: Any) -> Scheme:
     return Scheme(
-        name=f"torchsde {name or method}",
-        step=_step_by(method, options),
-        mean_square_order=order,
-        weak_order=1.0,
-        source=_source(order, note),
-        truncation=None,
-        batched=True,
-    )
+        name=f"torchsde {name or method}", step=_step_by(method, options), mean_square_order=order, weak_order=1.0,
+        source=_source(order, note), truncation=None, batched=True,
+    )  # fmt: skip
 
 
 _SEVERAL = "; strong_order 0.5 for general noise, of which noises that commute have 1"

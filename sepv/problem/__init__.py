@@ -1,9 +1,9 @@
 """What a problem is: a structure matrix B, a Hamiltonian H, noises c, and what is derived from them.
 
-Read `_problem` first (the records), then `_derived` (gradient, Hessian, B′ and averages, from the record of B and H),
-`_checks` (what is held against what), `_averaged_gradient` and `_fields` (formulas of B and H for batches). `_systems`
-names the classes of systems; wider ones than (1.1) are `_structures` (a structure for each noise) and `_hamiltonians`
-(a Hamiltonian for each noise), a narrower one `_nambu`. `_poisson` has Jacobi's identity, `_json` what is written.
+Read `_problem` first (the records and the classes of systems), then `_derived` (gradient, Hessian, B′ and averages,
+from the record of B and H), `_checks` (what is held against what), `_averaged_gradient` and `_fields` (formulas of B
+and H for batches). Wider classes than (1.1) are `_structures` (a structure for each noise) and `_hamiltonians` (a
+Hamiltonian for each noise), a narrower one `_nambu`. `_poisson` has Jacobi's identity, `_json` what is written.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from sepv.problem._problem import GivenProblem as GivenProblem
 from sepv.problem._problem import NamedProblem as NamedProblem
 from sepv.problem._problem import PolynomialSystem as PolynomialSystem
 from sepv.problem._problem import Problem as Problem
+from sepv.problem._problem import Systems as Systems
 from sepv.problem._structures import CommutingStructure as CommutingStructure
 from sepv.problem._structures import StructuresProblem as StructuresProblem
 from sepv.problem._structures import commuting_hamiltonians as commuting_hamiltonians
-from sepv.problem._systems import Systems as Systems

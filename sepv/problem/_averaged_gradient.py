@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sepv.problem._fields import summed
 from sepv.problem._problem import Array, Problem
 from sepv.record import gauss_legendre, mean_nodes
 from sepv.record._binary64 import EPS
@@ -58,10 +59,9 @@ def average_hessian(problem: Problem, y0: Array, y1: Array) -> Array | None:
     factors = weights * points
     total = np.zeros((problem.dimension, *y0.shape))
     if y0.size <= FEW:  # all nodes in one call
-        terms = problem.hessian(_on_segment(y0, y1, points))
-        for n, factor in enumerate(factors):
-            total = total + factor * terms[:, :, n]
-        return total
+        terms = problem.hessian(_on_segment(y0, y1, points)) * factors.reshape(-1, *(1,) * (y0.ndim - 1))
+        mean: Array = total + summed(terms.reshape(-1, *terms.shape[2:])).reshape(total.shape)
+        return mean
     for tau, factor in zip(points, factors, strict=True):
         total = total + factor * problem.hessian(y0 + tau * (y1 - y0))
     return total
@@ -81,19 +81,13 @@ def _quadratures(problem: Problem, y0: Array, y1: Array, *rules: int) -> list[tu
     for nodes, (_, weights) in zip(rules, tabulated, strict=True):
         terms = gradients[:, first : first + nodes] * weights.reshape(1, -1, *(1,) * (y0.ndim - 1))
         first += nodes
-        value = terms[:, 0]
-        for n in range(1, nodes):
-            value = value + terms[:, n]
-        found.append((value, terms))
+        found.append((summed(terms), terms))
     return found
 
 
 def _size(terms: Array) -> Array:
     """The sum of the absolute values of a quadrature's terms (d, nodes, ...): the largest component."""
-    size = np.abs(terms[:, 0])
-    for n in range(1, terms.shape[1]):
-        size = size + np.abs(terms[:, n])
-    return np.asarray(np.max(size, axis=0))
+    return np.asarray(np.max(summed(np.abs(terms)), axis=0))
 
 
 def argument_rounding(problem: Problem, *states: Array) -> Array:

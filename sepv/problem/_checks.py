@@ -91,16 +91,24 @@ def _check_skew(problem: Problem, y: Array) -> None:
 
 
 def _check_gradient(problem: Problem, y: Array) -> None:
-    given = problem.gradient(y)
+    for (k,), value, derivative in _mistaken(problem.gradient(y), problem.hamiltonian, y):
+        raise ProblemError(
+            expected="gradient to be that of hamiltonian",
+            received=f"gradient[{k + 1}] = {value!r}, ∂H/∂y{k + 1} = {derivative!r} at y = {y.tolist()}",
+            remedy=f"correct component {k + 1} of gradient, or hamiltonian",
+        )
+
+
+def _mistaken(
+    given: Any, of: Callable[[Any], Any], y: Array
+) -> Iterator[tuple[tuple[int, ...], float, float]]:
+    """Entries of what is given for the derivative of a function that are not, with the derivative."""
     scale = max(float(np.abs(given).max()), 1e-3)
-    for k, value in enumerate(given):
-        derivative = closest_derivative(problem.hamiltonian, y, k, float(value))
+    for index in np.ndindex(*np.shape(given)):
+        value = float(given[index])
+        derivative = closest_derivative(lambda z, at=index[:-1]: of(z)[at], y, index[-1], value)  # type: ignore[misc]
         if not abs(derivative - value) <= GRADIENT_TOLERANCE * max(scale, abs(derivative)):
-            raise ProblemError(
-                expected="gradient to be that of hamiltonian",
-                received=f"gradient[{k + 1}] = {float(value)!r}, ∂H/∂y{k + 1} = {derivative!r} at y = {y.tolist()}",
-                remedy=f"correct component {k + 1} of gradient, or hamiltonian",
-            )
+            yield index, value, derivative
 
 
 def _check_mean_gradient(problem: Problem, y: Array) -> None:
@@ -144,18 +152,12 @@ def _check_derivatives(problem: Problem, y: Array) -> None:
     for key, of in (("hessian", problem.gradient), ("structure_derivative", problem.structure)):
         if getattr(problem, key) is None:
             continue
-        given = _call(problem, key, y)
-        for index in np.ndindex(*np.shape(of(y))):
-            for k in range(problem.dimension):
-                value = float(given[(*index, k)])
-                derivative = closest_derivative(lambda z, at=index, of=of: of(z)[at], y, k, value)  # type: ignore[misc]
-                if not abs(derivative - value) <= GRADIENT_TOLERANCE * max(1e-3, float(np.abs(given).max())):
-                    raise ProblemError(
-                        expected=f"{key} to be the derivative of what it belongs to",
-                        received=f"{key}{[i + 1 for i in (*index, k)]} = {value!r}, derivative {derivative!r} "
-                        f"at y = {y.tolist()}",
-                        remedy=f"correct it, or leave {key} out: differences then serve",
-                    )
+        for index, value, derivative in _mistaken(_call(problem, key, y), of, y):
+            raise ProblemError(
+                expected=f"{key} to be the derivative of what it belongs to",
+                received=f"{key}{[i + 1 for i in index]} = {value!r}, derivative {derivative!r} at y = {y.tolist()}",
+                remedy=f"correct it, or leave {key} out: differences then serve",
+            )
 
 
 def closest_derivative(function: Callable[[Any], Any], y: Array, k: int, claimed: float) -> float:

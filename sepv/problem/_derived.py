@@ -17,7 +17,12 @@ from sepv.record._flows import flow
 from sepv.record._means import mean
 
 Array = NDArray[np.float64]
-Function = Callable[[Any], Any]
+Function = Callable[[Array], Array]
+
+
+def to_be_derived(y: Array) -> Array:
+    """Stands for what was not given, until it is derived: never called."""
+    raise NotImplementedError("a mark for what was not given")
 
 
 @dataclass(frozen=True)
@@ -52,18 +57,10 @@ class Derived(Derivatives):
 
 
 def derive(dimension: int, structure: Function, hamiltonian: Function) -> Derived:
-    """What follows from B and H.
-
-    Raises
-    ------
-    ProblemError
-        Where one of them cannot be recorded; it says why.
-    """
+    """What follows from B and H. Raises ProblemError where one of them cannot be recorded; it says why."""
     tape = Tape()
     y = tape.vector(dimension)
-    B = _recorded(tape, "structure", structure, y)
-    if np.shape(B) != (dimension, dimension):
-        raise _of_another_shape(f"structure(y) of shape {(dimension, dimension)}", dimension, np.shape(B))
+    B = _recorded(tape, "structure", structure, y, (dimension, dimension))
     return Derived(
         **vars(derivatives(dimension, hamiltonian)),
         structure_derivative=evaluator([y], jacobian(B.ravel(), y).reshape(*B.shape, dimension)),
@@ -74,9 +71,7 @@ def derivatives(dimension: int, hamiltonian: Function, name: str = "hamiltonian"
     """What follows from H alone; a ProblemError as for `derive`."""
     tape = Tape()
     y, z = tape.vector(dimension), tape.vector(dimension)
-    H = _recorded(tape, name, hamiltonian, y)
-    if np.shape(H) != ():
-        raise _of_another_shape(f"{name}(y) of shape ()", dimension, np.shape(H))
+    H = _recorded(tape, name, hamiltonian, y, ())
     power, slope = degree(H, y), gradient(H, y)
     try:
         closed = None if power is not None else MeanGradient(evaluator([y, z], mean(H, y, z).value))
@@ -94,10 +89,8 @@ def derivatives(dimension: int, hamiltonian: Function, name: str = "hamiltonian"
 class PartFlow:
     """(y, t) -> (d, ...): the exact flow of B∇H_k at times t (...), for a part H_k of H.
 
-    Raises
-    ------
-    NoClosedForm, ProblemError
-        When it is called, where B∇H_k has no flow in closed form (`sepv.record._flows`) or cannot be recorded.
+    A call raises NoClosedForm or ProblemError where B∇H_k has no flow in closed form (`sepv.record._flows`), or cannot
+    be recorded.
     """
 
     dimension: int
@@ -112,14 +105,15 @@ class PartFlow:
     def _evaluator(self) -> Evaluator:
         tape = Tape()
         y, t = tape.vector(self.dimension), tape.vector(1)
-        H, B = _recorded(tape, "a part", self.part, y), _recorded(tape, "structure", self.structure, y)
+        H = _recorded(tape, "a part", self.part, y, ())
+        B = _recorded(tape, "structure", self.structure, y, (self.dimension, self.dimension))
         return evaluator([y, t], flow(B @ gradient(H, y), y, t[0]))
 
 
-def _recorded(tape: Tape, key: str, function: Function, y: Any) -> Any:
-    """The function's result; whatever it makes of symbols is its author's."""
+def _recorded(tape: Tape, key: str, function: Function, y: Any, shape: tuple[int, ...]) -> Any:
+    """The function's result, of this shape; whatever it makes of symbols is its author's."""
     try:
-        return tape.symbols(function(y))
+        found = tape.symbols(function(y))
     except Exception as error:
         why = str(error) if isinstance(error, CannotRecord) else f"{type(error).__name__}: {error}"
         raise ProblemError(
@@ -127,11 +121,10 @@ def _recorded(tape: Tape, key: str, function: Function, y: Any) -> Any:
             received=f"{key}: {why}",
             remedy="give gradient=, and hessian= and structure_derivative= where you have them",
         ) from error
-
-
-def _of_another_shape(expected: str, dimension: int, shape: tuple[int, ...]) -> ProblemError:
-    return ProblemError(
-        expected=f"{expected} for y of shape ({dimension},)",
-        received=f"shape {shape}",
-        remedy="component first: index y[0], y[1], … and build arrays with np.stack or np.array",
-    )
+    if np.shape(found) != shape:
+        raise ProblemError(
+            expected=f"{key}(y) of shape {shape} for y of shape ({len(y)},)",
+            received=f"shape {np.shape(found)}",
+            remedy="component first: index y[0], y[1], … and build arrays with np.stack or np.array",
+        )
+    return found

@@ -20,10 +20,32 @@ from sepv.record._binary64 import EPS, TINY
 _ROOT = float(np.sqrt(EPS))
 # Differences are taken for so many states at a time: beyond, memory grows and nothing is gained.
 LANES = 256
+# What is told the numbers of the states (d, M) too.
+OfLanes = Callable[[Array, NDArray[np.intp]], Any]
+# Up to so many numbers for each term of a sum all terms are added in one call: measured, for speed alone.
+FEW = 96
+
+
+def _is_small(A: Array, products: int) -> bool:
+    """Whether to form so many products with A at once; symbols are recorded one by one."""
+    return products <= FEW * A.shape[1] and isinstance(A, np.ndarray) and A.dtype != object
+
+
+def summed(terms: Array) -> Array:
+    """Σ_j terms[:, j] in the order of j, of shape (n, ...): in one call where a call costs more than the sums."""
+    if _is_small(terms, terms.size):
+        totals: Array = np.add.accumulate(terms, axis=1)
+        return totals[:, -1]
+    total: Array = terms[:, 0]
+    for j in range(1, terms.shape[1]):
+        total = total + terms[:, j]
+    return total
 
 
 def matvec(A: Array, v: Array) -> Array:
     """A v for A of shape (n, d, ...) and v of shape (d, ...); of ∂B_ij/∂y_k it is the derivative of B(y)v, v fixed."""
+    if _is_small(A, A.size):
+        return summed(A * v.reshape(len(v), *(1,) * (A.ndim - 1 - v.ndim), *v.shape[1:]))
     total = A[:, 0] * v[0]
     for j in range(1, A.shape[1]):
         total = total + A[:, j] * v[j]
@@ -37,6 +59,8 @@ def dot(u: Array, v: Array) -> Array:
 
 def matmul(A: Array, B: Array) -> Array:
     """A B for A of shape (n, d, ...) and B of shape (d, p, ...)."""
+    if _is_small(A, A.size * B.shape[1]):
+        return summed(A[:, :, None] * B)
     total = A[:, 0, None] * B[0]
     for j in range(1, A.shape[1]):
         total = total + A[:, j, None] * B[j]
@@ -102,7 +126,7 @@ def hessian(problem: Problem, y: Array) -> Array:
     return differences(problem, lambda at, _: problem.gradient(at), y)
 
 
-def differences(problem: Problem, function: Callable[[Array, NDArray[np.intp]], Array], y: Array) -> Array:
+def differences(problem: Problem, function: OfLanes, y: Array) -> Array:
     """function′(y), (n, d, ...), by differences; the function is told the numbers of the states, flattened."""
     flat, domain = y.reshape(len(y), -1), problem.domain
     inside = None if domain is None else lambda at, _: domain(at)
@@ -111,13 +135,7 @@ def differences(problem: Problem, function: Callable[[Array, NDArray[np.intp]], 
     return found.reshape(*found.shape[:2], *y.shape[1:])
 
 
-def forward_differences(
-    R: Callable[[Array, NDArray[np.intp]], Array],
-    inside: Callable[[Array, NDArray[np.intp]], Any] | None,
-    z: Array,
-    base: Array,
-    reach: Array,
-) -> Array:
+def forward_differences(R: OfLanes, inside: OfLanes | None, z: Array, base: Array, reach: Array) -> Array:
     """∂R/∂z by forward differences, backward ones where those leave the domain; `reach` (M,) is the size of z.
 
     R and `inside` are asked for several components at once, as lanes, for few lanes; they are told the lanes' numbers.

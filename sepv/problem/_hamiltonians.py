@@ -22,11 +22,11 @@ from typing import Any
 
 import numpy as np
 
-from sepv.errors import ProblemError, Skipped, SystemsError
+from sepv.errors import Skipped, SystemsError
 from sepv.problem._checks import sample_states
 from sepv.problem._derived import derive
 from sepv.problem._fields import differences, hessian, matmul, matvec, structure_slope, vector_field
-from sepv.problem._problem import Array, Flow, Function, Problem
+from sepv.problem._problem import Array, Flow, Function, Problem, require_one_for_each_noise
 from sepv.problem._structures import ClosedForm, CommutingStructure, StructuresProblem, combined
 
 # Differences may leave 1e-8 of a slope; what does not vanish is larger by far at some of the sample states.
@@ -86,31 +86,18 @@ class HamiltoniansProblem(Problem):
             object.__setattr__(self, "noise_gradients", tuple(f.gradient for f in found))
             object.__setattr__(self, "noise_hessians", tuple(f.hessian for f in found))
         for key in ("noise_hamiltonians", "noise_gradients", "noise_hessians", "noise_flows"):
-            count = len(getattr(self, key))
-            if count != self.noises and (count or key in ("noise_hamiltonians", "noise_gradients")):
-                raise ProblemError(
-                    expected=f"{self.noises} {key}, one for each coefficient in noise",
-                    received=f"{count}",
-                    remedy="give noise=(1.0, …) with one entry for each H_j",
-                )
+            if getattr(self, key) or key in ("noise_hamiltonians", "noise_gradients"):
+                require_one_for_each_noise(self, key, "H_j")
         if check:
-            for j, (H, gradient) in enumerate(
-                zip(self.noise_hamiltonians, self.noise_gradients, strict=True), 1
-            ):
+            for j, H in enumerate(self.noise_hamiltonians):
                 Problem(
-                    self.dimension, self.structure, H, gradient, domain=self.domain, initial=self.initial,
-                    hessian=self.noise_hessians[j - 1] if self.noise_hessians else None,
-                    name=f"{self.name}, H_{j}",
+                    self.dimension, self.structure, H, self.noise_gradients[j], domain=self.domain,
+                    hessian=self.noise_hessians[j] if self.noise_hessians else None, initial=self.initial,
+                    name=f"{self.name}, H_{j + 1}",
                 )  # fmt: skip
 
     def random_step(self, h: float, dW: Array) -> Array:  # noqa: ARG002  (the signature of `Problem`)
-        """There is none.
-
-        Raises
-        ------
-        SystemsError
-            Always: a scheme that asks for Δ = h + Σ c_j ΔW_j is for a single Hamiltonian.
-        """
+        """There is none: a scheme that asks for Δ = h + Σ c_j ΔW_j is for a single Hamiltonian. Raises SystemsError."""
         raise SystemsError(
             expected="a scheme for several Hamiltonians, such as stochastic-midpoint",
             received=f"a scheme that reduces the noise of {self.name} to one random step",
@@ -126,10 +113,7 @@ def is_several(problem: Problem) -> bool:
 def noise_gradients(problem: Problem) -> Sequence[Function]:
     """∇H_1, …, ∇H_m; of (1.1) ∇H itself, m times.
 
-    Raises
-    ------
-    Skipped
-        For several structures that are not those of several Hamiltonians.
+    Raises Skipped for several structures that are not those of several Hamiltonians.
     """
     if isinstance(problem, HamiltoniansProblem):
         return problem.noise_gradients
@@ -242,11 +226,9 @@ def commutes(problem: Problem) -> bool:
 
 
 def _vanish(problem: Problem, values: Callable[[Array], list[Any]], *, per_field: bool = False) -> bool:
-    """Whether these vanish at all sample states, beside the sizes of the fields and their slopes there.
+    """Whether these products of a field and a slope, or with `per_field` slopes alone, vanish at all sample states.
 
-    Parameters
-    ----------
-    values : products of a field and a slope, or with `per_field` slopes alone.
+    They do beside the sizes of the fields and their slopes there.
     """
     acting = [int(j) for j in np.flatnonzero(problem.c)]
     for y in sample_states(problem):

@@ -7,7 +7,6 @@ from typing import Any
 from sepv.errors import ProblemError
 from sepv.problem._problem import Description, GivenProblem, NamedProblem, PolynomialSystem, Structure
 from sepv.record import _polynomial as poly
-from sepv.record._polynomial import parse_float
 
 
 def problem_to_json(data: Description) -> dict[str, Any]:
@@ -25,7 +24,7 @@ def problem_from_json(data: Any) -> PolynomialSystem | NamedProblem:
     if "name" not in data:
         return from_json(data)
     parameters = {
-        k: tuple(parse_float(v) for v in values) for k, values in data.get("parameters", {}).items()
+        k: tuple(poly.parse_float(v) for v in values) for k, values in data.get("parameters", {}).items()
     }
     return NamedProblem(data["name"], tuple(parameters.items()))
 
@@ -74,11 +73,13 @@ def from_json(data: Any) -> PolynomialSystem:
             dimension=d,
             hamiltonian=poly.from_json(d, data["hamiltonian"]),
             structure=structure(data["structure"]),
-            noise=tuple(parse_float(c) for c in data.get("noise", [1.0])),
+            noise=tuple(poly.parse_float(c) for c in data.get("noise", [1.0])),
             casimirs=tuple(
-                tuple(tuple(parse_float(a) for a in row) for row in A) for A in data.get("casimirs", [])
+                tuple(tuple(poly.parse_float(a) for a in row) for row in A) for A in data.get("casimirs", [])
             ),
-            linear_casimirs=tuple(tuple(parse_float(b) for b in v) for v in data.get("linear_casimirs", [])),
+            linear_casimirs=tuple(
+                tuple(poly.parse_float(b) for b in v) for v in data.get("linear_casimirs", [])
+            ),
             nambu=nambu,
             noise_structures=tuple(structure(G) for G in data.get("noise_structures", [])),
             noise_hamiltonians=tuple(poly.from_json(d, p) for p in data.get("noise_hamiltonians", [])),

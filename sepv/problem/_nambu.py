@@ -10,18 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sepv.problem._derived import derivatives
-
-# As in `sepv.problem._problem`, which is above this module.
-Array = NDArray[np.float64]
-Function = Callable[[Array], Array]
-
-
-def _to_be_derived(y: Array) -> Array:
-    """Stands for what was not given, until it is derived: never called."""
-    raise NotImplementedError("a mark for what was not given")
+from sepv.problem._derived import Array, Function, derivatives, to_be_derived
 
 
 @dataclass(frozen=True)
@@ -44,14 +34,14 @@ class Nambu:
 
     factor: Function
     casimir: Function
-    gradient: Function = _to_be_derived
-    hessian: Function = _to_be_derived
+    gradient: Function = to_be_derived
+    hessian: Function = to_be_derived
     mean_gradient: Callable[[Array, Array], Array] | None = None
     degree: int | None = None
     dimension: int = 3
 
     def __post_init__(self) -> None:
-        if self.gradient is _to_be_derived:
+        if self.gradient is to_be_derived:
             for key, value in vars(derivatives(3, self.casimir, "casimir")).items():
                 object.__setattr__(self, key, value)
 

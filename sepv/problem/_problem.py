@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import InitVar, dataclass, field
+from enum import StrEnum
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sepv._arguments import floats
 from sepv.errors import ProblemError, UsageError
-from sepv.problem._derived import derive
+from sepv.problem._derived import derive, to_be_derived
 from sepv.problem._nambu import Nambu
 from sepv.record import Polynomial
 
@@ -25,6 +26,43 @@ Flow = Callable[[Array, Array], Array]
 # Of polynomial data: the entries (i, j, B_ij) with i < j, and a matrix row by row.
 Structure = tuple[tuple[int, int, Polynomial], ...]
 Matrix = tuple[tuple[float, ...], ...]
+
+
+class Systems(StrEnum):
+    """A class of systems; its text is what users type, and is taken in its place.
+
+    single
+        (1.1): dy = B(y)∇H(y)(dt + Σ c_j∘dW_j).
+    nambu
+        (1.1) in dimension three with a Casimir and a factor, B(y)v = g(y)(v × ∇C(y)): `Problem.nambu`.
+    several
+        A structure G_j for each noise, or Hamiltonians H_j with {H_0, H_j} = 0: H is kept.
+    hamiltonians
+        A Hamiltonian H_j for each noise, whether or not {H_0, H_j} = 0.
+
+    Narrower classes, of which laws draw random systems (`sepv.verification._cases.families`):
+
+    canonical-separable
+        (1.1) with H = T(p) + V(q), y = (p, q) and B = J⁻¹.
+    lie-poisson
+        (1.1) with B linear in y.
+    rigid-bodies
+        §4.2 with random moments of inertia.
+    so3-hamiltonians
+        Several Hamiltonians with B of the rigid body.
+    separable-hamiltonians
+        H_0 = ½|p|² + V(q), and noise that is additive in p.
+    """
+
+    SINGLE = "single"
+    NAMBU = "nambu"
+    SEVERAL = "several"
+    HAMILTONIANS = "hamiltonians"
+    CANONICAL_SEPARABLE = "canonical-separable"
+    LIE_POISSON = "lie-poisson"
+    RIGID_BODIES = "rigid-bodies"
+    SO3_HAMILTONIANS = "so3-hamiltonians"
+    SEPARABLE_HAMILTONIANS = "separable-hamiltonians"
 
 
 @dataclass(frozen=True)
@@ -65,11 +103,6 @@ class NamedProblem:
 
     name: str
     parameters: tuple[tuple[str, tuple[float, ...]], ...] = ()
-
-
-def _to_be_derived(y: Array) -> Array:
-    """Stands for a gradient that was not given, until it is derived from H: never called."""
-    raise NotImplementedError("a mark for a gradient that was not given")
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +185,7 @@ class Problem:
     dimension: int
     structure: Function
     hamiltonian: Function
-    gradient: Function = _to_be_derived
+    gradient: Function = to_be_derived
     noise: ArrayLike = (1.0,)
     casimirs: tuple[Any, ...] = ()
     linear_casimirs: tuple[Any, ...] = ()
@@ -190,7 +223,7 @@ class Problem:
             object.__setattr__(self, key, arrays)
         if self.initial is not None:
             object.__setattr__(self, "initial", _constant("initial", self.initial, (d,)))
-        if self.gradient is _to_be_derived:
+        if self.gradient is to_be_derived:
             found = derive(d, self.structure, self.hamiltonian)
             object.__setattr__(self, "gradient", found.gradient)
             for key in ("hessian", "structure_derivative", "mean_gradient"):
@@ -214,6 +247,17 @@ class Problem:
         for c, increment in zip(self.c, dW, strict=True):
             delta = delta + c * increment
         return delta
+
+
+def require_one_for_each_noise(problem: Problem, key: str, each: str) -> None:
+    """Raise a ProblemError where there are not as many of these as coefficients in noise."""
+    count = len(getattr(problem, key))
+    if count != problem.noises:
+        raise ProblemError(
+            expected=f"{problem.noises} {key}, one for each coefficient in noise",
+            received=f"{count}",
+            remedy=f"give noise=(1.0, …) with one entry for each {each}",
+        )
 
 
 def _numbers(key: str, value: ArrayLike) -> Array:

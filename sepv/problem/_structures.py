@@ -31,8 +31,7 @@ import numpy as np
 from sepv.errors import ProblemError, UsageError
 from sepv.problem._checks import sample_states
 from sepv.problem._fields import casimir_gradients, dot, matvec
-from sepv.problem._poisson import jacobi_defect as jacobi_defect  # noqa: PLC0414  (for readers of this module)
-from sepv.problem._problem import Array, Function, Problem
+from sepv.problem._problem import Array, Function, Problem, require_one_for_each_noise
 from sepv.record._binary64 import EPS, TINY
 from sepv.record._polynomial import majorant
 
@@ -76,12 +75,7 @@ class StructuresProblem(Problem):
 
     def __post_init__(self, check: bool) -> None:
         super().__post_init__(check)
-        if len(self.noise_structures) != self.noises:
-            raise ProblemError(
-                expected=f"{self.noises} noise_structures, one for each coefficient in noise",
-                received=f"{len(self.noise_structures)}",
-                remedy="give noise=(1.0, …) with one entry for each G_j",
-            )
+        require_one_for_each_noise(self, "noise_structures", "G_j")
         if check:
             for G in self.noise_structures:
                 Problem(
@@ -92,26 +86,14 @@ class StructuresProblem(Problem):
 
     @property
     def noise_gradients(self) -> tuple[Function, ...]:
-        """∇H_1, …, ∇H_m, where every G_j stands for a Hamiltonian (`commuting_hamiltonians`).
-
-        Raises
-        ------
-        AttributeError
-            For structures that are not.
-        """
+        """∇H_1, …, ∇H_m where every G_j stands for a Hamiltonian (`commuting_hamiltonians`), else an AttributeError."""
         found = [G.noise_gradient for G in self.noise_structures if isinstance(G, CommutingStructure)]
         if len(found) < self.noises:
             raise AttributeError(f"{self.name} has several structures, and not several Hamiltonians")
         return tuple(found)
 
     def random_step(self, h: float, dW: Array) -> Array:  # noqa: ARG002  (the signature of `Problem`)
-        """There is none.
-
-        Raises
-        ------
-        UsageError
-            Always: a scheme that asks for Δ = h + Σ c_j ΔW_j is for a single structure.
-        """
+        """There is none: a scheme that asks for Δ = h + Σ c_j ΔW_j is for a single structure. Raises UsageError."""
         raise UsageError(
             expected="a scheme for several structures, such as several-structures",
             received=f"a scheme that reduces the noise of {self.name} to one random step",
@@ -131,12 +113,7 @@ def combined(problem: Problem, y: Array, parts: Array) -> Array:
 def undefined(problem: Problem, y0: Array, y1: Array, mean: Array, parts: Array) -> np.ndarray:
     """Where a structure that stands for B∇H_j does not do so in the step from y0 to y1, (M,).
 
-    Parameters
-    ----------
-    mean : (d, M)
-        The averaged gradient of H_0 of the step.
-    parts : (1 + m, M)
-        h and the c_j ΔW_j.
+    `mean` (d, M) is the averaged gradient of H_0 of the step, `parts` (1 + m, M) are h and the c_j ΔW_j.
     """
     found = np.zeros(y0.shape[1], dtype=bool)
     size = np.maximum(np.abs(y0), np.abs(y1)).max(axis=0)
@@ -168,10 +145,7 @@ def combined_slope(problem: Problem, y: Array, parts: Array) -> Array | None:
 def noise_structures(problem: Problem) -> Sequence[Function]:
     """G_1, …, G_m; for a single structure B itself, m times.
 
-    Raises
-    ------
-    UsageError
-        For several Hamiltonians that do not commute with H_0: they have no such structures.
+    Raises UsageError for several Hamiltonians that do not commute with H_0: they have no such structures.
     """
     if isinstance(problem, StructuresProblem):
         return problem.noise_structures
@@ -199,7 +173,7 @@ class CommutingStructure:
 
     def __call__(self, y: Array) -> Array:
         v, slope = self.field(y), self.gradient(y)
-        w = self._tangent(y, slope)
+        w = self.tangent(y, slope)
         # In units of the largest component: the square of w itself may underflow.
         size = np.abs(w).max(axis=0)
         unit = w / np.where(size > 0, size, 1.0)
@@ -226,11 +200,8 @@ class CommutingStructure:
         """The sums of the absolute values of the terms of v, (d, ...)."""
         return matvec(majorant(self.structure, y), majorant(self.noise_gradient, y))
 
-    def tangent(self, y: Array) -> Array:
-        """w, by Gram-Schmidt against ∇C of each Casimir."""
-        return self._tangent(y, self.gradient(y))
-
-    def _tangent(self, y: Array, w: Array) -> Array:
+    def tangent(self, y: Array, w: Array) -> Array:
+        """w from ∇H_0, by Gram-Schmidt against ∇C of each Casimir."""
         basis: list[Array] = []
         for slope in casimir_gradients(self.casimirs, self.linear_casimirs, 2 * y):
             for _ in range(2):  # twice is enough
@@ -246,7 +217,7 @@ class CommutingStructure:
     def majorant(self, y: Array) -> Array:
         """What rounding errors of S are relative to, (d, d): 2 M_v M_w/|w|², sums of absolute values of terms."""
         B, g, G = (majorant(f, y) for f in (self.structure, self.gradient, self.noise_gradient))
-        w = self.tangent(y)
+        w = self.tangent(y, self.gradient(y))
         square, v = dot(w, w), matvec(B, G)
         factor = np.where(square > 0, 2.0, 0.0) / np.where(square > 0, square, 1.0)
         return np.asarray(factor * (v[:, None] * g[None] + g[:, None] * v[None]))

@@ -11,22 +11,22 @@ from sepv.problem import Description, GivenProblem, NamedProblem, PolynomialSyst
 from sepv.problem import from_json as from_json
 from sepv.problem import to_json as to_json
 from sepv.problems._kepler import kepler as kepler
-from sepv.problems._kubo import kubo_by_hamiltonians as kubo_by_hamiltonians
-from sepv.problems._kubo import kubo_oscillator as kubo_oscillator
 from sepv.problems._lotka_volterra import lotka_volterra as lotka_volterra
+from sepv.problems._lotka_volterra import random_lotka_volterra as random_lotka_volterra
 from sepv.problems._maxwell_bloch import maxwell_bloch as maxwell_bloch
+from sepv.problems._maxwell_bloch import random_maxwell_bloch as random_maxwell_bloch
 from sepv.problems._nambu_system import nambu_system as nambu_system
 from sepv.problems._noisy_oscillators import noisy_henon_heiles as noisy_henon_heiles
 from sepv.problems._noisy_oscillators import pushed_henon_heiles as pushed_henon_heiles
-from sepv.problems._oscillator import harmonic_oscillator as harmonic_oscillator
-from sepv.problems._pendulum import pendulum as pendulum
+from sepv.problems._one_degree import harmonic_oscillator as harmonic_oscillator
+from sepv.problems._one_degree import pendulum as pendulum
 from sepv.problems._point_vortices import point_vortices as point_vortices
 from sepv.problems._polynomial_system import polynomial_problem as polynomial_problem
-from sepv.problems._random_lotka_volterra import random_lotka_volterra as random_lotka_volterra
-from sepv.problems._random_maxwell_bloch import random_maxwell_bloch as random_maxwell_bloch
 from sepv.problems._rigid_body import rigid_body as rigid_body
 from sepv.problems._several import commuting_oscillators as commuting_oscillators
 from sepv.problems._several import commuting_rotations as commuting_rotations
+from sepv.problems._several import kubo_by_hamiltonians as kubo_by_hamiltonians
+from sepv.problems._several import kubo_oscillator as kubo_oscillator
 from sepv.problems._several import noncommuting_drift as noncommuting_drift
 from sepv.problems._several import noncommuting_tops as noncommuting_tops
 from sepv.problems._spins import commuting_twists as commuting_twists
@@ -35,40 +35,27 @@ from sepv.problems._spins import twisted_top as twisted_top
 from sepv.problems._spins import two_spins as two_spins
 from sepv.problems._toda import toda as toda
 
-PAPER: dict[str, Callable[..., Problem]] = {
-    "harmonic-oscillator": harmonic_oscillator,
-    "rigid-body": rigid_body,
-    "pendulum": pendulum,
-    "lotka-volterra": lotka_volterra,
-}
+
+def _listed(*factories: Callable[..., Problem]) -> dict[str, Callable[..., Problem]]:
+    return {factory.__name__.replace("_", "-"): factory for factory in factories}
+
+
+PAPER = _listed(harmonic_oscillator, rigid_body, pendulum, lotka_volterra)
 # Not of the paper: two of them serve the hard cases.
-EXTENSIONS: dict[str, Callable[..., Problem]] = {
-    "kepler": kepler,
-    "maxwell-bloch": maxwell_bloch,
-    "toda": toda,
-}
-
-
+EXTENSIONS = _listed(
+    kepler,
+    maxwell_bloch,
+    toda,
+)
 # With several structures or Hamiltonians.
-SEVERAL: dict[str, Callable[..., Problem]] = {
-    "commuting-rotations": commuting_rotations,
-    "commuting-oscillators": commuting_oscillators,
-    "noncommuting-drift": noncommuting_drift,
-    "noncommuting-tops": noncommuting_tops,
-    "kubo-oscillator": kubo_oscillator,
-}
+SEVERAL = _listed(
+    commuting_rotations, commuting_oscillators, noncommuting_drift, noncommuting_tops, kubo_oscillator
+)
 # With several Hamiltonians that do not commute.
-HAMILTONIANS: dict[str, Callable[..., Problem]] = {
-    "commuting-twists": commuting_twists,
-    "noisy-henon-heiles": noisy_henon_heiles,
-    "point-vortices": point_vortices,
-    "pushed-henon-heiles": pushed_henon_heiles,
-    "random-inertia": random_inertia,
-    "random-lotka-volterra": random_lotka_volterra,
-    "random-maxwell-bloch": random_maxwell_bloch,
-    "twisted-top": twisted_top,
-    "two-spins": two_spins,
-}
+HAMILTONIANS = _listed(
+    commuting_twists, noisy_henon_heiles, point_vortices, pushed_henon_heiles, random_inertia,
+    random_lotka_volterra, random_maxwell_bloch, twisted_top, two_spins,
+)  # fmt: skip
 
 
 @lru_cache(maxsize=64)

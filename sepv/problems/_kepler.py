@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sepv.errors import ProblemError
 from sepv.problem import Array, Problem
-from sepv.problems._canonical import structure
-from sepv.problems._sum_of_parts import named
+from sepv.problems._common import named, structure
 
 
 def kepler(eccentricity: float = 0.6, noise: ArrayLike = 1.0) -> Problem:
@@ -35,7 +34,7 @@ def kepler(eccentricity: float = 0.6, noise: ArrayLike = 1.0) -> Problem:
         hamiltonian=lambda y: 0.5 * (y[0] * y[0] + y[1] * y[1]) - 1 / _radius(y),
         # |q| is not affine in y: no rule derives it.
         mean_gradient=_mean_gradient,
-        domain=_away_from_the_centre,
+        domain=lambda y: _radius(y) > 0,
         initial=(0.0, np.sqrt((1 + e) / (1 - e)), 1 - e, 0.0),
     )
 
@@ -43,11 +42,6 @@ def kepler(eccentricity: float = 0.6, noise: ArrayLike = 1.0) -> Problem:
 def _radius(y: Array) -> Array:
     radius: Array = np.sqrt(y[2] * y[2] + y[3] * y[3])
     return radius
-
-
-def _away_from_the_centre(y: Array) -> NDArray[np.bool_]:
-    inside: NDArray[np.bool_] = _radius(y) > 0
-    return inside
 
 
 def _mean_gradient(y0: Array, y1: Array) -> Array:

@@ -1,14 +1,16 @@
-"""The stochastic Lotka-Volterra system in three species, §4.4."""
+"""Lotka-Volterra, with one noise as in §4.4 and with independent ones."""
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sepv._arguments import is_number
 from sepv.errors import ProblemError
-from sepv.problem import Array, Nambu, Problem
-from sepv.problems._sum_of_parts import flows, named, total
+from sepv.problem import Array, HamiltoniansProblem, Nambu, Problem
+from sepv.problems._common import flows, named, skew, total
 
 
 def lotka_volterra(
@@ -19,8 +21,9 @@ def lotka_volterra(
     mu: float = 2.0,
     noise: ArrayLike = 0.5,
 ) -> Problem:
-    """B_12 = d y1y2, B_13 = bd y1y3, B_23 = −y2y3; H = ab y1 + y2 − a y3 + ν ln y2 − μ ln y3.
+    """The stochastic Lotka-Volterra system in three species, §4.4.
 
+    B_12 = d y1y2, B_13 = bd y1y3, B_23 = −y2y3; H = ab y1 + y2 − a y3 + ν ln y2 − μ ln y3.
     From y = (1, 1.9, 0.5), in the octant y > 0. Its Casimir ln y1 + bd ln y2 − d ln y3 is not
     quadratic, so that (2.1) does not keep it. The defaults are those of §4.4: c = 0.5.
     """
@@ -38,11 +41,7 @@ def lotka_volterra(
     pairs = (0, 1, d), (0, 2, b * d), (1, 2, -1.0)
 
     def structure(y: Array) -> Array:
-        B = np.zeros((3, 3, *y.shape[1:]), dtype=y.dtype)
-        for i, j, factor in pairs:
-            B[i, j] = factor * y[i] * y[j]
-            B[j, i] = -B[i, j]
-        return B
+        return skew(y, ((i, j, factor * y[i] * y[j]) for i, j, factor in pairs))
 
     return named(
         "lotka-volterra",
@@ -51,7 +50,7 @@ def lotka_volterra(
         dimension=3,
         structure=structure,
         hamiltonian=total(parts),
-        domain=_positive,
+        domain=lambda y: np.all(y > 0, axis=0),
         initial=(1.0, 1.9, 0.5),
         flows=flows(3, structure, parts),
         # States near the initial one have no solution at 0.26: an eighth of that.
@@ -64,6 +63,39 @@ def lotka_volterra(
     )
 
 
-def _positive(y: Array) -> NDArray[np.bool_]:
-    inside: NDArray[np.bool_] = np.all(y > 0, axis=0)
-    return inside
+def random_lotka_volterra(
+    beta: ArrayLike = (0.5, -0.5, 0.25), noise: ArrayLike = (0.125, 0.0625, 0.125), **parameters: float
+) -> Problem:
+    """Lotka-Volterra in three species with independent noises: B and H_0 of §4.4, H_j = y_j + β_j ln y_j.
+
+    From (1, 1.9, 0.5), with a noise for each of the first species. dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j) keeps every
+    component positive, and the Casimir of B: a stochastic Poisson system as in Q. Liu and L. Wang, Structure-preserving
+    numerical method for a class of stochastic Poisson systems (J. Univ. Chin. Acad. Sci. 41, 2024). Each H_j has an
+    exact flow, exponentials.
+
+    Parameters
+    ----------
+    beta : β_j, for as many species at least as there are noises.
+    parameters : a, b, d, nu and mu of `lotka_volterra`; by default those of §4.4.
+    """
+    base = lotka_volterra(**parameters)
+    c = tuple(float(v) for v in np.atleast_1d(noise))
+    offsets = [float(v) for v in np.atleast_1d(beta)]
+    others = tuple(partial(_hamiltonian, k, offsets[k]) for k in range(len(c)))
+    return HamiltoniansProblem(
+        dimension=3,
+        structure=base.structure,
+        hamiltonian=base.hamiltonian,
+        noise=c,
+        domain=base.domain,
+        initial=base.initial,
+        flows=base.flows,
+        name="random-lotka-volterra",
+        noise_hamiltonians=others,
+        noise_flows=flows(3, base.structure, others),
+        check=False,
+    )
+
+
+def _hamiltonian(k: int, b: float, y: Array) -> Array:
+    return np.asarray(y[k] + b * np.log(y[k]))

@@ -1,4 +1,4 @@
-"""The Maxwell-Bloch equations of laser-matter dynamics for real fields, a polynomial system with two invariants.
+"""The Maxwell-Bloch equations, with one noise and with Hamiltonians of their own for the noises.
 
 y1′ = y2, y2′ = y1y3, y3′ = −y1y2 is ∇C × ∇H with H = ½y1² + y3 and C = ½(y2² + y3²): B(y)v = −v × ∇C(y). D. David
 and D. Holm, Multiple Lie-Poisson structures, reductions, and geometric phases for the Maxwell-Bloch travelling wave
@@ -8,15 +8,38 @@ equations (J. Nonlinear Sci. 2, 1992).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
-from sepv.problem import Problem
+from sepv.problem import PolynomialSystem, Problem
+from sepv.problems._common import flows
 from sepv.problems._nambu_system import nambu_system
 from sepv.problems._polynomial_system import started
 from sepv.record import _polynomial as poly
 
 
 def maxwell_bloch(noise: Sequence[float] = (0.5,)) -> Problem:
-    """The system from (1, 0.5, 0.5)."""
+    """The Maxwell-Bloch equations of laser-matter dynamics for real fields, a polynomial system with two invariants.
+
+    From (1, 0.5, 0.5).
+    """
     H, C = poly.add(poly.squares((1, 0, 0)), poly.variable(3, 2)), poly.squares((0, 1, 1))
     data = nambu_system(H, poly.constant(3, -1.0), C, tuple(noise))
     return started(data, "maxwell-bloch", (1.0, 0.5, 0.5))
+
+
+def random_maxwell_bloch(noise: Sequence[float] = (0.5,)) -> Problem:
+    """Maxwell-Bloch with a Hamiltonian of its own for the noise, and with two whose fields do not commute.
+
+    From (1, 0.5, 0.5), with one noise or two. H_1 = ½y_1² and H_2 = y_3 are the two parts of H_0: C.-E. Bréhier, D.
+    Cohen and T. Jahnke (Math. Comp. 92, 2023) disturb the system in this way. Their flows are linear.
+    """
+    base = maxwell_bloch()
+    assert isinstance(base.data, PolynomialSystem)
+    halves = (poly.squares((1, 0, 0)), poly.variable(3, 2))
+    parts = halves[: len(tuple(noise))]
+    # Of (y2² + y3²)/2 alone a factor is known to be a Casimir as a matrix.
+    casimir = ((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    data = replace(base.data, noise=tuple(noise), nambu=None, casimirs=(casimir,), noise_hamiltonians=parts)
+    own = flows(3, base.structure, [poly.PolynomialMap((), (p,)) for p in halves])
+    y0 = (1.0, 0.5, 0.5)
+    return started(data, "random-maxwell-bloch", y0, flows=own, noise_flows=own[: len(parts)])

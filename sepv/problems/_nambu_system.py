@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from sepv.errors import ProblemError
-from sepv.problem import PolynomialSystem
-from sepv.problem._problem import Structure
-from sepv.record import Polynomial
+from sepv.problem._problem import PolynomialSystem, Structure
 from sepv.record import _polynomial as poly
 
 
 def nambu_system(
-    hamiltonian: Polynomial, factor: Polynomial, casimir: Polynomial, noise: tuple[float, ...] = (1.0,)
+    hamiltonian: poly.Polynomial,
+    factor: poly.Polynomial,
+    casimir: poly.Polynomial,
+    noise: tuple[float, ...] = (1.0,),
 ) -> PolynomialSystem:
     """dy = g ∇H × ∇C (dt + Σ c_j∘dW_j).
 
@@ -38,12 +39,12 @@ def nambu_system(
     )
 
 
-def _value(p: Polynomial) -> float:
+def _value(p: poly.Polynomial) -> float:
     """Of a constant."""
     return sum((c for _, c in p.terms), 0.0)
 
 
-def _structure(factor: Polynomial, casimir: Polynomial) -> Structure:
+def _structure(factor: poly.Polynomial, casimir: poly.Polynomial) -> Structure:
     """B_12 = g ∂₃C, B_13 = −g ∂₂C, B_23 = g ∂₁C."""
     entries = [
         (i, j, poly.multiply(factor, poly.scale(sign, poly.differentiate(casimir, k))))

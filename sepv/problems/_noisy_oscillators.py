@@ -10,10 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from sepv.problem import PolynomialSystem, Problem
-from sepv.problems._canonical import canonical, structure
+from sepv.problems._common import canonical, flows, structure
 from sepv.problems._polynomial_system import started
-from sepv.problems._sum_of_parts import flows
-from sepv.record import Polynomial, PolynomialMap
 from sepv.record import _polynomial as poly
 
 
@@ -38,9 +36,11 @@ def pushed_henon_heiles(coupling: float = 0.5, noise: Sequence[float] = (0.5, 0.
     return _oscillators(coupling, noise, others, "pushed-henon-heiles")
 
 
-def _oscillators(coupling: float, noise: Sequence[float], others: Sequence[Polynomial], name: str) -> Problem:
+def _oscillators(
+    coupling: float, noise: Sequence[float], others: Sequence[poly.Polynomial], name: str
+) -> Problem:
     cubic = poly.polynomial(4, {(0, 0, 2, 1): coupling, (0, 0, 0, 3): -coupling / 3})
     parts = [poly.squares((1, 1, 0, 0)), poly.add(poly.squares((0, 0, 1, 1)), cubic)]
     data = PolynomialSystem(4, poly.add(*parts), canonical(4), tuple(noise), noise_hamiltonians=tuple(others))
-    known = flows(4, structure, [PolynomialMap((), (p,)) for p in (*parts, *others)])
+    known = flows(4, structure, [poly.PolynomialMap((), (p,)) for p in (*parts, *others)])
     return started(data, name, (0.2, -0.1, 0.3, 0.2), flows=known[:2], noise_flows=known[2:])

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sepv.problem import Array, HamiltoniansProblem, Problem
+from sepv.problems._common import skew
 
 
 def point_vortices(
@@ -22,10 +23,7 @@ def point_vortices(
     n = len(G)
 
     def structure(y: Array) -> Array:
-        B = np.zeros((2 * n, 2 * n, *y.shape[1:]), dtype=y.dtype)
-        for k, g in enumerate(G):
-            B[2 * k, 2 * k + 1], B[2 * k + 1, 2 * k] = 1 / g, -1 / g
-        return B
+        return skew(y, ((2 * k, 2 * k + 1, 1 / g) for k, g in enumerate(G)))
 
     def hamiltonian(y: Array) -> Array:
         total = 0 * y[0]

@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 
 from sepv.errors import ProblemError
 from sepv.problem import Array, Nambu, Problem
-from sepv.problems._canonical import HAT
-from sepv.problems._sum_of_parts import flows, named, total
+from sepv.problems._common import HAT, flows, named, skew, total
 
 
 def rigid_body(inertia: ArrayLike = (0.345, 0.653, 1.0), noise: ArrayLike = 1.0) -> Problem:
@@ -56,8 +55,4 @@ _NAMBU = Nambu(
 
 
 def _structure(y: Array) -> Array:
-    B = np.zeros((3, 3, *y.shape[1:]), dtype=y.dtype)
-    for i, j, k, sign in HAT:
-        B[i, j] = sign * y[k]
-        B[j, i] = -sign * y[k]
-    return B
+    return skew(y, ((i, j, sign * y[k]) for i, j, k, sign in HAT))

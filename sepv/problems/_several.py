@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
-from sepv.problem import Array, PolynomialSystem, StructuresProblem
+from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, StructuresProblem
 from sepv.problem._fields import matvec
 from sepv.problem._structures import ClosedForm
-from sepv.problems._canonical import HAT, planes
+from sepv.problems._common import HAT, planes
 from sepv.problems._polynomial_system import started
 from sepv.record import Polynomial, PolynomialMap
 from sepv.record import _polynomial as poly
@@ -43,12 +44,8 @@ def rotating_planes(
 ) -> PolynomialSystem:
     """n planes with H = H(I_1, …, I_n), B = J in each and G_j = α_jk(I) J in plane k: a commuting family.
 
-    Every I_k is kept, and plane k turns by the angle ∂H/∂I_k (T + Σ_j c_j α_jk W_j(T)).
-
-    Parameters
-    ----------
-    hamiltonian : polynomial in n variables, the actions
-    frequencies : α_jk, m rows of n polynomials in the actions
+    Every I_k is kept, and plane k turns by the angle ∂H/∂I_k (T + Σ_j c_j α_jk W_j(T)). H is a polynomial in the
+    actions, and the frequencies α_jk are m rows of n such polynomials.
     """
     d = 2 * hamiltonian.dimension
     structures = tuple(
@@ -110,6 +107,33 @@ def commuting_oscillators() -> StructuresProblem:
     exact = closed_form(H, c, [list(poly.gradient(p)) for p in others])
     data = commuting_actions(H, others, c)
     return started(data, "commuting-oscillators", _IN_PLANES, closed_form=exact)
+
+
+def kubo_oscillator(a: float = 2.0, sigma: float = 0.5) -> Problem:
+    """Kubo's oscillator: H_0 = ½a(p² + q²) and σH_1 = ½σ(p² + q²), and the exact solution is a rotation by aT + σW(T).
+
+    From (1, 0). R. Kubo, M. Toda and N. Hashitsume, Statistical Physics II (1991),
+    §2.1; G. N. Milstein, Yu. M. Repin and M. V. Tretyakov (SIAM J. Numer. Anal. 40, 2002), §5.1, use it for symplectic
+    methods with multiplicative noise.
+    """
+    H, one = poly.scale(a, poly.variable(1, 0)), poly.variable(1, 0)
+    exact = closed_form(H, (sigma,), [list(poly.gradient(one))])
+    data = commuting_actions(H, [one], (sigma,))
+    return started(data, "kubo-oscillator", (1.0, 0.0), closed_form=exact)
+
+
+@lru_cache(maxsize=1)
+def kubo_by_hamiltonians() -> Problem:
+    """The oscillator as a record with H_1, for schemes that ask for its gradient: H_0 and H_1 commute."""
+    problem = kubo_oscillator()
+    H = poly.polynomial(2, [((2, 0), 0.5), ((0, 2), 0.5)])
+    assert isinstance(problem, StructuresProblem)
+    return HamiltoniansProblem(
+        2, problem.structure, problem.hamiltonian, problem.gradient,
+        noise=tuple(problem.c.tolist()), hessian=problem.hessian, structure_derivative=problem.structure_derivative,
+        initial=problem.initial, name=problem.name, closed_form=problem.closed_form,
+        noise_hamiltonians=(PolynomialMap((), (H,)),), check=False,
+    )  # fmt: skip
 
 
 def noncommuting_tops() -> StructuresProblem:

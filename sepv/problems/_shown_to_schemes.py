@@ -13,13 +13,20 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 from sepv import problems
-from sepv.problem import Description, Problem
+from sepv.problem import Description, Nambu, Problem
 
 GIVEN = {
     "data": "all that is known of it",
     "functions": "Python functions, with derivatives and the degree of H",
     "bare functions": "Python functions of B, H and ∇H, without derivatives, degree or closed forms",
 }
+# What no view has, and what bare functions are without.
+_NEVER = {"data", "name", "closed_form"}
+_DERIVED = {
+    "hessian", "structure_derivative", "mean_gradient", "degree", "flows",
+    "noise_structure_derivatives", "noise_hessians", "noise_flows",
+}  # fmt: skip
+_DERIVED_OF_CASIMIR = {"mean_gradient", "degree"}
 # What a problem is shown as; those that are shown as they are have no entry.
 _VIEWS: WeakKeyDictionary[Problem, Problem] = WeakKeyDictionary()
 
@@ -43,41 +50,24 @@ def as_given(data: Description, given: str) -> Problem:
 
 def _view(problem: Problem, *, bare: bool) -> Problem:
     """The same functions behind plain ones, under another name."""
-    functions = {"structure", "hamiltonian", "gradient", "domain"}
-    functions |= {"noise_structures", "noise_hamiltonians", "noise_gradients"}
-    derived = {"hessian", "structure_derivative", "mean_gradient", "flows"}
-    derived |= {"noise_structure_derivatives", "noise_hessians", "noise_flows"}
-    kept: dict[str, Any] = {}
-    for entry in fields(problem):
-        value = getattr(problem, entry.name)
-        if not entry.init or entry.name in ("data", "name", "closed_form") or value is None:
-            continue
-        if entry.name in functions or (entry.name in derived and not bare):
-            kept[entry.name] = _plain(value)
-        elif entry.name == "nambu":
-            kept[entry.name] = _plain_record(value, bare=bare)
-        elif entry.name not in derived and not (bare and entry.name == "degree"):
-            kept[entry.name] = value
-    return type(problem)(**kept, name="system", check=False)
+    hidden = _NEVER | _DERIVED if bare else _NEVER
+    names = [f.name for f in fields(problem) if f.init and f.name not in hidden]
+    shown = {name: _plain(getattr(problem, name), bare) for name in names}
+    return type(problem)(**shown, name="system", check=False)
 
 
-def _plain(value: Any) -> Any:
-    """A Python function that does the same, for one function or a tuple of them."""
+def _plain(value: Any, bare: bool) -> Any:
+    """A Python function that does the same; of a tuple or a record each function so; anything else as it is."""
     if isinstance(value, tuple):
-        return tuple(_plain(f) for f in value)
-    function: Callable[..., Any] = value
+        return tuple(_plain(v, bare) for v in value)
+    if isinstance(value, Nambu):
+        parts = {k: None if bare and k in _DERIVED_OF_CASIMIR else v for k, v in vars(value).items()}
+        return replace(value, **{k: _plain(v, bare) for k, v in parts.items()})
+    return _behind(value) if callable(value) else value
 
+
+def _behind(function: Callable[..., Any]) -> Callable[..., Any]:
     def plain(*states: Any) -> Any:
         return function(*states)
 
     return plain
-
-
-def _plain_record(record: Any, *, bare: bool) -> Any:
-    """A record of functions, each behind a plain one; bare ones lose closed forms and degree."""
-    values = {f.name: getattr(record, f.name) for f in fields(record)}
-    hidden = {"mean_gradient", "degree"} if bare else set()
-    return replace(
-        record,
-        **{k: None if k in hidden else _plain(v) if callable(v) else v for k, v in values.items()},
-    )

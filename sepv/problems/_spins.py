@@ -3,12 +3,10 @@
 B is that of the rigid body in each block of three, B(y)v = y × v, so that every |y_k|² of a block is a Casimir.
 
 - Random inertia: H_0 = ½ Σ y_i²/I_i and H_j = ½ y_j²/Î_j for the first m axes, whose fields do not commute. C.-E.
-Bréhier,
-  D. Cohen and T. Jahnke, Splitting integrators for stochastic Lie-Poisson systems (Math. Comp. 92, 2023).
+  Bréhier, D. Cohen and T. Jahnke, Splitting integrators for stochastic Lie-Poisson systems (Math. Comp. 92, 2023).
 - Twists: the same H_0 with nonlinear noise, of one Hamiltonian or of two that commute.
 - Two spins: Heisenberg's H_0 = −J s_1·s_2 + ½ D (s_1z² + s_2z²), and a random field at each site, H_j = b_j·s_j. The
-fields
-  of the two noises commute, as they turn different spins; with the drift they do not.
+  fields of the two noises commute, as they turn different spins; with the drift they do not.
 """
 
 from __future__ import annotations
@@ -18,15 +16,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from sepv.problem import PolynomialSystem, Problem
-from sepv.problems._canonical import hat
+from sepv.problems._common import hat
 from sepv.problems._polynomial_system import started
 from sepv.problems._rigid_body import rigid_body
-from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 
 
 def spin_system(
-    spins: int, hamiltonian: Polynomial, noise: Sequence[float], others: Sequence[Polynomial]
+    spins: int, hamiltonian: poly.Polynomial, noise: Sequence[float], others: Sequence[poly.Polynomial]
 ) -> PolynomialSystem:
     """n spins with H_0 and H_1, …, H_m, polynomials in the 3n components."""
     blocks = np.eye(spins).repeat(3, axis=1)
@@ -90,7 +87,7 @@ def commuting_twists(noise: Sequence[float] = (0.5, 0.5)) -> Problem:
     return _twisted((poly.squares((0, 0, 1)), second), noise, "commuting-twists")
 
 
-def _twisted(others: Sequence[Polynomial], noise: Sequence[float], name: str) -> Problem:
+def _twisted(others: Sequence[poly.Polynomial], noise: Sequence[float], name: str) -> Problem:
     data = random_inertia().data
     assert isinstance(data, PolynomialSystem)
     return started(spin_system(1, data.hamiltonian, noise, others), name, (0.8, 0.6, 0.3))

@@ -8,8 +8,7 @@ from numpy.typing import ArrayLike
 from sepv.errors import ProblemError
 from sepv.problem import Array, Problem
 from sepv.problem._fields import dot
-from sepv.problems._canonical import structure
-from sepv.problems._sum_of_parts import named
+from sepv.problems._common import named, structure
 
 
 def toda(particles: float = 3, noise: ArrayLike = 1.0) -> Problem:

@@ -84,25 +84,19 @@ def source(inputs: Sequence[Any], outputs: Any) -> Source:
             number = parameters.setdefault(line.value, len(parameters)) if line.value not in _WRITTEN else 0
             shown[index] = f"({line.value!r})" if line.value in _WRITTEN else f"p[{number}]"
             continue
-        text = (
-            places[index]
-            if line.name == "input"
-            else _text(line.name, line.value, [shown[i] for i in line.arguments])
-        )
+        arguments = [shown[i] for i in line.arguments]
+        if line.name == "input":
+            text = places[index]
+        elif line.name == "power":
+            text = f"power({arguments[0]}, {line.value!r})"
+        else:
+            text = _TEXTS.get(line.name, f"{line.name}({{}})").format(*arguments)
         # A name that is used no more is given anew: what is kept alive without need leaves the cache.
         free += sorted({shown[i] for i in line.arguments if last[i] == index and shown[i][0] == "t"})
         shown[index] = free.pop() if free else f"t{index}"
         lines.append(f"    {shown[index]} = {text}")
     lines.append(f"    return ({''.join(shown[s.index] + ', ' for s in wanted)})")
     return Source("\n".join(lines), tuple(parameters))
-
-
-def _text(name: str, value: float, arguments: list[str]) -> str:
-    if name == "power":
-        return f"power({arguments[0]}, {value!r})"
-    if name in _TEXTS:
-        return _TEXTS[name].format(*arguments)
-    return f"{name}({arguments[0]})"
 
 
 @lru_cache(maxsize=256)

@@ -20,19 +20,15 @@ def reachable(outputs: Iterable[Symbol], given: Container[int] = ()) -> list[Sym
 
     Nothing of what `given` lines are made of.
     """
-    tape, seen = None, set()
-    waiting = []
-    for symbol in outputs:
-        tape = symbol.tape
-        waiting.append(symbol.index)
+    outputs, seen = list(outputs), set()
+    waiting = [symbol.index for symbol in outputs]
     while waiting:
         index = waiting.pop()
         if index not in seen:
             seen.add(index)
-            assert tape is not None
             if index not in given:
-                waiting.extend(tape.lines[index].arguments)
-    return [Symbol(tape, index) for index in sorted(seen)] if tape is not None else []
+                waiting.extend(outputs[0].tape.lines[index].arguments)
+    return [Symbol(outputs[0].tape, index) for index in sorted(seen)]
 
 
 def _partials(symbol: Symbol) -> tuple[Any, ...]:

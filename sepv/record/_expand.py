@@ -50,11 +50,7 @@ def _together(e: tuple[int, ...], f: tuple[int, ...], sign: int) -> tuple[int, .
     return tuple(a + sign * b for a, b in zip(e, f, strict=True))
 
 
-def _no_function(name: str, argument: Any) -> Any:  # noqa: ARG001 - the signature of a function
-    raise NotMonomials
-
-
-def _no_power(argument: Any, exponent: float) -> Any:  # noqa: ARG001 - the signature of a power
+def _refused(*_: Any) -> Any:
     raise NotMonomials
 
 
@@ -64,7 +60,7 @@ def expand(outputs: Sequence[Symbol], inputs: Sequence[Symbol], most: int) -> li
     start = {x.index: _Sum({tuple(int(i == k) for i in range(d)): 1.0}) for k, x in enumerate(inputs)}
     zero = (0,) * d
     try:
-        sums = replay(outputs, start, _no_function, lambda c: _Sum({zero: c} if c else {}), _no_power)
+        sums = replay(outputs, start, _refused, lambda c: _Sum({zero: c} if c else {}), _refused)
     except (NotMonomials, KeyError, TypeError):  # sums are not compared
         return None
     found = [s.terms for s in sums]

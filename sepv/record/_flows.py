@@ -20,10 +20,7 @@ from sepv.record._symbols import array
 def flow(f: Any, y: Any, t: Any) -> Any:
     """The state (d,) at the time t, a symbol, of y′ = f(y) from y, for symbols f (d,) of y (d,).
 
-    Raises
-    ------
-    NoClosedForm
-        Where f has none of the forms above.
+    Raises NoClosedForm where f has none of the forms above.
     """
     slopes = jacobian(f, y)
     if all(v.number == 0 for v in y[0].tape.symbols(slopes @ f)):

@@ -19,13 +19,16 @@ _SINC, _LOG, _EXP = 0.5, 0.1, 0.5
 _TERMS = 18
 
 
+def _ratio(function: Callable[[Any], Any], x: Any) -> Any:
+    if isinstance(x, float):
+        return float(function(x)) / x if x else 1.0
+    x = np.asarray(x, dtype=np.float64)
+    return np.where(x == 0, 1.0, function(x) / np.where(x == 0, 1.0, x))[()]
+
+
 def sinc(x: Any) -> Any:
     """sin(x)/x, 1 at 0."""
-    if isinstance(x, float):
-        return float(np.sin(x)) / x if x else 1.0
-    x = np.asarray(x, dtype=np.float64)
-    safe = np.where(x == 0, 1.0, x)
-    return np.where(x == 0, 1.0, np.sin(x) / safe)[()]
+    return _ratio(np.sin, x)
 
 
 def sinc_slope(x: Any) -> Any:
@@ -35,11 +38,7 @@ def sinc_slope(x: Any) -> Any:
 
 def log1p_ratio(x: Any) -> Any:
     """log1p(x)/x for x > −1, 1 at 0."""
-    if isinstance(x, float):
-        return float(np.log1p(x)) / x if x else 1.0
-    x = np.asarray(x, dtype=np.float64)
-    safe = np.where(x == 0, 1.0, x)
-    return np.where(x == 0, 1.0, np.log1p(x) / safe)[()]
+    return _ratio(np.log1p, x)
 
 
 def log1p_ratio_slope(x: Any) -> Any:
@@ -49,11 +48,7 @@ def log1p_ratio_slope(x: Any) -> Any:
 
 def expm1_ratio(x: Any) -> Any:
     """expm1(x)/x, 1 at 0."""
-    if isinstance(x, float):
-        return float(np.expm1(x)) / x if x else 1.0
-    x = np.asarray(x, dtype=np.float64)
-    safe = np.where(x == 0, 1.0, x)
-    return np.where(x == 0, 1.0, np.expm1(x) / safe)[()]
+    return _ratio(np.expm1, x)
 
 
 def expm1_ratio_slope(x: Any) -> Any:
@@ -86,11 +81,8 @@ def _slope(
     return np.where(near, series(np.where(near, x, 0.0)), quotient(np.where(near, 1.0, x)))[()]
 
 
-def _factorials(count: int) -> list[float]:
-    return [float(f) for f in np.cumprod([1.0, *range(1, count)])]
-
-
-_F = _factorials(2 * _TERMS + 2)
+# Factorials.
+_F = [float(f) for f in np.cumprod([1.0, *range(1, 2 * _TERMS + 2)])]
 _SINC_SERIES = [(-1) ** n * 2 * n / _F[2 * n + 1] for n in range(_TERMS // 2, 0, -1)]
 _LOG_SERIES = [(-1) ** n * n / (n + 1) for n in range(_TERMS, 0, -1)]
 _EXP_SERIES = [1 / (_F[n] * (n + 2)) for n in range(_TERMS - 1, -1, -1)]

@@ -71,34 +71,29 @@ class Mean(NamedTuple):
 def mean(output: Any, inputs: Any, z: Any) -> Mean:
     """∫₀¹∇output(y + τz)dτ for the inputs y (d,) and symbols z (d,).
 
-    Raises
-    ------
-    NoClosedForm
-        Where the output is not a sum of a polynomial and of the functions above of affine arguments.
+    Raises NoClosedForm where the output is not a sum of a polynomial and of the functions above of affine arguments.
     """
     tape = inputs[0].tape
     symbol = tape.symbol(output)
     known = degrees(symbol, inputs)
     polynomial: Any = tape.constant(0.0)
-    total: Any = None
+    total = tape.symbols(np.zeros(len(inputs)))
     for factor, term in _terms(symbol, 1.0):
         if known.get(term.index) is not None:
             polynomial = polynomial + factor * term
             continue
-        part = factor * _quotient(term, inputs, z)
-        total = part if total is None else total + part
+        total = total + factor * _quotient(term, inputs, z)
     nodes = mean_nodes(degree(polynomial, inputs) or 0)
     if nodes > MOST_NODES:
         raise NoClosedForm(f"a polynomial H whose mean takes {nodes} Gauss nodes")
     # The derivative of a rule is one of H″, and symmetric, which the chain rule does not see.
     slope = gradient(polynomial, inputs)
     bend = hessian(slope, inputs)
-    turn = None if total is None else jacobian(total, z)
+    turn = jacobian(total, z)
     for tau, weight in zip(*gauss_legendre(nodes), strict=True):
         at = inputs + tau * z
         value, further = weight * substitute(slope, inputs, at), weight * tau * substitute(bend, inputs, at)
-        total, turn = (value, further) if total is None else (total + value, turn + further)
-    total, turn = tape.symbols(total), tape.symbols(turn)
+        total, turn = tape.symbols(total + value), tape.symbols(turn + further)
     for symbol, row in zip(total, turn, strict=True):
         tape.declare(symbol, inputs, dict(zip(z, row, strict=True)))
     return Mean(total, nodes)

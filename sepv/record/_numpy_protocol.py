@@ -86,6 +86,9 @@ _UFUNCS: dict[Any, Callable[..., Any]] = {
 }
 # Products of matrices run through the elements' own products and sums.
 _AS_THEY_ARE = {np.matmul}
+_REDUCTIONS: dict[Any, Any] = {
+    np.all: np.logical_and, np.any: np.logical_or, np.max: np.maximum, np.min: np.minimum
+}  # fmt: skip
 
 
 def _plain(value: Any) -> Any:
@@ -131,24 +134,15 @@ def array_function(self: Any, function: Any, types: Any, arguments: Any, options
     """NumPy's hook for all other functions: `np.where` and `np.sinc`, and those that only move elements about."""
     if function is np.where and len(arguments) == 3:
         return _wrapped(np.frompyfunc(select, 3, 1)(*map(_plain, arguments)))
-    if function is np.sinc:
-        return _sinc(arguments[0])
-    if function in (np.all, np.any):
-        return (np.logical_and if function is np.all else np.logical_or).reduce(
-            _as_array(arguments[0]), axis=options.get("axis", arguments[1] if len(arguments) > 1 else None)
+    if function is np.sinc:  # sin(πx)/(πx)
+        return _wrapped(np.frompyfunc(lambda v: (np.pi * v).sinc(), 1, 1)(_plain(arguments[0])))
+    if function in _REDUCTIONS:
+        axis = options.pop("axis", arguments[1] if len(arguments) > 1 else None)
+        values = _plain(arguments[0]).view(SymbolArray)
+        return _REDUCTIONS[function].reduce(
+            values.ravel() if axis is None else values, axis=axis or 0, **options
         )
-    if function in (np.max, np.min):
-        return (np.maximum if function is np.max else np.minimum).reduce(_as_array(arguments[0]), **options)
     return _wrapped(function(*_unwrapped(arguments), **{k: _unwrapped(v) for k, v in options.items()}))
-
-
-def _sinc(x: Any) -> Any:
-    """NumPy's sinc is sin(πx)/(πx)."""
-    return _wrapped(np.frompyfunc(lambda v: (np.pi * v).sinc(), 1, 1)(_plain(x)))
-
-
-def _as_array(value: Any) -> Any:
-    return _plain(value).view(SymbolArray)
 
 
 def _unwrapped(value: Any) -> Any:

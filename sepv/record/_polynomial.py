@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from math import isfinite
 from typing import Any
@@ -33,7 +33,7 @@ class Polynomial:
     dimension: int
     terms: tuple[tuple[Exponents, float], ...]
 
-    @property
+    @cached_property
     def degree(self) -> int:
         """Total degree; 0 for a constant and for the zero polynomial."""
         return max((sum(e) for e, _ in self.terms), default=0)
@@ -138,22 +138,32 @@ def scale(factor: float, p: Polynomial) -> Polynomial:
     scaled = tuple((e, factor * c) for e, c in p.terms)
     if all(c and isfinite(c) for _, c in scaled):
         return Polynomial(p.dimension, scaled)
-    return polynomial(p.dimension, [(e, factor * c) for e, c in p.terms])
+    return polynomial(p.dimension, scaled)
 
 
 def differentiate(p: Polynomial, index: int) -> Polynomial:
     """∂p/∂y_index."""
-    lowered = tuple(
-        [((*e[:index], e[index] - 1, *e[index + 1 :]), c * e[index]) for e, c in p.terms if e[index]]
-    )
-    if all(isfinite(c) for _, c in lowered):
-        return Polynomial(p.dimension, lowered)  # one exponent less in each term keeps the canonical order
-    return polynomial(p.dimension, lowered)
+    return gradient(p, index)[0]
 
 
-def gradient(p: Polynomial) -> tuple[Polynomial, ...]:
-    """(∂p/∂y_1, …, ∂p/∂y_d)."""
-    return tuple(differentiate(p, i) for i in range(p.dimension))
+def gradient(p: Polynomial, first: int = 0) -> tuple[Polynomial, ...]:
+    """(∂p/∂y_first, …, ∂p/∂y_d)."""
+    # One exponent less in each term keeps the canonical order.
+    partials: list[list[tuple[Exponents, float]]] = [[] for _ in range(first, p.dimension)]
+    for e, c in p.terms:
+        for i, terms in enumerate(partials, first):
+            k = e[i]
+            if k:
+                terms.append(((*e[:i], k - 1, *e[i + 1 :]), k * c))
+    zero = Polynomial(p.dimension, ())
+    return tuple(_of_sorted(p.dimension, terms) if terms else zero for terms in partials)
+
+
+def _of_sorted(dimension: int, terms: list[tuple[Exponents, float]]) -> Polynomial:
+    """Of terms in canonical order; `polynomial` says which are not finite."""
+    if all(map(isfinite, [c for _, c in terms])):
+        return Polynomial(dimension, tuple(terms))
+    return polynomial(dimension, terms)
 
 
 # Up to so many terms times states one reduction over all of them is quicker than a loop over layers of terms: calls of
@@ -175,19 +185,24 @@ class _Sums:
         The powers to multiply: y_i^k has the number i + d·k, and y_1⁰ = 1 stands where a monomial has no more factors.
     places, coefficients : (1 + most terms of a sum, sums), and (…, 1)
         Which monomial times which number. The first row is 0, and 0 · 1 stands where a sum has no more terms.
+    rows : (rows,) or None
+        Which sum each row is, where some are equal: of B and its derivatives most rows are 0, and of a Hessian half of
+        them stand twice. None where each row is a sum of its own.
     """
 
     top: int
     factors: NDArray[np.intp]
     places: NDArray[np.intp]
     coefficients: NDArray[np.float64]
-
-    def absolute(self) -> _Sums:
-        """With the absolute values of the coefficients."""
-        return _Sums(self.top, self.factors, self.places, np.abs(self.coefficients))
+    rows: NDArray[np.intp] | None
 
     def __call__(self, y: NDArray[Any]) -> NDArray[Any]:
-        """(sums, M) for y of shape (d, M)."""
+        """(rows, M) for y of shape (d, M)."""
+        values = self._values(y)
+        return values if self.rows is None else values[self.rows]
+
+    def _values(self, y: NDArray[Any]) -> NDArray[Any]:
+        """(sums, M)."""
         terms, sums = self.places.shape
         if terms == 1:
             return np.zeros((sums, y.shape[1]), dtype=np.result_type(y, np.float64))
@@ -242,28 +257,31 @@ class PolynomialMap:
     @cached_property
     def _sums(self) -> _Sums:
         d = self.rows[0].dimension
-        monomials = sorted({e for p in self.rows for e, _ in p.terms})
+        # Each polynomial once: records that share one are told by their identity, and all zeros are one.
+        distinct = {id(p) if p.terms else 0: p for p in self.rows}
+        numbers = {key: r for r, key in enumerate(distinct)}
+        monomials = sorted({e for p in distinct.values() for e, _ in p.terms})
         index = {e: t for t, e in enumerate(monomials)}
         factors = [[i + d * k for i, k in enumerate(e) if k] for e in monomials]
         most = max(map(len, factors), default=0) or 1
-        table = np.zeros((most, len(monomials) + 1), dtype=np.intp)  # the last monomial is 1
-        for t, numbers in enumerate(factors):
-            table[: len(numbers), t] = numbers
-        longest = max(len(p.terms) for p in self.rows)
-        places = np.full((1 + longest, len(self.rows)), len(monomials), dtype=np.intp)
-        coefficients = np.zeros((1 + longest, len(self.rows), 1))
-        for r, p in enumerate(self.rows):
-            # In the order of the monomials, not of the terms.
-            terms = sorted([(index[e], c) for e, c in p.terms])
-            if terms:
-                places[1 : 1 + len(terms), r], coefficients[1 : 1 + len(terms), r, 0] = zip(
-                    *terms, strict=True
-                )
-        return _Sums(max(map(max, monomials), default=0), table, places, coefficients)
+        table = np.array([f + [0] * (most - len(f)) for f in [*factors, []]])  # the last monomial is 1
+        # In the order of the monomials, not of the terms.
+        sums = [sorted([(index[e], c) for e, c in p.terms]) for p in distinct.values()]
+        longest = max(map(len, sums))
+        nothing = (len(monomials), 0.0)
+        entries = np.array([[nothing, *terms, *[nothing] * (longest - len(terms))] for terms in sums])
+        rows = np.array([numbers[id(p) if p.terms else 0] for p in self.rows])
+        return _Sums(
+            max(map(max, monomials), default=0),
+            np.ascontiguousarray(table.T),
+            np.ascontiguousarray(entries[..., 0].T.astype(np.intp)),
+            np.ascontiguousarray(entries[..., 1:].transpose(1, 0, 2)),
+            None if len(distinct) == len(self.rows) else rows,
+        )
 
     @cached_property
     def _majorants(self) -> _Sums:
-        return self._sums.absolute()
+        return replace(self._sums, coefficients=np.abs(self._sums.coefficients))
 
     def __call__(self, y: ArrayLike) -> NDArray[Any]:
         """Values of shape (*shape, *y.shape[1:]) at y of shape (d, ...), in the dtype of y."""

@@ -36,6 +36,14 @@ def _polished(nodes: int, guess: float) -> tuple[Decimal, Decimal]:
     return (1 + x) / 2, 1 / ((1 - x * x) * slope * slope)
 
 
+def legendre_values(x: Array, degree: int) -> list[Array]:
+    """P_0(x), …, P_degree(x) by the three-term recurrence."""
+    values = [np.ones_like(x), x]
+    for k in range(1, degree):
+        values.append(((2 * k + 1) * x * values[k] - k * values[k - 1]) / (k + 1))
+    return values[: degree + 1]
+
+
 def mean_nodes(degree: int) -> int:
     """⌈ν/2⌉: nodes that average the gradient of a polynomial H of degree ν along a segment exactly."""
     return max(1, -(-degree // 2))

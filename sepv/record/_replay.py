@@ -38,10 +38,7 @@ def replay(
 ) -> list[Any]:
     """The outputs with the values of these lines as given; `function` takes the name and the argument.
 
-    Raises
-    ------
-    KeyError
-        Where an input has no value.
+    Raises KeyError where an input has no value.
     """
     outputs = list(outputs)
     found: dict[int, Any] = {}

@@ -10,7 +10,9 @@ other factor for finite.
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial, partialmethod
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -101,148 +103,9 @@ def _as_symbol(tape: Tape, value: Any) -> Symbol | None:
         return value
     if isinstance(value, np.ndarray) and value.ndim == 0:
         return _as_symbol(tape, value[()])
-    if isinstance(value, (bool, int, float, np.number, np.bool_)) and not isinstance(
-        value, np.complexfloating
-    ):
+    if isinstance(value, (int, float, np.integer, np.floating, np.bool_)):
         return tape.constant(float(value))
     return None
-
-
-class Symbol(Element):
-    """A line of a tape, with the arithmetic of numbers."""
-
-    __slots__ = ("index", "tape")
-
-    def __init__(self, tape: Tape, index: int) -> None:
-        self.tape, self.index = tape, index
-
-    def __repr__(self) -> str:
-        return f"{self.line.name}[{self.index}]"
-
-    def __hash__(self) -> int:
-        return self.index
-
-    @property
-    def line(self) -> Operation:
-        """The operation."""
-        return self.tape.lines[self.index]
-
-    @property
-    def arguments(self) -> tuple[Symbol, ...]:
-        """What it is made of."""
-        return tuple(Symbol(self.tape, i) for i in self.line.arguments)
-
-    @property
-    def number(self) -> float | None:
-        """The value of a constant."""
-        return self.line.value if self.line.name == "constant" else None
-
-    __array_ufunc__ = array_ufunc
-    __array_function__ = array_function
-
-    def __neg__(self) -> Symbol:
-        if self.number is not None:
-            return self.tape.constant(-self.number)
-        if self.line.name == "negative":
-            return self.arguments[0]
-        return self.tape.write("negative", self)
-
-    def __pos__(self) -> Symbol:
-        return self
-
-    def __add__(self, other: Any) -> Any:
-        return _binary(_add, self, other)
-
-    __radd__ = __add__
-
-    def __sub__(self, other: Any) -> Any:
-        return _binary(_subtract, self, other)
-
-    def __rsub__(self, other: Any) -> Any:
-        return _binary(lambda a, b: _subtract(b, a), self, other)
-
-    def __mul__(self, other: Any) -> Any:
-        return _binary(_multiply, self, other)
-
-    __rmul__ = __mul__
-
-    def __truediv__(self, other: Any) -> Any:
-        return _binary(_divide, self, other)
-
-    def __rtruediv__(self, other: Any) -> Any:
-        return _binary(lambda a, b: _divide(b, a), self, other)
-
-    def __pow__(self, exponent: Any) -> Any:
-        return _binary(_power, self, exponent)
-
-    def __abs__(self) -> Any:
-        return select(self >= 0, self, -self)
-
-    def __gt__(self, other: Any) -> Any:
-        return _binary(lambda a, b: _compare("greater", a, b), self, other)
-
-    def __lt__(self, other: Any) -> Any:
-        return _binary(lambda a, b: _compare("greater", b, a), self, other)
-
-    def __ge__(self, other: Any) -> Any:
-        return _binary(lambda a, b: _compare("greater_equal", a, b), self, other)
-
-    def __le__(self, other: Any) -> Any:
-        return _binary(lambda a, b: _compare("greater_equal", b, a), self, other)
-
-    def __eq__(self, other: Any) -> Any:
-        return _binary(lambda a, b: _compare("equal", a, b), self, other)
-
-    def __ne__(self, other: Any) -> Any:
-        return ~(self == other)
-
-    def __and__(self, other: Any) -> Any:
-        return _binary(lambda a, b: _logical("and", a, b), self, other)
-
-    def __or__(self, other: Any) -> Any:
-        return _binary(lambda a, b: _logical("or", a, b), self, other)
-
-    __rand__, __ror__ = __and__, __or__
-
-    def __invert__(self) -> Any:
-        if self.number is not None:
-            return self.tape.constant(float(not self.number))
-        return self.tape.write("not", self)
-
-    def __bool__(self) -> bool:
-        if self.number is not None:
-            return bool(self.number)
-        raise CannotRecord("it branches on a value")
-
-    def __float__(self) -> float:
-        if self.number is not None:
-            return self.number
-        raise CannotRecord(
-            "it wants the value of a symbol (functions of `math` do: those of NumPy are recorded)"
-        )
-
-    def apply(self, name: str) -> Symbol:
-        """An elementary function of it: see `sepv.record._functions`."""
-        if self.number is not None:
-            with np.errstate(all="ignore"):
-                return self.tape.constant(float(FUNCTIONS[name].value(self.number)))
-        return self.tape.write(name, self)
-
-
-def _method(name: str) -> Callable[[Symbol], Symbol]:
-    return lambda self: self.apply(name)
-
-
-# np.sin calls the method sin of every element of an array of objects.
-for _name in FUNCTIONS:
-    setattr(Symbol, _name, _method(_name))
-
-
-def _binary(rule: Callable[[Symbol, Symbol], Any], a: Symbol, b: Any) -> Any:
-    if isinstance(b, np.ndarray) and b.ndim:
-        return NotImplemented
-    other = _as_symbol(a.tape, b)
-    return NotImplemented if other is None else rule(a, other)
 
 
 def _negated(a: Symbol) -> Symbol | None:
@@ -362,11 +225,7 @@ def _as_power(a: Symbol) -> tuple[Symbol, int]:
     return (a.arguments[1], int(a.line.value)) if a.line.name == "whole" else (a, 1)
 
 
-_COMPARISONS: dict[str, Callable[[float, float], bool]] = {
-    "greater": lambda x, y: x > y,
-    "greater_equal": lambda x, y: x >= y,
-    "equal": lambda x, y: x == y,
-}
+_COMPARISONS = {"greater": operator.gt, "greater_equal": operator.ge, "equal": operator.eq}
 
 
 def _compare(name: str, a: Symbol, b: Symbol) -> Symbol:
@@ -376,9 +235,113 @@ def _compare(name: str, a: Symbol, b: Symbol) -> Symbol:
     return a.tape.write(name, a, b)
 
 
+_greater, _greater_equal = partial(_compare, "greater"), partial(_compare, "greater_equal")
+
+
 def _logical(name: str, a: Symbol, b: Symbol) -> Symbol:
     for condition, other in ((a, b), (b, a)):
         if condition.number is not None:
             decided = bool(condition.number) == (name == "or")
             return condition if decided else other
     return a if a.index == b.index else _ordered(name, a, b)
+
+
+def _operator(rule: Callable[[Symbol, Symbol], Any], *, swapped: bool = False) -> Any:
+    """The method of `Symbol` for a rule of two symbols, of which one may be a number."""
+
+    def method(self: Symbol, other: Any) -> Any:
+        found = None if isinstance(other, np.ndarray) and other.ndim else _as_symbol(self.tape, other)
+        if found is None:
+            return NotImplemented
+        return rule(found, self) if swapped else rule(self, found)
+
+    return method
+
+
+class Symbol(Element):
+    """A line of a tape, with the arithmetic of numbers."""
+
+    __slots__ = ("index", "tape")
+
+    def __init__(self, tape: Tape, index: int) -> None:
+        self.tape, self.index = tape, index
+
+    def __repr__(self) -> str:
+        return f"{self.line.name}[{self.index}]"
+
+    def __hash__(self) -> int:
+        return self.index
+
+    @property
+    def line(self) -> Operation:
+        """The operation."""
+        return self.tape.lines[self.index]
+
+    @property
+    def arguments(self) -> tuple[Symbol, ...]:
+        """What it is made of."""
+        return tuple(Symbol(self.tape, i) for i in self.line.arguments)
+
+    @property
+    def number(self) -> float | None:
+        """The value of a constant."""
+        return self.line.value if self.line.name == "constant" else None
+
+    __array_ufunc__ = array_ufunc
+    __array_function__ = array_function
+
+    def __neg__(self) -> Symbol:
+        if self.number is not None:
+            return self.tape.constant(-self.number)
+        if self.line.name == "negative":
+            return self.arguments[0]
+        return self.tape.write("negative", self)
+
+    def __pos__(self) -> Symbol:
+        return self
+
+    __add__ = __radd__ = _operator(_add)
+    __sub__, __rsub__ = _operator(_subtract), _operator(_subtract, swapped=True)
+    __mul__ = __rmul__ = _operator(_multiply)
+    __truediv__, __rtruediv__ = _operator(_divide), _operator(_divide, swapped=True)
+    __pow__ = _operator(_power)
+    __gt__, __lt__ = _operator(_greater), _operator(_greater, swapped=True)
+    __ge__, __le__ = _operator(_greater_equal), _operator(_greater_equal, swapped=True)
+    __eq__ = _operator(partial(_compare, "equal"))
+    __and__ = __rand__ = _operator(partial(_logical, "and"))
+    __or__ = __ror__ = _operator(partial(_logical, "or"))
+
+    def __ne__(self, other: Any) -> Any:
+        return ~(self == other)
+
+    def __abs__(self) -> Any:
+        return select(self >= 0, self, -self)
+
+    def __invert__(self) -> Any:
+        if self.number is not None:
+            return self.tape.constant(float(not self.number))
+        return self.tape.write("not", self)
+
+    def __bool__(self) -> bool:
+        if self.number is not None:
+            return bool(self.number)
+        raise CannotRecord("it branches on a value")
+
+    def __float__(self) -> float:
+        if self.number is not None:
+            return self.number
+        raise CannotRecord(
+            "it wants the value of a symbol (functions of `math` do: those of NumPy are recorded)"
+        )
+
+    def apply(self, name: str) -> Symbol:
+        """An elementary function of it: see `sepv.record._functions`."""
+        if self.number is not None:
+            with np.errstate(all="ignore"):
+                return self.tape.constant(float(FUNCTIONS[name].value(self.number)))
+        return self.tape.write(name, self)
+
+
+# np.sin calls the method sin of every element of an array of objects.
+for _name in FUNCTIONS:
+    setattr(Symbol, _name, partialmethod(Symbol.apply, _name))

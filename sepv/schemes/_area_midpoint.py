@@ -12,26 +12,18 @@ from __future__ import annotations
 
 from itertools import combinations
 
-import numpy as np
-
 from sepv.errors import Skipped
 from sepv.problem import Array, HamiltoniansProblem, Problem, Systems, hamiltonian_field
 from sepv.problem._hamiltonians import bracket
-from sepv.schemes._further_increments import as_rows
-from sepv.schemes._one_step import each_noise, no_jacobian
-from sepv.schemes._scheme import Scheme, as_lanes
+from sepv.schemes._one_step import Implicit, noise_and_areas, one_step
 from sepv.schemes._stochastic_midpoint import CLAIMS
-from sepv.solve import Increment, solve
-from sepv.solve._solution import require_converged
+from sepv.solve._solution import Increment, once
 
 
 def require_derivatives(problem: Problem) -> None:
-    """Differences of fields would leave brackets with half of their digits.
+    """Raise Skipped for a problem without the second derivatives of its Hamiltonians, or without those of B.
 
-    Raises
-    ------
-    Skipped
-        For a problem without the second derivatives of its Hamiltonians, or without those of B.
+    Differences of fields would leave brackets with half of their digits.
     """
     second = problem.noise_hessians if isinstance(problem, HamiltoniansProblem) else problem.hessian
     if problem.noises > 1 and not (second and problem.structure_derivative):
@@ -41,42 +33,22 @@ def require_derivatives(problem: Problem) -> None:
 
 
 def increment(problem: Problem, y0: Array, y1: Array, known: Array) -> Increment:
-    """The right side for h, the c_j ΔW_j and the A_ij with i < j; all gradients count as one evaluation."""
-    ones = np.ones(y0.shape[1], dtype=np.int64)
+    """The right side for h, the c_j ΔW_j and the c_i c_j A_ij; all gradients count as one evaluation."""
     middle, first = y0 + 0.5 * (y1 - y0), 1 + problem.noises
     value = hamiltonian_field(problem, middle, known[:first])
     for area, (i, j) in zip(known[first:], combinations(range(problem.noises), 2), strict=True):
-        value = value + problem.c[i] * problem.c[j] * area * bracket(problem, i, j, middle)
-    return Increment(value, ones, ones, ones.astype(bool))
+        value = value + area * bracket(problem, i, j, middle)
+    return once(value)
 
 
-def step(problem: Problem, y: Array, h: float, dW: Array, areas: Array) -> Array:
-    """y1 for y (d,) or (d, M), dW (m,) or (m, M), areas (m, m) or (m, m, M).
-
-    Raises
-    ------
-    Skipped
-        For a problem without derivatives.
-    StepFailure
-        Where the equation was not solved.
-    """
-    require_derivatives(problem)
-    state, noise = as_lanes(problem, y, h, dW)
-    rows = as_rows(np.asarray(areas)).reshape(-1, state.shape[1])
-    known = np.concatenate([each_noise(problem, h, noise), rows])
-    # Newton's matrix is one of differences.
-    solution = solve(problem, state, known, increment, no_jacobian)
-    return require_converged(problem, state, h, noise, solution).reshape(np.shape(y))
-
-
-scheme = Scheme(
+# Newton's matrix is one of differences.
+step = Implicit(increment, parts=noise_and_areas, requires=require_derivatives)
+scheme = one_step(
     "area-midpoint",
     step,
     CLAIMS - {"expansion"},
     "the midpoint rule with Lévy areas",
-    mean_square_order=1.0,
-    weak_order=1.0,
-    batched=True,
     systems=Systems.HAMILTONIANS,
     asks="areas",
+    solve=None,
 )

@@ -8,23 +8,15 @@ For quadratic C the average is ∇C at the midpoint, and the scheme is (2.1). Sy
 
 from __future__ import annotations
 
-from typing import Any
-
 from sepv.errors import Skipped
 from sepv.problem import Nambu, Problem, Systems
 from sepv.problem._nambu import cross
 from sepv.schemes._one_step import ENERGY_PRESERVING, implicit, one_step
-from sepv.solve import Fields
+from sepv.solve import Fields, Values
 
 
 def required(problem: Problem) -> Nambu:
-    """The problem's Casimir and factor.
-
-    Raises
-    ------
-    Skipped
-        For a problem that does not give them.
-    """
+    """The problem's Casimir and factor. Raises Skipped for a problem that does not give them."""
     if problem.nambu is None:
         raise Skipped(
             f"{problem.name} is not given as B(y)v = g(y)(v × ∇C(y)) in dimension 3 (Problem.nambu)"
@@ -32,7 +24,7 @@ def required(problem: Problem) -> Nambu:
     return problem.nambu
 
 
-def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
     """Δ g(ȳ)(∇̄H × ∇̄C), ȳ = y + z/2."""
     normal = cross(fields.mean_gradient(y, z), fields.mean_casimir_gradient(y, z))
     return step[0] * fields.factor(y + 0.5 * z) * normal

@@ -55,12 +55,7 @@ FAMILIES: dict[str, Callable[[int], Scheme]] = {"collocation": collocation, "gau
 
 
 def by_name(name: str) -> Scheme:
-    """A built-in scheme, or a member of a family such as "collocation-3"; "_" and "-" are the same.
-
-    Raises
-    ------
-    UsageError
-    """
+    """A built-in scheme or a member of a family such as "collocation-3", else a UsageError; "_" is "-"."""
     wanted = name.replace("_", "-")
     for schemes in (PAPER, EXTENSIONS, HAMILTONIANS):
         if wanted in schemes:

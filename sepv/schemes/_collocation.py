@@ -24,16 +24,16 @@ from functools import lru_cache
 
 import numpy as np
 
+from sepv._arguments import require_whole
 from sepv.problem import Array, Problem, average_gradient
 from sepv.problem._averaged_gradient import argument_rounding
 from sepv.problem._fields import hessian, linear_solve, matmul, matvec, structure_slope
 from sepv.record._binary64 import EPS
-from sepv.schemes._one_step import ENERGY_PRESERVING, one_step, solved_by
-from sepv.schemes._scheme import Scheme, as_lanes, truncation_for
-from sepv.schemes._tableaux import check_stages, exact_nodes, gauss_tableau, moments
-from sepv.solve import Increment, Status
+from sepv.schemes._one_step import ENERGY_PRESERVING, Solved, one_step
+from sepv.schemes._scheme import Scheme
+from sepv.schemes._tableaux import MAX_STAGES, exact_nodes, gauss_tableau, moments
 from sepv.solve._newton import into_domain, iterate
-from sepv.solve._solution import Equations, Evaluation, Solution, merge
+from sepv.solve._solution import COUNTS, Equations, Evaluation, Increment, Solution, Status, merge
 
 # Where H is no polynomial: nodes of the first rule beyond s, and the largest rule, as in
 # `sepv.problem._averaged_gradient`.
@@ -73,14 +73,11 @@ class _Stages:
         d, s = self.problem.dimension, self.stages
         z = flat.reshape(d, s, -1)
         Y = self.polynomial(z, lanes, self.A)
-        if not self.averaged:
-            g, cost = self.problem.gradient(Y), np.full(z.shape[2], s)
-            reliable = np.ones(z.shape[2], dtype=bool)
-        elif s == 1:  # u is the segment from y0 to y1: closed forms of the problem serve
+        if s == 1 and self.averaged:  # u is the segment from y0 to y1: closed forms of the problem serve
             mean = average_gradient(self.problem, self.y0[:, lanes], self.y0[:, lanes] + z[:, 0])
             g, cost, reliable = mean.value[:, None], mean.evaluations, mean.reliable
         else:
-            g = self.averages(z, lanes, self.nodes)[0]
+            g = self.averages(z, lanes, self.nodes)[0] if self.averaged else self.problem.gradient(Y)
             cost, reliable = np.full(z.shape[2], self.nodes), np.ones(z.shape[2], dtype=bool)
         value = self.delta[lanes] * matvec(self.problem.structure(Y), g)
         right = Increment(value.reshape(flat.shape), cost, np.full_like(cost, s), reliable)
@@ -134,20 +131,15 @@ def solve_stages(
     MAX_NODES do not suffice gets the status QUADRATURE.
     """
     exact = problem.degree is not None or stages == 1 or not averaged
-    nodes = (
-        stages
-        if not averaged
-        else exact_nodes(stages, problem.degree or 2)
-        if exact
-        else stages + FIRST_NODES
-    )
+    nodes = exact_nodes(stages, problem.degree or 2) if exact else stages + FIRST_NODES
+    nodes = nodes if averaged else stages
     size = np.repeat(np.abs(y0)[:, None], stages, axis=1).reshape(-1, y0.shape[1])
     with np.errstate(all="ignore"):
         system = _Stages(problem, stages, y0, delta, nodes, averaged)
         equations = Equations(size, system.evaluate, system.inside if problem.domain is not None else None)
         solution = iterate(equations, system.start(equations))
-        for counts in (solution.iterations, solution.gradient_evaluations, solution.structure_evaluations):
-            np.add(counts, 1, out=counts)
+        for key in COUNTS:
+            np.add(getattr(solution, key), 1, out=getattr(solution, key))
         open_ = np.arange(y0.shape[1]) if not exact else np.zeros(0, dtype=np.intp)
         while open_.size:
             open_ = open_[solution.status[open_] == Status.CONVERGED]
@@ -179,25 +171,18 @@ def _agrees(system: _Stages, solution: Solution, lanes: np.ndarray) -> np.ndarra
 
 @lru_cache(maxsize=8)
 def collocation(stages: int) -> Scheme:
-    """The s-stage method, s = 1 … 6, as a scheme with truncation k = 4s (2 for s = 1).
-
-    Raises
-    ------
-    UsageError
-        For another number of stages.
-    """
+    """The s-stage method as a scheme with truncation k = 4s (2 for s = 1). Raises UsageError for s other than 1 … 6."""
     source = "Cohen and Hairer (2011), with the random step"
     return staged("collocation", stages, ENERGY_PRESERVING, source, averaged=True)
 
 
 def staged(name: str, stages: int, claims: frozenset[str], source: str, *, averaged: bool) -> Scheme:
     """The scheme of `solve_stages` with truncation k = 4s (2 for s = 1)."""
-    s = check_stages(stages)
+    beyond = "s stages have mean-square order s; beyond 6 rounding is reached at any useful step size"
+    s = require_whole("stages", stages, beyond, 1, MAX_STAGES)
 
     def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
         """One step of a batch with residual (of the stages), counts and status of each lane."""
-        state, noise = as_lanes(problem, y, h, dW)
-        return solve_stages(problem, s, state, problem.random_step(h, noise), averaged=averaged)
+        return solve_stages(problem, s, y, problem.random_step(h, dW), averaged=averaged)
 
-    more = {"solve": solve, "truncation": truncation_for(s), "stages": s}
-    return one_step(f"{name}-{s}", solved_by(solve), claims, source, float(s), **more)
+    return one_step(f"{name}-{s}", Solved(solve), claims, source, float(s), stages=s)

@@ -17,9 +17,8 @@ import numpy as np
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem
 from sepv.schemes._one_step import resolved
-from sepv.schemes._scheme import Scheme, as_lanes
-from sepv.solve import Status
-from sepv.solve._solution import Solution, merge
+from sepv.schemes._scheme import Scheme
+from sepv.solve._solution import COUNTS, Solution, Status, merge
 
 # The first share, at which the iteration from y converges wherever it ever does, and the least growth of a share.
 FIRST, LEAST = 2.0**-8, 2.0**-14
@@ -54,15 +53,11 @@ def continued(scheme: Scheme) -> Scheme:
     inner: Callable[..., Solution] = scheme.solve
 
     def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
-        state, noise = as_lanes(problem, y, h, dW)
-        whole = inner(problem, state, h, noise)
-        whole = replace(whole, continuations=np.zeros(state.shape[1], dtype=np.int64))
+        none = np.zeros(y.shape[1], dtype=np.int64)
+        whole = replace(inner(problem, y, h, dW), continuations=none)
         for lane in np.flatnonzero(whole.status != Status.CONVERGED):
             one = np.array([lane])
-            part = _follow(inner, problem, state[:, one], float(h), noise[:, one])
-            merge(whole, part, one)
-            if whole.change is not None and part.change is not None:
-                whole.change[:, one] = part.change
+            merge(whole, _follow(inner, problem, y[:, one], float(h), dW[:, one]), one)
         return whole
 
     return resolved(scheme, "continued", solve, "failed steps by continuation")
@@ -77,9 +72,7 @@ def _follow(inner: Callable[..., Solution], problem: Problem, y: Array, h: float
         trial = min(share + growth, 1.0)
         guess = z + (trial - share) * slope
         found = inner(problem, y, trial * h, trial * dW, start=guess)
-        work += [
-            int(c[0]) for c in (found.iterations, found.gradient_evaluations, found.structure_evaluations)
-        ]
+        work += [int(getattr(found, key)[0]) for key in COUNTS]
         assert found.change is not None  # schemes that take a start state it
         moved = np.abs(found.change - z).max()
         # Another solution would be off the prediction by more than the curve bends: the first share has no prediction.
@@ -97,11 +90,5 @@ def _follow(inner: Callable[..., Solution], problem: Problem, y: Array, h: float
                 break
     else:
         found = replace(found, status=np.array([int(Status.NO_CONVERGENCE)]))
-    counts = [np.array([n]) for n in work]
-    return replace(
-        found,
-        iterations=counts[0],
-        gradient_evaluations=counts[1],
-        structure_evaluations=counts[2],
-        continuations=np.array([solved]),
-    )
+    counts = {key: np.array([n]) for key, n in zip(COUNTS, work, strict=True)}
+    return replace(found, **counts, continuations=np.array([solved]))

@@ -21,31 +21,22 @@ import numpy as np
 from sepv.errors import Skipped
 from sepv.problem import Array, Problem, hamiltonian_field
 from sepv.problem._checks import sample_states
-from sepv.schemes._one_step import EVERY, each_noise, no_jacobian, one_step, solved_by
+from sepv.schemes._one_step import EVERY, Solved, each_noise, no_jacobian, one_step
 from sepv.schemes._order_claims import Orders
-from sepv.schemes._scheme import as_lanes
-from sepv.solve import Increment, Status
 from sepv.solve import solve as solve_implicit
-from sepv.solve._solution import Solution
+from sepv.solve._solution import Increment, Solution, Status, once
 
 PROBLEMS = ("lotka-volterra", "random-lotka-volterra")
 
 
 def increment(problem: Problem, x0: Array, x1: Array, step: Array) -> Increment:
     """f(ȳ)/ȳ; all gradients count as one evaluation."""
-    ones = np.ones(x0.shape[1], dtype=np.int64)
     middle = np.exp(x0 + 0.5 * (x1 - x0))
-    return Increment(hamiltonian_field(problem, middle, step) / middle, ones, ones, ones.astype(bool))
+    return once(hamiltonian_field(problem, middle, step) / middle)
 
 
 def require_products(problem: Problem) -> None:
-    """B_ij(y)/(y_i y_j) is constant.
-
-    Raises
-    ------
-    Skipped
-        For another structure.
-    """
+    """Raise Skipped where B_ij(y)/(y_i y_j) is not constant."""
     ratios = [problem.structure(y) / np.outer(y, y) for y in sample_states(problem) if np.all(y > 0)]
     if not ratios or np.ptp(ratios, axis=0).max() > 1e-12 * np.abs(ratios).max():
         raise Skipped(f"the structure of {problem.name} is not B_ij = b_ij y_i y_j")
@@ -54,23 +45,21 @@ def require_products(problem: Problem) -> None:
 def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
     """One step of a batch with residual (in logarithms), counts and status of each lane."""
     require_products(problem)
-    state, noise = as_lanes(problem, y, h, dW)
     free = replace(problem, domain=None, check=False)  # logarithms may have any sign
-    found = solve_implicit(free, np.log(state), each_noise(problem, h, noise), increment, no_jacobian)
+    found = solve_implicit(free, np.log(y), each_noise(problem, h, dW), increment, no_jacobian)
     assert found.change is not None
     # In factors of y0: a step of no length leaves it as it is.
-    value = state * np.exp(found.change)
+    value = y * np.exp(found.change)
     status = np.where(np.all(np.isfinite(value), axis=0), found.status, Status.OVERFLOW)
-    return replace(found, value=value, change=value - state, status=status)
+    return replace(found, value=value, change=value - y, status=status)
 
 
 scheme = one_step(
     "darboux-lie",
-    solved_by(solve),
+    Solved(solve),
     EVERY | {"identity", "any-casimir", "poisson-map", "positivity", "symmetry"},
     "the midpoint rule in logarithms (Hong et al. 2021; Liu and Wang 2024)",
     weak_order=1.0,
     mean_square_order=Orders(0.5, commutative=1.0),
-    solve=solve,
     problems=PROBLEMS,
 )

@@ -8,22 +8,20 @@ discrete gradient ∇̄H(y, ȳ) = ½(∇̄₁H(y, ȳ) + ∇̄₁H(ȳ, y)).
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from sepv.problem._fields import matvec
 from sepv.schemes._one_step import EVERY, drift_and_noise, implicit, one_step
 from sepv.schemes._picture_look import Look
-from sepv.solve import Fields
+from sepv.solve import Fields, Values
 
 
-def corners(y: Any, z: Any) -> Any:
+def corners(y: Values, z: Values) -> Values:
     """The path of coordinate increments: (d, d, ...), corner i has its first i components moved by z."""
     return np.stack([np.concatenate([y[:i] + z[:i], y[i:]]) for i in range(len(y))], axis=1)
 
 
-def coordinate_increments(fields: Fields, y: Any, z: Any) -> Any:
+def coordinate_increments(fields: Fields, y: Values, z: Values) -> Values:
     """∇̄₁H(y, y + z): component i is (H(corner i+1) − H(corner i))/z_i.
 
     The quotient is the average of ∂_iH along that edge, and is computed as that average: where a
@@ -32,12 +30,12 @@ def coordinate_increments(fields: Fields, y: Any, z: Any) -> Any:
     return fields.edge_means(corners(y, z), z)
 
 
-def symmetrised(fields: Fields, y: Any, z: Any) -> Any:
+def symmetrised(fields: Fields, y: Values, z: Values) -> Values:
     """∇̄H, from y to y + z and back."""
     return 0.5 * (coordinate_increments(fields, y, z) + coordinate_increments(fields, y + z, -z))
 
 
-def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
     """(h B(y0) + S B(ȳ)) ∇̄H for h and S = Σ c_j ΔŴ_j."""
     B = step[0] * fields.structure(y) + step[1] * fields.structure(y + 0.5 * z)
     return matvec(B, symmetrised(fields, y, z))

@@ -12,12 +12,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from sepv._arguments import require_whole
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem
 from sepv.schemes._one_step import resolved
-from sepv.schemes._scheme import Scheme, as_lanes
-from sepv.solve import Status
-from sepv.solve._solution import Solution, merge
+from sepv.schemes._scheme import Scheme
+from sepv.solve._solution import Solution, Status, merge
 
 MAX_DEPTH = 20
 
@@ -48,42 +48,29 @@ def divided(scheme: Scheme, depth: int = 8) -> Scheme:
             received=f"the scheme {scheme.name!r} without solve",
             remedy="take a smaller h",
         )
-    if isinstance(depth, bool) or not isinstance(depth, (int, np.integer)) or not 1 <= depth <= MAX_DEPTH:
-        raise UsageError(
-            expected=f"depth, an integer from 1 to {MAX_DEPTH}",
-            received=repr(depth),
-            remedy="8 are 256 parts",
-        )
+    most = require_whole("depth", depth, "8 are 256 parts", 1, MAX_DEPTH)
 
     def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
-        state, noise = as_lanes(problem, y, h, dW)
-        return _solve(scheme, problem, state, h, noise, int(depth))
+        return _solve(scheme, problem, y, h, dW, most)
 
     return resolved(scheme, "divided", solve, f"failed steps in up to 2^{depth} parts")
 
 
 def _solve(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, depth: int) -> Solution:
     assert scheme.solve is not None
-    whole = scheme.solve(problem, y, h, dW)
     divisions = np.zeros(y.shape[1], dtype=np.int64)
+    whole = replace(scheme.solve(problem, y, h, dW), divisions=divisions)
     failed = np.flatnonzero(whole.status != Status.CONVERGED)
     if not failed.size or not depth:
-        return replace(whole, divisions=divisions)
+        return whole
     divisions[failed] += 1
     change = np.full_like(y, np.nan) if whole.change is None else whole.change.copy()
     # The second half starts where the first one ended, in the lanes where it did.
     first = _solve(scheme, problem, y[:, failed], h / 2, dW[:, failed] / 2, depth - 1)
     merge(whole, first, failed)
-    divisions[failed] += _counts(first)
     arrived = failed[first.status == Status.CONVERGED]
     if arrived.size:
         second = _solve(scheme, problem, whole.value[:, arrived], h / 2, dW[:, arrived] / 2, depth - 1)
         merge(whole, second, arrived)
-        divisions[arrived] += _counts(second)
     change[:, failed] = whole.value[:, failed] - y[:, failed]
-    return replace(whole, divisions=divisions, change=change)
-
-
-def _counts(solution: Solution) -> np.ndarray:
-    assert solution.divisions is not None
-    return solution.divisions
+    return replace(whole, change=change)

@@ -19,8 +19,8 @@ from sepv.errors import Skipped
 from sepv.problem import Array, HamiltoniansProblem, Problem, Systems, column
 from sepv.problem._hamiltonians import noise_field
 from sepv.schemes._energy_preserving import formula, jacobian
-from sepv.schemes._one_step import EVERY, implicit
-from sepv.schemes._scheme import Scheme, as_lanes
+from sepv.schemes._one_step import EVERY, implicit, one_step
+from sepv.schemes._scheme import as_lanes
 
 
 def _time(problem: Problem, h: float, noise: Array) -> Array:  # noqa: ARG001  (the signature of `parts`)
@@ -35,20 +35,14 @@ quiet = implicit(formula, jacobian, parts=_time)
 def step(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
     """y1 for y (d,) or (d, M), dW and the increments `first` over the first half, (m,) or (m, M).
 
-    Raises
-    ------
-    Skipped
-        Where the noise is not additive.
-    StepFailure
-        Where the equation was not solved.
+    Raises Skipped where the noise is not additive, StepFailure where the equation was not solved.
     """
     if not isinstance(problem, HamiltoniansProblem) or column(problem) != "additive":
         raise Skipped(f"the noise of {problem.name} is not additive")
     state, noise = as_lanes(problem, y, h, dW)
     before = np.reshape(np.asarray(first, dtype=np.float64), noise.shape)
-    return pushed(problem, quiet(problem, pushed(problem, state, before), h, noise), noise - before).reshape(
-        y.shape
-    )
+    moved = quiet(problem, pushed(problem, state, before), h, noise)
+    return pushed(problem, moved, noise - before).reshape(y.shape)
 
 
 def pushed(problem: Problem, y: Array, dW: Array) -> Array:
@@ -58,15 +52,13 @@ def pushed(problem: Problem, y: Array, dW: Array) -> Array:
     return y
 
 
-scheme = Scheme(
+scheme = one_step(
     "drift-preserving",
     step,
     EVERY | {"symmetry", "energy-drift"},
     "Cohen and Vilmart (2022)",
-    mean_square_order=1.0,
     weak_order=2.0,
     truncation=None,
-    batched=True,
     systems=Systems.SEPARABLE_HAMILTONIANS,
     asks="halves",
 )

@@ -5,15 +5,13 @@ y1 = y0 + B((y0 + y1)/2) ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ · Δ,  Δ = h + 
 
 from __future__ import annotations
 
-from typing import Any
-
 from sepv.schemes._one_step import ENERGY_PRESERVING, implicit, one_step
 from sepv.schemes._picture_look import Look
-from sepv.solve import Fields
+from sepv.solve import Fields, Values
 from sepv.solve._linearised import derivative
 
 
-def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
     """Δ B(ȳ) ∇̄H, ȳ = y + z/2: the right side of (2.1) without y0, for z = y1 − y0."""
     return step[0] * fields.apply(y + 0.5 * z, fields.mean_gradient(y, z))
 

@@ -5,14 +5,12 @@ S = Σ_j c_j ΔŴ_j, because every noise drives the same field f = B∇H.
 
 from __future__ import annotations
 
-from typing import Any
-
 from sepv.schemes._one_step import EVERY, Explicit, drift_and_noise, one_step
 from sepv.schemes._picture_look import Look
-from sepv.solve import Fields
+from sepv.solve import Fields, Values
 
 
-def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:  # noqa: ARG001 - an explicit scheme
+def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:  # noqa: ARG001 - an explicit scheme
     """h f(y0) + ½(f(ŷ) + f(y0)) S for h and S."""
     h, S = step
     f = fields.field(y)

@@ -5,16 +5,14 @@ The correction ½Σ_j c_j² f′f from Stratonovich to Itô is derived here, not
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from sepv.schemes._one_step import EVERY, Explicit, drift_and_noise, one_step
 from sepv.schemes._picture_look import Look
-from sepv.solve import Fields
+from sepv.solve import Fields, Values
 
 
-def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:  # noqa: ARG001 - an explicit scheme
+def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:  # noqa: ARG001 - an explicit scheme
     """(f + ½Σc_j² f′f) h + f S for h and S."""
     h, S = step
     f = fields.field(y)

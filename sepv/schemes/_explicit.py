@@ -8,18 +8,17 @@ mean-square and weak order p/2 by Milstein's theorem. They keep neither H nor Ca
 from __future__ import annotations
 
 from functools import lru_cache, partial
-from typing import Any
 
 from sepv.errors import require_one_of
 from sepv.schemes._explicit_tableaux import TABLEAUX, ExplicitTableau
 from sepv.schemes._one_step import RANDOM_STEP, Explicit, one_step
-from sepv.schemes._scheme import Scheme, truncation_for
-from sepv.solve import Fields
+from sepv.schemes._scheme import Scheme
+from sepv.solve import Fields, Values
 
 
-def end(tableau: ExplicitTableau, fields: Fields, y: Any, z: Any, step: Any) -> Any:  # noqa: ARG001 - an explicit scheme
+def end(tableau: ExplicitTableau, fields: Fields, y: Values, z: Values, step: Values) -> Values:  # noqa: ARG001 - explicit
     """Δ Σ b_i f(Y_i), Y_i = y + Δ Σ a_ij f(Y_j)."""
-    slopes: list[Any] = []
+    slopes: list[Values] = []
     for row in tableau.A:
         state = y
         for j, a in row.items():
@@ -34,13 +33,7 @@ def end(tableau: ExplicitTableau, fields: Fields, y: Any, z: Any, step: Any) -> 
 
 @lru_cache(maxsize=4)
 def explicit(order: int) -> Scheme:
-    """The method of order 4 (classical) or 8 (Dormand and Prince), as a scheme with truncation k = 2·order.
-
-    Raises
-    ------
-    UsageError
-        For another order.
-    """
+    """The method of order 4 (classical) or 8 (Dormand and Prince), else a UsageError, with truncation k = 2·order."""
     require_one_of("an order", order, TABLEAUX, "take 8")
     return one_step(
         f"explicit-{order}",
@@ -48,5 +41,4 @@ def explicit(order: int) -> Scheme:
         RANDOM_STEP,
         "explicit Runge-Kutta with the random step",
         order / 2,
-        truncation=truncation_for(order / 2),
     )

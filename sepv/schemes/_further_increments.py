@@ -25,14 +25,8 @@ def further_rows(asks: str, noises: int) -> int:
 def answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, *, any_path: bool = False) -> Any:
     """The scheme's step for dW (m, ...), or for (m + k, ...) with the further rows that it asks for.
 
-    Parameters
-    ----------
-    any_path : whether it is given `some` where they are missing, by a law that speaks of every path.
-
-    Raises
-    ------
-    UsageError
-        Where they are missing otherwise: without them the noise would be of another law.
+    Where they are missing it is given `some` by a law that speaks of `any_path`. Otherwise that is a UsageError:
+    without them the noise would be of another law.
     """
     if not scheme.asks:
         return scheme.step(problem, y, h, dW)

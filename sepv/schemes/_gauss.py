@@ -17,12 +17,6 @@ from sepv.schemes._scheme import Scheme
 
 @lru_cache(maxsize=8)
 def gauss(stages: int) -> Scheme:
-    """The s-stage method, s = 1 … 6, as a scheme with truncation k = 4s (2 for s = 1).
-
-    Raises
-    ------
-    UsageError
-        For another number of stages.
-    """
+    """The s-stage method as a scheme with truncation k = 4s (2 for s = 1). Raises UsageError for s other than 1 … 6."""
     claims = SYMMETRIC | {"symplecticity"}
     return staged("gauss", stages, claims, "Gauss Runge-Kutta, with the random step", averaged=False)

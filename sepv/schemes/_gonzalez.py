@@ -14,16 +14,14 @@ with rotations but not with scalings and shears, which change |δ|.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from sepv.problem._fields import dot, matvec
 from sepv.schemes._one_step import SYMMETRIC, implicit, one_step
-from sepv.solve import Fields
+from sepv.solve import Fields, Values
 
 
-def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
     """Δ B(ȳ) ∇̄H, ∇̄H = ∇H(ȳ) + e eᵀw with e = δ/|δ|, 0 where nothing moves, and w the mean of (2.1) less ∇H(ȳ).
 
     H(y1) − H(y0) is the averaged gradient times δ: the same number without cancellation or division by |δ|².

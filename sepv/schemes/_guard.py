@@ -32,11 +32,8 @@ class Refusal(StepFailure):
         self.delta = float(problem.random_step(h, dW)) if whole else float(h)
         self.residual, self.iterations = float("nan"), 0
         self.traceback = "".join(traceback.format_exception(error))
-        of = (
-            f"y of shape {y.shape}"
-            if y.ndim > 1
-            else f"y = {y.tolist()}, {'Δ' if whole else 'h'} = {self.delta!r}"
-        )
+        one = f"y = {y.tolist()}, {'Δ' if whole else 'h'} = {self.delta!r}"
+        of = one if y.ndim == 1 else f"y of shape {y.shape}"
         SepvError.__init__(
             self,
             f"The scheme refused the step by {type(error).__name__}: {error}{_where(error)}\n"
@@ -102,20 +99,12 @@ def raw_answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) 
         raise
     except REFUSALS as error:
         raise Refusal(error, problem, y, h, dW) from error
-    except SepvError as error:
-        # A function of sepv that the scheme calls refuses its arguments: mostly the scheme's own were taken for others.
-        if type(error) is not UsageError:
-            raise
-        raise _crash(error, problem, y, h, dW) from error
     except (Exception, SystemExit) as error:
-        raise _crash(error, problem, y, h, dW) from error
-
-
-def _crash(error: BaseException, problem: Problem, y: Array, h: float, dW: Array) -> SchemeCrash:
-    given = (
-        f", called with the problem {problem.name}, y of shape {y.shape}, h = {h:g}, dW of shape {dW.shape}"
-    )
-    return SchemeCrash(error, y.shape, given)
+        # Where a function of sepv that the scheme calls refuses its arguments, the scheme's own were taken for others.
+        if isinstance(error, SepvError) and type(error) is not UsageError:
+            raise
+        given = f"the problem {problem.name}, y of shape {y.shape}, h = {h:g}, dW of shape {dW.shape}"
+        raise SchemeCrash(error, y.shape, f", called with {given}") from error
 
 
 def check_answer(answer: Any, y: Array) -> Array:

@@ -23,21 +23,17 @@ import numpy as np
 
 from sepv.errors import Skipped
 from sepv.problem import Array, Problem, Systems
-from sepv.problem._hamiltonians import noise_gradients
-from sepv.problems._canonical import HAT
-from sepv.schemes._one_step import EVERY, each_noise, no_jacobian, one_step, solved_by
+from sepv.problem._hamiltonians import combined_gradient
+from sepv.problems._common import HAT
+from sepv.schemes._one_step import EVERY, Solved, each_noise, no_jacobian, one_step
 from sepv.schemes._order_claims import Orders
-from sepv.schemes._scheme import as_lanes
-from sepv.solve import Increment
 from sepv.solve import solve as solve_implicit
-from sepv.solve._solution import Solution
+from sepv.solve._solution import Increment, Solution, once
 
 
 def parts(problem: Problem, x: Array, step: Array) -> tuple[Array, Array]:
     """f = B(x)m and (mᵀx)m, (d, M) both, the second copy by copy."""
-    m = step[0] * problem.gradient(x)
-    for part, gradient in zip(step[1:], noise_gradients(problem), strict=True):
-        m = m + part * gradient(x)
+    m = combined_gradient(problem, x, step)
     f, bent = np.empty_like(x), np.empty_like(x)
     for n in range(0, len(x), 3):
         (a, b, c), (p, q, r) = x[n : n + 3], m[n : n + 3]
@@ -46,21 +42,14 @@ def parts(problem: Problem, x: Array, step: Array) -> tuple[Array, Array]:
     return f, bent
 
 
-def increment(problem: Problem, y0: Array, x: Array, step: Array) -> Increment:
+def increment(problem: Problem, y0: Array, x: Array, step: Array) -> Increment:  # noqa: ARG001 - as for all
     """½f(x) − ¼(mᵀx)m, of which x = y0 + … is the solution; all gradients count as one evaluation."""
-    ones = np.ones(y0.shape[1], dtype=np.int64)
     f, bent = parts(problem, x, step)
-    return Increment(0.5 * f - 0.25 * bent, ones, ones, ones.astype(bool))
+    return once(0.5 * f - 0.25 * bent)
 
 
 def require_spins(problem: Problem, y: Array) -> None:
-    """B(y)v = y × v in blocks of three.
-
-    Raises
-    ------
-    Skipped
-        For another structure.
-    """
+    """Raise Skipped where the structure is not B(y)v = y × v in blocks of three."""
     expected = np.zeros((len(y), len(y), y.shape[1]))
     for n in range(0, len(y) - len(y) % 3, 3):
         for i, j, k, sign in HAT:
@@ -74,22 +63,20 @@ def require_spins(problem: Problem, y: Array) -> None:
 
 def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
     """One step of a batch with residual (of the equation for x), counts and status of each lane."""
-    state, noise = as_lanes(problem, y, h, dW)
-    require_spins(problem, state)
-    step = each_noise(problem, h, noise)
-    found = solve_implicit(problem, state, step, increment, no_jacobian)
+    require_spins(problem, y)
+    step = each_noise(problem, h, dW)
+    found = solve_implicit(problem, y, step, increment, no_jacobian)
     f, _ = parts(problem, found.value, step)
     # y1 − y0 = f: the sum of what y0 and y1 have in common is not formed again.
-    return replace(found, value=state + f, change=f)
+    return replace(found, value=y + f, change=f)
 
 
 scheme = one_step(
     "isospectral-midpoint",
-    solved_by(solve),
+    Solved(solve),
     EVERY | {"identity", "casimir", "poisson-map", "symmetry", "noise-sum"},
     "Ephrati, Jansson, Lang and Luesink, arXiv 2408.16701",
     weak_order=1.0,
     mean_square_order=Orders(0.5, commutative=1.0),
-    solve=solve,
     systems=Systems.SO3_HAMILTONIANS,
 )

@@ -10,15 +10,13 @@ quadratic Casimirs. For quadratic H it is the midpoint rule. It goes along the c
 
 from __future__ import annotations
 
-from typing import Any
-
 from sepv.problem._fields import matvec
 from sepv.schemes._discrete_gradient import symmetrised
 from sepv.schemes._one_step import SYMMETRIC, implicit, one_step
-from sepv.solve import Fields
+from sepv.solve import Fields, Values
 
 
-def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
     """Δ B(ȳ) ∇̄H."""
     return step[0] * matvec(fields.structure(y + 0.5 * z), symmetrised(fields, y, z))
 

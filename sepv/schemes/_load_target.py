@@ -58,10 +58,7 @@ def load_scheme(
 def as_scheme(value: Any, name: str, problems: Iterable[Problem] = ()) -> Scheme:
     """A `Scheme` as it is; a function as a scheme that claims nothing.
 
-    Raises
-    ------
-    TargetError
-        For anything that cannot be called with (problem, y, h, dW).
+    Raises TargetError for anything that cannot be called with (problem, y, h, dW).
     """
     if isinstance(value, Scheme):
         _check_signature(value.step, name, 5 if value.asks else 4)
@@ -209,13 +206,7 @@ def _from_file(path: Path) -> Problem:
 
 
 def load_object(target: str) -> Any:
-    """What module:attribute names.
-
-    Raises
-    ------
-    TargetError
-        Where the module cannot be imported, or has no such attribute.
-    """
+    """What module:attribute names. Raises TargetError where the module cannot be imported or has no such attribute."""
     module_name, _, attribute = target.partition(":")
     if module_name.endswith(".py"):
         raise TargetError(

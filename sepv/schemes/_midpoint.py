@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from sepv.schemes._one_step import SYMMETRIC, implicit, one_step
 from sepv.schemes._picture_look import Look
-from sepv.solve import Fields
+from sepv.solve import Fields, Values
 from sepv.solve._linearised import derivative
 
 
-def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
     """Δ f(ȳ), ȳ = y + z/2."""
     return step[0] * fields.field(y + 0.5 * z)
 

@@ -5,19 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 
 from sepv.problem import Array, Problem
-from sepv.schemes._scheme import Scheme, Solve, as_lanes, step_by
+from sepv.schemes._further_increments import as_rows
+from sepv.schemes._scheme import Scheme, Solve, as_lanes, truncation_for
 from sepv.solve import solve as solve_implicit
 from sepv.solve._formula import Asked, Formula, counted
 from sepv.solve._solution import IncrementFunction, JacobianFunction, Solution, require_converged
 from sepv.solve._straight import iteration
 
-# (problem, h, noise) -> (k, M): what a formula wants to know of the step.
-Parts = Callable[[Problem, float, Array], Array]
+# (problem, h, noise) -> (k, M): what a formula wants to know of the step; with more where the scheme asks for it.
+Parts = Callable[..., Array]
 
 # Claims: of every scheme of ours, of methods for y′ = f(y) with the step Δ, of those that are symmetric as well.
 EVERY = frozenset(("contract", "reproducibility", "truncation"))
@@ -41,12 +43,15 @@ def each_noise(problem: Problem, h: float, noise: Array) -> Array:
     return np.concatenate([np.full((1, noise.shape[1]), float(h)), problem.c[:, None] * noise])
 
 
+def noise_and_areas(problem: Problem, h: float, noise: Array, areas: Array) -> Array:
+    """h, the c_j ΔW_j and the c_i c_j A_ij with i < j, for skew A (m, m) or (m, m, M): entries above the diagonal."""
+    rows = as_rows(np.asarray(areas)).reshape(-1, noise.shape[1])
+    weights = [problem.c[i] * problem.c[j] for i, j in combinations(range(problem.noises), 2)]
+    return np.concatenate([each_noise(problem, h, noise), np.reshape(weights, (-1, 1)) * rows])
+
+
 def no_jacobian(*_: Any) -> None:
     """For a right side whose derivative is formed from differences."""
-
-
-def nothing_more(problem: Problem, y0: Array, step: Array, solution: Solution) -> None:
-    """For a scheme that takes every problem, and every solution of its equation."""
 
 
 @dataclass(frozen=True)
@@ -72,18 +77,18 @@ class Implicit:
     parts: Parts = random_step
     formula: Formula | None = None
     requires: Callable[[Problem], Any] | None = None
-    examine: Callable[[Problem, Array, Array, Solution], None] = nothing_more
+    examine: Callable[[Problem, Array, Array, Solution], None] | None = None
 
     def solve(self, problem: Problem, y: Array, h: float, dW: Array, start: Array | None = None) -> Solution:
         """A batch with residual, counts and status of each lane; `start` (d, M) is a guess of y1 − y0."""
         return self._solved(problem, *as_lanes(problem, y, h, dW), h, start)
 
     def _solved(
-        self, problem: Problem, state: Array, noise: Array, h: float, start: Array | None = None
+        self, problem: Problem, state: Array, noise: Array, h: float, start: Array | None, *further: Array
     ) -> Solution:
         if self.requires is not None:
             self.requires(problem)
-        step = self.parts(problem, h, noise)
+        step = self.parts(problem, h, noise, *further)
 
         def directly(lanes: Any) -> Solution:
             guess = None if start is None else start[:, lanes]
@@ -93,21 +98,35 @@ class Implicit:
 
         record = None if self.formula is None else iteration(problem, self.formula, len(step))
         solution = directly(slice(None)) if record is None else record.solve(state, step, start, directly)
-        self.examine(problem, state, step, solution)
+        if self.examine is not None:
+            self.examine(problem, state, step, solution)
         return solution
 
-    def __call__(self, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    def __call__(self, problem: Problem, y: Array, h: float, dW: Array, *further: Array) -> Array:
         """y1 for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M), increments as the caller truncated them.
 
-        Raises
-        ------
-        Skipped
-            For a problem that the scheme does not take.
-        StepFailure
-            Where the equation was not solved.
+        Raises Skipped for a problem that the scheme does not take, StepFailure where the equation was not solved.
         """
         state, noise = as_lanes(problem, y, h, dW)
-        solution = self._solved(problem, state, noise, h)
+        solution = self._solved(problem, state, noise, h, None, *further)
+        return require_converged(problem, state, h, noise, solution).reshape(np.shape(y))
+
+
+@dataclass(frozen=True)
+class Solved:
+    """The step of a scheme that brings its own solver: `of_lanes(problem, y (d, M), h, dW (m, M))`."""
+
+    of_lanes: Solve
+
+    def solve(self, problem: Problem, y: Array, h: float, dW: Array) -> Solution:
+        """A batch with residual, counts and status of each lane."""
+        state, noise = as_lanes(problem, y, h, dW)
+        return self.of_lanes(problem, state, h, noise)
+
+    def __call__(self, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        """As for `Implicit`."""
+        state, noise = as_lanes(problem, y, h, dW)
+        solution = self.of_lanes(problem, state, h, noise)
         return require_converged(problem, state, h, noise, solution).reshape(np.shape(y))
 
 
@@ -130,20 +149,21 @@ def implicit(formula: Formula, jacobian: JacobianFunction = no_jacobian, **more:
     return Implicit(partial(counted, formula), jacobian, formula=formula, **more)
 
 
-def solved_by(solve: Solve) -> Callable[[Problem, Array, float, Array], Array]:
-    """The step of a scheme that brings its own solver."""
-    return partial(step_by, solve)
-
-
-def resolved(scheme: Scheme, word: str, solve: Solve, how: str) -> Scheme:
+def resolved(scheme: Scheme, word: str, of_lanes: Solve, how: str) -> Scheme:
     """The scheme with another solver, under a name of its own; it claims nothing."""
+    step = Solved(of_lanes)
     return replace(
-        scheme, name=f"{scheme.name}, {word}", step=solved_by(solve), solve=solve, claims=(),
+        scheme, name=f"{scheme.name}, {word}", step=step, solve=step.solve, claims=(),
         mean_square_order=None, weak_order=None, source=f"{scheme.source}; {how}",
     )  # fmt: skip
 
 
 def one_step(name: str, step: Any, claims: Any, source: str, order: float = 1.0, **facts: Any) -> Scheme:
-    """The scheme of a step above, of this mean-square and weak order unless `facts` say otherwise."""
-    found = {"mean_square_order": order, "weak_order": order, "solve": getattr(step, "solve", None), **facts}
-    return Scheme(name, step, claims, source, batched=True, **found)
+    """The scheme of a step above, of this mean-square and weak order and truncated for it unless `facts` differ."""
+    found: dict[str, Any] = {
+        "mean_square_order": order,
+        "weak_order": order,
+        "truncation": truncation_for(order),
+    }
+    found["solve"] = getattr(step, "solve", None)
+    return Scheme(name, step, claims, source, batched=True, **found | facts)

@@ -35,24 +35,16 @@ class Look:
     dash: str = ""
 
     def __post_init__(self) -> None:
-        for what, value, ok, expected in (
-            ("colour", self.colour, _is_colour(self.colour), "#RRGGBB"),
-            ("dark", self.dark, _is_colour(self.dark), "#RRGGBB"),
-            ("marker", self.marker, self.marker in MARKERS, f"one of {' '.join(MARKERS)}"),
-            (
-                "dash",
-                self.dash,
-                re.fullmatch(r"(\d{1,2} \d{1,2}( |$))*", self.dash),
-                'pairs of lengths such as "6 2"',
-            ),
+        colour, dashes = "#[0-9A-Fa-f]{6}", r"(\d{1,2} \d{1,2}( |$))*"
+        for what, pattern, expected in (
+            ("colour", colour, "#RRGGBB"),
+            ("dark", colour, "#RRGGBB"),
+            ("marker", "|".join(map(re.escape, MARKERS)), f"one of {' '.join(MARKERS)}"),
+            ("dash", dashes, 'pairs of lengths such as "6 2"'),
         ):
-            if not ok:
+            if not re.fullmatch(pattern, str(getattr(self, what))):
                 raise UsageError(
                     expected=f"Look({what}=…), {expected}",
-                    received=repr(value),
+                    received=repr(getattr(self, what)),
                     remedy="see sepv.schemes.Look",
                 )
-
-
-def _is_colour(text: str) -> bool:
-    return bool(re.fullmatch("#[0-9A-Fa-f]{6}", text))

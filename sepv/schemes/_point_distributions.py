@@ -14,16 +14,13 @@ path number means the same stream whatever increments a scheme takes, and E ζξ
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
-from typing import TYPE_CHECKING
 
 from sepv._arguments import did_you_mean
 from sepv.errors import UsageError
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 # What the sum of weights and a moment may be off by: roundings of a few terms.
 _ROUNDING = 1e-12
@@ -104,13 +101,7 @@ NAMES = (NORMAL, *NAMED)
 
 
 def point_law(increments: str | PointLaw | None) -> PointLaw | None:
-    """The law by name, or as it is; None for normal increments, "normal" or None.
-
-    Raises
-    ------
-    UsageError
-        For another name.
-    """
+    """The law by name, or as it is; None for normal increments, "normal" or None. Raises UsageError for others."""
     if increments is None or isinstance(increments, PointLaw):
         return increments
     name = str(increments).strip().replace("_", "-")

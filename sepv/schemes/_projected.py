@@ -23,12 +23,11 @@ from sepv.problem import Array, Problem, average_gradient, casimir_gradients
 from sepv.problem._fields import dot
 from sepv.schemes._explicit import end, explicit
 from sepv.schemes._explicit_tableaux import TABLEAUX
-from sepv.schemes._one_step import one_step, solved_by
-from sepv.schemes._scheme import Scheme, as_lanes, truncation_for
-from sepv.solve import Status
+from sepv.schemes._one_step import Solved, one_step
+from sepv.schemes._scheme import Scheme
 from sepv.solve._ends import ROUNDING
 from sepv.solve._formula import Asked
-from sepv.solve._solution import Solution
+from sepv.solve._solution import Solution, Status
 
 # Each iteration gains a factor of about |I″||y1 − y*|/|∇I|; a step that needs more than this is far too coarse.
 MOST = 30
@@ -112,27 +111,18 @@ def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> S
 
 @lru_cache(maxsize=4)
 def projected(order: int) -> Scheme:
-    """The projected method of order 4 or 8, as a scheme with truncation k = 2·order.
-
-    Raises
-    ------
-    UsageError
-        For another order.
-    """
+    """The projected method of order 4 or 8, else a UsageError, as a scheme with truncation k = 2·order."""
     plain = explicit(order)
 
     def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
         """One step of a batch with residual (of the projection), counts and status of each lane."""
-        state, noise = as_lanes(problem, y, h, dW)
-        return solve_projection(problem, order, state, problem.random_step(h, noise))
+        return solve_projection(problem, order, y, problem.random_step(h, dW))
 
     return one_step(
         f"projected-{order}",
-        solved_by(solve),
+        Solved(solve),
         # Not equivariance: orthogonal to a gradient means something in a metric, which linear maps do not keep.
         (frozenset(plain.claims) | {"energy", "casimir"}) - {"equivariance"},
         "explicit Runge-Kutta with the random step, and projection",
         order / 2,
-        solve=solve,
-        truncation=truncation_for(order / 2),
     )

@@ -14,7 +14,7 @@ from sepv.errors import UsageError, require_one_of
 from sepv.problem import Array, Problem, Systems
 from sepv.schemes._picture_look import Look
 from sepv.schemes._point_distributions import PointLaw, point_law
-from sepv.solve._solution import Solution, require_converged
+from sepv.solve._solution import Solution
 
 # What a step may ask for beside h and the increments.
 ASKS = ("", "areas", "halves", "space-time")
@@ -167,10 +167,7 @@ def weakly(scheme: Scheme, increments: str | PointLaw | None) -> Scheme:
 def as_lanes(problem: Problem, y: ArrayLike, h: float, dW: ArrayLike) -> tuple[Array, Array]:
     """y as (d, M) and dW as (m, M), one lane for a single state; shapes and finiteness are checked.
 
-    Raises
-    ------
-    UsageError
-        A state, step or increment that does not fit the problem.
+    Raises UsageError for a state, step or increment that does not fit the problem.
     """
     state, increment = floats("y", y), floats("dW", dW)
     d, m = problem.dimension, problem.noises
@@ -194,16 +191,3 @@ def as_lanes(problem: Problem, y: ArrayLike, h: float, dW: ArrayLike) -> tuple[A
         )
     lanes = state.reshape(d, -1)
     return lanes, increment.reshape(m, lanes.shape[1])
-
-
-def step_by(solve: Solve, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """The step that belongs to a `solve`: y1 in the shape of y, (d,) or (d, M).
-
-    Raises
-    ------
-    StepFailure
-        Where a lane was not solved.
-    """
-    state, noise = as_lanes(problem, y, h, dW)
-    solution = solve(problem, state, h, noise)
-    return require_converged(problem, state, h, noise, solution).reshape(np.shape(y))

@@ -9,6 +9,9 @@ skew, and quadratic Casimirs common to all structures. Where fields do not commu
 
 from __future__ import annotations
 
+from functools import partial
+from typing import Any
+
 import numpy as np
 
 from sepv.problem import Array, Problem
@@ -21,10 +24,7 @@ from sepv.schemes._scheme import as_lanes
 def step_with_stages(problem: Problem, stages: int, y: Array, h: float, dW: Array) -> Array:
     """One step with s = 1 … 6 stages, path by path, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M).
 
-    Raises
-    ------
-    StepFailure
-        Where the implicit equation was not solved.
+    Raises StepFailure where the implicit equation was not solved.
     """
     state, noise = as_lanes(problem, y, h, dW)
     step = collocation(stages).step
@@ -35,16 +35,11 @@ def step_with_stages(problem: Problem, stages: int, y: Array, h: float, dW: Arra
 
 def held(problem: Problem, known: Array) -> Problem:
     """The problem y′ = P(y)∇H of one step, for `known` (1 + m,) holding h and the c_jΔW_j."""
-
-    def slope(y: Array) -> Array:
-        value = combined_slope(problem, y, known)
-        assert value is not None
-        return value
-
+    slope: Any = partial(combined_slope, problem, parts=known)
     given = combined_slope(problem, np.array(problem.initial)[:, None], known[:, None]) is not None
     return Problem(
         problem.dimension,
-        lambda y: combined(problem, y, known),
+        partial(combined, problem, parts=known),
         problem.hamiltonian,
         problem.gradient,
         noise=(),

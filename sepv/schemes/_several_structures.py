@@ -12,19 +12,17 @@ S_j∇̄H_0 does not stand for B∇H_j, has the status UNDEFINED.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from sepv.problem import Array, CommutingStructure, Problem, Systems, average_gradient
 from sepv.problem._structures import combined, noise_structures, undefined
 from sepv.schemes._one_step import ENERGY_PRESERVING, each_noise, implicit, one_step
-from sepv.solve import Fields, Status
+from sepv.solve import Fields, Status, Values
 from sepv.solve._linearised import derivative
 from sepv.solve._solution import Solution
 
 
-def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
     """[h B(ȳ) + Σ c_j ΔW_j G_j(ȳ)] ∇̄H for h and the c_j ΔW_j; B and all G_j count as one evaluation."""
     return fields.apply_combined(y + 0.5 * z, step, fields.mean_gradient(y, z))
 
@@ -34,9 +32,8 @@ def mark_undefined(problem: Problem, y0: Array, step: Array, solution: Solution)
     if not any(isinstance(G, CommutingStructure) for G in noise_structures(problem)):
         return
     with np.errstate(all="ignore"):
-        nowhere = ~np.isfinite(combined(problem, y0, step)).all(axis=(0, 1)) & np.isfinite(
-            problem.structure(y0)
-        ).all(axis=(0, 1))
+        nowhere = ~np.isfinite(combined(problem, y0, step)).all(axis=(0, 1))
+        nowhere &= np.isfinite(problem.structure(y0)).all(axis=(0, 1))
         mean = average_gradient(problem, y0, solution.value)
         away = undefined(problem, y0, solution.value, mean.value, step)
     solved = solution.status == Status.CONVERGED

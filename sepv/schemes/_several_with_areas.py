@@ -10,7 +10,8 @@ lacks Σ_{i<j} A_ij (f_j′f_i − f_i′f_j), f_j = c_j G_j∇H, a term of the 
 
 and K_ij is skew where H″ is symmetric, so that H is kept as in Proposition 3.1: for all B, G_j, increments and areas.
 
-A step takes the areas as a further argument; drawing them jointly with ΔW is not this file's business.
+`step_with_areas(problem, y, h, dW, areas)` takes y (d,) or (d, M), dW (m,) or (m, M) and the A_ij of the same
+increments, (m, m) or (m, m, M); drawing them jointly with ΔW is not this file's business.
 """
 
 from __future__ import annotations
@@ -23,11 +24,8 @@ from sepv.errors import UsageError
 from sepv.problem import Array, Problem, StructuresProblem, average_gradient
 from sepv.problem._fields import hessian, matmul, matvec, turned_along
 from sepv.problem._structures import combined
-from sepv.schemes._one_step import each_noise, no_jacobian
-from sepv.schemes._scheme import as_lanes
+from sepv.schemes._one_step import Implicit, noise_and_areas
 from sepv.solve import Increment
-from sepv.solve import solve as solve_implicit
-from sepv.solve._solution import require_converged
 
 
 def commutator(problem: StructuresProblem, i: int, j: int, y: Array, mean: Array) -> Array:
@@ -42,47 +40,26 @@ def commutator(problem: StructuresProblem, i: int, j: int, y: Array, mean: Array
     return turned + crossed - np.swapaxes(crossed, 0, 1)
 
 
-def step_with_areas(problem: Problem, y: Array, h: float, dW: Array, areas: Array) -> Array:
-    """One step.
-
-    Parameters
-    ----------
-    y : (d,) or (d, M)
-    dW : (m,) or (m, M)
-    areas : (m, m) or (m, m, M)
-        A_ij of the same increments, skew; entries above the diagonal are used.
-
-    Returns
-    -------
-    ndarray of the shape of y
-
-    Raises
-    ------
-    UsageError
-        For a problem with one structure, or without the derivatives of its noise structures.
-    StepFailure
-        Where the implicit equation was not solved.
-    """
+def require_derivatives(problem: Problem) -> None:
+    """Raise a UsageError for a problem with one structure, or without the derivatives of its noise structures."""
     if not isinstance(problem, StructuresProblem) or not problem.noise_structure_derivatives:
         raise UsageError(
             expected="a problem with several structures that gives their derivatives",
             received=problem.name,
             remedy="sepv.problem.StructuresProblem(…, noise_structure_derivatives=…)",
         )
-    state, noise = as_lanes(problem, y, h, dW)
-    pairs = list(combinations(range(problem.noises), 2))
-    weights = [problem.c[i] * problem.c[j] * np.reshape(areas[i, j], (1, -1)) for i, j in pairs]
-    known = np.concatenate([each_noise(problem, h, noise), *weights])
 
-    def increment(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
-        assert isinstance(problem, StructuresProblem)
-        mean, middle = average_gradient(problem, y0, y1), y0 + 0.5 * (y1 - y0)
-        structure = combined(problem, middle, step[: 1 + problem.noises])
-        for area, (i, j) in zip(step[1 + problem.noises :], pairs, strict=True):
-            structure = structure + area * commutator(problem, i, j, middle, mean.value)
-        counts = np.ones_like(mean.evaluations)
-        return Increment(matvec(structure, mean.value), mean.evaluations, counts, mean.reliable)
 
-    # Newton's matrix from differences: K_ij′ would need third derivatives of H.
-    solution = solve_implicit(problem, state, known, increment, no_jacobian)
-    return require_converged(problem, state, h, noise, solution).reshape(np.shape(y))
+def increment(problem: Problem, y0: Array, y1: Array, known: Array) -> Increment:
+    """The right side for h, the c_j ΔW_j and the c_i c_j A_ij; B and all G_j count as one evaluation."""
+    assert isinstance(problem, StructuresProblem)
+    mean, middle, first = average_gradient(problem, y0, y1), y0 + 0.5 * (y1 - y0), 1 + problem.noises
+    structure = combined(problem, middle, known[:first])
+    for area, (i, j) in zip(known[first:], combinations(range(problem.noises), 2), strict=True):
+        structure = structure + area * commutator(problem, i, j, middle, mean.value)
+    counts = np.ones_like(mean.evaluations)
+    return Increment(matvec(structure, mean.value), mean.evaluations, counts, mean.reliable)
+
+
+# Newton's matrix is one of differences: K_ij′ would need third derivatives of H.
+step_with_areas = Implicit(increment, parts=noise_and_areas, requires=require_derivatives)

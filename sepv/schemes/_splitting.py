@@ -22,21 +22,16 @@ from sepv.schemes._scheme import as_lanes
 def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """One step, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M).
 
-    Raises
-    ------
-    Skipped
-        For a problem without `Problem.flows`.
+    Raises Skipped for a problem without `Problem.flows`.
     """
     if not problem.flows:
         raise Skipped(f"{problem.name} gives no exact flows of parts of H (Problem.flows)")
     state, noise = as_lanes(problem, y, h, dW)
     delta = problem.random_step(h, noise)
     *outer, inner = problem.flows
-    for flow in outer:
-        state = flow(state, 0.5 * delta)
-    state = inner(state, delta)
-    for flow in reversed(outer):
-        state = flow(state, 0.5 * delta)
+    halves = [(flow, 0.5 * delta) for flow in outer]
+    for flow, t in (*halves, (inner, delta), *halves[::-1]):
+        state = flow(state, t)
     return state.reshape(y.shape)
 
 

@@ -12,18 +12,16 @@ brackets of the noises: mean-square order ½ in general, 1 where the noises comm
 
 from __future__ import annotations
 
-from typing import Any
-
 from sepv.problem import Systems
 from sepv.schemes._one_step import RANDOM_STEP, each_noise, implicit, one_step
 from sepv.schemes._order_claims import Orders
-from sepv.solve import Fields
+from sepv.solve import Fields, Values
 from sepv.solve._linearised import derivative
 
 CLAIMS = (RANDOM_STEP - {"random-step"}) | {"casimir", "symplecticity", "symmetry"}
 
 
-def formula(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
     """B(ȳ)(h∇H_0 + Σ c_j ΔW_j ∇H_j) for h and the c_j ΔW_j; all gradients count as one evaluation."""
     middle = y + 0.5 * z
     return fields.apply(middle, fields.combined_gradient(middle, step))

@@ -24,10 +24,7 @@ PROBLEMS = ("random-inertia", "random-maxwell-bloch", "noisy-henon-heiles", "ran
 def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """One step, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M).
 
-    Raises
-    ------
-    Skipped
-        For a problem without `flows` of parts of H_0, or without `noise_flows`.
+    Raises Skipped for a problem without `flows` of parts of H_0, or without `noise_flows`.
     """
     if not isinstance(problem, HamiltoniansProblem) or not problem.flows or not problem.noise_flows:
         raise Skipped(f"{problem.name} gives no exact flows of its Hamiltonians (flows, noise_flows)")

@@ -11,9 +11,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from sepv.errors import UsageError
 from sepv.problem import Array
-from sepv.record import gauss_legendre
+from sepv.record._quadrature import gauss_legendre, legendre_values
 
 MAX_STAGES = 6
 
@@ -37,13 +36,13 @@ def gauss_tableau(stages: int) -> GaussTableau:
 def lagrange(stages: int, tau: Array) -> Array:
     """ℓ_i(τ_n), of shape (s, N): the Lagrange polynomials of the Gauss nodes."""
     c, b = gauss_legendre(stages)
-    return np.asarray(_series(stages, c, b) @ legendre(2 * tau - 1, stages - 1))
+    return np.asarray(_series(stages, c, b) @ np.stack(legendre_values(2 * tau - 1, stages - 1)))
 
 
 def lagrange_integrals(stages: int, tau: Array) -> Array:
     """∫₀^{τ_n} ℓ_j, of shape (N, s)."""
     c, b = gauss_legendre(stages)
-    P = legendre(2 * tau - 1, stages)
+    P = legendre_values(2 * tau - 1, stages)
     # ∫₀^τ P_k(2t − 1) dt = (P_{k+1} − P_{k−1})(2τ − 1)/(2(2k + 1)), and τ for k = 0.
     parts = [tau] + [(P[k + 1] - P[k - 1]) / (2 * (2 * k + 1)) for k in range(1, stages)]
     return np.asarray((_series(stages, c, b) @ np.stack(parts)).T)
@@ -51,14 +50,10 @@ def lagrange_integrals(stages: int, tau: Array) -> Array:
 
 @lru_cache(maxsize=256)
 def moments(stages: int, nodes: int) -> tuple[Array, Array]:
-    """Quadrature of the averages of the s-stage method with `nodes` Gauss nodes τ_n of weights w_n.
+    """Quadrature of the averages of the s-stage method with N Gauss nodes τ_n of weights w_n.
 
-    Returns
-    -------
-    W : (s, N)
-        w_n ℓ_i(τ_n)/b_i, so that b_i⁻¹ ∫ ℓ_i g = Σ_n W_in g(τ_n), exact for g of degree ≤ 2N − s.
-    P : (N, s)
-        ∫₀^{τ_n} ℓ_j, so that the collocation polynomial is y0 + Σ_j P_nj z_j there.
+    W (s, N) is w_n ℓ_i(τ_n)/b_i, so that b_i⁻¹ ∫ ℓ_i g = Σ_n W_in g(τ_n), exact for g of degree ≤ 2N − s. P (N, s) is
+    ∫₀^{τ_n} ℓ_j, so that the collocation polynomial is y0 + Σ_j P_nj z_j there.
     """
     tau, w = gauss_legendre(nodes)
     return lagrange(stages, tau) * w / gauss_legendre(stages)[1][:, None], lagrange_integrals(stages, tau)
@@ -79,25 +74,8 @@ def amplification(stages: int) -> float:
     return float(np.max(np.sum(np.abs(W), axis=1)))
 
 
-def check_stages(stages: object) -> int:
-    """The number of stages, 1 to 6; a UsageError for others."""
-    if isinstance(stages, bool) or not isinstance(stages, (int, np.integer)) or not 1 <= stages <= MAX_STAGES:
-        raise UsageError(
-            expected=f"stages, an integer from 1 to {MAX_STAGES}",
-            received=repr(stages),
-            remedy="s stages have mean-square order s; beyond 6 rounding is reached at any useful step size",
-        )
-    return int(stages)
-
-
-def legendre(x: Array, degree: int) -> Array:
-    """P_0(x), …, P_degree(x), stacked, by the three-term recurrence."""
-    values = [np.ones_like(x), x]
-    for k in range(1, degree):
-        values.append(((2 * k + 1) * x * values[k] - k * values[k - 1]) / (k + 1))
-    return np.stack(values[: degree + 1])
-
-
 def _series(stages: int, c: Array, b: Array) -> Array:
     """The Legendre coefficients of ℓ_i, (s, s)."""
-    return np.asarray(b[:, None] * (2 * np.arange(stages) + 1) * legendre(2 * c - 1, stages - 1).T)
+    return np.asarray(
+        b[:, None] * (2 * np.arange(stages) + 1) * np.stack(legendre_values(2 * c - 1, stages - 1)).T
+    )

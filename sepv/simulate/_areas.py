@@ -93,10 +93,7 @@ class RoughPath:
             For halves of the finest steps.
         """
         coarse = self.coarse(steps)
-        if asks == "areas":
-            return np.concatenate([coarse.dW, coarse.areas], axis=1)
-        if asks == "space-time":
-            return np.concatenate([coarse.dW, coarse.bridges], axis=1)
+        further = {"areas": coarse.areas, "space-time": coarse.bridges}.get(asks, coarse.dW[:, :0])
         if asks == "halves":
             if self.dW.shape[0] % (2 * steps):
                 raise UsageError(
@@ -104,9 +101,8 @@ class RoughPath:
                     received=f"{self.dW.shape[0]}",
                     remedy="draw it finer",
                 )
-            halves = self.coarse(2 * steps).dW
-            return np.concatenate([coarse.dW, halves[::2]], axis=1)
-        return coarse.dW
+            further = self.coarse(2 * steps).dW[::2]
+        return np.concatenate([coarse.dW, further], axis=1)
 
 
 def drawn(seed: int, *, T: float, steps: int, noises: int, paths: int | range) -> RoughPath:

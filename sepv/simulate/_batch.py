@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sepv._arguments import optional
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem
 from sepv.problem._fields import invariants
@@ -15,12 +16,21 @@ from sepv.schemes import Scheme
 from sepv.schemes._further_increments import answer
 from sepv.schemes._scheme import REFUSALS
 from sepv.simulate import _truncation as bounded
-from sepv.simulate._results.labelled import to_xarray
 from sepv.simulate._results.reductions import Summary
 from sepv.solve import Status
 
 # Paths computed together: enough to hide NumPy's cost a call, few enough that increments stay small.
 CHUNK = 1024
+# Axes before the paths, by name of an ensemble's arrays.
+AXES: dict[str, tuple[str, ...]] = {
+    "y": ("component",),
+    "W": ("noise",),
+    "status": (),
+    "failed_step": (),
+    "energy_defect": (),
+    "casimir_defect": (),
+    "states": ("time", "component"),
+}
 
 
 @dataclass(frozen=True)
@@ -55,7 +65,7 @@ class Ensemble:
     reduced : dict of `sepv.simulate._results.reductions.Summary`
         With `reduce=`, by name; the arrays above then have no paths.
     about : dict
-        Problem, scheme, step size, seed, version: what `to_xarray` writes into its attributes.
+        Problem, scheme, step size, seed, version.
     """
 
     y: Array
@@ -78,11 +88,31 @@ class Ensemble:
     about: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     def to_xarray(self) -> Any:
-        """An `xarray.Dataset` with dimensions path, time, component and noise (extra `store`).
+        """An `xarray.Dataset` with dimensions path, time, component and noise (extra `store`), `about` in its `attrs`.
 
-        What is on disk (`store=`) stays there, and is read where it is looked at.
+        What is on disk (`store=`) stays there, and is read where it is looked at. A UsageError without xarray, and for
+        an ensemble whose paths were reduced.
         """
-        return to_xarray(self)
+        xarray = optional("xarray", "xarray, for to_xarray()", "pip install xarray")
+        if self.reduced and not self.y.shape[-1]:
+            raise UsageError(
+                expected="an ensemble with its paths", received="one that was reduced: its paths are gone",
+                remedy="Ensemble.reduced has its summaries; store= keeps the paths",
+            )  # fmt: skip
+        attrs = {k: v for k, v in self.about.items() if isinstance(v, (str, int, float))}
+        if hasattr(self.y, "store_path"):
+            # Still on disk, and read where it is looked at.
+            kept = xarray.open_zarr(
+                self.y.store_path.store, consolidated=False, mask_and_scale=False, drop_variables=["work"]
+            )
+            data: dict[str, Any] = dict(kept.data_vars)
+        else:
+            data = {name: ((*axes, "path"), getattr(self, name)) for name, axes in AXES.items()}
+        attrs["engine"] = self.engine
+        if not len(self.times):
+            data.pop("states", None)
+            return xarray.Dataset(data, attrs=attrs)
+        return xarray.Dataset(data, coords={"time": ("time", self.times)}, attrs=attrs)
 
 
 def run_chunk(
@@ -105,15 +135,8 @@ class Batch:
     """Paths in NumPy, one step of all at a time; one whose step failed stays where it was."""
 
     def __init__(
-        self,
-        scheme: Scheme,
-        problem: Problem,
-        y0: Array,
-        paths: int,
-        *,
-        track: bool = True,
-        compensated: bool = False,
-    ) -> None:
+        self, scheme: Scheme, problem: Problem, y0: Array, paths: int, *, track: bool = True, compensated: bool = False
+    ) -> None:  # fmt: skip
         if compensated and scheme.solve is None:
             raise UsageError(
                 expected="an implicit scheme for compensated summation in NumPy",
@@ -137,7 +160,7 @@ class Batch:
         if not alive.size:
             return
         before = self.y[:, alive]
-        value, code, cost, change = _advance(self.scheme, self.problem, before, h, dW[:, alive])
+        value, code, cost, change = advance(self.scheme, self.problem, before, h, dW[:, alive])
         self.work += cost
         ok = code == Status.CONVERGED
         self.status[alive[~ok]], self.failed[alive[~ok]] = code[~ok], self.done - 1
@@ -167,32 +190,30 @@ class Batch:
 
 def advance(
     scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array
-) -> tuple[Array, np.ndarray, np.ndarray]:
-    """One step of a batch: value, status of each lane, (gradients, structures, iterations)."""
-    value, code, cost, _ = _advance(scheme, problem, y, h, dW)
-    return value, code, cost[:3]
-
-
-def _advance(
-    scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array
 ) -> tuple[Array, np.ndarray, np.ndarray, Array | None]:
-    """The same with divisions and continuations among the counts, and y1 − y0 where the scheme gives it."""
+    """One step of a batch: value, status of each lane, five counts of work, and y1 − y0 where the scheme gives it.
+
+    The work: gradients, structures, iterations, divisions, continuations.
+    """
     if scheme.solve is not None:
         solution = scheme.solve(problem, y, h, dW)
-        none = np.zeros(1, dtype=np.int64)
         cost = (
-            solution.gradient_evaluations, solution.structure_evaluations, solution.iterations,
-            none if solution.divisions is None else solution.divisions,
-            none if solution.continuations is None else solution.continuations,
+            solution.gradient_evaluations, solution.structure_evaluations, solution.iterations, solution.divisions,
+            solution.continuations,
         )  # fmt: skip
-        return solution.value, solution.status, np.array([int(c.sum()) for c in cost]), solution.change
+        work = np.array([0 if c is None else int(c.sum()) for c in cost])
+        return solution.value, solution.status, work, solution.change
     value, code = _batch_step(scheme, problem, y, h, dW)
-    outside = ~np.all(np.isfinite(value), axis=0)
-    code[outside & (code == 0)] = Status.OVERFLOW
+    return value, judged(problem, value, code), np.zeros(5, dtype=np.int64), None
+
+
+def judged(problem: Problem, y: Array, code: np.ndarray) -> np.ndarray:
+    """The statuses, with those of states that are not finite or outside the domain, in place."""
+    code[~np.all(np.isfinite(y), axis=0) & (code == 0)] = Status.OVERFLOW
     if problem.domain is not None:
         with np.errstate(invalid="ignore"):
-            code[~np.asarray(problem.domain(value), dtype=bool) & (code == 0)] = Status.LEFT_DOMAIN
-    return value, code, np.zeros(5, dtype=np.int64), None
+            code[~np.asarray(problem.domain(y), dtype=bool) & (code == 0)] = Status.LEFT_DOMAIN
+    return code
 
 
 def _batch_step(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> tuple[Array, np.ndarray]:

@@ -103,7 +103,13 @@ def integrate(
     count = step_count(h, T, steps)
     start = initial_state(problem, y0)
     m = problem.noises
-    raw = _drawn(scheme, problem, seed, h * count, count) if dW is None else floats("dW", dW)
+    if dW is not None:
+        raw = floats("dW", dW)
+    elif scheme.asks:
+        fine = areas.drawn(seed, T=h * count, steps=areas.MORE * count, noises=m, paths=1)
+        raw = fine.rows(count, scheme.asks)[:, :, 0]
+    else:
+        raw = wiener.increments(seed, T=h * count, steps=count, noises=m)[:, :, 0]
     if raw.shape != (count, m + further_rows(scheme.asks, m)):
         raise UsageError(
             expected=f"dW of shape {(count, m + further_rows(scheme.asks, m))}",
@@ -141,11 +147,3 @@ def _walk(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array) -> T
     return Trajectory(
         np.arange(count + 1, dtype=np.float64) * h, y, dW, evaluations, divisions, continuations
     )
-
-
-def _drawn(scheme: Scheme, problem: Problem, seed: int, T: float, steps: int) -> Array:
-    """Path 0 of this seed (N, m), with what the scheme asks for in further columns."""
-    if scheme.asks:
-        fine = areas.drawn(seed, T=T, steps=areas.MORE * steps, noises=problem.noises, paths=1)
-        return fine.rows(steps, scheme.asks)[:, :, 0]
-    return wiener.increments(seed, T=T, steps=steps, noises=problem.noises, refine=None)[:, :, 0]

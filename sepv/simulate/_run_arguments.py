@@ -19,10 +19,7 @@ def prepared(
 ) -> tuple[Scheme, int | None]:
     """The scheme with the increments asked for, its own for None, and k: of increments of a few points None.
 
-    Raises
-    ------
-    UsageError
-        For a truncation of increments that are bounded as they are.
+    A UsageError for a truncation of increments that are bounded already; a warning where k costs the scheme its order.
     """
     if increments is not None:
         scheme = weakly(scheme, increments)
@@ -34,35 +31,22 @@ def prepared(
                 remedy=f"they are bounded already, by {scheme.increments.bound:.4g} √h",
             )
         return scheme, None
-    return scheme, chosen_truncation(scheme, truncation)
-
-
-def chosen_truncation(scheme: Scheme, truncation: int | Literal["own"] | None) -> int | None:
-    """k of Remark 2.1: the scheme's own for "own"; a warning where it costs the scheme its order.
-
-    What Remark 2.1 cuts off has a mean square O(h^{k+1}) a step, and order p has room for h^{2p+1}: k ≥ 2p.
-    """
     k = scheme.truncation if truncation == "own" else truncation
     order = scheme.mean_square_order
-    # k < 1 is no truncation at all, and refused by `truncate`.
+    # What Remark 2.1 cuts off has a mean square O(h^{k+1}) a step, and order p has room for h^{2p+1}: k ≥ 2p.
+    # With k < 1 it is no truncation at all, and refused by `truncate`.
     if k is not None and order is not None and 1 <= k < 2 * order:
         warnings.warn(
             f"Truncation k = {k} costs {scheme.name} its mean-square order {order:g}: the error stalls at order "
             f"{k / 2:g}. Remedy: k ≥ {2 * order:g} (its own is {scheme.truncation}), or None for no truncation.",
             TruncationWarning,
-            stacklevel=4,
+            stacklevel=3,
         )
-    return k
+    return scheme, k
 
 
 def step_count(h: float, T: float | None, steps: int | None) -> int:
-    """N with N h = T.
-
-    Raises
-    ------
-    UsageError
-        For h ≤ 0 or not finite, both or neither of T and steps, or a T that h does not divide.
-    """
+    """N with N h = T; a UsageError for h ≤ 0 or not finite, both or neither of T and steps, or a T not divided by h."""
     if not is_number(h) or h <= 0:
         raise UsageError(
             expected="h, a finite step size > 0",

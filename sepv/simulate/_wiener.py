@@ -70,13 +70,7 @@ class Grid(NamedTuple):
 
 
 def grid(steps: int, refine: int | None = None) -> Grid:
-    """The grid of `steps` steps.
-
-    Raises
-    ------
-    UsageError
-        For more halvings than `steps` allows.
-    """
+    """The grid of `steps` steps; a UsageError for more halvings than they allow."""
     halvings = (steps & -steps).bit_length() - 1
     if refine is not None:
         if not 0 <= refine <= halvings:

@@ -8,6 +8,7 @@ Read `_formula` first (a scheme's formula and what it may ask of a problem), the
 from __future__ import annotations
 
 from sepv.solve._formula import Fields as Fields
+from sepv.solve._formula import Values as Values
 from sepv.solve._newton import solve as solve
 from sepv.solve._solution import Increment as Increment
 from sepv.solve._solution import Status as Status

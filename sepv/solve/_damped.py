@@ -3,30 +3,27 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sepv.problem import Array
 from sepv.problem._fields import linear_solve
 from sepv.solve._differences import slopes
-from sepv.solve._solution import Equations, Solution, Status
+from sepv.solve._solution import Equations, Flags, Lanes, Solution, Status
 
 # Damped iterations of a solve that failed undamped, and the smallest share of a correction that they take.
 MAX_DAMPED = 100
 SMALLEST_SHARE = 2.0**-20
 
 
-def approach(equations: Equations, numbers: NDArray[np.intp]) -> Solution:
+def approach(equations: Equations, numbers: Lanes) -> Solution:
     """Damped Newton from z = 0 up to where full steps contract; CONVERGED means that they do.
 
     In the limit of small shares it follows the path on which all of F shrinks alike, which ends in a solution
     or where the Jacobian is singular.
     """
     n, count = equations.size.shape[0], numbers.size
-    none = np.zeros(count, dtype=np.int64)
-    state = Solution(
-        np.zeros((n, count)), np.full(count, np.inf), none, none.copy(), none.copy(),
-        np.full(count, Status.NO_CONVERGENCE, dtype=np.int64),
-    )  # fmt: skip
+    none = np.zeros((4, count), dtype=np.int64)
+    state = Solution(np.zeros((n, count)), np.full(count, np.inf), *none)
+    state.status[:] = Status.NO_CONVERGENCE
     share, active = np.ones(count), np.arange(count)
     with np.errstate(all="ignore"):
         for _ in range(MAX_DAMPED):
@@ -53,14 +50,8 @@ def approach(equations: Equations, numbers: NDArray[np.intp]) -> Solution:
 
 
 def _take_share(
-    equations: Equations,
-    numbers: NDArray[np.intp],
-    state: Solution,
-    share: Array,
-    active: NDArray[np.intp],
-    A: Array,
-    p: Array,
-) -> NDArray[np.bool_]:
+    equations: Equations, numbers: Lanes, state: Solution, share: Array, active: Lanes, A: Array, p: Array
+) -> Flags:
     """Move the active lanes by a share λ of the correction p = A⁻¹F, halved until it passes; whether it did.
 
     A share passes where z − λp is in the domain, R is finite there, and the simplified correction A⁻¹F(z − λp)

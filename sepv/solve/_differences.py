@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sepv.problem import Array, Problem
 from sepv.problem._fields import forward_differences
-from sepv.solve._solution import Equations, IncrementFunction
+from sepv.solve._solution import Equations, IncrementFunction, Lanes
 
 
-def slopes(equations: Equations, z: Array, numbers: NDArray[np.intp], base: Array) -> tuple[Array, int]:
+def slopes(equations: Equations, z: Array, numbers: Lanes, base: Array) -> tuple[Array, int]:
     """∂R/∂z by differences, and their n evaluations."""
     reach, domain = (equations.size[:, numbers] + np.abs(z)).max(axis=0), equations.inside
     inside = None if domain is None else lambda at, lanes: domain(at, numbers[lanes])

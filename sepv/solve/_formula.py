@@ -19,13 +19,15 @@ from sepv.problem._hamiltonians import combined_gradient
 from sepv.problem._structures import combined
 from sepv.solve._solution import Increment
 
+# Arrays (d, M) or symbols (d,).
+Values = Any
+
 
 class Fields(Protocol):
     """What a formula may ask of a problem, of arrays (d, M) or of symbols (d,)."""
 
-    @property
-    def problem(self) -> Problem:
-        """The problem, for its numbers: c, the degree of H."""
+    # For its numbers: c, the degree of H.
+    problem: Problem
 
     def structure(self, y: Any) -> Any:
         """B(y), (d, d, ...)."""
@@ -35,9 +37,11 @@ class Fields(Protocol):
 
     def apply(self, y: Any, v: Any) -> Any:
         """B(y)v, (d, ...)."""
+        return matvec(self.structure(y), v)
 
     def apply_combined(self, y: Any, step: Any, v: Any) -> Any:
         """[h B(y) + Σ c_jΔW_j G_j(y)]v, (d, ...)."""
+        return matvec(self.combined(y, step), v)
 
     def gradient(self, y: Any) -> Any:
         """∇H(y), (d, ...)."""
@@ -47,6 +51,7 @@ class Fields(Protocol):
 
     def field(self, y: Any) -> Any:
         """f(y) = B(y)∇H(y), (d, ...)."""
+        return self.apply(y, self.gradient(y))
 
     def derivative_along(self, y: Any, v: Any) -> Any:
         """f′(y)v, (d, ...)."""
@@ -67,17 +72,12 @@ class Fields(Protocol):
 Formula = Callable[[Fields, Any, Any, Any], Any]
 
 
-class Asked:
+class Asked(Fields):
     """A problem's answers along the segment from y0 to y1 (d, M), with what they cost.
 
-    Attributes
-    ----------
-    gradients, structures : (M,)
-        Evaluations of ∇H, and of B or of what stands for it.
-    reliable : (M,)
-        Where the quadratures are.
-    means, asked : lists of (d, M) and of (d, d, M)
-        Averaged gradients and structures in the order in which they were asked for: Newton's matrix takes them over.
+    `gradients` and `structures` (M,) are evaluations of ∇H, and of B or of what stands for it; `reliable` (M,) says
+    where the quadratures are. `means` and `asked` are averaged gradients (d, M) and structures (d, d, M) in the order
+    in which they were asked for: Newton's matrix takes them over.
     """
 
     def __init__(self, problem: Problem, y0: Array, y1: Array) -> None:
@@ -89,62 +89,46 @@ class Asked:
         self.asked: list[Array] = []
 
     def structure(self, y: Array) -> Array:
-        """B(y)."""
         self.structures = self.structures + 1
         self.asked.append(self.problem.structure(y))
         return self.asked[-1]
 
     def combined(self, y: Array, step: Array) -> Array:
-        """h B(y) + Σ c_jΔW_j G_j(y), which counts as one evaluation."""
+        """It counts as one evaluation."""
         self.structures = self.structures + 1
         self.asked.append(combined(self.problem, y, step))
         return self.asked[-1]
 
-    def apply(self, y: Array, v: Array) -> Array:
-        """B(y)v."""
-        return matvec(self.structure(y), v)
-
-    def apply_combined(self, y: Array, step: Array, v: Array) -> Array:
-        """[h B(y) + Σ c_jΔW_j G_j(y)]v."""
-        return matvec(self.combined(y, step), v)
-
     def gradient(self, y: Array) -> Array:
-        """∇H(y)."""
         self.gradients = self.gradients + 1
         return self.problem.gradient(y)
 
     def combined_gradient(self, y: Array, step: Array) -> Array:
-        """h∇H_0(y) + Σ c_jΔW_j∇H_j(y), which counts as one evaluation."""
+        """It counts as one evaluation."""
         self.gradients = self.gradients + 1
         return combined_gradient(self.problem, y, step)
 
-    def field(self, y: Array) -> Array:
-        """B(y)∇H(y)."""
-        return self.apply(y, self.gradient(y))
-
     def derivative_along(self, y: Array, v: Array) -> Array:
-        """f′(y)v; it is not counted."""
+        """It is not counted."""
         return derivative_along(self.problem, y, v)
 
     def mean_gradient(self, y: Array, z: Array) -> Array:  # noqa: ARG002 - y0 and y1 − y0, which y1 is not rounded from
-        """∫₀¹∇H(y + τz)dτ for the formula's own y and z."""
+        """For the formula's own y and z."""
         self.means.append(self._means(self._y0, self._y1))
         return self.means[-1]
 
     def edge_means(self, starts: Array, z: Array) -> Array:
-        """The means of ∂_iH along edges."""
         d = len(z)
         ends = starts.copy()
         ends[range(d), range(d)] += z
         return self._means(starts, ends)[range(d), range(d)]
 
     def factor(self, y: Array) -> Array:
-        """g(y)."""
         assert self.problem.nambu is not None
         return self.problem.nambu.factor(y)
 
     def mean_casimir_gradient(self, y: Array, z: Array) -> Array:  # noqa: ARG002 - as for H
-        """∫₀¹∇C(y + τz)dτ; its evaluations count as those of a structure."""
+        """Its evaluations count as those of a structure."""
         found = average_gradient(cast(Any, self.problem.nambu), self._y0, self._y1)
         self.structures = self.structures + found.evaluations
         return self._trusted(found)

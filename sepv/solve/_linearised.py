@@ -46,32 +46,23 @@ class NoDerivative(Exception):
 
 
 class Linearised:
-    """The answers of a problem along the segment from y0 to y1 (d, M), with derivatives.
+    """Some of the answers of `Fields` along the segment from y0 to y1 (d, M), with derivatives.
 
-    `means` and `structures` are values that were computed for the same segment, in the order in which they are asked
-    for. Of B(y)v the derivative alone is wanted: the value is R.
+    `known` are means and structures that were computed for the same segment, in the order in which they are asked for:
+    both or neither. Of B(y)v the derivative alone is wanted: the value is R.
     """
 
-    def __init__(
-        self,
-        problem: Problem,
-        y0: Array,
-        y1: Array,
-        means: Sequence[Array] = (),
-        structures: Sequence[Array] = (),
-    ) -> None:
+    def __init__(self, problem: Problem, y0: Array, y1: Array, *known: Sequence[Array]) -> None:
         self.problem, self._y0, self._y1 = problem, y0, y1
-        self._means, self._structures = iter(means), iter(structures)
+        self._means, self._structures = map(iter, known or ((), ()))
 
     def apply(self, y: Tangent, v: Tangent) -> Tangent:
-        """B(y)v."""
         assert self.problem.structure_derivative is not None
         B = next(self._structures, None)
         B = self.problem.structure(y.value) if B is None else B
         return _turned(B, self.problem.structure_derivative(y.value), y, v)
 
     def apply_combined(self, y: Tangent, step: Array, v: Tangent) -> Tangent:
-        """[h B(y) + Σ c_jΔW_j G_j(y)]v."""
         slope = combined_slope(self.problem, y.value, step)
         if slope is None:
             raise NoDerivative
@@ -79,21 +70,17 @@ class Linearised:
         return _turned(combined(self.problem, y.value, step) if B is None else B, slope, y, v)
 
     def gradient(self, y: Tangent) -> Tangent:
-        """∇H(y)."""
         assert self.problem.hessian is not None
         return Tangent(self.problem.gradient(y.value), y.slope * self.problem.hessian(y.value))
 
     def combined_gradient(self, y: Tangent, step: Array) -> Tangent:
-        """h∇H_0(y) + Σ c_jΔW_j∇H_j(y)."""
         slope = y.slope * combined_hessian(self.problem, y.value, step)
         return Tangent(combined_gradient(self.problem, y.value, step), slope)
 
     def field(self, y: Tangent) -> Tangent:
-        """B(y)∇H(y)."""
         return self.apply(y, self.gradient(y))
 
     def mean_gradient(self, y: Array, z: Tangent) -> Tangent:  # noqa: ARG002 - y0 and y1 − y0
-        """∫₀¹∇H(y + τz)dτ."""
         value = next(self._means, None)
         value = average_gradient(self.problem, self._y0, self._y1).value if value is None else value
         return Tangent(value, average_hessian(self.problem, self._y0, self._y1))
@@ -109,17 +96,11 @@ def derivative(formula: Formula) -> JacobianFunction:
 
 
 def _slope(
-    formula: Formula,
-    problem: Problem,
-    y0: Array,
-    y1: Array,
-    step: Array,
-    means: Sequence[Array] = (),
-    structures: Sequence[Array] = (),
+    formula: Formula, problem: Problem, y0: Array, y1: Array, step: Array, *known: Sequence[Array]
 ) -> Array | None:
     if problem.hessian is None or problem.structure_derivative is None:
         return None
-    asked: Any = Linearised(problem, y0, y1, means, structures)
+    asked: Any = Linearised(problem, y0, y1, *known)
     try:
         found: Array = formula(asked, y0, Tangent(y1 - y0, 1.0), step).slope
     except NoDerivative:

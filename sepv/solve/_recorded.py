@@ -17,7 +17,7 @@ from sepv.record._expand import expand
 from sepv.record._means import Mean, mean
 from sepv.record._replay import substitute
 from sepv.record._symbols import array
-from sepv.solve._formula import Formula
+from sepv.solve._formula import Fields, Formula
 
 
 class Equation(NamedTuple):
@@ -33,10 +33,7 @@ class Equation(NamedTuple):
 class Recorded:
     """A problem's functions of symbols y (d,) and z (d,).
 
-    Raises
-    ------
-    CannotRecord
-        Where B, H or the domain cannot be recorded.
+    Raises CannotRecord where B, H or the domain cannot be recorded.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -50,7 +47,8 @@ class Recorded:
         if self.B.shape != (d, d):
             raise CannotRecord(f"structure(y) has the shape {self.B.shape} for a single state")
         self.inside = None if problem.domain is None else self._call("domain", self.y)
-        self.degree = max(degree(self.H, self.y) or 0, 1) if degree(self.H, self.y) is not None else 0
+        power = degree(self.H, self.y)
+        self.degree = 0 if power is None else max(power, 1)
         self._equations: dict[tuple[Formula, bool], Equation] = {}
 
     def skew(self, B: Any) -> Any:
@@ -96,20 +94,14 @@ class Recorded:
             for row in self.B
         ]
         found = expand(f, self.y, len(reachable(f))) if not self.degree > 2 else None
-        return (
-            None
-            if found is None
-            else [poly.polynomial(self.dimension, list(terms.items())) for terms in found]
-        )
+        return None if found is None else [poly.polynomial(self.dimension, terms) for terms in found]
 
     def equation_of(self, formula: Formula, count: int, apart: bool = True) -> Equation:
         """The record of a scheme's formula, which sees `count` numbers of a step.
 
         Where B and ∇H need not be kept `apart`, as in explicit steps, f is multiplied out if that makes it shorter.
 
-        Raises
-        ------
-        CannotRecord, NoClosedForm
+        Raises CannotRecord or NoClosedForm.
         """
         if (formula, apart) not in self._equations:
             step, asked = self.tape.vector(count), _Fields(self, apart)
@@ -143,10 +135,10 @@ class Recorded:
         sums = expand(found.R, [*found.step, *middle], len(reachable(found.R, given)))
         if sums is None or any(exponents[0] != 1 for terms in sums for exponents in terms):
             return None
-        return [poly.polynomial(self.dimension, [(e[1:], c) for e, c in terms.items()]) for terms in sums]
+        return [poly.polynomial(self.dimension, {e[1:]: c for e, c in terms.items()}) for terms in sums]
 
 
-class _Fields:
+class _Fields(Fields):
     """What a formula asks of a problem, answered with symbols and counted."""
 
     def __init__(self, recorded: Recorded, apart: bool) -> None:
@@ -154,30 +146,18 @@ class _Fields:
         self.gradients = self.structures = 0
 
     def structure(self, y: Any) -> Any:
-        """B(y)."""
         self.structures += 1
         return self._recorded.skew(self.problem.structure(y))
 
     def combined(self, y: Any, step: Any) -> Any:
-        """h B(y) + Σ c_jΔW_j G_j(y)."""
         self.structures += 1
         return combined(self.problem, y, step)
 
-    def apply(self, y: Any, v: Any) -> Any:
-        """B(y)v."""
-        return matvec(self.structure(y), v)
-
-    def apply_combined(self, y: Any, step: Any, v: Any) -> Any:
-        """[h B(y) + Σ c_jΔW_j G_j(y)]v."""
-        return matvec(self.combined(y, step), v)
-
     def gradient(self, y: Any) -> Any:
-        """∇H(y)."""
         self.gradients += 1
         return self._at(self._recorded.slope, y)
 
     def combined_gradient(self, y: Any, step: Any) -> Any:
-        """h∇H_0(y) + Σ c_jΔW_j∇H_j(y)."""
         self.gradients += 1
         total = step[0] * self._at(self._recorded.slope, y)
         for part, slope in zip(step[1:], self._recorded.noise_slopes, strict=True):
@@ -185,38 +165,33 @@ class _Fields:
         return total
 
     def field(self, y: Any) -> Any:
-        """B(y)∇H(y)."""
         sums = None if self._apart else self._recorded.field
         if sums is None:
-            return self.apply(y, self.gradient(y))
+            return super().field(y)
         self.structures, self.gradients = self.structures + 1, self.gradients + 1
         terms = [[c * prod(v**k for v, k in zip(y, e, strict=True)) for e, c in p.terms] for p in sums]
         return array(self._recorded.tape.symbol(sum(t)) for t in terms)
 
     def derivative_along(self, y: Any, v: Any) -> Any:
-        """f′(y)v."""
         own = self._recorded
         return matvec(self._at(jacobian(matvec(own.B, own.slope), own.y), y), v)
 
     def mean_gradient(self, y: Any, z: Any) -> Any:
-        """∫₀¹∇H(y + τz)dτ; its declared derivatives are those by the formula's own z."""
+        """Its declared derivatives are those by the formula's own z."""
         found, nodes = self._recorded.mean
         self.gradients += nodes
         return found if z is self._recorded.z else self._at(found, y, z)
 
     def edge_means(self, starts: Any, z: Any) -> Any:
-        """The means of ∂_iH along edges."""
         found, nodes = self._recorded.mean
         self.gradients += nodes * len(z)
         moves = [[z[i] if i == k else 0.0 for k in range(len(z))] for i in range(len(z))]
         return array(self._at(found[i : i + 1], starts[:, i], moves[i])[0] for i in range(len(z)))
 
     def factor(self, y: Any) -> Any:
-        """g(y)."""
         return self._nambu.factor(y)
 
     def mean_casimir_gradient(self, y: Any, z: Any) -> Any:
-        """∫₀¹∇C(y + τz)dτ."""
         try:
             found, nodes = mean(self._recorded.tape.symbol(self._nambu.casimir(y)), y, z)
         except NoClosedForm:

@@ -14,6 +14,11 @@ from sepv.errors import StepFailure
 from sepv.problem import Array, Problem
 from sepv.problem._fields import DENSE, Algebra
 
+# Numbers of lanes (M,), whether they are something, and how often.
+Lanes = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+Counts = NDArray[np.int64]
+
 
 class Worded(IntEnum):
     """Numbers that arrays hold, each with its `text`."""
@@ -51,6 +56,12 @@ class Increment(NamedTuple):
     parts: tuple[Any, ...] = ()
 
 
+def once(value: Array) -> Increment:
+    """R with one evaluation of ∇H and of B, and no quadrature."""
+    ones = np.ones(value.shape[1], dtype=np.int64)
+    return Increment(value, ones, ones, ones.astype(bool))
+
+
 @dataclass(frozen=True)
 class Solution:
     """What happened in a solve, lane by lane.
@@ -75,15 +86,17 @@ class Solution:
 
     value: Array
     residual: Array
-    iterations: NDArray[np.int64]
-    gradient_evaluations: NDArray[np.int64]
-    structure_evaluations: NDArray[np.int64]
-    status: NDArray[np.int64]
+    iterations: Counts
+    gradient_evaluations: Counts
+    structure_evaluations: Counts
+    status: Counts
     change: Array | None = None
-    divisions: NDArray[np.int64] | None = None
-    continuations: NDArray[np.int64] | None = None
+    divisions: Counts | None = None
+    continuations: Counts | None = None
 
 
+# Its counts, whoever solved it.
+COUNTS = ("iterations", "gradient_evaluations", "structure_evaluations")
 IncrementFunction = Callable[[Problem, Array, Array, Array], Increment]
 JacobianFunction = Callable[..., Array | None]
 
@@ -115,30 +128,26 @@ class Equations:
     """
 
     size: Array
-    evaluate: Callable[[Array, NDArray[np.intp]], Evaluation]
-    inside: Callable[[Array, NDArray[np.intp]], NDArray[np.bool_]] | None = None
+    evaluate: Callable[[Array, Lanes], Evaluation]
+    inside: Callable[[Array, Lanes], Flags] | None = None
     exact: bool = False
-    magnitude: Callable[[Array, NDArray[np.intp]], Array] | None = None
+    magnitude: Callable[[Array, Lanes], Array] | None = None
     algebra: Algebra = DENSE
 
 
-def merge(whole: Solution, part: Solution, lanes: NDArray[np.intp]) -> None:
-    """Write lanes that were solved anew into a solution; counts add up."""
-    whole.value[:, lanes], whole.residual[lanes], whole.status[lanes] = part.value, part.residual, part.status
-    whole.iterations[lanes] += part.iterations
-    whole.gradient_evaluations[lanes] += part.gradient_evaluations
-    whole.structure_evaluations[lanes] += part.structure_evaluations
-    if whole.continuations is not None and part.continuations is not None:
-        whole.continuations[lanes] += part.continuations
+def merge(whole: Solution, part: Solution, lanes: Lanes) -> None:
+    """Write lanes that were solved anew into a solution; counts add up. What one of both lacks stays as it is."""
+    for key, values in vars(whole).items():
+        new = getattr(part, key)
+        if values is not None and new is not None:
+            before = values[lanes] if key in (*COUNTS, "divisions", "continuations") else 0
+            values[..., lanes] = before + new
 
 
 def require_converged(problem: Problem, y: Array, h: float, dW: Array, solution: Solution) -> Array:
     """The value of a solution whose lanes all converged; y (d, M) and dW (m, M) are what was solved for.
 
-    Raises
-    ------
-    StepFailure
-        For the first lane that did not.
+    Raises StepFailure for the first lane that did not.
     """
     failed = np.flatnonzero(solution.status != Status.CONVERGED)
     if failed.size:

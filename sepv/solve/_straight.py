@@ -16,7 +16,6 @@ from functools import reduce
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sepv.problem import Array, NamedProblem, Problem
 from sepv.problem._fields import cramer
@@ -26,7 +25,7 @@ from sepv.record._binary64 import EPS
 from sepv.solve._ends import STAGNATION, is_rounding, is_small, is_stuck, share
 from sepv.solve._formula import Formula
 from sepv.solve._recorded import Recorded
-from sepv.solve._solution import Solution
+from sepv.solve._solution import Counts, Solution
 
 # Steps that make sense take three to five. Longer ones may have several solutions, or none: the general solver knows.
 MOST = 7
@@ -64,13 +63,12 @@ class Iteration:
         if not iterations.all():
             left = np.flatnonzero(iterations == 0)
             part = otherwise(left)
-            for key in ("value", "change", "residual", "iterations", "status"):
-                getattr(solution, key)[..., left] = getattr(part, key)
-            for key in ("gradient_evaluations", "structure_evaluations"):
-                getattr(solution, key)[left] = getattr(part, key)
+            for key, values in vars(solution).items():
+                if values is not None:
+                    values[..., left] = getattr(part, key)
         return solution
 
-    def _many(self, y0: Array, step: Array, start: Array) -> tuple[Array, Array, NDArray[np.int64]]:
+    def _many(self, y0: Array, step: Array, start: Array) -> tuple[Array, Array, Counts]:
         """z, the residual and the iterations of each lane, 0 where it did not arrive; BLOCK lanes at a time."""
         change, residual = start.copy(), np.zeros(y0.shape[1])
         iterations = np.zeros(y0.shape[1], dtype=np.int64)
@@ -79,9 +77,7 @@ class Iteration:
             self._block(y0[:, part], step[:, part], change[:, part], residual[part], iterations[part])
         return change, residual, iterations
 
-    def _block(
-        self, y: Array, step: Array, change: Array, residual: Array, iterations: NDArray[np.int64]
-    ) -> None:
+    def _block(self, y: Array, step: Array, change: Array, residual: Array, iterations: Counts) -> None:
         """The lanes of a block, into the last three."""
         d, z, lanes = self.dimension, list(change), np.arange(y.shape[1])
         sizes = [np.abs(v) for v in y]
@@ -119,7 +115,7 @@ class Iteration:
                 size, move = size[kept], move[kept]
             last_size, last_move = size, move
 
-    def _one(self, y0: Array, step: Array, start: Array) -> tuple[Array, Array, NDArray[np.int64]] | None:
+    def _one(self, y0: Array, step: Array, start: Array) -> tuple[Array, Array, Counts] | None:
         """The same for one lane, over numbers; None where one of them is divided by zero."""
         d, function, parameters = self.dimension, self.source.function, self.source.parameters
         y, known, z = y0[:, 0].tolist(), step[:, 0].tolist(), start[:, 0].tolist()
@@ -192,7 +188,7 @@ def _fixed(problem: Problem) -> bool:
 
 
 def _functions(problem: Problem) -> list[Any]:
-    functions: list[Any] = [problem.structure, problem.hamiltonian, problem.gradient, problem.hessian]
-    functions += [problem.structure_derivative]
-    functions += [f for f in (problem.mean_gradient, problem.domain) if f is not None]
-    return functions + ([] if problem.nambu is None else [problem.nambu.factor, problem.nambu.casimir])
+    p, nambu = problem, problem.nambu
+    functions: list[Any] = [p.structure, p.hamiltonian, p.gradient, p.hessian, p.structure_derivative]
+    functions += [f for f in (p.mean_gradient, p.domain) if f is not None]
+    return functions + ([] if nambu is None else [nambu.factor, nambu.casimir])

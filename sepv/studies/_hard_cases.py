@@ -35,23 +35,14 @@ UNMARKED = ("not finite", "outside the domain", "beyond the bound", "residual be
 class Seen:
     """What happened on one case.
 
-    Attributes
-    ----------
-    statuses : {name of Status: count}
-        How the steps ended; CRASH where the scheme raised anything but StepFailure.
-    wrong : {one of UNMARKED: count}
-        Values returned as solutions that are none.
-    defects : (n,)
-        Energy defects in energy ulps, of the steps that were solved.
-    ratio : float
-        The largest defect over its bound.
-    iterations : (n,)
-        Newton iterations of the solved steps, where the scheme reports them.
-    worst : Case or None
-        The step with the largest ratio, or the first that went wrong; None for problems that are not data.
-    laws : {law: (held, measured)}
-    unmeasured : int
-        Solved steps whose energy or its bound is beyond the largest binary64 number.
+    statuses : how the steps ended, by name of `Status`; CRASH where the scheme raised anything but StepFailure
+    wrong : values returned as solutions that are none, by what of UNMARKED they are
+    defects : (n,), energy defects in energy ulps, of the steps that were solved
+    ratio : the largest defect over its bound
+    iterations : (n,), Newton iterations of the solved steps, where the scheme reports them
+    worst : the step with the largest ratio, or the first that went wrong; None for problems that are not data
+    laws : law -> (held, measured)
+    unmeasured : solved steps whose energy or its bound is beyond the largest binary64 number
     """
 
     case: HardCase
@@ -90,10 +81,7 @@ class Seen:
             "reason": self.case.reason,
             "expected": self.case.expected,
             "refusals_allowed": list(self.case.refusals),
-            "steps": self.steps,
-            "statuses": self.statuses,
-            "wrong": self.wrong,
-            "unmeasured": self.unmeasured,
+            **{name: getattr(self, name) for name in ("steps", "statuses", "wrong", "unmeasured")},
             "defect_median": _median(self.defects),
             "defect_largest": float(self.defects.max()) if self.defects.size else None,
             "largest_defect_over_bound": self.ratio,
@@ -127,11 +115,9 @@ def run(
     for case in cases:
         progress(case)
         rng = np.random.default_rng([seed, *case.name.encode()])
-        seen = Seen(case)
-        held = _laws(scheme, case, case.sample(rng, laws), laws) if laws else {}
+        seen = Seen(case, laws=_laws(scheme, case, case.sample(rng, laws), laws) if laws else {})
         while seen.steps < steps:
             _measure(seen, scheme, case.sample(rng, min(BATCH, steps - seen.steps)))
-        seen.laws = held
         found.append(seen)
     return found
 
@@ -276,11 +262,11 @@ def _laws(scheme: Scheme, case: HardCase, sample: Sample, count: int) -> dict[st
     from sepv.verification._cases import case as cases
 
     wanted = [law for law in load_laws(case.laws) if law.claimed_by(scheme)] if case.laws else []
+    witnesses = [w for lane in range(count) if (w := _as_case(case, sample, lane)) is not None]
+    silent = (Verdict.ERROR, Verdict.NOT_APPLICABLE) if case.refusals else ()
     found = {}
     for law in wanted:
-        witnesses = [_as_case(case, sample, lane) for lane in range(count)]
-        verdicts = [law.replay(law, scheme, cases.to_json(w)).verdict for w in witnesses if w is not None]
-        silent = (Verdict.ERROR, Verdict.NOT_APPLICABLE) if case.refusals else ()
+        verdicts = [law.replay(law, scheme, cases.to_json(w)).verdict for w in witnesses]
         measured = [v for v in verdicts if v not in silent]
         found[law.name] = (sum(v is Verdict.HOLDS for v in measured), len(measured))
     return found

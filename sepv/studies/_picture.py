@@ -18,6 +18,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from sepv._arguments import optional
 from sepv.errors import UsageError
 from sepv.schemes import Look
 
@@ -82,9 +83,7 @@ def looks(names: Iterable[str], own: Mapping[str, Look] | None = None) -> dict[s
     Free ones go in the order of the names, so that the same names always look the same, and have no marker of others.
     """
     given = dict(own or {})
-    stated = {
-        name: given.get(name) or _of_record(name) if name else REFERENCE for name in dict.fromkeys(names)
-    }
+    stated = {n: given.get(n) or _of_record(n) if n else REFERENCE for n in dict.fromkeys(names)}
     taken = {look.marker for look in stated.values() if look}
     every = [_free(number) for number in range(len(_COLOURS) * len(_MARKERS))]
     free = cycle([look for look in every if look.marker not in taken] or every)
@@ -97,9 +96,7 @@ def looks_of(series: Sequence[Series], look_of: Mapping[str, Look]) -> list[Look
     Curves without a scheme look alike beside those of schemes; among themselves each has a look of its own.
     """
     if not any(s.scheme for s in series):
-        return (
-            [_free(number) for number in range(len(series))] if len(series) > 1 else [REFERENCE] * len(series)
-        )
+        return [_free(n) for n in range(len(series))] if len(series) > 1 else [REFERENCE] * len(series)
     found = []
     for number, s in enumerate(series):
         again = sum(s.scheme == other.scheme for other in series[:number]) if s.scheme else 0
@@ -136,14 +133,7 @@ def require_picture(path: str | None) -> None:
 
 def require_matplotlib(otherwise: str) -> None:
     """Complain by a UsageError where there is no matplotlib; `otherwise` says what needs none."""
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError as error:
-        raise UsageError(
-            expected="matplotlib, for pictures",
-            received=str(error),
-            remedy=f"pip install 'sepv[plots]'; {otherwise}",
-        ) from error
+    optional("matplotlib", "matplotlib, for pictures", f"pip install 'sepv[plots]'; {otherwise}")
 
 
 @contextmanager
@@ -159,9 +149,7 @@ def figure(width: float, height: float, style: Mapping[str, Any] | None = None, 
 def content(drawn: Any, suffix: str, *, title: str | None = None, dpi: int = 160) -> bytes:
     """The figure as the content of a file, without a date; `suffix` is one of `SUFFIXES`."""
     kind = suffix.lower().lstrip(".")
-    nameless: dict[str, Any] = {
-        "svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}
-    }[kind]  # fmt: skip
+    nameless: dict[str, Any] = {{"svg": "Date", "pdf": "CreationDate", "png": "Software"}[kind]: None}
     out = io.BytesIO()
     drawn.savefig(out, format=kind, dpi=dpi, metadata=nameless | ({"Title": title} if title else {}))
     return out.getvalue()
@@ -195,18 +183,11 @@ def draw_curves(
 ) -> None:
     """Draw series with their axes; what is not finite, or not positive on a logarithmic axis, is left out.
 
-    Parameters
-    ----------
-    slopes
-        Of dashed lines below the curves, for step sizes in powers of two along x.
-    equal
-        Both directions have one scale.
-    window
-        Only |y| up to it is in the frame, and |x| too where both directions have one scale.
-    size
-        Of markers, in points.
-    most
-        Points drawn of a cloud, and strips of a long line of which two points each are drawn.
+    slopes : of dashed lines below the curves, for step sizes in powers of two along x
+    equal : both directions have one scale
+    window : only |y| up to it is in the frame, and |x| too where both directions have one scale
+    size : of markers, in points
+    most : points drawn of a cloud, and strips of a long line of which two points each are drawn
     """
     points = [_finite(s, x.log, y.log) for s in series]
     for number, (s, look, (across, up)) in enumerate(

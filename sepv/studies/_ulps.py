@@ -39,12 +39,8 @@ ORBIT = 10.0
 class Ulps:
     """One scheme on one problem: median and largest defects, None where nothing was measured.
 
-    Attributes
-    ----------
-    casimir_median, casimir_largest : float or None
-        Over the quadratic and linear Casimirs that the problem names.
-    failed : int
-        Steps that were refused, crashed or ended in a value that is not finite; they are not in the others.
+    The Casimirs are the quadratic and linear ones that the problem names. Steps that `failed` were refused, crashed or
+    ended in a value that is not finite; they are not in the others.
     """
 
     scheme: str

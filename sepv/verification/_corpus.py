@@ -21,24 +21,12 @@ FOLDER = files("sepv.reference") / "witnesses"
 
 @dataclass(frozen=True)
 class Witness:
-    """A case with what it caught.
+    """A case with what it caught."""
 
-    Attributes
-    ----------
-    id : str
-        ``LAW/NUMBER``.
-    systems : Systems
-        The class of systems that it is a case of.
-    found : str
-        Whose simplified counterexample it is: a saboteur, or a built-in scheme that does not claim the law.
-    caught : tuple of str
-        All of them that this case accuses.
-    """
-
-    id: str
+    id: str  # LAW/NUMBER
     systems: Systems
-    found: str
-    caught: tuple[str, ...]
+    found: str  # whose simplified counterexample it is: a saboteur, or a built-in scheme that does not claim the law
+    caught: tuple[str, ...]  # all of them that this case accuses
     case: Case
 
 

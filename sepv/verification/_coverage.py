@@ -40,10 +40,6 @@ def impossible(space: Space) -> dict[str, list[str]]:
     return found
 
 
-def _strata(space: Space) -> list[tuple[str, str]]:
-    return [(axis.name, stratum.name) for axis in space.axes for stratum in axis.strata]
-
-
 def show(laws: Iterable[Law], systems: Systems, out: Console) -> None:
     """Print the tables for these laws and this class of systems."""
     chosen = [law.name for law in laws]
@@ -61,7 +57,8 @@ def show(laws: Iterable[Law], systems: Systems, out: Console) -> None:
     title = "Cases by design, and pairs of strata that they meet"
     print_table(Table(heads, rows, title, ruled=True), out)
     out.print("witnesses: cases that caught a fault once (docs/vectors.md), asked before the design")
-    seen = dict.fromkeys(key for name in order for key in _strata(spaces[name]))
+    shown = (axis for name in order for axis in spaces[name].axes)
+    seen = dict.fromkeys((axis.name, stratum.name) for axis in shown for stratum in axis.strata)
     axes = list(dict.fromkeys(axis for axis, _ in seen))
     keys = sorted(seen, key=lambda key: axes.index(key[0]))
 

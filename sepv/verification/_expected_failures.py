@@ -55,44 +55,28 @@ class Expectations:
         """Whether every violation must be listed, claimed or not."""
         return self.claims is not None
 
-    def unpinned(self, laws: Iterable[str]) -> tuple[str, ...]:
-        """Those of the laws that were not measured when the file was written; none where it does not say."""
-        if self.measured is None:
-            return ()
-        known = self.measured | set(self.failures) | (self.claims or frozenset())
-        return tuple(law for law in laws if law not in known)
-
-    def unasked(self, laws: Iterable[str]) -> tuple[str, ...]:
-        """What the file guards, and the laws leave out."""
-        left = {*self.failures, *(self.claims or ())} - set(laws)
-        return tuple(sorted(left))
-
     def gaps(self, laws: Iterable[str], scheme: str) -> list[str]:
         """A sentence each: another scheme's file; laws that it does not know; those of a pin not asked for now."""
-        asked = list(laws)
-        other = (
-            [
+        asked, guarded, found = list(laws), {*self.failures, *(self.claims or ())}, []
+        if self.scheme is not None and self.scheme != scheme:
+            found.append(
                 f"The file of --expected was written for {_line(self.scheme)}, and this is {_line(scheme)}: "
                 f"where it is the same scheme, write scheme = {_quoted(scheme)} there, else --pin a file of its own."
-            ]
-            if self.scheme not in (None, scheme)
-            else []
-        )
+            )
+        known = None if self.measured is None else self.measured | guarded
+        new = [law for law in asked if known is not None and law not in known]
         kinds = (
-            ("Not in the pin, which was written without them", self.unpinned(asked)),
-            ("In the pin and not measured now", self.unasked(asked) if self.is_pin else ()),
+            ("Not in the pin, which was written without them", new),
+            ("In the pin and not measured now", sorted(guarded - set(asked)) if self.is_pin else ()),
         )
-        return other + [f"{words}: {', '.join(which)}." for words, which in kinds if which]
+        return found + [f"{words}: {', '.join(which)}." for words, which in kinds if which]
 
 
 def load(path: str | Path, laws: Iterable[str]) -> Expectations:
     """What a file says.
 
-    Raises
-    ------
-    UsageError
-        For a file that is missing or not TOML, an unknown or repeated law, a missing reason or witness, a law
-        that is both claimed and expected to fail.
+    A UsageError for one that is missing or not TOML, an unknown or repeated law, a missing reason or witness, a law
+    that is both claimed and expected to fail.
     """
     try:
         data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
@@ -176,10 +160,8 @@ def to_toml(scheme: str, findings: Iterable[Finding]) -> str:
     listed = [f for f in findings if f.claimed or f.expected is not None]
     entries = _entries(f for f in listed if f.verdict is Verdict.VIOLATED)
     title = f"# Expected failures of {_line(scheme)}. Replace each reason by yours."
-    return (
-        "\n".join([title, f"scheme = {_quoted(scheme)}", *(entries or ["# No claimed law is violated."])])
-        + "\n"
-    )
+    lines = [title, f"scheme = {_quoted(scheme)}", *(entries or ["# No claimed law is violated."])]
+    return "\n".join(lines) + "\n"
 
 
 def pin(scheme: str, findings: Iterable[Finding]) -> str:
@@ -203,16 +185,11 @@ def pin(scheme: str, findings: Iterable[Finding]) -> str:
 def _entries(findings: Iterable[Finding]) -> list[str]:
     lines = []
     for f in findings:
-        size = (
-            "" if f.defect is None or f.bound is None else f": {f.defect:.3g} {f.unit} against {f.bound:.3g}"
-        )
-        lines += [
-            "",
-            "[[expected]]",
-            f"law = {_quoted(f.law)}",
-            f"reason = {_quoted(f.expected or 'violated when this file was written' + size)}",
-            f"witness = {_witness(f.witness or {})}",
-        ]
+        sized = f.defect is not None and f.bound is not None
+        size = f": {f.defect:.3g} {f.unit} against {f.bound:.3g}" if sized else ""
+        reason = _quoted(f.expected or "violated when this file was written" + size)
+        entry = f"law = {_quoted(f.law)}", f"reason = {reason}", f"witness = {_witness(f.witness or {})}"
+        lines += ["", "[[expected]]", *entry]
     return lines
 
 

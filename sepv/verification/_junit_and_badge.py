@@ -6,7 +6,7 @@ import re
 from xml.etree import ElementTree
 
 from sepv.files import json_text
-from sepv.verification._law import Finding, Verdict
+from sepv.verification._law import Verdict
 from sepv.verification._outcome import Report
 
 # What XML 1.0 cannot hold, not even escaped.
@@ -15,37 +15,25 @@ _NOT_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 def junit_xml(report: Report) -> str:
     """The report as JUnit XML: a law is a test case; what is not claimed cannot fail and is skipped instead."""
-    suite = ElementTree.Element(
-        "testsuite",
-        name=_clean(f"sepv {report.scheme.name}"),
-        tests=str(len(report.findings)),
-        time=f"{sum(f.seconds for f in report.findings):.3f}",
-    )
+    name, seconds = _clean(report.scheme.name), f"{sum(f.seconds for f in report.findings):.3f}"
+    facts = {"name": f"sepv {name}", "tests": str(len(report.findings)), "time": seconds}
+    suite = ElementTree.Element("testsuite", facts)
     tally = {"failure": 0, "error": 0, "skipped": 0}
     for f in report.findings:
-        test = ElementTree.SubElement(
-            suite, "testcase", classname=_clean(report.scheme.name), name=f.law, time=f"{f.seconds:.3f}"
-        )
-        kind = _junit_kind(report, f)
+        facts = {"classname": name, "name": f.law, "time": f"{f.seconds:.3f}"}
+        test = ElementTree.SubElement(suite, "testcase", facts)
+        own = {Verdict.ERROR: "error", Verdict.HOLDS: ""}.get(f.verdict, "skipped")
+        kind = "failure" if f in report.failing else own
         if kind:
             tally[kind] += 1
-            ElementTree.SubElement(
-                test, kind, message=_clean(f"{f.verdict.text} ({f.source})")
-            ).text = _clean(f.message)
-    for kind, attribute in (("failure", "failures"), ("error", "errors"), ("skipped", "skipped")):
-        suite.set(attribute, str(tally[kind]))
+            why = _clean(f"{f.verdict.text} ({f.source})")
+            ElementTree.SubElement(test, kind, message=why).text = _clean(f.message)
+    for kind, count in tally.items():
+        suite.set(kind if kind == "skipped" else f"{kind}s", str(count))
     root = ElementTree.Element("testsuites")
     root.append(suite)
     ElementTree.indent(root)
     return '<?xml version="1.0" encoding="utf-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
-
-
-def _junit_kind(report: Report, f: Finding) -> str:
-    if f in report.failing:
-        return "failure"
-    if f.verdict is Verdict.ERROR:
-        return "error"
-    return "" if f.verdict is Verdict.HOLDS else "skipped"
 
 
 def badge_json(report: Report) -> str:

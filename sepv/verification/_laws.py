@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from importlib import import_module
 
 from sepv._arguments import did_you_mean
-from sepv.errors import UsageError
+from sepv.errors import UsageError, require_one_of
 from sepv.verification._law import Law
 from sepv.verification._levels import LEVELS
 
@@ -57,24 +57,13 @@ def load_laws(names: Iterable[str] | None = None) -> list[Law]:
     """
     wanted = LAWS if names is None else tuple(str(n).strip().replace("_", "-") for n in listed(names))
     for name in wanted:
-        if name not in LAWS:
-            raise UsageError(
-                expected=f"a law, one of {', '.join(LAWS)}",
-                received=did_you_mean(name, LAWS),
-                remedy="see `sepv list`",
-            )
+        require_one_of("a law", name, LAWS, "see `sepv list`", did_you_mean(name, LAWS))
     ordered = [name for name in LAWS if name in wanted]
     return [import_module(f"sepv.properties.test_{name.replace('-', '_')}").law for name in ordered]
 
 
 def laws_of(names: Iterable[str] | None = None, level: int | None = None) -> list[Law]:
-    """The laws that a run is asked for: by name, or up to a level of conformance.
-
-    Raises
-    ------
-    UsageError
-        For both, an unknown name or level.
-    """
+    """The laws that a run is asked for: by name, or up to a level of conformance, and not both."""
     if level is None:
         return load_laws(names)
     if level not in LEVELS or isinstance(level, bool) or names is not None:

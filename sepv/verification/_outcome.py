@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
 from sepv._arguments import did_you_mean
 from sepv._version import __version__
-from sepv.errors import UsageError
+from sepv.errors import require_one_of
+from sepv.files import finite
 from sepv.schemes import Scheme
 from sepv.schemes._point_distributions import NORMAL, point_law
 from sepv.verification._law import Effort, Finding, Verdict
@@ -99,15 +99,10 @@ class Report:
         UsageError
             For a law that is not in the report.
         """
-        known = {f.law: f for f in self.findings}
-        found = known.get(str(law).replace("_", "-"))
-        if found is None:
-            raise UsageError(
-                expected=f"a law of this report, one of {', '.join(known)}",
-                received=did_you_mean(law, known),
-                remedy="ask for one of these, or measure more laws",
-            )
-        return found
+        known, name = {f.law: f for f in self.findings}, str(law).replace("_", "-")
+        remedy = "ask for one of these, or measure more laws"
+        require_one_of("a law of this report", name, known, remedy, did_you_mean(law, known))
+        return known[name]
 
     def __str__(self) -> str:
         """The table of the laws, the counterexamples and the last line, as `sepv verify` prints them."""
@@ -128,43 +123,28 @@ class Report:
 
     def to_json(self) -> dict[str, Any]:
         """The report as JSON: suite, scheme, counts, laws."""
-        points = point_law(self.scheme.increments)
+        scheme, effort, reached = self.scheme, self.effort, self.conformance
+        points = point_law(scheme.increments)
+        facts = ("mean_square_order", "weak_order", "solver_tolerance", "truncation")
         return {
             "suite": {
-                "name": "sepv",
-                "version": __version__,
-                "laws_version": SUITE,
-                "laws": len(self.findings),
-                "seed": self.effort.seed,
-                "examples": self.effort.examples,
-                "paths": self.effort.paths,
+                "name": "sepv", "version": __version__, "laws_version": SUITE, "laws": len(self.findings),
+                "seed": effort.seed, "examples": effort.examples, "paths": effort.paths,
             },
             "scheme": {
-                "name": self.scheme.name,
-                "target": self.target,
-                "source": self.scheme.source,
-                "claims": sorted(self.scheme.claims),
-                "mean_square_order": self.scheme.mean_square_order,
-                "weak_order": self.scheme.weak_order,
-                "solver_tolerance": self.scheme.solver_tolerance,
-                "truncation": self.scheme.truncation,
+                "name": scheme.name, "target": self.target, "source": scheme.source, "claims": sorted(scheme.claims),
+                **{fact: getattr(scheme, fact) for fact in facts},
                 "increments": NORMAL if points is None else points.name,
             },
-            "conformance": _conformance_json(self.conformance),
+            "conformance": None if reached is None else {
+                "level": reached.level,
+                "laws": {str(level): list(names) for level, names in reached.laws.items()},
+                "waived": list(reached.waived),
+                "why_not_more": reached.why,
+            },
             "counts": self.counts,
             "laws": [_finding_json(f) for f in self.findings],
-        }
-
-
-def _conformance_json(reached: Conformance | None) -> dict[str, Any] | None:
-    if reached is None:
-        return None
-    return {
-        "level": reached.level,
-        "laws": {str(level): list(names) for level, names in reached.laws.items()},
-        "waived": list(reached.waived),
-        "why_not_more": reached.why,
-    }
+        }  # fmt: skip
 
 
 def fails(f: Finding, pinned: bool = False) -> bool:
@@ -180,34 +160,13 @@ def fails(f: Finding, pinned: bool = False) -> bool:
     return f.verdict is not Verdict.HOLDS and not unasked
 
 
-def _finite(value: Any) -> Any:
-    """The same with null for numbers without size, such as an interval's open end: JSON has no infinity."""
-    if isinstance(value, dict):
-        return {key: _finite(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(entry) for entry in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+_TOLD = (
+    "law", "claimed", "verdict", "defect", "bound", "at_least", "unit", "source", "witness", "replay", "checks",
+    "skipped", "message", "expected", "seconds",
+)  # fmt: skip
 
 
 def _finding_json(finding: Finding) -> dict[str, Any]:
-    def number(value: float | None) -> float | None:
-        # JSON has no infinity: a defect without size is null, and the message says what it is.
-        return value if value is not None and math.isfinite(value) else None
-
-    return {
-        "law": finding.law,
-        "claimed": finding.claimed,
-        "verdict": finding.verdict.value,
-        "defect": number(finding.defect),
-        "bound": number(finding.bound),
-        "at_least": finding.at_least,
-        "unit": finding.unit,
-        "source": finding.source,
-        "witness": _finite(finding.witness),
-        "replay": finding.replay,
-        "checks": finding.checks,
-        "skipped": finding.skipped,
-        "message": finding.message,
-        "expected": finding.expected,
-        "seconds": round(finding.seconds, 3),
-    }
+    said = {key: getattr(finding, key) for key in _TOLD}
+    # A number without size, such as a defect or an interval's open end, is null: the message says what it is.
+    return finite(said | {"verdict": finding.verdict.value, "seconds": round(finding.seconds, 3)})

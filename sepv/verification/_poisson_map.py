@@ -34,7 +34,9 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     """The largest entry of Φ′BΦ′ᵀ − B(y1) beside its bound."""
     problem, y, h, dW = case.build()
     rho = _disc(problem, y, h, dW)
-    widths = np.full(y.size, _power_of_two(poisson.WIDTH * rho)) if rho else _blind(problem, y)
+    sizes = [poisson.WIDTH * rho] * y.size if rho else poisson.BLIND_WIDTH * poisson.scales(problem, y)
+    # Powers of two, at most these: multiples are exact, and so is a division by one.
+    widths = np.array([float(2.0 ** np.floor(np.log2(size))) for size in sizes])
     answers = _steps(scheme, problem, poisson.shifted(y, widths), h, dW)
     y1 = answers[:, 0]
     # Majorants at the shifted states are larger by far less than a factor of two.
@@ -68,22 +70,9 @@ def _steps(scheme: Scheme, problem: Problem, states: Array, h: float, dW: Array)
     return np.stack([ask(scheme, problem, y, h, dW) for y in states.T], axis=1)
 
 
-def _length(problem: Problem, h: float, dW: Array) -> float:
-    return abs(h) + float(np.sum(np.abs(problem.c * dW)))
-
-
 def _disc(problem: Problem, y: Array, h: float, dW: Array) -> float:
     """ρ, or 0 where none is known."""
     if not (isinstance(problem.gradient, PolynomialMap) and isinstance(problem.structure, PolynomialMap)):
         return 0.0
     radius, ball = contraction_ball(problem, y)
-    return ball / 2 if _length(problem, h, dW) <= radius / 2 else 0.0
-
-
-def _blind(problem: Problem, y: Array) -> Array:
-    return np.array([_power_of_two(poisson.BLIND_WIDTH * s) for s in poisson.scales(problem, y)])
-
-
-def _power_of_two(x: float) -> float:
-    """At most x: multiples of it are exact, and so is a division by it."""
-    return float(2.0 ** np.floor(np.log2(x)))
+    return ball / 2 if abs(h) + float(np.sum(np.abs(problem.c * dW))) <= radius / 2 else 0.0

@@ -103,8 +103,9 @@ def _bar(shown: Shown, out: Console, done: threading.Event) -> None:
         while not done.wait(0.2):
             left = shown.seconds_left
             text = f"{_about(left)}  {shown.text}" if left is not None else shown.text
-            # No square bracket is markup here.
-            bar.update(task, completed=shown.share(left), description=text.replace("[", r"\["))
+            # Without a share that is known the bar pulses. No square bracket is markup here.
+            total, words = None if left is None else 1.0, text.replace("[", r"\[")
+            bar.update(task, total=total, completed=shown.share(left), description=words)
 
 
 # Steps of a law from which on these are most of its time, where a step takes more than some ten microseconds.

@@ -18,22 +18,17 @@ from sepv.verification._law import Finding, Verdict
 if TYPE_CHECKING:
     from sepv.verification._outcome import Report
 
-_STYLES = {
-    Verdict.HOLDS: "green",
-    Verdict.VIOLATED: "bold red",
-    Verdict.INCONCLUSIVE: "yellow",
-    Verdict.NOT_APPLICABLE: "dim",
-    Verdict.ERROR: "bold magenta",
-    Verdict.NOT_MEASURED: "dim",
+# By verdict: its style, and its mark in the matrix.
+_SHOWN = {
+    Verdict.HOLDS: ("green", "holds"),
+    Verdict.VIOLATED: ("bold red", "–"),
+    Verdict.INCONCLUSIVE: ("yellow", "?"),
+    Verdict.NOT_APPLICABLE: ("dim", "n/a"),
+    Verdict.ERROR: ("bold magenta", "error"),
+    Verdict.NOT_MEASURED: ("dim", ""),
 }
-MARKS = {
-    Verdict.HOLDS: "holds",
-    Verdict.VIOLATED: "–",
-    Verdict.INCONCLUSIVE: "?",
-    Verdict.NOT_APPLICABLE: "n/a",
-    Verdict.ERROR: "error",
-    Verdict.NOT_MEASURED: "",
-}
+_STYLES = {verdict: style for verdict, (style, _) in _SHOWN.items()}
+MARKS = {verdict: mark for verdict, (_, mark) in _SHOWN.items()}
 # Claimed by whoever hands over a step; a scheme that claims nothing else guards nothing else.
 ALWAYS = ("contract",)
 
@@ -98,47 +93,30 @@ def line(out: Console, text: Text) -> None:
 
 # A law, its verdict and its defect are always there; of the others what gives way first where a terminal is narrow.
 _COLUMNS = (
-    Column("law"),
-    Column("claimed", goes=3),
-    Column("verdict"),
-    Column("defect", right=True),
-    Column("bound", right=True, goes=4),
-    Column("unit", words=True, goes=2),
-    Column("source", words=True, goes=1),
-)
+    Column("law"), Column("claimed", goes=3), Column("verdict"), Column("defect", right=True),
+    Column("bound", right=True, goes=4), Column("unit", words=True, goes=2), Column("source", words=True, goes=1),
+)  # fmt: skip
 
 
 def law_table(report: Report) -> Table:
     """law, claimed, verdict, defect against bound, unit, source."""
     title = report.scheme.name + (f" · {report.scheme.source}" if report.scheme.source else "")
-    return Table(
-        _COLUMNS, [_law_row(report, f) for f in report.findings], Text(title, style="bold"), ruled=True
-    )
+    rows = [_law_row(report, f) for f in report.findings]
+    return Table(_COLUMNS, rows, Text(title, style="bold"), ruled=True)
 
 
 def _law_row(report: Report, f: Finding) -> tuple[str | Text, ...]:
     text = "n/a" if f.verdict is Verdict.NOT_APPLICABLE else f.verdict.text
     own = "yes" if f.law in report.scheme.claims else "always"
-    return (
-        f.law,
-        "fails" if f.expected is not None else own if f.claimed else "",
-        Text(text, style=_STYLES[f.verdict]),
-        _number(f.defect),
-        "" if f.bound is None else f"{'≥' if f.at_least else '≤'} {_number(f.bound)}",
-        f.unit,
-        f.source,
-    )
+    claimed = "fails" if f.expected is not None else own if f.claimed else ""
+    bound = "" if f.bound is None else f"{'≥' if f.at_least else '≤'} {_number(f.bound)}"
+    return f.law, claimed, Text(text, style=_STYLES[f.verdict]), _number(f.defect), bound, f.unit, f.source
 
 
 def summary(report: Report, target: str = "", before: str = "") -> Text:
     """One line: the counts, what the claims came to, the level; and what would guard a scheme that claims nothing.
 
-    Parameters
-    ----------
-    target : str
-        As the scheme was named on the command line, for the command that guards it.
-    before : str
-        Where the line stands alone, of which scheme it is.
+    `target` is how the command line named the scheme, `before` says of which scheme a line is that stands alone.
     """
     return Text(before, style="bold").append_text(_outcome(report, target)).append(_level(report))
 
@@ -158,18 +136,15 @@ def _outcome(report: Report, target: str) -> Text:
     errors = [f.law for f in report.findings if f.verdict is Verdict.ERROR]
     if errors:
         text.append(f"Ended in an error: {', '.join(errors)}. ", style="bold magenta")
-    claims = [
-        f for f in report.findings if f.claimed and f.expected is None and f.verdict is not Verdict.ERROR
-    ]
+    claims = [f for f in report.findings if f.claimed and f.expected is None]
+    claims = [f for f in claims if f.verdict is not Verdict.ERROR]
     if not report.pinned and not frozenset(report.scheme.claims) - set(ALWAYS):
         return text.append(_unguarded(report, target))
     vacuous = [f.law for f in claims if f.verdict is Verdict.NOT_APPLICABLE]
     held = len(claims) - len(vacuous)
     if held:
-        text.append(
-            f"{'The' if held == 1 else 'All'} {counted(held, 'claimed law')} {'holds' if held == 1 else 'hold'}.",
-            style="green",
-        )
+        every, hold = ("The", "holds") if held == 1 else ("All", "hold")
+        text.append(f"{every} {counted(held, 'claimed law')} {hold}.", style="green")
     elif not vacuous and not errors:
         text.append("None of them is claimed." if len(report.findings) > 1 else "It is not claimed.")
     if vacuous:
@@ -189,49 +164,37 @@ def _level(report: Report) -> Text:
 def _complaints(report: Report) -> list[str]:
     """What turns a run red, a sentence for each kind."""
     found, failing = report.findings, report.failing
-    kinds = (
-        (
-            "Claimed and not found to hold",
-            [
-                f
-                for f in found
-                if f.claimed
-                and f.expected is None
-                and f.verdict in (Verdict.VIOLATED, Verdict.INCONCLUSIVE, Verdict.ERROR)
-            ],
+    wrong = (Verdict.VIOLATED, Verdict.INCONCLUSIVE, Verdict.ERROR)
+    named = [f for f in failing if f.expected is None]
+    kinds = {
+        "Claimed and not found to hold": (
+            f for f in found if f.claimed and f.expected is None and f.verdict in wrong
         ),
-        (
-            "Claimed and not measured",
-            [f for f in failing if f.expected is None and f.verdict is Verdict.NOT_APPLICABLE],
-        ),
-        ("Expected failures that pass", [f for f in failing if f.expected is not None]),
-        ("Violated and not in the pin", [f for f in failing if f.expected is None and not f.claimed]),
-    )
-    return [f"{words}: {', '.join(f.law for f in which)}." for words, which in kinds if which]
+        "Claimed and not measured": (f for f in named if f.verdict is Verdict.NOT_APPLICABLE),
+        "Expected failures that pass": (f for f in failing if f.expected is not None),
+        "Violated and not in the pin": (f for f in named if not f.claimed),
+    }
+    laws = {words: ", ".join(f.law for f in which) for words, which in kinds.items()}
+    return [f"{words}: {which}." for words, which in laws.items() if which]
 
 
 def _unguarded(report: Report, target: str) -> str:
     """Nothing was claimed: a green run says nothing about tomorrow's, and here is what would."""
     own = [f.law for f in report.findings if f.verdict is Verdict.HOLDS and f.law not in ALWAYS]
-    named = f"sepv verify {target or 'TARGET'}"
-    guard = (
-        f"To guard what held today: {named} --claim {','.join(own)}; and what is violated with it"
-        if own
-        else ("To guard what is violated")
-    )
-    return (
-        f"Nothing is claimed, so nothing is guarded but the contract of a step. {guard}: {named} --pin FILE."
-    )
+    named, guard = f"sepv verify {target or 'TARGET'}", "To guard what is violated"
+    if own:
+        guard = f"To guard what held today: {named} --claim {','.join(own)}; and what is violated with it"
+    text = "Nothing is claimed, so nothing is guarded but the contract of a step."
+    return f"{text} {guard}: {named} --pin FILE."
 
 
 def matrix(reports: Sequence[Report]) -> Table:
     """Scheme × law."""
-    rows: list[list[str | Text]] = []
-    for found in zip(*(r.findings for r in reports), strict=True):
-        cells = [
-            Text(MARKS[f.verdict] + (" +" if f.claimed else ""), style=_STYLES[f.verdict]) for f in found
-        ]
-        rows.append([found[0].law, *cells])
+
+    def cell(f: Finding) -> Text:
+        return Text(MARKS[f.verdict] + (" +" if f.claimed else ""), style=_STYLES[f.verdict])
+
+    rows = [[f[0].law, *map(cell, f)] for f in zip(*(r.findings for r in reports), strict=True)]
     # Two reports may be of schemes of one name.
     named = [Column(f"{r.scheme.name}{' ' * n}", words=True) for n, r in enumerate(reports)]
     caption = "+ claimed, – violated, ? inconclusive"
@@ -240,19 +203,19 @@ def matrix(reports: Sequence[Report]) -> Table:
 
 def show_finding(finding: Finding, out: Console, *, debug: bool = False) -> None:
     """One finding, as after a replay."""
-    line = Text.assemble(
-        (finding.law, "bold"), " ", (finding.verdict.text, _STYLES[finding.verdict]), f"  {finding.source}"
-    )
+    line = _headed(finding, f"  {finding.source}")
     if finding.defect is not None:
         line.append(f"  {_number(finding.defect)} against {_number(finding.bound)} {finding.unit}")
     out.print(line)
     _indented(finding.message + (f"\n{finding.traceback}" if debug else ""), out)
 
 
+def _headed(finding: Finding, source: str) -> Text:
+    return Text.assemble((finding.law, "bold"), " ", (finding.verdict.text, _STYLES[finding.verdict]), source)
+
+
 def _details(finding: Finding, target: str, out: Console, debug: bool) -> None:
-    style = _STYLES[finding.verdict]
-    source = f"  {finding.source}" if finding.verdict is not Verdict.HOLDS else ""
-    out.print(Text.assemble((finding.law, "bold"), " ", (finding.verdict.text, style), source))
+    out.print(_headed(finding, f"  {finding.source}" if finding.verdict is not Verdict.HOLDS else ""))
     if finding.expected is not None and finding.verdict is Verdict.VIOLATED:
         _indented(f"expected: {finding.expected}", out)
     _indented(finding.message + (f"\n{finding.traceback}" if debug else ""), out)

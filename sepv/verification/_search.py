@@ -26,7 +26,7 @@ from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure
 from sepv.record._binary64 import EPS
 from sepv.schemes import Scheme, Systems
 from sepv.verification import _corpus as corpus
-from sepv.verification._cases import case as cases
+from sepv.verification._cases import case as cases_of
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.case_of_law import NOT_OF_HAMILTONIANS
 from sepv.verification._cases.fixed_cases import may_be_refused
@@ -43,7 +43,7 @@ Check = Callable[[Scheme, Case], Measurement]
 
 
 # Without a design there are so many times as many random examples, unless a law says otherwise.
-UNDESIGNED = 8
+UNDESIGNED = 12
 # A search ends where the scheme has not taken so many cases for each that it did.
 MOST_SKIPPED = 20
 # Where a check takes longer than a fifth of a second, simplifying ends by the clock: a law may be given up after ten
@@ -84,6 +84,11 @@ class _Log:
         """How many cases the scheme did not take."""
         return sum(self.skipped.values())
 
+    def skip(self, reason: str) -> None:
+        """A case that was not taken is no check."""
+        self.checks -= 1
+        self.skipped[reason] = self.skipped.get(reason, 0) + 1
+
 
 class _Budget:
     """So many checks to simplify what was found, from the first on."""
@@ -99,24 +104,18 @@ class _Budget:
 
 @dataclass(frozen=True)
 class _Question:
-    """What is looked for: a law's cases by design, at random and by list, and its measurement.
-
-    Attributes
-    ----------
-    admits : case -> bool
-        Which cases the law speaks of, among those inside the contraction radius: simplifying must not leave them.
-    known : tuple of Case
-        Witnesses of the corpus, which are asked first.
-    """
+    """What is looked for: a law's cases by design, at random and by list, and its measurement."""
 
     space: Space | None
     strategy: st.SearchStrategy[Case]
     fixed_cases: Callable[[], Iterable[Case]]
     check: Check
     faults_violate: bool
-    admits: Callable[[Case], bool]
+    admits: Callable[
+        [Case], bool
+    ]  # the law's, among those inside the contraction radius: simplifying keeps to them
     share: int
-    known: tuple[Case, ...] = ()
+    known: tuple[Case, ...] = ()  # witnesses of the corpus, which are asked first
 
 
 def searched(
@@ -171,11 +170,10 @@ def searched(
         space, known = SPACES[scheme.systems].get(name), corpus.cases(name, scheme.systems)
         if scheme.systems == Systems.SINGLE:
             return _Question(space, cases(), fixed_cases, check, faults_violate, admits, undesigned, known)
-        special = (HAMILTONIANS if scheme.systems == Systems.HAMILTONIANS else CASES[scheme.systems]).get(
-            name
-        )
+        of_hamiltonians = scheme.systems == Systems.HAMILTONIANS
+        special = (HAMILTONIANS if of_hamiltonians else CASES[scheme.systems]).get(name)
         if special is None:
-            why = NOT_OF_HAMILTONIANS.get(name) if scheme.systems == Systems.HAMILTONIANS else None
+            why = NOT_OF_HAMILTONIANS.get(name) if of_hamiltonians else None
             return why or f"the law is not about the systems that the scheme takes ({scheme.systems})"
         return _Question(space, special(), tuple, check, faults_violate, admits, undesigned, known)
 
@@ -188,21 +186,17 @@ def searched(
     def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
         log = _Log()
         with suppress(_Violation, _Fault, Skipped):
-            _measure(log, scheme, _from_json(witness), check, faults_violate)
+            _measure(log, scheme, cases_of.from_json(witness), check, faults_violate)
         return _conclude(law, scheme, log)
 
     return Law(name, statement, source, unit, run, replay, always_claimed, level, needed, cost, steps)
-
-
-def _from_json(witness: dict[str, Any]) -> Case:
-    return cases.from_json(witness)
 
 
 def _search(law: Law, scheme: Scheme, effort: Effort, asked: _Question) -> Finding:
     log, start = _Log(), time.perf_counter()
     known = asked.known if effort.corpus else ()
     fixed = tuple(asked.fixed_cases())
-    visited = (case for n in range(effort.designs) for case in _designed(asked.space, effort.seed, n))
+    visited = chain.from_iterable(_designed(asked.space, effort.seed, n) for n in range(effort.designs))
     _visit(log, scheme, chain(known, visited, fixed), asked)
     if not (log.failed and effort.shrink_checks == 0):
         violation, fault = log.violation, log.fault
@@ -238,8 +232,10 @@ def _explore(log: _Log, scheme: Scheme, effort: Effort, asked: _Question) -> Non
             return
         try:
             measured = _measure(log, scheme, case, asked.check, asked.faults_violate)
-        except Skipped:
-            reject()  # the budget goes to cases that the program takes
+        except Skipped as skipped:
+            if not isinstance(skipped.__cause__, StepFailure):
+                reject()  # the budget goes to cases that the program takes; a step that is refused was asked about
+            return
         except (_Violation, _Fault):
             simplifying = simplifying or _Budget(effort.shrink_checks)
             raise
@@ -324,17 +320,16 @@ def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate
     try:
         measured = check(scheme, case)
     except Skipped as skipped:
-        log.checks -= 1
         if case.given != "data":
             # A scheme that cannot run functions is asked about the same system as data: the design stays whole.
+            log.checks -= 1
             return _measure(log, scheme, replace(case, given="data"), check, faults_violate)
-        log.skipped[skipped.reason] = log.skipped.get(skipped.reason, 0) + 1
+        log.skip(skipped.reason)
         raise
     except (SepvError, ArithmeticError) as error:
         if isinstance(error, StepFailure) and may_be_refused(case):
             reason = "a longer step than every scheme must take was refused"
-            log.checks -= 1
-            log.skipped[reason] = log.skipped.get(reason, 0) + 1
+            log.skip(reason)
             raise Skipped(reason) from error
         if case.h < 0:
             # Time runs backwards in some of the cases. Who does not solve for it is told, and accused of nothing.
@@ -342,8 +337,7 @@ def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate
             kind = f"a step back in time, h < 0, ended in {type(error).__name__}"
             said = str(error).partition("\n")[0]
             reason = next((r for r in log.skipped if r.startswith(kind)), f"{kind}, the first: {said}")
-            log.checks -= 1
-            log.skipped[reason] = log.skipped.get(reason, 0) + 1
+            log.skip(reason)
             raise Skipped(reason) from error
         if faults_violate and isinstance(error, SchemeFault):
             log.violation = case, Measurement(1.0, 0.0, str(error))
@@ -371,32 +365,31 @@ def _may_be_a_tolerance(law: Law, scheme: Scheme, measured: Measurement, largest
 
 
 def _conclude(law: Law, scheme: Scheme, log: _Log) -> Finding:
-    size = {"defect": log.worst.defect, "bound": log.worst.bound} if log.worst else {}
+    seen: dict[str, Any] = {"checks": log.checks}
+    # A witness has its own size: what was seen before it was simplified may be larger.
+    measured = log.worst if log.violation is None else log.violation[1]
+    if measured:
+        seen |= {"defect": measured.defect, "bound": measured.bound}
     if log.violation is not None:
         case, measured = log.violation
-        message = (
-            f"{case.describe()}\n{measured.detail}{_may_be_a_tolerance(law, scheme, measured, log.largest)}"
-        )
-        return law.finding(
-            Verdict.VIOLATED, checks=log.checks, message=message, **_witness(law, case), **size
-        )
+        advice = _may_be_a_tolerance(law, scheme, measured, log.largest)
+        message = f"{case.describe()}\n{measured.detail}{advice}"
+        return law.finding(Verdict.VIOLATED, message=message, **_witness(law, case), **seen)
     if log.fault is not None:
         case, error = log.fault
         kind = "not solved" if isinstance(error, StepFailure) else "not measured"
-        message = f"{kind}:\n{case.describe()}\n{error}"
-        trace = getattr(error, "traceback", "")
-        return law.finding(
-            Verdict.ERROR, checks=log.checks, message=message, traceback=trace, **_witness(law, case), **size
-        )
-    skipped = "\n".join(
-        f"{counted(count, 'case')} skipped: {reason}" for reason, count in log.skipped.items()
-    )
-    left_out = sum(log.skipped.values())
+        seen |= {
+            "message": f"{kind}:\n{case.describe()}\n{error}",
+            "traceback": getattr(error, "traceback", ""),
+        }
+        return law.finding(Verdict.ERROR, **_witness(law, case), **seen)
+    skipped = "\n".join(f"{counted(n, 'case')} skipped: {reason}" for reason, n in log.skipped.items())
     if not log.checks:
         verdict = Verdict.NOT_APPLICABLE if skipped else Verdict.ERROR
-        return law.finding(verdict, message=skipped or "no case was measured", skipped=left_out)
-    return law.finding(Verdict.HOLDS, checks=log.checks, message=skipped, skipped=left_out, **size)
+        return law.finding(verdict, message=skipped or "no case was measured", skipped=log.refused)
+    return law.finding(Verdict.HOLDS, message=skipped, skipped=log.refused, **seen)
 
 
 def _witness(law: Law, case: Case) -> dict[str, Any]:
-    return {"witness": cases.to_json(case), "replay": f"--law {law.name} --replay {cases.to_token(case)}"}
+    replay = f"--law {law.name} --replay {cases_of.to_token(case)}"
+    return {"witness": cases_of.to_json(case), "replay": replay}

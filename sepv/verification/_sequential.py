@@ -20,10 +20,10 @@ from sepv.schemes import Scheme
 from sepv.schemes._guard import guarded
 from sepv.verification._cases.from_problem import reach
 from sepv.verification._cases.users_problems import problems_of
+from sepv.verification._failed_step import row
 from sepv.verification._law import Effort, Finding, Law, Verdict
 from sepv.verification._orders.convergence import StrongErrors, first, join, strong_errors
 from sepv.verification._orders.tilting import tilted_errors
-from sepv.verification._worst_path import worst_path
 
 FALSE_ALARM = 1e-4
 # mean-square-order, weak-order, right-limit, commutation, rounding.
@@ -175,20 +175,10 @@ def sampled(scheme: Scheme, setup: Setup, paths: int, effort: Effort) -> StrongE
 
 
 def judge(
-    law: Law,
-    scheme: Scheme,
-    effort: Effort,
-    assess: Assess,
-    *,
-    at_least: bool = True,
-    setups: Sequence[Setup] | None = None,
-) -> Finding:
-    """The worst verdict over the problems, each from as many paths as it takes.
-
-    Parameters
-    ----------
-    at_least : whether the bound of an assessment is a lower one.
-    """
+    law: Law, scheme: Scheme, effort: Effort, assess: Assess, *,
+    at_least: bool = True, setups: Sequence[Setup] | None = None,
+) -> Finding:  # fmt: skip
+    """The worst verdict over the problems, each from as many paths as it takes; `at_least`: bounds are lower ones."""
     setups = setups_for(scheme) if setups is None else setups
     alpha = share(scheme, effort, len(setups))
     found: list[tuple[Setup, StrongErrors, Assessment]] = []
@@ -207,10 +197,8 @@ def judge(
         if refused:
             lines.append(f"{refused}; judged with {', '.join(map(str, used.steps))} steps instead")
         needed = f"{law.unit} {'≥' if at_least else '≤'} {assessment.bound:.3g}"
-        lines.append(
-            f"{setup.problem}: {assessment.text} from {errors.squared.shape[1]} paths"
-            + ("" if assessment.verdict is Verdict.HOLDS else f", {needed} needed")
-        )
+        lacks = "" if assessment.verdict is Verdict.HOLDS else f", {needed} needed"
+        lines.append(f"{setup.problem}: {assessment.text} from {errors.squared.shape[1]} paths{lacks}")
     if not found:
         raise skipped[0]
     order = (Verdict.VIOLATED, Verdict.INCONCLUSIVE, Verdict.HOLDS)
@@ -222,25 +210,17 @@ def judge(
         lines += [_errors_text(m) for m in measured]
         lines += _explained(scheme, effort, assess, alpha, verdict, found)
     return law.finding(
-        verdict,
-        defect=worst.value,
-        bound=worst.bound,
-        at_least=at_least,
-        checks=sum(m["paths"] for m in measured),
-        message="\n".join(lines),
+        verdict, defect=worst.value, bound=worst.bound, at_least=at_least,
+        checks=sum(m["paths"] for m in measured), message="\n".join(lines),
         witness={"seed": effort.seed, "paths": effort.paths, "alpha": alpha, "measured": measured},
         replay=f"--law {law.name} --seed {effort.seed} --paths {effort.paths}",
-    )
+    )  # fmt: skip
 
 
 def _explained(
-    scheme: Scheme,
-    effort: Effort,
-    assess: Assess,
-    alpha: float,
-    verdict: Verdict,
+    scheme: Scheme, effort: Effort, assess: Assess, alpha: float, verdict: Verdict,
     found: Sequence[tuple[Setup, StrongErrors, Assessment]],
-) -> list[str]:
+) -> list[str]:  # fmt: skip
     """What a reader of a law that does not hold is told: paths that would settle it, the worst path, the intervals."""
     decisive = [(setup, errors) for setup, errors, a in found if a.verdict is verdict]
     lines = []
@@ -248,10 +228,29 @@ def _explained(
         lines += [_wanted(scheme, setup, assess, errors, alpha) for setup, errors in decisive]
     setup, errors = decisive[0]
     lines.append(worst_path(setup.build(), errors, effort.seed, drawn=not is_tilted(scheme)))
-    lines.append(
-        f"intervals miss with probability {alpha:.1e}; false alarms of a whole run ≤ {FALSE_ALARM:g}"
+    said = f"intervals miss with probability {alpha:.1e}; false alarms of a whole run ≤ {FALSE_ALARM:g}"
+    return [*lines, said]
+
+
+def worst_path(problem: Problem, errors: StrongErrors, seed: int, *, drawn: bool) -> str:
+    """The path with the largest error at the finest step: y0, W(T), y(T), where the scheme came, and its increments.
+
+    `drawn` where paths are those of `sepv.simulate.increments`, and not of `sepv.verification._orders.tilting`.
+    """
+    sizes = np.nan_to_num(errors.squared[-1], nan=np.inf)
+    k = int(np.argmax(np.where(errors.weights[-1] > 0, sizes, -1.0)))
+    exact = errors.ends[-1, :, k]
+    came = exact + errors.errors[-1, :, k] / errors.weights[-1, k]
+    text = (
+        f"{problem.name}, path {k} of seed {seed}: from y0 = {row(problem.initial)} with W(T) = "
+        f"{row(errors.W[-1, :, k])}: y(T) = {row(exact)} expected, {row(came)} came with {errors.steps[-1]} steps"
     )
-    return lines
+    if not drawn or errors.reference:
+        return text
+    return (
+        f"{text}; its increments are sepv.simulate.increments({seed}, T={errors.T!r}, steps={errors.steps[-1]}, "
+        f"noises={problem.noises}, paths=range({k}, {k + 1}))"
+    )
 
 
 def _judge_one(
@@ -302,14 +301,9 @@ def _wanted(scheme: Scheme, setup: Setup, assess: Assess, errors: StrongErrors, 
 
 def _measured(setup: Setup, errors: StrongErrors, found: Assessment) -> dict[str, Any]:
     return {
-        "problem": setup.problem,
-        "T": setup.T,
-        "steps": errors.steps,
-        "paths": errors.squared.shape[1],
-        "rms_error": errors.rms().tolist(),
-        "estimate": found.value,
-        "interval": [found.low, found.high],
-    }
+        "problem": setup.problem, "T": setup.T, "steps": errors.steps, "paths": errors.squared.shape[1],
+        "rms_error": errors.rms().tolist(), "estimate": found.value, "interval": [found.low, found.high],
+    }  # fmt: skip
 
 
 def _errors_text(m: dict[str, Any]) -> str:

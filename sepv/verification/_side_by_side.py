@@ -84,22 +84,11 @@ class _Worker:
             os.killpg(self.process.pid, number)
 
 
-def run(
-    task: Task,
-    groups: Sequence[Sequence[str]],
-    jobs: int,
-    receive: Callable[[str, Any], None],
-) -> None:
+def run(task: Task, groups: Sequence[Sequence[str]], jobs: int, receive: Callable[[str, Any], None]) -> None:
     """Measure the groups on so many workers; `receive` gets each law's name, first with None, then with its finding.
 
-    A law whose worker died is received with `Died`; the rest of its group goes to another worker.
-
-    Raises
-    ------
-    UsageError
-        For a scheme that cannot go to another process; and what a worker raised of that kind.
-    RuntimeError
-        A defect of the suite in a worker, with its traceback.
+    A law whose worker died is received with `Died`; the rest of its group goes to another worker. A UsageError for a
+    scheme that cannot go to another process; a RuntimeError is a defect of the suite in a worker, with its traceback.
     """
     data, waiting = _pickled(task), [list(group) for group in groups]
     said: queue.Queue[tuple[_Worker, Any]] = queue.Queue()
@@ -114,7 +103,10 @@ def run(
         for _ in range(min(jobs, len(waiting))):
             start()
         while busy:
-            worker, word = _next(said)
+            try:
+                worker, word = said.get(timeout=0.5)
+            except queue.Empty:  # so that Ctrl-C is seen on every system
+                continue
             if isinstance(word, Died):
                 busy.discard(worker)
                 if worker.left:
@@ -123,7 +115,12 @@ def run(
                 if waiting:
                     start()
                 continue
-            name, finding = _law(word)
+            kind, *said_of = word
+            if kind == "usage":
+                raise UsageError(**said_of[0])
+            if kind == "defect":
+                raise RuntimeError(f"in a worker:\n{said_of[0]}")
+            name, finding = said_of
             receive(name, finding)
             if finding is not None:
                 worker.left.remove(name)
@@ -141,22 +138,6 @@ def measured(task: Task, group: Sequence[str]) -> list[tuple[str, Any]]:
     found: list[tuple[str, Any]] = []
     run(task, [group], 1, lambda name, finding: None if finding is None else found.append((name, finding)))
     return found
-
-
-def _law(word: tuple[Any, ...]) -> tuple[str, Any]:
-    kind, *rest = word
-    if kind == "usage":
-        raise UsageError(expected=rest[0], received=rest[1], remedy=rest[2])
-    if kind == "defect":
-        raise RuntimeError(f"in a worker:\n{rest[0]}")
-    return rest[0], rest[1]
-
-
-def _next(said: queue.Queue[tuple[_Worker, Any]]) -> tuple[_Worker, Any]:
-    while True:
-        with suppress(queue.Empty):
-            # With a timeout, so that Ctrl-C is seen on every system.
-            return said.get(timeout=0.5)
 
 
 @contextmanager

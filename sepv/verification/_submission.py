@@ -17,8 +17,9 @@ import random
 import shlex
 import sys
 import zipfile
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, fields
+from functools import partial
 from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
@@ -26,7 +27,7 @@ from typing import Any
 
 from sepv._version import __version__
 from sepv.errors import SepvError, UsageError
-from sepv.files import fault, schema
+from sepv.files import fault, finite, schema
 from sepv.schemes._load_target import load_object
 from sepv.verification._law import Effort, Finding, Verdict
 from sepv.verification._laws import load_laws
@@ -47,22 +48,12 @@ _SOURCE = (".py", ".so", ".pyd", ".pyx", ".c", ".cpp", ".rs", ".jl")
 
 @dataclass(frozen=True)
 class Asked:
-    """What `sepv submit` was asked for: enough to measure it again.
+    """What `sepv submit` was asked for: enough to measure it again."""
 
-    Attributes
-    ----------
-    target : str
-        ``module:attribute`` or a built-in name; empty for a program.
-    program : str
-        The command of ``--exec``; empty for a target.
-    problems, claims : tuple of str
-        As after ``-p`` and ``--claim``.
-    """
-
-    target: str = ""
-    program: str = ""
-    problems: tuple[str, ...] = ()
-    claims: tuple[str, ...] = ()
+    target: str = ""  # module:attribute or a built-in name; empty for a program
+    program: str = ""  # the command of --exec; empty for a target
+    problems: tuple[str, ...] = ()  # as after -p
+    claims: tuple[str, ...] = ()  # as after --claim
 
     @property
     def words(self) -> str:
@@ -89,13 +80,7 @@ def environment() -> dict[str, str]:
 
 
 def source(asked: Asked) -> dict[str, str]:
-    """SHA-256 of the files that the scheme is made of: those of its module's package, or those that a command names.
-
-    Raises
-    ------
-    TargetError
-        Where the scheme cannot be loaded.
-    """
+    """SHA-256 of the files that the scheme is made of: those of its module's package, or those that a command names."""
     return {name: _hash(path.read_bytes()) for name, path in sorted(_files(asked))}
 
 
@@ -105,17 +90,13 @@ def _files(asked: Asked) -> Iterator[tuple[str, Path]]:
         return
     top = asked.target.partition(":")[0].partition(".")[0] if ":" in asked.target else "sepv"
     if ":" in asked.target:
-        load_object(
-            asked.target
-        )  # it finds modules of the current folder, and says what is wrong with others
+        # It finds modules of the current folder, and says what is wrong with others.
+        load_object(asked.target)
     module = sys.modules[top]
     folders = [Path(folder) for folder in getattr(module, "__path__", ())]
     for folder in folders:
-        yield from (
-            (f"{top}/{path.relative_to(folder).as_posix()}", path)
-            for path in folder.rglob("*")
-            if path.suffix in _SOURCE and path.is_file()
-        )
+        own = (path for path in folder.rglob("*") if path.suffix in _SOURCE and path.is_file())
+        yield from ((f"{top}/{path.relative_to(folder).as_posix()}", path) for path in own)
     if not folders and module.__file__:
         yield Path(module.__file__).name, Path(module.__file__)
 
@@ -172,13 +153,7 @@ class Bundle:
 
 
 def read(path: str | Path) -> Bundle:
-    """A bundle, after a look at its schema and hashes.
-
-    Raises
-    ------
-    UsageError
-        For what is no bundle, with what is wrong.
-    """
+    """A bundle, after a look at its schema and hashes; a UsageError for what is none, with what is wrong."""
     try:
         with zipfile.ZipFile(path) as folder:
             if sum(info.file_size for info in folder.infolist()) > LARGEST:
@@ -214,38 +189,24 @@ def consistent(found: Bundle) -> list[Outcome]:
     outcomes.append(Outcome("counts", counts == report["counts"], f"{len(names)} laws"))
     if same:
         by_name = {law.name: law for law in laws}
-        said = [_finding(by_name[f["law"]].finding(Verdict(f["verdict"])), f) for f in report["laws"]]
+        said = []
+        for f in report["laws"]:
+            facts = {fact: f[fact] for fact in ("claimed", "skipped", "expected")}
+            said.append(by_name[f["law"]].finding(Verdict(f["verdict"]), **facts))
         reached = conformance(said, laws)
         level, stated = reached.level if reached else None, (report["conformance"] or {}).get("level")
         outcomes.append(Outcome("level", level == stated, f"{stated} stated, {level} follows"))
-    unexplained = [
-        f["law"] for f in report["laws"] if f["expected"] is not None and not f["expected"].strip()
-    ]
-    outcomes.append(Outcome("waivers", not unexplained, ", ".join(unexplained) or "each with its reason"))
+    silent = [f["law"] for f in report["laws"] if f["expected"] is not None and not f["expected"].strip()]
+    outcomes.append(Outcome("waivers", not silent, ", ".join(silent) or "each with its reason"))
     return outcomes
 
 
-def _finding(finding: Finding, said: dict[str, Any]) -> Finding:
-    return replace(finding, claimed=said["claimed"], skipped=said["skipped"], expected=said["expected"])
-
-
 def again(found: Bundle, scheme: Any, *, share: float = 0.25, seed: int | None = None) -> Iterator[Outcome]:
-    """Measure a random share of the laws anew, and every counterexample.
+    """Measure a random share of the laws anew, one at least, and every counterexample.
 
-    Parameters
-    ----------
-    scheme : Scheme
-        As loaded here, with the claims of the bundle.
-    share : float
-        Of the laws, in (0, 1]; at least one.
-    seed : int, optional
-        Of the choice; another one each time by default, so that nobody knows what will be measured.
-
-    Yields
-    ------
-    Outcome
-        A verdict is right where it is the same; with the same versions on the same kind of machine the defect must be
-        the same, too, to the last digit.
+    `scheme` is as loaded here, with the claims of the bundle. Without a `seed` of the choice nobody knows what will be
+    measured. A verdict is right where it is the same; with the same versions on the same kind of machine the defect
+    must be the same, too, to the last digit.
     """
     own = source(found.asked)
     yield Outcome("source of the scheme", own == found.manifest["source"], f"{len(own)} files")
@@ -254,7 +215,7 @@ def again(found: Bundle, scheme: Any, *, share: float = 0.25, seed: int | None =
     said = {f["law"]: f for f in found.report["laws"]}
     for name, finding in said.items():
         if finding["verdict"] == "violated" and finding["witness"] is not None:
-            text, right = _measured(lambda n=name, w=finding["witness"]: replay(scheme, n, w), "violated")
+            text, right, _ = _measured(partial(replay, scheme, name, finding["witness"]), "violated")
             yield Outcome(f"counterexample of {name}", right, text)
     searched = [name for name, finding in said.items() if finding["expected"] is None]
     count = min(len(searched), max(1, math.ceil(share * len(searched))))
@@ -262,31 +223,19 @@ def again(found: Bundle, scheme: Any, *, share: float = 0.25, seed: int | None =
     effort = found.effort
     for name in (name for name in searched if name in chosen):
         wanted = said[name]
-        measured = None
-
-        def run(name: str = name) -> Finding:
-            nonlocal measured
-            measured = measure(laws[name], scheme, effort)
-            return measured
-
-        text, right = _measured(run, wanted["verdict"])
-        if right and alike and measured is not None and _number(measured.defect) != wanted["defect"]:
+        text, right, measured = _measured(partial(measure, laws[name], scheme, effort), wanted["verdict"])
+        if right and alike and measured is not None and finite(measured.defect) != wanted["defect"]:
             right, text = False, f"{text}, with a defect of {measured.defect!r} and not {wanted['defect']!r}"
         yield Outcome(f"{name} again", right, text)
 
 
-def _measured(run: Any, wanted: str) -> tuple[str, bool]:
+def _measured(run: Callable[[], Finding], wanted: str) -> tuple[str, bool, Finding | None]:
     try:
-        verdict = run().verdict.value
+        found = run()
     except SepvError as error:
-        return f"{error}".splitlines()[0], False
-    text = verdict.replace("_", " ")
-    return (text, True) if verdict == wanted else (f"{text}, stated {wanted.replace('_', ' ')}", False)
-
-
-def _number(value: float | None) -> float | None:
-    """As JSON has it: null for what is not finite."""
-    return value if value is not None and math.isfinite(value) else None
+        return f"{error}".splitlines()[0], False, None
+    right = found.verdict.value == wanted
+    return found.verdict.text + ("" if right else f", stated {wanted.replace('_', ' ')}"), right, found
 
 
 def _no_bundle(path: str | Path, why: str) -> UsageError:

@@ -104,12 +104,7 @@ def operations(problem: Problem, stages: int = 1) -> float:
 
 
 def step_residual(
-    problem: Problem,
-    y0: Array,
-    y1: Array,
-    h: float,
-    dW: Array,
-    scheme: Scheme | None = None,
+    problem: Problem, y0: Array, y1: Array, h: float, dW: Array, scheme: Scheme | None = None
 ) -> Array:
     """r (d,): the residual that a step may leave that is solved as the scheme says; (d, M) for a batch.
 
@@ -214,15 +209,7 @@ def casimir_ulp(A: Array, y0: Array, y1: Array) -> float:
 def rounding_walk(gradient: Array, states: Array) -> float:
     """Root mean square of what the rounding of one step does to an invariant, averaged over states (see above).
 
-    Parameters
-    ----------
-    gradient : (d, M)
-        That of the invariant, at `states` (d, M).
-
-    Returns
-    -------
-    float
-        0 where it overflows: nothing is predicted there, and nothing excused.
+    `gradient` (d, M) is the invariant's at `states` (d, M). 0 where it overflows: that predicts and excuses nothing.
     """
     with np.errstate(all="ignore"):
         roundings = gradient * np.spacing(np.abs(states))
@@ -241,23 +228,13 @@ DIGITS = 30
 
 
 def state_error(
-    exact: Sequence[Any],
-    condition: Sequence[Sequence[float]],
-    problem: Problem,
-    y0: Array,
-    y1: Array,
-    h: float,
-    dW: Array,
-    scheme: Scheme | None = None,
-) -> tuple[float, float]:
+    exact: Sequence[Any], condition: Sequence[Sequence[float]], problem: Problem, y0: Array, y1: Array, h: float,
+    dW: Array, scheme: Scheme | None = None,
+) -> tuple[float, float]:  # fmt: skip
     """(error, bound) of y1 against an exact step, in ulp of the largest component: the worst component.
 
-    Parameters
-    ----------
-    exact : d numbers of extended precision
-        The solution of the step's equation.
-    condition : (d, d)
-        |(I − ∂R/∂y1)⁻¹|, which turns residuals into errors. The bound adds the rounding of y1 itself.
+    `exact` are d numbers of extended precision, `condition` (d, d) is |(I − ∂R/∂y1)⁻¹|, which turns residuals into
+    errors. The bound adds the rounding of y1 itself.
     """
     unit = state_ulp(y0, y1)
     error = np.array([abs(float(a - float(b))) for a, b in zip(exact, y1, strict=True)])

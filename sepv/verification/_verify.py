@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,7 +19,6 @@ from sepv.schemes._scheme import Step
 from sepv.simulate._engine.workers import run_all
 from sepv.verification import _side_by_side as side_by_side
 from sepv.verification._cases.users_problems import items
-from sepv.verification._deadline import TimedOut, deadline
 from sepv.verification._expected_failures import Expectations, ExpectedFailure
 from sepv.verification._expected_failures import load as load_expected
 from sepv.verification._law import Effort, Finding, Law, Verdict
@@ -117,7 +119,7 @@ def verify(
         else:
             for law in chosen:
                 receive(law, None)
-                receive(law, _run(law, candidate, effort, timeout, known.failures.get(law.name)))
+                receive(law, measure(law, candidate, effort, timeout, known.failures.get(law.name)))
     except KeyboardInterrupt:
         interrupted = True
     except ClusterFailure as error:
@@ -126,16 +128,10 @@ def verify(
         if law.name not in found:
             unmeasured = law.finding(Verdict.NOT_MEASURED, message=why)
             found[law.name] = replace(unmeasured, claimed=law.claimed_by(candidate))
-    return Report(
-        candidate,
-        tuple(found[law.name] for law in chosen),
-        effort,
-        interrupted,
-        known.is_pin,
-        words_for(scheme, problems),
-        tuple(known.gaps((law.name for law in chosen), candidate.name)),
-        level,
-    )
+    findings = tuple(found[law.name] for law in chosen)
+    gaps = tuple(known.gaps((law.name for law in chosen), candidate.name))
+    target = words_for(scheme, problems)
+    return Report(candidate, findings, effort, interrupted, known.is_pin, target, gaps, level)
 
 
 def _side_by_side(
@@ -150,10 +146,8 @@ def _side_by_side(
     def take(name: str, found: Finding | side_by_side.Died | None) -> None:
         law = by_name[name]
         if isinstance(found, side_by_side.Died):
-            found = law.finding(
-                Verdict.ERROR,
-                message=f"the process that measured it ended with status {found}: the scheme crashed it",
-            )
+            text = f"the process that measured it ended with status {found}: the scheme crashed it"
+            found = law.finding(Verdict.ERROR, message=text)
         receive(law, found)
 
     if isinstance(workers, int):
@@ -200,27 +194,14 @@ def replay(scheme: str | Scheme | Step, law: str, witness: dict[str, Any]) -> Fi
 def measure(
     law: Law, scheme: Scheme, effort: Effort, timeout: float = 600.0, failure: ExpectedFailure | None = None
 ) -> Finding:
-    """One law on one scheme: by its search, or by the witness of an expected failure.
-
-    Raises
-    ------
-    UsageError
-        For a witness that is not one of the law's.
-    """
-    return _run(law, scheme, effort, timeout, failure)
-
-
-def _run(
-    law: Law, scheme: Scheme, effort: Effort, timeout: float, failure: ExpectedFailure | None
-) -> Finding:
+    """One law on one scheme: by its search, or by the witness of an expected failure, which must be of the law."""
     start = time.perf_counter()
     try:
         with deadline(timeout):
             finding = law.replay(law, scheme, failure.witness) if failure else law.run(law, scheme, effort)
     except TimedOut:
-        finding = law.finding(
-            Verdict.ERROR, message=f"the scheme did not come back: stopped after {timeout:g} s (--timeout)"
-        )
+        text = f"the scheme did not come back: stopped after {timeout:g} s (--timeout)"
+        finding = law.finding(Verdict.ERROR, message=text)
     except Skipped as skipped:
         finding = law.finding(Verdict.NOT_APPLICABLE, message=str(skipped), skipped=1)
     except KeyError as error:
@@ -245,3 +226,27 @@ def _wrong_witness(law: Law, received: str) -> UsageError:
         received=received,
         remedy="copy what the report prints after --replay, or write the file anew with --pin or --write-expected",
     )
+
+
+class TimedOut(BaseException):
+    """Raised in a scheme that does not come back; not an Exception, so that no handler of its own keeps it."""
+
+
+@contextmanager
+def deadline(seconds: float) -> Iterator[None]:
+    """`TimedOut` is raised in what runs here for longer, in the main thread of a POSIX system; elsewhere nothing is."""
+    if not hasattr(signal, "setitimer") or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(*_: Any) -> None:
+        raise TimedOut
+
+    before = signal.signal(signal.SIGALRM, stop)
+    # Again and again, in case the scheme swallows the first one.
+    signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)

@@ -28,7 +28,7 @@ def main() -> None:
     except EOFError:
         return
     except UsageError as error:
-        say("usage", error.expected, error.received, error.remedy)
+        say("usage", {"expected": error.expected, "received": error.received, "remedy": error.remedy})
     except Exception:
         say("defect", traceback.format_exc())
 
@@ -38,21 +38,17 @@ def answer(say: Any) -> None:
     from sepv.verification._laws import load_laws
     from sepv.verification._verify import load_candidate, measure
 
-    task = _task(sys.stdin.buffer)
+    # The first half of the task says where modules are found, which the second, with the scheme, may need.
+    path, folder, rest = pickle.load(sys.stdin.buffer)
+    sys.path[:] = path
+    os.chdir(folder)
+    task = pickle.loads(rest)
     scheme = load_candidate(task.scheme, task.claims, task.problems)
     _end_children_first(scheme)
     while True:
         for law in load_laws(pickle.load(sys.stdin.buffer)):
             say("law", law.name, None)
             say("law", law.name, measure(law, scheme, task.effort, task.timeout, task.failures.get(law.name)))
-
-
-def _task(source: Any) -> Any:
-    """The task: its first half says where modules are found, which the second, with the scheme, may need."""
-    path, folder, rest = pickle.load(source)
-    sys.path[:] = path
-    os.chdir(folder)
-    return pickle.loads(rest)
 
 
 def _end_children_first(scheme: Any) -> None:

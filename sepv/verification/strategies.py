@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from sepv import problems
 from sepv.problem import Description, NamedProblem, PolynomialSystem
 from sepv.problem._problem import Matrix, Structure
-from sepv.problems._canonical import planes
+from sepv.problems._common import planes
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 from sepv.verification._cases.case import Case
@@ -26,19 +26,9 @@ from sepv.verification._contraction import CONTRACTION, contraction_ball, contra
 
 # What a user draws from; the parts below serve the strategies of other classes of systems.
 __all__ = [
-    "CONTRACTION",
-    "any_steps",
-    "casimir_systems",
-    "coefficients",
-    "hamiltonians",
-    "noises",
-    "paper_problems",
-    "paper_steps",
-    "poisson_systems",
-    "polynomials",
-    "skew_structures",
-    "steps",
-]
+    "CONTRACTION", "any_steps", "casimir_systems", "coefficients", "hamiltonians", "noises", "paper_problems",
+    "paper_steps", "poisson_systems", "polynomials", "skew_structures", "steps",
+]  # fmt: skip
 
 
 def __dir__() -> list[str]:
@@ -132,14 +122,8 @@ def skew_structures(draw: st.DrawFn, dimension: int, degree: int = 3) -> Structu
     """Skew B(y) with polynomial entries of degree 0 to `degree`. Examples shrink towards B = J."""
     if draw(st.sampled_from(["canonical", "any", "any"])) == "canonical":
         return planes(dimension)
-    pairs = draw(
-        st.lists(
-            st.sampled_from(list(combinations(range(dimension), 2))),
-            min_size=1,
-            max_size=dimension * (dimension - 1) // 2,
-            unique=True,
-        )
-    )
+    every = list(combinations(range(dimension), 2))
+    pairs = draw(st.lists(st.sampled_from(every), min_size=1, max_size=len(every), unique=True))
     return tuple((i, j, draw(polynomials(dimension, degree, least=0, terms=3))) for i, j in sorted(pairs))
 
 
@@ -163,9 +147,7 @@ def casimir_systems(draw: st.DrawFn, degree: int = 6, *, largest: int = 6) -> Po
     skew, v = Ay; and, for two Casimirs, B_ij = Σ_kl T_ijkl v_k w_l.
     """
     d = draw(dimensions(3, largest))
-    kind = draw(
-        st.sampled_from(["tensor", "linear", "skew", "two"] if d > 3 else ["tensor", "linear", "skew"])
-    )
+    kind = draw(st.sampled_from(["tensor", "linear", "skew", *["two"] * (d > 3)]))
     A = draw(symmetric_matrices(d))
     v = linear_forms(A)
     quadratic: tuple[Matrix, ...] = (A,)
@@ -186,9 +168,8 @@ def casimir_systems(draw: st.DrawFn, degree: int = 6, *, largest: int = 6) -> Po
 @cache
 def noises(least: int = 0, most: int = 3) -> st.SearchStrategy[tuple[float, ...]]:
     """Noise coefficients c_j ≥ 0. Examples shrink towards (1)."""
-    some = st.lists(st.sampled_from([1.0, 0.5, 2.0, 0.25, 0.0]), min_size=max(least, 1), max_size=most).map(
-        tuple
-    )
+    sizes = st.sampled_from([1.0, 0.5, 2.0, 0.25, 0.0])
+    some = st.lists(sizes, min_size=max(least, 1), max_size=most).map(tuple)
     return some if least > 0 else st.one_of(some, st.just(()))
 
 
@@ -198,12 +179,8 @@ def poisson_systems(
 ) -> PolynomialSystem:
     """Systems of dimension 2 to `largest` with H of degree 1 to `degree`. Examples shrink towards the oscillator."""
     d = draw(dimensions(2, largest))
-    return PolynomialSystem(
-        d,
-        draw(hamiltonians(d, degree, least=least)),
-        draw(skew_structures(d, structure_degree)),
-        draw(noises()),
-    )
+    H = draw(hamiltonians(d, degree, least=least))
+    return PolynomialSystem(d, H, draw(skew_structures(d, structure_degree)), draw(noises()))
 
 
 def paper_problems() -> st.SearchStrategy[NamedProblem]:
@@ -294,9 +271,7 @@ def contracted(draw: st.DrawFn, d: int, forms: list[list[Polynomial]]) -> Struct
     g = poly.constant(d, 1.0)
     if d == 3 and draw(st.booleans()):
         g = draw(polynomials(d, 2, least=0, terms=2))
-    return tuple(
-        (i, j, poly.multiply(g, poly.add(*summands))) for (i, j), summands in sorted(entries.items())
-    )
+    return tuple((i, j, poly.multiply(g, poly.add(*parts))) for (i, j), parts in sorted(entries.items()))
 
 
 def _skew_family(draw: st.DrawFn, d: int, v: list[Polynomial]) -> Structure:
@@ -309,15 +284,9 @@ def _skew_family(draw: st.DrawFn, d: int, v: list[Polynomial]) -> Structure:
         S[0, 1], S[1, 0] = 1.0, -1.0
     norm = poly.add(*(poly.multiply(f, f) for f in v))
     turned = [poly.add(*(poly.scale(float(S[i, k]), v[k]) for k in range(d))) for i in range(d)]
-    return tuple(
-        (
-            i,
-            j,
-            poly.add(
-                poly.scale(float(S[i, j]), norm),
-                poly.multiply(v[i], turned[j]),
-                poly.scale(-1.0, poly.multiply(turned[i], v[j])),
-            ),
-        )
-        for i, j in combinations(range(d), 2)
-    )
+
+    def entry(i: int, j: int) -> Polynomial:
+        back = poly.scale(-1.0, poly.multiply(turned[i], v[j]))
+        return poly.add(poly.scale(float(S[i, j]), norm), poly.multiply(v[i], turned[j]), back)
+
+    return tuple((i, j, entry(i, j)) for i, j in combinations(range(d), 2))

@@ -6,29 +6,13 @@ that it does; `sepv.faults._fault_detection` runs them all.
 
 from __future__ import annotations
 
-from sepv.faults._saboteurs import (
-    arithmetic,
-    formula,
-    hamiltonians,
-    higher_order,
-    historical,
-    interface,
-    noise,
-    solver,
-    structure,
-)
+from importlib import import_module
+
 from sepv.faults._saboteurs.record import Saboteur as Saboteur
 
 _MODULES = (
-    formula,
-    noise,
-    solver,
-    arithmetic,
-    interface,
-    higher_order,
-    structure,
-    historical,
-    hamiltonians,
-)
-FAMILIES = tuple(module.SABOTEURS.name for module in _MODULES)
-SABOTEURS: dict[str, Saboteur] = {s.name: s for module in _MODULES for s in module.SABOTEURS}
+    "formula", "noise", "solver", "arithmetic", "interface", "higher_order", "structure", "historical", "hamiltonians",
+)  # fmt: skip
+_BY_FAMILY = [import_module(f"{__name__}.{name}").SABOTEURS for name in _MODULES]
+FAMILIES = tuple(family.name for family in _BY_FAMILY)
+SABOTEURS: dict[str, Saboteur] = {s.name: s for family in _BY_FAMILY for s in family}

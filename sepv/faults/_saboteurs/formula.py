@@ -188,45 +188,23 @@ def _projected(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> A
     return y1
 
 
-SABOTEURS.add(
-    "heun-projected",
-    "Heun's method, then a projection on H",
-    lambda: claiming(partial(_projected, explicit_step(explicit_heun))),
-    (*_TURNED, "equivariance"),
-)
-SABOTEURS.add(
-    "midpoint-projected",
-    "the midpoint rule, then a projection on H",
-    lambda: claiming(partial(_projected, one_step.implicit(one_point_quadrature))),
-    ("casimir", "symmetry", "reference", "equivariance"),
-)
-
-
 def _euler(problem: Problem, y0: Array, step: Array) -> Array:
     return y0 + step[0] * vector_field(problem, y0)
 
 
-SABOTEURS.add(
-    "ito-limit",
-    "Euler's method, which converges to the Itô solution, claims order ½",
-    lambda: replace(explicit(_euler)(), claims=("contract",), mean_square_order=0.5, weak_order=None),
-    ("local-mean", "right-limit", "mean-square-order"),
-)
-SABOTEURS.add(
-    "half-claimed-as-one",
-    "the Euler-Maruyama scheme, of order ½, claims order 1",
-    lambda: replace(schemes.euler_maruyama, mean_square_order=1.0),
-    ("local-mean-square", "mean-square-order"),
-)
-SABOTEURS.add(
-    "one-claimed-as-two",
-    "(2.1), of order 1, claims order 2",
-    lambda: replace(original, mean_square_order=2.0),
-    ("truncation", "local-mean", "local-mean-square", "mean-square-order"),
-)
-SABOTEURS.add(
-    "weak-one-claimed-as-two",
-    "(2.1), of weak order 1, claims weak order 2",
-    lambda: replace(original, weak_order=2.0),
-    ("local-weak", "weak-order"),
-)
+SABOTEURS.rows(
+    ("heun-projected", "Heun's method, then a projection on H",
+     lambda: claiming(partial(_projected, explicit_step(explicit_heun))), (*_TURNED, "equivariance")),
+    ("midpoint-projected", "the midpoint rule, then a projection on H",
+     lambda: claiming(partial(_projected, one_step.implicit(one_point_quadrature))),
+     ("casimir", "symmetry", "reference", "equivariance")),
+    ("ito-limit", "Euler's method, which converges to the Itô solution, claims order ½",
+     lambda: replace(explicit(_euler)(), claims=("contract",), mean_square_order=0.5, weak_order=None),
+     ("local-mean", "right-limit", "mean-square-order")),
+    ("half-claimed-as-one", "the Euler-Maruyama scheme, of order ½, claims order 1",
+     lambda: replace(schemes.euler_maruyama, mean_square_order=1.0), ("local-mean-square", "mean-square-order")),
+    ("one-claimed-as-two", "(2.1), of order 1, claims order 2", lambda: replace(original, mean_square_order=2.0),
+     ("truncation", "local-mean", "local-mean-square", "mean-square-order")),
+    ("weak-one-claimed-as-two", "(2.1), of weak order 1, claims weak order 2",
+     lambda: replace(original, weak_order=2.0), ("local-weak", "weak-order")),
+)  # fmt: skip

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,16 +14,17 @@ from sepv.schemes._isospectral_midpoint import require_spins
 from sepv.schemes._one_step import Implicit, each_noise
 from sepv.schemes._scheme import as_lanes
 from sepv.solve import Increment
+from sepv.solve._solution import once
 
 SABOTEURS = Family("hamiltonians")
 LOUDER = 1 + 2.0**-10
 PUSH = 2.0**-30
 
 
-@SABOTEURS.made(
+@SABOTEURS.like(
+    schemes.stochastic_midpoint,
     "the last noise is 2⁻¹⁰ too large",
     ("local-weak", "local-mean", "local-mean-square", "noise-sum", "expansion"),
-    partial(imitating, schemes.stochastic_midpoint),
 )
 def second_noise_louder(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """The last increment a thousandth too large."""
@@ -33,29 +33,23 @@ def second_noise_louder(problem: Problem, y: Array, h: float, dW: Array) -> Arra
     return schemes.stochastic_midpoint.step(problem, y, h, noise)
 
 
-@SABOTEURS.made(
-    "y1 is multiplied by 1 + 2⁻³⁰h",
-    ("casimir", "symmetry", "symplecticity"),
-    partial(imitating, schemes.stochastic_midpoint),
+@SABOTEURS.like(
+    schemes.stochastic_midpoint, "y1 is multiplied by 1 + 2⁻³⁰h", ("casimir", "symmetry", "symplecticity")
 )
 def away_from_the_origin(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """y1 a little too long."""
     return schemes.stochastic_midpoint.step(problem, y, h, dW) * (1 + PUSH * h)
 
 
-@SABOTEURS.made(
-    "the Lévy areas have the wrong sign",
-    ("local-mean-square", "mean-square-order"),
-    partial(imitating, schemes.area_midpoint),
+@SABOTEURS.like(
+    schemes.area_midpoint, "the Lévy areas have the wrong sign", ("local-mean-square", "mean-square-order")
 )
 def areas_of_other_sign(problem: Problem, y: Array, h: float, dW: Array, areas: Array) -> Array:
     return schemes.area_midpoint.step(problem, y, h, dW, -areas)
 
 
-@SABOTEURS.made(
-    "the flows are composed in turn, and not symmetrically",
-    ("symmetry",),
-    partial(imitating, schemes.stochastic_splitting),
+@SABOTEURS.like(
+    schemes.stochastic_splitting, "the flows are composed in turn, and not symmetrically", ("symmetry",)
 )
 def lie_and_trotter(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """All flows in turn, and not the same way back."""
@@ -68,10 +62,10 @@ def lie_and_trotter(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return state.reshape(y.shape)
 
 
-@SABOTEURS.made(
+@SABOTEURS.like(
+    schemes.isospectral_midpoint,
     "¼(mᵀx)m is left out: all Casimirs and orders are kept, the structure is not",
     ("poisson-map",),
-    partial(imitating, schemes.isospectral_midpoint),
 )
 def midpoint_as_isospectral(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """y0 = x − ½f, y1 = x + ½f: the midpoint rule."""
@@ -86,26 +80,20 @@ def midpoint_as_isospectral(problem: Problem, y: Array, h: float, dW: Array) -> 
 )
 def arithmetic_middle(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
     """y0(exp(f(ȳ)/ȳ) − 1) with ȳ = (y0 + y1)/2, as an equation for y1."""
-    ones = np.ones(y0.shape[1], dtype=np.int64)
     middle = y0 + 0.5 * (y1 - y0)
-    value = y0 * np.expm1(hamiltonian_field(problem, middle, step) / middle)
-    return Increment(value, ones, ones, ones.astype(bool))
+    return once(y0 * np.expm1(hamiltonian_field(problem, middle, step) / middle))
 
 
-@SABOTEURS.made(
-    "each half of the step sees half of its increment",
-    ("energy-drift",),
-    partial(imitating, schemes.drift_preserving),
+@SABOTEURS.like(
+    schemes.drift_preserving, "each half of the step sees half of its increment", ("energy-drift",)
 )
 def halves_alike(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
     """Half of the increment at both ends: two halves that are one."""
     return schemes.drift_preserving.step(problem, y, h, dW, 0 * first + 0.5 * dW)
 
 
-@SABOTEURS.made(
-    "the additive noise is 2⁻²⁰ too large",
-    ("energy-drift", "local-weak"),
-    partial(imitating, schemes.drift_preserving),
+@SABOTEURS.like(
+    schemes.drift_preserving, "the additive noise is 2⁻²⁰ too large", ("energy-drift", "local-weak")
 )
 def pushed_too_far(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
     """All pushes too long by 2⁻²⁰."""

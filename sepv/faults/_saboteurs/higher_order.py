@@ -51,14 +51,11 @@ def staged(stages: int, tables: Tables) -> Step:
                 break
             if np.max(np.abs(z - before)) <= 2.0**-53 * np.max(np.abs(y0)):
                 return (y0 + np.einsum("j,djm->dm", tableau.b, z)).reshape(np.shape(y))
+        size = float(np.max(np.abs(z - before)))
         raise StepFailure(
-            problem=problem.name,
-            y=y0[:, 0],
-            delta=float(delta[0]),
-            residual=float(np.max(np.abs(z - before))),
-            status="no convergence",
+            "no convergence", problem=problem.name, y=y0[:, 0], delta=float(delta[0]), residual=size,
             iterations=_ITERATIONS,
-        )
+        )  # fmt: skip
 
     return step
 
@@ -162,29 +159,23 @@ def rests_where_undefined(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     return matvec(np.nan_to_num(fields.combined(middle(y, z), step)), fields.mean_gradient(y, z))
 
 
-def _of_points(name: str, broken: str, increments: str | PointLaw) -> None:
+def _with(increments: str | PointLaw) -> Callable[[], Scheme]:
     """A scheme of weak order 2 for three-point increments, with others; it goes on claiming weak order 2."""
-    SABOTEURS.add(
-        name, broken, lambda: weakly(schemes.modified_weak_two, increments), ("local-weak", "weak-order")
-    )
+    return lambda: weakly(schemes.modified_weak_two, increments)
 
 
-def _three(probability: float, size: float) -> PointLaw:
-    return PointLaw("three-point", (-size, 0.0, size), (probability, 1 - 2 * probability, probability))
+def _three(probability: float, size: float) -> Callable[[], Scheme]:
+    law = PointLaw("three-point", (-size, 0.0, size), (probability, 1 - 2 * probability, probability))
+    return _with(law)
 
 
-_of_points(
-    "two-points-for-three",
-    "increments of two points are taken where weak order 2 needs three: E ΔW⁴ is h² and not 3h²",
-    "two-point",
-)
-_of_points(
-    "three-points-too-likely",
-    "the outer points ±√(3h) have probability 1/5 and not 1/6: E ΔW² is 1.2 h",
-    _three(1 / 5, math.sqrt(3.0)),
-)
-_of_points(
-    "three-points-second-moment-only",
-    "±√(2h) with probability ¼: E ΔW² is h, E ΔW⁴ is 2h² and not 3h²",
-    _three(1 / 4, math.sqrt(2.0)),
-)
+_WEAK = ("local-weak", "weak-order")
+SABOTEURS.rows(
+    ("two-points-for-three",
+     "increments of two points are taken where weak order 2 needs three: E ΔW⁴ is h² and not 3h²",
+     _with("two-point"), _WEAK),
+    ("three-points-too-likely", "the outer points ±√(3h) have probability 1/5 and not 1/6: E ΔW² is 1.2 h",
+     _three(1 / 5, math.sqrt(3.0)), _WEAK),
+    ("three-points-second-moment-only", "±√(2h) with probability ¼: E ΔW² is h, E ΔW⁴ is 2h² and not 3h²",
+     _three(1 / 4, math.sqrt(2.0)), _WEAK),
+)  # fmt: skip

@@ -180,19 +180,13 @@ def column_without_noise(step: Step, problem: Problem, y: Array, h: float, dW: A
     return y1 if problem.noises else y1.reshape(*y1.shape, 1)
 
 
-@SABOTEURS.around("the answer is of single precision", _CONTRACT)
-def returns_float32(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Any:
-    return step(problem, y, h, dW).astype(np.float32)
-
-
-@SABOTEURS.around("the answer is complex", _CONTRACT)
-def returns_complex(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Any:
-    return step(problem, y, h, dW).astype(np.complex128)
-
-
-@SABOTEURS.around("the answer is a list", _CONTRACT)
-def returns_a_list(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Any:
-    return step(problem, y, h, dW).tolist()
+SABOTEURS.answer(
+    "returns-float32", "the answer is of single precision", _CONTRACT, lambda _, y1: y1.astype(np.float32)
+)
+SABOTEURS.answer(
+    "returns-complex", "the answer is complex", _CONTRACT, lambda _, y1: y1.astype(np.complex128)
+)
+SABOTEURS.answer("returns-a-list", "the answer is a list", _CONTRACT, lambda _, y1: y1.tolist())
 
 
 @SABOTEURS.around("the step is not made where Δ < 0", ("energy", "reference"))

@@ -15,7 +15,7 @@ from sepv.problem import Array, Problem
 from sepv.problem._fields import matvec
 from sepv.schemes import energy_preserving as original
 from sepv.schemes._energy_preserving import formula
-from sepv.schemes._one_step import drift_and_noise
+from sepv.schemes._one_step import Parts, drift_and_noise
 from sepv.schemes._scheme import Step
 from sepv.solve import Fields
 
@@ -32,47 +32,33 @@ _SIZES = (
 )
 
 
-def _stepping(name: str, broken: str, delta: Callable[[Array, float, Array], Array], laws: Laws) -> None:
-    """(2.1) with another Δ, given c as a column (m, 1), h and the increments (m, M)."""
-    make = implicit(formula, lambda problem, h, noise: delta(problem.c[:, None], h, noise)[None])
-    SABOTEURS.add(name, broken, make, laws)
+# Name, what is broken, its laws, and Δ (M,) of c as a column (m, 1), h and the increments w (m, M).
+Wrong = tuple[str, str, Laws, Callable[[Any, Any, Any], Any]]
+
+
+def _stepping(*rows: Wrong) -> None:
+    """(2.1) with another Δ."""
+
+    def parts(delta: Callable[[Any, Any, Any], Any]) -> Parts:
+        return lambda problem, h, noise: delta(problem.c[:, None], h, noise)[None]
+
+    for name, broken, laws, delta in rows:
+        SABOTEURS.add(name, broken, implicit(formula, parts(delta)), laws)
 
 
 _stepping(
-    "drift-dropped", "Δ has no h", lambda c, _h, w: np.sum(c * w, axis=0), ("identity", "random-step", *_MEAN)
-)
-_stepping(
-    "noise-dropped",
-    "Δ has no noise",
-    lambda _c, h, w: np.full(w.shape[1], h),
-    ("identity", "random-step", *_MEAN),
-)
-_stepping(
-    "noise-sign",
-    "the noise has the wrong sign",
-    lambda c, h, w: h - np.sum(c * w, axis=0),
-    ("identity", "random-step", *_STEP, *_LIMIT),
-)
-_stepping("c-squared", "c is squared", lambda c, h, w: h + np.sum(c**2 * w, axis=0), _SIZES)
-_stepping("c-forgotten", "every c is 1", lambda _c, h, w: h + np.sum(w, axis=0), _SIZES)
-_stepping(
-    "sqrt-h",
-    "the increments are taken for standard normals and multiplied by √h",
-    lambda c, h, w: h + math.sqrt(h) * np.sum(c * w, axis=0),
-    ("identity", "random-step", *_MEAN),
-)
-_stepping(
-    "absolute-increments",
-    "|ΔW| stands for ΔW",
-    lambda c, h, w: h + np.sum(c * np.abs(w), axis=0),
-    ("identity", "symmetry", "random-step", "noise-sum", *_MEAN),
-)
-_stepping(
-    "absolute-step",
-    "|Δ| stands for Δ",
-    lambda c, h, w: np.abs(h + np.sum(c * w, axis=0)),
-    ("symmetry", *_MEAN),
-)
+    ("drift-dropped", "Δ has no h", ("identity", "random-step", *_MEAN), lambda c, _h, w: np.sum(c * w, axis=0)),
+    ("noise-dropped", "Δ has no noise", ("identity", "random-step", *_MEAN), lambda _c, h, w: np.full(w.shape[1], h)),
+    ("noise-sign", "the noise has the wrong sign", ("identity", "random-step", *_STEP, *_LIMIT),
+     lambda c, h, w: h - np.sum(c * w, axis=0)),
+    ("c-squared", "c is squared", _SIZES, lambda c, h, w: h + np.sum(c**2 * w, axis=0)),
+    ("c-forgotten", "every c is 1", _SIZES, lambda _c, h, w: h + np.sum(w, axis=0)),
+    ("sqrt-h", "the increments are taken for standard normals and multiplied by √h",
+     ("identity", "random-step", *_MEAN), lambda c, h, w: h + math.sqrt(h) * np.sum(c * w, axis=0)),
+    ("absolute-increments", "|ΔW| stands for ΔW", ("identity", "symmetry", "random-step", "noise-sum", *_MEAN),
+     lambda c, h, w: h + np.sum(c * np.abs(w), axis=0)),
+    ("absolute-step", "|Δ| stands for Δ", ("symmetry", *_MEAN), lambda c, h, w: np.abs(h + np.sum(c * w, axis=0))),
+)  # fmt: skip
 
 
 @SABOTEURS.formula(
@@ -85,23 +71,13 @@ def positive_step_only(fields: Fields, y: Any, z: Any, step: Any) -> Any:
 
 
 _stepping(
-    "first-noise-only",
-    "only the first noise is seen",
-    lambda c, h, w: h + np.sum((c * w)[:1], axis=0),
-    _SEVERAL + _LOCAL,
-)
-_stepping(
-    "one-noise-in-law",
-    "several noises are replaced by one of the same variance",
-    lambda c, h, w: h + np.linalg.norm(c) * np.sum(w[:1], axis=0),
-    _SEVERAL,
-)
-_stepping(
-    "noises-reversed",
-    "the c_j are taken in the wrong order",
-    lambda c, h, w: h + np.sum(c[::-1] * w, axis=0),
-    _SEVERAL,
-)
+    ("first-noise-only", "only the first noise is seen", _SEVERAL + _LOCAL,
+     lambda c, h, w: h + np.sum((c * w)[:1], axis=0)),
+    ("one-noise-in-law", "several noises are replaced by one of the same variance", _SEVERAL,
+     lambda c, h, w: h + np.linalg.norm(c) * np.sum(w[:1], axis=0)),
+    ("noises-reversed", "the c_j are taken in the wrong order", _SEVERAL,
+     lambda c, h, w: h + np.sum(c[::-1] * w, axis=0)),
+)  # fmt: skip
 
 
 @SABOTEURS.around("increments are clipped at one standard deviation", ("identity", "random-step", *_SEVERAL))
@@ -126,24 +102,14 @@ SABOTEURS.add(
     ("truncation", "local-mean-square"),
 )
 _stepping(
-    "noise-too-large",
-    "every increment is too large by a factor of 1.0001",
-    lambda c, h, w: h + 1.0001 * np.sum(c * w, axis=0),
     # Not noise-sum: one noise of the same sum is too large by the same share.
-    ("identity", "random-step", *_STEP, *_LOCAL),
-)
-_stepping(
-    "drift-too-large",
-    "the drift is too large by a factor of 1.001",
-    lambda c, h, w: 1.001 * h + np.sum(c * w, axis=0),
-    ("identity", "random-step", *_STEP, *_LOCAL),
-)
-_stepping(
-    "fifth-noise-dropped",
-    "four noises are seen, and no more",
-    lambda c, h, w: h + np.sum((c * w)[:4], axis=0),
-    _LOCAL,
-)
+    ("noise-too-large", "every increment is too large by a factor of 1.0001",
+     ("identity", "random-step", *_STEP, *_LOCAL), lambda c, h, w: h + 1.0001 * np.sum(c * w, axis=0)),
+    ("drift-too-large", "the drift is too large by a factor of 1.001", ("identity", "random-step", *_STEP, *_LOCAL),
+     lambda c, h, w: 1.001 * h + np.sum(c * w, axis=0)),
+    ("fifth-noise-dropped", "four noises are seen, and no more", _LOCAL,
+     lambda c, h, w: h + np.sum((c * w)[:4], axis=0)),
+)  # fmt: skip
 
 
 @SABOTEURS.formula(
@@ -186,11 +152,9 @@ def trapezoidal_drift(fields: Fields, y: Any, z: Any, step: Any) -> Any:
 
 
 _stepping(
-    "absolute-h",
-    "|h| stands for h, so that no step leads back",
-    lambda c, h, w: abs(h) + np.sum(c * w, axis=0),
-    ("symmetry",),
-)
+    ("absolute-h", "|h| stands for h, so that no step leads back", ("symmetry",),
+     lambda c, h, w: abs(h) + np.sum(c * w, axis=0)),
+)  # fmt: skip
 
 
 @SABOTEURS.formula(

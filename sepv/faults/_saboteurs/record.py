@@ -26,26 +26,14 @@ Fault = TypeVar("Fault", bound=Callable[..., Any])
 
 @dataclass(frozen=True)
 class Saboteur:
-    """A scheme that claims all that (2.1) claims, with one thing broken.
-
-    Attributes
-    ----------
-    broken : str
-        What is wrong, in one sentence.
-    make : () -> Scheme
-        A new scheme, which remembers nothing of the calls that another one has had.
-    caught_by : tuple of law names
-        The laws that must catch it, by theory.
-    thread : str
-        Where the fault was found in a real program; empty for one that was thought of.
-    """
+    """A scheme that claims all that (2.1) claims, with one thing broken."""
 
     name: str
     family: str
-    broken: str
-    make: Callable[[], Scheme]
-    caught_by: tuple[str, ...]
-    thread: str = ""
+    broken: str  # what is wrong, in one sentence
+    make: Callable[[], Scheme]  # a new one, which remembers nothing of the calls that another has had
+    caught_by: tuple[str, ...]  # the laws that must catch it, by theory
+    thread: str = ""  # where the fault was found in a real program; empty for one that was thought of
 
     @property
     def scheme(self) -> Scheme:
@@ -114,6 +102,15 @@ class Family(list[Saboteur]):
         """One more."""
         self.append(Saboteur(name, self.name, broken, make, laws, thread))
 
+    def rows(self, *rows: tuple[str, str, Callable[[], Scheme], Laws]) -> None:
+        """More of them: name, what is broken, `make` and the laws."""
+        for row in rows:
+            self.add(*row)
+
+    def like(self, right: Scheme, broken: str, laws: Laws) -> Callable[[Fault], Fault]:
+        """Decorates another step for a scheme, whose claims it keeps."""
+        return self.made(broken, laws, partial(imitating, right))
+
     def made(
         self, broken: str, laws: Laws, by: Callable[[Any], Callable[[], Scheme]]
     ) -> Callable[[Fault], Fault]:
@@ -128,6 +125,12 @@ class Family(list[Saboteur]):
     def formula(self, broken: str, laws: Laws, **more: Any) -> Callable[[Fault], Fault]:
         """Decorates another right side."""
         return self.made(broken, laws, lambda R: implicit(R, **more))
+
+    def answer(self, name: str, broken: str, laws: Laws, change: Callable[[Array, Array], Any]) -> None:
+        """One more, which gives change(y, y1) for the right y1."""
+        self.add(
+            name, broken, around(lambda step, problem, y, h, dW: change(y, step(problem, y, h, dW))), laws
+        )
 
     def around(self, broken: str, laws: Laws, memory: Any = None) -> Callable[[Fault], Fault]:
         """Decorates what is put around the right step."""

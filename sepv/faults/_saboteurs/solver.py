@@ -74,18 +74,9 @@ def _iterated(
     return explicit(update)
 
 
-SABOTEURS.add(
-    "stopped-at-1e-8",
-    "the fixed-point iteration stops at a relative correction of 1e-8",
-    _iterated(_fixed_point, 60, 1e-8),
-    _SEEN,
-)
-SABOTEURS.add(
-    "stopped-at-1e-12",
-    "the fixed-point iteration stops at a relative correction of 1e-12",
-    _iterated(_fixed_point, 60, 1e-12),
-    _SEEN,
-)
+for _size in ("1e-8", "1e-12"):
+    _broken = f"the fixed-point iteration stops at a relative correction of {_size}"
+    SABOTEURS.add(f"stopped-at-{_size}", _broken, _iterated(_fixed_point, 60, float(_size)), _SEEN)
 
 
 @SABOTEURS.made("Newton's iteration stops at a residual of 1e-10", _SEEN, explicit)
@@ -99,27 +90,17 @@ def residual_of_1e_10(problem: Problem, y0: Array, step: Array) -> Array:
     return y0 + z
 
 
-SABOTEURS.add(
-    "understated-tolerance",
-    "the solver stops at 1e-8 and states a tolerance of 1e-13",
-    lambda: replace(_iterated(_fixed_point, 60, 1e-8)(), solver_tolerance=1e-13),
-    _SEEN,
-)
-SABOTEURS.add("newton-once", "one iteration of Newton, whatever it leaves", _iterated(_newton, 1), _SEEN)
-SABOTEURS.add("newton-twice", "two iterations of Newton, whatever they leave", _iterated(_newton, 2), _SEEN)
-SABOTEURS.add(
-    "newton-thrice",
-    "three iterations of Newton, whatever they leave",
-    _iterated(_newton, 3),
+SABOTEURS.rows(
+    ("understated-tolerance", "the solver stops at 1e-8 and states a tolerance of 1e-13",
+     lambda: replace(_iterated(_fixed_point, 60, 1e-8)(), solver_tolerance=1e-13), _SEEN),
+    ("newton-once", "one iteration of Newton, whatever it leaves", _iterated(_newton, 1), _SEEN),
+    ("newton-twice", "two iterations of Newton, whatever they leave", _iterated(_newton, 2), _SEEN),
     # A Casimir and the midpoint rule are met to rounding inside the contraction radius.
-    tuple(law for law in _SEEN if law not in ("casimir", "midpoint")),
-)
-SABOTEURS.add(
-    "newton-four-times",
-    "four iterations of Newton: right for all but long steps",
-    _iterated(_newton, 4),
-    ("energy",),
-)
+    ("newton-thrice", "three iterations of Newton, whatever they leave", _iterated(_newton, 3),
+     tuple(law for law in _SEEN if law not in ("casimir", "midpoint"))),
+    ("newton-four-times", "four iterations of Newton: right for all but long steps", _iterated(_newton, 4),
+     ("energy",)),
+)  # fmt: skip
 
 
 @SABOTEURS.around(
@@ -131,28 +112,13 @@ def one_evaluation_more(step: Step, problem: Problem, y: Array, h: float, dW: Ar
     return y + right_side(problem, y, step(problem, y, h, dW), random_step(problem, h, dW))
 
 
-SABOTEURS.add(
-    "frozen-jacobian",
-    "six iterations of Newton with the Jacobian of the first",
-    _iterated(_frozen_newton, 6),
-    _SEEN,
-)
-SABOTEURS.add(
-    "fixed-point-thrice",
-    "the fixed-point iteration stops silently after three times",
-    _iterated(_fixed_point, 3),
-    _SEEN,
-)
-SABOTEURS.add(
-    "silent-cap",
-    "the fixed-point iteration stops silently after 60 times, converged or not",
-    _iterated(_fixed_point, 60, 0.5 * EPS),
+SABOTEURS.rows(
+    ("frozen-jacobian", "six iterations of Newton with the Jacobian of the first", _iterated(_frozen_newton, 6), _SEEN),
+    ("fixed-point-thrice", "the fixed-point iteration stops silently after three times", _iterated(_fixed_point, 3),
+     _SEEN),
     # Not energy: long steps overflow, which is an error of that law.
-    ("rounding",),
-)
-SABOTEURS.add(
-    "lanes-stop-together",
-    "all states of a batch stop iterating when the first of them has converged",
-    _iterated(_newton, 20, 1e-9, together=True),
-    ("reproducibility",),
-)
+    ("silent-cap", "the fixed-point iteration stops silently after 60 times, converged or not",
+     _iterated(_fixed_point, 60, 0.5 * EPS), ("rounding",)),
+    ("lanes-stop-together", "all states of a batch stop iterating when the first of them has converged",
+     _iterated(_newton, 20, 1e-9, together=True), ("reproducibility",)),
+)  # fmt: skip

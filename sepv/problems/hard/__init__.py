@@ -6,26 +6,15 @@
 from __future__ import annotations
 
 from sepv.errors import UsageError
-from sepv.problems.hard import _fields, _mechanics, _populations, _scales, _steps
+from sepv.problems.hard import _fields, _mechanics, _scales, _steps
 from sepv.problems.hard._hard_case import HardCase as HardCase
 from sepv.problems.hard._hard_case import Sample as Sample
 
-CATALOGUE: tuple[HardCase, ...] = (
-    *_steps.CASES,
-    *_mechanics.CASES,
-    *_populations.CASES,
-    *_scales.CASES,
-    *_fields.CASES,
-)
+CATALOGUE: tuple[HardCase, ...] = (*_steps.CASES, *_mechanics.CASES, *_scales.CASES, *_fields.CASES)
 
 
 def by_name(name: str) -> HardCase:
-    """A case of the catalogue; hyphens and underscores are the same.
-
-    Raises
-    ------
-    UsageError
-    """
+    """A case of the catalogue; hyphens and underscores are the same. Raises UsageError."""
     for case in CATALOGUE:
         if case.name == name.replace("_", "-"):
             return case

@@ -30,6 +30,7 @@ class HardCase:
 
     Attributes
     ----------
+    name : str
     reason : str
         What is hard.
     expected : str
@@ -87,13 +88,19 @@ def split(
     return h, (sizes(rng, low, high, (1, lanes)) - h) / c
 
 
-def box(d: int, low: float, high: float) -> Callable[[np.random.Generator, int], Sample]:
+Sampler = Callable[[np.random.Generator, int], Sample]
+
+
+def steps(
+    low: float, high: float, states: Callable[[np.random.Generator, int], Array], c: float = 1.0
+) -> Sampler:
+    """Steps from random states (d, lanes), with Δ as in `split`."""
+    return lambda rng, lanes: Sample(states(rng, lanes), *split(rng, low, high, lanes, c))
+
+
+def box(d: int, low: float, high: float) -> Sampler:
     """States in ±1.5, and Δ as in `split`."""
-
-    def sample(rng: np.random.Generator, lanes: int) -> Sample:
-        return Sample(rng.uniform(-1.5, 1.5, (d, lanes)), *split(rng, low, high, lanes))
-
-    return sample
+    return steps(low, high, lambda rng, lanes: rng.uniform(-1.5, 1.5, (d, lanes)))
 
 
 UNIT3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

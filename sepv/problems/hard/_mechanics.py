@@ -1,17 +1,23 @@
-"""Hard states of mechanics: separatrices, extreme inertia, large angles, chaos, collisions, steep walls."""
+"""Hard states: separatrices, extreme inertia, large angles, chaos, collisions, steep walls.
+
+Lotka-Volterra (§4.4) next to the axes, and at steps for which no solution exists.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from sepv.problem import NamedProblem, PolynomialSystem
-from sepv.problems._canonical import canonical
-from sepv.problems.hard._hard_case import REFUSALS, HardCase, Sample, sizes, split
+from sepv.problem import Array, NamedProblem, PolynomialSystem
+from sepv.problems._common import canonical
+from sepv.problems.hard._hard_case import REFUSALS, HardCase, sizes, steps
 from sepv.record._polynomial import add, polynomial, squares
 
-_SPREAD = (1e-3, 1.0, 1e3)
 _HENON = PolynomialSystem(
     4, add(squares((1.0,) * 4), polynomial(4, {(0, 0, 2, 1): 1.0, (0, 0, 0, 3): -1 / 3})), canonical(4)
+)
+_LOTKA_VOLTERRA = NamedProblem(
+    "lotka-volterra",
+    (("a", (-2.0,)), ("b", (-1.0,)), ("d", (-0.5,)), ("nu", (1.0,)), ("mu", (2.0,)), ("noise", (0.5,))),
 )
 
 
@@ -19,66 +25,53 @@ def _rigid(inertia: tuple[float, float, float]) -> NamedProblem:
     return NamedProblem("rigid-body", (("inertia", inertia), ("noise", (1.0,))))
 
 
-def _middle_axis(rng: np.random.Generator, lanes: int) -> Sample:
-    y = np.stack(
-        [sizes(rng, 1e-16, 0.1, lanes), rng.choice([-1.0, 1.0], lanes), sizes(rng, 1e-16, 0.1, lanes)]
-    )
-    return Sample(y, *split(rng, 1e-3, 1.0, lanes))
+def _middle_axis(rng: np.random.Generator, lanes: int) -> Array:
+    signs = [-1.0, 1.0]
+    return np.stack([sizes(rng, 1e-16, 0.1, lanes), rng.choice(signs, lanes), sizes(rng, 1e-16, 0.1, lanes)])
 
 
-def _spread_inertia(rng: np.random.Generator, lanes: int) -> Sample:
+def _spread_inertia(rng: np.random.Generator, lanes: int) -> Array:
     y = rng.standard_normal((3, lanes))
-    return Sample(y / np.sqrt((y * y).sum(axis=0)), *split(rng, 1e-6, 1e-1, lanes))
+    return y / np.sqrt((y * y).sum(axis=0))
 
 
-def _separatrix(rng: np.random.Generator, lanes: int) -> Sample:
+def _separatrix(rng: np.random.Generator, lanes: int) -> Array:
     """H = 1: p = ±2 cos(q/2), with q down to 1e-16 from the upper equilibrium."""
     q = rng.choice([-1.0, 1.0], lanes) * (np.pi - np.abs(sizes(rng, 1e-16, np.pi, lanes)))
     p = 2 * np.cos(q / 2) * rng.choice([-1.0, 1.0], lanes)
-    return Sample(np.stack([p, q]), *split(rng, 1e-3, 1.0, lanes))
+    return np.stack([p, q])
 
 
-def _far_angles(rng: np.random.Generator, lanes: int) -> Sample:
-    y = np.stack([rng.uniform(-3, 3, lanes), sizes(rng, 1e6, 1e8, lanes)])
-    return Sample(y, *split(rng, 1e-3, 1.0, lanes))
-
-
-def _chaos(rng: np.random.Generator, lanes: int) -> Sample:
+def _chaos(rng: np.random.Generator, lanes: int) -> Array:
     """H between 1/8 and 1/6, inside the triangle that bounds the motion: the chaotic range."""
     radius, angle = 0.3 * np.sqrt(rng.random(lanes)), rng.uniform(0, 2 * np.pi, lanes)
     q = np.stack([radius * np.cos(angle), radius * np.sin(angle)])
     potential = 0.5 * (q * q).sum(axis=0) + q[0] * q[0] * q[1] - q[1] ** 3 / 3
-    speed, turn = (
-        np.sqrt(2 * (rng.uniform(1 / 8, 1 / 6, lanes) - potential)),
-        rng.uniform(0, 2 * np.pi, lanes),
-    )
-    return Sample(
-        np.concatenate([np.stack([speed * np.cos(turn), speed * np.sin(turn)]), q]),
-        *split(rng, 1e-2, 1.0, lanes),
-    )
+    speed = np.sqrt(2 * (rng.uniform(1 / 8, 1 / 6, lanes) - potential))
+    turn = rng.uniform(0, 2 * np.pi, lanes)
+    return np.concatenate([np.stack([speed * np.cos(turn), speed * np.sin(turn)]), q])
 
 
-def _eccentric(rng: np.random.Generator, lanes: int) -> Sample:
+def _eccentric(rng: np.random.Generator, lanes: int) -> Array:
     """All of an orbit of eccentricity 0.99, half of the states next to the pericentre."""
     e = 0.99
-    anomaly = np.where(
-        rng.random(lanes) < 0.5, rng.uniform(-np.pi, np.pi, lanes), sizes(rng, 1e-6, 0.3, lanes)
-    )
+    anywhere, angle = rng.random(lanes) < 0.5, rng.uniform(-np.pi, np.pi, lanes)
+    anomaly = np.where(anywhere, angle, sizes(rng, 1e-6, 0.3, lanes))
     root, radius = np.sqrt(1 - e * e), 1 - e * np.cos(anomaly)
     p = np.stack([-np.sin(anomaly), root * np.cos(anomaly)]) / radius
     q = np.stack([np.cos(anomaly) - e, root * np.sin(anomaly)])
-    return Sample(np.concatenate([p, q]), *split(rng, 1e-5, 1e-1, lanes))
+    return np.concatenate([p, q])
 
 
-def _collision(rng: np.random.Generator, lanes: int) -> Sample:
+def _collision(rng: np.random.Generator, lanes: int) -> Array:
     """Straight at the centre, missing it by 1e-12 to 1e-2: the segment from q0 to q1 passes next to it."""
     y = np.zeros((4, lanes))
     y[2], y[3] = rng.uniform(0.05, 0.5, lanes), sizes(rng, 1e-12, 1e-2, lanes)
     y[0] = -np.sqrt(2 / y[2])
-    return Sample(y, *split(rng, 1e-3, 1.0, lanes))
+    return y
 
 
-def _steep(rng: np.random.Generator, lanes: int) -> Sample:
+def _steep(rng: np.random.Generator, lanes: int) -> Array:
     """Links exp(q_i − q_{i+1}) from e^−300 to e^300, and momenta that shoot Newton's first step far up the wall."""
     y = np.zeros((6, lanes))
     y[:3] = sizes(rng, 1e-2, 1e3, (3, lanes))
@@ -86,76 +79,79 @@ def _steep(rng: np.random.Generator, lanes: int) -> Sample:
     high = rng.random(lanes) < 0.3
     gaps[0, high] = rng.uniform(10, 300, int(high.sum()))
     y[4], y[5] = -gaps[0], -gaps[0] - gaps[1]
-    return Sample(y, *split(rng, 1e-4, 1.0, lanes))
+    return y
+
+
+def _axes(rng: np.random.Generator, lanes: int) -> Array:
+    """Each component 1 or so, or down to 1e-150."""
+    small, size = rng.random((3, lanes)) < 0.5, np.abs(sizes(rng, 1e-150, 1e-3, (3, lanes)))
+    return np.where(small, size, rng.uniform(0.3, 2, (3, lanes)))
+
+
+def _coarse(rng: np.random.Generator, lanes: int) -> Array:
+    return np.array([[1.0], [1.9], [0.5]]) * rng.uniform(0.5, 2.0, (3, lanes))
 
 
 CASES = (
     HardCase(
-        name="rigid-body-middle-axis",
-        reason="next to the unstable middle axis, on its separatrix to 1e-16",
-        expected="solved: |y1| = |y0| bounds every solution, so that one exists for every Δ",
-        data=_rigid((0.345, 0.653, 1.0)),
-        sample=_middle_axis,
-        laws=("energy", "casimir", "symmetry"),
+        "rigid-body-middle-axis", "next to the unstable middle axis, on its separatrix to 1e-16",
+        "solved: |y1| = |y0| bounds every solution, so that one exists for every Δ",
+        _rigid((0.345, 0.653, 1.0)), steps(1e-3, 1.0, _middle_axis), laws=("energy", "casimir", "symmetry"),
     ),
     HardCase(
-        name="rigid-body-inertia-1e6",
-        reason="moments of inertia 1 : 10^6, |Δ| up to a hundred periods of the fastest rotation",
-        expected="a solution exists for every Δ (|y1| = |y0|), but the branch from y0 may turn back before; "
+        "rigid-body-inertia-1e6",
+        "moments of inertia 1 : 10^6, |Δ| up to a hundred periods of the fastest rotation",
+        "a solution exists for every Δ (|y1| = |y0|), but the branch from y0 may turn back before; "
         "Newton finds one or says that it does not",
-        data=_rigid(_SPREAD),
-        sample=_spread_inertia,
-        refusals=("NO_CONVERGENCE", "SINGULAR"),
+        _rigid((1e-3, 1.0, 1e3)), steps(1e-6, 1e-1, _spread_inertia), refusals=("NO_CONVERGENCE", "SINGULAR"),
         laws=("energy", "casimir"),
     ),
     HardCase(
-        name="pendulum-separatrix",
-        reason="H = 1, down to 1e-16 from the upper equilibrium, where all terms of H cancel",
-        expected="solved; the equilibrium itself is a state at rest",
-        data=NamedProblem("pendulum", (("noise", (1.0,)),)),
-        sample=_separatrix,
+        "pendulum-separatrix", "H = 1, down to 1e-16 from the upper equilibrium, where all terms of H cancel",
+        "solved; the equilibrium itself is a state at rest",
+        NamedProblem("pendulum", (("noise", (1.0,)),)), steps(1e-3, 1.0, _separatrix),
         laws=("energy", "symmetry"),
     ),
     HardCase(
-        name="pendulum-far-angles",
-        reason="angles of 10^6 to 10^8: an ulp of q is up to 1.5e-8 and moves H by as much",
-        expected="solved; the defect is an ulp of q times sin q, which is what the unit |∇H||y| eps says",
-        data=NamedProblem("pendulum", (("noise", (1.0,)),)),
-        sample=_far_angles,
+        "pendulum-far-angles", "angles of 10^6 to 10^8: an ulp of q is up to 1.5e-8 and moves H by as much",
+        "solved; the defect is an ulp of q times sin q, which is what the unit |∇H||y| eps says",
+        NamedProblem("pendulum", (("noise", (1.0,)),)),
+        steps(1e-3, 1.0, lambda rng, n: np.stack([rng.uniform(-3, 3, n), sizes(rng, 1e6, 1e8, n)])),
     ),
     HardCase(
-        name="henon-heiles",
-        reason="energies from 1/8 to 1/6: chaotic, at the edge of the unbounded region",
-        expected="solved where the branch from y0 reaches; large steps may end at a fold",
-        data=_HENON,
-        sample=_chaos,
-        refusals=("NO_CONVERGENCE", "SINGULAR"),
+        "henon-heiles", "energies from 1/8 to 1/6: chaotic, at the edge of the unbounded region",
+        "solved where the branch from y0 reaches; large steps may end at a fold",
+        _HENON, steps(1e-2, 1.0, _chaos), refusals=("NO_CONVERGENCE", "SINGULAR"),
     ),
     HardCase(
-        name="kepler-0.99",
-        reason="eccentricity 0.99: ∇H varies by 10^4 along the orbit, next to the pericentre within a step",
-        expected="solved for steps shorter than the passage; beyond, Newton finds a solution or says not",
-        data=NamedProblem("kepler", (("eccentricity", (0.99,)), ("noise", (1.0,)))),
-        sample=_eccentric,
-        refusals=REFUSALS,
-        laws=(),
+        "kepler-0.99",
+        "eccentricity 0.99: ∇H varies by 10^4 along the orbit, next to the pericentre within a step",
+        "solved for steps shorter than the passage; beyond, Newton finds a solution or says not",
+        NamedProblem("kepler", (("eccentricity", (0.99,)), ("noise", (1.0,)))), steps(1e-5, 1e-1, _eccentric),
+        refusals=REFUSALS, laws=(),
     ),
     HardCase(
-        name="kepler-collision",
-        reason="the segment from q0 to q1 passes the centre by 1e-12 to 1e-2, where ∫∇H dτ is singular",
-        expected="solved short of the centre; a step over it is refused or solves (2.1) on the other side",
-        data=NamedProblem("kepler", (("eccentricity", (0.99,)), ("noise", (1.0,)))),
-        sample=_collision,
-        refusals=REFUSALS,
-        laws=(),
+        "kepler-collision",
+        "the segment from q0 to q1 passes the centre by 1e-12 to 1e-2, where ∫∇H dτ is singular",
+        "solved short of the centre; a step over it is refused or solves (2.1) on the other side",
+        NamedProblem("kepler", (("eccentricity", (0.99,)), ("noise", (1.0,)))), steps(1e-3, 1.0, _collision),
+        refusals=REFUSALS, laws=(),
     ),
     HardCase(
-        name="toda-steep",
-        reason="exponentials from e^-300 to e^300 and momenta up to 10^3: iterates overflow long before y1 does",
-        expected="solved where damping brings the iterates back; never an overflow that passes for a value",
-        data=NamedProblem("toda", (("particles", (3.0,)), ("noise", (1.0,)))),
-        sample=_steep,
-        refusals=REFUSALS,
-        laws=(),
+        "toda-steep",
+        "exponentials from e^-300 to e^300 and momenta up to 10^3: iterates overflow long before y1 does",
+        "solved where damping brings the iterates back; never an overflow that passes for a value",
+        NamedProblem("toda", (("particles", (3.0,)), ("noise", (1.0,)))), steps(1e-4, 1.0, _steep),
+        refusals=REFUSALS, laws=(),
     ),
-)
+    HardCase(
+        "lotka-volterra-axes", "components down to 1e-150: ∇H up to 1e150 meets B that vanishes as fast",
+        "solved; damped into y > 0 where a full Newton step leaves it",
+        _LOTKA_VOLTERRA, steps(1e-4, 2.0**-5, _axes, c=0.5),
+    ),
+    HardCase(
+        "lotka-volterra-coarse", "|Δ| from 0.1 to 4: the branch of solutions from y0 ends at a fold",
+        "solved before the fold, refused beyond: no energy level is bounded, and no solution need exist",
+        _LOTKA_VOLTERRA, steps(0.1, 4.0, _coarse, c=0.5), refusals=REFUSALS,
+    ),
+)  # fmt: skip

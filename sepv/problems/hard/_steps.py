@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from sepv.problem import NamedProblem, PolynomialSystem
-from sepv.problems._canonical import canonical, hat
+from sepv.problems._common import canonical, hat
 from sepv.problems.hard._hard_case import UNIT3, HardCase, Sample, sizes
 from sepv.record._polynomial import polynomial, squares
 
 _QUARTIC = polynomial(2, {(2, 0): 0.5, (0, 4): 0.25, (0, 2): -0.5, (1, 3): 0.125})
-_TOP = PolynomialSystem(3, squares((1.0, 2.0, 3.0)), hat(), (1.0,), (UNIT3,))
 
 
 def _about_one(rng: np.random.Generator, d: int, lanes: int) -> np.ndarray:
@@ -49,36 +48,26 @@ def _truncated(rng: np.random.Generator, lanes: int) -> Sample:
 
 CASES = (
     HardCase(
-        name="tiny-steps",
-        reason="|Δ| from 1e-12 down to 1e-300: y1 − y0 is far below an ulp of y",
-        expected="solved in an iteration or two, nothing divided by Δ",
-        data=_TOP,
-        sample=_tiny,
+        "tiny-steps", "|Δ| from 1e-12 down to 1e-300: y1 − y0 is far below an ulp of y",
+        "solved in an iteration or two, nothing divided by Δ",
+        PolynomialSystem(3, squares((1.0, 2.0, 3.0)), hat(), (1.0,), (UNIT3,)), _tiny,
         laws=("energy", "casimir", "reference", "symmetry"),
     ),
     HardCase(
-        name="zero-step",
-        reason="h and the noise cancel to Δ = 0",
-        expected="y1 = y0 to the bit wherever the scheme is a function of Δ",
-        data=PolynomialSystem(2, _QUARTIC, canonical(2)),
-        sample=_zero,
-        laws=("energy", "identity"),
+        "zero-step", "h and the noise cancel to Δ = 0",
+        "y1 = y0 to the bit wherever the scheme is a function of Δ",
+        PolynomialSystem(2, _QUARTIC, canonical(2)), _zero, laws=("energy", "identity"),
     ),
     HardCase(
-        name="cancelling-step",
-        reason="h + ΔW cancels to anything from 2^-52 h to h, of either sign",
-        expected="solved; backwards steps are steps",
-        data=PolynomialSystem(2, _QUARTIC, canonical(2)),
-        sample=_cancelling,
-        laws=("energy", "symmetry"),
+        "cancelling-step", "h + ΔW cancels to anything from 2^-52 h to h, of either sign",
+        "solved; backwards steps are steps",
+        PolynomialSystem(2, _QUARTIC, canonical(2)), _cancelling, laws=("energy", "symmetry"),
     ),
     HardCase(
-        name="truncation-bound",
-        reason="increments at √h A_h of Remark 2.1 and up to four times beyond, from h = 1/2 down",
-        expected="solved: the energy level bounds p, so that a solution exists for every Δ; "
+        "truncation-bound",
+        "increments at √h A_h of Remark 2.1 and up to four times beyond, from h = 1/2 down",
+        "solved: the energy level bounds p, so that a solution exists for every Δ; "
         "for |Δ| of several units Newton may miss it and then says so",
-        data=NamedProblem("pendulum", (("noise", (1.0,)),)),
-        sample=_truncated,
-        refusals=("NO_CONVERGENCE", "SINGULAR"),
+        NamedProblem("pendulum", (("noise", (1.0,)),)), _truncated, refusals=("NO_CONVERGENCE", "SINGULAR"),
     ),
-)
+)  # fmt: skip

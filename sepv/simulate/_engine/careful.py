@@ -13,22 +13,8 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from sepv.simulate._engine import module
 from sepv.simulate._engine.functions import next_is_small, pivoted
-from sepv.simulate._engine.module import (
-    BROKEN,
-    EQUATION,
-    FIRST,
-    GRADIENT,
-    HESSIAN,
-    INSIDE,
-    LEFT_DOMAIN,
-    NO_CONVERGENCE,
-    QUADRATURE,
-    SINGULAR,
-    STRUCTURE,
-    TINY,
-    TURNED,
-)
 from sepv.simulate._engine.signatures import CAREFUL, address, call_problem
 from sepv.solve._ends import ROUNDING, STAGNATION
 from sepv.solve._newton import MAX_HALVINGS, MAX_ITERATIONS
@@ -72,7 +58,7 @@ def _averages(
     first, last = _nodes(shape, rule)
     for n in range(first, last):
         _state(y, z, table, n, s, u)
-        call_problem(problem, (GRADIENT, u, u, none, t, P))
+        call_problem(problem, (module.GRADIENT, u, u, none, t, P))
         for r in range(d):
             largest = max(largest, abs(t[r]))
             for i in range(s):
@@ -103,10 +89,10 @@ def _agrees(I: Any, y: Any, z: Any, P: Any, problem: Any, shape: Any, table: Any
         _state(y, z, table, table.shape[0] - 1, 0, u)
         for i in range(d):
             u[i] = u[i] if end == 1 else y[i]
-        call_problem(problem, (GRADIENT, u, u, none, a, P))
+        call_problem(problem, (module.GRADIENT, u, u, none, a, P))
         for i in range(d):
             u[i] *= 1.0 + 2.0**-26
-        call_problem(problem, (GRADIENT, u, u, none, b, P))
+        call_problem(problem, (module.GRADIENT, u, u, none, b, P))
         for i in range(d):
             turn = max(turn, abs(b[i] - a[i]) * 2.0**26)
     return difference <= 2.0**-52 * ((last - first) * size * widest + 4.0 * turn)
@@ -125,7 +111,7 @@ def _stages_system(
     first, last = _nodes(shape, rule)
     for n in range(first, last):
         _state(y, z, table, n, s, u)
-        call_problem(problem, (HESSIAN, u, u, C, none, P))
+        call_problem(problem, (module.HESSIAN, u, u, C, none, P))
         for i in range(s * s):
             factor = table[n, i // s] * table[n, s + i % s]
             for l in range(d):
@@ -134,10 +120,10 @@ def _stages_system(
     for i in range(s):
         # The stages are the rows before the last.
         _state(y, z, table, table.shape[0] - 1 - s + i, 0, u)
-        call_problem(problem, (STRUCTURE, u, u, B, none, P))
+        call_problem(problem, (module.STRUCTURE, u, u, B, none, P))
         for r in range(d):
             turning[r] = g[i, r]
-        call_problem(problem, (TURNED, u, turning, T, none, P))
+        call_problem(problem, (module.TURNED, u, turning, T, none, P))
         for r in range(d):
             field = 0.0
             for l in range(d):
@@ -159,15 +145,15 @@ def _inside(y: Any, z: Any, P: Any, problem: Any, shape: Any, table: Any, rule: 
     if s == 0:
         for i in range(d):
             u[i] = y[i] + z[i]
-        return call_problem(problem, (INSIDE, u, u, none, u, P)) != 0
+        return call_problem(problem, (module.INSIDE, u, u, none, u, P)) != 0
     first, last = _nodes(shape, rule)
     good = True
     for n in range(first, last):
         _state(y, z, table, n, s, u)
-        good = good and call_problem(problem, (INSIDE, u, u, none, u, P)) != 0
+        good = good and call_problem(problem, (module.INSIDE, u, u, none, u, P)) != 0
     for n in range(table.shape[0] - 1 - s, table.shape[0]):
         _state(y, z, table, n, 0, u)
-        good = good and call_problem(problem, (INSIDE, u, u, none, u, P)) != 0
+        good = good and call_problem(problem, (module.INSIDE, u, u, none, u, P)) != 0
     return good
 
 
@@ -178,13 +164,13 @@ def _newton(  # noqa: PLR0912 - every test in one loop
     """z = R(z) from z, which it changes; the status."""
     n, d = z.size, y.size
     F, K, tried, x = np.empty(n), np.empty((n, n)), np.empty(n), np.empty(2 * d)
-    before, limit = np.inf, FIRST
+    before, limit = np.inf, module.FIRST
     for _ in range(MAX_ITERATIONS):
         I[shape[WORK]] += 1
         if shape[STAGES] == 0:
             for i in range(d):
                 x[i], x[d + i] = y[i], z[i]
-            call_problem(problem, (EQUATION, x, v, K, F, P))
+            call_problem(problem, (module.EQUATION, x, v, K, F, P))
         else:
             _stages_system(I, y, z, v, P, problem, shape, table, rule, K, F)
         residual, total, scale = 0.0, 0.0, 0.0
@@ -193,7 +179,7 @@ def _newton(  # noqa: PLR0912 - every test in one loop
             total += abs(F[i])
             scale = max(scale, abs(y[i % d]) + abs(z[i]))
         if not total < np.inf:
-            return BROKEN
+            return module.BROKEN
         if residual == 0.0:  # a state at rest is a solution, also where the Jacobian is singular
             return 0
         c = pivoted(K, F)
@@ -202,8 +188,8 @@ def _newton(  # noqa: PLR0912 - every test in one loop
             m = max(m, abs(c[i]))
             total += abs(c[i])
         if not total < np.inf:
-            return SINGULAR
-        done = (m <= limit * scale and next_is_small(m, before, scale)) or m <= TINY * scale
+            return module.SINGULAR
+        done = (m <= limit * scale and next_is_small(m, before, scale)) or m <= module.TINY * scale
         small = m <= STAGNATION * scale and residual <= ROUNDING * scale
         done = done or (small and m >= 0.5 * before)
         before, limit, factor, found = m, STAGNATION, 1.0, False
@@ -216,12 +202,12 @@ def _newton(  # noqa: PLR0912 - every test in one loop
             done = False
             factor *= 0.5
         if not found:
-            return LEFT_DOMAIN
+            return module.LEFT_DOMAIN
         for i in range(n):
             z[i] = tried[i]
         if done:
             return 0
-    return NO_CONVERGENCE
+    return module.NO_CONVERGENCE
 
 
 @njit(CAREFUL, error_model="numpy", nogil=True, cache=True)
@@ -241,7 +227,7 @@ def careful(S: Any, I: Any, k: int, P: Any, problem: Any, shape: Any, table: Any
             for i in range(unknowns):
                 S[shape[UNKNOWN_ROWS] + i * L + k] = z[i]
             return 0
-    return QUADRATURE
+    return module.QUADRATURE
 
 
 CAREFULLY = address(careful)

@@ -12,31 +12,16 @@ from sepv.schemes._point_distributions import point_law
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._batch import Ensemble
+from sepv.simulate._engine import module as layout
 from sepv.simulate._engine.compile import FEW, Kernel, kernel
-from sepv.simulate._engine.crew import Halted, halted
-from sepv.simulate._engine.module import (
-    ALIVE,
-    CACHE_LINE,
-    DONE,
-    EVALUATIONS,
-    LANES,
-    NUMBERS,
-    PENDING,
-    STATUS,
-    STRUCTURES,
-    WORK,
-)
 from sepv.simulate._engine.task import Task
-
-# Path-steps between two looks at whether the chunk is still wanted, and at Ctrl-C: some hundredths of a second.
-PIECE = 2**21
 
 
 def aligned(shape: tuple[int, ...], dtype: Any = np.float64) -> np.ndarray:
     """An empty array that begins with a cache line, as registers of 512 bits are: one that lies across takes two."""
     size = math.prod(shape) * np.dtype(dtype).itemsize
-    room = np.empty(size + CACHE_LINE, np.uint8)
-    first = -room.ctypes.data % CACHE_LINE
+    room = np.empty(size + layout.CACHE_LINE, np.uint8)
+    first = -room.ctypes.data % layout.CACHE_LINE
     return room[first : first + size].view(dtype).reshape(shape)
 
 
@@ -46,7 +31,7 @@ class Chunk:
     def __init__(self, task: Task, problem: Problem) -> None:
         from sepv.simulate._engine.store import is_there, ordinary
 
-        lanes = 1 if task.count <= FEW else LANES
+        lanes = 1 if task.count <= FEW else layout.LANES
         self.task, self.problem, self.driver = task, problem, ordinary("driver")
         self.kernel: Kernel = kernel(task.scheme, problem, lanes=lanes, compensated=task.compensated)
         # A chunk begins anew where a lane needs what is not compiled yet; one path is too long for that.
@@ -57,10 +42,13 @@ class Chunk:
         self.start = np.zeros(module.SIZE)
         self.start[: problem.dimension * lanes] = np.repeat(np.asarray(task.y0, dtype=np.float64), lanes)
         module.start(
-            self.start, np.zeros(4 * lanes + NUMBERS, np.int64), np.zeros((1, 1, 1)), self.kernel.parameters
+            self.start,
+            np.zeros(4 * lanes + layout.NUMBERS, np.int64),
+            np.zeros((1, 1, 1)),
+            self.kernel.parameters,
         )
         self.S = aligned((blocks, module.SIZE))
-        self.I = aligned((blocks, 4 * lanes + NUMBERS), np.int64)
+        self.I = aligned((blocks, 4 * lanes + layout.NUMBERS), np.int64)
         self.W = aligned((blocks, m, lanes))
         self.I[:, 4 * lanes :] = 0
         self.grid = wiener.grid(task.steps, task.refine)
@@ -76,26 +64,24 @@ class Chunk:
         """The next `steps` steps."""
         goal = self.done + steps
         self._run(goal)
-        if self.careful == self.driver.LATER and (self._integers(STATUS) == PENDING).any():
+        if self.careful == self.driver.LATER and (self._integers(layout.STATUS) == layout.PENDING).any():
             from sepv.simulate._engine.store import ordinary
 
             ordinary("careful")
             self.__init__(self.task, self.problem)  # type: ignore[misc]  # everything as it was at the start
             self._run(goal)
 
-    def _draw_from(self, blocks: int) -> None:
-        """Room for the streams of so many blocks, the halves that wait, and the coarse increments."""
-        m, grid, streams = self.problem.noises, self.grid, len(self.words)
-        self.rng = aligned((blocks, streams, 4, self.lanes), np.uint64)
-        self.stack = aligned((blocks, streams, m, self.lanes))
-        coarse = grid.base << grid.top if streams and grid.base <= wiener.TOP else 0
-        self.top = aligned((blocks, coarse, m, self.lanes))
-
     def _run(self, goal: int) -> None:
         module = self.kernel.module
         if self.done == 0:
-            # Blocks that are not gone on with take turns: what they draw from stays in the cache.
-            self._draw_from(1 if goal == self.task.steps else len(self.S))
+            # Streams, the halves that wait, and the coarse increments. Blocks that are not gone on with take turns:
+            # what they draw from stays in the cache.
+            blocks = 1 if goal == self.task.steps else len(self.S)
+            m, grid, streams = self.problem.noises, self.grid, len(self.words)
+            self.rng = aligned((blocks, streams, 4, self.lanes), np.uint64)
+            self.stack = aligned((blocks, streams, m, self.lanes))
+            coarse = grid.base << grid.top if streams and grid.base <= wiener.TOP else 0
+            self.top = aligned((blocks, coarse, m, self.lanes))
         self.driver.run(
             self.driver.BEGINNING, self.driver.FILLING, module.ADVANCING, self.careful, module.ASKED, module.SHAPE,
             module.TABLE, self.S, self.I, self.W, self.start, self.task.count, self.words, self.task.first,
@@ -106,7 +92,7 @@ class Chunk:
     @property
     def done(self) -> int:
         """Steps done."""
-        return int(self.I[-1, 4 * self.lanes + DONE])
+        return int(self.I[-1, 4 * self.lanes + layout.DONE])
 
     def _settle(self) -> None:
         """Sets the blocks up, which the first step does else."""
@@ -116,7 +102,7 @@ class Chunk:
     def failed(self) -> bool:
         """Whether no path goes on."""
         self._settle()
-        return not bool(self._integers(ALIVE).any())
+        return not bool(self._integers(layout.ALIVE).any())
 
     def _integers(self, row: int) -> np.ndarray:
         return self.I[:, row * self.lanes : (row + 1) * self.lanes]
@@ -140,8 +126,12 @@ class Chunk:
         """The ends so far."""
         module, L, y = self.kernel.module, self.lanes, self.states()
         sums = self.I[:, 4 * L :].sum(axis=0).tolist()
-        gradients, structures, iterations = (sums[place] for place in (EVALUATIONS, STRUCTURES, WORK))
-        ends = self._paths(self._rows(self.I, STATUS, 2))
+        gradients, structures, iterations = (
+            sums[layout.EVALUATIONS],
+            sums[layout.STRUCTURES],
+            sums[layout.WORK],
+        )
+        ends = self._paths(self._rows(self.I, layout.STATUS, 2))
         energy, casimir = self._rows(self.S, module.ENERGY, 1), self._rows(self.S, module.CASIMIR, 1)
         return Ensemble(
             y=y,
@@ -157,18 +147,3 @@ class Chunk:
             states=kept if kept.size else np.empty((0, self.problem.dimension, self.task.count)),
             engine="compiled",
         )
-
-
-def run_compiled(task: Task, problem: Problem) -> Ensemble:
-    """The chunk's ends, and its states at the stops."""
-    chunk = Chunk(task, problem)
-    kept = np.empty((len(task.stops), problem.dimension, task.count))
-    piece = max(1, PIECE // task.count)
-    for place, stop in enumerate((*task.stops, task.steps)):
-        while chunk.done < stop:
-            if halted():
-                raise Halted
-            chunk.advance(min(piece, stop - chunk.done))
-        if place < len(kept):
-            kept[place] = chunk.states()
-    return chunk.result(kept)

@@ -6,6 +6,7 @@ An expression is None where it is zero, so that sparse B, H″ and B′ cost not
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import reduce
 
 from sepv.record import Polynomial
 
@@ -44,11 +45,6 @@ class CodeBuilder:
             self.parameters.append(value)
         return f"p{self.parameters.index(value)}"
 
-    def call(self, function: str, arguments: Iterable[str], results: int) -> list[str]:
-        """The results of a call, one name for each."""
-        stem = self.let(f"{function}({', '.join(arguments)})")
-        return [stem] if results == 1 else [self.let(f"{stem}[{i}]") for i in range(results)]
-
     def product(self, *factors: Expression) -> Expression:
         """The product from left to right, without factors 1."""
         kept: list[str] = []
@@ -60,20 +56,13 @@ class CodeBuilder:
                 sign = not sign
             elif factor != "(1.0)":
                 kept.append(factor)
-        value = kept[0] if kept else "(1.0)"
-        for factor in kept[1:]:
-            value = self.let(f"{value} * {factor}")
+        value = reduce(lambda a, b: self.let(f"{a} * {b}"), kept or ["(1.0)"])
         return self.let(f"-{value}") if sign and value != "(1.0)" else ("(-1.0)" if sign else value)
 
     def total(self, terms: Iterable[Expression]) -> Expression:
         """The sum from left to right, without terms 0."""
         kept = [t for t in terms if t is not None]
-        if not kept:
-            return None
-        value = kept[0]
-        for term in kept[1:]:
-            value = self.let(f"{value} + {term}")
-        return value
+        return reduce(lambda a, b: self.let(f"{a} + {b}"), kept) if kept else None
 
     def dot(self, row: Sequence[Expression], vector: Sequence[Expression]) -> Expression:
         """Σ row_j vector_j in the order of j."""
@@ -108,14 +97,8 @@ class CodeBuilder:
         return value
 
     def _monomial(self, exponents: Sequence[int], y: Sequence[str]) -> Expression:
-        factors = [self._power(v, e) for v, e in zip(y, exponents, strict=True) if e]
-        return self.product(*factors) if factors else "(1.0)"
-
-    def _power(self, variable: str, exponent: int) -> str:
-        value = variable
-        for _ in range(exponent - 1):
-            value = self.let(f"{value} * {variable}")
-        return value
+        powers = [[v] * e for v, e in zip(y, exponents, strict=True) if e]
+        return self.product(*(reduce(lambda a, b: self.let(f"{a} * {b}"), power) for power in powers))
 
 
 def shown(expression: Expression) -> str:

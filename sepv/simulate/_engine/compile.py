@@ -15,14 +15,13 @@ from sepv.problem._structures import noise_structures
 from sepv.record import CannotRecord, NoClosedForm
 from sepv.schemes import Scheme, Systems
 from sepv.schemes._one_step import each_noise
-from sepv.simulate._engine.explicit import ExplicitWriter
 from sepv.simulate._engine.module import LANES
 from sepv.simulate._engine.newton import NewtonWriter
 from sepv.simulate._engine.projected import ProjectedWriter
 from sepv.simulate._engine.recorded import RecordedProblem
-from sepv.simulate._engine.schemes import Collocation, Formula, Projected, formula_of
+from sepv.simulate._engine.schemes import Collocation, Formula, formula_of
 from sepv.simulate._engine.stages import StagesWriter
-from sepv.simulate._engine.writer import Writer
+from sepv.simulate._engine.writer import ExplicitWriter, Writer
 
 # Up to this many paths run one by one: a block of lanes would be mostly empty. The bits are the same.
 FEW = 8
@@ -41,18 +40,12 @@ class Kernel:
 
     module: ModuleType
     parameters: Array
-    lanes: int
     gradients: int
     structures: int
 
 
 def kernel(scheme: Scheme, problem: Problem, *, lanes: int = LANES, compensated: bool = False) -> Kernel:
-    """The compiled kernel for a scheme and a problem.
-
-    Raises
-    ------
-    CannotCompile
-    """
+    """The compiled kernel for a scheme and a problem; CannotCompile where there is none."""
     if not _installed():
         raise CannotCompile("numba is not installed (pip install numba)")
     formula, code = taken(scheme, problem), code_of(problem)
@@ -82,7 +75,7 @@ def _loaded(code: RecordedProblem, formula: Formula, lanes: int, compensated: bo
     gradients, structures = code.cost(formula.recorded, formula.names(noises))
     # Stages cost what the method of one stage does, and B at each.
     read = np.array([*code.problem.c, *parameters], dtype=np.float64)
-    return Kernel(load(text), read, lanes, gradients, structures * formula.stages)
+    return Kernel(load(text), read, gradients, structures * formula.stages)
 
 
 def _written(
@@ -92,7 +85,7 @@ def _written(
     kind: type[Writer] = NewtonWriter if formula.implicit else ExplicitWriter
     if isinstance(formula, Collocation):
         kind = StagesWriter
-    elif isinstance(formula, Projected):
+    elif formula.projected:
         kind = ProjectedWriter
     writer = kind(problem, formula, noises, lanes, compensated)
     return writer.text(), writer.parameters

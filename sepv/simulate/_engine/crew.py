@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
 from queue import SimpleQueue
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from sepv.errors import UsageError
 
@@ -17,6 +17,8 @@ from sepv.errors import UsageError
 AHEAD = 4
 # Workers of an executor that does not say how many it has.
 UNKNOWN = 16
+# Ctrl-C reaches the processes of a pool as well: they have nothing to say about it.
+_SILENTLY = signal.SIGINT, signal.SIG_DFL
 
 
 class Outcome(NamedTuple):
@@ -25,22 +27,6 @@ class Outcome(NamedTuple):
     number: int
     ok: bool
     result: Any
-
-
-class Crew(Protocol):
-    """Workers that take numbered tasks."""
-
-    def room(self) -> int:
-        """How many tasks may be beyond the first unfinished one."""
-
-    def submit(self, numbered: Sequence[tuple[int, Any]]) -> None:
-        """Send tasks on their way."""
-
-    def finished(self) -> list[Outcome]:
-        """What has finished since, at least one: waits for it."""
-
-    def cancel(self) -> None:
-        """What has not begun is not wanted any more."""
 
 
 class Halted(Exception):
@@ -66,43 +52,41 @@ class Futures:
         self.done: SimpleQueue[int] = SimpleQueue()
 
     def room(self) -> int:
-        """How many tasks may be on their way: four for each worker."""
+        """How many tasks may be beyond the first unfinished one: four for each worker."""
         return AHEAD * int(getattr(self.executor, "_max_workers", UNKNOWN))
 
     def submit(self, numbered: Sequence[tuple[int, Any]]) -> None:
-        """To the executor, one by one."""
+        """To the executor, one by one; where it is broken or shut, the task counts as lost."""
         for number, task in numbered:
-            self._submit(number, task)
+            try:
+                future = self.executor.submit(self.function, task)
+            except RuntimeError as error:
+                future = Future()
+                future.set_exception(error)
+            if not hasattr(future, "add_done_callback"):
+                raise UsageError(
+                    expected="an executor whose futures have add_done_callback, as those of concurrent.futures have",
+                    received=f"{type(self.executor).__name__}, which gives a {type(future).__name__}",
+                    remedy="its map, or an executor that it gives, such as get_executor()",
+                )
+            self.watch(number, future)
 
-    def _submit(self, number: int, task: Any) -> None:
-        """Where the executor is broken or shut, the task counts as lost."""
-        try:
-            future = self.executor.submit(self.function, task)
-        except RuntimeError as error:
-            future = Future()
-            future.set_exception(error)
-        if not hasattr(future, "add_done_callback"):
-            raise UsageError(
-                expected="an executor whose futures have add_done_callback, as those of concurrent.futures have",
-                received=f"{type(self.executor).__name__}, which gives a {type(future).__name__}",
-                remedy="its map, or an executor that it gives, such as get_executor()",
-            )
+    def watch(self, number: int, future: Any) -> None:
+        """Note when it is done."""
         self.running[number] = future
         future.add_done_callback(lambda _: self.done.put(number))
 
     def finished(self) -> list[Outcome]:
-        """Waits for one, takes all that are there."""
+        """What has finished since, at least one: waits for it, takes all that are there."""
         numbers = [self.done.get()]
         while not self.done.empty():
             numbers.append(self.done.get())
-        return [self._outcome(number) for number in numbers]
-
-    def _outcome(self, number: int) -> Outcome:
-        future = self.running.pop(number)
-        if future.cancelled():
-            return Outcome(number, False, "cancelled")
-        error = future.exception()
-        return Outcome(number, False, error) if error is not None else Outcome(number, True, future.result())
+        outcomes = []
+        for number in numbers:
+            future = self.running.pop(number)
+            error = "cancelled" if future.cancelled() else future.exception()
+            outcomes.append(Outcome(number, error is None, future.result() if error is None else error))
+        return outcomes
 
     def cancel(self) -> None:
         """Cancel what has not begun."""
@@ -128,7 +112,7 @@ def crew_of_threads(count: int, function: Callable[[Any], Any]) -> Iterator[Futu
 @contextmanager
 def crew_of_processes(count: int, function: Callable[[Any], Any]) -> Iterator[Futures]:
     before = set(multiprocessing.active_children())
-    with ProcessPoolExecutor(count, initializer=_die_silently) as pool:
+    with ProcessPoolExecutor(count, initializer=signal.signal, initargs=_SILENTLY) as pool:
         crew = _Processes(pool, function)
         try:
             yield crew
@@ -167,8 +151,3 @@ def cannot_travel(error: Exception) -> UsageError:
         received=f"{type(error).__name__}: {error}",
         remedy="functions of a module, problems that are data; or workers=1",
     )
-
-
-def _die_silently() -> None:
-    """Ctrl-C reaches the processes of a pool as well: they have nothing to say about it."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)

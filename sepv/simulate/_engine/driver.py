@@ -17,14 +17,7 @@ from numba.np.arrayobj import make_array, populate_array
 from sepv.simulate._engine.functions import select
 from sepv.simulate._engine.lanes import aligned, begin, fill, scratch_of
 from sepv.simulate._engine.module import ALIVE, DONE, FAILED, LANES, LIVING, PENDING
-from sepv.simulate._engine.signatures import (
-    CAREFUL,
-    RUN,
-    address,
-    call_advance,
-    call_begin,
-    call_fill,
-)
+from sepv.simulate._engine.signatures import CAREFUL, RUN, address, call_advance, call_begin, call_fill
 
 
 @njit(CAREFUL, error_model="numpy", nogil=True, cache=True)

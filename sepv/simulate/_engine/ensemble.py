@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sepv._arguments import require_flag
+from sepv._arguments import require_flag, require_whole
 from sepv._version import __version__
 from sepv.errors import ChunkFailure, Interrupted, UsageError, require_one_of
 from sepv.problem import Problem
@@ -25,10 +25,9 @@ from sepv.simulate import _wiener as wiener
 from sepv.simulate._batch import CHUNK, Ensemble
 from sepv.simulate._engine.compile import FEW, CannotCompile, kernel
 from sepv.simulate._engine.module import LANES
-from sepv.simulate._engine.run import run
 from sepv.simulate._engine.task import Task, portable
-from sepv.simulate._engine.total import InMemory, OnDisk, Reduced, Reducing, Total
-from sepv.simulate._engine.workers import check, is_far, run_all
+from sepv.simulate._engine.total import InMemory, OnDisk, Reduced, Reducing, Total, run
+from sepv.simulate._engine.workers import check, run_all
 from sepv.simulate._engine.workers import count as threads_of
 from sepv.simulate._results.reductions import Functionals, validate
 from sepv.simulate._run_arguments import initial_state, prepared, step_count
@@ -75,19 +74,11 @@ def ensemble(
 
     Parameters
     ----------
-    scheme : str, Scheme or function
-        As for `sepv.verify`: a built-in name, ``module:attribute``, a `Scheme`, or ``step(problem, y, h, dW)``.
-    problem : str or Problem
-        A built-in name, ``module:attribute``, a ``.json`` file of polynomial data, or a `Problem`.
-    h : float > 0
-    T, steps : one of them; T must be a multiple of h.
+    scheme, problem, h, T, steps, y0, truncation
+        As for `sepv.integrate`.
     paths : int, optional with dW.
     seed : int
         Of the increments.
-    y0 : (d,), optional
-        By default the problem's initial state.
-    truncation : int, "own" or None
-        k of Remark 2.1; by default the scheme's own. None for untruncated.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
         By default the scheme's own. Each is taken at the rank of the increment drawn or given
         (`sepv.simulate._truncation.seen`), so that a path number means the same stream whatever increments it
@@ -184,8 +175,9 @@ def ensemble(
     elif reduce is not None:
         total = Reduced(whole, empty, progress, reduce, until)
     else:
-        total = _total(whole, empty, progress)
-    far = is_far(workers) or (not compiled and workers > 1)
+        total = InMemory(whole, empty, progress)
+    # Whether chunks may leave this process, so that what they need must travel.
+    far = not isinstance(workers, int) or (not compiled and workers > 1)
     numbers = total.missing(range(-(-paths // size)))
     tasks = _Chunks(whole, size, numbers, far)
     try:
@@ -213,19 +205,16 @@ def _increments(
         # The extrema are finite where all are, and take no temporary.
         finite = raw.size == 0 or (np.isfinite(raw.min()) and np.isfinite(raw.max()))
         if raw.shape != (steps, problem.noises, paths) or not finite:
+            where = ""
+            if not finite:
+                index = tuple(int(i) for i in np.argwhere(~np.isfinite(raw))[0])
+                where = f", dW[{', '.join(map(str, index))}] = {float(raw[index])!r}"
             raise UsageError(
                 expected=f"dW finite, of shape ({steps}, {problem.noises}, M): steps, noises, paths",
-                received=f"shape {raw.shape}" + ("" if finite else f", {_first_not_finite(raw)}"),
+                received=f"shape {raw.shape}{where}",
                 remedy="one increment for each step, noise and path",
             )
-    if not isinstance(paths, (int, np.integer)) or isinstance(paths, bool) or paths < 1:
-        raise UsageError(expected="paths, an integer ≥ 1", received=repr(paths), remedy="ask for a path")
-    return raw, int(paths)
-
-
-def _first_not_finite(raw: np.ndarray) -> str:
-    index = tuple(int(i) for i in np.argwhere(~np.isfinite(raw))[0])
-    return f"dW[{', '.join(map(str, index))}] = {float(raw[index])!r}"
+    return raw, require_whole("paths", paths, "ask for a path")
 
 
 def _stops(times: ArrayLike | None, h: float, steps: int) -> tuple[int, ...]:
@@ -249,10 +238,7 @@ def choose(
 ) -> tuple[bool, str]:
     """Whether the compiled engine takes this, and why not.
 
-    Raises
-    ------
-    UsageError
-        For an unknown engine, and where it must be the compiled one and cannot.
+    A UsageError for an unknown engine, and where it must be the compiled one and cannot.
     """
     require_one_of("engine", engine, ENGINES, "take auto")
     if engine == "numpy":
@@ -297,13 +283,7 @@ def _chunk_size(whole: Task, workers: Any, chunk: int | None, fixed: bool) -> in
     Where chunks are kept on disk or reduced, the size is the same for any workers: reduced results then are, too.
     """
     if chunk is not None:
-        if not isinstance(chunk, (int, np.integer)) or isinstance(chunk, bool) or chunk < 1:
-            raise UsageError(
-                expected="chunk, an integer ≥ 1",
-                received=repr(chunk),
-                remedy="paths of one worker at a time",
-            )
-        return int(chunk)
+        return require_whole("chunk", chunk, "paths of one worker at a time")
     if not whole.compiled:
         return CHUNK
     if isinstance(workers, int) and not fixed:
@@ -336,10 +316,11 @@ def _about(whole: Task, problem: Problem, dW: Any) -> dict[str, Any]:
     The problem and the scheme are known by a fingerprint. It is kept for what is compiled, as kernels are: these are
     records, which do not change.
     """
-    find = _fingerprint
-    if whole.compiled and _has_hash(whole.scheme):
-        find = _kept_fingerprint
-    fingerprint = find(whole.scheme, problem, whole.y0.tobytes(), whole.h)
+    known = (whole.scheme, problem, whole.y0.tobytes(), whole.h)
+    try:
+        fingerprint = (_kept_fingerprint if whole.compiled else _fingerprint)(*known)
+    except TypeError:  # a scheme without a hash is not kept
+        fingerprint = _fingerprint(*known)
     law = point_law(whole.scheme.increments)
     return {
         "sepv_version": __version__,
@@ -377,22 +358,3 @@ def _fingerprint(scheme: Scheme, problem: Problem, start: bytes, h: float) -> st
 
 
 _kept_fingerprint = lru_cache(maxsize=256)(_fingerprint)
-
-
-def _has_hash(scheme: Scheme) -> bool:
-    try:
-        hash(scheme)
-    except TypeError:
-        return False
-    return True
-
-
-def _total(task: Task, empty: Ensemble, progress: Any) -> InMemory:
-    try:
-        return InMemory(task, empty, progress)
-    except MemoryError as error:
-        raise UsageError(
-            expected="paths whose ends fit into memory",
-            received=f"{task.count} paths with {len(task.stops)} kept states: {error}",
-            remedy="store= keeps them on disk, reduce= their moments and quantiles; or fewer paths at a time",
-        ) from error

@@ -7,6 +7,7 @@ argument). Imported by generated code alone: this module needs numba.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -31,45 +32,34 @@ _TO_INTEGER = 1.5 * 2.0**52  # adding it rounds to the nearest integer
 _LN2_HIGH, _LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 
 
+def _emits(instruction: Callable[[Any, Any], Any]) -> Callable[..., Any]:
+    """Code that is one instruction, made by the builder of the arguments."""
+    return lambda context, builder, signature, arguments: instruction(builder, arguments)  # noqa: ARG005 - numba's
+
+
 @intrinsic
 def float_bits(typingctx: Any, x: Any) -> Any:  # noqa: ARG001 - numba's signature
     """The 64 bits of a float64 as an int64."""
-
-    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001 - numba's
-        return builder.bitcast(arguments[0], ir.IntType(64))
-
-    return types.int64(types.float64), code
+    return types.int64(types.float64), _emits(lambda builder, a: builder.bitcast(a[0], ir.IntType(64)))
 
 
 @intrinsic
 def bits_float(typingctx: Any, x: Any) -> Any:  # noqa: ARG001 - numba's signature
     """The float64 with these 64 bits."""
-
-    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001 - numba's
-        return builder.bitcast(arguments[0], ir.DoubleType())
-
-    return types.float64(types.int64), code
+    return types.float64(types.int64), _emits(lambda builder, a: builder.bitcast(a[0], ir.DoubleType()))
 
 
 @intrinsic
 def select(typingctx: Any, condition: Any, a: Any, b: Any) -> Any:  # noqa: ARG001 - numba's signature
     """a where the condition holds, else b, both evaluated: a branch would keep a loop from becoming SIMD code."""
-
-    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001 - numba's
-        return builder.select(*arguments)
-
     kind = types.float64 if types.float64 in (a, b) else types.int64
-    return kind(types.boolean, kind, kind), code
+    return kind(types.boolean, kind, kind), _emits(lambda builder, found: builder.select(*found))
 
 
 @intrinsic
 def fma(typingctx: Any, a: Any, b: Any, c: Any) -> Any:  # noqa: ARG001 - numba's signature
     """a·b + c with one rounding: written out, so that it is the same in SIMD and in scalar code."""
-
-    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001 - numba's
-        return builder.fma(*arguments)
-
-    return types.float64(types.float64, types.float64, types.float64), code
+    return types.float64(*[types.float64] * 3), _emits(lambda builder, a: builder.fma(*a))
 
 
 @intrinsic
@@ -124,21 +114,15 @@ def marked(typingctx: Any, array: Any, first: Any) -> Any:  # noqa: ARG001 - num
 @intrinsic
 def lowest_bit(typingctx: Any, bits: Any) -> Any:  # noqa: ARG001 - numba's signature
     """The place of the lowest bit that is set, of bits that are not 0."""
-
-    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001 - numba's
-        return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
-
-    return types.int64(types.uint64), code
+    return types.int64(types.uint64), _emits(
+        lambda builder, a: builder.cttz(a[0], ir.Constant(ir.IntType(1), 1))
+    )
 
 
 @intrinsic
 def not_(typingctx: Any, condition: Any) -> Any:  # noqa: ARG001 - numba's signature
     """Not the condition, without a branch."""
-
-    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001 - numba's
-        return builder.not_(arguments[0])
-
-    return types.boolean(types.boolean), code
+    return types.boolean(types.boolean), _emits(lambda builder, a: builder.not_(a[0]))
 
 
 @_inline

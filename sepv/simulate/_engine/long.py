@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -19,7 +19,8 @@ from sepv.schemes._scheme import Step
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._engine.ensemble import choose
-from sepv.simulate._engine.task import NumpyChunk, Task
+from sepv.simulate._engine.task import Task
+from sepv.simulate._engine.total import chunk_of
 from sepv.simulate._run_arguments import initial_state, prepared, step_count
 from sepv.solve import Status
 
@@ -139,9 +140,17 @@ def long_path(
         scheme=scheme, problem=problem, y0=start, h=float(h), steps=count, first=path, count=1, seed=int(seed),
         refine=refine, truncation=k, stops=(), compensated=compensated, compiled=compiled,
     )  # fmt: skip
-    times, states, chunk, before = [], [], _chunk(task, problem, resume), 0.0
-    if resume is not None:
-        times, states, before = list(resume.times), list(resume.states.T), resume.seconds
+    if resume is None:
+        times, states, chunk, before = [], [], chunk_of(task, problem), 0.0
+    else:
+        if replace(resume.chunk.task, y0=task.y0) != task:
+            raise UsageError(
+                expected="resume: a path made with the same arguments",
+                received="other arguments",
+                remedy="repeat the call with resume= added, and nothing else changed",
+            )
+        times, states, chunk = list(resume.times), list(resume.states.T), resume.chunk
+        before = resume.seconds
     begun = time.perf_counter()
     interrupted = False
     try:
@@ -179,35 +188,6 @@ def long_path(
         reason=reason,
         chunk=chunk,
     )
-
-
-def _chunk(task: Task, problem: Problem, resume: LongPath | None) -> Any:
-    if resume is not None:
-        earlier = resume.chunk.task
-        keys = (
-            "h",
-            "steps",
-            "first",
-            "seed",
-            "refine",
-            "truncation",
-            "compensated",
-            "compiled",
-            "scheme",
-            "problem",
-        )
-        if any(getattr(earlier, key) != getattr(task, key) for key in keys):
-            raise UsageError(
-                expected="resume: a path made with the same arguments",
-                received="other arguments",
-                remedy="repeat the call with resume= added, and nothing else changed",
-            )
-        return resume.chunk
-    if task.compiled:
-        from sepv.simulate._engine.chunk import Chunk
-
-        return Chunk(task, problem)
-    return NumpyChunk(task, problem)
 
 
 def _pieces(chunk: Any, count: int, every: int | None) -> Any:

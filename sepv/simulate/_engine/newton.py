@@ -4,6 +4,11 @@ A lane is done where its correction m, applied, leaves an error below rounding: 
 quadratically, so that the next one is m³/m_before², or m by the relative error of Newton's matrix where that is more.
 A lane that is not done after a few steps, that overflows or leaves the domain, is solved again by itself with every
 test of `sepv.solve._newton`: stagnation, a correction halved until it stays in the domain, a status.
+
+Where the equation is z = Δ P(ȳ), ȳ = y + z/2, with short polynomials P ((2.1) and the midpoint rule where H is
+quadratic and B linear) the unknown is ȳ itself at first: a sweep ȳ ← y + ½Δ P(ȳ) costs a product and a sum for each
+term, and 1 − K = 1 − ½Δ P′(ȳ) one for each of P′, since the ½Δ c are multiplied once. What they leave is rounded at the
+size of y. The steps after them take R as the formula writes it, whose roundings are those of B∇H and not of P.
 """
 
 from __future__ import annotations
@@ -12,9 +17,10 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
+from sepv.record import Polynomial
+from sepv.record._polynomial import gradient as slopes_of
 from sepv.simulate._engine.code_builder import CodeBuilder, Expression, Table, shown
 from sepv.simulate._engine.linear import contraction, correct
-from sepv.simulate._engine.middle import approach, matrix
 from sepv.simulate._engine.module import GROUP, LEFT
 from sepv.simulate._engine.recorded import RecordedProblem
 from sepv.simulate._engine.schemes import Formula, middle, scaled_field
@@ -48,7 +54,7 @@ class NewtonWriter(Writer):
         self.P = problem.of_middle(formula.recorded) if multiplied_out else None
         self.sweeps = self.sweeps if self.P is None else MIDDLE_SWEEPS
 
-    kernel = "newton.advance"
+    kernel = "iterated"
 
     def pieces(self) -> dict[str, tuple[list[str], str]]:
         """The first steps for all lanes, and the next for groups."""
@@ -102,7 +108,7 @@ class NewtonWriter(Writer):
         code.lines += [
             f"{self.at('P')} = m",
             f"{self.at('X')} = scale",
-            *self.stored(),
+            *(f"{self.at('D', i)} = {name}" for i, name in enumerate(self.known)),
             "left += select(still, 1, 0)",
             "I[BUSY + k] = select(still, 1, 0)",
         ]
@@ -124,9 +130,9 @@ class NewtonWriter(Writer):
         return z
 
     def in_middles(self, code: CodeBuilder, y: list[str]) -> list[str]:
-        """The same where all but the last steps are those of `sepv.simulate._engine.middle`."""
+        """The same where all but the last steps are those of `_approach`."""
         assert self.P is not None
-        states, inverse = approach(code, self.P, y, self.sweeps)
+        states, inverse = _approach(code, self.P, y, self.sweeps)
         z = [code.let(f"2.0 * {v}") for v in (code.let(f"{a} - {b}") for a, b in zip(states, y, strict=True))]
         for _ in range(self.steps - 1):
             code.lines.append("before = m")
@@ -155,12 +161,7 @@ class NewtonWriter(Writer):
         `compared` where there was surely a correction before it: were that one infinite, m would be no number.
         """
         later = [] if compared else ["later = (before < INF) | (m <= FIRST * scale)"]
-        others = [
-            "next",
-            "near",
-            *([] if compared else ["later"]),
-            *(["inside"] if self.has_domain() else []),
-        ]
+        others = ["next", "near", *["later"] * (not compared), *["inside"] * self.has_domain()]
         return [
             *later,
             "far = select(before > FIRST * scale, before, FIRST * scale)",
@@ -177,7 +178,7 @@ class NewtonWriter(Writer):
         if self.P is None:
             return self.problem.equation(code, formula, y, z, self.known)
         states = states or middle(code, y, z)
-        return self.problem.residual(code, formula, y, z, self.known, states), matrix(code, self.P, states)
+        return self.problem.residual(code, formula, y, z, self.known, states), _matrix(code, self.P, states)
 
     def iteration(self) -> list[str]:
         """A step of all lanes and its test; a lane in any trouble stays busy, and is left to `_carefully`."""
@@ -185,7 +186,8 @@ class NewtonWriter(Writer):
         code = CodeBuilder(self.parameters)
         y, z = [f"y{i}" for i in range(d)], [f"z{i}" for i in range(n)]
         code.lines += [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
-        code.lines += [f"before = {self.at('P')}", *self.recalled()]
+        code.lines.append(f"before = {self.at('P')}")
+        code.lines += [f"{name} = {self.at('D', i)}" for i, name in enumerate(self.known)]
         code.lines += [f"{v} = select(before < INF, {self.at('Z', i)}, 0.0)" for i, v in enumerate(z)]
         moved = self.kept_inside(code, y, correct(code, *self.system(code, y, z), z)[0])
         code.lines += [
@@ -202,3 +204,36 @@ class NewtonWriter(Writer):
         """Whether all states that belong to z are in the domain."""
         found = [self.problem.domain(code, state) for state in self.formula.states(code, y, z)]
         return " & ".join(f"({f})" for f in found)
+
+
+def _approach(
+    code: CodeBuilder, P: Sequence[Polynomial], y: Sequence[str], sweeps: int
+) -> tuple[list[str], str | None]:
+    """ȳ after sweeps from y and a step, and 1/det(1 − K) where it is used; m is the size of the step in z."""
+    middle = list(y)
+    for _ in range(sweeps):
+        middle = _swept(code, P, y, middle)
+    A = _matrix(code, P, middle)
+    code.lines.append(contraction(code, A))
+    F = [code.let(f"{a} - {b}") for a, b in zip(middle, _swept(code, P, y, middle), strict=True)]
+    middle, inverse = correct(code, F, A, middle)
+    code.lines.append("m = m + m")
+    return middle, inverse
+
+
+def _matrix(code: CodeBuilder, P: Sequence[Polynomial], middle: Sequence[str]) -> Table:
+    """1 − ½Δ P′(ȳ)."""
+    half = code.let("0.5 * delta")
+    return [
+        [
+            code.polynomial(slope, middle, "(-1.0)", half, value="(1.0)" if i == j else None)
+            for j, slope in enumerate(slopes_of(p))
+        ]
+        for i, p in enumerate(P)
+    ]
+
+
+def _swept(code: CodeBuilder, P: Sequence[Polynomial], y: Sequence[str], middle: Sequence[str]) -> list[str]:
+    """y + ½Δ P(ȳ)."""
+    half = code.let("0.5 * delta")
+    return [shown(code.polynomial(p, middle, half, value=start)) for p, start in zip(P, y, strict=True)]

@@ -13,6 +13,7 @@ import time
 import uuid
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
 from importlib.util import find_spec
@@ -20,6 +21,7 @@ from pickle import PickleError
 from queue import Empty
 from typing import Any
 
+from sepv._arguments import optional
 from sepv._version import __version__
 from sepv.errors import ClusterFailure, UsageError
 from sepv.simulate._engine.crew import AHEAD, Futures, Outcome, cannot_travel
@@ -43,11 +45,12 @@ class Unfit(str):
     """What a worker lacks that the task needs."""
 
 
+@dataclass(frozen=True)
 class OnWorker:
     """The function, preceded on the worker by a look at the versions there."""
 
-    def __init__(self, function: Callable[[Any], Any], wanted: dict[str, str]) -> None:
-        self.function, self.wanted = function, wanted
+    function: Callable[[Any], Any]
+    wanted: dict[str, str]
 
     def __call__(self, task: Any) -> Any:
         found = versions(tuple(k for k in self.wanted if k != "sepv"))
@@ -65,29 +68,18 @@ class OnWorker:
 @cache
 def versions(alike: tuple[str, ...]) -> dict[str, str]:
     """Of what the bits of a path come from; "none" for what is not installed."""
-    found = {"sepv": __version__}
-    for name in alike:
-        found[name] = metadata.version(name) if find_spec(name) is not None else "none"
-    return found
+    found = {name: metadata.version(name) if find_spec(name) is not None else "none" for name in alike}
+    return {"sepv": __version__, **found}
 
 
 @contextmanager
 def dask_crew(workers: Any, function: Callable[[Any], Any], alike: tuple[str, ...]) -> Iterator[DaskCrew]:
     """The crew of a client, of a cluster, or of the scheduler at an address.
 
-    Raises
-    ------
-    UsageError
-        Where there is no Dask, nobody at the address, or the client is an asynchronous one.
+    A UsageError where there is no Dask, nobody at the address, or the client is an asynchronous one.
     """
-    try:
-        from distributed import Client
-    except ImportError as error:
-        raise UsageError(
-            expected="Dask, for workers that are a scheduler's address",
-            received=f"{error}",
-            remedy="pip install dask distributed",
-        ) from error
+    needed = "Dask, for workers that are a scheduler's address"
+    Client = optional("distributed", needed, "pip install dask distributed").Client
     if isinstance(workers, Client):
         if workers.asynchronous:
             raise UsageError(
@@ -141,12 +133,7 @@ class DaskCrew(Futures):
         except Exception as error:
             raise self._gone(error) from error
         for (number, _), future in zip(numbered, futures, strict=True):
-            self._wait(number, future)
-
-    def _wait(self, number: int, future: Any) -> list[Outcome]:
-        self.running[number] = future
-        future.add_done_callback(lambda _: self.done.put(number))
-        return []
+            self.watch(number, future)
 
     def finished(self) -> list[Outcome]:
         """Waits for one while there is a cluster."""
@@ -182,7 +169,8 @@ class DaskCrew(Futures):
         future = self.running.pop(number)
         if future.status in ("lost", "pending"):
             # Its worker died with the result, which is computed once more.
-            return self._wait(number, future)
+            self.watch(number, future)
+            return []
         if future.status == "error":
             error = future.exception(timeout=CONNECT)
             if isinstance(error, TaskRaised):
@@ -192,8 +180,12 @@ class DaskCrew(Futures):
                     f"Chunk {number} was computed on {error.allowed_failures + 1} workers, and each of them died.",
                     "look at the memory of a worker, or for code that ends the process; a smaller `chunk=` needs less",
                 )
+            root = error  # what went wrong first: Dask wraps it
+            while root.__cause__ is not None:
+                root = root.__cause__
+            text = f"{root}".rstrip(".")
             raise ClusterFailure(
-                f"The cluster could not load chunk {number}: {type(error).__name__}: {_root(error)}.",
+                f"The cluster could not load chunk {number}: {type(error).__name__}: {text}.",
                 "install sepv and the scheme's module on every worker and for the scheduler, or send the module with "
                 "client.upload_file",
             )
@@ -203,7 +195,8 @@ class DaskCrew(Futures):
             result = fetched[number] if number in fetched else future.result(timeout=FETCH)
         except TimeoutError:
             self._look()
-            return self._wait(number, future)
+            self.watch(number, future)
+            return []
         except Exception as error:
             raise self._gone(error) from error
         if isinstance(result, Unfit):
@@ -247,10 +240,3 @@ class DaskCrew(Futures):
             f"The scheduler at {self.address} is gone, or has forgotten this run ({text}).",
             "start it again and call again; with store= what is finished is not computed again",
         )
-
-
-def _root(error: BaseException) -> str:
-    """What went wrong first: Dask wraps it."""
-    while error.__cause__ is not None:
-        error = error.__cause__
-    return f"{error}".rstrip(".")

@@ -1,11 +1,8 @@
 """Straight-line code of a lane as one operation for numba: text in, LLVM instructions out.
 
 A piece is a single call to numba that becomes exactly the instructions of its lines in their order, so that the loops
-around it are ordinary functions (`kernels`) and still become SIMD code. Measured in one process, alternating with whole
-kernels printed as code for numba: 0.95 to 1.03 times the time for 5008 paths of (2.1) on the paper's problems, 0.91 for
-one path, 0.97 to 1.01 for explicit and projected steps, and the same bits. The first ensemble of (2.1) comes after 4 s
-of processor time and not 7 to 8, the two kernels of a method of two stages after 3 and not 23: numba's inference takes
-seconds over a thousand statements.
+around it are ordinary functions (`kernels`) and still become SIMD code. Kernels printed whole as code for numba are no
+faster, and begin later: its inference takes seconds over a thousand statements.
 
 What stays printed is straight-line code: the record of R and K, the correction, the test of a step. Two lanes of it are
 interleaved, line by line. Lines are those that `text` writes: assignments of +, −, ×, ÷, comparisons, &, |, `fma`,

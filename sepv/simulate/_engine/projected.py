@@ -45,7 +45,7 @@ class ProjectedWriter(Writer):
         K = 1 + len(self.problem.casimirs(CodeBuilder(), [f"y{i}" for i in range(self.d)]))
         return {"Q": K * self.d, "N": K, "R": K * K}
 
-    kernel = "projected.advance"
+    kernel, left_over = "iterated", "refused"
 
     def pieces(self) -> dict[str, tuple[list[str], str]]:
         """The increment with the first iterations, and the next for groups."""
@@ -60,12 +60,8 @@ class ProjectedWriter(Writer):
         averages = self.problem.gradient_evaluations
         return {
             "AVERAGES": averages, "FIRST_GRADIENTS": gradients + 1 + BLIND * averages,
-            "FIRST_STRUCTURES": structures, "STEPS": BLIND, "FAST": MOST - BLIND,
+            "FIRST_STRUCTURES": structures, "STEPS": BLIND, "FAST": MOST - BLIND, "REFUSES": True,
         }  # fmt: skip
-
-    def tables(self) -> list[str]:
-        """And what says what is wrong with a lane."""
-        return [*super().tables(), "refused = compiled(projected.refused, globals())"]
 
     def first(self) -> list[str]:
         """The explicit increment z*, the directions at its end, and the first iterations."""
@@ -91,11 +87,7 @@ class ProjectedWriter(Writer):
         """An iteration of a group."""
         code = CodeBuilder(self.parameters)
         y, z = self.loaded(code, "Y", "y"), self.loaded(code, "Z", "z")
-        code.lines += [
-            "busy = I[BUSY + k] == 1",
-            f"scale = {self.at('X')}",
-            f"before = {self.at('P')}",
-        ]
+        code.lines += ["busy = I[BUSY + k] == 1", f"scale = {self.at('X')}", f"before = {self.at('P')}"]
         moved = self.moved(code, y, z, self.kept())
         code.lines += [f"{self.at('P')} = m"]
         code.lines += [

@@ -106,7 +106,8 @@ def _operation(code: CodeBuilder, symbol: Symbol, arguments: list[Expression]) -
     if name in _CONDITIONS:
         return code.let(_CONDITIONS[name].format(*texts))
     call, place = _CALLS.get(name, (name, None))
-    return code.let(f"{call}({texts[0]})") if place is None else code.call(call, texts, 2)[place]
+    found = code.let(f"{call}({texts[0]})")
+    return found if place is None else code.let(f"{found}[{place}]")
 
 
 _CONDITIONS = {
@@ -158,14 +159,9 @@ class RecordedProblem(Recorded):
         return printed(code, [(self.y, y), (self.z, z), (found.step, step)], found.R)
 
     def residual(
-        self,
-        code: CodeBuilder,
-        formula: Formula,
-        y: Sequence[str],
-        z: Sequence[str],
-        step: Sequence[str],
+        self, code: CodeBuilder, formula: Formula, y: Sequence[str], z: Sequence[str], step: Sequence[str],
         middle: Sequence[str] = (),
-    ) -> list[Expression]:
+    ) -> list[Expression]:  # fmt: skip
         """F = z − R(y, z; step), with ȳ where it is there already."""
         found, F = self.equation_of(formula, len(step)), self.system(formula, len(step))[0]
         inputs = [(self.y, y), (self.z, z), (found.step, step), (self.middle, middle)]
@@ -175,12 +171,12 @@ class RecordedProblem(Recorded):
         self, code: CodeBuilder, formula: Formula, y: Sequence[str], z: Sequence[str], step: Sequence[str]
     ) -> tuple[list[Expression], Table]:
         """F = z − R(y, z; step) and A = ∂F/∂z, from the record of the scheme's formula."""
-        F, A = self.system(formula, len(step))
-        d, inputs = (
+        d, found, (F, A) = (
             self.dimension,
-            [(self.y, y), (self.z, z), (self.equation_of(formula, len(step)).step, step)],
+            self.equation_of(formula, len(step)),
+            self.system(formula, len(step)),
         )
-        entries = printed(code, inputs, [*F, *A.ravel()])
+        entries = printed(code, [(self.y, y), (self.z, z), (found.step, step)], [*F, *A.ravel()])
         return entries[:d], _table(entries[d:], d)
 
     def hamiltonian(self, code: CodeBuilder, y: Sequence[str]) -> Expression:
@@ -193,23 +189,15 @@ class RecordedProblem(Recorded):
 
     def hessian(self, code: CodeBuilder, y: Sequence[str]) -> Table:
         """H″(y)."""
-        return _table(self._printed(code, y, self._hessian.ravel()), self.dimension)
-
-    @cached_property
-    def _hessian(self) -> Any:
-        return hessian(self.slope, self.y)
+        return _table(self._printed(code, y, hessian(self.slope, self.y).ravel()), self.dimension)
 
     def structure(self, code: CodeBuilder, y: Sequence[str]) -> Table:
         """B(y)."""
         return _table(self._printed(code, y, self.B.ravel()), self.dimension)
 
-    @cached_property
-    def _structure_derivative(self) -> Any:
-        return jacobian(self.B.ravel(), self.y).reshape((*self.B.shape, -1))
-
     def structure_derivative(self, code: CodeBuilder, y: Sequence[str]) -> list[Table]:
         """∂B_ij/∂y_k at [k][i][j]."""
-        slopes = np.moveaxis(self._structure_derivative, 2, 0)
+        slopes = np.moveaxis(jacobian(self.B.ravel(), self.y).reshape((*self.B.shape, -1)), 2, 0)
         return [_table(self._printed(code, y, table.ravel()), self.dimension) for table in slopes]
 
     def mean_gradient(self, code: CodeBuilder, y: Sequence[str], z: Sequence[str]) -> list[Expression]:
@@ -255,17 +243,12 @@ def printed(code: CodeBuilder, inputs: Sequence[tuple[Any, Sequence[str]]], outp
 
 def imports(tape: Tape) -> str:
     """Imports of the functions on a tape."""
-    own, others = set(), set()
-    for line in tape.lines:
-        if line.name in _CALLS:
-            own.add(_CALLS[line.name][0])
-        elif line.name in _PLAIN:
-            others.add(line.name)
-    lines = [f"from sepv.simulate._engine.functions import {', '.join(sorted(own))}\n"] if own else []
-    return "".join([*lines, *([f"from numpy import {', '.join(sorted(others))}\n"] if others else [])])
-
-
-_PLAIN = {"tan", "exp", "expm1", "log1p", "sqrt", "sinh", "cosh", "tanh", "arctan"}
+    names = {line.name for line in tape.lines}
+    of = {
+        "sepv.simulate._engine.functions": {_CALLS[name][0] for name in names & _CALLS.keys()},
+        "numpy": names & {"tan", "exp", "expm1", "log1p", "sqrt", "sinh", "cosh", "tanh", "arctan"},
+    }
+    return "".join(f"from {module} import {', '.join(sorted(own))}\n" for module, own in of.items() if own)
 
 
 def _table(entries: list[Expression], d: int) -> Table:

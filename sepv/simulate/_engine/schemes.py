@@ -25,17 +25,17 @@ from sepv.solve import _formula as formula
 class Formula:
     """How the engine takes a step.
 
-    Attributes
-    ----------
     recorded : the formula of the scheme, from its file
     implicit : whether it is an equation z = R, which Newton's iteration solves
     parts : what the formula wants to know of the step
+    projected : whether it is an explicit increment, which is projected on the invariants
     """
 
     recorded: formula.Formula
     implicit: bool = True
     parts: one_step.Parts = one_step.random_step
     stages: int = 1
+    projected: bool = False
 
     def names(self, noises: int) -> list[str]:
         """What the lanes call it."""
@@ -108,14 +108,9 @@ class Collocation(Formula):
     averaged: bool = True
 
     def sweep(
-        self,
-        code: CodeBuilder,
-        problem: RecordedProblem,
-        y: Sequence[str],
-        z: Sequence[str],
-        delta: str,
+        self, code: CodeBuilder, problem: RecordedProblem, y: Sequence[str], z: Sequence[str], delta: str,
         averages: Sequence[Sequence[Expression]] | None,
-    ) -> list[Expression]:
+    ) -> list[Expression]:  # fmt: skip
         """The right-hand sides at z, the stages one after the other; the g_i are the ∇H(Y_i) where not given."""
         R: list[Expression] = []
         for i, row in enumerate(gauss_tableau(self.stages).A):
@@ -138,14 +133,12 @@ class Collocation(Formula):
         return [at(code, y, z, row) for row in (tableau.b, *tableau.A)]
 
 
-@dataclass(frozen=True)
-class Projected(Formula):
-    """An explicit increment, projected on the invariants."""
-
-
 # Schemes that bring their own solver.
 FORMULAS: dict[str, Formula] = {
-    **{f"projected-{p}": Projected(cast(one_step.Explicit, explicit(p).step).formula) for p in (4, 8)},
+    **{
+        f"projected-{p}": Formula(cast(one_step.Explicit, explicit(p).step).formula, projected=True)
+        for p in (4, 8)
+    },
     "collocation-1": Formula(energy_preserving),
     "gauss-1": Formula(midpoint),
     **{

@@ -61,7 +61,7 @@ class StagesWriter(Writer):
         """Where the nodes are not the stages: the sums of the g_i."""
         return {} if self.straight else {"G": self.unknowns}
 
-    kernel = "stages.advance"
+    kernel = "staged"
 
     def pieces(self) -> dict[str, tuple[list[str], str]]:
         """Sweeps and their tests."""
@@ -221,7 +221,7 @@ class StagesWriter(Writer):
             f"COUNTS, FIRSTS, NODES, TABLE = rules({s}, {tuple(ladder)})",
             f"SHAPE = np.array([*{shape}, *COUNTS, *FIRSTS])",
             f"loaded_node = _loaded({2 * s})",
-            "sums = compiled(stages.sums, globals(), inline=True)",
+            "sums = compiled(kernels.sums, globals(), inline=True)",
         ]
 
 
@@ -239,15 +239,10 @@ def _entries(out: str, values: list[Expression] | Table) -> list[str]:
 def rules(stages: int, ladder: Sequence[int]) -> tuple[np.ndarray, np.ndarray, Array, Array]:
     """Quadratures of a generated module: each rule and the finer one that it is compared with, one after the other.
 
-    Returns
-    -------
-    counts, firsts : (2 R,)
-        Nodes of each rule, and where they begin.
-    nodes : (N, 2s)
-        The weights of each node in the sums of the g_i, and those of the z_j in its state
-        (`sepv.schemes._tableaux.moments`). With s nodes the first are the identity.
-    table : (N + s + 1, 2s)
-        The same, A of the Gauss method, and its b.
+    counts, firsts : (2 R,), nodes of each rule, and where they begin
+    nodes : (N, 2s), the weights of each node in the sums of the g_i, and those of the z_j in its state
+        (`sepv.schemes._tableaux.moments`); with s nodes the first are the identity
+    table : (N + s + 1, 2s), the same, A of the Gauss method, and its b
     """
     counts = [n for nodes in ladder for n in (nodes, nodes + nodes // 2)]
     found = [moments(stages, n) for n in counts]

@@ -17,9 +17,9 @@ from numba.np import linalg
 
 # What the generated code is linked with: when one of these changes, so does the name of every module.
 _SOURCES = (
-    "functions.py", "lanes.py", "module.py", "pieces.py", "signatures.py", "specialise.py", "stages.py",
-    "kernels/common.py", "kernels/newton.py", "kernels/projected.py", "kernels/stages.py", "../../solve/_newton.py",
-    "../../solve/_solution.py", "../../schemes/_tableaux.py", "../../problem/_averaged_gradient.py",
+    "functions.py", "kernels.py", "lanes.py", "module.py", "pieces.py", "signatures.py", "stages.py",
+    "../../solve/_newton.py", "../../solve/_solution.py", "../../schemes/_tableaux.py",
+    "../../problem/_averaged_gradient.py",
 )  # fmt: skip
 
 

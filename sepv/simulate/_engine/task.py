@@ -24,12 +24,10 @@ PIECE = 256
 class Task:
     """Paths first … first + count − 1 over `steps` steps.
 
-    Attributes
-    ----------
     problem : Problem, or its data where it can be built again from them: they travel.
-    dW : (N, m, M) or None
-        Given increments, untruncated, of paths `place` … `place` + count − 1.
+    dW : (N, m, M), given increments, untruncated, of paths `place` … `place` + count − 1; else None.
     stops : increasing numbers of steps at which states are kept.
+    track : whether the invariants are followed in NumPy; else their defects are 0.
     """
 
     scheme: Scheme
@@ -47,6 +45,7 @@ class Task:
     compiled: bool
     dW: Array | None = None
     place: int = 0
+    track: bool = True
 
 
 def portable(problem: Problem) -> Problem | PolynomialSystem | NamedProblem:
@@ -61,7 +60,9 @@ class NumpyChunk:
 
     def __init__(self, task: Task, problem: Problem) -> None:
         self.task = task
-        self.batch = Batch(task.scheme, problem, task.y0, task.count, compensated=task.compensated)
+        self.batch = Batch(
+            task.scheme, problem, task.y0, task.count, track=task.track, compensated=task.compensated
+        )
         self.W = np.zeros((problem.noises, task.count))
         self.increments = self._walk(problem)
 

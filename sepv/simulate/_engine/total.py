@@ -2,37 +2,77 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from sepv.simulate._batch import Ensemble
-from sepv.simulate._engine.run import run
-from sepv.simulate._engine.task import Task
-from sepv.simulate._results.labelled import AXES
+from sepv.errors import UsageError
+from sepv.problem import Problem
+from sepv.problems import build
+from sepv.simulate._batch import AXES, Ensemble
+from sepv.simulate._engine.crew import Halted, halted
+from sepv.simulate._engine.task import NumpyChunk, Task
 from sepv.simulate._results.reductions import Functionals, Summary, reached, reduce_chunk
 from sepv.simulate._results.zarr_store import COUNTED, ZarrStore
 
 PathProgress = Callable[[int, int], None] | None
-Counts = dict[str, int]
 
 
-class Total(Protocol):
+# Path-steps between two looks at whether the chunk is still wanted, and at Ctrl-C: some hundredths of a second.
+PIECE = 2**21
+
+
+def chunk_of(task: Task, problem: Problem) -> Any:
+    """The chunk before its first step, in NumPy or with a kernel that is compiled for it."""
+    if task.compiled:
+        from sepv.simulate._engine.chunk import Chunk
+
+        return Chunk(task, problem)
+    return NumpyChunk(task, problem)
+
+
+def run(task: Task) -> Ensemble:
+    """The chunk's ends, and its states at the stops."""
+    problem = task.problem if isinstance(task.problem, Problem) else build(task.problem)
+    chunk = chunk_of(task, problem)
+    kept = np.empty((len(task.stops), problem.dimension, task.count))
+    piece = max(1, PIECE // task.count)
+    for place, stop in enumerate((*task.stops, task.steps)):
+        while chunk.done < stop:
+            if halted():
+                raise Halted
+            chunk.advance(min(piece, stop - chunk.done))
+        if place < len(kept):
+            kept[place] = chunk.states()
+    ends: Ensemble = chunk.result(kept)
+    return ends
+
+
+class Total(ABC):
     """Takes chunks as they come, in any order."""
+
+    def __init__(self, task: Task, start: Ensemble, progress: PathProgress) -> None:
+        self.ensemble, self.paths = start, task.count
+        self.progress = progress or (lambda _done, _all: None)
 
     def missing(self, numbers: range) -> Sequence[int]:
         """Which of the chunks have to be computed."""
+        return numbers
 
+    @abstractmethod
     def take(self, number: int, task: Task, result: Any) -> bool | None:
         """A chunk; True where no more are wanted."""
 
+    @abstractmethod
     def finished(self) -> tuple[Any, Ensemble]:
         """The numbers of the finished paths, and their ensemble."""
 
     def result(self) -> Ensemble:
         """The whole."""
+        return self.ensemble
 
 
 @dataclass(frozen=True)
@@ -53,80 +93,65 @@ def without_paths(chunk: Ensemble) -> Ensemble:
     return replace(chunk, **{key: getattr(chunk, key)[..., :0] for key in AXES})
 
 
-def _more(whole: Ensemble, counts: Counts) -> Ensemble:
-    return replace(whole, **{key: getattr(whole, key) + counts[key] for key in COUNTED})
+def _more(whole: Ensemble, chunk: Ensemble) -> Ensemble:
+    """With the counts of a chunk."""
+    return replace(whole, **{key: getattr(whole, key) + getattr(chunk, key) for key in COUNTED})
 
 
-def _counts(chunk: Ensemble) -> Counts:
-    return {key: getattr(chunk, key) for key in COUNTED}
-
-
-class InMemory:
+class InMemory(Total):
     """The ensemble being filled, chunk by chunk, in place."""
 
     def __init__(self, task: Task, empty: Ensemble, progress: PathProgress) -> None:
-        M = task.count
-        room: dict[str, Any] = {
-            key: np.empty((*getattr(empty, key).shape[:-1], M), dtype=getattr(empty, key).dtype)
-            for key in AXES
-        }
-        self.ensemble = replace(empty, **room)
-        self.done = np.zeros(M, dtype=bool)
-        self.progress = progress
-
-    def missing(self, numbers: range) -> Sequence[int]:
-        """All."""
-        return numbers
+        try:
+            room: dict[str, Any] = {
+                key: np.empty((*array.shape[:-1], task.count), dtype=array.dtype)
+                for key in AXES
+                for array in [getattr(empty, key)]
+            }
+        except MemoryError as error:
+            raise UsageError(
+                expected="paths whose ends fit into memory",
+                received=f"{task.count} paths with {len(task.stops)} kept states: {error}",
+                remedy="store= keeps them on disk, reduce= their moments and quantiles; or fewer paths at a time",
+            ) from error
+        super().__init__(task, replace(empty, **room), progress)
+        self.done = np.zeros(task.count, dtype=bool)
 
     def take(self, _number: int, task: Task, chunk: Any) -> None:
         """A chunk's ends go to their places; where it is the whole, they are the ends."""
         whole, here = self.ensemble, slice(task.first, task.first + task.count)
-        if task.count == self.done.size:
+        if task.count == self.paths:
             whole = replace(whole, **{key: getattr(chunk, key) for key in AXES})
         else:
             for key in AXES:
                 getattr(whole, key)[..., here] = getattr(chunk, key)
-        self.ensemble = _more(whole, _counts(chunk))
+        self.ensemble = _more(whole, chunk)
         self.done[here] = True
-        if self.progress is not None:
-            self.progress(int(self.done.sum()), self.done.size)
+        self.progress(int(self.done.sum()), self.paths)
 
     def finished(self) -> tuple[np.ndarray, Ensemble]:
-        """The numbers of the finished paths and their ends."""
+        """Their ends alone."""
         kept: dict[str, Any] = {key: getattr(self.ensemble, key)[..., self.done] for key in AXES}
         return np.flatnonzero(self.done), replace(self.ensemble, **kept)
 
-    def result(self) -> Ensemble:
-        """The ends."""
-        return self.ensemble
 
-
-class Reduced:
+class Reduced(Total):
     """Summaries, merged in the order of chunks; what comes early waits for its turn."""
 
     def __init__(
-        self,
-        task: Task,
-        empty: Ensemble,
-        progress: PathProgress,
-        functionals: Functionals,
+        self, task: Task, empty: Ensemble, progress: PathProgress, functionals: Functionals,
         until: Mapping[str, float] | None,
-    ) -> None:
-        self.ensemble = replace(empty, reduced={name: Summary() for name in functionals})
-        self.paths, self.done, self.progress, self.until = task.count, 0, progress, until
-        self.next = 0
-        self.early: dict[int, tuple[int, Counts, Mapping[str, Summary]]] = {}
-
-    def missing(self, numbers: range) -> Sequence[int]:
-        """All."""
-        return numbers
+    ) -> None:  # fmt: skip
+        super().__init__(task, replace(empty, reduced={name: Summary() for name in functionals}), progress)
+        self.done = self.next = 0
+        self.until = until
+        self.early: dict[int, tuple[int, Ensemble, Mapping[str, Summary]]] = {}
 
     def take(self, number: int, task: Task, result: Any) -> bool:
         """A chunk's counts and summaries."""
-        chunk, summaries = result
-        return self.add(number, task.count, _counts(chunk), summaries)
+        return self.add(number, task.count, *result)
 
-    def add(self, number: int, paths: int, counts: Counts, summaries: Mapping[str, Summary]) -> bool:
+    def add(self, number: int, paths: int, counts: Ensemble, summaries: Mapping[str, Summary]) -> bool:
         """Those of chunk `number`; True once every target error is reached."""
         self.early[number] = (paths, counts, summaries)
         while self.next in self.early:
@@ -135,8 +160,7 @@ class Reduced:
             self.done += paths
             reduced = {name: self.ensemble.reduced[name].merge(new) for name, new in summaries.items()}
             self.ensemble = replace(_more(self.ensemble, counts), reduced=reduced)
-            if self.progress is not None:
-                self.progress(self.done, self.paths)
+            self.progress(self.done, self.paths)
             if self.until and reached(reduced, self.until):
                 return True
         return False
@@ -145,35 +169,25 @@ class Reduced:
         """The paths that are merged: the first ones."""
         return range(self.done), self.ensemble
 
-    def result(self) -> Ensemble:
-        """The summaries."""
-        return self.ensemble
 
-
-class OnDisk:
+class OnDisk(Total):
     """Ends in a store, and their summaries where those are asked for."""
 
     def __init__(
-        self,
-        task: Task,
-        empty: Ensemble,
-        progress: PathProgress,
-        where: Any,
-        size: int,
-        functionals: Functionals | None,
-        until: Mapping[str, float] | None,
-    ) -> None:
+        self, task: Task, empty: Ensemble, progress: PathProgress, where: Any, size: int,
+        functionals: Functionals | None, until: Mapping[str, float] | None,
+    ) -> None:  # fmt: skip
         shapes = {
             key: (axes, getattr(empty, key).shape[:-1], getattr(empty, key).dtype)
             for key, axes in AXES.items()
         }
         self.store = ZarrStore(where, empty.about, shapes, task.count, size)
         arrays: dict[str, Any] = {
-            key: self.store.arrays.get(key, np.empty((*shapes[key][1], task.count), dtype=shapes[key][2]))
-            for key in AXES
+            key: self.store.arrays.get(key, np.empty((*lengths, task.count), dtype=dtype))
+            for key, (_, lengths, dtype) in shapes.items()
         }
-        self.empty, self.ensemble = empty, replace(empty, **arrays)
-        self.paths, self.size, self.functionals, self.progress = task.count, size, functionals, progress
+        super().__init__(task, replace(empty, **arrays), progress)
+        self.empty, self.size, self.functionals = empty, size, functionals
         self.reduced = Reduced(task, empty, None, functionals, until) if functionals is not None else None
         self.there = np.zeros(self.store.chunks, dtype=bool)
 
@@ -203,14 +217,13 @@ class OnDisk:
 
     def _take(self, number: int, chunk: Ensemble, summaries: Mapping[str, Summary] | None = None) -> bool:
         self.there[number] = True
-        self.ensemble = _more(self.ensemble, _counts(chunk))
-        if self.progress is not None:
-            self.progress(min(int(self.there.sum()) * self.size, self.paths), self.paths)
+        self.ensemble = _more(self.ensemble, chunk)
+        self.progress(min(int(self.there.sum()) * self.size, self.paths), self.paths)
         if self.reduced is None or self.functionals is None:
             return False
         if summaries is None:
             summaries = reduce_chunk(self.functionals, chunk)
-        return self.reduced.add(number, chunk.status.size, _counts(chunk), summaries)
+        return self.reduced.add(number, chunk.status.size, without_paths(chunk), summaries)
 
     def finished(self) -> tuple[np.ndarray, Ensemble]:
         """The numbers of the paths in the store; the arrays have places for all."""

@@ -9,10 +9,11 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
+from functools import partial
 from typing import Any, TypeVar
 
 from sepv.errors import UsageError
-from sepv.simulate._engine.crew import Crew, Futures, cannot_travel, crew_of_processes, crew_of_threads
+from sepv.simulate._engine.crew import Futures, cannot_travel, crew_of_processes, crew_of_threads
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -22,13 +23,7 @@ LOT = 64
 
 
 def check(workers: Any) -> None:
-    """Refuse what can be no workers.
-
-    Raises
-    ------
-    UsageError
-        With what is meant: a number of threads or processes, an executor, a map, a Dask client or its address.
-    """
+    """Refuse what can be no workers, by a UsageError that says what is meant."""
     fits = (
         (isinstance(workers, int) and not isinstance(workers, bool) and workers >= 1)
         or callable(workers)
@@ -52,11 +47,6 @@ def count(workers: Any) -> int:
     return int(getattr(_executor(workers), "_max_workers", 0))
 
 
-def is_far(workers: Any) -> bool:
-    """Whether chunks may leave this process, so that what they need must travel."""
-    return not isinstance(workers, int)
-
-
 def run_all(
     function: Callable[[T], R],
     tasks: Sequence[T],
@@ -69,33 +59,17 @@ def run_all(
 ) -> int:
     """Run function on every task; `receive` gets the number and the result of each, in any order.
 
-    Parameters
-    ----------
-    workers : int ≥ 1, Executor, map-like callable, Dask client or its address
-        With an int that many threads (where `threads`: the function releases the GIL) or processes.
-        An executor, or its `map`, gets the chunks one by one, so that none that is finished is lost when a
-        worker dies; any other map-like callable gets a function and numbered tasks, and may return what came of them
-        in any order. For Dask see `sepv.simulate._engine.on_dask`.
-    receive : callable
-        Returns True where no more are wanted.
-    bounded : bool
-        Whether results must not pile up: a map then gets the tasks in lots. All others never have more than a few
+    How many tasks had to be computed again here, where what they raise is raised. Of a cluster that is gone, or cannot
+    do this work, a ClusterFailure says so, and nothing is computed here.
+
+    workers : an int of threads (where `threads`: the function releases the GIL) or processes; an executor, or its
+        `map`, which gets the chunks one by one, so that none that is finished is lost when a worker dies; any other
+        map-like callable, which gets a function and numbered tasks, and may return what came of them in any order; or
+        Dask, see `sepv.simulate._engine.on_dask`
+    receive : returns True where no more are wanted
+    bounded : whether results must not pile up: a map then gets the tasks in lots. All others never have more than a few
         tasks for each worker beyond the first that is unfinished.
-    alike : names of packages
-        Of which a worker of a cluster must have the same version as this process, beside sepv.
-
-    Returns
-    -------
-    How many tasks had to be computed again here.
-
-    Raises
-    ------
-    UsageError
-        For workers that are none.
-    ClusterFailure
-        Where a cluster is gone, or cannot do this work; then nothing is computed here.
-    Exception
-        What a task raised when it was tried again here.
+    alike : packages of which a worker of a cluster must have the same version as this process, beside sepv
     """
     check(workers)
     if isinstance(workers, int) and (workers == 1 or len(tasks) < 2):
@@ -123,7 +97,7 @@ def run_all(
 
 
 def _flow(
-    crew: Crew, function: Callable[[T], R], tasks: Sequence[T], receive: Callable[[int, R], bool | None]
+    crew: Futures, function: Callable[[T], R], tasks: Sequence[T], receive: Callable[[int, R], bool | None]
 ) -> int:
     first = sent = again = 0
     done: set[int] = set()
@@ -148,27 +122,18 @@ def _flow(
     return again
 
 
-class _Guarded:
+def _guarded(function: Callable[[Any], Any], numbered: tuple[int, Any]) -> tuple[int, bool, Any]:
     """The function of a numbered task, with its number and what it raises returned: a map goes on, in any order."""
-
-    def __init__(self, function: Callable[[Any], Any]) -> None:
-        self.function = function
-
-    def __call__(self, numbered: tuple[int, Any]) -> tuple[int, bool, Any]:
-        number, task = numbered
-        try:
-            return number, True, self.function(task)
-        except Exception as error:  # whatever it is, it is tried again where it can be seen
-            return number, False, f"{type(error).__name__}: {error}"
+    number, task = numbered
+    try:
+        return number, True, function(task)
+    except Exception as error:  # whatever it is, it is tried again where it can be seen
+        return number, False, f"{type(error).__name__}: {error}"
 
 
 def _map(
-    mapper: Any,
-    function: Callable[[T], R],
-    tasks: Sequence[T],
-    receive: Callable[[int, R], bool | None],
-    lot: int,
-) -> int:
+    mapper: Any, function: Callable[[T], R], tasks: Sequence[T], receive: Callable[[int, R], bool | None], lot: int
+) -> int:  # fmt: skip
     again = 0
     for first in range(0, len(tasks), lot):
         numbered = [(n, tasks[n]) for n in range(first, min(first + lot, len(tasks)))]
@@ -189,7 +154,7 @@ def _mapped(
 ) -> Iterator[tuple[int, R]]:
     """The results that a map-like callable returns, until it raises."""
     try:
-        found = iter(mapper(_Guarded(function), numbered))
+        found = iter(mapper(partial(_guarded, function), numbered))
     except Exception:
         return
     while True:
@@ -205,9 +170,8 @@ def _mapped(
 def _dask(workers: Any) -> Any:
     """The Dask client or cluster that `workers` is, or whose `map` it is."""
     for candidate in (workers, getattr(workers, "__self__", None)):
-        if type(candidate).__module__.startswith(("distributed.", "dask")) and hasattr(
-            candidate, "scheduler_info"
-        ):
+        ours = type(candidate).__module__.startswith(("distributed.", "dask"))
+        if ours and hasattr(candidate, "scheduler_info"):
             return candidate
     return workers if isinstance(workers, str) and "://" in workers else None
 
@@ -215,8 +179,8 @@ def _dask(workers: Any) -> Any:
 def _executor(workers: Any) -> Any:
     """The executor that `workers` is, or whose `map` it is."""
     for candidate in (workers, getattr(workers, "__self__", None)):
-        if isinstance(candidate, Executor) or (
-            hasattr(candidate, "submit") and hasattr(candidate, "shutdown")
+        if isinstance(candidate, Executor) or all(
+            hasattr(candidate, name) for name in ("submit", "shutdown")
         ):
             return candidate
     return None

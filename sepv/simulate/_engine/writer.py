@@ -22,6 +22,8 @@ class Writer(ABC):
     imports = ""
     # The function of `sepv.simulate._engine.kernels` that advances a block.
     kernel: str
+    # And its function for lanes that are not done.
+    left_over = "left_over"
 
     def __init__(
         self, problem: RecordedProblem, formula: Formula, noises: int, lanes: int, compensated: bool
@@ -70,19 +72,12 @@ class Writer(ABC):
         }  # fmt: skip
         # Read now: writing the pieces has named the coefficients.
         names = [f"c{j}" for j in range(self.noises)] + [f"p{i}" for i in range(len(self.parameters))]
-        return text(
-            self.problem.preamble + self.imports,
-            numbers,
-            names,
-            pieces,
-            states,
-            self.tables(),
-            self.kernel,
-        )
+        preamble = self.problem.preamble + self.imports
+        return text(preamble, numbers, names, pieces, states, self.tables(), self.kernel, self.left_over)
 
     @abstractmethod
     def pieces(self) -> dict[str, tuple[list[str], str]]:
-        """The code for a lane, by the names of `kernels.names`, and what each piece adds up."""
+        """The code for a lane, by the names of `kernels`, and what each piece adds up."""
 
     def states(self) -> dict[str, list[str]]:
         """Code for a state, where the kernel has any."""
@@ -98,20 +93,8 @@ class Writer(ABC):
 
     def shape(self, stages: int, rules: int, exact: bool) -> list[int]:
         """What `sepv.simulate._engine.careful` knows of the sizes."""
-        known, L = len(self.known), self.lanes
-        rows = [self.offset["Z"], self.offset["D"]]
-        return [
-            L,
-            self.d,
-            self.unknowns,
-            known,
-            *rows,
-            stages,
-            rules,
-            int(exact),
-            4 * L + WORK,
-            4 * L + EVALUATIONS,
-        ]
+        sizes = [self.lanes, self.d, self.unknowns, len(self.known), self.offset["Z"], self.offset["D"]]
+        return [*sizes, stages, rules, int(exact), *(4 * self.lanes + place for place in (WORK, EVALUATIONS))]
 
     def more_rows(self) -> dict[str, int]:
         """More rows of the scratch buffer."""
@@ -142,14 +125,6 @@ class Writer(ABC):
                 *own,
             ]
         return lines
-
-    def stored(self) -> list[str]:
-        """What is known of the step, into its row."""
-        return [f"{self.at('D', i)} = {name}" for i, name in enumerate(self.known)]
-
-    def recalled(self) -> list[str]:
-        """The same from its row."""
-        return [f"{name} = {self.at('D', i)}" for i, name in enumerate(self.known)]
 
     def has_domain(self) -> bool:
         return self.problem.domain(CodeBuilder(), [f"y{i}" for i in range(self.d)]) is not None
@@ -204,3 +179,25 @@ class Writer(ABC):
             f"drift = abs({shown(value)} - {before})",
             f"{largest} = select(drift > {largest}, drift, {largest})",
         ]
+
+
+class ExplicitWriter(Writer):
+    """The kernel of an explicit scheme: the increment itself, and whether it leads anywhere."""
+
+    kernel = "explicit"
+
+    def pieces(self) -> dict[str, tuple[list[str], str]]:
+        code = CodeBuilder(self.parameters)
+        y = self.loaded(code, "Y", "y")
+        z = [shown(v) for v in self.problem.increment(code, self.formula.recorded, y, [], self.known)]
+        code.lines += [f"{self.at('Z', i)} = {v}" for i, v in enumerate(z)]
+        there = [code.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)]
+        code.lines.append(f"finite = ({' + '.join(f'abs({v})' for v in there)}) < INF")
+        inside = self.problem.domain(code, there)
+        code.lines += [
+            f"status = select(finite, {f'select({inside}, 0, LEFT_DOMAIN)' if inside else 0}, BROKEN)",
+            "failed = (I[ALIVE + k] != 0) & (status != 0)",
+            "I[STATUS + k] = select(failed, status, I[STATUS + k])",
+            "trouble += select(failed, 1, 0)",
+        ]
+        return {"first_steps": ([*self.random_step(), *code.lines], "trouble")}

@@ -128,10 +128,7 @@ def summary(values: Any, status: Any) -> Summary:
 def reduce_chunk(functionals: Functionals, chunk: Any) -> dict[str, Summary]:
     """The summary of each functional over a chunk, an `Ensemble` of its paths.
 
-    Raises
-    ------
-    UsageError
-        For a functional that does not give one number for each path.
+    A UsageError for a functional that does not give one number for each path.
     """
     found = {}
     paths = chunk.status.size

@@ -19,41 +19,35 @@ from sepv.record._binary64 import TINY
 
 # Relative error of a quantile. The counts of a normal variable then take some 100 kB, whatever their number.
 ACCURACY = 1e-3
+# ln γ, and what makes every index positive.
+_LOG_GAMMA = math.log1p(ACCURACY) - math.log1p(-ACCURACY)
+_OFFSET = math.ceil(-math.log(TINY) / _LOG_GAMMA) + 2
 # Numbers smaller than the smallest normal one count as 0.
 _LARGEST = math.log(float(np.finfo(np.float64).max))
 
 
 @dataclass(frozen=True)
 class Sketch:
-    """Counts by bucket.
+    """Counts (K,) by bucket.
 
-    Attributes
-    ----------
-    keys : (K,) int32, increasing
-        sign·(i + offset) with an offset that makes i positive: keys are ordered as the numbers are; 0 is 0.
-    counts : (K,) int64
-    accuracy : float
-        α.
+    keys : (K,) int32, increasing: sign·(i + offset) with an offset that makes i positive, so that keys are ordered as
+        the numbers are; 0 is 0
     """
 
     keys: NDArray[np.int32] = field(default_factory=lambda: np.empty(0, dtype=np.int32))
     counts: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    accuracy: float = ACCURACY
 
     def merge(self, other: Sketch) -> Sketch:
         """The sketch of both samples together."""
         keys, place = np.unique(np.concatenate([self.keys, other.keys]), return_inverse=True)
         counts = np.zeros(keys.size, dtype=np.int64)
         np.add.at(counts, place, np.concatenate([self.counts, other.counts]))
-        return Sketch(keys, counts, self.accuracy)
+        return Sketch(keys, counts)
 
     def quantile(self, p: float) -> float:
         """The number of rank ⌊p(n − 1)⌋ (from 0) in order of size, to within α of itself.
 
-        Raises
-        ------
-        UsageError
-            For p outside [0, 1], and where nothing was counted.
+        A UsageError for p outside [0, 1], and where nothing was counted.
         """
         if not 0 <= p <= 1 or not self.keys.size:
             raise UsageError(
@@ -65,27 +59,17 @@ class Sketch:
         key = int(self.keys[np.searchsorted(upto, math.floor(p * (int(upto[-1]) - 1)), side="right")])
         if key == 0:
             return 0.0
-        log_gamma, offset = _buckets(self.accuracy)
         # 2γ^i/(γ + 1), with the power taken last so that it does not overflow.
-        size = math.exp(
-            min((abs(key) - offset) * log_gamma - math.log1p(0.5 * math.expm1(log_gamma)), _LARGEST)
-        )
-        return math.copysign(size, key)
+        size = (abs(key) - _OFFSET) * _LOG_GAMMA - math.log1p(0.5 * math.expm1(_LOG_GAMMA))
+        return math.copysign(math.exp(min(size, _LARGEST)), key)
 
 
-def sketch(values: Any, accuracy: float = ACCURACY) -> Sketch:
+def sketch(values: Any) -> Sketch:
     """The sketch of finite numbers, (M,)."""
-    log_gamma, offset = _buckets(accuracy)
     numbers = np.asarray(values, dtype=np.float64)
     size = np.abs(numbers)
-    index = np.ceil(np.log(np.maximum(size, TINY)) / log_gamma).astype(np.int32) + offset
+    index = np.ceil(np.log(np.maximum(size, TINY)) / _LOG_GAMMA).astype(np.int32) + _OFFSET
     keys, counts = np.unique(
         np.where(size < TINY, 0, np.where(numbers < 0, -index, index)).astype(np.int32), return_counts=True
     )
-    return Sketch(keys, counts.astype(np.int64), accuracy)
-
-
-def _buckets(accuracy: float) -> tuple[float, int]:
-    """ln γ, and what makes every index positive."""
-    log_gamma = math.log1p(accuracy) - math.log1p(-accuracy)
-    return log_gamma, math.ceil(-math.log(TINY) / log_gamma) + 2
+    return Sketch(keys, counts.astype(np.int64))

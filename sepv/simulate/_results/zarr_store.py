@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from sepv._arguments import optional
 from sepv.errors import UsageError
 
 # Bumped where older stores are no longer read.
@@ -24,37 +25,18 @@ _FILL = {"f": float("nan"), "i": -9}
 
 
 class ZarrStore:
-    """A store of `paths` paths in chunks of `chunk`.
-
-    Attributes
-    ----------
-    arrays : by name
-        zarr arrays with the paths along the last axis.
-    """
+    """A store of `paths` paths in chunks of `chunk`: zarr `arrays` by name, with the paths along the last axis."""
 
     def __init__(
         self, where: Any, about: Mapping[str, Any], shapes: Mapping[str, Any], paths: int, chunk: int
     ) -> None:
-        """Open a store, or begin it.
+        """Open a store, or begin it; a UsageError without zarr, and for a place that holds something else.
 
-        Parameters
-        ----------
         where : path, or what `zarr.open_group` takes
-        about : JSON
-            What the paths are paths of; a store that exists must say the same.
+        about : what the paths are paths of, as JSON; a store that exists must say the same
         shapes : name -> (names of the axes before the paths, their lengths, dtype)
-
-        Raises
-        ------
-        UsageError
-            Without zarr, and for a place that holds something else.
         """
-        try:
-            import zarr
-        except ImportError as error:
-            raise UsageError(
-                expected="zarr ≥ 3, for store=", received=f"{error}", remedy="pip install 'zarr>=3'"
-            ) from error
+        zarr = optional("zarr", "zarr ≥ 3, for store=", "pip install 'zarr>=3'")
         self.paths, self.chunk = paths, chunk
         self.chunks = -(-paths // chunk)
         self.group = _group(zarr, where, {**about, "format": FORMAT, "paths": paths, "chunk": chunk})
@@ -64,8 +46,8 @@ class ZarrStore:
                 self.arrays[name] = self._array(
                     name, (*lengths, paths), (*lengths, chunk), (*axes, "path"), dtype
                 )
-        counted = 1 + len(COUNTED)
-        self.work = self._array("work", (self.chunks, counted), (1, counted), ("chunk", "counted"), np.int64)
+        line = 1 + len(COUNTED)
+        self.work = self._array("work", (self.chunks, line), (1, line), ("chunk", "counted"), np.int64)
 
     def _array(self, name: str, shape: Any, chunks: Any, axes: Any, dtype: Any) -> Any:
         if name in self.group:

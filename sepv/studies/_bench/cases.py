@@ -14,30 +14,25 @@ import numpy as np
 from sepv import problems
 from sepv.errors import UsageError, require_one_of
 from sepv.problem import PolynomialSystem
-from sepv.record import Polynomial
-from sepv.record import _polynomial as poly
+from sepv.record import polynomial
 
 Case = dict[str, Any]
 
 
-def _monomial(coefficient: float, *exponents: int) -> Polynomial:
-    return Polynomial(len(exponents), ((exponents, coefficient),))
-
-
 def volterra() -> PolynomialSystem:
     """B₁₂ = y₁y₂, B₂₃ = y₂y₃ and H = ½|y|²: a quadratic Poisson structure."""
-    H = poly.add(_monomial(0.5, 2, 0, 0), _monomial(0.5, 0, 2, 0), _monomial(0.5, 0, 0, 2))
-    return PolynomialSystem(3, H, ((0, 1, _monomial(1.0, 1, 1, 0)), (1, 2, _monomial(1.0, 0, 1, 1))))
+    H = polynomial(3, [((2, 0, 0), 0.5), ((0, 2, 0), 0.5), ((0, 0, 2), 0.5)])
+    B = (0, 1, polynomial(3, [((1, 1, 0), 1.0)])), (1, 2, polynomial(3, [((0, 1, 1), 1.0)]))
+    return PolynomialSystem(3, H, B)
 
 
 def quartic_body() -> PolynomialSystem:
     """B = hat(y) and H = ½Σ y_i²/I_i + ¼y₁⁴ + ½y₁²y₂²: a rigid body whose averaged gradient needs two nodes."""
-    H = poly.add(
-        _monomial(1.5, 2, 0, 0), _monomial(0.75, 0, 2, 0), _monomial(0.5, 0, 0, 2),
-        _monomial(0.25, 4, 0, 0), _monomial(0.5, 2, 2, 0),
-    )  # fmt: skip
-    rows = ((0, 1, (-1.0, 0, 0, 1)), (0, 2, (1.0, 0, 1, 0)), (1, 2, (-1.0, 1, 0, 0)))
-    structure = tuple((i, j, _monomial(*entry)) for i, j, entry in rows)
+    H = polynomial(
+        3, [((2, 0, 0), 1.5), ((0, 2, 0), 0.75), ((0, 0, 2), 0.5), ((4, 0, 0), 0.25), ((2, 2, 0), 0.5)]
+    )
+    rows = ((0, 1, ((0, 0, 1), -1.0)), (0, 2, ((0, 1, 0), 1.0)), (1, 2, ((1, 0, 0), -1.0)))
+    structure = tuple((i, j, polynomial(3, [entry])) for i, j, entry in rows)
     return PolynomialSystem(3, H, structure, casimirs=(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),))
 
 

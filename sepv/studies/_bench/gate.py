@@ -36,13 +36,7 @@ class Check:
 
 
 def check(head: dict[str, Any], base: dict[str, Any]) -> list[Check]:
-    """The records of one target, case by case. Both must have the same cases.
-
-    Raises
-    ------
-    UsageError
-        For a case that the head's record has not.
-    """
+    """The records of one target, case by case; a UsageError for a case that the head's record has not."""
     ours = {c["case"]["name"]: c for c in head["cases"]}
     checks = []
     for theirs in base["cases"]:
@@ -75,7 +69,7 @@ def _counters(target: str, case: str, ours: dict[str, Any], theirs: dict[str, An
 def _ratio(target: str, case: str, kind: str, ours: list[str], theirs: list[str]) -> Check:
     head, base = (np.array([float.fromhex(v) for v in groups]) for groups in (ours, theirs))
     if np.array_equal(head, base):
-        return Check(target, case, kind, "same", f"{_rms(head):.3g}")
+        return Check(target, case, kind, "same", f"{rms(ours):.3g}")
     value, low, high = ratio(head, base)
     tolerance = KINDS[kind]
     verdict = "same"
@@ -83,7 +77,7 @@ def _ratio(target: str, case: str, kind: str, ours: list[str], theirs: list[str]
         verdict = "worse"
     elif high < 1 and value < 1 / tolerance:
         verdict = "better"
-    text = f"{_rms(base):.3g} → {_rms(head):.3g}, ratio {value:.3f} in [{low:.3f}, {high:.3f}]"
+    text = f"{rms(theirs):.3g} → {rms(ours):.3g}, ratio {value:.3f} in [{low:.3f}, {high:.3f}]"
     return Check(target, case, kind, verdict, text)
 
 
@@ -99,5 +93,6 @@ def ratio(head: Array, base: Array) -> tuple[float, float, float]:
         return float(np.exp(whole)), float(np.exp(whole - width)), float(np.exp(whole + width))
 
 
-def _rms(groups: Array) -> float:
-    return float(np.sqrt(np.mean(groups)))
+def rms(groups: list[str]) -> float:
+    """Of all paths, from mean squares over groups of them in hex."""
+    return float(np.sqrt(np.mean([float.fromhex(v) for v in groups])))

@@ -77,13 +77,7 @@ class Side:
             )
 
     def ask(self, question: dict[str, Any]) -> dict[str, Any]:
-        """One question, one answer.
-
-        Raises
-        ------
-        TargetError
-            Where the scheme raises, the process ends, or it takes longer than TIMEOUT.
-        """
+        """One question, one answer; a TargetError where the scheme raises, the process ends, or that takes TIMEOUT."""
         try:
             self.questions.write(json.dumps(question) + "\n")
             self.questions.flush()
@@ -122,9 +116,7 @@ def both(target: str, head: Path, base: Path) -> Iterator[tuple[Side, Side]]:
 
 def head_of(target: str) -> Path:
     """The checkout from which this very process takes a target."""
-    if ":" in target:
-        return Path.cwd()
-    return Path(sepv.__file__).resolve().parents[1]
+    return Path.cwd() if ":" in target else Path(sepv.__file__).resolve().parents[1]
 
 
 @dataclass
@@ -198,12 +190,9 @@ def _batch(sides: tuple[Side, Side], job: dict[str, Any]) -> list[tuple[float, f
         seconds: list[list[float]] = [[], []]
         for which in order:
             seconds[which] = sides[which].ask(question)["seconds"]
-        pairs.append((_log_ratio(seconds, 0), _log_ratio(seconds, 1)))
+        ratios = np.log(seconds[0]) - np.log(seconds[1])
+        pairs.append((float(ratios[0]), float(ratios[1])))
     return pairs
-
-
-def _log_ratio(seconds: list[list[float]], clock: int) -> float:
-    return float(np.log(seconds[0][clock] / seconds[1][clock]))
 
 
 def _settled(times: Times) -> bool:
@@ -215,13 +204,10 @@ def _settled(times: Times) -> bool:
 def _check(target: str, times: Times, clock: int) -> Check:
     ratio, low, high = times.bounds(clock)
     text = f"ratio {ratio:.3f} in [{low:.3f}, {high:.3f}], {len(times.batches)} × {PAIRS} pairs"
-    if low > TIME_TOLERANCE:
-        verdict = "worse"
-    elif high < 1 / TIME_TOLERANCE:
-        verdict = "better"
-    else:
-        # A bound that reaches ten per cent has not ruled out what the gate is for.
-        verdict = "same" if high < 1.1 else "not settled"
+    # A bound that reaches ten per cent has not ruled out what the gate is for.
+    verdict = "same" if high < 1.1 else "not settled"
+    if low > TIME_TOLERANCE or high < 1 / TIME_TOLERANCE:
+        verdict = "worse" if low > TIME_TOLERANCE else "better"
     what = CLOCKS[clock] + (" of an ensemble" if times.call == "ensemble" else "")
     return Check(target, times.case["name"], what, verdict, text)
 
@@ -234,13 +220,12 @@ def measured(
     progress: Callable[[str, float], None] = lambda _text, _share: None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """The records of both checkouts, by the same measuring code."""
-    found: list[dict[str, Any]] = []
+    ours: list[Any] = []
+    theirs: list[Any] = []
     with both(target, head, base) as sides:
-        for side in sides:
-            measurements: list[Any] = []
+        for side, found in zip(sides, (ours, theirs), strict=True):
             for case in cases:
-                share = (len(found) + len(measurements) / len(cases)) / 2
+                share = (len(ours) + len(theirs)) / (2 * len(cases))
                 progress(f"work and errors, {side.label} checkout, {case['name']}", share)
-                measurements.append(side.ask({"measure": case}))
-            found.append({"target": target, "cases": measurements})
-    return found[0], found[1]
+                found.append(side.ask({"measure": case}))
+    return {"target": target, "cases": ours}, {"target": target, "cases": theirs}

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-import numpy as np
-
 from sepv._terminal import Table, columns
 from sepv.files import read_json, require_schema
 from sepv.schemes import Scheme
 from sepv.studies._bench import measure as measuring
+from sepv.studies._bench.gate import KINDS, rms
 
 FORMAT = 1
 # The counters in the order of the columns, and their headings.
@@ -33,13 +32,7 @@ def document(records: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def load(path: str) -> list[dict[str, Any]]:
-    """The records of a file.
-
-    Raises
-    ------
-    UsageError
-        For a file that is not one of `sepv bench --save`.
-    """
+    """The records of a file; a UsageError for one that is not of `sepv bench --save`."""
     said = {
         "expected": f"a file that `sepv bench --save` wrote, of format {FORMAT}",
         "remedy": "save it again with this release",
@@ -56,14 +49,9 @@ def record_table(record: dict[str, Any]) -> Table:
         (
             case["case"]["name"].replace("harmonic-", "harmonic-\n"),
             *("–" if (n := case["counters"].get(name)) is None else str(n) for name in HEADINGS),
-            *(_rms(case[kind]) for kind in ("error", "energy", "casimir")),
+            *(f"{rms(case[kind]):.1e}".replace("e-0", "e-").replace("e+00", "") for kind in KINDS),
         )
         for case in record["cases"]
     ]
     heads = columns(["case"], [*HEADINGS.values(), "error", "ΔH", "ΔC"], goes=DROPPED)
     return Table(heads, rows, f"{record['target']}: evaluations over all paths and steps, rms over paths")
-
-
-def _rms(groups: list[str]) -> str:
-    text = f"{np.sqrt(np.mean([float.fromhex(v) for v in groups])):.1e}"
-    return text.replace("e-0", "e-").replace("e+00", "")

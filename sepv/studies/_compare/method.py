@@ -1,4 +1,4 @@
-"""What takes part in a comparison: a driver of whole ensembles over given increments.
+"""What takes part in a comparison, from what a user names: drivers of whole ensembles over given increments.
 
 A driver is given the Wiener increments, so that all methods see the same paths. What is no work of the method
 (laying out arrays, moving them into another library) is done beforehand, in `prepare`; only the job is timed.
@@ -8,19 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from sepv.errors import SepvError
-from sepv.exact import exact_flow
+from sepv._arguments import optional
+from sepv.errors import SchemeFault, SepvError, TargetError
+from sepv.exact import ExactFlow, exact_flow
 from sepv.problem import Array, Problem
 from sepv.problem._fields import invariants
-from sepv.schemes import Look, Scheme
+from sepv.schemes import Look, Scheme, ask, load_scheme
 from sepv.schemes._guard import SchemeCrash
+from sepv.schemes._load_target import load_object
 from sepv.simulate import Ensemble
-from sepv.simulate._batch import CHUNK, run_chunk
-from sepv.solve import Status
+from sepv.simulate._batch import CHUNK, judged, run_chunk
+from sepv.simulate._engine.ensemble import choose
 from sepv.studies._evaluation_count import Work, counted
 
 
@@ -58,21 +61,13 @@ class Method:
 
     Attributes
     ----------
-    name : str
-    prepare, follow : callable
-        See `Prepare` and `Follow`.
-    source : str
-        Where it comes from and how it is driven.
-    batched : bool
-        False for drivers that go path by path: they are given fewer paths.
-    evaluations : float, optional
-        Evaluations of f = B∇H a step, where they follow from the method and cannot be counted.
-    steps_matter : bool
-        False for the exact time change, which sees W(T) only.
-    truncation : int, optional
-        k of Remark 2.1 for the increments it uses; None for untruncated ones.
-    look : Look, optional
-        In pictures; without one it is given a look that no other has there.
+    prepare, follow : see `Prepare` and `Follow`
+    source : where it comes from and how it is driven
+    batched : False for drivers that go path by path: they are given fewer paths
+    evaluations : of f = B∇H a step, where they follow from the method and cannot be counted
+    steps_matter : False for the exact time change, which sees W(T) only
+    truncation : k of Remark 2.1 for the increments it uses; None for untruncated ones
+    look : in pictures; without one it is given a look that no other has there
     """
 
     name: str
@@ -96,32 +91,24 @@ def invariant_defects(problem: Problem, states: Array) -> tuple[Array, Array]:
 
 def finite_ends(problem: Problem, y: Array) -> Ends:
     """The ends of a driver that reports no status: what is not finite, or has left the domain, has failed."""
-    status = np.where(np.all(np.isfinite(y), axis=0), int(Status.CONVERGED), int(Status.OVERFLOW))
-    if problem.domain is not None:
-        with np.errstate(invalid="ignore"):
-            outside = ~np.asarray(problem.domain(y), dtype=bool)
-        status[outside & (status == Status.CONVERGED)] = Status.LEFT_DOMAIN
-    return Ends(y, status)
+    return Ends(y, judged(problem, y, np.zeros(y.shape[1], dtype=np.int64)))
 
 
 def from_scheme(scheme: Scheme, problem: Problem, engine: str = "auto") -> Method:
     """A `sepv.Scheme` under `sepv.ensemble`, its increments truncated as it asks for.
 
-    Parameters
-    ----------
-    engine : "auto" or "numpy"
-        "auto" takes the compiled engine (extra `fast`) where it takes the scheme and the problem; such a
-        method is timed as a user has it, invariants watched and status kept.
+    engine : "auto" takes the compiled engine (extra `fast`) where it takes the scheme and the problem; such a method is
+        timed as a user has it, invariants watched and status kept. Else "numpy".
     """
-    if engine == "auto":
-        from sepv.simulate._engine.compile import CannotCompile, kernel
-
-        try:
-            kernel(scheme, problem)
-        except CannotCompile as reason:
-            return replace(_in_batches(scheme), source=f"{scheme.source}; NumPy batch: {reason}")
+    compiled, reason = choose(engine, scheme, problem, compensated=False)
+    if compiled:
         return _compiled(scheme)
-    return _in_batches(scheme)
+    found = _in_batches(scheme)
+    return found if engine == "numpy" else replace(found, source=f"{scheme.source}; NumPy batch: {reason}")
+
+
+def _ends(run: Ensemble) -> Ends:
+    return Ends(run.y, run.status)
 
 
 def _in_batches(scheme: Scheme) -> Method:
@@ -139,7 +126,7 @@ def _in_batches(scheme: Scheme) -> Method:
         plain = _run(scheme, counted(problem, work), y0, h, dW, track=False)
         work.iterations = int(plain.iterations) if scheme.solve is not None else None
         run = _run(scheme, problem, y0, h, dW, track=True)
-        return Followed(Ends(run.y, run.status), run.energy_defect, run.casimir_defect, work)
+        return Followed(_ends(run), run.energy_defect, run.casimir_defect, work)
 
     return Method(
         scheme.name, prepare, follow, scheme.source, batched=scheme.batched, truncation=scheme.truncation,
@@ -158,12 +145,7 @@ def _compiled(scheme: Scheme) -> Method:
 
     def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]:
         run = ensemble_for(problem, y0, h, dW)
-
-        def job() -> Ends:
-            ends = run()
-            return Ends(ends.y, ends.status)
-
-        return job
+        return lambda: _ends(run())
 
     def follow(problem: Problem, y0: Array, h: float, dW: Array) -> Followed:
         run = ensemble_for(problem, y0, h, dW)()
@@ -174,7 +156,7 @@ def _compiled(scheme: Scheme) -> Method:
         else:
             work = Work(iterations=int(run.iterations))
             work.evaluations |= {"gradient": run.gradient_evaluations, "structure": run.structure_evaluations}
-        return Followed(Ends(run.y, run.status), run.energy_defect, run.casimir_defect, work)
+        return Followed(_ends(run), run.energy_defect, run.casimir_defect, work)
 
     source = f"{scheme.source}; compiled engine"
     return Method(scheme.name, prepare, follow, source, truncation=scheme.truncation, look=scheme.look)
@@ -192,12 +174,9 @@ def _run(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array, *, tr
 def from_states(name: str, run: Run, source: str, **more: Any) -> Method:
     """A driver that reports no status, and whose states can be watched.
 
-    Parameters
-    ----------
-    run : callable
-        Of the same arguments and `keep`: a job that gives states (N + 1, d, M) from y0 on, or, without `keep`, any
-        whose last are those at T.
-    more : fields of `Method`.
+    run : of the same arguments and `keep`: a job that gives states (N + 1, d, M) from y0 on, or, without `keep`, any
+        whose last are those at T
+    more : fields of `Method`
     """
 
     def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]:
@@ -218,24 +197,74 @@ def exact_time_change() -> Method:
     where the reference has no closed form either, it would be compared with itself.
     """
 
-    def job_for(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], tuple[Array, float]]:
-        def job() -> tuple[Array, float]:
-            flow = exact_flow(problem, problem.random_step(h * len(dW), dW.sum(axis=0)), y0, dense=True)
-            return flow.y, flow.error
-
-        return job
+    def job_for(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], ExactFlow]:
+        return lambda: exact_flow(problem, problem.random_step(h * len(dW), dW.sum(axis=0)), y0, dense=True)
 
     def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]:
         solve = job_for(problem, y0, h, dW)
-        return lambda: finite_ends(problem, solve()[0])
+        return lambda: finite_ends(problem, solve().y)
 
     def follow(problem: Problem, y0: Array, h: float, dW: Array) -> Followed:
         work = Work()
-        y, error = job_for(counted(problem, work), y0, h, dW)()
-        states = np.stack([np.repeat(y0[:, None], y.shape[1], axis=1), y])
-        return Followed(finite_ends(problem, y), *invariant_defects(problem, states), work, error)
+        flow = job_for(counted(problem, work), y0, h, dW)()
+        states = np.stack([np.repeat(y0[:, None], flow.y.shape[1], axis=1), flow.y])
+        return Followed(finite_ends(problem, flow.y), *invariant_defects(problem, states), work, flow.error)
 
     return Method(
         "exact-flow", prepare, follow, "the exact time change, one dense solve", steps_matter=False,
         look=Look("#333333", "#DDDDDD", "v"),
     )  # fmt: skip
+
+
+# Other libraries' solvers under the best driver one can give them: the library, and what `sepv.peers` has of it.
+PEERS = (
+    "diffrax-heun", "diffrax-heun-vmap", "diffrax-euler-heun", "diffrax-reversible-heun", "diffrax-spark",
+    "diffrax-slow-rk", "diffrax-tsit5", "diffrax-dopri8", "diffrax-dopri8-vmap", "torchsde-heun", "torchsde-midpoint",
+    "torchsde-reversible-heun", "sdeint-heun",
+)  # fmt: skip
+EXACT = "exact-flow"
+NUMPY = "numpy/"
+
+
+def load_method(target: str, problem: Problem) -> Method:
+    """A built-in scheme, ``exact-flow``, a peer by name, or module:attribute with a scheme or a `Method`.
+
+    ``numpy/SCHEME`` is a scheme in NumPy batches where the compiled engine would take it.
+    A third party's scheme is asked for one step first, so that a wrong shape is a message and no traceback: a
+    TargetError.
+    """
+    if target == EXACT:
+        return exact_time_change()
+    if target in PEERS:
+        return _peer(target)
+    if ":" in target:
+        found = load_object(target)
+        if isinstance(found, Method):
+            return found
+    plain = target.startswith(NUMPY)
+    scheme = load_scheme(target.removeprefix(NUMPY))
+    h = 2.0**-10
+    if problem.initial is not None:
+        try:
+            ask(scheme, problem, np.array(problem.initial, dtype=np.float64), h, np.zeros(problem.noises))
+        except SchemeFault as fault:
+            raise TargetError(
+                expected=f"{fault.expected} from {target}", received=fault.received, remedy=fault.remedy
+            ) from fault
+    method = from_scheme(scheme, problem, "numpy" if plain else "auto")
+    if plain:
+        return replace(method, name=target, source=f"{scheme.source}; NumPy batch", look=None)
+    return replace(method, name=target) if ":" in target and scheme.name in (target, "step") else method
+
+
+def _peer(name: str) -> Method:
+    library, _, solver = name.partition("-")
+    remedy = "pip install diffrax torchsde sdeint, or the one that is named"
+    drivers = optional(f"sepv.peers._compare_{library}", f"the library of {name}", remedy, TargetError)
+    method: Method = getattr(drivers, solver.replace("-", "_"))
+    return method
+
+
+def installed_peers() -> list[str]:
+    """The peers whose library is installed."""
+    return [name for name in PEERS if find_spec(name.partition("-")[0])]

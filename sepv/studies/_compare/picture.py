@@ -24,7 +24,9 @@ def draw(comparison: Comparison, suffix: str) -> bytes:
         error, defect = drawn.subplots(1, 2)
         for name in comparison.sources:
             _error_curve(error, comparison.of(name), look_of[name])
-            _defect_curve(defect, comparison.of(name), look_of[name])
+            drawn_defects = [p for p in comparison.of(name) if math.isfinite(p.energy_defect)]
+            pairs = [(p.microseconds_a_path, max(p.energy_defect, FLOOR)) for p in drawn_defects]
+            _curve(defect, pairs, drawn_defects, look_of[name])
         time = Axis("processor time of one path [µs]", log=True)
         frame(error, time, Axis("strong error at T", log=True))
         frame(defect, time, Axis("largest |H(yₙ) − H(y₀)|", log=True))
@@ -43,11 +45,6 @@ def _error_curve(axes: Any, points: list[Point], look: Look) -> None:
     x, y = [x for x, _ in pairs], [y for _, y in pairs]
     axes.errorbar(x, y, yerr=[low, up], fmt="none", ecolor=look.colour, elinewidth=0.8)
     _curve(axes, pairs, drawn, look)
-
-
-def _defect_curve(axes: Any, points: list[Point], look: Look) -> None:
-    drawn = [p for p in points if math.isfinite(p.energy_defect)]
-    _curve(axes, [(p.microseconds_a_path, max(p.energy_defect, FLOOR)) for p in drawn], drawn, look)
 
 
 def _curve(axes: Any, pairs: list[tuple[float, float]], points: list[Point], look: Look) -> None:

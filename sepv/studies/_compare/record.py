@@ -36,23 +36,14 @@ class Seconds:
 class Point:
     """One method at one step size.
 
-    Attributes
-    ----------
-    strong, weak : Estimate
-        √E|y_N − y(T)|² and |E(y_N − y(T))| over the paths that were finished, with their intervals.
-    energy_defect, casimir_defect : float
-        The largest |H(y_n) − H(y_0)| over steps and paths, absolute, and the same over all Casimirs.
-    failures : int
-        Paths that ended in a step not solved, or left the domain.
-    evaluations : dict
-        For one step of one path, by kind; empty where nothing can be counted.
-    iterations : float, optional
-        Newton iterations for one step of one path.
-    steps_matter : bool
-        False for the exact time change, whose one point stands at steps = 1, h = T.
-    clipping : float
-        The rms error that truncated increments alone cause, in closed form (`sepv.exact._truncation_error`): no
-        sample shows it.
+    strong, weak : √E|y_N − y(T)|² and |E(y_N − y(T))| over the paths that were finished, with their intervals
+    energy_defect, casimir_defect : the largest |H(y_n) − H(y_0)| over steps and paths, and the same over all Casimirs
+    failures : paths that ended in a step not solved, or left the domain
+    evaluations : for one step of one path, by kind; empty where nothing can be counted
+    iterations : Newton iterations for one step of one path
+    steps_matter : False for the exact time change, whose one point stands at steps = 1, h = T
+    clipping : the rms error that truncated increments alone cause, in closed form (`sepv.exact._truncation_error`): no
+        sample shows it
     """
 
     method: str
@@ -88,11 +79,7 @@ class Point:
     def to_json(self) -> dict[str, Any]:
         """For the schema ``comparison.schema.json``."""
         return {
-            "method": self.method,
-            "h": self.h,
-            "steps": self.steps,
-            "paths": self.paths,
-            "failures": self.failures,
+            **{name: getattr(self, name) for name in ("method", "h", "steps", "paths", "failures")},
             "strong_error": _estimate(self.strong),
             "weak_error": _estimate(self.weak),
             "clipping_error": self.clipping,
@@ -152,12 +139,7 @@ class Comparison:
         return {
             **({"failed": self.failed} if self.failed else {}),
             "format": FORMAT,
-            "problem": self.problem,
-            "T": self.T,
-            "seed": self.seed,
-            "repeats": self.repeats,
-            "confidence": self.confidence,
-            "environment": self.environment,
+            **{k: getattr(self, k) for k in ("problem", "T", "seed", "repeats", "confidence", "environment")},
             "methods": [
                 {"name": n, "source": s} | ({"look": asdict(self.looks[n])} if n in self.looks else {})
                 for n, s in self.sources.items()

@@ -7,7 +7,6 @@ import platform
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from time import perf_counter, process_time
 from typing import Any, NamedTuple
 
@@ -77,25 +76,31 @@ def compare(
     exact = exact_flow(problem, problem.random_step(T, fine.sum(axis=0)))
     coarse = {count: wiener.coarsen(fine, steps[-1] // count) for count in steps}
     # Pieces of work: the first call of each cell, its errors, and its timed rounds. A first call may compile.
-    pieces = sum(len(steps) if method.steps_matter else 1 for method in methods)
-    done = _Done(progress, (2 + repeats) * pieces)
-    cells, failed = _prepared(methods, problem, start, T, coarse, done)
-    followed = _followed(cells, workers, done)
-    failed |= {
-        cell.method.name: run for cell, run in zip(cells, followed, strict=True) if isinstance(run, str)
-    }
-    there = [
-        (cell, run)
-        for cell, run in zip(cells, followed, strict=True)
-        if cell.method.name not in failed and not isinstance(run, str)
-    ]
+    pieces, done = (2 + repeats) * sum(len(steps) if m.steps_matter else 1 for m in methods), 0
+
+    def begin(text: str) -> None:
+        nonlocal done
+        progress(text, done / pieces)
+        done += 1
+
+    cells, failed = _prepared(methods, problem, start, T, coarse, begin)
+    followed: list[Followed | str] = [""] * len(cells)
+
+    def take(number: int, run: Followed | str) -> None:
+        followed[number] = run
+        begin(f"errors of {cells[number].method.name}, {cells[number].steps} steps")
+
+    run_all(_follow, [cell.watched for cell in cells], workers, threads=True, receive=take)
+    runs = list(zip(cells, followed, strict=True))
+    failed |= {cell.method.name: run for cell, run in runs if isinstance(run, str)}
+    there = [(c, run) for c, run in runs if c.method.name not in failed and not isinstance(run, str)]
     if not there:
         raise TargetError(
             expected="a method that takes its steps",
             received="; ".join(f"{name}: {text.splitlines()[0]}" for name, text in failed.items()),
             remedy="make one of them run on this problem first",
         )
-    times = _alternate([cell.job for cell, _ in there], repeats, progress, done.share)
+    times = _alternate([cell.job for cell, _ in there], repeats, progress, done / pieces)
     points = [
         _point(cell, run, problem, T, exact.y, np.array(row))
         for (cell, run), row in zip(there, times, strict=True)
@@ -116,19 +121,6 @@ def compare(
     )
 
 
-@dataclass
-class _Done:
-    """How many pieces of all work are done."""
-
-    progress: MethodProgress
-    total: int
-    pieces: int = 0
-
-    @property
-    def share(self) -> float:
-        return self.pieces / self.total
-
-
 class _Cell(NamedTuple):
     """A method at one number of steps: its job, processor seconds of the very first call, and what watches it."""
 
@@ -140,8 +132,9 @@ class _Cell(NamedTuple):
 
 
 def _prepared(
-    methods: Sequence[Method], problem: Problem, start: Array, T: float, coarse: dict[int, Array], done: _Done
-) -> tuple[list[_Cell], dict[str, str]]:
+    methods: Sequence[Method], problem: Problem, start: Array, T: float, coarse: dict[int, Array],
+    begin: Callable[[str], None],
+) -> tuple[list[_Cell], dict[str, str]]:  # fmt: skip
     """The cells of the methods that take a first run with the increments of each number of steps, and what failed."""
     cells: list[_Cell] = []
     failed: dict[str, str] = {}
@@ -149,8 +142,7 @@ def _prepared(
         own: list[_Cell] = []
         try:
             for count in list(coarse) if method.steps_matter else [max(coarse)]:
-                done.progress(f"{method.name}, {count} steps", done.share)
-                done.pieces += 1
+                begin(f"{method.name}, {count} steps")
                 dW = coarse[count] if method.batched else coarse[count][:, :, :SINGLE_PATHS]
                 job = method.prepare(problem, start, T / count, dW)
                 watched = (method.follow, problem, start, T / count, dW)
@@ -160,19 +152,6 @@ def _prepared(
             continue
         cells += own
     return cells, failed
-
-
-def _followed(cells: Sequence[_Cell], workers: Any, done: _Done) -> list[Followed | str]:
-    """The watched run of each cell, or why there is none."""
-    found: list[Followed | str] = [""] * len(cells)
-
-    def take(number: int, run: Followed | str) -> None:
-        found[number] = run
-        done.pieces += 1
-        done.progress(f"errors of {cells[number].method.name}, {cells[number].steps} steps", done.share)
-
-    run_all(_follow, [cell.watched for cell in cells], workers, threads=True, receive=take)
-    return found
 
 
 def _follow(watched: tuple[Any, ...]) -> Followed | str:
@@ -262,13 +241,9 @@ def _largest(values: Array) -> float:
 
 
 def _validate(
-    methods: Sequence[Method],
-    problem: Problem,
-    steps: Sequence[int],
-    paths: int,
-    repeats: int,
+    methods: Sequence[Method], problem: Problem, steps: Sequence[int], paths: int, repeats: int,
     targets: Sequence[float],
-) -> None:
+) -> None:  # fmt: skip
     if problem.initial is None:
         raise UsageError(
             expected="a problem with an initial state", received=f"{problem.name} without one",

@@ -7,6 +7,7 @@ import io
 import math
 import statistics
 from dataclasses import replace
+from typing import Any
 
 from sepv._terminal import Table, columns, longest
 from sepv.studies._compare.record import Comparison, Point, TimeToError
@@ -132,43 +133,33 @@ def notes(comparison: Comparison) -> list[str]:
     return lines
 
 
-COLUMNS = (
-    "problem", "method", "h", "steps", "paths", "failures", "strong_error", "strong_low", "strong_high",
-    "weak_error", "weak_low", "weak_high", "energy_defect", "casimir_defect", "seconds_median", "seconds_low",
-    "seconds_high", "seconds_wall", "seconds_first", "ns_per_step", "gradient_per_step", "structure_per_step",
-    "iterations_per_step",
-)  # fmt: skip
-
-
 def to_csv(comparison: Comparison) -> str:
     """One line for each method and step size; empty where there is no number."""
+    rows = [_csv_row(comparison.problem, p) for name in comparison.sources for p in comparison.of(name)]
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    for name in comparison.sources:
-        for p in comparison.of(name):
-            s = p.seconds
-            row = (
-                comparison.problem, p.method, p.h, p.steps, p.paths, p.failures, *_ends(p.strong), *_ends(p.weak),
-                p.energy_defect, p.casimir_defect, s.median, s.low, s.high, s.wall, s.first, p.nanoseconds,
-                p.evaluations.get("gradient"), p.evaluations.get("structure"), p.iterations,
-            )  # fmt: skip
-            writer.writerow("" if v is None else v for v in row)
+    writer = csv.DictWriter(text, rows[0], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
     return text.getvalue()
 
 
-def _ends(e: Estimate) -> tuple[float, float, float]:
-    return e.value, max(e.low, 0.0), e.high
+def _csv_row(problem: str, p: Point) -> dict[str, Any]:
+    row: dict[str, Any] = {"problem": problem}
+    row |= {name: getattr(p, name) for name in ("method", "h", "steps", "paths", "failures")}
+    for kind, e in (("strong", p.strong), ("weak", p.weak)):
+        row |= {f"{kind}_error": e.value, f"{kind}_low": max(e.low, 0.0), f"{kind}_high": e.high}
+    row |= {"energy_defect": p.energy_defect, "casimir_defect": p.casimir_defect}
+    row |= {f"seconds_{name}": value for name, value in vars(p.seconds).items()}
+    row |= {"ns_per_step": p.nanoseconds}
+    row |= {f"{kind}_per_step": p.evaluations.get(kind) for kind in ("gradient", "structure")}
+    return row | {"iterations_per_step": p.iterations}
 
 
 def _target_cells(t: TimeToError) -> tuple[str, str]:
     if t.microseconds is None or t.energy_defect is None:
         return "–", ""
-    return f"{MARKS[t.how]}{_short(t.microseconds)}", _defect(t.energy_defect)
-
-
-def _short(value: float) -> str:
-    return f"{value:.3g}" if 1e-2 <= value < 1e4 else f"{value:.1e}"
+    short = f"{t.microseconds:.3g}" if 1e-2 <= t.microseconds < 1e4 else f"{t.microseconds:.1e}"
+    return f"{MARKS[t.how]}{short}", _defect(t.energy_defect)
 
 
 def _estimate(e: Estimate) -> str:

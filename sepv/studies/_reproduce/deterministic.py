@@ -9,9 +9,7 @@ import numpy as np
 from sepv import problems, schemes
 from sepv.exact import exact_flow
 from sepv.problem import Problem
-from sepv.studies._reproduce.job import Job, Results, Size
-from sepv.studies._reproduce.order import ERROR_AXIS, H_AXIS, SENTENCE
-from sepv.studies._reproduce.record import Panel, Statement, decide, series
+from sepv.studies._reproduce.record import SENTENCE, Job, Panel, Results, Size, Statement, decide, series
 
 SYSTEMS: dict[str, Callable[..., Problem]] = {
     "rigid-body": problems.rigid_body,
@@ -65,8 +63,6 @@ def panels(results: Results) -> list[Panel]:
             key="theory-deterministic-order",
             title="Without noise",
             source="§2",
-            x=H_AXIS,
-            y=ERROR_AXIS,
             series=tuple(series(f"{s}, {p}", h, e, scheme=s, style="both") for (s, p), e in found.items()),
             parameters={"c": 0.0, "T": T, "N": list(STEPS)},
             slopes=(1.0, 2.0),

@@ -8,7 +8,7 @@ for the problems of §4 at the step sizes used there.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,21 +18,8 @@ from sepv.simulate import _truncation as bounded
 from sepv.studies._reproduce.record import Statement, decide
 
 
-@dataclass(frozen=True)
-class Erratum:
-    """One entry.
-
-    Attributes
-    ----------
-    place : str
-        Section, equation or remark.
-    printed, right : str
-        What stands there, and what should.
-    evidence : str
-        What was computed.
-    command : str
-        What computes it again.
-    """
+class Erratum(NamedTuple):
+    """What stands in a place and what should, what was computed, and the command that computes it again."""
 
     place: str
     printed: str
@@ -42,17 +29,9 @@ class Erratum:
 
 
 PLACES = (
-    "§1",
-    "(2.1)",
-    "Remark 2.1",
-    "§3.3",
-    "Lemma 3.2",
-    "proof of Theorem 3.3",
-    "(3.8)",
-    "Remark 3.5",
-    "Theorem 3.4",
+    "§1", "(2.1)", "Remark 2.1", "§3.3", "Lemma 3.2", "proof of Theorem 3.3", "(3.8)", "Remark 3.5", "Theorem 3.4",
     "§4",
-)
+)  # fmt: skip
 # Statements that do not hold and need the runs of a figure: place, printed, right, command.
 BY_FIGURES = (
     Erratum(
@@ -87,13 +66,8 @@ def errata() -> list[Erratum]:
         for s in statements()
         if s.verdict == "fails"
     ]
-    return sorted([*found, *BY_FIGURES], key=_position)
-
-
-def _position(entry: Erratum) -> int:
-    """Where the paper has it."""
-    places = [n for n, place in enumerate(PLACES) if entry.place.startswith(place)]
-    return places[0] if places else len(PLACES)
+    places = (*PLACES, "")
+    return sorted([*found, *BY_FIGURES], key=lambda e: [e.place.startswith(p) for p in places].index(True))
 
 
 def statements() -> list[Statement]:
@@ -257,11 +231,8 @@ def moment_gap(A: float) -> float:
 
 
 def _truncation() -> Statement:
-    rows = []
-    for exponent in (2, 6, 10):
-        h = 2.0**-exponent
-        A = bounded.truncation_bound(h, 2)
-        rows.append((exponent, moment_gap(A), (1 + 2 * A) * h**2))
+    bounds = {e: bounded.truncation_bound(2.0**-e, 2) for e in (2, 6, 10)}
+    rows = [(e, moment_gap(A), (1 + 2 * A) * 2.0 ** (-2 * e)) for e, A in bounds.items()]
     return Statement(
         text="0 ≤ E[ξ² − ζ_h²] = (1 + 2√(2k|ln h|)) h^k",
         source="Remark 2.1",
@@ -327,16 +298,6 @@ def _rectangle() -> Statement:
 
 
 TEXT = (
-    _truncation,
-    _third_moment,
-    _ball,
-    _rectangle,
-    _first_integral,
-    _increments_of_two_one,
-    _no_noise,
-    _row_vector,
-    _solvability,
-    _unconditional,
-    _smoothness,
-    _no_movement,
-)
+    _truncation, _third_moment, _ball, _rectangle, _first_integral, _increments_of_two_one, _no_noise, _row_vector,
+    _solvability, _unconditional, _smoothness, _no_movement,
+)  # fmt: skip

@@ -13,9 +13,7 @@ from sepv.schemes._several_stages import step_with_stages
 from sepv.schemes._several_with_areas import step_with_areas
 from sepv.simulate import _wiener as wiener
 from sepv.studies._picture import Axis
-from sepv.studies._reproduce.job import Job, Results, Size
-from sepv.studies._reproduce.order import ERROR_AXIS, H_AXIS
-from sepv.studies._reproduce.record import Panel, Statement, decide, series
+from sepv.studies._reproduce.record import Job, Panel, Results, Size, Statement, decide, series
 from sepv.verification import Effort
 from sepv.verification._orders.local_errors import local_errors
 
@@ -124,8 +122,6 @@ def _areas(found: dict[str, list[float]]) -> Panel:
         key="theory-areas",
         title="Noises that do not commute, with and without areas",
         source="§1",
-        x=H_AXIS,
-        y=ERROR_AXIS,
         series=tuple(
             series(label, h, found[key], style="both")
             for key, label in (("without", "increments only"), ("with", "increments and areas"))
@@ -155,8 +151,6 @@ def _staged(found: dict[int, list[float]]) -> Panel:
         key="theory-several-stages",
         title="Several structures, commuting flows, s stages",
         source="§1, §5",
-        x=H_AXIS,
-        y=ERROR_AXIS,
         series=tuple(series(f"s = {s}", h, e, style="both") for s, e in found.items()),
         parameters={"problem": "commuting-rotations", "T": T, "N": list(STAGED)},
         chosen=("increments are not truncated",),
@@ -210,7 +204,6 @@ def _weak(found: dict[str, dict[str, list[float]]]) -> Panel:
         key="theory-weak-order",
         title="One step: errors of expectations",
         source="§5",
-        x=H_AXIS,
         y=Axis("largest error of E g after one step", log=True),
         series=tuple(
             series(n, e["h"], e["weak"], scheme=n, style="both") for n, e in found.items() if n in WEAK

@@ -6,101 +6,30 @@ import numpy as np
 
 from sepv import problems
 from sepv.studies._picture import Axis
-from sepv.studies._reproduce import invariants, order, runs
-from sepv.studies._reproduce.job import Job, Results, Size
-from sepv.studies._reproduce.record import Panel, Statement, decide
-from sepv.verification._orders.convergence import StrongErrors
+from sepv.studies._reproduce import order, record, runs
+from sepv.studies._reproduce.record import Job, Panel, Results, Size, Statement, decide
 
 PROBLEM = "rigid-body"
 STEPS, H = 300, 1e-2
 ORDER = order.Setting(
-    "4.3",
-    PROBLEM,
-    T=1.0,
-    steps=(16, 32, 64, 128, 256),
-    samples=1000,
-    schemes=(*order.STATED, *order.OURS),
+    "4.3", PROBLEM, T=1.0, steps=(16, 32, 64, 128, 256), samples=1000, schemes=(*record.STATED, *record.OURS)
 )
 LOSE = ("euler-maruyama", "euler-heun", "milstein", "discrete-gradient")
-SHOWN = (*LOSE, "energy-preserving", "midpoint", *order.OURS)
+SHOWN = (*LOSE, "energy-preserving", "midpoint", *record.OURS)
+RUNS = runs.LongRuns("4.3", PROBLEM, H, STEPS, SHOWN, shared=False)
 
 
 def jobs(size: Size) -> list[Job]:
     """Short runs, and the errors, of the paper's six schemes and of splitting."""
-    shown = [runs.job("4.3", name, PROBLEM, size, h=H, steps=STEPS, seconds=0.3) for name in SHOWN]
-    return [*order.jobs(ORDER, size), *shown]
+    return [*order.jobs(ORDER, size), *RUNS.jobs(size)]
 
 
 def panels(results: Results) -> list[Panel]:
     """Figure 4.3: Casimir and Hamiltonian along one sample, and the order."""
-    found: dict[str, runs.Run] = {name: results["4.3", "run", name] for name in SHOWN}
-    errors = order.collect(ORDER, results)
-    return [_casimir(found), _hamiltonian(found), _order(errors)]
-
-
-_PARAMETERS = {"c": 1.0, "I": [0.345, 0.653, 1.0], "y0": [0.8, 0.6, 0.0], "h": H, "N": STEPS}
-
-
-def _casimir(found: dict[str, runs.Run]) -> Panel:
-    places = {"energy-preserving": "§4.2, Proposition 3.2", "midpoint": "§4.2, by §3.3"}
-    statements = [
-        invariants.statement(
-            found[n],
-            PROBLEM,
-            "Casimir",
-            constant=n not in LOSE,
-            source=order.stated_in(n, places.get(n, "§4.2")),
-        )
-        for n in SHOWN
-    ]
-    return Panel(
-        key="4.3-casimir",
-        title="Rigid body: Casimir",
-        source="Figure 4.3, left",
-        x=Axis("time t"),
-        y=Axis("Casimir C = |y|²"),
-        series=tuple(invariants.curve(found[n], found[n].casimir) for n in SHOWN if n != "midpoint"),
-        parameters=dict(_PARAMETERS),
-        chosen=(
-            "C = |y|², the first of the two definitions in §4.2; the second is half of it",
-            "splitting, which the paper names and does not show, is added",
-        ),
-        statements=tuple(statements),
-        description="The energy-preserving scheme and splitting keep the Casimir at 1; Euler-Maruyama, "
-        "Euler-Heun, Milstein and the discrete gradient scheme do not.",
-    )  # fmt: skip
-
-
-def _hamiltonian(found: dict[str, runs.Run]) -> Panel:
-    keep = ("energy-preserving", "midpoint", "discrete-gradient")
-    statements = [
-        invariants.statement(
-            found[n], PROBLEM, "energy", constant=n in keep, source=order.stated_in(n, "§4.2")
-        )
-        for n in SHOWN
-    ]
-    return Panel(
-        key="4.3-hamiltonian",
-        title="Rigid body: energy",
-        source="§4.2, in words only",
-        x=Axis("time t"),
-        y=Axis("energy H"),
-        series=tuple(invariants.curve(found[n], found[n].energy) for n in SHOWN if n != "midpoint"),
-        parameters=dict(_PARAMETERS),
-        chosen=("the paper describes this panel and does not show it",),
-        statements=tuple(statements),
-        description="Energy-preserving and discrete gradient scheme keep the energy; the explicit schemes do not, and "
-        "splitting stays near it.",
-    )
-
-
-def _order(errors: dict[str, StrongErrors]) -> Panel:
-    same = order.same_statement(
-        "energy-preserving", "midpoint", errors, "§4.2 and §3.3", "the Hamiltonian is quadratic"
-    )
-    return order.panel(
+    found = RUNS.found(results)
+    fits = order.panel(
         ORDER,
-        errors,
+        results,
         title="Rigid body: order",
         source="Figure 4.3, right",
         place="§4.2, Theorem 3.4",
@@ -110,7 +39,50 @@ def _order(errors: dict[str, StrongErrors]) -> Panel:
             "the exact solution as reference",
             "splitting, which the paper does not show, is added",
         ),
-        extra=(same, _casimir_formula()),
+        same=[("energy-preserving", "midpoint", "§4.2 and §3.3", "the Hamiltonian is quadratic")],
+        extra=(_casimir_formula(),),
+    )
+    return [_casimir(found), _hamiltonian(found), fits]
+
+
+_PARAMETERS = {"c": 1.0, "I": [0.345, 0.653, 1.0], "y0": [0.8, 0.6, 0.0], "h": H, "N": STEPS}
+
+
+def _casimir(found: dict[str, runs.Run]) -> Panel:
+    places = {"energy-preserving": "§4.2, Proposition 3.2", "midpoint": "§4.2, by §3.3"}
+    keep = set(SHOWN) - set(LOSE)
+    return Panel(
+        key="4.3-casimir",
+        title="Rigid body: Casimir",
+        source="Figure 4.3, left",
+        x=Axis("time t"),
+        y=Axis("Casimir C = |y|²"),
+        series=tuple(runs.curve(found[n], found[n].casimir) for n in SHOWN if n != "midpoint"),
+        parameters=dict(_PARAMETERS),
+        chosen=(
+            "C = |y|², the first of the two definitions in §4.2; the second is half of it",
+            "splitting, which the paper names and does not show, is added",
+        ),
+        statements=tuple(runs.statements(found, "Casimir", keep, "§4.2", **places)),
+        description="The energy-preserving scheme and splitting keep the Casimir at 1; Euler-Maruyama, "
+        "Euler-Heun, Milstein and the discrete gradient scheme do not.",
+    )  # fmt: skip
+
+
+def _hamiltonian(found: dict[str, runs.Run]) -> Panel:
+    keep = ("energy-preserving", "midpoint", "discrete-gradient")
+    return Panel(
+        key="4.3-hamiltonian",
+        title="Rigid body: energy",
+        source="§4.2, in words only",
+        x=Axis("time t"),
+        y=Axis("energy H"),
+        series=tuple(runs.curve(found[n], found[n].energy) for n in SHOWN if n != "midpoint"),
+        parameters=dict(_PARAMETERS),
+        chosen=("the paper describes this panel and does not show it",),
+        statements=tuple(runs.statements(found, "energy", keep, "§4.2")),
+        description="Energy-preserving and discrete gradient scheme keep the energy; the explicit schemes do not, and "
+        "splitting stays near it.",
     )
 
 

@@ -6,18 +6,17 @@ import numpy as np
 
 from sepv import problems, schemes
 from sepv.studies._picture import Axis
-from sepv.studies._reproduce import fine_step, invariants, order, runs
-from sepv.studies._reproduce.job import Job, Results, Size
-from sepv.studies._reproduce.record import Panel, Statement, decide
-from sepv.verification._orders.convergence import StrongErrors
+from sepv.studies._reproduce import order, record, runs
+from sepv.studies._reproduce.record import Job, Panel, Results, Size, Statement, decide
 
 PROBLEM = "lotka-volterra"
 STEPS, H = 1280, 2.0**-8
 KEEP = ("energy-preserving", "discrete-gradient")
-SHOWN = (*schemes.PAPER, *order.OURS)
+SHOWN = (*schemes.PAPER, *record.OURS)
+RUNS = runs.LongRuns("4.6", PROBLEM, H, STEPS, SHOWN, shared=False)
 # At h ≥ 2⁻⁶ some steps of implicit schemes have no solution, and explicit schemes leave the octant.
 ORDER = order.Setting(
-    "4.6", PROBLEM, T=0.5, steps=(128, 256, 512, 1024), samples=1000, schemes=(*order.STATED, *order.OURS)
+    "4.6", PROBLEM, T=0.5, steps=(128, 256, 512, 1024), samples=1000, schemes=(*record.STATED, *record.OURS)
 )
 # The interval of the energy plot, and the reference that the text names.
 FINE = order.Setting(
@@ -28,7 +27,6 @@ FINE = order.Setting(
     samples=128,
     schemes=("midpoint", "milstein"),
 )
-COST = {"energy-preserving": 1.2e-3, "midpoint": 1.2e-3, "discrete-gradient": 2.3e-3}
 
 _PARAMETERS = {
     "a": -2.0, "b": -1.0, "d": -0.5, "nu": 1.0, "mu": 2.0, "c": 0.5, "y0": [1.0, 1.9, 0.5], "h": H, "T": STEPS * H,
@@ -37,43 +35,42 @@ _PARAMETERS = {
 
 def jobs(size: Size) -> list[Job]:
     """Runs, and the errors, of the paper's six schemes and of splitting."""
-    found = [*order.jobs(ORDER, size), *fine_step.jobs(FINE, size)]
-    for name in SHOWN:
-        seconds = STEPS * COST.get(name, 150e-6)
-        found.append(runs.job("4.6", name, PROBLEM, size, h=H, steps=STEPS, seconds=seconds))
-    return found
+    return [*order.jobs(ORDER, size), *order.fine_jobs(FINE, size), *RUNS.jobs(size)]
 
 
 def panels(results: Results) -> list[Panel]:
     """Figure 4.6: the Hamiltonian along one sample, and the order."""
-    found: dict[str, runs.Run] = {name: results["4.6", "run", name] for name in SHOWN}
     return [
-        _hamiltonian(found),
-        _order(order.collect(ORDER, results)),
-        fine_step.panel(
+        _hamiltonian(RUNS.found(results)),
+        order.panel(
+            ORDER,
+            results,
+            title="Lotka-Volterra: order",
+            source="Figure 4.6, right",
+            place="§4.4, Theorem 3.4",
+            chosen=(
+                "end time 1/2, 1000 samples and step sizes 2^-8 to 2^-11 (the paper gives none of these)",
+                "the exact solution instead of the midpoint scheme with h = 2^-12",
+                "splitting, which the paper does not show, is added",
+            ),
+        ),
+        order.fine_panel(
             FINE, results, source="Figure 4.6, right, on the interval of its left plot", stated="§4.4"
         ),
     ]
 
 
 def _hamiltonian(found: dict[str, runs.Run]) -> Panel:
-    statements = [
-        invariants.statement(
-            found[n], PROBLEM, "energy", constant=n in KEEP, source=order.stated_in(n, "§4.4")
-        )
-        for n in SHOWN
-    ]
-    statements.append(_domain(found["splitting"]))
     return Panel(
         key="4.6-hamiltonian",
         title="Lotka-Volterra: energy",
         source="Figure 4.6, left",
         x=Axis("time t"),
         y=Axis("energy H"),
-        series=tuple(invariants.curve(found[n], found[n].energy) for n in SHOWN),
+        series=tuple(runs.curve(found[n], found[n].energy) for n in SHOWN),
         parameters=dict(_PARAMETERS),
         chosen=("splitting, which the paper names and does not show, is added",),
-        statements=tuple(statements),
+        statements=(*runs.statements(found, "energy", KEEP, "§4.4"), _domain(found["splitting"])),
         description="Energy-preserving and discrete gradient scheme keep the energy; the others do not, and splitting "
         "stays near it.",
     )
@@ -91,26 +88,11 @@ def _domain(run: runs.Run) -> Statement:
         size = float(np.max(np.sum(np.abs(system.nambu.gradient(y) * y), axis=0)))
     moved, limit = float(np.max(np.abs(casimir - casimir[0]))), runs.rounding_bound(run.steps) * size
     return Statement(
-        text=f"{order.sentence(run.scheme)} remains in the domain y > 0, and keeps the Casimir",
+        text=f"{record.sentence(run.scheme)} remains in the domain y > 0, and keeps the Casimir",
         source="[23] in §1",
-        verdict=decide(smallest > 0 and moved <= limit, not smallest > 0 or moved > invariants.FAR * limit),
+        verdict=decide(smallest > 0 and moved <= limit, not smallest > 0 or moved > runs.FAR * limit),
         measured=f"smallest component {smallest:.3g}, largest change of C {moved:.1e} over {run.steps} steps",
         criterion=f"positive; rounding can do {limit:.1e} to C",
-    )
-
-
-def _order(errors: dict[str, StrongErrors]) -> Panel:
-    return order.panel(
-        ORDER,
-        errors,
-        title="Lotka-Volterra: order",
-        source="Figure 4.6, right",
-        place="§4.4, Theorem 3.4",
-        chosen=(
-            "end time 1/2, 1000 samples and step sizes 2^-8 to 2^-11 (the paper gives none of these)",
-            "the exact solution instead of the midpoint scheme with h = 2^-12",
-            "splitting, which the paper does not show, is added",
-        ),
     )
 
 

@@ -13,38 +13,32 @@ from sepv.record._binary64 import EPS
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.studies._picture import Axis
-from sepv.studies._reproduce import fine_step, invariants, order, runs
-from sepv.studies._reproduce.job import Job, Results, Size
-from sepv.studies._reproduce.record import Panel, Statement, decide, series
+from sepv.studies._reproduce import order, runs
+from sepv.studies._reproduce.record import SENTENCE, Job, Panel, Results, Size, Statement, decide, series
 
 PROBLEM = "harmonic-oscillator"
 STEPS, H = 100_000, 1e-2
 SHOWN = ("euler-maruyama", "energy-preserving", "milstein", "euler-heun")
 # Explicit steps cost the same for one sample and for 64: growth is then measured, not seen once.
-SAMPLES = 64
+RUNS = runs.LongRuns("4.1", PROBLEM, H, STEPS, SHOWN, {"energy-preserving": 1}, others=64)
 ORDER = order.Setting("4.2", PROBLEM, T=5.0, steps=(80, 160, 320, 640), samples=5000)
 # The reference that the text names, on fewer samples.
 FINE = order.Setting(
     "4.2", PROBLEM, T=5.0, steps=(5120, 10240, 20480, 40960, 81920), samples=128,
     schemes=("milstein", "energy-preserving"),
 )  # fmt: skip
-COST = {"energy-preserving": 400e-6}
 # Four radii of the energy circle: the others grow by a thousand in the same time.
 WINDOW = 0.9
 
 
 def jobs(size: Size) -> list[Job]:
     """Four long runs, and the errors of six schemes."""
-    found, steps = [*order.jobs(ORDER, size), *fine_step.jobs(FINE, size)], size.steps(STEPS)
-    for name in SHOWN:
-        seconds, samples = steps * COST.get(name, 110e-6), 1 if schemes.PAPER[name].solve else SAMPLES
-        found.append(runs.job("4.1", name, PROBLEM, size, h=H, steps=steps, seconds=seconds, samples=samples))
-    return found
+    return [*order.jobs(ORDER, size), *order.fine_jobs(FINE, size), *RUNS.jobs(size)]
 
 
 def long_time(results: Results) -> list[Panel]:
     """Figure 4.1: phase space, energy, position."""
-    found: dict[str, runs.Run] = {name: results["4.1", "run", name] for name in SHOWN}
+    found = RUNS.found(results)
     preserving = found["energy-preserving"]
     parameters: dict[str, Any] = {"x0": 0.1, "p0": 0.2, "c": 1.0, "h": H, "N": preserving.steps}
     return [part(found, parameters) for part in (_phase_space, _energy, _position)]
@@ -85,19 +79,17 @@ def _phase_space(found: dict[str, runs.Run], parameters: dict[str, Any]) -> Pane
 
 
 def _energy(found: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
-    statements = [
-        invariants.statement(found["energy-preserving"], PROBLEM, "energy", constant=True, source="§4.1")
-    ]
-    for name in ("euler-maruyama", "milstein", "euler-heun"):
-        statements.append(invariants.statement(found[name], PROBLEM, "energy", constant=False, source="§4.1"))
-        statements.append(_growth(found[name]))
+    first = ("energy-preserving", "euler-maruyama", "milstein", "euler-heun")
+    said = runs.statements({n: found[n] for n in first}, "energy", first[:1], "§4.1")
+    grown = [_growth(found[n]) for n in first[1:]]
+    statements = [said[0], *(s for pair in zip(said[1:], grown, strict=True) for s in pair)]
     return Panel(
         key="4.1-energy",
         title="Oscillator: energy",
         source="Figure 4.1, middle",
         x=Axis("time t"),
         y=Axis("energy H", log=True),
-        series=tuple(invariants.curve(r, r.energy) for r in found.values()),
+        series=tuple(runs.curve(r, r.energy) for r in found.values()),
         parameters=dict(parameters),
         chosen=("a logarithmic axis, because the energies grow exponentially",),
         statements=tuple(statements),
@@ -128,7 +120,7 @@ def _position(found: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
             min(others.values()) > 2 * radius,
             max(others.values()) <= 2 * radius and preserving.steps >= STEPS,
         ),
-        measured="; ".join(f"largest |x| of {order.SENTENCE[n]} {x:.3g}" for n, x in others.items()),
+        measured="; ".join(f"largest |x| of {SENTENCE[n]} {x:.3g}" for n, x in others.items()),
         criterion="beyond twice the radius of the energy circle, as Euler-Heun's",
     )
     gap = np.abs(preserving.y[1] - exact)
@@ -158,26 +150,17 @@ def _position(found: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
 
 def convergence(results: Results) -> list[Panel]:
     """Figure 4.2."""
-    found = order.collect(ORDER, results)
-    same = [
-        order.same_statement(
-            "energy-preserving", other, found, "§4.1 and §3.3", "the Hamiltonian is quadratic"
-        )
-        for other in ("midpoint", "discrete-gradient")
-    ]
+    reason = "§4.1 and §3.3", "the Hamiltonian is quadratic"
     panel = order.panel(
         ORDER,
-        found,
+        results,
         title="Oscillator: order",
         source="Figure 4.2",
         place="§4.1, Theorem 3.4",
-        chosen=(
-            "step sizes 2^-4 to 2^-7",
-            "the exact solution instead of Milstein's scheme with h = 2^-14",
-        ),
-        extra=same,
+        chosen=("step sizes 2^-4 to 2^-7", "the exact solution instead of Milstein's scheme with h = 2^-14"),
+        same=[("energy-preserving", other, *reason) for other in ("midpoint", "discrete-gradient")],
     )
-    fine = fine_step.panel(
+    fine = order.fine_panel(
         FINE, results, source="Figure 4.2, the paper's own kind of reference", stated="§4.1"
     )
     return [panel, fine]
@@ -224,7 +207,7 @@ def _growth(run: runs.Run) -> Statement:
     expected, spread = mean * run.steps, np.sqrt(variance * run.steps / logs.size)
     distance = abs(float(np.mean(logs)) - expected) / spread
     return Statement(
-        text=f"(ours) The energy of {order.SENTENCE[run.scheme]} grows exponentially, as its formula predicts",
+        text=f"(ours) The energy of {SENTENCE[run.scheme]} grows exponentially, as its formula predicts",
         source="the scheme's step, squared",
         verdict=decide(distance <= 4, distance > 6),
         measured=f"mean of ln(H_N/H_0) over {logs.size} samples {np.mean(logs):.2f}",
@@ -233,7 +216,7 @@ def _growth(run: runs.Run) -> Statement:
 
 
 def _not_suited(found: dict[str, runs.Run]) -> Statement:
-    ratios = {order.SENTENCE[n]: r.energy / r.energy[0] for n, r in found.items() if n != "energy-preserving"}
+    ratios = {SENTENCE[n]: r.energy / r.energy[0] for n, r in found.items() if n != "energy-preserving"}
     left = [bool(r.max() > 2 or r.min() < 0.5) for r in ratios.values()]
     return Statement(
         text="Euler-Maruyama's, Euler-Heun's and Milstein's methods are not appropriate for simulations of the "

@@ -6,10 +6,9 @@ import numpy as np
 
 from sepv.problem import Array
 from sepv.studies._picture import Axis
-from sepv.studies._reproduce import fine_step, invariants, order, runs
-from sepv.studies._reproduce.job import Job, Results, Size
-from sepv.studies._reproduce.record import Panel, Statement, decide, series
-from sepv.verification._orders.convergence import StrongErrors, jackknife_half
+from sepv.studies._reproduce import order, runs
+from sepv.studies._reproduce.record import Job, Panel, Results, Size, Statement, decide, series
+from sepv.verification._orders.convergence import jackknife_half
 
 PROBLEM = "pendulum"
 STEPS, H = 32_000, 2.0**-6
@@ -18,7 +17,7 @@ KEEP = ("discrete-gradient", "energy-preserving")
 SHOWN = (*LOSE, "midpoint", *KEEP)
 # Samples beside the one that is shown cost an explicit scheme nothing, and the midpoint rule little.
 SAMPLES = {"energy-preserving": 1, "discrete-gradient": 1, "midpoint": 32}
-COST = {"energy-preserving": 500e-6, "discrete-gradient": 2000e-6, "midpoint": 600e-6}
+RUNS = runs.LongRuns("4.4", PROBLEM, H, STEPS, SHOWN, SAMPLES, others=64)
 ORDER = order.Setting("4.5", PROBLEM, T=2.0, steps=(32, 64, 128, 256, 512), samples=1000)
 FINE = order.Setting(
     "4.5",
@@ -37,42 +36,49 @@ _PARAMETERS = {"p0": 0.2, "q0": 1.0, "c": [1.0, 0.5], "h": H, "T": STEPS * H}
 
 def jobs(size: Size) -> list[Job]:
     """Six long runs, the errors of six schemes, and those of a reference with a fine step."""
-    found, steps = [*order.jobs(ORDER, size), *fine_step.jobs(FINE, size)], size.steps(STEPS)
-    for name in SHOWN:
-        seconds, samples = steps * COST.get(name, 110e-6), SAMPLES.get(name, 64)
-        found.append(runs.job("4.4", name, PROBLEM, size, h=H, steps=steps, seconds=seconds, samples=samples))
-    return found
+    return [*order.jobs(ORDER, size), *order.fine_jobs(FINE, size), *RUNS.jobs(size)]
 
 
 def long_time(results: Results) -> list[Panel]:
     """Figure 4.4: energy, its zoom, position."""
-    found: dict[str, runs.Run] = {name: results["4.4", "run", name] for name in SHOWN}
+    found = RUNS.found(results)
     return [_energy(found), _zoom(found["midpoint"], found["energy-preserving"]), _position(found)]
 
 
 def convergence(results: Results) -> list[Panel]:
     """Figure 4.5, and the bias of a reference with a fine step."""
+    why = "(ours) not said in §4.3", "B is constant and H(p, q) separates"
     return [
-        _order(order.collect(ORDER, results)),
-        fine_step.panel(FINE, results, source="Figure 4.5, the paper's own kind of reference", stated="§4.3"),
+        order.panel(
+            ORDER,
+            results,
+            title="Pendulum: order",
+            source="Figure 4.5",
+            place="§4.3, Theorem 3.4",
+            chosen=(
+                "step sizes 2^-4 to 2^-8",
+                "the exact solution instead of the midpoint scheme with h = 2^-12",
+            ),
+            same=[("energy-preserving", "discrete-gradient", *why)],
+        ),
+        order.fine_panel(
+            FINE, results, source="Figure 4.5, the paper's own kind of reference", stated="§4.3"
+        ),
     ]
 
 
 def _energy(found: dict[str, runs.Run]) -> Panel:
-    statements = [
-        invariants.statement(found[n], PROBLEM, "energy", constant=n in KEEP, source="§4.3")
-        for n in (*LOSE, *KEEP)
-    ]
+    judged = {n: found[n] for n in (*LOSE, *KEEP)}
     return Panel(
         key="4.4-energy",
         title="Pendulum: energy",
         source="Figure 4.4, left",
         x=Axis("time t"),
         y=Axis("energy H + 1", log=True),
-        series=tuple(invariants.curve(r, r.energy + 1) for r in found.values()),
+        series=tuple(runs.curve(r, r.energy + 1) for r in found.values()),
         parameters=_used(found),
         chosen=("H + 1, the energy above the rest position, on a logarithmic axis",),
-        statements=tuple(statements),
+        statements=tuple(runs.statements(judged, "energy", KEEP, "§4.3")),
         description="The explicit schemes gain energy; midpoint, discrete gradient and energy-preserving scheme "
         "cannot be told from a horizontal line.",
     )
@@ -81,7 +87,7 @@ def _energy(found: dict[str, runs.Run]) -> Panel:
 def _zoom(midpoint: runs.Run, preserving: runs.Run) -> Panel:
     moved = float(np.max(np.abs(midpoint.energy - midpoint.energy[0])))
     above = float(midpoint.energy[0] + 1)
-    limit = invariants.FAR * invariants.bound(midpoint, PROBLEM, "energy")
+    limit = runs.FAR * runs.bound(midpoint, "energy")
     almost = Statement(
         text="The energy along the midpoint scheme remains almost constant over this long time interval",
         source="§4.3",
@@ -95,7 +101,7 @@ def _zoom(midpoint: runs.Run, preserving: runs.Run) -> Panel:
         source="Figure 4.4, middle",
         x=Axis("time t"),
         y=Axis("energy H"),
-        series=tuple(invariants.curve(r, r.energy) for r in (midpoint, preserving)),
+        series=tuple(runs.curve(r, r.energy) for r in (midpoint, preserving)),
         parameters=_used({"midpoint": midpoint}),
         statements=(almost, *_walk(midpoint)),
         description="The energy of the midpoint scheme wanders about its start; that of the energy-preserving scheme "
@@ -210,28 +216,6 @@ def _position(found: dict[str, runs.Run]) -> Panel:
         statements=(stable, also),
         description="The angle of the energy-preserving scheme oscillates in a constant band; the pendulum of "
         "Euler-Heun turns over and its angle wanders off.",
-    )
-
-
-def _order(errors: dict[str, StrongErrors]) -> Panel:
-    same = order.same_statement(
-        "energy-preserving",
-        "discrete-gradient",
-        errors,
-        "(ours) not said in §4.3",
-        "B is constant and H(p, q) separates",
-    )
-    return order.panel(
-        ORDER,
-        errors,
-        title="Pendulum: order",
-        source="Figure 4.5",
-        place="§4.3, Theorem 3.4",
-        chosen=(
-            "step sizes 2^-4 to 2^-8",
-            "the exact solution instead of the midpoint scheme with h = 2^-12",
-        ),
-        extra=(same,),
     )
 
 

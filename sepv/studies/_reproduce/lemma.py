@@ -18,9 +18,7 @@ from sepv.problem import Array, NamedProblem, Problem, vector_field
 from sepv.problem._fields import derivative_along, matvec, slope_along
 from sepv.schemes._modified_weak_two import structure_curvature, structure_slope
 from sepv.studies._picture import Axis
-from sepv.studies._reproduce.job import Job, Results, Size
-from sepv.studies._reproduce.order import H_AXIS
-from sepv.studies._reproduce.record import Panel, Statement, decide, series
+from sepv.studies._reproduce.record import Job, Panel, Results, Size, Statement, decide, series
 from sepv.verification._orders.gaussian import rule
 
 NAMES = ("rigid-body", "pendulum", "lotka-volterra")
@@ -37,7 +35,10 @@ def coefficient(problem: Problem, y: Array) -> Array:
     g, B = problem.gradient(at), problem.structure(at)
     half = 0.5 * matvec(structure_curvature(problem, at, f), g) * 0.25
     turned = 0.25 * matvec(structure_slope(problem, at, f), _slope(problem, at, f))
-    bent = matvec(B, _curvature(problem, at, f)) / 6
+    curvature = slope_along(
+        lambda y: _slope(problem, y, f), at, f, 2.0**-10
+    )  # g″(f, f), by differences of H″f
+    bent = matvec(B, curvature) / 6
     inner = derivative_along(problem, at, f)
     return np.asarray((half + turned + bent + 0.25 * derivative_along(problem, at, inner))[:, 0])
 
@@ -46,11 +47,6 @@ def _slope(problem: Problem, y: Array, w: Array) -> Array:
     """g′w."""
     assert problem.hessian is not None
     return matvec(problem.hessian(y), w)
-
-
-def _curvature(problem: Problem, y: Array, w: Array) -> Array:
-    """g″(w, w), by differences of H″w along w."""
-    return slope_along(lambda at: _slope(problem, at, w), y, w, 2.0**-10)
 
 
 def expanded(data: NamedProblem, y: Array) -> Array:
@@ -126,7 +122,6 @@ def panels(results: Results) -> list[Panel]:
             key="theory-lemma-3.2",
             title="What the expansion (3.1) leaves",
             source="Lemma 3.2, (3.2)",
-            x=H_AXIS,
             y=Axis("moments of R_n", log=True),
             series=tuple(
                 series(f"{name}, {label}", H_STEPS, one[kind], style="both")

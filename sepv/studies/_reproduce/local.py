@@ -13,9 +13,8 @@ import numpy as np
 from sepv import problems, schemes
 from sepv.record._binary64 import EPS
 from sepv.studies._picture import Axis
-from sepv.studies._reproduce.job import Job, Results, Size
-from sepv.studies._reproduce.order import H_AXIS, SENTENCE, STATED
-from sepv.studies._reproduce.record import Panel, Statement, decide, series
+from sepv.studies._reproduce import record
+from sepv.studies._reproduce.record import Job, Panel, Results, Size, Statement, decide, series
 from sepv.verification import Effort
 from sepv.verification._orders.gaussian import rule
 from sepv.verification._orders.local_errors import local_errors
@@ -43,16 +42,6 @@ def difference() -> dict[str, list[float]]:
     return {"h": list(H_STEPS), "mean": mean, "rms": rms}
 
 
-def twelfth() -> dict[str, list[float]]:
-    """(E[(h + cΔŴ)¹²])^¼ with c = 1, which the proof of Theorem 3.3 takes out of (3.6) by Cauchy and Schwarz."""
-    found = []
-    for h in H_STEPS:
-        nodes = rule(1, h, 2, 12)
-        delta = h + np.sqrt(h) * nodes.zeta[0, nodes.index]
-        found.append(float((delta**12 @ nodes.weights) ** 0.25))
-    return {"h": list(H_STEPS), "moment": found}
-
-
 def against_exact(scheme: str) -> dict[str, list[float]]:
     """The same of a scheme and the exact solution: the largest over a few states."""
     found = local_errors(schemes.PAPER[scheme], problems.by_name(PROBLEM), Effort())
@@ -61,7 +50,7 @@ def against_exact(scheme: str) -> dict[str, list[float]]:
 
 def jobs(_size: Size) -> list[Job]:
     """One job a scheme; nothing is random."""
-    found = [Job(("theory", "local", name), against_exact, {"scheme": name}, 0.5) for name in STATED]
+    found = [Job(("theory", "local", name), against_exact, {"scheme": name}, 0.5) for name in record.STATED]
     return [*found, Job(("theory", "local", ""), difference, {}, 0.2)]
 
 
@@ -89,8 +78,13 @@ def _of_the_pair(pair: dict[str, list[float]]) -> Iterator[Statement]:
 
 
 def _of_the_moment() -> Statement:
-    moments = twelfth()
-    seen = _slope(moments["h"], moments["moment"])
+    """(E[(h + cΔŴ)¹²])^¼ with c = 1, which the proof of Theorem 3.3 takes out of (3.6) by Cauchy and Schwarz."""
+    moments = []
+    for h in H_STEPS:
+        nodes = rule(1, h, 2, 12)
+        delta = h + np.sqrt(h) * nodes.zeta[0, nodes.index]
+        moments.append(float((delta**12 @ nodes.weights) ** 0.25))
+    seen = _slope(list(H_STEPS), moments)
     return Statement(
         text="(E[(h + cΔŴ)¹²])^¼ = O(h^{3/2})",
         source="proof of Theorem 3.3",
@@ -102,9 +96,9 @@ def _of_the_moment() -> Statement:
 
 def _of_a_scheme(name: str, mean: float, rms: float) -> Statement:
     """Lemma 2.1 of [16]: p2 = p + ½ and p1 ≥ p2 + ½."""
-    p = STATED[name]
+    p = record.STATED[name]
     return Statement(
-        text=f"{SENTENCE[name]} satisfies the local conditions for mean-square order {p:g}",
+        text=f"{record.SENTENCE[name]} satisfies the local conditions for mean-square order {p:g}",
         source="Lemma 2.1 of [16], as (3.8) and (3.9)",
         verdict=decide(
             mean > p + 1 - MARGIN and rms > p + 0.5 - MARGIN,
@@ -117,7 +111,7 @@ def _of_a_scheme(name: str, mean: float, rms: float) -> Statement:
 
 def panels(results: Results) -> list[Panel]:
     """One panel: both errors of every scheme, with their slopes."""
-    found = {name: results["theory", "local", name] for name in STATED}
+    found = {name: results["theory", "local", name] for name in record.STATED}
     pair = results["theory", "local", ""]
     slopes = {n: (_slope(e["h"], e["mean"]), _slope(e["h"], e["rms"])) for n, e in found.items()}
     statements = [
@@ -130,7 +124,6 @@ def panels(results: Results) -> list[Panel]:
             key="theory-local-conditions",
             title="One step: (3.8) and (3.9)",
             source="(3.8), (3.9)",
-            x=H_AXIS,
             y=Axis("error of one step", log=True),
             series=tuple(
                 series(f"{n}, {label}", e["h"], e[kind], scheme=n, style="both")

@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 
 from sepv.record._binary64 import EPS
-from sepv.studies._picture import Axis, Series
-from sepv.studies._reproduce import runs
-from sepv.studies._reproduce.job import Job, Results, Size
-from sepv.studies._reproduce.record import Panel, Statement, decide, series
+from sepv.studies._reproduce import record, runs
+from sepv.studies._reproduce.record import Job, Panel, Results, Size, Statement, decide, series
 from sepv.verification._orders.convergence import StrongErrors, join, slope
 
 # Two-sided, for each slope: the chance that an interval misses the slope that it estimates.
@@ -21,22 +19,6 @@ ALPHA = 0.01
 PART = 1024
 # Microseconds a sample and step in batches, for the time left.
 COST = {"energy-preserving": 3.0, "midpoint": 2.5, "discrete-gradient": 5.0}
-
-# The mean-square orders that §4 gives: the paper's statements, not what the schemes here claim.
-STATED = {
-    "energy-preserving": 1.0,
-    "midpoint": 1.0,
-    "discrete-gradient": 1.0,
-    "euler-heun": 1.0,
-    "milstein": 1.0,
-    "euler-maruyama": 0.5,
-}
-
-# The domain-keeping splitting of [23] with exact flows, which the paper names and does not show.
-OURS = {"splitting": 1.0}
-
-H_AXIS = Axis("step size h", log=True)
-ERROR_AXIS = Axis("mean-square error at the end", log=True)
 
 
 @dataclass(frozen=True)
@@ -48,7 +30,7 @@ class Setting:
     T: float
     steps: tuple[int, ...]
     samples: int
-    schemes: tuple[str, ...] = tuple(STATED)
+    schemes: tuple[str, ...] = tuple(record.STATED)
 
     @property
     def given(self) -> dict[str, Any]:
@@ -88,20 +70,13 @@ def collect(setting: Setting, results: Results) -> dict[str, StrongErrors]:
     return found
 
 
-def curves(found: dict[str, StrongErrors]) -> tuple[Series, ...]:
-    """rms error against h, a series for each scheme."""
-    return tuple(
-        series(name, e.T / np.array(e.steps), e.rms(), scheme=name, style="both") for name, e in found.items()
-    )
-
-
 def order_statement(name: str, found: StrongErrors, source: str) -> Statement:
     """Whether the measured slope is the order that the paper gives the scheme."""
-    stated = (STATED | OURS)[name]
+    stated = (record.STATED | record.OURS)[name]
     measured = slope(found, ALPHA)
     words = {0.5: "1/2", 1.0: "1"}[stated]
     return Statement(
-        text=f"{sentence(name)} has mean-square order {words}",
+        text=f"{record.sentence(name)} has mean-square order {words}",
         source=source,
         verdict=decide(
             stated - 0.25 < measured.low and measured.high < stated + 0.25,
@@ -121,8 +96,9 @@ def same_statement(
     difference = float(np.max(np.abs(a.errors - b.errors)))
     # Rounding enters at every step and is carried to the end by the flow's Lipschitz constant, e^2 or less here.
     bound = 64 * EPS * a.scale * max(a.steps)
+    first, second = (record.SENTENCE[name] for name in (one, other))
     return Statement(
-        text=f"{SENTENCE[one]} and {SENTENCE[other].replace('The', 'the')} are one integrator here, because {reason}",
+        text=f"{first} and {second.replace('The', 'the')} are one integrator here, because {reason}",
         source=source,
         verdict=decide(difference <= bound, difference > 1e3 * bound),
         measured=f"largest difference of the ends over all samples and step sizes {difference:.1e}",
@@ -131,28 +107,25 @@ def same_statement(
 
 
 def panel(
-    setting: Setting,
-    found: dict[str, StrongErrors],
-    *,
-    title: str,
-    source: str,
-    place: str,
-    chosen: Sequence[str],
-    extra: Sequence[Statement] = (),
-) -> Panel:
-    """The convergence plot with a statement about every scheme in it."""
+    setting: Setting, results: Results, *, title: str, source: str, place: str, chosen: Sequence[str],
+    same: Sequence[tuple[str, str, str, str]] = (), extra: Sequence[Statement] = (),
+) -> Panel:  # fmt: skip
+    """The convergence plot with a statement about every scheme in it, and about pairs that are `same`."""
+    found = collect(setting, results)
     statements = [
-        order_statement(name, e, place if name == "energy-preserving" else stated_in(name, "§4"))
+        order_statement(name, e, place if name == "energy-preserving" else record.stated_in(name, "§4"))
         for name, e in found.items()
     ]
+    statements += [same_statement(one, other, found, where, why) for one, other, where, why in same]
     samples = next(iter(found.values())).squared.shape[1]
     return Panel(
         key=f"{setting.figure}-order",
         title=title,
         source=source,
-        x=H_AXIS,
-        y=ERROR_AXIS,
-        series=curves(found),
+        series=tuple(
+            series(name, e.T / np.array(e.steps), e.rms(), scheme=name, style="both")
+            for name, e in found.items()
+        ),
         parameters={
             "problem": setting.problem,
             "T": setting.T,
@@ -171,23 +144,71 @@ def panel(
     )
 
 
-# A scheme's name as a sentence begins.
-SENTENCE = {
-    "energy-preserving": "The energy-preserving scheme",
-    "midpoint": "The midpoint scheme",
-    "discrete-gradient": "The discrete gradient scheme",
-    "euler-heun": "Euler-Heun",
-    "milstein": "Milstein",
-    "euler-maruyama": "Euler-Maruyama",
-    "splitting": "The splitting scheme",
-}
+def fine_jobs(setting: Setting, size: Size) -> list[Job]:
+    """The reference's scheme, the first of two, down to its own step, the last of `steps`, and the other scheme."""
+    samples = range(size.samples(setting.samples))
+    counting = {**setting.given, "samples": len(samples), "seed": size.seed}
+    return [
+        *(setting.job(("fine", name), name, samples, size, 0.3) for name in setting.schemes),
+        Job((setting.figure, "fine", "truncated"), runs.truncated, counting, 1.0),
+    ]
 
 
-def stated_in(name: str, place: str) -> str:
-    """Where the paper speaks of a scheme: in the place of the figure, or where it names what it does not show."""
-    return "[23] in §1" if name in OURS else place
+def fine_panel(setting: Setting, results: Results, source: str, stated: str) -> Panel:
+    """True errors, and errors as the paper's own kind of reference sees them; `stated` is where the paper names it.
 
-
-def sentence(name: str) -> str:
-    """The beginning of a statement; what is not the paper's says so."""
-    return f"{'(ours) ' if name in OURS else ''}{SENTENCE[name]}"
+    Errors against a scheme with a fine step are differences of two errors. Where the scheme under test is that scheme,
+    or h comes near its step, they are too small and the slope is too steep; at its own step it has no error at all.
+    """
+    found: dict[str, StrongErrors] = {n: results[setting.figure, "fine", n] for n in setting.schemes}
+    reference = setting.schemes[0]
+    h = setting.T / np.array(setting.steps)
+    truth = found[reference].errors[-1]
+    curves, seen = [], {}
+    for name, e in found.items():
+        against = np.sqrt(np.mean(np.sum((e.errors - truth) ** 2, axis=1), axis=1))
+        seen[name] = against
+        curves.append(series(f"{name}, exact reference", h, e.rms(), scheme=name, style="both"))
+        # The reference's own scheme has error zero at its own step, which a logarithmic axis cannot show.
+        kept = against > 0
+        curves.append(series(f"{name}, fine-step reference", h[kept], against[kept], style="both"))
+    own, true = seen[reference], found[reference].rms()
+    share = ", ".join(
+        f"{o / t:.0%} at h = 2^{np.log2(step):.0f}" for step, o, t in zip(h, own, true, strict=True)
+    )
+    own_step = f"2^{np.log2(h[-1]):.0f}"
+    # One truncated increment is an error of that sample that no step size explains.
+    truncated = ", ".join(
+        f"{n} at h = 2^{np.log2(step):.0f}"
+        for n, step in zip(results[setting.figure, "fine", "truncated"], h, strict=True)
+        if n
+    )
+    bumps = f"increments that Remark 2.1 truncates, each a bump in the curves: {truncated}"
+    exact = Statement(
+        text=f"The {reference} scheme with step {own_step} serves as the exact solution",
+        source=stated,
+        verdict=decide(bool(np.all(own > 0.95 * true)), bool(own[-1] < 0.05 * true[-1])),
+        measured=f"of the true error of the {reference} scheme it sees {share}",
+        criterion="at least 95 % of the true error, at every step size",
+        correction="the exact solution is the flow at the time t + Σ c_j W_j(t), without a step size. At the steps of "
+        f"the paper's plot, well above {own_step}, the bias is small and its slopes stand",
+    )
+    return Panel(
+        key=f"{setting.figure}-fine-step-reference",
+        title="What a fine-step reference hides",
+        source=source,
+        series=tuple(curves),
+        parameters={"problem": setting.problem, "T": setting.T, "samples": truth.shape[1], "h": h.tolist()},
+        chosen=(
+            f"{truth.shape[1]} samples; step sizes down to the reference's own, {own_step}, where its bias is largest",
+            *([bumps] if truncated else []),
+        ),
+        slopes=(0.5, 1.0),
+        statements=(exact,),
+        description="Against the exact solution both schemes go on with slope one; against the fine-step one the "
+        "curve of its own scheme bends down and reaches zero at the reference's step.",
+        numbers={
+            n: {"exact reference": found[n].rms().tolist(), "fine-step reference": seen[n].tolist()}
+            for n in found
+        },
+    )

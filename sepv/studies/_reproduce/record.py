@@ -1,15 +1,18 @@
-"""What a reproduction leaves: panels as data, and the paper's statements with a verdict each.
+"""What a reproduction computes, jobs, and leaves: panels as data, and the paper's statements with a verdict each.
 
 A panel holds everything that is drawn, so that the figures, the page and a reader's own program all
-start from the same numbers.
+start from the same numbers. Jobs run in any order and any process.
 """
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -17,28 +20,91 @@ from numpy.typing import ArrayLike
 
 from sepv._terminal import counted
 from sepv.files import finite
-from sepv.studies._picture import Axis, Series
+from sepv.studies._picture import Axis, Series, content, draw_curves, figure, looks
+
+# The mean-square orders that §4 gives: the paper's statements, not what the schemes here claim.
+STATED = {
+    "energy-preserving": 1.0,
+    "midpoint": 1.0,
+    "discrete-gradient": 1.0,
+    "euler-heun": 1.0,
+    "milstein": 1.0,
+    "euler-maruyama": 0.5,
+}
+
+# The domain-keeping splitting of [23] with exact flows, which the paper names and does not show.
+OURS = {"splitting": 1.0}
+
+# A scheme's name as a sentence begins.
+SENTENCE = {
+    "energy-preserving": "The energy-preserving scheme",
+    "midpoint": "The midpoint scheme",
+    "discrete-gradient": "The discrete gradient scheme",
+    "euler-heun": "Euler-Heun",
+    "milstein": "Milstein",
+    "euler-maruyama": "Euler-Maruyama",
+    "splitting": "The splitting scheme",
+}
 
 # What became of a statement: it holds, it does not, or the measurement does not decide.
 Verdict = Literal["holds", "fails", "open"]
+
+
+H_AXIS = Axis("step size h", log=True)
+ERROR_AXIS = Axis("mean-square error at the end", log=True)
+
+# Schemes for which the extra fast has compiled code: it takes a few per cent of NumPy's time, and its own loading.
+COMPILED = frozenset(("energy-preserving", "midpoint", "euler-heun", "milstein"))
+
+
+@dataclass(frozen=True)
+class Job:
+    """One call of a function of `runs`, with the seconds that NumPy is expected to take (for progress only)."""
+
+    key: tuple[str, ...]
+    function: Callable[..., Any]
+    arguments: dict[str, Any]
+    seconds: float
+
+    def expected(self) -> float:
+        """Seconds, with the engine that will serve: for the job's place in the queue and the time left."""
+        compiled = self.arguments.get("engine") == "auto" and self.arguments.get("scheme") in COMPILED
+        return 0.1 + 0.02 * self.seconds if compiled and find_spec("numba") else self.seconds
+
+
+@dataclass(frozen=True)
+class Size:
+    """How much is computed: everything the paper has, or a share of it for a quick look; and by which engine."""
+
+    seed: int = 0
+    share: float = 1.0
+    engine: str = "auto"
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """What every job of paths is told."""
+        return {"seed": self.seed, "engine": self.engine}
+
+    def steps(self, full: int) -> int:
+        """The steps of a long run."""
+        return max(128, round(full * self.share))
+
+    def samples(self, full: int) -> int:
+        """The samples of a convergence plot."""
+        return max(128, round(full * self.share))
+
+
+Results = dict[tuple[str, ...], Any]
 
 
 @dataclass(frozen=True)
 class Statement:
     """A statement of the paper about what is computed, and what the computation says.
 
-    Attributes
-    ----------
-    text : str
-        The statement, in the paper's words or close to them.
-    source : str
-        Where it stands.
-    measured : str
-        What was measured and what it came to.
-    criterion : str
-        When the statement counts as true; derived, or apologised for.
-    correction : str
-        What should stand there, where it does not hold as printed.
+    text, source : the statement, in the paper's words or close to them, and where it stands
+    measured : what was measured and what it came to
+    criterion : when the statement counts as true; derived, or apologised for
+    correction : what should stand there, where it does not hold as printed
     """
 
     text: str
@@ -49,33 +115,24 @@ class Statement:
     correction: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Panel:
     """One panel of one figure.
 
-    Attributes
-    ----------
-    key : str
-        Names the panel and its files, such as "4.1-phase-space": the figure, or "theory", and what is shown.
-    parameters : dict
-        What the paper gives and what was used.
-    chosen : tuple of str
-        What the paper leaves open, and what was taken.
-    slopes : tuple of float
-        The reference slopes to draw.
-    description : str
-        What there is to see, for whoever does not see it.
-    equal : bool
-        Whether both axes have one scale.
-    window : float, optional
-        Only |y| up to this is drawn, and |x| too where both axes have one scale; the series go on beyond.
+    key : names the panel and its files, such as "4.1-phase-space": the figure, or "theory", and what is shown
+    parameters : what the paper gives and what was used
+    chosen : what the paper leaves open, and what was taken
+    slopes : the reference slopes to draw
+    description : what there is to see, for whoever does not see it
+    equal : whether both axes have one scale
+    window : only |y| up to this is drawn, and |x| too where both axes have one scale; the series go on beyond
     """
 
     key: str
     title: str
     source: str
-    x: Axis
-    y: Axis
+    x: Axis = H_AXIS
+    y: Axis = ERROR_AXIS
     series: tuple[Series, ...]
     parameters: dict[str, Any]
     chosen: tuple[str, ...] = ()
@@ -128,3 +185,50 @@ def in_words(counts: Mapping[str, int]) -> str:
         f"{counted(sum(counts.values()), 'statement')}: {holds} hold{'s' * (holds == 1)}, "
         f"{fails} {'does' if fails == 1 else 'do'} not, {counts['open']} open"
     )
+
+
+def stated_in(name: str, place: str) -> str:
+    """Where the paper speaks of a scheme: in the place of the figure, or where it names what it does not show."""
+    return "[23] in §1" if name in OURS else place
+
+
+def sentence(name: str) -> str:
+    """The beginning of a statement; what is not the paper's says so."""
+    return f"{'(ours) ' if name in OURS else ''}{SENTENCE[name]}"
+
+
+# 86 mm, a column; type of 8 points, none below 6.5.
+WIDTH, HEIGHT = 3.39, 2.9
+# Letters are drawn: a journal's page shows them as they are here.
+_STYLE = {
+    "svg.fonttype": "path",
+    "font.size": 8,
+    "xtick.labelsize": 7,
+    "ytick.labelsize": 7,
+    "legend.fontsize": 6.5,
+    "lines.linewidth": 1.0,
+    "grid.linewidth": 0.4,
+}
+
+
+def draw(panel: Panel, folder: Path) -> tuple[Path, Path]:
+    """Write folder/KEY.svg and folder/KEY.png (300 dpi), one column of a journal wide, and return both paths."""
+    # Two columns of longer labels are wider than the figure; a legend of many rows makes it higher, not its axes lower.
+    columns = 2 if max(len(s.name) for s in panel.series) <= 22 else 1
+    more = max(0, math.ceil(len(panel.series) / columns) - 3)
+    with figure(WIDTH, HEIGHT + 0.14 * more, _STYLE, layout="constrained") as drawn:
+        draw_curves(
+            drawn.add_subplot(),
+            panel.series,
+            looks(s.scheme for s in panel.series),
+            panel.x,
+            panel.y,
+            slopes=panel.slopes,
+            equal=panel.equal,
+            window=panel.window,
+        )
+        drawn.legend(loc="outside upper center", ncols=columns, handlelength=2.6)
+        paths = folder / f"{panel.key}.svg", folder / f"{panel.key}.png"
+        for path in paths:
+            path.write_bytes(content(drawn, path.suffix, title=panel.title, dpi=300))
+    return paths

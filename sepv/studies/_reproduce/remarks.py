@@ -10,16 +10,15 @@ import numpy as np
 from sepv import problems
 from sepv.exact import exact_flow
 from sepv.problem import Array, Problem
-from sepv.problems._canonical import structure
+from sepv.problems._common import structure
 from sepv.record._binary64 import EPS
 from sepv.schemes._energy_preserving import scheme as SCHEME
 from sepv.simulate import _wiener as wiener
 from sepv.simulate import ensemble
 from sepv.studies._picture import Axis
-from sepv.studies._reproduce.job import Job, Results, Size
-from sepv.studies._reproduce.order import ALPHA, ERROR_AXIS, H_AXIS
-from sepv.studies._reproduce.record import Panel, Statement, decide, series
-from sepv.studies._reproduce.runs import errors_of
+from sepv.studies._reproduce.order import ALPHA
+from sepv.studies._reproduce.record import Job, Panel, Results, Size, Statement, decide, series
+from sepv.studies._reproduce.runs import errors
 from sepv.verification import Effort
 from sepv.verification._orders.convergence import StrongErrors, slope
 from sepv.verification._orders.local_errors import local_errors
@@ -56,7 +55,7 @@ def sublinear() -> Problem:
 def sublinear_errors(samples: int, seed: int) -> StrongErrors:
     """Errors at T = 1 of the samples, all step sizes on the same paths."""
     scheme = replace(SCHEME, truncation=UNCLIPPED)
-    return errors_of(scheme, sublinear(), T=1.0, steps=STEPS, paths=range(samples), seed=seed)
+    return errors(scheme, sublinear(), T=1.0, steps=STEPS, samples=samples, seed=seed)
 
 
 def sublinear_step() -> list[float]:
@@ -173,8 +172,6 @@ def _sublinear(found: StrongErrors, local: list[float]) -> Panel:
         key="theory-unbounded-hamiltonian",
         title="A Hamiltonian that is not bounded",
         source="Remark 3.4",
-        x=H_AXIS,
-        y=ERROR_AXIS,
         series=(
             series(SCHEME.name, 1.0 / np.array(found.steps), found.rms(), scheme=SCHEME.name, style="both"),
         ),
@@ -274,7 +271,6 @@ def _clipped(results: Results) -> Panel:
         key="theory-truncation",
         title="Samples with a step that fails, with and without truncation",
         source="Remark 2.1, §4.1",
-        x=H_AXIS,
         y=Axis("share of samples"),
         series=tuple(
             series(f"{name}, {'k = 2' if k else 'not truncated'}", h, share, style="both")

@@ -1,4 +1,4 @@
-"""The computations behind the panels: one long path of a scheme, and errors against the exact flow.
+"""The computations behind the panels: one long path of a scheme, its invariants, and errors against the exact flow.
 
 Each is a plain function of names and numbers, so that it runs in any process, and each runs the
 scheme's own step: nothing here knows a formula of a scheme.
@@ -6,13 +6,12 @@ scheme's own step: nothing here knows a formula of a scheme.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from sepv import problems, schemes
-from sepv.errors import UsageError
 from sepv.exact import exact_flow
 from sepv.problem import Array, Problem
 from sepv.record._binary64 import EPS
@@ -20,10 +19,15 @@ from sepv.schemes import Scheme
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate import ensemble
-from sepv.simulate._batch import Batch
-from sepv.studies._reproduce.job import Job, Size
+from sepv.simulate._engine.ensemble import choose
+from sepv.simulate._engine.task import Task
+from sepv.simulate._engine.total import chunk_of
+from sepv.studies._picture import Series
+from sepv.studies._reproduce.record import Job, Results, Size, Statement, decide, sentence, series, stated_in
 from sepv.verification._orders.convergence import StrongErrors
 
+# A drift this many times the rounding bound is no rounding.
+FAR = 1e3
 # Of the sample that is shown.
 POINTS = 1000
 
@@ -32,25 +36,15 @@ POINTS = 1000
 class Run:
     """Samples of one scheme over one stretch of time; the first sample is the one that is shown.
 
-    Attributes
-    ----------
-    t, y : (K,), (d, K)
-        The first sample, at every `stride`-th step and at the end.
-    energy : (N+1,)
-        H along the first sample, at every step.
-    casimir : (N+1,)
-        The first quadratic Casimir yᵀAy along it; empty where there is none.
-    theta : (K,)
-        The exact solution's time t + Σ c_j W_j(t) at `t`.
-    checkpoints : (L,) of int
-        Steps (powers of two and the last) at which all samples were looked at:
-    energies : (L, M)
-        their energies there.
-    stopped : int
-        The step at which the first sample failed or left the domain, −1 where it did not.
+    t, y : (K,), (d, K), the first sample, at every `stride`-th step and at the end
+    energy, casimir : (N+1,), H and the first quadratic Casimir yᵀAy along it at every step; empty where there is none
+    theta : (K,), the exact solution's time t + Σ c_j W_j(t) at `t`
+    checkpoints, energies : (L,), (L, M), steps (powers of two and the last) at which all samples were looked at
+    stopped : the step at which the first sample failed or left the domain, −1 where it did not
     """
 
     scheme: str
+    problem: str
     h: float
     t: Array
     y: Array
@@ -67,15 +61,48 @@ class Run:
         return int(self.checkpoints[-1])
 
 
+# Seconds of an implicit step in NumPy, and of an explicit one, for the time left.
+COST = {"energy-preserving": 500e-6, "midpoint": 600e-6, "discrete-gradient": 2000e-6}
+EXPLICIT = 110e-6
+
+
+@dataclass(frozen=True)
+class LongRuns:
+    """Long runs of a figure's schemes on the same Wiener path, in steps that are asked for in full or as a share.
+
+    samples : of the schemes that are named; of the others `others`.
+    """
+
+    figure: str
+    problem: str
+    h: float
+    steps: int
+    shown: tuple[str, ...]
+    samples: Mapping[str, int] = field(default_factory=dict)
+    others: int = 1
+    shared: bool = True
+
+    def jobs(self, size: Size) -> list[Job]:
+        """A job a scheme."""
+        steps = size.steps(self.steps) if self.shared else self.steps
+        given = {"problem": self.problem, "h": self.h, "steps": steps, **size.given}
+        return [
+            Job(
+                (self.figure, "run", name),
+                long_run,
+                {"scheme": name, "samples": self.samples.get(name, self.others), **given},
+                steps * COST.get(name, EXPLICIT),
+            )
+            for name in self.shown
+        ]
+
+    def found(self, results: Results) -> dict[str, Run]:
+        """The runs by scheme."""
+        return {name: results[self.figure, "run", name] for name in self.shown}
+
+
 def long_run(
-    scheme: str,
-    problem: str,
-    *,
-    h: float,
-    steps: int,
-    seed: int,
-    samples: int = 1,
-    engine: str = "auto",
+    scheme: str, problem: str, *, h: float, steps: int, seed: int, samples: int = 1, engine: str = "auto"
 ) -> Run:
     """`samples` paths from the problem's initial state with the scheme's own step.
 
@@ -93,6 +120,7 @@ def long_run(
     t = np.arange(steps + 1) * h
     return Run(
         scheme=scheme,
+        problem=problem,
         h=h,
         t=t[kept],
         y=shown[:, kept],
@@ -107,95 +135,38 @@ def long_run(
     )
 
 
-def job(
-    figure: str,
-    scheme: str,
-    problem: str,
-    size: Size,
-    *,
-    h: float,
-    steps: int,
-    seconds: float,
-    samples: int = 1,
-) -> Job:
-    """The job of a long run."""
-    arguments = {
-        "scheme": scheme,
-        "problem": problem,
-        "h": h,
-        "steps": steps,
-        "samples": samples,
-        **size.given,
-    }
-    return Job((figure, "run", scheme), long_run, arguments, seconds)
-
-
 def _follow(
     method: Scheme, system: Problem, h: float, raw: Array, checkpoints: np.ndarray, engine: str
 ) -> tuple[Array, Array, int]:
     """The first sample at every step (d, N+1), all energies at the checkpoints, and the step at which it failed."""
-    steps = raw.shape[0]
-    if engine == "numpy":
-        return _follow_numpy(method, system, h, raw, checkpoints)
-    try:
-        # Every step of one sample, then the checkpoints of all: not everything has to be kept.
-        every = ensemble(
-            method, system, h=h, steps=steps, dW=raw[:, :, :1], times=np.arange(1, steps + 1) * h, engine="compiled"
-        )  # fmt: skip
-    except UsageError:
-        if engine != "auto":
-            raise
-        return _follow_numpy(method, system, h, raw, checkpoints)
-    all_ = ensemble(method, system, h=h, steps=steps, dW=raw, times=checkpoints * h, engine="compiled")
-    start = np.array(system.initial, dtype=np.float64)[:, None]
-    first = np.concatenate([start, every.states[:, :, 0].T], axis=1)
-    return first, np.stack([system.hamiltonian(y) for y in all_.states]), int(every.failed_step[0])
-
-
-def _follow_numpy(
-    method: Scheme, system: Problem, h: float, raw: Array, checkpoints: np.ndarray
-) -> tuple[Array, Array, int]:
-    """The same in one sweep: a NumPy step costs hardly more for many samples than for one."""
-    batch = Batch(method, system, np.array(system.initial, dtype=np.float64), raw.shape[2], track=False)
-    first = np.empty((system.dimension, raw.shape[0] + 1))
-    first[:, 0] = batch.y[:, 0]
+    steps, _, samples = raw.shape
+    compiled, _ = choose(engine, method, system, compensated=False)
+    start = np.array(system.initial, dtype=np.float64)
+    task = Task(
+        scheme=method, problem=system, y0=start, h=h, steps=steps, first=0, count=samples, seed=0, refine=None,
+        truncation=method.truncation, stops=(), compensated=False, compiled=compiled, dW=raw, track=False,
+    )  # fmt: skip
+    chunk = chunk_of(task, system)
+    first = np.repeat(start[:, None], steps + 1, axis=1)
     energies: list[Array] = []
-    for n, increment in enumerate(bounded.seen(raw, h, method.truncation, method.increments)):
-        batch.step(h, increment)
-        first[:, n + 1] = batch.y[:, 0]
-        if n + 1 == checkpoints[len(energies)]:
-            energies.append(system.hamiltonian(batch.y))
-    return first, np.stack(energies), int(batch.failed[0])
+    for n in range(1, steps + 1):
+        chunk.advance(1)
+        y = chunk.states()
+        first[:, n] = y[:, 0]
+        if n == checkpoints[len(energies)]:
+            energies.append(system.hamiltonian(y))
+    ends = chunk.result(np.empty((0, *start.shape, samples)))
+    return first, np.stack(energies), int(ends.failed_step[0])
 
 
 def errors(
-    scheme: str,
-    problem: str,
-    *,
-    T: float,
-    steps: Sequence[int],
-    samples: int,
-    first: int,
-    seed: int,
-    engine: str = "auto",
-) -> StrongErrors:
+    scheme: str | Scheme, problem: str | Problem, *, T: float, steps: Sequence[int], samples: int, first: int = 0,
+    seed: int, engine: str = "auto",
+) -> StrongErrors:  # fmt: skip
     """Errors against the exact flow of the samples numbered from `first`, all step sizes on the same paths."""
-    method, system = schemes.by_name(scheme), problems.by_name(problem)
+    method = schemes.by_name(scheme) if isinstance(scheme, str) else scheme
+    system = problems.by_name(problem) if isinstance(problem, str) else problem
     paths = range(first, first + samples)
-    return errors_of(method, system, T=T, steps=steps, paths=paths, seed=seed, engine=engine)
-
-
-def errors_of(
-    method: Scheme,
-    system: Problem,
-    *,
-    T: float,
-    steps: Sequence[int],
-    paths: range,
-    seed: int,
-    engine: str = "auto",
-) -> StrongErrors:
-    """The same of a scheme and a problem, of whatever name."""
     fine = wiener.increments(seed, T=T, steps=steps[-1], noises=system.noises, paths=paths)
     exact = exact_flow(system, system.random_step(T, fine.sum(axis=0))).y
     found, failures = [], []
@@ -229,3 +200,56 @@ def rounding_bound(steps: int) -> float:
     Azuma's inequality the walk exceeds 8 eps √N with probability below 1e-3. Measured: 0.3 eps √N.
     """
     return 8 * EPS * float(np.sqrt(steps))
+
+
+def curve(run: Run, values: Array) -> Series:
+    """An invariant along the first sample, at no more than about 600 steps, the last one among them."""
+    kept = np.unique(np.append(np.arange(0, values.size, max(1, values.size // 600)), values.size - 1))
+    return series(run.scheme, kept * run.h, values[kept], scheme=run.scheme)
+
+
+def bound(run: Run, what: str, *, constant: bool = True) -> float:
+    """What rounding does to an invariant, relative to its value at the start.
+
+    Rounding moves y_i by eps |y_i|, hence H by Σ|∂_iH y_i| of that: at most along the path where the scheme is
+    said to keep H, at the start where it is not.
+    """
+    system = problems.by_name(run.problem)
+    if what == "Casimir":
+        return rounding_bound(run.steps)
+    y = run.y if constant else run.y[:, :1]
+    start = abs(float(system.hamiltonian(run.y[:, 0])))
+    size = np.max(np.sum(np.abs(system.gradient(y) * y), axis=0)) + start
+    return rounding_bound(run.steps) * float(size) / start
+
+
+def drift(values: Array) -> float:
+    """Largest relative distance from the value at the start."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return float(np.nanmax(np.abs(values - values[0])) / abs(values[0]))
+
+
+def statements(
+    found: Mapping[str, Run], what: str, keep: Collection[str], place: str, **places: str
+) -> list[Statement]:
+    """`statement` of every run: whether the schemes `keep` keep it, and the others do not; `places` of single ones."""
+    return [
+        statement(r, what, constant=n in keep, source=stated_in(n, places.get(n, place)))
+        for n, r in found.items()
+    ]
+
+
+def statement(run: Run, what: str, *, constant: bool, source: str) -> Statement:
+    """Whether `what` ("energy" or "Casimir") is constant, or not, as the paper says of this scheme."""
+    values = run.energy if what == "energy" else run.casimir
+    moved, limit = drift(values), bound(run, what, constant=constant)
+    kept, lost = moved <= limit, moved > FAR * limit or run.stopped > 0
+    stopped = f"; the sample left the domain at step {run.stopped}" if run.stopped > 0 else ""
+    return Statement(
+        text=f"{sentence(run.scheme)} {'keeps' if constant else 'does not keep'} the {what}",
+        source=source,
+        verdict=decide(kept, lost) if constant else decide(lost, kept),
+        measured=f"largest relative change {moved:.2g} over {run.steps} steps{stopped}",
+        criterion=f"rounding can do {limit:.1e} (8 eps √N); "
+        + ("at most that" if constant else f"more than {FAR:g} times that"),
+    )

@@ -27,20 +27,11 @@ from sepv.studies._reproduce import (
     local,
     remarks,
 )
-from sepv.studies._reproduce.job import Job, Results, Size
-from sepv.studies._reproduce.record import Panel, Statement, counts
+from sepv.studies._reproduce.record import Job, Panel, Results, Size, Statement, counts
 
 SECTIONS = (
-    figures_4_1_and_4_2,
-    figure_4_3,
-    figures_4_4_and_4_5,
-    figure_4_6,
-    deterministic,
-    lemma,
-    local,
-    remarks,
-    extensions,
-)
+    figures_4_1_and_4_2, figure_4_3, figures_4_4_and_4_5, figure_4_6, deterministic, lemma, local, remarks, extensions,
+)  # fmt: skip
 FIGURES = ("4.1", "4.2", "4.3", "4.4", "4.5", "4.6")
 # Panels about §2, §3 and the remarks.
 THEORY = "theory"
@@ -76,9 +67,7 @@ class Reproduction:
             "reproduction": {
                 "name": "sepv",
                 "version": __version__,
-                "seed": self.size.seed,
-                "share": self.size.share,
-                "engine": self.size.engine,
+                **vars(self.size),
                 "seconds": round(self.seconds, 1),
                 "processor_seconds": round(self.processor_seconds, 1),
                 "workers": self.workers,
@@ -123,9 +112,9 @@ def reproduce(
         )
     check(workers)
     size, started = size or Size(), time.perf_counter()
-    sections = [(s, jobs) for s in SECTIONS if (jobs := _jobs(s, size, wanted))]
-    results = _run([job for _, jobs in sections for job in jobs], workers, progress)
-    panels = [p for s, _ in sections for p in _panels(s, results, wanted)]
+    jobs = [job for s in SECTIONS for job in s.jobs(size) if job.key[0] in wanted]
+    results = _run([replace(job, seconds=job.expected()) for job in jobs], workers, progress)
+    panels = [p for s in SECTIONS for p in _panels(s, results, wanted)]
     return Reproduction(
         panels=tuple(panels),
         text=tuple(errata.statements()) if TEXT in wanted else (),
@@ -134,10 +123,6 @@ def reproduce(
         processor_seconds=sum(results[("seconds",)].values()),
         workers=count(workers),
     )
-
-
-def _jobs(section: Any, size: Size, wanted: tuple[str, ...]) -> list[Job]:
-    return [replace(job, seconds=job.expected()) for job in section.jobs(size) if job.key[0] in wanted]
 
 
 def _panels(section: Any, results: Results, wanted: tuple[str, ...]) -> list[Panel]:
@@ -177,13 +162,10 @@ def _run(jobs: list[Job], workers: Any, progress: ShareProgress) -> Results:
                 take(running.pop(future), future.result())
             now = time.perf_counter()
             active = [(jobs[n], now - since.setdefault(n, now)) for n in list(running.values())[:workers]]
-            progress(done + sum(_part(job, elapsed) for job, elapsed in active), total)
+            # What a running job has done, as far as its estimate says, nears the end and never reaches it.
+            parts = (job.seconds * (1 - math.exp(-elapsed / job.seconds)) for job, elapsed in active)
+            progress(done + sum(parts), total)
     return results
-
-
-def _part(job: Job, elapsed: float) -> float:
-    """What a running job has done, as far as its estimate says: it nears the end and never reaches it."""
-    return job.seconds * (1 - math.exp(-elapsed / job.seconds))
 
 
 def _timed(job: Job) -> tuple[Any, float]:

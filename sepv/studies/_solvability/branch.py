@@ -60,14 +60,9 @@ class End(Worded):
 class Branch:
     """The branches of M states in one direction of Δ.
 
-    Attributes
-    ----------
-    reach : (M,)
-        |Δ| up to which the branch is a function of Δ; the range where it goes on.
-    end : (M,)
-        `End` of each.
-    delta, z : (P, M), (P, d, M)
-        Points of the curves from Δ = 0 to the end, NaN after it.
+    reach : (M,), |Δ| up to which the branch is a function of Δ; the range where it goes on
+    end : (M,), `End` of each
+    delta, z : (P, M), (P, d, M), points of the curves from Δ = 0 to the end, NaN after it
     """
 
     reach: Array
@@ -79,10 +74,7 @@ class Branch:
 def follow(problem: Problem, y0: Array, furthest: float, scheme: Scheme = energy_preserving) -> Branch:
     """The branches from the states y0 (d, M) for Δ between 0 and `furthest`, which may be negative.
 
-    Raises
-    ------
-    UsageError
-        For a scheme whose step is not an equation in one Δ.
+    A UsageError for a scheme whose step is not an equation in one Δ.
     """
     if scheme.name not in EQUATIONS:
         raise UsageError(

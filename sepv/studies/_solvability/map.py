@@ -1,4 +1,4 @@
-"""The map: states along an orbit of the exact flow × Δ, what exists there and what Newton finds."""
+"""The map: states along an orbit of the exact flow × Δ, what exists there, what Newton finds, how likely Δ is."""
 
 from __future__ import annotations
 
@@ -7,20 +7,24 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sepv.exact import exact_flow
 from sepv.problem import Array, Problem
+from sepv.record import gauss_legendre
 from sepv.schemes import Scheme, energy_preserving
+from sepv.simulate import truncation_bound
 from sepv.solve import Status, solve
 from sepv.solve._solution import Worded
 from sepv.studies._solvability.branch import EQUATIONS, Branch, End, follow
-from sepv.studies._solvability.chance import chance_outside
 
 # A solution is the connected one where it agrees with it to this share of |y0| and the distance moved: both are known
 # to rounding times a condition that grows towards the fold.
 SAME = 1e-4
 # The shortest branches are looked for between the states: rounds, minima in each, new states on either side of one.
 ROUNDS, LOWEST, POINTS = 3, 2, 4
+# Gauss nodes for each noise beyond the first: the integrand is smooth but for two jumps of size P(|ξ| > A_h).
+NODES = 128
 
 
 class Ending(Worded):
@@ -48,17 +52,12 @@ class Map:
 
     Attributes
     ----------
-    theta, states : (M,), (d, M)
-        Times of the exact flow from the initial state, and the states there. The random times of (1.1) pass through
-        no others; numerical paths do (`sepv.studies._solvability.paths`).
-    delta : (K,)
-        The grid of Δ, both signs.
-    findings : (K, M)
-        `Ending` at each.
-    forward, backward : Branch
-        For Δ > 0 and Δ < 0.
-    refined : Shortest
-        The same from further states, around those with the shortest branches.
+    theta, states : (M,), (d, M), times of the exact flow from the initial state, and the states there. The random times
+        of (1.1) pass through no others; numerical paths do (`sepv.studies._solvability.paths`).
+    delta : (K,), the grid of Δ, both signs
+    findings : (K, M), `Ending` at each
+    forward, backward : the branches for Δ > 0 and Δ < 0
+    refined : the same from further states, around those with the shortest branches
     """
 
     problem: Problem
@@ -107,22 +106,16 @@ class Map:
             "findings": {kind.text: count for kind, count in self.counts().items()},
             "map": self.findings.T.tolist(),
             "legend": {str(int(kind)): kind.text for kind in Ending},
-            "forward": _branch_json(self.forward),
-            "backward": _branch_json(self.backward),
-            "refined": {
-                "theta": self.refined.theta.tolist(),
-                "forward": self.refined.forward.tolist(),
-                "backward": self.refined.backward.tolist(),
+            **{
+                name: {"reach": branch.reach.tolist(), "end": [End(int(e)).text for e in branch.end]}
+                for name, branch in (("forward", self.forward), ("backward", self.backward))
             },
+            "refined": {name: values.tolist() for name, values in vars(self.refined).items()},
             "truncation": k,
             "chances": [
                 {"h": h, "mean": float(self.chances(h, k).mean()), "worst": self.worst(h, k)} for h in steps
             ],
         }
-
-
-def _branch_json(branch: Branch) -> dict[str, Any]:
-    return {"reach": branch.reach.tolist(), "end": [End(int(e)).text for e in branch.end]}
 
 
 def solvability_map(
@@ -215,7 +208,10 @@ def _row(problem: Problem, scheme: Scheme, y: Array, delta: float, branch: Branc
 
 def _on_branch(problem: Problem, scheme: Scheme, y: Array, delta: float, branch: Branch) -> Array:
     """y1 on the branch, solved from between the two points of the curve next to Δ."""
-    near = _interpolated(branch, delta)
+    (before, after), share = _place(branch, delta)
+    lanes = np.arange(branch.reach.size)
+    a, b = branch.z[before, :, lanes].T, branch.z[after, :, lanes].T
+    near = a + share * np.where(np.isfinite(b), b - a, 0.0)
     step = np.full((1, y.shape[1]), delta)
     solution = solve(problem, y, step, *EQUATIONS[scheme.name], start=near)
     settled = solution.status == Status.CONVERGED
@@ -240,9 +236,50 @@ def _place(branch: Branch, delta: float) -> tuple[np.ndarray, Array]:
     return np.stack([before, after]), share
 
 
-def _interpolated(branch: Branch, delta: float) -> Array:
-    """z(Δ) of each lane between the points of its curve, (d, M)."""
-    (before, after), share = _place(branch, delta)
-    lanes = np.arange(branch.reach.size)
-    a, b = branch.z[before, :, lanes].T, branch.z[after, :, lanes].T
-    return a + share * np.where(np.isfinite(b), b - a, 0.0)
+def chance_outside(h: float, noise: ArrayLike, low: ArrayLike, high: ArrayLike, k: int | None = 2) -> Array:
+    """P(Δ ≤ low or Δ ≥ high) for increments truncated with k (Remark 2.1), untruncated for k = None.
+
+    Parameters
+    ----------
+    h : float > 0, below 1 where k is given
+    noise : (m,)
+        The c_j.
+    low, high : (M,), low < 0 < high.
+
+    Notes
+    -----
+    One noise: the tails of a normal law, and nothing beyond √h A_h. Several truncated ones: the law of each but the
+    first is integrated by Gauss nodes on (−A_h, A_h) and two atoms.
+    """
+    c = np.asarray(noise, dtype=np.float64).reshape(-1)
+    c = c[c > 0] * np.sqrt(h)
+    below, above = np.asarray(low) - h, np.asarray(high) - h
+    if not c.size:
+        return ((below >= 0) | (above <= 0)).astype(np.float64)
+    if k is None:
+        spread = float(np.sqrt(np.sum(c * c)))
+        return _tail(above / spread) + _tail(-below / spread)
+    return _truncated(c, below, above, truncation_bound(h, k))
+
+
+def _truncated(c: Array, below: Array, above: Array, bound: float) -> Array:
+    """The same for Σ c_j ζ_j."""
+    if c.size == 1:
+        up, down = above / c[0], -below / c[0]
+        return np.where(up <= bound, _tail(up), 0.0) + np.where(down <= bound, _tail(down), 0.0)
+    atom = float(_tail(np.array(bound)))
+    points, weights = gauss_legendre(NODES)
+    x = bound * (2 * points - 1)
+    weights = 2 * bound * weights * np.exp(-0.5 * x * x) / np.sqrt(2 * np.pi)
+    total = np.zeros(np.broadcast(below, above).shape)
+    for value, weight in [(-bound, atom), *zip(x, weights, strict=True), (bound, atom)]:
+        total = total + weight * _truncated(c[1:], below - c[0] * value, above - c[0] * value, bound)
+    return total
+
+
+def _tail(x: Array) -> Array:
+    """P(ξ ≥ x) for ξ ~ N(0, 1)."""
+    from scipy.special import ndtr
+
+    tail: Array = ndtr(-np.asarray(x, dtype=np.float64))
+    return tail

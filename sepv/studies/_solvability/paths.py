@@ -33,17 +33,9 @@ CONFIDENCE = 0.95
 class Exits:
     """What became of paths with one scheme and step size.
 
-    Attributes
-    ----------
-    until : float
-        The time to which the paths were followed.
-    paths : int
-    times : (F,)
-        When the step that failed began, of the paths that failed, increasing.
-    statuses : {name of Status: count}
-        How their steps failed.
-    asked : float
-        The time that was asked for; `until` is shorter where the budget ended.
+    until, asked : the time to which the paths were followed, shorter than was asked for where the budget ended
+    times : (F,), when the step that failed began, of the paths that failed, increasing
+    statuses : how their steps failed, by name of `Status`
     """
 
     scheme: str
@@ -105,12 +97,8 @@ def follow_paths(
     """Paths of `scheme` with each step size, to the time `until` or as far as the seconds reach.
 
     Horizons double, each over paths of its own, up to `until`; one at which all paths failed is the last. What is
-    left of the seconds is shared by the step sizes that are left.
-
-    Parameters
-    ----------
-    steps : step sizes; each horizon is a multiple of h.
-    k : truncation of the increments (Remark 2.1), None for none.
+    left of the seconds is shared by the step sizes that are left. Each horizon is a multiple of h; k is the truncation
+    of the increments (Remark 2.1), None for none.
     """
 
     def horizon(h: float, count: int, most: int) -> Exits:

@@ -122,13 +122,7 @@ def from_json(data: Any) -> Case:
 
 
 def _given_problem(data: dict[str, Any]) -> GivenProblem:
-    """A problem made of functions, from where it was named.
-
-    Raises
-    ------
-    UsageError
-        For one that had no name a command can load.
-    """
+    """A problem made of functions, from where it was named."""
     target = str(data["given"])
     if ":" not in target and target not in problems.EXTENSIONS | problems.HAMILTONIANS:
         raise UsageError(
@@ -153,13 +147,7 @@ def to_token(case: Case) -> str:
 
 
 def from_token(token: str) -> Case:
-    """The inverse of `to_token`.
-
-    Raises
-    ------
-    UsageError
-        For a text that is not a whole token.
-    """
+    """The inverse of `to_token`; a UsageError for a text that is not a whole token."""
     try:
         packed = base64.urlsafe_b64decode(token + "=" * (-len(token) % 4))
         data = json.loads(_unpacked(packed))

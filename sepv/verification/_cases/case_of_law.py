@@ -14,6 +14,7 @@ import numpy as np
 
 from sepv import problems as named
 from sepv.problem import (
+    Array,
     GivenProblem,
     HamiltoniansProblem,
     PolynomialSystem,
@@ -86,18 +87,15 @@ def _several_noises(case: Case) -> Case | None:
     return with_noise(case, (first, first / 2), (share / 2, share))
 
 
-def _poisson(case: Case) -> Case | None:
-    problem = named.build(case.problem)
-    if isinstance(problem, StructuresProblem):
-        return None
-    return halved(case) if is_poisson(problem, np.array(case.y)) else None
+def _half_where(holds: Callable[[Problem, Array], Any]) -> Turn:
+    """Half the step of a problem with one structure of which this holds at y."""
 
+    def turn(case: Case) -> Case | None:
+        problem = named.build(case.problem)
+        one = not isinstance(problem, StructuresProblem)
+        return halved(case) if one and holds(problem, np.array(case.y)) else None
 
-def _constant(case: Case) -> Case | None:
-    problem = named.build(case.problem)
-    if isinstance(problem, StructuresProblem):
-        return None
-    return None if np.any(derivative_of_structure(problem, np.array(case.y))) else halved(case)
+    return turn
 
 
 def _steady_drift(case: Case) -> Case | None:
@@ -131,8 +129,11 @@ TURNS: dict[str, tuple[Turn, str]] = {
         _where(lambda p: p.nambu is not None, data=True),
         "the problems have no Casimir and factor in dimension 3 as data",
     ),
-    "poisson-map": (_poisson, "B of the problems does not satisfy Jacobi's identity"),
-    "symplecticity": (_constant, "B of the problems is not constant"),
+    "poisson-map": (_half_where(is_poisson), "B of the problems does not satisfy Jacobi's identity"),
+    "symplecticity": (
+        _half_where(lambda p, y: not np.any(derivative_of_structure(p, y))),
+        "B of the problems is not constant",
+    ),
     "positivity": (_where(lambda p: p.domain is not None), "the problems have no domain to leave"),
     "energy-drift": (
         _steady_drift,
@@ -150,16 +151,12 @@ TURNS: dict[str, tuple[Turn, str]] = {
     "reference": (_where(lambda _: True, data=True), _NEEDS_DATA),
 }
 _NOT_KEPT = "with several Hamiltonians that do not commute with H_0 the exact flow does not keep H_0"
-_NO_STEP = "with several Hamiltonians there is no random step Δ"
 _OTHER = "it is about the equation of (2.1), which several Hamiltonians do not have"
 # What laws cannot say of several Hamiltonians {H_0, H_j} ≠ 0.
 NOT_OF_HAMILTONIANS = {
-    "energy": _NOT_KEPT,
-    "rounding": _NOT_KEPT,
-    "random-step": _NO_STEP,
-    "midpoint": _OTHER,
-    "reduction": _OTHER,
-    "reference": _OTHER,
+    **dict.fromkeys(("energy", "rounding"), _NOT_KEPT),
+    "random-step": "with several Hamiltonians there is no random step Δ",
+    **dict.fromkeys(("midpoint", "reduction", "reference"), _OTHER),
     "any-casimir": "its cases have one Hamiltonian: see casimir, and poisson-map",
 }
 # Laws whose cases are systems of their own.

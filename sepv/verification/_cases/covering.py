@@ -14,8 +14,9 @@ from itertools import combinations
 
 Row = tuple[int, ...]
 Partial = list[int | None]
-# (factor, level) and (another factor, level), in the order of factors.
-Pair = tuple[tuple[int, int], tuple[int, int]]
+Level = tuple[int, int]  # of a factor
+# In the order of factors.
+Pair = tuple[Level, Level]
 # Ways of breaking ties.
 ATTEMPTS = 4
 # Open pairs that a row must meet to be taken because it is offered: where fewer are left, one row made for them meets
@@ -34,21 +35,15 @@ class Design:
 def pairwise(
     levels: Sequence[int],
     allowed: Callable[[Partial], bool],
-    hiding: frozenset[tuple[int, int]] = frozenset(),
+    hiding: frozenset[Level] = frozenset(),
     offered: Sequence[Row] = (),
 ) -> Design:
     """A design for factors with so many levels each.
 
-    Parameters
-    ----------
-    allowed : partial row -> bool
-        Whether a row may go on from here; None stands for a level that is still open. A row that is refused stays
-        refused whatever is filled in.
-    hiding : set of (factor, level)
-        Levels beside which a fault of other factors may not show: pairs of others are not met in such a row, unless
-        they are possible in no other.
-    offered : rows
-        Cheaper than others, allowed: those that meet many pairs are taken first.
+    `allowed` says whether a row may go on from here, with None for a level that is still open: what is refused stays
+    refused whatever is filled in. Beside the levels `hiding` a fault of other factors may not show: pairs of others are
+    not met in such a row, unless they are possible in no other. Of the rows `offered`, which are allowed and cheaper
+    than others, those that meet many pairs are taken first.
     """
     taken = _Greedy(levels, allowed, hiding, 0).taken(offered)
     designs = [_Greedy(levels, allowed, hiding, shift).design(taken) for shift in range(ATTEMPTS)]
@@ -65,11 +60,7 @@ class _Greedy:
     """One attempt. Levels have numbers through all factors, and sets of levels are bits of an integer."""
 
     def __init__(
-        self,
-        levels: Sequence[int],
-        allowed: Callable[[Partial], bool],
-        hiding: frozenset[tuple[int, int]],
-        shift: int,
+        self, levels: Sequence[int], allowed: Callable[[Partial], bool], hiding: frozenset[Level], shift: int
     ) -> None:
         self.levels, self.allowed, self.hiding, self.shift = levels, allowed, hiding, shift
         self.first = [sum(levels[:f]) for f in range(len(levels))]
@@ -101,24 +92,30 @@ class _Greedy:
     def taken(self, offered: Sequence[Row]) -> list[Row]:
         """Of the rows offered those that meet the most open pairs each, down to LEAST."""
         rows: list[Row] = []
-        masks = {row: sum(1 << self._number(level) for level in enumerate(row)) for row in offered}
-        while masks:
-            best = max(masks, key=lambda row: self._gain(row, masks[row]))
-            if self._gain(best, masks.pop(best)) < LEAST:
+        known = {row: self._partners(row) for row in offered}
+        while known:
+            best = max(known, key=lambda row: self._gain(known[row]))
+            if self._gain(known.pop(best)) < LEAST:
                 break
             rows.append(best)
             self._meet(best)
         return rows
 
-    def _gain(self, row: Row, mask: int) -> int:
-        """How many open pairs are met in a row."""
-        hidden = [level for level in enumerate(row) if level in self.hiding]
-        if len(hidden) > 1:
-            return sum(
-                self.open[f][k] >> self._number(other) & 1 for (f, k), other in shown_pairs(row, self.hiding)
-            )
-        meeting = sum((self.open[f][k] & mask).bit_count() for f, k in hidden or enumerate(row))
-        return meeting if hidden else meeting // 2
+    def _partners(self, row: Row) -> list[tuple[int, int, int]]:
+        """The levels of a row as (factor, level), each with those that it meets there, as in `shown_pairs`."""
+        levels = list(enumerate(row))
+        everyone = sum(1 << self._number(level) for level in levels)
+        hidden = [level for level in levels if level in self.hiding]
+        found = []
+        for level in levels:
+            others = [other for other in hidden if other != level]
+            met = everyone if not others else 1 << self._number(others[0]) if len(others) == 1 else 0
+            found.append((*level, met))
+        return found
+
+    def _gain(self, partners: list[tuple[int, int, int]]) -> int:
+        """How many open pairs are met in a row, each of which is counted from both sides."""
+        return sum([(self.open[f][k] & met).bit_count() for f, k, met in partners]) // 2
 
     def _number(self, level: tuple[int, int]) -> int:
         return self.first[level[0]] + level[1]
@@ -128,8 +125,8 @@ class _Greedy:
             self.open[f][k] &= ~(1 << self._number(other))
 
     def _meet(self, row: Row) -> None:
-        for pair in shown_pairs(row, self.hiding):
-            self._close(pair)
+        for f, k, met in self._partners(row):
+            self.open[f][k] &= ~met
 
     def _row(self, goal: Pair) -> Row | None:
         """A row with the pair `goal` and many other open pairs, by a greedy choice; None where there is none."""

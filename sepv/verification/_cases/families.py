@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from sepv import problems
 from sepv.problem import HamiltoniansProblem, PolynomialSystem, Systems
 from sepv.problem._problem import Matrix, Structure
-from sepv.problems._canonical import HAT, canonical
+from sepv.problems._common import HAT, canonical
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 from sepv.verification.strategies import coefficients, hamiltonians, noises
@@ -108,23 +108,14 @@ def separable_hamiltonians(draw: st.DrawFn) -> PolynomialSystem:
     return PolynomialSystem(2 * n, H, canonical(2 * n), c, noise_hamiltonians=others)
 
 
-# name: (what it is, the strategy, problems for the laws about many steps)
-FAMILIES: dict[Systems, tuple[str, Callable[[], st.SearchStrategy[PolynomialSystem]], tuple[str, ...]]] = {
-    Systems.CANONICAL_SEPARABLE: (
-        "H = T(p) + V(q), y = (p, q), B = J⁻¹",
-        canonical_separable,
-        ("harmonic-oscillator", "pendulum"),
-    ),
-    Systems.LIE_POISSON: ("B linear in y, from a Lie algebra", lie_poisson, ("rigid-body",)),
-    Systems.RIGID_BODIES: ("the rigid body with random inertia", rigid_bodies, ("rigid-body",)),
+# name: (the strategy, problems for the laws about many steps)
+FAMILIES: dict[Systems, tuple[Callable[[], st.SearchStrategy[PolynomialSystem]], tuple[str, ...]]] = {
+    Systems.CANONICAL_SEPARABLE: (canonical_separable, ("harmonic-oscillator", "pendulum")),
+    Systems.LIE_POISSON: (lie_poisson, ("rigid-body",)),
+    Systems.RIGID_BODIES: (rigid_bodies, ("rigid-body",)),
     Systems.SO3_HAMILTONIANS: (
-        "B of the rigid body, several Hamiltonians",
         so3_hamiltonians,
         ("random-inertia", "two-spins", "commuting-twists", "twisted-top"),
     ),
-    Systems.SEPARABLE_HAMILTONIANS: (
-        "H = ½|p|² + V(q), additive noise in p",
-        separable_hamiltonians,
-        ("noisy-henon-heiles",),
-    ),
+    Systems.SEPARABLE_HAMILTONIANS: (separable_hamiltonians, ("noisy-henon-heiles",)),
 }

@@ -14,7 +14,7 @@ import numpy as np
 
 from sepv import problems
 from sepv.problem import NamedProblem, PolynomialSystem
-from sepv.problems._canonical import hat, planes
+from sepv.problems._common import hat, planes
 from sepv.problems.hard._hard_case import UNIT3
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly

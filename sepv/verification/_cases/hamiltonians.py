@@ -19,68 +19,35 @@ from sepv.problem import Array, NamedProblem, PolynomialSystem, vector_field
 from sepv.problem._hamiltonians import noise_field
 from sepv.record import _polynomial as poly
 from sepv.schemes._stochastic_splitting import scheme as stochastic_splitting
+from sepv.verification import strategies as some
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.families import general, separable_hamiltonians
 from sepv.verification._cases.poisson import constant_structures, poisson_structures
-from sepv.verification._cases.structures import from_origin
-from sepv.verification.strategies import (
-    casimir_systems,
-    coefficients,
-    components,
-    halved,
-    hamiltonians,
-    in_the_mean,
-    noises,
-    poisson_systems,
-    polynomials,
-    skew_structures,
-    steps,
-)
+from sepv.verification._cases.structures import from_origin, still
 
 Cases = Callable[[], st.SearchStrategy[Case]]
 
 
 @st.composite
 def with_hamiltonians(
-    draw: st.DrawFn,
-    systems: st.SearchStrategy[PolynomialSystem],
-    *,
-    degree: int = 4,
-    least: int = 1,
-    most: int = 3,
-) -> PolynomialSystem:
+    draw: st.DrawFn, systems: st.SearchStrategy[PolynomialSystem], degree: int = 4, least: int = 1, most: int = 3
+) -> PolynomialSystem:  # fmt: skip
     """A system with H_1, …, H_m of degree ≤ `degree` in place of its noise. Examples shrink towards H_1 = ½|y|²."""
     system = draw(systems)
-    c = draw(noises(least=least, most=most).filter(any))
-    others = tuple(draw(hamiltonians(system.dimension, degree)) for _ in c)
+    c = draw(some.noises(least=least, most=most).filter(any))
+    others = tuple(draw(some.hamiltonians(system.dimension, degree)) for _ in c)
     return replace(system, noise=c, nambu=None, noise_hamiltonians=others)
 
 
 def any_hamiltonians(*, degree: int = 4, least: int = 1) -> st.SearchStrategy[PolynomialSystem]:
     """Any B, with and without Casimirs."""
-    kinds = st.one_of(poisson_systems(degree=5, largest=5), casimir_systems(degree=4, largest=5))
+    kinds = st.one_of(some.poisson_systems(degree=5, largest=5), some.casimir_systems(degree=4, largest=5))
     return with_hamiltonians(kinds, degree=degree, least=least).filter(general)
 
 
 def hamiltonian_steps() -> st.SearchStrategy[Case]:
     """Steps of systems with several Hamiltonians."""
-    return steps(any_hamiltonians())
-
-
-@st.composite
-def _still(draw: st.DrawFn) -> Case:
-    """h = 0 and no increments, or all gradients zero at y."""
-    case = draw(hamiltonian_steps())
-    assert isinstance(case.problem, PolynomialSystem)
-    if draw(st.booleans()):
-        return Case(case.problem, case.y, 0.0, (0.0,) * len(case.dW))
-    d = case.problem.dimension
-    others = tuple(draw(hamiltonians(d, 4, least=2)) for _ in case.dW)
-    system = replace(
-        case.problem, hamiltonian=draw(hamiltonians(d, 5, least=2)), noise_hamiltonians=others, casimirs=(),
-        linear_casimirs=(),
-    )  # fmt: skip
-    return Case(system, (0.0,) * d, draw(st.sampled_from([1.0, 0.25])), case.dW)
+    return some.steps(any_hamiltonians())
 
 
 @st.composite
@@ -89,11 +56,11 @@ def _at_origin(draw: st.DrawFn) -> Case:
     d, m = draw(st.integers(2, 4)), draw(st.integers(1, 2))
 
     def hamiltonian() -> poly.Polynomial:
-        linear, square = poly.linear([draw(coefficients()) for _ in range(d)]), poly.squares((1.0,) * d)
-        return poly.add(poly.add(linear, square), draw(polynomials(d, 3, least=2, terms=2)))
+        linear, square = poly.linear([draw(some.coefficients()) for _ in range(d)]), poly.squares((1.0,) * d)
+        return poly.add(poly.add(linear, square), draw(some.polynomials(d, 3, least=2, terms=2)))
 
-    B = draw(skew_structures(d, 2).filter(bool))
-    B = tuple((i, j, poly.add(poly.constant(d, draw(coefficients())), entry)) for i, j, entry in B)
+    B = draw(some.skew_structures(d, 2).filter(bool))
+    B = tuple((i, j, poly.add(poly.constant(d, draw(some.coefficients())), entry)) for i, j, entry in B)
     others = tuple(hamiltonian() for _ in range(m))
     return from_origin(draw, PolynomialSystem(d, hamiltonian(), B, (1.0,) * m, noise_hamiltonians=others))
 
@@ -102,8 +69,8 @@ def _at_origin(draw: st.DrawFn) -> Case:
 def additive_steps(draw: st.DrawFn) -> Case:
     """Additive noise along which H_0 is quadratic, and a length h for which all likely increments have a solution."""
     system = draw(separable_hamiltonians())
-    y = tuple(draw(st.lists(components(), min_size=system.dimension, max_size=system.dimension)))
-    return in_the_mean(Case(system, y))
+    y = tuple(draw(st.lists(some.components(), min_size=system.dimension, max_size=system.dimension)))
+    return some.in_the_mean(Case(system, y))
 
 
 @st.composite
@@ -113,15 +80,10 @@ def species_steps(draw: st.DrawFn) -> Case:
     States from 2⁻¹⁰ to 6, and steps that move a logarithm by up to 4 with each of the fields. A case is left out where
     the splitting with exact flows leaves 2^±64, and another right scheme might overflow or underflow.
     """
-    c = draw(noises(least=1, most=3).filter(any))
-    data = NamedProblem(
-        "random-lotka-volterra",
-        (
-            ("beta", tuple(draw(coefficients()) for _ in range(3))),
-            ("noise", c),
-            *((name, (draw(coefficients()),)) for name in ("a", "b", "d", "nu", "mu")),
-        ),
-    )
+    c = draw(some.noises(least=1, most=3).filter(any))
+    beta = tuple(draw(some.coefficients()) for _ in range(3))
+    others = tuple((name, (draw(some.coefficients()),)) for name in ("a", "b", "d", "nu", "mu"))
+    data = NamedProblem("random-lotka-volterra", (("beta", beta), ("noise", c), *others))
     y = tuple(draw(st.sampled_from([1.0, 1.5])) * 2.0 ** draw(st.integers(-10, 2)) for _ in range(3))
     problem, state = problems.build(data), np.array(y)
     length = draw(st.sampled_from([4.0, 2.0, 1.0, 0.25]))
@@ -140,19 +102,21 @@ def _rate(field: Array, y: Array) -> float:
     return max(1.0, float(np.max(np.abs(field) / y)))
 
 
+def _of(systems: st.SearchStrategy[PolynomialSystem], **more: int) -> st.SearchStrategy[Case]:
+    return some.steps(with_hamiltonians(systems, **more).filter(general))
+
+
 HAMILTONIANS: dict[str, Cases] = {
     "positivity": species_steps,
     "energy-drift": additive_steps,
     **dict.fromkeys(("contract", "reproducibility", "symmetry"), hamiltonian_steps),
-    "casimir": lambda: steps(with_hamiltonians(casimir_systems(degree=4)).filter(general)),
-    "poisson-map": lambda: steps(with_hamiltonians(poisson_structures()).filter(general)).map(halved),
-    "symplecticity": lambda: steps(with_hamiltonians(constant_structures()).filter(general)).map(halved),
-    "identity": _still,
-    "noise-sum": lambda: steps(any_hamiltonians(least=2)),
+    "casimir": lambda: _of(some.casimir_systems(degree=4)),
+    "poisson-map": lambda: _of(poisson_structures()).map(some.halved),
+    "symplecticity": lambda: _of(constant_structures()).map(some.halved),
+    "identity": lambda: still(any_hamiltonians()),
+    "noise-sum": lambda: some.steps(any_hamiltonians(least=2)),
     "expansion": lambda: _at_origin().filter(lambda case: general(case.problem)),  # type: ignore[arg-type]
-    "equivariance": lambda: steps(
-        with_hamiltonians(poisson_systems(degree=4, largest=4, structure_degree=2), degree=3, most=2).filter(
-            general
-        )
+    "equivariance": lambda: _of(
+        some.poisson_systems(degree=4, largest=4, structure_degree=2), degree=3, most=2
     ),
 }

@@ -14,36 +14,27 @@ from itertools import combinations
 from hypothesis import strategies as st
 
 from sepv.problem import PolynomialSystem
-from sepv.problems._canonical import planes
+from sepv.problems._common import planes
 from sepv.record import _polynomial as poly
+from sepv.verification import strategies as some
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.families import lie_poisson
 from sepv.verification._cases.structures import nambu_systems
-from sepv.verification.strategies import (
-    coefficients,
-    halved,
-    hamiltonians,
-    noises,
-    paper_steps,
-    polynomials,
-    skew_structures,
-    steps,
-)
 
 
 @st.composite
 def constant_structures(draw: st.DrawFn) -> PolynomialSystem:
     """Constant skew B of dimension 2 to 6, canonical or any. Examples shrink towards the oscillator."""
     d = draw(st.integers(2, 6))
-    B = planes(d) if draw(st.booleans()) else draw(skew_structures(d, 0))
-    return PolynomialSystem(d, draw(hamiltonians(d, 6)), B, draw(noises()))
+    B = planes(d) if draw(st.booleans()) else draw(some.skew_structures(d, 0))
+    return PolynomialSystem(d, draw(some.hamiltonians(d, 6)), B, draw(some.noises()))
 
 
 @st.composite
 def planar_structures(draw: st.DrawFn) -> PolynomialSystem:
     """b(y)J with a polynomial b."""
-    b = draw(polynomials(2, 3, least=0, terms=3))
-    return PolynomialSystem(2, draw(hamiltonians(2, 6)), ((0, 1, b),), draw(noises()))
+    b = draw(some.polynomials(2, 3, least=0, terms=3))
+    return PolynomialSystem(2, draw(some.hamiltonians(2, 6)), ((0, 1, b),), draw(some.noises()))
 
 
 @st.composite
@@ -52,11 +43,11 @@ def quadratic_structures(draw: st.DrawFn) -> PolynomialSystem:
     d = draw(st.integers(2, 5))
     variables = [poly.variable(d, k) for k in range(d)]
     B = tuple(
-        (i, j, poly.scale(draw(coefficients()), poly.multiply(variables[i], variables[j])))
+        (i, j, poly.scale(draw(some.coefficients()), poly.multiply(variables[i], variables[j])))
         for i, j in combinations(range(d), 2)
         if j == i + 1 or draw(st.booleans())
     )
-    return PolynomialSystem(d, draw(hamiltonians(d, 4)), B, draw(noises()))
+    return PolynomialSystem(d, draw(some.hamiltonians(d, 4)), B, draw(some.noises()))
 
 
 def poisson_structures() -> st.SearchStrategy[PolynomialSystem]:
@@ -68,9 +59,9 @@ def poisson_structures() -> st.SearchStrategy[PolynomialSystem]:
 
 def poisson_steps() -> st.SearchStrategy[Case]:
     """Steps of random Poisson systems and of the paper's problems, all of which are Poisson systems."""
-    return st.one_of(steps(poisson_structures()).map(halved), paper_steps())
+    return st.one_of(some.steps(poisson_structures()).map(some.halved), some.paper_steps())
 
 
 def constant_structure_steps() -> st.SearchStrategy[Case]:
     """Steps of systems with constant B."""
-    return steps(constant_structures()).map(halved)
+    return some.steps(constant_structures()).map(some.halved)

@@ -133,9 +133,8 @@ def hamiltonians(levels: Levels, random: Random, attempt: int) -> Case | None:  
         count = random.randint(1, min(terms, monomials(d, degree)))
         others.append(some.hamiltonian(d, degree, count, unit, random))
     system = PolynomialSystem(d, H, B, c, quadratic, linear, noise_hamiltonians=tuple(others))
-    return (
-        placed(system, y, levels, random) if isinstance(problems.build(system), HamiltoniansProblem) else None
-    )
+    general = isinstance(problems.build(system), HamiltoniansProblem)
+    return placed(system, y, levels, random) if general else None
 
 
 def still(levels: Levels, seed: int) -> Case:
@@ -174,10 +173,8 @@ def _at_rest_monomials(d: int, n: int, terms: int, random: Random) -> tuple[set[
         found: dict[Exponents, None] = {}
         for _ in range(40 * terms):
             degree = n if not found or random.random() < 0.5 else random.randint(2, n)
-            chosen = [
-                random.choice(zero),
-                random.choice(zero),
-                *(random.randrange(d) for _ in range(degree - 2)),
+            chosen = [random.choice(zero) for _ in range(2)] + [
+                random.randrange(d) for _ in range(degree - 2)
             ]
             found.setdefault(some.exponents_of(d, chosen))
             if len(found) == terms:

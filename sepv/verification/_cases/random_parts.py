@@ -15,7 +15,7 @@ from random import Random
 import numpy as np
 
 from sepv.problem._problem import Matrix, Structure
-from sepv.problems._canonical import planes
+from sepv.problems._common import planes
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 from sepv.record._polynomial import Exponents
@@ -70,11 +70,8 @@ def some_monomials(d: int, n: int, count: int, random: Random, *, least: int = 1
     total = monomials(d, n) - monomials(d, least - 1)
     count = min(count, total)
     if total <= FEW:
-        every = [
-            exponents_of(d, chosen)
-            for k in range(least, n + 1)
-            for chosen in combinations_with_replacement(range(d), k)
-        ]
+        products = (combinations_with_replacement(range(d), k) for k in range(least, n + 1))
+        every = [exponents_of(d, chosen) for own in products for chosen in own]
         top = random.choice([e for e in every if sum(e) == n])
         return [top, *random.sample([e for e in every if e != top], count - 1)]
     found: dict[Exponents, None] = {}
@@ -150,10 +147,8 @@ def structure(
     if casimirs == "quadratic" and degree.high == 0:
         left = random.randrange(d)
         others = [k for k in range(d) if k != left]
-        B = tuple(
-            (others[i], others[j], poly.constant(d, e.terms[0][1]))
-            for i, j, e in skew(d - 1, degree, unit, random)
-        )
+        smaller = skew(d - 1, degree, unit, random)
+        B = tuple((others[i], others[j], poly.constant(d, e.terms[0][1])) for i, j, e in smaller)
         return B, (tuple(tuple(float(i == j == left) for j in range(d)) for i in range(d)),), ()
     contraction: Structure = ()
     while not contraction:

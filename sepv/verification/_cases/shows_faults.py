@@ -37,11 +37,8 @@ def shows_faults(case: Case, levels: Levels) -> bool:
         residual = step_residual(problem, y, y + z, h, dW)
         alone = [matvec(combined(problem, y, part), g) for part in np.diag(parts)[parts != 0]]
         moves = min(float(np.max(np.abs(v))) for v in (z, *alone)) > MOTION * float(np.max(residual))
-        return (
-            bool(moves)
-            and _curved(problem, levels, y, z, residual)
-            and _turning(problem, levels, y, z, residual, parts)
-        )
+        curved = bool(moves) and _curved(problem, levels, y, z, residual)
+        return curved and _turning(problem, levels, y, z, residual, parts)
 
 
 def _curved(problem: Problem, levels: Levels, y: Array, z: Array, residual: Array) -> bool:

@@ -25,11 +25,8 @@ from sepv.verification._contraction import contraction_radius
 def shrunk(case: Case, fails: Callable[[Case], bool | None]) -> Case:
     """The simplest case found that still fails.
 
-    Parameters
-    ----------
-    fails : case -> bool or None
-        Whether a candidate is one of the law's cases and still fails; None ends the search. Candidates outside
-        the contraction radius are not asked about: nothing need exist there.
+    `fails` says whether a candidate is one of the law's cases and still fails; None ends the search. Candidates outside
+    the contraction radius are not asked about: nothing need exist there.
     """
     simpler = True
     while simpler:
@@ -94,7 +91,9 @@ def _smaller_systems(case: Case, system: PolynomialSystem) -> Iterator[Case]:
         for k in reversed(range(d)):
             yield replace(case, problem=_without(system, k), y=_put(case.y, k))
     for j in reversed(range(len(system.noise))):
-        yield replace(case, problem=_quieter(system, j), dW=_put(case.dW, j))
+        keys = ("noise", "noise_structures", "noise_hamiltonians")
+        fewer: dict[str, Any] = {key: _put(getattr(system, key), j) for key in keys}
+        yield replace(case, problem=replace(system, **fewer), dW=_put(case.dW, j))
     yield from (replace(case, problem=simpler) for simpler in _simpler_systems(system))
 
 
@@ -140,12 +139,6 @@ def _simpler_structures(B: Structure) -> Iterator[Structure]:
             yield _put(B, n)
         for simple in _simpler(entry):
             yield _put(B, n, (i, j, simple))
-
-
-def _quieter(system: PolynomialSystem, j: int) -> PolynomialSystem:
-    keys = ("noise", "noise_structures", "noise_hamiltonians")
-    fewer: dict[str, Any] = {key: _put(getattr(system, key), j) for key in keys}
-    return replace(system, **fewer)
 
 
 def _without(system: PolynomialSystem, k: int) -> PolynomialSystem:

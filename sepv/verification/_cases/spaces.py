@@ -93,10 +93,7 @@ _SEVERAL: dict[str, Space] = {
 }
 
 HAMILTONIANS = Space((strata.CASIMIRS, *_SYSTEM, *_STEPS), make.hamiltonians).restricted(
-    m=_SOME_NOISE,
-    d=("2", "3", "4–6", "7–9"),
-    degree_of_H=("1–2", "3–4", "5–6"),
-    terms_of_H=("1–2", "3–9", "10–19"),
+    m=_SOME_NOISE, d=("2", "3", "4–6", "7–9"), **_SUBSTITUTED
 )
 _HAMILTONIANS: dict[str, Space] = {
     **dict.fromkeys(("contract", "symmetry"), HAMILTONIANS),
@@ -111,8 +108,5 @@ _HAMILTONIANS: dict[str, Space] = {
 
 # By class of systems and law.
 SPACES: dict[Systems, dict[str, Space]] = {
-    Systems.SINGLE: _POOLED,
-    Systems.NAMBU: _NAMBU,
-    Systems.SEVERAL: _SEVERAL,
-    Systems.HAMILTONIANS: _HAMILTONIANS,
-}
+    Systems.SINGLE: _POOLED, Systems.NAMBU: _NAMBU, Systems.SEVERAL: _SEVERAL, Systems.HAMILTONIANS: _HAMILTONIANS
+}  # fmt: skip

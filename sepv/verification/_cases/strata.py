@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import product
 from typing import NamedTuple
@@ -79,60 +79,32 @@ def _is_varied(reduced: Stratum, degree: Stratum, most: int) -> bool:
     return reduced.name == "constant B" and degree.high > most
 
 
+_RANK = "B of rank 2 at least leaves d − 2 Casimirs at most"
 RULES = (
-    Rule(
-        ("d", "degree of H", "terms of H"),
-        lambda d, degree, terms: monomials(int(d.high), int(degree.high)) < terms.low,
-        "there are not so many monomials of this degree in d variables",
-    ),
-    Rule(
-        ("Casimirs", "d"),
-        lambda casimirs, d: d.high < {"none": 2, "two": 4}.get(casimirs.name, 3),
-        "B of rank 2 at least leaves d − 2 Casimirs at most",
-    ),
-    Rule(
-        ("structures", "d"),
-        lambda kind, d: kind.name == "common Casimir" and d.high < 3,
-        "B of rank 2 at least leaves d − 2 Casimirs at most",
-    ),
-    Rule(
-        ("why", "degree of H"),
-        lambda why, degree: why.name == "∇H = 0" and degree.high < 2,
-        "a linear H has no point at rest",
-    ),
-    Rule(
-        ("structures", "degree of B"),
-        lambda kind, degree: kind.name == "common Casimir" and degree.high < 1,
-        "B = Σ T_ijk v_k with v = Ay is linear at least",
-    ),
+    Rule(("d", "degree of H", "terms of H"),
+         lambda d, degree, terms: monomials(int(d.high), int(degree.high)) < terms.low,
+         "there are not so many monomials of this degree in d variables"),
+    Rule(("Casimirs", "d"), lambda casimirs, d: d.high < {"none": 2, "two": 4}.get(casimirs.name, 3), _RANK),
+    Rule(("structures", "d"), lambda kind, d: kind.name == "common Casimir" and d.high < 3, _RANK),
+    Rule(("why", "degree of H"), lambda why, degree: why.name == "∇H = 0" and degree.high < 2,
+         "a linear H has no point at rest"),
+    Rule(("structures", "degree of B"), lambda kind, degree: kind.name == "common Casimir" and degree.high < 1,
+         "B = Σ T_ijk v_k with v = Ay is linear at least"),
     Rule(("reduced", "degree of C"), lambda reduced, C: _is_varied(reduced, C, 1), "B is constant"),
     Rule(("reduced", "degree of g"), lambda reduced, g: _is_varied(reduced, g, 0), "B is constant"),
     Rule(("reduced", "degree of B"), lambda reduced, B: _is_varied(reduced, B, 0), "B is constant"),
-    Rule(
-        ("reduced", "m"),
-        lambda reduced, m: reduced.name == "constant B" and m.high < 1,
-        "without noise it is the deterministic method, whatever B is",
-    ),
-    Rule(
-        ("batch", "d"),
-        lambda batch, d: d.high > {"500–2000": 6, "4097–9000": 3}.get(batch.name, 12),
-        "cost: d³ derivatives of B for thousands of states take gigabytes",
-    ),
-    Rule(
-        ("batch", "terms of H"),
-        lambda batch, terms: batch.low > 4096 and terms.low > 9,
-        "cost: a step of thousands of states takes seconds",
-    ),
+    Rule(("reduced", "m"), lambda reduced, m: reduced.name == "constant B" and m.high < 1,
+         "without noise it is the deterministic method, whatever B is"),
+    Rule(("batch", "d"), lambda batch, d: d.high > {"500–2000": 6, "4097–9000": 3}.get(batch.name, 12),
+         "cost: d³ derivatives of B for thousands of states take gigabytes"),
+    Rule(("batch", "terms of H"), lambda batch, terms: batch.low > 4096 and terms.low > 9,
+         "cost: a step of thousands of states takes seconds"),
     # Three strata together: each two of them still meet.
-    Rule(
-        ("batch", "given as", "degree of H"),
-        lambda batch, given, degree: (
-            given.name == "bare functions"
-            and degree.high > {"500–2000": 4, "4097–9000": 2}.get(batch.name, 10)
-        ),
-        "cost: quadrature and Jacobian by many evaluations for thousands of states take seconds",
-    ),
-)
+    Rule(("batch", "given as", "degree of H"),
+         lambda batch, given, degree: given.name == "bare functions"
+         and degree.high > {"500–2000": 4, "4097–9000": 2}.get(batch.name, 10),
+         "cost: quadrature and Jacobian by many evaluations for thousands of states take seconds"),
+)  # fmt: skip
 HIDING = ("step/radius", "2⁻¹⁰")
 
 
@@ -145,22 +117,19 @@ def monomials(d: int, degree: int) -> int:
 class Space:
     """Axes, and how a case with a stratum of each is made.
 
-    Attributes
-    ----------
-    make : (levels, seed) -> Case
-        A case inside the strata, random otherwise: the same for the same seed.
-    beside : set of (axis, stratum)
-        Beside these a fault of other axes may not show: of what the law is about nothing can be wrong there, such as
-        the quadrature where H is quadratic. What is met there only is not met.
-    pool : Space, optional
-        One whose rows the design takes where they serve: their content is made already.
+    `beside` are (axis, stratum) beside which a fault of other axes may not show: of what the law is about nothing can
+    be wrong there, such as the quadrature where H is quadratic. What is met there only is not met.
     """
 
     axes: tuple[Axis, ...]
-    make: Callable[[Levels, int], Case]
-    rules: tuple[Rule, ...] = field(default=RULES)
-    beside: frozenset[tuple[str, str]] = field(default=frozenset({HIDING}))
-    pool: Space | None = field(default=None)
+    make: Callable[
+        [Levels, int], Case
+    ]  # a case inside the strata, random otherwise: the same for the same seed
+    rules: tuple[Rule, ...] = RULES
+    beside: frozenset[tuple[str, str]] = frozenset({HIDING})
+    pool: Space | None = (
+        None  # one whose rows the design takes where they serve: their content is made already
+    )
 
     def restricted(self, **strata: tuple[str, ...]) -> Space:
         """The part with these strata only; axes by name with _ for spaces."""
@@ -168,11 +137,10 @@ class Space:
         unknown = set(wanted) - {axis.name for axis in self.axes}
         if unknown:
             raise KeyError(f"no axis {unknown}")
-        kept = tuple(
-            Axis(a.name, tuple(s for s in a.strata if s.name in wanted.get(a.name, (s.name,))))
-            for a in self.axes
-        )
-        return replace(self, axes=kept)
+        left = {
+            a.name: tuple(s for s in a.strata if s.name in wanted.get(a.name, (s.name,))) for a in self.axes
+        }
+        return replace(self, axes=tuple(Axis(name, strata) for name, strata in left.items()))
 
     def without_faults(self, **strata: tuple[str, ...]) -> Space:
         """The space where no fault shows in these strata; axes by name with _ for spaces."""
@@ -203,21 +171,15 @@ class Space:
                 axes = tuple(numbers[name] for name in rule.axes)
                 levels = product(*(range(len(self.axes[a].strata)) for a in axes))
                 strata = [self.axes[a].strata for a in axes]
-                refused = {
-                    row for row in levels if rule.forbids(*(s[k] for s, k in zip(strata, row, strict=True)))
-                }
-                found.append((rule, axes, refused))
+                named = ((row, [s[k] for s, k in zip(strata, row, strict=True)]) for row in levels)
+                found.append((rule, axes, {row for row, own in named if rule.forbids(*own)}))
         return found
 
     @property
     def hiding(self) -> frozenset[tuple[int, int]]:
         """The strata beside which a fault of other axes may not show."""
-        return frozenset(
-            (a, k)
-            for a, axis in enumerate(self.axes)
-            for k, stratum in enumerate(axis.strata)
-            if (axis.name, stratum.name) in self.beside
-        )
+        numbered = ((a, axis, k, s) for a, axis in enumerate(self.axes) for k, s in enumerate(axis.strata))
+        return frozenset((a, k) for a, axis, k, s in numbered if (axis.name, s.name) in self.beside)
 
     def design(self) -> Design:
         """Rows in which every possible pair of strata occurs."""
@@ -234,10 +196,7 @@ class Space:
             return found
         for row in self.pool.design().rows:
             levels = self.pool.levels(row)
-            numbers = [
-                [k for k, stratum in enumerate(axis.strata) if levels.get(axis.name, stratum) == stratum]
-                for axis in self.axes
-            ]
+            numbers = [[k for k, s in enumerate(a.strata) if levels.get(a.name, s) == s] for a in self.axes]
             found += [own for own in product(*numbers) if not self.forbidden(own)]
         return found
 

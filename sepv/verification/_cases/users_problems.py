@@ -23,48 +23,28 @@ from sepv.problem import Array, HamiltoniansProblem, NamedProblem, PolynomialSys
 from sepv.problem._checks import sample_states
 from sepv.schemes import load_problem
 from sepv.schemes._load_target import load_object
+from sepv.verification._cases import case_of_law
 from sepv.verification._cases.case import Case
-from sepv.verification._cases.case_of_law import (
-    NOT_OF_HAMILTONIANS,
-    OUTSIDE,
-    TURNS,
-    Turn,
-    as_it_is,
-    of_one_hamiltonian,
-)
 from sepv.verification._cases.families import FAMILIES
 from sepv.verification._cases.from_problem import describe, of_case
 
 
 @dataclass(frozen=True)
 class Item:
-    """One thing that a scheme is for.
+    """One thing that a scheme is for."""
 
-    Attributes
-    ----------
-    text : str
-        How a user named it, and how a command names it again; empty where it was handed over as an object.
-    values : strategy of Case, Problem or their data
-    problems : tuple of Problem
-        With an initial state, for the laws about many steps.
-    fixed : Problem, optional
-        Where there is one problem only, so that what does not apply is known without drawing.
-    """
-
-    text: str
-    values: st.SearchStrategy[Any]
-    problems: tuple[Problem, ...] = ()
-    fixed: Problem | None = None
+    text: (
+        str  # how a user named it, and a command names it again; empty where it was handed over as an object
+    )
+    values: st.SearchStrategy[Any]  # of Case, Problem or their data
+    problems: tuple[Problem, ...] = ()  # with an initial state, for the laws about many steps
+    fixed: Problem | None = (
+        None  # where there is one only, so that what does not apply is known without drawing
+    )
 
 
 def items(asked: Iterable[Any] | Any) -> tuple[Item, ...]:
-    """What a user asks for, read once.
-
-    Raises
-    ------
-    UsageError
-        For anything that is no problem, family or strategy.
-    """
+    """What a user asks for, read once; a UsageError for anything that is no problem, family or strategy."""
     if isinstance(asked, (str, Problem, st.SearchStrategy, PolynomialSystem, NamedProblem, Item)):
         asked = (asked,)
     try:
@@ -72,9 +52,8 @@ def items(asked: Iterable[Any] | Any) -> tuple[Item, ...]:
     except TypeError:
         listed = (asked,)
     if not listed:
-        raise UsageError(
-            expected="problems, one at least", received="none", remedy="leave it out for every problem"
-        )
+        remedy = "leave it out for every problem"
+        raise UsageError(expected="problems, one at least", received="none", remedy=remedy)
     return tuple(_item(entry) for entry in listed)
 
 
@@ -84,11 +63,13 @@ def _item(asked: Any) -> Item:
     text = asked if isinstance(asked, str) else ""
     family = text.replace("_", "-")
     if family in FAMILIES:
-        _, strategy, names = FAMILIES[Systems(family)]
+        strategy, names = FAMILIES[Systems(family)]
         return Item(text, strategy(), tuple(named.by_name(name) for name in names))
     value = load_object(text) if ":" in text and not text.endswith(".json") else asked
-    if not isinstance(value, (st.SearchStrategy, Problem)) and callable(value) and _is_strategy(value):
-        value = value()
+    if not isinstance(value, (st.SearchStrategy, Problem)) and callable(value):
+        of_hypothesis = getattr(value, "__module__", "").startswith("hypothesis")
+        if of_hypothesis or getattr(value, "is_hypothesis_strategy_function", False):
+            value = value()
     if isinstance(value, st.SearchStrategy):
         return Item(text, value)
     try:
@@ -102,13 +83,6 @@ def _item(asked: Any) -> Item:
         ) from error
     own = (problem,) if problem.initial is not None else ()
     return Item(text, st.just(describe(problem, text)), own, problem)
-
-
-def _is_strategy(value: Any) -> bool:
-    """Whether a function is one that Hypothesis made: its call gives a strategy."""
-    return getattr(value, "__module__", "").startswith("hypothesis") or bool(
-        getattr(value, "is_hypothesis_strategy_function", False)
-    )
 
 
 def may_ask(scheme: Any, problem: Problem, states: Array) -> bool:
@@ -133,20 +107,20 @@ def cases_for(law: str, scheme: Any) -> st.SearchStrategy[Case] | str | None:
     own = sources(scheme)
     if not own:
         return None
-    if law in OUTSIDE:
-        return OUTSIDE[law]
-    turn, reason = TURNS.get(law, (as_it_is, ""))
-    why = NOT_OF_HAMILTONIANS.get(law, "") if law != "any-casimir" else ""
+    if law in case_of_law.OUTSIDE:
+        return case_of_law.OUTSIDE[law]
+    turn, reason = case_of_law.TURNS.get(law, (case_of_law.as_it_is, ""))
+    why = case_of_law.NOT_OF_HAMILTONIANS.get(law, "") if law != "any-casimir" else ""
     if why:
         if all(isinstance(item.fixed, HamiltoniansProblem) for item in own):
             return why
         if any(item.fixed is None or isinstance(item.fixed, HamiltoniansProblem) for item in own):
-            turn = of_one_hamiltonian(turn)
+            turn = case_of_law.of_one_hamiltonian(turn)
     usable = [item for item in own if (_meets if item.fixed is None else _some)(item, turn)]
     if not usable:
         return why or reason
     drawn: st.SearchStrategy[Any] = st.one_of(*(item.values.flatmap(of_case) for item in usable))
-    if turn is not as_it_is:
+    if turn is not case_of_law.as_it_is:
         drawn = drawn.map(turn).filter(lambda case: case is not None)
     return drawn
 
@@ -155,9 +129,9 @@ class _Met(Exception):
     """Raised inside a look at a family: a law says something about this member."""
 
 
-def _meets(item: Item, turn: Turn) -> bool:
+def _meets(item: Item, turn: case_of_law.Turn) -> bool:
     """Whether a law says something about one of thirty members of a family; a search would ask for hundreds."""
-    if turn is as_it_is:
+    if turn is case_of_law.as_it_is:
         return True
 
     def look(case: Case) -> None:
@@ -175,7 +149,7 @@ def _meets(item: Item, turn: Turn) -> bool:
     return False
 
 
-def _some(item: Item, turn: Turn) -> bool:
+def _some(item: Item, turn: case_of_law.Turn) -> bool:
     """Whether a law says something about the one problem of an item: asked of a step at its initial state."""
     assert item.fixed is not None
     problem = item.fixed
@@ -194,10 +168,7 @@ def sources(scheme: Any) -> tuple[Item, ...]:
 def problems_of(scheme: Any) -> tuple[Problem, ...] | None:
     """Its problems with an initial state, for laws about many steps; None where it is for a whole class.
 
-    Raises
-    ------
-    Skipped
-        Where none of them has one.
+    `Skipped` is raised where none of them has one.
     """
     own = sources(scheme)
     if not own:

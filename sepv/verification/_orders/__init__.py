@@ -1,6 +1,6 @@
 """How orders are measured: on one step by quadrature, and over paths.
 
-One step: `local_errors` (errors at falling h), `local_orders` (the verdict on their slope), with `gaussian`,
-`local_rules` and `local_moments` for the expectations. Paths: `convergence` (rms errors), `means` (weak errors and
-limits), `tilting` (importance sampling for high orders), `weak_trees` (all paths of increments with a few values).
+One step: `local_errors` (errors at falling h), `local_orders` (the verdict on their slope), with `gaussian` and
+`local_moments` for the expectations. Paths: `convergence` (rms errors), `means` (weak errors and limits), `tilting`
+(importance sampling for high orders), `weak_trees` (all paths of increments with a few values).
 """

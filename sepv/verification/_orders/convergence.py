@@ -6,12 +6,11 @@ the finest grid, truncated at each step size as Remark 2.1 says; the exact solut
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sepv.exact._several_structures import ends as exact_ends
 from sepv.exact._several_structures import finer, refined
@@ -92,27 +91,20 @@ class Estimate:
         return self.value + self.half
 
 
+# For the paths of these numbers and each number of steps in turn: increments (N, m + k, M), y(T), W(T) and weights.
+Draw = Callable[[range], Iterable[tuple[Array, Array, Array, Array]]]
+
+
 def strong_errors(
     scheme: Scheme, problem: Problem, *, T: float, steps: Sequence[int], paths: range, seed: int = 0
 ) -> StrongErrors:
-    """Run the paths numbered `paths` with each number of steps, from the problem's initial state.
+    """Run the paths numbered `paths` from the problem's initial state, with increasing `steps` that divide the last."""
+    start, finest, noises = np.array(problem.initial, dtype=np.float64), steps[-1], problem.noises
+    reference = 0.0
 
-    Parameters
-    ----------
-    steps : increasing numbers of steps, each dividing the last.
-    """
-    start = np.array(problem.initial, dtype=np.float64)
-    finest = steps[-1]
-    squared = np.full((len(steps), len(paths)), np.nan)
-    errors = np.full((len(steps), problem.dimension, len(paths)), np.nan)
-    ends = np.empty((problem.dimension, len(paths)))
-    W = np.empty((problem.noises, len(paths)))
-    failures = np.zeros(len(steps), dtype=np.int64)
-    largest, reference, failed = float(np.max(np.abs(start))), 0.0, ""
-    for first in range(0, len(paths), _CHUNK):
-        here = slice(first, min(first + _CHUNK, len(paths)))
-        numbers = paths[here]
-        fine = wiener.increments(seed, T=T, steps=finest, noises=problem.noises, paths=numbers)
+    def draw(numbers: range) -> Iterator[tuple[Array, Array, Array, Array]]:
+        nonlocal reference
+        fine = wiener.increments(seed, T=T, steps=finest, noises=noises, paths=numbers)
         known, rough = exact_ends(problem, start, T, fine.sum(axis=0)), None
         if known is not None:
             exact = known
@@ -123,25 +115,48 @@ def strong_errors(
             fine, exact, apart = finer(problem, start, T, finest, numbers, seed)
             reference = max(reference, apart)
         if scheme.asks and rough is None:
-            rough = areas.drawn(seed, T=T, steps=areas.MORE * finest, noises=problem.noises, paths=numbers)
+            rough = areas.drawn(seed, T=T, steps=areas.MORE * finest, noises=noises, paths=numbers)
             fine = rough.coarse(finest).dW
-        largest = max(largest, float(np.max(np.abs(exact))))
-        ends[:, here], W[:, here] = exact, fine.sum(axis=0)
-        for row, count in enumerate(steps):
+        W, ones = fine.sum(axis=0), np.ones(len(numbers))
+        for count in steps:
             raw = rough.rows(count, scheme.asks) if rough else wiener.coarsen(fine, finest // count)
-            result = run_chunk(scheme, problem, start, T / count, raw, scheme.truncation, track=False)
+            yield raw, exact, W, ones
+
+    found = errors_of(scheme, problem, T, steps, paths, _CHUNK, draw)
+    return replace(found, reference=reference)
+
+
+def errors_of(
+    scheme: Scheme, problem: Problem, T: float, steps: Sequence[int], paths: range, chunk: int, draw: Draw
+) -> StrongErrors:
+    """The errors of the paths numbered `paths`, run so many at once, with the weights that are drawn with them."""
+    start, shape = np.array(problem.initial, dtype=np.float64), (len(steps), len(paths))
+    squared, weights = np.full(shape, np.nan), np.full(shape, np.nan)
+    errors, ends, W = (
+        np.full((shape[0], n, shape[1]), np.nan) for n in (start.size, start.size, problem.noises)
+    )
+    failures = np.zeros(len(steps), dtype=np.int64)
+    largest, failed = float(np.max(np.abs(start))), ""
+    for first in range(0, len(paths), chunk):
+        here = slice(first, min(first + chunk, len(paths)))
+        for row, (raw, exact, end, ratio) in enumerate(draw(paths[here])):
+            h = T / steps[row]
+            largest = max(largest, float(np.max(np.abs(exact))))
+            ends[row, :, here], W[row, :, here], weights[row, here] = exact, end, ratio
+            result = run_chunk(scheme, problem, start, h, raw, scheme.truncation, track=False)
             failures[row] += np.count_nonzero(result.status != Status.CONVERGED)
-            failed = failed or failed_path(scheme, problem, result, T / count, raw, numbers)
-            errors[row, :, here] = result.y - exact
+            failed = failed or failed_path(scheme, problem, result, h, raw, paths[here])
             with np.errstate(over="ignore"):  # a path that blows up has an infinite error, and is no accident
-                squared[row, here] = np.sum((result.y - exact) ** 2, axis=0)
+                errors[row, :, here] = ratio * (result.y - exact)
+                squared[row, here] = ratio * np.sum((result.y - exact) ** 2, axis=0)
             if failures[row]:
                 break
-    levels = len(steps)
+    # Of the first number of steps with failures: with more steps not all paths were run.
+    where = np.flatnonzero(failures)[:1]
+    counted = tuple(int(n) if row in where else 0 for row, n in enumerate(failures))
     return StrongErrors(
-        T, tuple(steps), squared, errors, first_failures(failures), largest, FLOOR, reference,
-        np.broadcast_to(ends, (levels, *ends.shape)), np.broadcast_to(W, (levels, *W.shape)),
-        np.ones((levels, len(paths))), scheme.solver_tolerance, failed,
+        T, tuple(steps), squared, errors, counted, largest, ends=ends, W=W, weights=weights,
+        tolerance=scheme.solver_tolerance, failed=failed,
     )  # fmt: skip
 
 
@@ -158,29 +173,18 @@ def failed_path(
     return f"path {paths[k]} in step {n + 1} of {len(raw)}, {where}"
 
 
-def first_failures(failures: NDArray[np.int64]) -> tuple[int, ...]:
-    """The failures of the first level that has any; later ones were not run for all paths."""
-    failed = np.flatnonzero(failures)
-    return tuple(int(n) if row in failed[:1] else 0 for row, n in enumerate(failures))
-
-
 # What has an entry for each path.
 PER_PATH = ("squared", "errors", "ends", "W", "weights")
 
 
 def join(parts: Sequence[StrongErrors]) -> StrongErrors:
     """The errors of all the paths of several runs over the same steps."""
-    arrays: dict[str, Any] = {
+    joined: dict[str, Any] = {
         name: np.concatenate([getattr(p, name) for p in parts], axis=-1) for name in PER_PATH
     }
-    return replace(
-        parts[0],
-        **arrays,
-        failures=tuple(int(n) for n in np.sum([p.failures for p in parts], axis=0)),
-        scale=max(p.scale for p in parts),
-        reference=max(p.reference for p in parts),
-        failed=next((p.failed for p in parts if p.failed), ""),
-    )
+    joined["failures"] = tuple(int(n) for n in np.sum([p.failures for p in parts], axis=0))
+    joined |= {name: max(getattr(p, name) for p in parts) for name in ("scale", "reference")}
+    return replace(parts[0], **joined, failed=next((p.failed for p in parts if p.failed), ""))
 
 
 def first(errors: StrongErrors, paths: int) -> StrongErrors:
@@ -256,10 +260,8 @@ def mean_square_order(
     probability of alpha/2 at most, whatever the tails. It is above `low` where the one is and the other one's interval
     does not contradict, or where the bulk is and the rms error, as it was sampled, falls as fast.
 
-    Parameters
-    ----------
-    more : the intervals that so many times the paths would give.
-    weighted : samples of `sepv.verification._orders.tilting`, whose tails are light and which have no quantile.
+    The intervals are those that `more` times the paths would give. `weighted` samples, of
+    `sepv.verification._orders.tilting`, have light tails and no quantile.
     """
     rms = slope(errors, alpha if weighted else alpha / 2)
     half = rms.half / np.sqrt(more)
@@ -278,10 +280,8 @@ def jackknife(samples: Array, statistic: Callable[[Array], float], alpha: float)
     sizes = np.array([part.shape[1] for part in parts], dtype=np.float64)
     total, count = groups.sum(axis=0), sizes.sum()
     whole = float(statistic(total / count))
-    left_out = np.array(
-        [float(statistic((total - g) / (count - n))) for g, n in zip(groups, sizes, strict=True)]
-    )
-    return Estimate(whole, jackknife_half(left_out, alpha), alpha)
+    left_out = [float(statistic((total - g) / (count - n))) for g, n in zip(groups, sizes, strict=True)]
+    return Estimate(whole, jackknife_half(np.array(left_out), alpha), alpha)
 
 
 def jackknife_half(left_out: Array, alpha: float) -> float:

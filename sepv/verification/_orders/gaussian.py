@@ -5,20 +5,24 @@ normal weight on it: a scheme that clips at one of these points is smooth on eve
 scheme sees A_h and the exact solution sees ξ, the tail has a rule of its own. Several variables take products of
 such rules while that is cheap, then products of small Gauss-Hermite rules, and from six on the degree-3 formula with
 the points ±√m e_j: all weights are positive, so that no error of a step can cancel another in a mean square.
+
+`rule_for` has what else a step sees: areas, space-time areas or halves. Nodes are in units of √h, further rows too
+(A = √h · row, H = √h · row), as `sepv.verification._orders.local_errors` scales them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise, product
 
 import numpy as np
 
-from sepv.problem import Array
+from sepv.problem import Array, HamiltoniansProblem, Problem, column
 from sepv.record import gauss_legendre
-from sepv.schemes import PointLaw
+from sepv.schemes import PointLaw, Scheme
+from sepv.simulate import _areas as areas
 from sepv.simulate import _truncation as bounded
 
 # Nodes of the discretised weight on a panel, from which its Gauss rule is made: n ≤ 24 of them are exact to rounding.
@@ -33,29 +37,17 @@ FEW = {1: 8, 2: 6, 3: 6, 4: 4, 5: 3}
 
 @dataclass(frozen=True)
 class Rule:
-    """E g(ξ, ζ) ≈ Σ weights · g(xi, zeta[:, index]).
+    """E g(ξ, ζ) ≈ Σ weights · g(xi, zeta[:, index])."""
 
-    Attributes
-    ----------
-    xi : (m, n) nodes that the exact solution sees
-    weights : (n,), positive, of sum 1
-    zeta : (m, u) the different nodes that the scheme sees, u ≤ n
-    index : (n,) which of them belongs to each node
-    areas : (k, n), optional
-        Lévy areas with i < j over a step h = 1, which the exact solution sees too.
-    bridges : (m, n), optional
-        Space-time Lévy areas over a step h = 1.
-    degree : int
-        Polynomials of ξ up to this degree in every variable (in total for m ≥ 6) are integrated exactly.
-    """
-
-    xi: Array
-    weights: Array
-    zeta: Array
-    index: np.ndarray
-    degree: int
-    areas: Array | None = None
-    bridges: Array | None = None
+    xi: Array  # (m, n) nodes that the exact solution sees
+    weights: Array  # (n,), positive, of sum 1
+    zeta: Array  # (m, u) the different nodes that the scheme sees, u ≤ n
+    index: np.ndarray  # (n,) which of them belongs to each node
+    degree: int  # of polynomials of ξ that are integrated exactly, in every variable; in total for m ≥ 6
+    areas: Array | None = (
+        None  # (k, n) Lévy areas with i < j over a step h = 1, which the exact solution sees too
+    )
+    bridges: Array | None = None  # (m, n) space-time Lévy areas over a step h = 1
 
 
 @lru_cache(maxsize=256)
@@ -71,14 +63,12 @@ def rule(
     if noises == 0:
         return Rule(np.zeros((0, 1)), np.ones(1), np.zeros((0, 1)), np.zeros(1, dtype=np.intp), degree)
     if noises <= 2 and panels:
-        x, w, inside = _panels(
-            h, truncation, degree, (1,) if noises == 2 else range(1, (truncation or 2) + 1)
-        )
-        return _product(x, w, inside, noises, degree)
+        cuts = (1,) if noises == 2 else range(1, (truncation or 2) + 1)
+        return _product(*_panels(h, truncation, degree, cuts), noises, degree)
     if noises in FEW:
         n = FEW[noises] - fewer
-        x, w = _hermite(n)
-        return _product(x, w, _clip(x, h, truncation), noises, 2 * n - 1)
+        x, w = np.polynomial.hermite_e.hermegauss(n)
+        return _product(x, w / w.sum(), _clip(x, h, truncation), noises, 2 * n - 1)
     x = np.sqrt(noises) * np.concatenate([np.eye(noises), -np.eye(noises)], axis=1)
     return Rule(x, np.full(2 * noises, 0.5 / noises), _clip(x, h, truncation), np.arange(2 * noises), 3)
 
@@ -104,9 +94,8 @@ def _product(x: Array, w: Array, seen: Array, m: int, degree: int) -> Rule:
     weights = np.prod(w[grids], axis=0)
     shape = (different.size,) * m
     flat, index = np.unique(np.ravel_multi_index(tuple(number[grids]), shape), return_inverse=True)
-    return Rule(
-        x[grids], weights / weights.sum(), different[np.array(np.unravel_index(flat, shape))], index, degree
-    )
+    seen_points = different[np.array(np.unravel_index(flat, shape))]
+    return Rule(x[grids], weights / weights.sum(), seen_points, index, degree)
 
 
 def _panels(h: float, truncation: int | None, degree: int, cuts: Iterable[int]) -> tuple[Array, Array, Array]:
@@ -120,13 +109,8 @@ def _panels(h: float, truncation: int | None, degree: int, cuts: Iterable[int]) 
     right.append(_normal_rule(last, last + _REACH, outer if truncation is None else TAIL))
     for x, w in right:
         parts += [(x, w), (-x, w)]
-    x, w = (np.concatenate(column) for column in zip(*parts, strict=True))
+    x, w = (np.concatenate(row) for row in zip(*parts, strict=True))
     return x, w, _clip(x, h, truncation)
-
-
-def _hermite(n: int) -> tuple[Array, Array]:
-    x, w = np.polynomial.hermite_e.hermegauss(n)
-    return x, w / w.sum()
 
 
 def _normal_rule(a: float, b: float, n: int) -> tuple[Array, Array]:
@@ -152,7 +136,59 @@ def _normal_rule(a: float, b: float, n: int) -> tuple[Array, Array]:
             beta[j] = size / norm
         norm = size
         p, before = (x - alpha[j]) * p - (beta[j] if j else 0.0) * before, p
-    values, vectors = np.linalg.eigh(
-        np.diag(alpha) + np.diag(np.sqrt(beta[1:]), 1) + np.diag(np.sqrt(beta[1:]), -1)
-    )
+    beside = np.sqrt(beta[1:])
+    values, vectors = np.linalg.eigh(np.diag(alpha) + np.diag(beside, 1) + np.diag(beside, -1))
     return values, vectors[0] ** 2 * beta[0] * np.exp(-0.5 * nearest * nearest) / np.sqrt(2 * np.pi)
+
+
+def rule_for(scheme: Scheme, problem: Problem, h: float, degree: int, fewer: int = 0) -> Rule:
+    """The rule for this scheme, with areas where it asks for them or several Hamiltonians need them.
+
+    `fewer` nodes in each variable, of several Hamiltonians, are for an estimate of the rule's error.
+    """
+    several = isinstance(problem, HamiltoniansProblem)
+    needed = scheme.asks == "areas" or (several and column(problem) == "general")
+    # Where a scheme clips its increments is for the law "truncation": areas multiply the nodes.
+    return _rule(scheme.asks, scheme.truncation, problem.noises, h, degree, needed, not several, fewer)
+
+
+@lru_cache(maxsize=256)
+def _rule(
+    asks: str, truncation: int | None, m: int, h: float, degree: int, with_areas: bool, panels: bool, fewer: int
+) -> Rule:  # fmt: skip
+    if asks == "halves":
+        return _of_halves(m, h, degree, fewer)
+    if asks == "space-time" and not with_areas:
+        return _of_bridges(m, h, degree, fewer)
+    own = rule(m, h, truncation, degree, panels, fewer)
+    if not with_areas:
+        return own
+    points, shares = areas.points(own.xi)  # (k, n, Q), (Q,)
+    k, n, Q = points.shape
+    flat = points.reshape(k, n * Q)
+    xi, weights = np.repeat(own.xi, Q, axis=1), np.repeat(own.weights, Q) * np.tile(shares, n)
+    seen = replace(own, xi=xi, weights=weights, index=np.repeat(own.index, Q), areas=flat)
+    if asks == "space-time":
+        H = np.tile(areas.bridges(m), n)
+        rows = np.concatenate([own.zeta[:, seen.index], H])
+        return replace(seen, zeta=rows, index=np.arange(n * Q), bridges=H)
+    if asks != "areas":
+        return seen
+    rows = np.concatenate([own.zeta[:, seen.index], np.sqrt(h) * flat])
+    return replace(seen, zeta=rows, index=np.arange(n * Q))
+
+
+def _of_halves(m: int, h: float, degree: int, fewer: int) -> Rule:
+    """Increments of both halves, not truncated; the exact solution is shown no areas."""
+    two = rule(2 * m, h, None, degree, False, fewer)
+    xi = (two.xi[:m] + two.xi[m:]) / np.sqrt(2)
+    zeta = np.concatenate([(two.zeta[:m] + two.zeta[m:]) / np.sqrt(2), two.zeta[:m] / np.sqrt(2)])
+    return Rule(xi, two.weights, zeta, two.index, two.degree)
+
+
+def _of_bridges(m: int, h: float, degree: int, fewer: int) -> Rule:
+    """Increments, not truncated, and space-time areas of variance h/12, independent of them."""
+    two = rule(2 * m, h, None, degree, False, fewer)
+    H = two.xi[m:] / np.sqrt(12)
+    zeta = np.concatenate([two.xi[:m], H])
+    return Rule(two.xi[:m], two.weights, zeta, np.arange(two.weights.size), two.degree, bridges=H)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import combinations_with_replacement
 from math import factorial
 
@@ -24,7 +24,7 @@ import numpy as np
 from sepv import problems
 from sepv.exact import exact_flow, log_flow
 from sepv.exact._dense_flow import FlowFailure
-from sepv.exact._log_flow import explicit
+from sepv.exact._log_flow import field, runge_kutta
 from sepv.problem import (
     Array,
     HamiltoniansProblem,
@@ -49,9 +49,8 @@ from sepv.verification._cases.from_problem import reach
 from sepv.verification._cases.users_problems import problems_of
 from sepv.verification._failed_step import first_failed
 from sepv.verification._law import Effort
-from sepv.verification._orders.gaussian import Rule, point_rule
+from sepv.verification._orders.gaussian import Rule, point_rule, rule_for
 from sepv.verification._orders.local_moments import FULL_DEGREE, SPLIT, exponents, moments_at, moments_of
-from sepv.verification._orders.local_rules import rule_for
 
 LEVELS = 10
 
@@ -67,19 +66,14 @@ CASES: dict[Systems, tuple[Callable[[], Problem], ...]] = {
     Systems.SINGLE: (problems.rigid_body, problems.pendulum, five_noises),
     Systems.NAMBU: (problems.rigid_body, problems.lotka_volterra, five_noises),
     Systems.SEVERAL: (
-        problems.commuting_rotations,
-        problems.commuting_oscillators,
-        problems.noncommuting_tops,
+        problems.commuting_rotations, problems.commuting_oscillators, problems.noncommuting_tops
     ),
     # In general, commutative, additive, and one noise that does not commute with the drift: each without a symmetry
     # by which errors of a step vanish that other systems show.
     Systems.HAMILTONIANS: (
-        problems.random_inertia,
-        problems.commuting_twists,
-        problems.pushed_henon_heiles,
-        problems.twisted_top,
+        problems.random_inertia, problems.commuting_twists, problems.pushed_henon_heiles, problems.twisted_top
     ),
-}
+}  # fmt: skip
 
 
 @lru_cache(maxsize=8)
@@ -89,13 +83,7 @@ def cases(systems: Systems) -> tuple[Problem, ...]:
 
 
 def problems_for(scheme: Scheme) -> tuple[Problem, ...]:
-    """Those of its class of systems, or those that it is for.
-
-    Raises
-    ------
-    Skipped
-        Where it is for problems none of which has an initial state.
-    """
+    """Those of its class of systems, or those that it is for; `Skipped` where none of these has an initial state."""
     own = problems_of(scheme)
     return cases(scheme.systems) if own is None else own
 
@@ -104,25 +92,10 @@ def problems_for(scheme: Scheme) -> tuple[Problem, ...]:
 class LocalErrors:
     """Errors of one step from several states of a problem, at L step sizes that fall.
 
-    Attributes
-    ----------
-    h : (L,)
-    mean, rms, weak : (L,)
-        The largest over states of |E[y1 − φ]|, of (E|y1 − φ|²)^½ and over test functions too of |E g(y1) − E g(φ)|;
-        `rms` is NaN where only moments of the exact solution are known. Of several Hamiltonians that do not commute it
-        is the distance from the log-ODE of step two (`sepv.exact._log_flow`), which is O(h^{3/2}) from the solution.
-    exact_order : int
-        The quadrature leaves an error of this power of h in `mean` and `weak`: no larger slope can be seen.
-    scale : float
-        The largest component of a state.
-    flow : float
-        The error of the exact solution.
-    steps : int
-        Steps of the scheme.
-    column : str
-        The kind of noise (`sepv.schemes._order_claims.COLUMNS`).
-    failed : tuple of (h, a step in words) at which a step was not solved, not finite or out of the domain; these h are
-        not among `h`.
+    mean, rms and weak (L,) are the largest over states of |E[y1 − φ]|, of (E|y1 − φ|²)^½ and over test functions too of
+    |E g(y1) − E g(φ)|; `rms` is NaN where only moments of the exact solution are known. Of several Hamiltonians that do
+    not commute it is the distance from the log-ODE of step two (`sepv.exact._log_flow`), which is O(h^{3/2}) from the
+    solution.
     """
 
     problem: str
@@ -130,12 +103,16 @@ class LocalErrors:
     mean: Array
     rms: Array
     weak: Array
-    exact_order: int
-    scale: float
-    flow: float
-    steps: int
-    failed: tuple[tuple[float, str], ...]
-    column: str = "one"
+    exact_order: (
+        int  # the power of h that the quadrature leaves in `mean` and `weak`: no larger slope can be seen
+    )
+    scale: float  # the largest component of a state
+    flow: float  # the error of the exact solution
+    steps: int  # of the scheme
+    failed: tuple[
+        tuple[float, str], ...
+    ]  # other h, with a step in words: not solved, not finite or out of the domain
+    column: str = "one"  # the kind of noise (`sepv.schemes._order_claims.COLUMNS`)
 
 
 def step_sizes(order: float) -> Array:
@@ -162,12 +139,7 @@ def _sizes(strong: float, weak: float) -> list[float]:
 def local_errors(scheme: Scheme, problem: Problem, effort: Effort) -> LocalErrors:
     """The errors of one step, computed once for all laws of a run.
 
-    Raises
-    ------
-    Skipped
-        By a scheme that does not take the problem; for several structures without a closed form.
-    sepv.schemes._guard.SchemeCrash, SchemeFault
-        What the scheme does.
+    `Skipped` is raised by a scheme that does not take the problem, and for several structures without a closed form.
     """
     told = scheme.asks, scheme.truncation, scheme.increments, scheme.mean_square_order, scheme.weak_order
     key = ("local errors", id(scheme.step), *told, id(problem))
@@ -190,10 +162,7 @@ def _measure(scheme: Scheme, problem: Problem) -> LocalErrors:
     law = point_law(scheme.increments)
     known = moments_only(problem)
     top = max(FULL_DEGREE, int(2 * weak + 1)) if isinstance(problem, HamiltoniansProblem) else FULL_DEGREE
-    if known:
-        exact, flow = moments_at(problem, states, sizes, top)
-    else:
-        exact, flow = ends_at(problem, states, rules)
+    exact, flow = solutions_at(problem, states, rules, top)
     seen = (rules[0][1].degree + 1) // 2
     if known and not isinstance(problem.data, PolynomialSystem):
         seen = min(seen, SPLIT)
@@ -241,9 +210,9 @@ def from_log_flow(problem: Problem, states: Array, h: float, nodes: Rule, y: Arr
     areas = h * nodes.areas if general and nodes.areas is not None else np.zeros((0, n))
     parts = np.concatenate([np.full((1, n), h), problem.c[:, None] * np.sqrt(h) * nodes.xi])
     bridges = None if general or nodes.bridges is None else np.sqrt(h) * nodes.bridges
-    worst = 0.0
+    right_side, worst = partial(field, problem, parts=parts, areas=areas, bridges=bridges), 0.0
     for s, start in enumerate(states.T):
-        found = explicit(problem, np.repeat(start[:, None], n, axis=1), parts, areas, 1, CLASSICAL, bridges)
+        found = runge_kutta(right_side, np.repeat(start[:, None], n, axis=1), 1, CLASSICAL)
         worst = max(worst, float(np.sum((y[:, s] - found) ** 2, axis=0) @ nodes.weights))
     return float(np.sqrt(worst))
 
@@ -263,9 +232,18 @@ def one_step(scheme: Scheme, problem: Problem, states: Array, h: float, nodes: R
     d, S = states.shape
     asked = nodes.zeta.shape[1]
     y0, dW = np.repeat(states, asked, axis=1), np.tile(np.sqrt(h) * nodes.zeta, S)
-    y, status, _ = advance(scheme, problem, y0, h, dW)
+    y, status, *_ = advance(scheme, problem, y0, h, dW)
     failed = first_failed(scheme, problem, y0, h, dW, status)
     return y.reshape(d, S, asked)[:, :, nodes.index], failed
+
+
+def solutions_at(
+    problem: Problem, states: Array, rules: list[tuple[float, Rule]], degree: int = FULL_DEGREE
+) -> tuple[list[Array], float]:
+    """As `ends_at`; where the moments of the exact solution alone are known, these up to the degree."""
+    if moments_only(problem):
+        return moments_at(problem, states, [h for h, _ in rules], degree)
+    return ends_at(problem, states, rules)
 
 
 def ends_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) -> tuple[list[Array], float]:
@@ -275,9 +253,8 @@ def ends_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) ->
         return _flows_at(problem, states, rules)
     if form is not None:
         scale = float(np.max(np.abs(states)))
-        return [
-            np.stack([form(y, h, np.sqrt(h) * r.xi) for y in states.T], axis=1) for h, r in rules
-        ], 8 * EPS * scale
+        found = [np.stack([form(y, h, np.sqrt(h) * r.xi) for y in states.T], axis=1) for h, r in rules]
+        return found, 8 * EPS * scale
     times = [problem.random_step(h, np.sqrt(h) * r.xi) for h, r in rules]
     while times:
         try:
@@ -331,11 +308,9 @@ def apart(
 ) -> tuple[float, float, float]:
     """As `_norms`, where scheme and exact solution have expectations of their own, and no rms error."""
     mean = np.sqrt(np.max(np.sum((moved @ weights - exact @ rule_weights) ** 2, axis=0)))
-    found = [
-        np.max(np.abs(g(moved) @ weights - g(exact) @ rule_weights))
-        for g in polynomials(moved.shape[0], weak)
-    ]
-    return float(mean), float("nan"), float(max(found))
+    tests = polynomials(moved.shape[0], weak)
+    found = max(np.max(np.abs(g(moved) @ weights - g(exact) @ rule_weights)) for g in tests)
+    return float(mean), float("nan"), float(found)
 
 
 def polynomials(dimension: int, weak: float) -> list[Callable[[Array], Array]]:
@@ -350,11 +325,8 @@ def polynomials(dimension: int, weak: float) -> list[Callable[[Array], Array]]:
     def power(k: int, direction: Array) -> Callable[[Array], Array]:
         return lambda x: np.tensordot(direction, x, 1) ** k / factorial(k)
 
-    found = [
-        monomial(indices)
-        for k in range(1, FULL_DEGREE + 1)
-        for indices in combinations_with_replacement(range(dimension), k)
-    ]
+    products = (combinations_with_replacement(range(dimension), k) for k in range(1, FULL_DEGREE + 1))
+    found = [monomial(indices) for own in products for indices in own]
     forms = np.cos(np.outer(np.arange(1, dimension + 2), np.arange(1, dimension + 1)))  # none is special
     forms /= np.linalg.norm(forms, axis=1, keepdims=True)
     return found + [power(k, form) for k in range(FULL_DEGREE + 1, int(2 * weak + 1) + 1) for form in forms]

@@ -11,10 +11,8 @@ from sepv.schemes import Scheme
 from sepv.schemes._guard import guarded
 from sepv.schemes._point_distributions import point_law
 from sepv.verification._failed_step import row
-from sepv.verification._orders.gaussian import point_rule
-from sepv.verification._orders.local_errors import ends_at, local_states, moments_only, one_step, rule_degree
-from sepv.verification._orders.local_moments import moments_at
-from sepv.verification._orders.local_rules import rule_for
+from sepv.verification._orders import local_errors as local
+from sepv.verification._orders.gaussian import point_rule, rule_for
 
 
 def mean_example(scheme: Scheme, problem: Problem, h: float) -> str:
@@ -49,18 +47,17 @@ def weak_example(scheme: Scheme, problem: Problem, h: float) -> str:
 
 def _means(scheme: Scheme, problem: Problem, h: float) -> tuple[Array, Array, Array]:
     """States (d, S), and the means (A, S) of monomials in y1 − y0 and in φ − y0: y_1, …, y_d, y_1², y_1y_2, …"""
-    states, m, law = local_states(problem), problem.noises, point_law(scheme.increments)
-    nodes = rule_for(scheme, problem, h, rule_degree(scheme))
+    states, m, law = local.local_states(problem), problem.noises, point_law(scheme.increments)
+    nodes = rule_for(scheme, problem, h, local.rule_degree(scheme))
     taken = nodes if law is None else point_rule(m, law)
-    y, failed = one_step(guarded(scheme), problem, states, h, taken)
+    y, failed = local.one_step(guarded(scheme), problem, states, h, taken)
     came = _monomials(y - states[..., None]) @ taken.weights
-    if moments_only(problem):
-        known, _ = moments_at(problem, states, [h])
-    else:
-        found, _ = ends_at(problem, states, [(h, nodes)])
-        known = [_monomials(ends - states[..., None]) @ nodes.weights for ends in found]
-    compared = known and not failed
-    return (states, came, known[0][: len(came)]) if compared else (states, came[:, :0], came[:, :0])
+    known, _ = local.solutions_at(problem, states, [(h, nodes)])
+    if failed or not known:
+        return states, came[:, :0], came[:, :0]
+    if not local.moments_only(problem):
+        known = [_monomials(known[0] - states[..., None]) @ nodes.weights]
+    return states, came, known[0][: len(came)]
 
 
 def _monomials(z: Array) -> Array:
@@ -71,12 +68,12 @@ def _monomials(z: Array) -> Array:
 
 def step_example(scheme: Scheme, problem: Problem, h: float) -> str:
     """y1 − y0 and φ − y0 for the increment that contributes most to E|y1 − φ|², at the state where that is largest."""
-    states = local_states(problem)
-    nodes = rule_for(scheme, problem, h, rule_degree(scheme))
-    y, failed = one_step(guarded(scheme), problem, states, h, nodes)
-    if moments_only(problem):
+    states = local.local_states(problem)
+    nodes = rule_for(scheme, problem, h, local.rule_degree(scheme))
+    y, failed = local.one_step(guarded(scheme), problem, states, h, nodes)
+    if local.moments_only(problem):
         return ""
-    found, _ = ends_at(problem, states, [(h, nodes)])
+    found, _ = local.ends_at(problem, states, [(h, nodes)])
     if failed or not found:
         return ""
     parts = np.sum((y - found[0]) ** 2, axis=0) * nodes.weights

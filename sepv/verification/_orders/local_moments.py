@@ -43,11 +43,8 @@ _MOST = 32
 
 def exponents(dimension: int, degree: int = FULL_DEGREE) -> tuple[tuple[int, ...], ...]:
     """Of all monomials up to this degree."""
-    return tuple(
-        tuple(chosen.count(i) for i in range(dimension))
-        for k in range(1, degree + 1)
-        for chosen in combinations_with_replacement(range(dimension), k)
-    )
+    products = (combinations_with_replacement(range(dimension), k) for k in range(1, degree + 1))
+    return tuple(tuple(chosen.count(i) for i in range(dimension)) for own in products for chosen in own)
 
 
 def moments_at(
@@ -56,12 +53,7 @@ def moments_at(
     """E (φ − y0)^α (A, S) at each step size, for A monomials, and the largest error of a flow in it.
 
     Of functions from the coarsest step on, after the last one at which a flow is not finite; NaN where there are more
-    noises than POINTS has.
-
-    Raises
-    ------
-    Skipped
-        For several structures that are not linear or not given as data.
+    noises than POINTS has. `Skipped` for several structures that are not linear or not given as data.
     """
     data = problem.data
     if isinstance(data, PolynomialSystem):
@@ -110,9 +102,8 @@ def _by_splitting(problem: Problem, states: Array, h: float, degree: int) -> tup
 
 def moments_of(moved: Array, weights: Array, asked: tuple[tuple[int, ...], ...]) -> Array:
     """E z^α (A, S) of z (d, S, n)."""
-    return np.array(
-        [np.prod([moved[i] ** a for i, a in enumerate(alpha)], axis=0) @ weights for alpha in asked]
-    )
+    powers = ([moved[i] ** a for i, a in enumerate(alpha)] for alpha in asked)
+    return np.array([np.prod(factors, axis=0) @ weights for factors in powers])
 
 
 def _split(problem: Problem, y: Array, h: float) -> tuple[Array, Array, float]:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from sepv.errors import Skipped
+from sepv.files import finite
 from sepv.problem import Array, Problem
 from sepv.record._binary64 import EPS
 from sepv.schemes import Scheme
@@ -49,12 +50,9 @@ class Slope:
 def judge_slope(  # noqa: PLR0911  (one return for each thing that a slope may mean)
     h: Array, errors: Array, least: float, rounding: float, floor: float
 ) -> Slope:
-    """Whether errors at falling h fall with the slope `least` or more.
+    """Whether errors (L,) at falling h fall with the slope `least` or more.
 
-    Parameters
-    ----------
-    h, errors : (L,)
-    rounding, floor : errors below the first may be rounding, errors above the second are not.
+    Those below `rounding` may be rounding, those above `floor` are not.
     """
     if not np.all(np.isfinite(errors)):
         return Slope(Verdict.VIOLATED, float("nan"), "errors too large for a number")
@@ -116,24 +114,17 @@ def _half_way_below(slope: float, found: LocalErrors) -> float:
 
 
 def judge(
-    law: Law,
-    scheme: Scheme,
-    effort: Effort,
+    law: Law, scheme: Scheme, effort: Effort,
     errors: Callable[[LocalErrors], Array],
     least: Callable[[LocalErrors], float],
     measure: Callable[[Scheme, Problem, Effort], LocalErrors] = local_errors,
     enough: int = LEVELS // 2,
     example: Callable[[Scheme, Problem, float], str] = lambda *_: "",
-) -> Finding:
-    """The law's finding: the worst slope over the problems.
+) -> Finding:  # fmt: skip
+    """The law's finding: the worst slope over the problems, of which `enough` step sizes must be left.
 
-    Parameters
-    ----------
-    errors : which of the errors the law is about
-    least : the slope that they must have, half-way to the next lower order
-    measure : what makes the errors of a problem
-    enough : so many step sizes must be left
-    example : one step of this size in words, for a reader of a violation
+    `errors` says which of them the law is about, `least` the slope that they must have, half-way to the next lower
+    order; `measure` makes them, and `example` shows one step of this size to a reader of a violation.
     """
     slopes, lines, measured, checks = [], [], [], 0
     shown: list[str] = []
@@ -151,9 +142,8 @@ def judge(
             return _failed(law, found)
         sizes, bound = errors(found), least(found)
         if np.all(np.isnan(sizes)):
-            lacks = (
-                "no moments of the solution are known" if np.any(found.rms > 0) else "only moments are known"
-            )
+            known = bool(np.any(found.rms > 0))
+            lacks = "no moments of the solution are known" if known else "only moments are known"
             unknown = f"of {problem.name} {lacks}"
             lines.append(f"{problem.name}: skipped, {unknown}")
             continue
@@ -172,15 +162,9 @@ def judge(
         lines += [_errors_text(m) for m in measured]
     lines += filter(None, shown)
     return law.finding(
-        verdict,
-        defect=worst.value if np.isfinite(worst.value) else None,
-        bound=bound,
-        at_least=True,
-        checks=checks,
-        message="\n".join(lines),
-        witness={"measured": measured},
-        replay=f"--law {law.name}",
-    )
+        verdict, defect=worst.value if np.isfinite(worst.value) else None, bound=bound, at_least=True, checks=checks,
+        message="\n".join(lines), witness={"measured": measured}, replay=f"--law {law.name}",
+    )  # fmt: skip
 
 
 def _slope_of(scheme: Scheme, found: LocalErrors, errors: Array, bound: float) -> Slope:
@@ -196,22 +180,15 @@ def _worst(slopes: list[tuple[Slope, float]]) -> tuple[Verdict, Slope, float]:
     """The verdict on all problems, with the slope that lies farthest below its bound among those that decide it."""
     verdicts = [seen.verdict for seen, _ in slopes]
     verdict = next((v for v in (Verdict.VIOLATED, Verdict.INCONCLUSIVE) if v in verdicts), Verdict.HOLDS)
-    worst, bound = min(
-        (s for s in slopes if s[0].verdict is verdict),
-        key=lambda s: np.nan_to_num(s[0].value - s[1], nan=-np.inf),
-    )
-    return verdict, worst, bound
+    deciding = [s for s in slopes if s[0].verdict is verdict]
+    return verdict, *min(deciding, key=lambda s: np.nan_to_num(s[0].value - s[1], nan=-np.inf))
 
 
 def _measured(found: LocalErrors, errors: Array, seen: Slope, bound: float) -> dict[str, Any]:
     return {
-        "problem": found.problem,
-        "h": found.h.tolist(),
-        "error": errors.tolist(),
-        "slope": seen.value if np.isfinite(seen.value) else None,
-        "needed": bound,
-        "verdict": seen.verdict.value,
-    }
+        "problem": found.problem, "h": found.h.tolist(), "error": errors.tolist(), "slope": finite(seen.value),
+        "needed": bound, "verdict": seen.verdict.value,
+    }  # fmt: skip
 
 
 def _errors_text(m: dict[str, Any]) -> str:

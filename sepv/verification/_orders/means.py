@@ -19,10 +19,7 @@ import numpy as np
 
 from sepv.problem import Array, Problem
 from sepv.problem._hamiltonians import combined_field
-from sepv.verification._orders.convergence import Estimate, StrongErrors, jackknife
-
-# Means that stand less than this many standard errors out of the noise show no slope.
-SIGNAL = 5.0
+from sepv.verification._orders.convergence import StrongErrors
 
 
 @dataclass(frozen=True)
@@ -157,24 +154,3 @@ def decay(samples: Array, h: Array, alpha: float, more: float = 1.0) -> tuple[fl
         low = np.log(c_low / f_high) / span if c_low > 0 else -np.inf
         high = np.log(c_high / f_low) / span if f_low > 0 else np.inf
     return float(value), float(low), float(high)
-
-
-def weak_slope(errors: StrongErrors, alpha: float) -> Estimate:
-    """For tables: the slope of log |E e| over the step sizes whose mean error stands out of the noise.
-
-    NaN, with an infinite interval, where fewer than two do. Laws judge by `leading` and `decay`.
-    """
-    d, paths = errors.errors.shape[1:]
-    size = np.linalg.norm(errors.errors.mean(axis=2), axis=1)
-    noise = np.linalg.norm(errors.errors.std(axis=2), axis=1) / np.sqrt(paths)
-    kept = np.flatnonzero(size > SIGNAL * noise)
-    if kept.size < 2:
-        return Estimate(np.nan, np.inf, alpha)
-    x = np.log(errors.h[kept])
-    x = (x - x.mean()) / np.sum((x - x.mean()) ** 2)
-    samples = errors.errors[kept].reshape(-1, paths)
-
-    def order(mean: Array) -> float:
-        return float(x @ np.log(np.linalg.norm(mean.reshape(-1, d), axis=1)))
-
-    return jackknife(samples, order, alpha)

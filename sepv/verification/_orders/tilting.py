@@ -20,7 +20,8 @@ those paths stay in.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,9 +29,7 @@ from sepv.exact import exact_flow
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
 from sepv.simulate import _truncation as bounded
-from sepv.simulate._batch import run_chunk
-from sepv.solve import Status
-from sepv.verification._orders.convergence import StrongErrors, failed_path, first_failures
+from sepv.verification._orders.convergence import StrongErrors, errors_of
 
 _CHUNK = 256
 # Errors below this many eps·scale are rounding. Rare paths count little here, and common ones have small errors,
@@ -43,10 +42,7 @@ def tilted_increments(
 ) -> tuple[Array, Array]:
     """(steps, m, M) increments of variance T/steps, and the weights (M,) that make their law the Wiener measure's.
 
-    Parameters
-    ----------
-    powers : even numbers p
-        One kind of tilted path for each; paths left as they are are one more kind.
+    There is one kind of tilted path for each of the even `powers` p; paths left as they are are one more kind.
     """
     direction = c / np.linalg.norm(c)
     xi = rng.standard_normal((steps, c.size, paths))
@@ -74,41 +70,20 @@ def tilted_errors(
     Its `squared` is w|e|² and its `errors` are w·e, so that means over paths estimate E|e|² and E e, without what
     clipped increments add where k ≥ 2·order (see above).
     """
-    start = np.array(problem.initial, dtype=np.float64)
-    squared = np.full((len(steps), len(paths)), np.nan)
-    errors = np.full((len(steps), problem.dimension, len(paths)), np.nan)
-    ends = np.full((len(steps), problem.dimension, len(paths)), np.nan)
-    W = np.full((len(steps), problem.noises, len(paths)), np.nan)
-    ratios = np.full((len(steps), len(paths)), np.nan)
-    failures = np.zeros(len(steps), dtype=np.int64)
-    largest, failed = float(np.max(np.abs(start))), ""
-    powers = (2 * round(2 * order + 1), 2 * round(order + 1))
-    for first in range(0, len(paths), _CHUNK):
-        here = slice(first, min(first + _CHUNK, len(paths)))
-        for row, count in enumerate(steps):
+    powers, k = (2 * round(2 * order + 1), 2 * round(order + 1)), scheme.truncation
+
+    def draw(numbers: range) -> Iterator[tuple[Array, Array, Array, Array]]:
+        for count in steps:
             # A chunk is a function of its first path, whatever else is asked for.
-            rng = np.random.Generator(
-                np.random.SFC64(np.random.SeedSequence(seed, spawn_key=(paths[first], count)))
-            )
+            sequence = np.random.SeedSequence(seed, spawn_key=(numbers[0], count))
+            rng = np.random.Generator(np.random.SFC64(sequence))
             raw, weights = tilted_increments(
-                rng, problem.c, T=T, steps=count, paths=len(paths[here]), powers=powers
+                rng, problem.c, T=T, steps=count, paths=len(numbers), powers=powers
             )
-            k = scheme.truncation
             if k is not None and k >= 2 * order:
                 bound = bounded.truncation_bound(T / count, k) * np.sqrt(T / count)
                 weights = weights * np.all(np.abs(raw) <= bound, axis=(0, 1))
-            exact = exact_flow(problem, problem.random_step(T, raw.sum(axis=0))).y
-            largest = max(largest, float(np.max(np.abs(exact))))
-            ends[row, :, here], W[row, :, here], ratios[row, here] = exact, raw.sum(axis=0), weights
-            result = run_chunk(scheme, problem, start, T / count, raw, scheme.truncation, track=False)
-            failures[row] += np.count_nonzero(result.status != Status.CONVERGED)
-            failed = failed or failed_path(scheme, problem, result, T / count, raw, paths[here])
-            with np.errstate(over="ignore"):
-                errors[row, :, here] = weights * (result.y - exact)
-                squared[row, here] = weights * np.sum((result.y - exact) ** 2, axis=0)
-            if failures[row]:
-                break
-    return StrongErrors(
-        T, tuple(steps), squared, errors, first_failures(failures), largest, FLOOR, 0.0,
-        ends, W, ratios, scheme.solver_tolerance, failed,
-    )  # fmt: skip
+            W = raw.sum(axis=0)
+            yield raw, exact_flow(problem, problem.random_step(T, W)).y, W, weights
+
+    return replace(errors_of(scheme, problem, T, steps, paths, _CHUNK, draw), floor=FLOOR)

@@ -19,9 +19,9 @@ from sepv.simulate._batch import advance
 from sepv.verification._cases.from_problem import reach
 from sepv.verification._failed_step import first_failed
 from sepv.verification._law import Effort
+from sepv.verification._orders import local_errors as local
 from sepv.verification._orders.gaussian import point_rule, rule
-from sepv.verification._orders.local_errors import LocalErrors, against_moments, apart, ends_at, moments_only
-from sepv.verification._orders.local_moments import moments_at
+from sepv.verification._orders.local_errors import LocalErrors, against_moments, apart
 
 # The end time: short enough for slopes within 0.1 of their limits, on Lotka-Volterra within 0.25, and long enough for
 # errors far above rounding.
@@ -42,7 +42,7 @@ def tree(
     dW = np.sqrt(h) * points.zeta
     for _ in range(steps):
         y0, noise = np.repeat(y, dW.shape[1], axis=1), np.tile(dW, weights.size)
-        y, status, _ = advance(scheme, problem, y0, h, noise)
+        y, status, *_ = advance(scheme, problem, y0, h, noise)
         failed = first_failed(scheme, problem, y0, h, noise, status)
         if failed:
             return y, weights, failed
@@ -51,13 +51,7 @@ def tree(
 
 
 def tree_errors(scheme: Scheme, problem: Problem, _effort: Effort) -> LocalErrors:
-    """The weak errors at T from the problem's initial state, at falling h = T/N.
-
-    Raises
-    ------
-    Skipped
-        For more noises than can be summed over.
-    """
+    """The weak errors at T from the problem's initial state, at falling h = T/N; `Skipped` for too many noises."""
     law = point_law(scheme.increments)
     assert law is not None
     ends = len(law.values) ** problem.noises
@@ -68,16 +62,12 @@ def tree_errors(scheme: Scheme, problem: Problem, _effort: Effort) -> LocalError
     start = np.array(problem.initial, dtype=np.float64)
     end = T * (reach(problem) if scheme.problems else 1.0)
     nodes = rule(problem.noises, end, None, int(2 * weak + 8))
-    known = moments_only(problem)
+    known = local.moments_only(problem)
     if known and not isinstance(problem.data, PolynomialSystem):
         raise Skipped(
             f"{problem.name} has no closed form, and is not given as data: its means over a time are not known"
         )
-    exact, flow = (
-        moments_at(problem, start[:, None], [end])
-        if known
-        else ends_at(problem, start[:, None], [(end, nodes)])
-    )
+    exact, flow = local.solutions_at(problem, start[:, None], [(end, nodes)])
     asked, steps = guarded(scheme), 0
     rows: list[tuple[float, float, float, float]] = []
     failed: list[tuple[float, str]] = []
@@ -89,11 +79,10 @@ def tree_errors(scheme: Scheme, problem: Problem, _effort: Effort) -> LocalError
             rows.clear()  # only what is finer than every failure
             continue
         moved = (ways - start[:, None])[:, None]
-        errors = (
-            against_moments(moved, exact[0], chances)
-            if known
-            else apart(moved, chances, exact[0] - start[:, None, None], nodes.weights, weak)
-        )
+        if known:
+            errors = against_moments(moved, exact[0], chances)
+        else:
+            errors = apart(moved, chances, exact[0] - start[:, None, None], nodes.weights, weak)
         rows.append((end / count, *errors))
     h, mean, rms, weakly = np.array(rows).reshape(-1, 4).T
     # What rounding and a solver leave in a step adds up over N of them.

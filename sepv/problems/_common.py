@@ -1,0 +1,76 @@
+"""What many problems have in common: their structures, a name and parameters, H as a sum of parts with known flows.
+
+The structures are the canonical ones, equations (1.2) and (1.3), and those of so(3)*.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sepv.problem._derived import PartFlow
+from sepv.problem._problem import Array, Flow, Function, NamedProblem, Problem, Structure
+from sepv.record import _polynomial as poly
+
+# (i, j, k, sign) with B_ij = sign · y_k: B(y)v = y × v.
+HAT = ((0, 1, 2, -1.0), (0, 2, 1, 1.0), (1, 2, 0, -1.0))
+
+
+def skew(y: Array, entries: Iterable[tuple[int, int, Any]]) -> Array:
+    """B (d, d, ...) from its entries above the diagonal at y (d, ...)."""
+    B = np.zeros((len(y), *y.shape), dtype=y.dtype)
+    for i, j, value in entries:
+        B[i, j], B[j, i] = value, -value
+    return B
+
+
+def structure(y: Array) -> Array:
+    """B = ((0, −I), (I, 0)) for y = (p, q) with as many of each, (d, d, ...)."""
+    n = len(y) // 2
+    return skew(y, ((i, n + i, -1.0) for i in range(n)))
+
+
+def canonical(dimension: int) -> Structure:
+    """The same as data."""
+    n = dimension // 2
+    return tuple((k, n + k, poly.constant(dimension, -1.0)) for k in range(n))
+
+
+def planes(dimension: int) -> Structure:
+    """The constant B of (1.3), block by block; an odd last component does not move."""
+    return tuple((2 * k, 2 * k + 1, poly.constant(dimension, -1.0)) for k in range(dimension // 2))
+
+
+def hat(factor: poly.Polynomial | None = None, spins: int = 1) -> Structure:
+    """B(y)v = y × v in each of n blocks of three, times a factor: |y|² of each block is a Casimir."""
+    d = 3 * spins
+    entries = [(n + i, n + j, n + k, s) for n in range(0, d, 3) for i, j, k, s in HAT]
+    g = poly.constant(d, 1.0) if factor is None else factor
+    return tuple((i, j, poly.multiply(g, poly.scale(s, poly.variable(d, k)))) for i, j, k, s in entries)
+
+
+def named(name: str, noise: ArrayLike, parameters: dict[str, Sequence[float]], **parts: Any) -> Problem:
+    """The problem of these parts, with its name and parameters as its data."""
+    c = tuple(np.atleast_1d(np.asarray(noise, dtype=np.float64)).tolist())
+    given = tuple((key, tuple(map(float, values))) for key, values in {**parameters, "noise": c}.items())
+    return Problem(**parts, noise=c, name=name, data=NamedProblem(name, given), check=False)
+
+
+def total(parts: Sequence[Function]) -> Function:
+    """Σ H_k, from left to right."""
+
+    def hamiltonian(y: Array) -> Array:
+        value = parts[0](y)
+        for part in parts[1:]:
+            value = value + part(y)
+        return value
+
+    return hamiltonian
+
+
+def flows(dimension: int, structure: Function, parts: Sequence[Function]) -> tuple[Flow, ...]:
+    """The exact flows of the B∇H_k."""
+    return tuple(PartFlow(dimension, structure, part) for part in parts)

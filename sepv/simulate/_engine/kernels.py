@@ -1,0 +1,258 @@
+"""The kernels of the compiled engine: loops over steps, lanes and iterations, as ordinary functions.
+
+A generated module (`sepv.simulate._engine.module`) compiles them by `compiled` with names of its own in place of those
+that stand first here: the sizes of a problem and the pieces of straight-line code (`sepv.simulate._engine.pieces`)
+that are printed from its records. All state of a block lies in one scratch buffer S at fixed offsets, its integers
+in I. What a lane does never depends on the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import FunctionType
+from typing import Any
+
+from numba import njit
+
+from sepv.simulate._engine.functions import prefer_512_bit, prefetch
+from sepv.simulate._engine.signatures import call_careful
+
+# What a generated module defines; the values here are never used.
+_made: Any = None
+# Lanes of a block, lanes that go on together, unknowns.
+L = GROUP = UNKNOWNS = 0
+# Lanes in the first loop of `iterated`, whose piece may take two at a time, what it counts for, and further iterations.
+TOGETHER = STEPS = FAST = 0
+# Offsets in the integers of a block, and of the unknowns in its scratch buffer.
+BUSY = ALIVE = STATUS = EVALUATIONS = STRUCTURES = LIVING = WORK = UNKNOWN_ROWS = 0
+# Statuses of `sepv.solve._solution`, and what `sepv.simulate._engine.careful` asks for.
+NO_CONVERGENCE = LEFT_DOMAIN = BROKEN = EQUATION = INSIDE = GRADIENT = HESSIAN = STRUCTURE = 0
+INF = 0.0
+# `staged`: sweeps, and the nodes of the quadratures.
+STAGES = RULES = BLIND = FUSED = TESTED = 0
+EXACT = CHECKED = STRAIGHT = False
+COUNTS = FIRSTS = NODES = _made
+# A projection: evaluations of the first iterations and of each further one, and that lanes left over are refused.
+FIRST_GRADIENTS = FIRST_STRUCTURES = AVERAGES = 0
+REFUSES = False
+loaded = loaded_node = _made
+# Pieces f(S, I, buffer, n, k, first, h, bound, q) of lane k in step n, and what they add up.
+first_steps = iteration = blind = check = clear = add_node = quick = masked = invariants = _made
+# Pieces f(x, v, A, b, q) of a state x.
+equation = gradient = hessian = structure = turned = domain = _made
+
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "cache": True}
+
+
+def compiled(
+    function: Callable[..., Any], names: dict[str, Any], signature: Any = None, inline: bool = False
+) -> Any:
+    """The function's code over `names`, the globals of a generated module; compiled code is kept beside its file.
+
+    With a signature it is compiled at once; else when it is called.
+    """
+    code = function.__code__.replace(co_filename=names["__file__"])
+    own = FunctionType(code, names, function.__name__)
+    options = _OPTIONS | ({"forceinline": True} if inline else {})
+    return njit(signature, **options)(own)
+
+
+def start(S: Any, I: Any, buffer: Any, P: Any) -> None:
+    """The invariants of a block whose states are set."""
+    q = loaded(P)
+    for k in range(L):
+        invariants(S, I, buffer, 0, k, 0, 0.0, 0.0, q)
+
+
+def problem(what: int, x: Any, v: Any, A: Any, b: Any, P: Any) -> int:
+    """One of a problem's functions at x, for a lane by itself."""
+    q = loaded(P)
+    if what == EQUATION:
+        return equation(x, v, A, b, q)
+    if what == INSIDE:
+        return domain(x, v, A, b, q)
+    if what == GRADIENT:
+        return gradient(x, v, A, b, q)
+    if what == HESSIAN:
+        return hessian(x, v, A, b, q)
+    if what == STRUCTURE:
+        return structure(x, v, A, b, q)
+    return turned(x, v, A, b, q)
+
+
+def ahead(buffer: Any, n: int) -> None:
+    """Fetches the increments of the step after the next, whose cache lines lie far apart where they are given."""
+    for j in range(buffer.shape[1]):
+        for k in range(0, L, 8):
+            prefetch(buffer, n + 2, j, k)
+
+
+def some(I: Any, group: int, mark: int) -> bool:
+    """Whether one lane of the group has this mark, 1, 2 or 4."""
+    prefer_512_bit()
+    found = 0
+    for k in range(group, group + GROUP):
+        found |= I[BUSY + k]
+    return found & mark != 0
+
+
+def moved(
+    S: Any, I: Any, buffer: Any, n: int, first: int, h: float, bound: float, q: Any, trouble: int
+) -> bool:
+    """The step's end: states, statuses, invariants; without masks where all lanes live and none was in trouble.
+
+    Whether a lane lives on.
+    """
+    prefer_512_bit()
+    if trouble == 0 and I[LIVING] == L:
+        for k in range(L):
+            quick(S, I, buffer, n, k, first, h, bound, q)
+        return True
+    living = 0
+    for k in range(L):
+        living += masked(S, I, buffer, n, k, first, h, bound, q)
+    I[LIVING] = living
+    return living > 0
+
+
+def left_over(S: Any, I: Any, P: Any, careful: Any, problem: Any, shape: Any, table: Any) -> int:
+    """Every lane that is still busy, by itself; how many there were."""
+    trouble = 0
+    for k in range(L):
+        trouble += 1 if I[BUSY + k] != 0 else 0
+    if trouble > 0:
+        for k in range(L):
+            if I[BUSY + k] != 0:
+                I[STATUS + k] = call_careful(careful, (S, I, k, P, problem, shape, table))
+    return trouble
+
+
+def explicit(
+    S: Any, I: Any, buffer: Any, count: int, first: int, h: float, bound: float, P: Any,
+    careful: Any, problem: Any, shape: Any, table: Any,  # noqa: ARG001 - of implicit schemes
+) -> int:  # fmt: skip
+    """Steps of an explicit scheme: the increment itself, and whether it leads anywhere. 1 where no lane lives on."""
+    prefer_512_bit()
+    q = loaded(P)
+    for n in range(count):
+        ahead(buffer, n)
+        trouble = 0
+        for k in range(L):
+            trouble += first_steps(S, I, buffer, n, k, first, h, bound, q)
+        if not moved(S, I, buffer, n, first, h, bound, q, trouble):
+            return 1
+    return 0
+
+
+def iterated(
+    S: Any, I: Any, buffer: Any, count: int, first: int, h: float, bound: float, P: Any, careful: Any, problem: Any,
+    shape: Any, table: Any,
+) -> int:  # fmt: skip
+    """`count` steps of Newton's iteration, or of the iteration of a projection, in lockstep; 1 where no lane lives on.
+
+    The first steps of all lanes are one piece; what is not done then goes on in groups. What is not done after FAST
+    steps, or is in any trouble, is left over. BUSY is 1 in a lane that goes on, 0 in one that is done, and 2 where a
+    projection ends outside the domain.
+    """
+    prefer_512_bit()
+    q = loaded(P)
+    for n in range(count):
+        ahead(buffer, n)
+        left = 0
+        for k in range(TOGETHER):
+            left += first_steps(S, I, buffer, n, k, first, h, bound, q)
+        I[EVALUATIONS] += FIRST_GRADIENTS * I[LIVING]
+        I[STRUCTURES] += FIRST_STRUCTURES * I[LIVING]
+        I[WORK] += STEPS * I[LIVING]
+        for _ in range(FAST):
+            if left == 0:
+                break
+            I[WORK] += left
+            I[EVALUATIONS] += AVERAGES * left
+            left = 0
+            for group in range(0, L, GROUP):
+                if some(I, group, 1):
+                    for k in range(group, group + GROUP):
+                        left += iteration(S, I, buffer, n, k, first, h, bound, q)
+        if REFUSES or left > 0:
+            left = left_over(S, I, P, careful, problem, shape, table)
+        if not moved(S, I, buffer, n, first, h, bound, q, left):
+            return 1
+    return 0
+
+
+def refused(
+    S: Any, I: Any, P: Any, careful: Any, problem: Any, shape: Any, table: Any,  # noqa: ARG001 - of `left_over`
+) -> int:  # fmt: skip
+    """In the place of `left_over`, of a projection: what is wrong with every lane that is left; how many there are."""
+    trouble = 0
+    for k in range(L):  # a loop of its own, without branches: it is made in every step
+        trouble += 1 if I[BUSY + k] != 0 else 0
+    if trouble == 0:
+        return 0
+    for k in range(L):
+        if I[BUSY + k] != 0:
+            size = 0.0
+            for i in range(UNKNOWNS):
+                size += abs(S[UNKNOWN_ROWS + i * L + k])
+            code = NO_CONVERGENCE if size < INF else BROKEN
+            I[STATUS + k] = LEFT_DOMAIN if I[BUSY + k] == 2 else code
+    return trouble
+
+
+def staged(  # noqa: PLR0912 - in one piece, as the method reads
+    S: Any, I: Any, buffer: Any, count: int, first: int, h: float, bound: float, P: Any, careful: Any, problem: Any,
+    shape: Any, table: Any,
+) -> int:  # fmt: skip
+    """`count` steps of an s-stage method: sweeps, rule by rule.
+
+    BUSY is 1 in a lane that sweeps, 4 in one that is to be checked, 0 in one that is done, and 2 in one that is left to
+    Newton's iteration (`sepv.simulate._engine.careful`).
+    """
+    prefer_512_bit()
+    q = loaded(P)
+    for n in range(count):
+        ahead(buffer, n)
+        for k in range(L):
+            first_steps(S, I, buffer, n, k, first, h, bound, q)
+        for _ in range(BLIND // FUSED):
+            for k in range(L):
+                blind(S, I, buffer, n, k, first, h, bound, q)
+        I[EVALUATIONS] += (1 + BLIND * STAGES) * I[LIVING]
+        I[WORK] += (1 + BLIND) * I[LIVING]
+        left = I[LIVING]
+        for rule in range(RULES):
+            for _ in range(TESTED):
+                if left == 0:
+                    break
+                I[WORK] += left
+                I[EVALUATIONS] += left * COUNTS[2 * rule]
+                left = 0
+                for group in range(0, L, GROUP):
+                    if some(I, group, 1):
+                        sums(S, I, buffer, group, 2 * rule, q)
+                        for k in range(group, group + GROUP):
+                            left += iteration(S, I, buffer, n, k, first, h, bound, q)
+            if CHECKED:
+                for group in range(0, L, GROUP):
+                    if some(I, group, 4):
+                        sums(S, I, buffer, group, 2 * rule if EXACT else 2 * rule + 1, q)
+                        for k in range(group, group + GROUP):
+                            left += check(S, I, buffer, n, k, first, h, bound, q)
+                I[EVALUATIONS] += I[LIVING] * COUNTS[2 * rule + 1]
+        if not moved(S, I, buffer, n, first, h, bound, q, left_over(S, I, P, careful, problem, shape, table)):
+            return 1
+    return 0
+
+
+def sums(S: Any, I: Any, buffer: Any, group: int, rule: int, q: Any) -> None:
+    """G_i = Σ W_in ∇H(u_n) of a group, node by node; nothing where a sweep is written out."""
+    prefer_512_bit()
+    if STRAIGHT:
+        return
+    for k in range(group, group + GROUP):
+        clear(S, I, buffer, 0, k, 0, 0.0, 0.0, q)
+    for node in range(FIRSTS[rule], FIRSTS[rule] + COUNTS[rule]):
+        weights = q + loaded_node(NODES[node])
+        for k in range(group, group + GROUP):
+            add_node(S, I, buffer, 0, k, 0, 0.0, 0.0, weights)
