@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from random import Random
 
 import pytest
 from sepv.reference.vector import digest
@@ -113,3 +114,16 @@ def test_no_corpus_is_an_option_of_verify(capsys: pytest.CaptureFixture[str]) ->
         assert ended.value.code == 0
         counts.append(int(capsys.readouterr().out.split("; ")[1].split(" check")[0]))
     assert counts[0] - counts[1] == len(corpus.cases("noise-sum", Systems.SINGLE))
+
+
+def test_what_is_remembered_by_address_is_seen_wherever_records_lie() -> None:
+    """Which address a new record gets depends on all that the process did before: 9 of 100 were missed once."""
+    (asked,) = load_laws(["contract"])
+    (witness,) = (w for w in corpus.witnesses("contract") if w.found == "remembers-by-id")
+    scheme, shuffled, kept = SABOTEURS["remembers-by-id"].scheme, Random(1), []
+    for _ in range(40):
+        gone = [[None] * shuffled.randrange(60) for _ in range(shuffled.randrange(2000))]
+        shuffled.shuffle(gone)
+        kept += gone[::2]
+        del gone
+        assert maker.accused(asked, scheme, witness.case)
