@@ -32,11 +32,11 @@ from sepv.problem import (
 )
 from sepv.problem._fields import matvec
 from sepv.problem._hamiltonians import bracket, combined_field, noise_field, noise_slope
+from sepv.problem._structures import each_noise
 from sepv.problems._polynomial_system import drift_of_energy
 from sepv.record import _polynomial as poly
 from sepv.schemes import Orders, Scheme, ask
 from sepv.schemes._further_increments import as_matrix, as_rows, some
-from sepv.schemes._one_step import each_noise
 from sepv.schemes._order_claims import order_of
 from sepv.schemes._scheme import as_lanes
 from sepv.simulate import _areas as areas

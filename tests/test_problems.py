@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -182,3 +183,20 @@ def test_a_mean_gradient_of_another_rule_is_refused() -> None:
             degree=4,
             mean_gradient=lambda y, x: np.stack([((x[0] + y[0]) / 2) ** 3, (x[1] + y[1]) / 2]),
         )
+
+
+@pytest.mark.parametrize(
+    ("key", "wrong", "words"),
+    [
+        ("hessian", lambda y: np.ones(3), r"hessian\(y\) of shape \(3, 3\)"),
+        ("hessian", lambda y: np.ones((2, 2)), r"shape \(2, 2\)"),
+        (
+            "structure_derivative",
+            lambda y: np.zeros((3, 3)),
+            r"structure_derivative\(y\) of shape \(3, 3, 3\)",
+        ),
+    ],
+)
+def test_a_derivative_of_another_shape_is_named(key: str, wrong: Any, words: str) -> None:
+    with pytest.raises(ProblemError, match=words):
+        replace(problems.rigid_body(), **{key: wrong}, check=True)

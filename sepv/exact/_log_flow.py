@@ -17,9 +17,9 @@ import numpy as np
 
 from sepv.problem import Array, Problem
 from sepv.problem._hamiltonians import bracket, combined_field, drift_bracket
+from sepv.problem._structures import each_noise
 from sepv.record._binary64 import EPS
 from sepv.schemes._explicit_tableaux import CLASSICAL, DORMAND_PRINCE_8, ExplicitTableau
-from sepv.schemes._one_step import each_noise
 
 # The steps of an explicit method in s are doubled until nothing changes by more than roundings.
 FEWEST, MOST = 4, 64

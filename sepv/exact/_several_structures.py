@@ -22,7 +22,7 @@ from sepv.exact._flow import exact_flow
 from sepv.exact._log_flow import log_flow, path
 from sepv.problem import Array, HamiltoniansProblem, Problem, commutes
 from sepv.problem._hamiltonians import combined_field, is_several
-from sepv.schemes._one_step import each_noise
+from sepv.problem._structures import each_noise
 from sepv.simulate import _areas as areas
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._areas import RoughPath

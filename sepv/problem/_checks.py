@@ -152,7 +152,14 @@ def _check_derivatives(problem: Problem, y: Array) -> None:
     for key, of in (("hessian", problem.gradient), ("structure_derivative", problem.structure)):
         if getattr(problem, key) is None:
             continue
-        for index, value, derivative in _mistaken(_call(problem, key, y), of, y):
+        given, shape = _call(problem, key, y), (*np.shape(of(y)), problem.dimension)
+        if np.shape(given) != shape:
+            raise ProblemError(
+                expected=f"{key}(y) of shape {shape} for y of shape {y.shape}",
+                received=f"shape {np.shape(given)}",
+                remedy=f"put the derivative by y_k at [..., k], or leave {key} out: differences then serve",
+            )
+        for index, value, derivative in _mistaken(given, of, y):
             raise ProblemError(
                 expected=f"{key} to be the derivative of what it belongs to",
                 received=f"{key}{[i + 1 for i in index]} = {value!r}, derivative {derivative!r} at y = {y.tolist()}",

@@ -101,6 +101,11 @@ class StructuresProblem(Problem):
         )
 
 
+def each_noise(problem: Problem, h: float, noise: Array) -> Array:
+    """h and the c_j ΔW_j, (1 + m, M)."""
+    return np.concatenate([np.full((1, noise.shape[1]), float(h)), problem.c[:, None] * noise])
+
+
 def combined(problem: Problem, y: Array, parts: Array) -> Array:
     """h B(y) + Σ_j c_j ΔW_j G_j(y), (d, d, M), for parts (1 + m, M) holding h and the c_j ΔW_j."""
     total = parts[0] * problem.structure(y)

@@ -24,8 +24,9 @@ import numpy as np
 from sepv.errors import Skipped
 from sepv.problem import Array, Problem, Systems
 from sepv.problem._hamiltonians import combined_gradient
+from sepv.problem._structures import each_noise
 from sepv.problems._common import HAT
-from sepv.schemes._one_step import EVERY, Solved, each_noise, no_jacobian, one_step
+from sepv.schemes._one_step import EVERY, Solved, no_jacobian, one_step
 from sepv.schemes._order_claims import Orders
 from sepv.solve import solve as solve_implicit
 from sepv.solve._solution import Increment, Solution, once

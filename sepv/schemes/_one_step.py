@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from sepv.problem import Array, Problem
+from sepv.problem._structures import each_noise
 from sepv.schemes._further_increments import as_rows
 from sepv.schemes._scheme import Scheme, Solve, as_lanes, truncation_for
 from sepv.solve import solve as solve_implicit
@@ -36,11 +37,6 @@ def random_step(problem: Problem, h: float, noise: Array) -> Array:
 def drift_and_noise(problem: Problem, h: float, noise: Array) -> Array:
     """h and S = Σ c_j ΔW_j, (2, M)."""
     return np.stack([np.full(noise.shape[1], float(h)), problem.random_step(0.0, noise)])
-
-
-def each_noise(problem: Problem, h: float, noise: Array) -> Array:
-    """h and the c_j ΔW_j, (1 + m, M)."""
-    return np.concatenate([np.full((1, noise.shape[1]), float(h)), problem.c[:, None] * noise])
 
 
 def noise_and_areas(problem: Problem, h: float, noise: Array, areas: Array) -> Array:

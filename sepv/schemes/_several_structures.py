@@ -15,8 +15,8 @@ from __future__ import annotations
 import numpy as np
 
 from sepv.problem import Array, CommutingStructure, Problem, Systems, average_gradient
-from sepv.problem._structures import combined, noise_structures, undefined
-from sepv.schemes._one_step import ENERGY_PRESERVING, each_noise, implicit, one_step
+from sepv.problem._structures import combined, each_noise, noise_structures, undefined
+from sepv.schemes._one_step import ENERGY_PRESERVING, implicit, one_step
 from sepv.solve import Fields, Status, Values
 from sepv.solve._linearised import derivative
 from sepv.solve._solution import Solution

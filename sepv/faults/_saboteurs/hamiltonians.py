@@ -9,9 +9,10 @@ import numpy as np
 from sepv import schemes
 from sepv.faults._saboteurs.record import Family, imitating
 from sepv.problem import Array, Problem, hamiltonian_field
+from sepv.problem._structures import each_noise
 from sepv.schemes._drift_preserving import pushed, quiet
 from sepv.schemes._isospectral_midpoint import require_spins
-from sepv.schemes._one_step import Implicit, each_noise
+from sepv.schemes._one_step import Implicit
 from sepv.schemes._scheme import as_lanes
 from sepv.solve import Increment
 from sepv.solve._solution import once

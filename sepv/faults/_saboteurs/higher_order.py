@@ -18,10 +18,9 @@ from sepv.faults._saboteurs.record import Family, imitating, middle
 from sepv.problem import Array, Problem
 from sepv.problem._fields import matvec
 from sepv.problem._nambu import cross
-from sepv.problem._structures import noise_structures
+from sepv.problem._structures import each_noise, noise_structures
 from sepv.schemes import PointLaw, Scheme, implicit, weakly
 from sepv.schemes._both_invariants import required
-from sepv.schemes._one_step import each_noise
 from sepv.schemes._scheme import Step, as_lanes
 from sepv.schemes._tableaux import exact_nodes, gauss_tableau, moments
 from sepv.solve import Fields

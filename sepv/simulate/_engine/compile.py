@@ -11,10 +11,9 @@ import numpy as np
 
 from sepv.errors import Skipped
 from sepv.problem import Array, CommutingStructure, HamiltoniansProblem, Problem, StructuresProblem
-from sepv.problem._structures import noise_structures
+from sepv.problem._structures import each_noise, noise_structures
 from sepv.record import CannotRecord, NoClosedForm
 from sepv.schemes import Scheme, Systems
-from sepv.schemes._one_step import each_noise
 from sepv.simulate._engine.module import LANES
 from sepv.simulate._engine.newton import NewtonWriter
 from sepv.simulate._engine.projected import ProjectedWriter
