@@ -219,7 +219,7 @@ def _searched(check: Check) -> Law:
         source="contract",
         unit="faults",
         cost=1.8,
-        steps=2540,
+        steps=1520,
         cases=any_steps,
         check=check,
         fixed_cases=fixed_cases,
@@ -258,7 +258,10 @@ def _step_seconds(scheme: Scheme, case: Case) -> float | None:
 
 
 def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
-    """The search; where it finds nothing, the simplest case that it measured is asked about TIMES times."""
+    """The search; where it finds nothing, the simplest case that it measured is asked about TIMES times, if none was.
+
+    A witness of the corpus asks so too, of a problem by name.
+    """
     measured: list[Case] = []
 
     def remembered(scheme: Scheme, case: Case) -> Measurement:
@@ -273,8 +276,10 @@ def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
         warnings.simplefilter("ignore")  # the scheme's own warnings are not findings
         simplest = min(measured, key=lambda case: _unfit(scheme, case))
         asked = replace(simplest, times=TIMES)
+        once_more = not any(case.times for case in measured)
         try:
-            _repeats(scheme, asked)
+            if once_more:
+                _repeats(scheme, asked)
         except SchemeFault as fault:
             return replace(
                 finding,
@@ -286,7 +291,7 @@ def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
                 checks=finding.checks + 1,
             )
         seconds = _step_seconds(scheme, simplest)
-    return replace(finding, checks=finding.checks + 1, step_seconds=seconds)
+    return replace(finding, checks=finding.checks + once_more, step_seconds=seconds)
 
 
 law = replace(_searched(check), run=run)

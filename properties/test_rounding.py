@@ -37,6 +37,7 @@ from sepv.verification._cases.case_of_law import NOT_OF_HAMILTONIANS
 from sepv.verification._cases.from_problem import describe, reach
 from sepv.verification._cases.users_problems import problems_of
 from sepv.verification._failed_step import failed_step
+from sepv.verification._quantiles import fishers_f, students_t
 from sepv.verification._tolerance import rounding_walk
 
 PATHS = 60
@@ -113,8 +114,6 @@ def judge(defects: Array, predicted: float, solver_tolerance: float = 0.0) -> li
 
     A solver's stated tolerance, relative to |y|, moves H by as many eps of |∇H||y| in each step, all of one sign.
     """
-    from scipy.special import fdtri, stdtrit  # scipy.stats would take a second to import
-
     paths = defects.shape[1]
     n = FIRST * 2.0 ** np.arange(len(defects))
     last, root = float(n[-1]), float(np.sqrt(n[-1]))
@@ -129,7 +128,7 @@ def judge(defects: Array, predicted: float, solver_tolerance: float = 0.0) -> li
     )
     mean = float(np.mean(defects[-1]))
     error = max(float(np.std(defects[-1], ddof=1)), predicted * root) / np.sqrt(paths)
-    allowed = BIAS * predicted * last - float(stdtrit(paths - 1, LEVEL / 2)) * error
+    allowed = BIAS * predicted * last + students_t(LEVEL / 2, paths - 1) * error
     drift = Judged(
         "drift",
         abs(mean) / root,
@@ -140,7 +139,7 @@ def judge(defects: Array, predicted: float, solver_tolerance: float = 0.0) -> li
     growth = Judged(
         "growth",
         float(rms[-1]),
-        before / float(np.sqrt(fdtri(paths, paths, LEVEL))) + stated + TINY,
+        before / fishers_f(LEVEL, paths) ** 0.5 + stated + TINY,
         f"growth n^{np.polyfit(np.log(n), np.log(rms * np.sqrt(n) + 1e-300), 1)[0]:.2f}",
     )
     return [size, growth, drift]

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from sepv.exact._jacobi import argument, jacobi
 from sepv.problem import Array
 
 Parameters = Mapping[str, tuple[float, ...]]
@@ -32,8 +33,6 @@ def pendulum(_: Parameters, y0: Array, theta: Array) -> Result:
     Libration, k < 1: sin(q/2) = k sn(u, k²), p/2 = k cn, cos(q/2) = dn, u = θ + u0.
     Rotation, k > 1, with s the sign of p: q/2 = s am(kθ + u0, 1/k²), p/2 = s k dn.
     """
-    from scipy.special import ellipj, ellipkinc
-
     p, q = y0
     turns = np.round(q / (2 * np.pi))
     half = 0.5 * (q - 2 * np.pi * turns)
@@ -42,12 +41,11 @@ def pendulum(_: Parameters, y0: Array, theta: Array) -> Result:
     if abs(k2 - 1) < SEPARATRIX:
         return None
     if k2 < 1:
-        u0 = ellipkinc(np.arctan2(np.sin(half), 0.5 * p), k2)
-        sn, cn, dn, _angle = ellipj(theta + u0, k2)
+        u0 = argument(np.arctan2(np.sin(half), 0.5 * p), k2)
+        sn, cn, dn, _ = jacobi(theta + u0, k2)
         return np.stack([2 * k * cn, 2 * np.arctan2(k * sn, dn) + 2 * np.pi * turns]), _JACOBI
     s = np.sign(p)
-    u0 = ellipkinc(s * half, 1 / k2)
-    _sn, _cn, dn, angle = ellipj(k * theta + u0, 1 / k2)
+    *_, dn, angle = jacobi(k * theta + argument(s * half, 1 / k2), 1 / k2)
     return np.stack([2 * s * k * dn, 2 * s * angle + 2 * np.pi * turns]), _JACOBI
 
 
@@ -59,8 +57,6 @@ def rigid_body(parameters: Parameters, y0: Array, theta: Array) -> Result:
     conserved. For K_a ≤ K_c: y_c = Y_c dn, y_a = Y_a cn, y_b = Y_b sn of (λθ + u0, m), λ² = A_aA_bA_cK_c, m = K_a/K_c;
     else the same with a and c exchanged.
     """
-    from scipy.special import ellipj, ellipkinc
-
     inertia = np.array(parameters["inertia"])
     a, b, c = np.argsort(inertia)
     sigma = 1.0 if (a, b, c) in ((0, 1, 2), (1, 2, 0), (2, 0, 1)) else -1.0
@@ -76,7 +72,7 @@ def rigid_body(parameters: Parameters, y0: Array, theta: Array) -> Result:
     m, rate = K_a / K_c, np.sqrt(A_a * A_b * A_c * K_c)
     s = 1.0 if y0[c] > 0 else -1.0
     phase = np.arctan2(sigma * s * y0[b] / np.sqrt(A_b), y0[a] / np.sqrt(A_a))
-    sn, cn, dn, _ = ellipj(rate * theta + ellipkinc(phase, m), m)
+    sn, cn, dn, _ = jacobi(rate * theta + argument(phase, m), m)
     y = np.empty((3, theta.size))
     y[a] = np.sqrt(A_a * K_a) * cn
     y[b] = sigma * s * np.sqrt(A_b * K_a) * sn

@@ -10,6 +10,7 @@ import operator
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from itertools import zip_longest
 from math import isfinite
 from typing import Any
 
@@ -258,25 +259,23 @@ class PolynomialMap:
     def _sums(self) -> _Sums:
         d = self.rows[0].dimension
         # Each polynomial once: records that share one are told by their identity, and all zeros are one.
-        distinct = {id(p) if p.terms else 0: p for p in self.rows}
-        numbers = {key: r for r, key in enumerate(distinct)}
-        monomials = sorted({e for p in distinct.values() for e, _ in p.terms})
+        distinct = {id(p) if p.terms else 0: p.terms for p in self.rows}
+        monomials = sorted({e for terms in distinct.values() for e, _ in terms})
         index = {e: t for t, e in enumerate(monomials)}
         factors = [[i + d * k for i, k in enumerate(e) if k] for e in monomials]
-        most = max(map(len, factors), default=0) or 1
-        table = np.array([f + [0] * (most - len(f)) for f in [*factors, []]])  # the last monomial is 1
         # In the order of the monomials, not of the terms.
-        sums = [sorted([(index[e], c) for e, c in p.terms]) for p in distinct.values()]
-        longest = max(map(len, sums))
-        nothing = (len(monomials), 0.0)
-        entries = np.array([[nothing, *terms, *[nothing] * (longest - len(terms))] for terms in sums])
-        rows = np.array([numbers[id(p) if p.terms else 0] for p in self.rows])
+        sums = [sorted([(index[e], c) for e, c in terms]) for terms in distinct.values()]
+        nothing = (len(monomials), 0.0)  # the last monomial is 1
+        entries = np.array([[nothing] * len(sums), *zip_longest(*sums, fillvalue=nothing)])
+        numbers = {key: r for r, key in enumerate(distinct)}
         return _Sums(
             max(map(max, monomials), default=0),
-            np.ascontiguousarray(table.T),
-            np.ascontiguousarray(entries[..., 0].T.astype(np.intp)),
-            np.ascontiguousarray(entries[..., 1:].transpose(1, 0, 2)),
-            None if len(distinct) == len(self.rows) else rows,
+            np.array([*zip_longest(*factors, [0], fillvalue=0)]),
+            entries[..., 0].astype(np.intp),
+            np.ascontiguousarray(entries[..., 1:]),
+            np.array([numbers[id(p) if p.terms else 0] for p in self.rows])
+            if len(sums) < len(self.rows)
+            else None,
         )
 
     @cached_property

@@ -23,6 +23,7 @@ from sepv.simulate._batch import Ensemble, run_chunk
 from sepv.simulate._truncation import seen
 from sepv.solve import Status
 from sepv.verification._failed_step import failed_step
+from sepv.verification._quantiles import binomial, students_t
 
 # Paths are split into this many groups for the jackknife: enough for a t-quantile with 31 degrees of
 # freedom, few enough that the mean square over a group is nearly normal.
@@ -232,22 +233,14 @@ def quantile_slope(errors: StrongErrors, alpha: float) -> Estimate:
     kept = np.flatnonzero(above_floor(errors))
     ordered = np.sort(errors.squared[[kept[0], kept[-1]]], axis=1)
     paths = ordered.shape[1]
-    low = _binomial_quantile(alpha / 4, paths) - 1
-    high = _binomial_quantile(1 - alpha / 4, paths)
+    low = binomial(alpha / 4, paths, QUANTILE) - 1
+    high = binomial(1 - alpha / 4, paths, QUANTILE)
     span = 2 * np.log(errors.steps[kept[-1]] / errors.steps[kept[0]])
     if low < 0 or high >= paths:
         return Estimate(0.0, np.inf, alpha)
     (c_low, c_high), (f_low, f_high) = np.log(ordered[:, [low, high]])
     ends = np.array([c_low - f_high, c_high - f_low]) / span
     return Estimate(float(ends.mean()), float(np.ptp(ends)) / 2, alpha)
-
-
-def _binomial_quantile(level: float, paths: int) -> int:
-    """The smallest k with P(at most k of the paths lie below the QUANTILE) ≥ level."""
-    from scipy.special import bdtr, bdtrik  # scipy.stats would take a second to import
-
-    k = np.ceil(bdtrik(level, paths, QUANTILE))
-    return int(k - 1 if k >= 1 and bdtr(k - 1, paths, QUANTILE) >= level else k)
 
 
 def mean_square_order(
@@ -289,8 +282,6 @@ def jackknife_half(left_out: Array, alpha: float) -> float:
 
     Student's t with G − 1 degrees of freedom (R. G. Miller, Biometrika 61, 1974).
     """
-    from scipy.special import stdtrit
-
     groups = left_out.size
     error = np.sqrt((groups - 1) / groups * np.sum((left_out - left_out.mean()) ** 2))
-    return float(stdtrit(groups - 1, 1 - alpha / 2) * error)
+    return float(students_t(alpha / 2, groups - 1) * error)

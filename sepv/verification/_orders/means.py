@@ -20,6 +20,7 @@ import numpy as np
 from sepv.problem import Array, Problem
 from sepv.problem._hamiltonians import combined_field
 from sepv.verification._orders.convergence import StrongErrors
+from sepv.verification._quantiles import students_t
 
 
 @dataclass(frozen=True)
@@ -43,9 +44,7 @@ class Coefficient:
 
 def critical(alpha: float, paths: int) -> float:
     """Student's two-sided quantile for a mean of so many paths."""
-    from scipy.special import stdtrit
-
-    return float(stdtrit(paths - 1, 1 - alpha / 2))
+    return students_t(alpha / 2, paths - 1)
 
 
 def capped(errors: StrongErrors) -> Array:
