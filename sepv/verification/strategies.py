@@ -40,6 +40,10 @@ ORIGIN_SHARE = 2.0**-9
 # Strategies are made once: Hypothesis validates each that is made anew, which costs as much as its draws.
 _SIGNS = st.sampled_from([1.0, -1.0])
 _KINDS = st.sampled_from(["kinetic", *["kinetic and more", "any"] * 2])
+_STRUCTURES = st.sampled_from(["canonical", "any", "any"])
+_SMALL = st.integers(-2, 2)
+_WEIGHTS = st.sampled_from([1.0, 0.0, -1.0, 2.0])
+_PERTURBED, _AWAY = st.floats(0.5, 1.5), st.sampled_from([0.0, 0.1, 0.3])
 # Every fourth step or so is short: what is right for long steps may be cut short for those.
 _LENGTHS = st.sampled_from([1.0, 1.0, 1.0, 2.0**-10])
 # A quadrature error grows like the length to the power of the degree: half of all parts are whole.
@@ -64,6 +68,27 @@ def components(bound: float = 2.0) -> st.SearchStrategy[float]:
 
 
 @cache
+def _states(dimension: int) -> st.SearchStrategy[list[float]]:
+    return st.lists(components(), min_size=dimension, max_size=dimension)
+
+
+@cache
+def _indices(dimension: int) -> st.SearchStrategy[int]:
+    return st.integers(0, dimension - 1)
+
+
+@cache
+def _pairs(dimension: int) -> st.SearchStrategy[list[tuple[int, int]]]:
+    every = list(combinations(range(dimension), 2))
+    return st.lists(st.sampled_from(every), min_size=1, max_size=len(every), unique=True)
+
+
+@cache
+def _places(dimension: int) -> st.SearchStrategy[list[tuple[int, int]]]:
+    return st.lists(st.tuples(_indices(dimension), _indices(dimension)), max_size=4)
+
+
+@cache
 def dimensions(least: int, most: int) -> st.SearchStrategy[int]:
     """Dimensions, half of them one of the two smallest: steps there are longest within their radius."""
     return st.one_of(st.integers(least, min(least + 1, most)), st.integers(least, most))
@@ -78,7 +103,7 @@ def _degrees(least: int, degree: int) -> st.SearchStrategy[int]:
 @st.composite
 def monomials(draw: st.DrawFn, dimension: int, degree: int, *, least: int = 1) -> tuple[int, ...]:
     """Exponents of total degree between `least` and `degree`, often the highest. Examples shrink towards y1^least."""
-    exponents, index = [0] * dimension, st.integers(0, dimension - 1)
+    exponents, index = [0] * dimension, _indices(dimension)
     for _ in range(draw(_degrees(least, degree))):
         exponents[draw(index)] += 1
     return tuple(exponents)
@@ -120,11 +145,10 @@ def hamiltonians(draw: st.DrawFn, dimension: int, degree: int = 6, *, least: int
 @st.composite
 def skew_structures(draw: st.DrawFn, dimension: int, degree: int = 3) -> Structure:
     """Skew B(y) with polynomial entries of degree 0 to `degree`. Examples shrink towards B = J."""
-    if draw(st.sampled_from(["canonical", "any", "any"])) == "canonical":
+    if draw(_STRUCTURES) == "canonical":
         return planes(dimension)
-    every = list(combinations(range(dimension), 2))
-    pairs = draw(st.lists(st.sampled_from(every), min_size=1, max_size=len(every), unique=True))
-    return tuple((i, j, draw(polynomials(dimension, degree, least=0, terms=3))) for i, j in sorted(pairs))
+    pairs, entries = draw(_pairs(dimension)), polynomials(dimension, degree, least=0, terms=3)
+    return tuple((i, j, draw(entries)) for i, j in sorted(pairs))
 
 
 @cache
@@ -132,8 +156,8 @@ def skew_structures(draw: st.DrawFn, dimension: int, degree: int = 3) -> Structu
 def symmetric_matrices(draw: st.DrawFn, dimension: int) -> Matrix:
     """Symmetric integer matrices, not zero. Examples shrink towards the identity."""
     A = np.eye(dimension)
-    for i, j in draw(st.lists(st.tuples(*[st.integers(0, dimension - 1)] * 2), max_size=4)):
-        A[i, j] = A[j, i] = draw(st.integers(-2, 2))
+    for i, j in draw(_places(dimension)):
+        A[i, j] = A[j, i] = draw(_SMALL)
     if not A.any():
         A[0, 0] = 1.0
     return tuple(map(tuple, A.tolist()))
@@ -158,7 +182,7 @@ def casimir_systems(draw: st.DrawFn, degree: int = 6, *, largest: int = 6) -> Po
         second = draw(symmetric_matrices(d))
         B, quadratic = contracted(draw, d, [v, linear_forms(second)]), (A, second)
     elif kind == "linear":
-        b = tuple(draw(st.lists(st.integers(-2, 2).map(float), min_size=d, max_size=d).filter(any)))
+        b = tuple(draw(st.lists(_SMALL.map(float), min_size=d, max_size=d).filter(any)))
         B, quadratic, linear = contracted(draw, d, [[poly.constant(d, x) for x in b]]), (), (b,)
     else:
         B = contracted(draw, d, [v])
@@ -183,6 +207,7 @@ def poisson_systems(
     return PolynomialSystem(d, H, draw(skew_structures(d, structure_degree)), draw(noises()))
 
 
+@cache
 def paper_problems() -> st.SearchStrategy[NamedProblem]:
     """The paper's four problems with its parameters."""
     data = [problems.by_name(name).data for name in problems.PAPER]
@@ -196,7 +221,7 @@ def steps(draw: st.DrawFn, systems: st.SearchStrategy[PolynomialSystem] | None =
     Examples shrink towards y = (1, …, 1) and h = 1, or the largest h that the radius allows.
     """
     data = draw(poisson_systems() if systems is None else systems)
-    y = tuple(draw(st.lists(components(), min_size=data.dimension, max_size=data.dimension)))
+    y = tuple(draw(_states(data.dimension)))
     radius = contraction_radius(problems.build(data), np.array(y))
     return draw(steps_within(data, y, min(radius, 4.0)))
 
@@ -208,10 +233,11 @@ def paper_steps(draw: st.DrawFn) -> Case:
     problem = problems.build(data)
     initial, longest = np.asarray(problem.initial), problem.longest_step
     assert longest is not None
-    y = tuple(float(a) * draw(st.floats(0.5, 1.5)) + draw(st.sampled_from([0.0, 0.1, 0.3])) for a in initial)
+    y = tuple(float(a) * draw(_PERTURBED) + draw(_AWAY) for a in initial)
     return draw(steps_within(data, y, draw(st.sampled_from([longest, longest / 2, longest / 4, 2.0**-7]))))
 
 
+@cache
 def any_steps() -> st.SearchStrategy[Case]:
     """Steps of random polynomial systems, with and without Casimirs, and of the paper's problems."""
     return st.one_of(steps(), steps(casimir_systems()), paper_steps())
@@ -263,7 +289,7 @@ def contracted(draw: st.DrawFn, d: int, forms: list[list[Polynomial]]) -> Struct
     """B_ij = g Σ T_{ij k…} v_k …, T totally antisymmetric of rank 2 + len(forms), g a polynomial for d = 3."""
     entries: dict[tuple[int, int], list[Polynomial]] = {}
     for indices in combinations(range(d), 2 + len(forms)):
-        weight = 1.0 if d == 3 else draw(st.sampled_from([1.0, 0.0, -1.0, 2.0]))
+        weight = 1.0 if d == 3 else draw(_WEIGHTS)
         if not weight:
             continue
         for place, factor in tensor_terms(d, indices, weight, forms):
