@@ -3,17 +3,39 @@
 Read `_wiener` first (increments that depend on the path and the step alone), `_truncation` (Remark 2.1),
 `_areas` (Lévy areas), `_paths` (one path), `_batch` (many in NumPy), then `_engine` (chunks of paths by NumPy or
 compiled, on threads, processes or a cluster) and `_results` (what is kept of many paths).
+
+The engine is loaded when it is first used: laws and exact solutions need increments and batches alone.
 """
 
 from __future__ import annotations
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from sepv.simulate._areas import drawn as drawn
 from sepv.simulate._batch import Ensemble as Ensemble
-from sepv.simulate._engine.ensemble import ensemble as ensemble
-from sepv.simulate._engine.long import LongPath as LongPath
-from sepv.simulate._engine.long import long_path as long_path
-from sepv.simulate._paths import Trajectory as Trajectory
-from sepv.simulate._paths import integrate as integrate
 from sepv.simulate._truncation import truncate as truncate
 from sepv.simulate._truncation import truncation_bound as truncation_bound
 from sepv.simulate._wiener import increments as increments
+
+if TYPE_CHECKING:
+    from sepv.simulate._engine.ensemble import ensemble as ensemble
+    from sepv.simulate._engine.long import LongPath as LongPath
+    from sepv.simulate._engine.long import long_path as long_path
+    from sepv.simulate._paths import Trajectory as Trajectory
+    from sepv.simulate._paths import integrate as integrate
+
+_HOME = {
+    "ensemble": "_engine.ensemble", "LongPath": "_engine.long", "long_path": "_engine.long",
+    "Trajectory": "_paths", "integrate": "_paths",
+}  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOME:
+        return getattr(import_module(f"sepv.simulate.{_HOME[name]}"), name)
+    raise AttributeError(f"module 'sepv.simulate' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted((*globals(), *_HOME))

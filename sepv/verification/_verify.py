@@ -16,7 +16,6 @@ from sepv.errors import ClusterFailure, SepvError, Skipped, TargetError, UsageEr
 from sepv.schemes import Scheme, load_scheme
 from sepv.schemes._load_target import words_for
 from sepv.schemes._scheme import Step
-from sepv.simulate._engine.workers import run_all
 from sepv.verification import _side_by_side as side_by_side
 from sepv.verification._cases.users_problems import items
 from sepv.verification._expected_failures import Expectations, ExpectedFailure
@@ -158,6 +157,8 @@ def _side_by_side(
         for name, finding in found:
             take(name, None)
             take(name, finding)
+
+    from sepv.simulate._engine.workers import run_all  # the engine, which laws on one machine do without
 
     run_all(partial(side_by_side.measured, task), groups, workers, threads=False, receive=arrived)
 
