@@ -35,12 +35,15 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--scheme", action="append", default=[], metavar="MODULE:ATTR", help="scheme to verify; repeatable"
     )
     group.addoption(
-        "--sepv-examples", type=int, default=None, help="examples for each law (default 12, after its design)"
+        "--sepv-examples", type=int, default=None,
+        help=f"examples for each law (default {Effort.examples}, after its design)",
+    )  # fmt: skip
+    group.addoption(
+        "--sepv-paths", type=int, default=None, help=f"most paths for a law (default {Effort.paths})"
     )
-    group.addoption("--sepv-paths", type=int, default=None, help="most paths for a law (default 8192)")
     group.addoption(
         "--sepv-shrink-checks", type=int, default=None,
-        help="checks to simplify a counterexample with; 0 leaves it as found (default 500)",
+        help=f"checks to simplify a counterexample with; 0 leaves it as found (default {Effort.shrink_checks})",
     )  # fmt: skip
     group.addoption("--sepv-seed", default="0", help="seed of examples and paths, or 'fresh' for a new one")
     group.addoption(

@@ -5,10 +5,14 @@ from __future__ import annotations
 import doctest
 import importlib
 import inspect
+import re
+from dataclasses import fields
 
 import pytest
+from click.testing import CliRunner
 
 import sepv
+from sepv.commands import main
 
 FUNCTIONS = ("verify", "integrate", "ensemble", "exact_flow")
 RECORDS = ("Problem", "Scheme", "Report", "Trajectory", "Ensemble", "Effort")
@@ -41,3 +45,12 @@ def test_examples_run(name: str) -> None:
     assert found, "no example"
     for example in found:
         assert doctest.DocTestRunner().run(example).failed == 0
+
+
+def test_the_help_of_verify_states_the_usual_effort() -> None:
+    asked = CliRunner().invoke(main, ["verify", "--help"], terminal_width=200).output
+    said = dict(re.findall(r"--([a-z-]+) .*\[default: (\d+)\]", asked))
+    usual = {field.name.replace("_", "-"): str(field.default) for field in fields(sepv.Effort)}
+    assert {name: said[name] for name in ("examples", "paths", "shrink-checks")} == {
+        name: usual[name] for name in ("examples", "paths", "shrink-checks")
+    }

@@ -39,7 +39,7 @@ from sepv.files import write_atomically
 )
 @click.option("--replay", "token", metavar="TOKEN", help="Measure one witness; needs one --law.")
 @click.option("--seed", type=cli.NATURAL, default=0, help="Of examples and paths.")
-@click.option("--examples", type=cli.COUNT, help="Random examples for each law. [default: 12]")
+@click.option("--examples", type=cli.COUNT, help="Random examples for each law. [default: 8]")
 @click.option("--paths", type=click.IntRange(min=64), help="Most paths for a law. [default: 8192]")
 @click.option(
     "--shrink-checks", type=cli.NATURAL,
