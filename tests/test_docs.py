@@ -95,10 +95,11 @@ def lacks_a_library(body: str) -> bool:
 
 @pytest.mark.parametrize("page", [page for page in PAGES if page != "ci"])
 def test_the_blocks_of_a_page_run_in_their_order(page: str, reader: Reader) -> None:
-    run_blocks(page, reader)
+    assert run_blocks(page, reader) > 0
 
 
-def run_blocks(page: str, reader: Reader) -> None:
+def run_blocks(page: str, reader: Reader) -> int:
+    """Each must end well; how many of Python, shell and TOML there are."""
     left_out: set[str] = set()
     for kind, body in blocks(page):
         if kind == "python":
@@ -122,6 +123,7 @@ def run_blocks(page: str, reader: Reader) -> None:
             check_pyproject(body, reader)
         else:
             assert kind in ("text", "yaml"), f"{page}: nothing runs a {kind} block"
+    return sum(kind in ("python", "sh", "toml") for kind, _ in blocks(page))
 
 
 def typed(line: str, reader: Reader) -> None:
@@ -168,7 +170,7 @@ def test_the_blocks_of_the_page_about_ci_and_the_steps_of_its_workflows_run(
 ) -> None:
     """As a runner does, job by job, in a folder with the files that the page says to commit."""
     monkeypatch.setenv("SEPV", str(ROOT))
-    run_blocks("ci", reader)
+    assert run_blocks("ci", reader) > 0
     jobs = [steps_of(body) for _, body in blocks("ci", "yaml")]
     assert [len(steps) for steps in jobs] == [10, 1, 0, 5]
     # Each once; what another does with more options is not done twice.
