@@ -230,11 +230,17 @@ def _searched(check: Check) -> Law:
     )
 
 
-def _unfit(scheme: Scheme, case: Case) -> tuple[bool, bool, bool, int]:
-    """What makes a case less fit to be asked often: backward, at rest or without noise, slow, long to describe."""
+def _simplest(scheme: Scheme, cases: Sequence[Case]) -> Case:
+    """The case that is fittest to be asked often: it moves, forward, quickly, and is short to describe."""
+    ordered = sorted(
+        cases, key=lambda c: (c.h < 0, isinstance(c.problem, PolynomialSystem), len(c.describe()))
+    )
+    return next((case for case in ordered if _moves(scheme, case)), ordered[0])
+
+
+def _moves(scheme: Scheme, case: Case) -> bool:
     problem, y, h, dW = case.build()
-    still = not np.any(problem.c * dW) or np.array_equal(ask(scheme, problem, y, h, dW), y)
-    return h < 0, still, isinstance(case.problem, PolynomialSystem), len(case.describe())
+    return bool(np.any(problem.c * dW)) and not np.array_equal(ask(scheme, problem, y, h, dW), y)
 
 
 def _step_seconds(scheme: Scheme, case: Case) -> float | None:
@@ -274,7 +280,7 @@ def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
         return finding
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the scheme's own warnings are not findings
-        simplest = min(measured, key=lambda case: _unfit(scheme, case))
+        simplest = _simplest(scheme, measured)
         asked = replace(simplest, times=TIMES)
         once_more = not any(case.times for case in measured)
         try:
