@@ -19,6 +19,8 @@ from sepv.simulate._wiener import MIXING, STREAMS
 
 _OPTIONS: Any = {"error_model": "numpy", "nogil": True, "cache": True}
 _kernel: Any = njit(**_OPTIONS)
+# What is done for a lane by itself: a call counts the references of its arrays, which takes longer than what it does.
+_inline: Any = njit(error_model="numpy", forceinline=True, cache=True)
 _WIDTH = np.array(wi_double, dtype=np.float64)
 _LIMIT = np.array(ki_double, dtype=np.int64)
 _HEIGHT = np.array(fi_double, dtype=np.float64)
@@ -27,7 +29,7 @@ _MANTISSA = np.int64(0x000FFFFFFFFFFFFF)
 _UNIT = 1.0 / 9007199254740992.0
 
 
-@njit(error_model="numpy", forceinline=True, cache=True)
+@_inline
 def _after(a: Any, b: Any, c: Any, counter: Any) -> Any:
     """The next 64 bits of a stream in this state, and the state after them."""
     out = a + b + counter
@@ -35,7 +37,7 @@ def _after(a: Any, b: Any, c: Any, counter: Any) -> Any:
     return out, b ^ (b >> np.uint64(11)), c + (c << np.uint64(3)), turned + out, counter + np.uint64(1)
 
 
-@_kernel
+@_inline
 def _next(rng: Any, s: int, k: int) -> Any:
     """The next 64 bits of stream s of lane k."""
     out, a, b, c, counter = _after(rng[s, 0, k], rng[s, 1, k], rng[s, 2, k], rng[s, 3, k])
@@ -54,12 +56,12 @@ def mix(rng: Any, s: int) -> None:
         rng[s, 0, k], rng[s, 1, k], rng[s, 2, k], rng[s, 3, k] = a, b, c, counter
 
 
-@_kernel
+@_inline
 def _uniform(rng: Any, s: int, k: int) -> float:
     return np.int64(_next(rng, s, k) >> np.uint64(11)) * _UNIT
 
 
-@_kernel
+@_inline
 def _ziggurat(rng: Any, s: int, k: int, r: Any) -> float:
     """The ziggurat from the draw r on."""
     while True:
