@@ -36,8 +36,8 @@ APART = 2.0**-20
 # How often the last question is asked: a fault that comes back within so many calls is met for certain. A quarter of a
 # second of (2.1); a step of 200 µs for one state makes a hundred times as many calls in the sampled laws.
 TIMES = 1024
-# Of two records in turn, until the second is where the first was.
-ADDRESSES = 4
+# Of two records in turn, until the second is where the first was; and where nothing was remembered before.
+ADDRESSES, FRESH = 16, 64
 # A step of more than 30 ms is asked as often as fits in so many seconds.
 MOST_SECONDS = 30.0
 # How a step is timed: a share of the last question, as an iteration takes longer for a long step, for so many seconds
@@ -53,7 +53,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     problem, y, h, dW = case.build()
     first = _keeps(scheme, problem, y, h, dW, (0.75, 0.5))
     # A third of the cases, for time.
-    if problem.c.any() and case.given == "bare functions":
+    if np.any(problem.c * dW) and case.given == "bare functions":
         _forgets_problems(scheme, problem, y, h, dW, first)
     if scheme.batched:
         # Nearer to 0 and with less noise than the state itself, so that they can be solved too.
@@ -168,8 +168,11 @@ def _forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: 
     Python mostly gives the memory of a record that is gone to the next one of its size, so that what was remembered by
     `id` is the wrong problem's. Where it does not, other addresses are tried.
     """
-    whole, elsewhere = shown(problem), []
-    for _ in range(ADDRESSES):
+    if np.array_equal(first, y):  # at rest: half the noise is as good
+        return
+    whole, missed = shown(problem), 0
+    elsewhere: list[Problem] = []
+    while missed < ADDRESSES and len(elsewhere) < FRESH:
         half = replace(whole, noise=0.5 * whole.c, check=False)
         address, to_half = id(half), ask(scheme, half, y, h, dW)
         del half
@@ -181,9 +184,10 @@ def _forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: 
                 received=f"{answer.tolist()} from an equal record, {first.tolist()} before",
                 remedy="remember nothing of a problem by its id or name: another may have it later",
             )
-        # Neither at another address, nor where the whole noise was remembered before, is anything seen.
+        # Where the whole noise was remembered before, half of it has its answer, and nothing is seen.
         if id(twin) == address and not np.array_equal(first, to_half):
-            break
+            return
+        missed += id(twin) != address
         elsewhere.append(twin)
 
 

@@ -42,11 +42,11 @@ def pendulum(_: Parameters, y0: Array, theta: Array) -> Result:
         return None
     if k2 < 1:
         u0 = argument(np.arctan2(np.sin(half), 0.5 * p), k2)
-        sn, cn, dn = jacobi(theta + u0, k2)[:3]
+        sn, cn, dn, _angle = jacobi(theta + u0, k2)
         return np.stack([2 * k * cn, 2 * np.arctan2(k * sn, dn) + 2 * np.pi * turns]), _JACOBI
     s = np.sign(p)
-    found = jacobi(k * theta + argument(s * half, 1 / k2), 1 / k2)
-    return np.stack([2 * s * k * found.dn, 2 * s * found.amplitude + 2 * np.pi * turns]), _JACOBI
+    _sn, _cn, dn, angle = jacobi(k * theta + argument(s * half, 1 / k2), 1 / k2)
+    return np.stack([2 * s * k * dn, 2 * s * angle + 2 * np.pi * turns]), _JACOBI
 
 
 def rigid_body(parameters: Parameters, y0: Array, theta: Array) -> Result:
@@ -72,7 +72,7 @@ def rigid_body(parameters: Parameters, y0: Array, theta: Array) -> Result:
     m, rate = K_a / K_c, np.sqrt(A_a * A_b * A_c * K_c)
     s = 1.0 if y0[c] > 0 else -1.0
     phase = np.arctan2(sigma * s * y0[b] / np.sqrt(A_b), y0[a] / np.sqrt(A_a))
-    sn, cn, dn = jacobi(rate * theta + argument(phase, m), m)[:3]
+    sn, cn, dn, _ = jacobi(rate * theta + argument(phase, m), m)
     y = np.empty((3, theta.size))
     y[a] = np.sqrt(A_a * K_a) * cn
     y[b] = sigma * s * np.sqrt(A_b * K_a) * sn

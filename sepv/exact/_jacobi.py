@@ -7,7 +7,6 @@ second to import: a twentieth of what all laws take.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import mpmath
 import numpy as np
@@ -16,17 +15,8 @@ from sepv.problem import Array
 from sepv.record._binary64 import EPS
 
 
-class Jacobi(NamedTuple):
-    """sn, cn, dn and the amplitude, (M,) each."""
-
-    sn: Array
-    cn: Array
-    dn: Array
-    amplitude: Array
-
-
-def jacobi(u: Array, m: float) -> Jacobi:
-    """The functions of u (M,) with parameter m = k², 0 ≤ m < 1, by the arithmetic-geometric mean (DLMF 22.20(ii)).
+def jacobi(u: Array, m: float) -> tuple[Array, Array, Array, Array]:
+    """sn, cn, dn and the amplitude at u (M,), m = k² with 0 ≤ m < 1, by the arithmetic-geometric mean (DLMF 22.20(ii)).
 
     a_n and b_n are the means, c_n = (a_{n−1} − b_{n−1})/2. From φ_N = 2^N a_N u, where c_N is nothing beside a_N,
     back to the amplitude φ_0 by 2φ_{n−1} = φ_n + arcsin((c_n/a_n) sin φ_n).
@@ -41,7 +31,7 @@ def jacobi(u: Array, m: float) -> Jacobi:
         phi = 0.5 * (phi + np.arcsin(share * np.sin(phi)))
     sn, cn = np.sin(phi), np.cos(phi)
     # 1 − m sn² without its cancellation.
-    return Jacobi(sn, cn, np.sqrt(cn * cn + (1 - m) * (sn * sn)), phi)
+    return sn, cn, np.sqrt(cn * cn + (1 - m) * (sn * sn)), phi
 
 
 def argument(amplitude: float, m: float) -> float:
