@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import os
+import shutil
 import subprocess
 import sys
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -559,6 +562,79 @@ def test_compiled_code_that_was_cut_off_is_compiled_again(tmp_path, monkeypatch)
     (compiled,) = tmp_path.glob("engine/__pycache__/*.nbc")
     compiled.write_bytes(compiled.read_bytes()[:50])
     assert store.load.__wrapped__(text).twice(1.5) == 3.0
+
+
+def test_any_constant_that_reaches_compiled_code_changes_its_name(monkeypatch) -> None:
+    from sepv.simulate._engine import store
+    from sepv.simulate._engine.compile import _written, code_of
+    from sepv.simulate._engine.schemes import formula_of
+
+    body = code_of(problems.rigid_body())
+    here = Path(store.__file__)
+    texts = [here.with_name(f"{name}.py").read_text(encoding="utf-8") for name in ("lanes", "driver")]
+    texts += [
+        _written(body, formula_of(schemes.by_name(name)), 1, 128, False)[0]
+        for name in ("midpoint", "gauss-2")
+    ]
+    known, changed = [store.name_of(text) for text in texts], set()
+    for text, name in zip(texts, known, strict=True):
+        for module in store.linked(text):
+            for key, value in vars(module).items():
+                if key[:2] == "__" or type(value) not in (int, float, bool, np.int64, np.ndarray):
+                    continue
+                with monkeypatch.context() as patch:
+                    patch.setattr(
+                        module,
+                        key,
+                        value + value.dtype.type(1) if isinstance(value, np.ndarray) else value + 1,
+                    )
+                    assert store.name_of(text) != name, (module.__name__, key)
+                changed.add((module.__name__.rpartition(".")[2], key))
+    assert {
+        ("_wiener", "MIXING"),
+        ("_wiener", "STREAMS"),
+        ("functions", "_PART_1"),
+        ("module", "LANES"),
+    } <= changed
+    assert [store.name_of(text) for text in texts] == known
+    for package in ("numba", "llvmlite"):
+        monkeypatch.setattr(f"{package}.__version__", "0")
+        store._machine.cache_clear()
+        assert store.name_of(texts[0]) not in known
+    monkeypatch.undo()
+    monkeypatch.setattr("llvmlite.binding.get_host_cpu_name", lambda: "another")
+    store._machine.cache_clear()
+    assert store.name_of(texts[0]) not in known
+    monkeypatch.undo()
+    store._machine.cache_clear()
+
+
+def test_a_constant_changed_between_two_runs_reaches_the_compiled_code_of_the_second(tmp_path) -> None:
+    """Rounds of mixing of the random streams: both runs begin where NumPy does, with one folder of compiled code."""
+    package = Path(sepv.__file__).parent
+    tree = shutil.copytree(package, tmp_path / "sepv", ignore=shutil.ignore_patterns("__pycache__"))
+    code = """if True:
+        import numpy as np
+        from sepv.simulate import _wiener as wiener
+        from sepv.simulate._engine.store import ordinary
+        rng = np.stack([*np.broadcast_to(wiener.stream_words(5, wiener.grid(1)).T, (3, 1)), np.ones((1,), np.uint64)])
+        rng = np.ascontiguousarray(rng[None], dtype=np.uint64)
+        ordinary("lanes").mix(rng, 0)
+        assert np.array_equal(rng, wiener.stream_states(5, [0], wiener.grid(1)))
+        print(rng[0, 0, 0])
+    """
+    found = []
+    for rounds in (wiener.MIXING, wiener.MIXING + 6):
+        source = tree / "simulate" / "_wiener.py"
+        text = source.read_text(encoding="utf-8").replace(f"MIXING = {wiener.MIXING}", f"MIXING = {rounds}")
+        source.write_text(text, encoding="utf-8")
+        places = {"PYTHONPATH": str(tmp_path), "SEPV_CACHE_DIR": str(tmp_path / "cache")}
+        command = [sys.executable, "-c", code]
+        run = subprocess.run(
+            command, check=True, text=True, capture_output=True, cwd=tmp_path, env={**os.environ, **places}
+        )
+        found.append(run.stdout)
+    assert found[0] != found[1]
 
 
 @pytest.mark.parametrize("scheme", [EP, schemes.midpoint])

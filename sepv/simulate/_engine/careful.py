@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from sepv.simulate._engine import module
-from sepv.simulate._engine.functions import next_is_small, pivoted
+from sepv.simulate._engine.functions import pivoted
 from sepv.simulate._engine.signatures import CAREFUL, address, call_problem
 from sepv.solve._ends import ROUNDING, STAGNATION
 from sepv.solve._newton import MAX_HALVINGS, MAX_ITERATIONS
@@ -189,7 +189,7 @@ def _newton(  # noqa: PLR0912 - every test in one loop
             total += abs(c[i])
         if not total < np.inf:
             return module.SINGULAR
-        done = (m <= limit * scale and next_is_small(m, before, scale)) or m <= module.TINY * scale
+        done = (m <= limit * scale and m * m <= module.LEFT * (scale * before)) or m <= module.TINY * scale
         small = m <= STAGNATION * scale and residual <= ROUNDING * scale
         done = done or (small and m >= 0.5 * before)
         before, limit, factor, found = m, STAGNATION, 1.0, False

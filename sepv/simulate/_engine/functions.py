@@ -1,7 +1,8 @@
 """Sine, cosine and logarithm without branches or calls, so that a loop over lanes becomes SIMD code.
 
 The polynomials are those of fdlibm (k_sin.c, k_cos.c, e_log.c; errors below 1 ulp of their reduced
-argument). Imported by generated code alone: this module needs numba.
+argument). Imported by generated code alone: this module needs numba, and nothing of sepv, since numba
+compiles a function anew where its own file has changed.
 """
 
 from __future__ import annotations
@@ -16,8 +17,6 @@ from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
-
-from sepv.simulate._engine.module import LEFT
 
 _inline: Any = njit(error_model="numpy", forceinline=True, cache=True)
 
@@ -123,16 +122,6 @@ def lowest_bit(typingctx: Any, bits: Any) -> Any:  # noqa: ARG001 - numba's sign
 def not_(typingctx: Any, condition: Any) -> Any:  # noqa: ARG001 - numba's signature
     """Not the condition, without a branch."""
     return types.boolean(types.boolean), _emits(lambda builder, a: builder.not_(a[0]))
-
-
-@_inline
-def next_is_small(m: float, before: float, scale: float) -> bool:
-    """Whether the correction after one of size m may be left out: m² ≤ LEFT·scale·before.
-
-    Corrections that shrink by m/before at a time, or faster, are followed by one of m²/before at most; a state of size
-    `scale` may be left with LEFT of it. Of a first correction, where `before` is infinite, it says yes: ask for more.
-    """
-    return m * m <= LEFT * (scale * before)
 
 
 @_inline

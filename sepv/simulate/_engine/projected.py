@@ -116,7 +116,7 @@ class ProjectedWriter(Writer):
         inside = self.problem.domain(code, [code.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)])
         outcome = f"select({inside}, 0, 2)" if inside else "0"
         return [
-            "later = next_is_small(m, before, scale) & (before < INF)",
+            "later = (m * m <= LEFT * (scale * before)) & (before < INF)",
             "stays = (m >= 0.5 * before) & (m <= ROUNDING * scale)",
             f"done = later | stays | (m <= {self.d} * TINY * scale)",
             "left += select(busy & not_(done), 1, 0)",

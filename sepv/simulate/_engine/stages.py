@@ -142,7 +142,7 @@ class StagesWriter(Writer):
             f"scale = {self.at('X')}",
             f"before = {self.at('P')}",
             f"{self.at('P')} = m",
-            f"done = next_is_small(m, before, scale) & (before < INF) | (m <= {self.unknowns} * TINY * scale)",
+            f"done = (m * m <= LEFT * (scale * before)) & (before < INF) | (m <= {self.unknowns} * TINY * scale)",
             f"stays = not_(m <= {SHRINKS} * before)",
             "done = done | (stays & (m <= ROUNDING * scale))",
             "slow = stays & not_(done)",

@@ -6,21 +6,24 @@ import hashlib
 import importlib
 import importlib.util
 import os
+import re
 import sys
 import tempfile
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
+import llvmlite
 import numba
+import numpy as np
+from llvmlite import binding
 from numba.np import linalg
 
-# What the generated code is linked with: when one of these changes, so does the name of every module.
-_SOURCES = (
-    "functions.py", "kernels.py", "lanes.py", "module.py", "pieces.py", "signatures.py", "stages.py",
-    "../../solve/_newton.py", "../../solve/_solution.py", "../../schemes/_tableaux.py",
-    "../../problem/_averaged_gradient.py",
-)  # fmt: skip
+# Where a module's source has the names that it imports from sepv.
+_IMPORTS = re.compile(r"^from (sepv[\w.]*) import (.+)$", re.MULTILINE)
+_Number = (bool, int, float, str, np.generic)
 
 
 def _put_off_blas() -> None:
@@ -65,9 +68,59 @@ def _temporary() -> Path:
 
 
 @cache
-def _linked() -> bytes:
-    here = Path(__file__).parent
-    return b"".join((here / name).read_bytes() for name in _SOURCES) + numba.__version__.encode()
+def _machine() -> bytes:
+    """What compiles, and what it compiles for."""
+    made_by = numba.__version__, llvmlite.__version__, np.__version__
+    return repr((made_by, binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten())).encode()
+
+
+def linked(text: str) -> Iterator[ModuleType]:
+    """The modules whose code is linked with this source: those that it imports, and those of the functions in them.
+
+    Classes are not followed: of an object compiled code has the numbers alone.
+    """
+    open_ = [
+        found
+        for package, names in _IMPORTS.findall(text)
+        for module in (importlib.import_module(package),)
+        for found in (module, *(getattr(module, name.strip(" ,"), None) for name in names.split(",")))
+        if isinstance(found, ModuleType)
+    ]
+    seen = set[str]()
+    while open_:
+        module = open_.pop()
+        # What a package holds depends on what was imported; what a function is linked with is not in it.
+        if module.__name__ in seen or not module.__name__.startswith("sepv.") or hasattr(module, "__path__"):
+            continue
+        seen.add(module.__name__)
+        yield module
+        for value in vars(module).values():
+            home = value if isinstance(value, ModuleType) else sys.modules.get(_home(value))
+            open_ += [] if home is None else [home]
+
+
+def _home(value: Any) -> str:
+    """The module of a function, compiled or not."""
+    return getattr(value, "__module__", None) or "" if callable(value) and not isinstance(value, type) else ""
+
+
+def contents(module: ModuleType) -> Iterator[bytes]:
+    """Its source, and the numbers that its names stand for, wherever they are from."""
+    assert module.__file__ is not None
+    yield Path(module.__file__).read_bytes()
+    for name, value in sorted(vars(module).items()):
+        if isinstance(value, np.ndarray):
+            yield name.encode() + value.tobytes()
+        elif name[:2] != "__" and isinstance(value, (*_Number, tuple)):
+            yield f"{name} = {value!r}".encode()
+
+
+def name_of(text: str) -> str:
+    """The name of the module with this source: another one where anything is different that its compiled code has."""
+    parts = [_machine(), text.encode()]
+    for module in sorted(linked(text), key=lambda module: module.__name__):
+        parts += contents(module)
+    return "sepv_kernel_" + hashlib.sha256(b"\0".join(parts)).hexdigest()[:24]
 
 
 _ordinary: dict[str, ModuleType] = {}
@@ -79,16 +132,22 @@ def is_there(name: str) -> bool:
 
 
 def ordinary(name: str) -> ModuleType:
-    """The module `driver` or `careful`, compiled, known by its content and what it is linked with."""
+    """The module `driver`, `lanes` or `careful`, compiled, known by its content and what it is linked with.
+
+    What numba keeps beside a file is known by that file alone, so that these are kept here as well.
+    """
     if name not in _ordinary:
-        _ordinary[name] = load((Path(__file__).parent / f"{name}.py").read_text(encoding="utf-8"))
+        text = (Path(__file__).parent / f"{name}.py").read_text(encoding="utf-8")
+        if name == "driver":
+            text = text.replace("sepv.simulate._engine.lanes", ordinary("lanes").__name__)
+        _ordinary[name] = load(text)
     return _ordinary[name]
 
 
 @cache
 def load(text: str) -> ModuleType:
     """The module with this source, compiled, or read from the cache where it was compiled before."""
-    name = "sepv_kernel_" + hashlib.sha256(_linked() + text.encode()).hexdigest()[:24]
+    name = name_of(text)
     path = folder() / f"{name}.py"
     if not path.is_file() or path.read_text(encoding="utf-8") != text:
         # Written aside and renamed: another process sees the whole file or none.
