@@ -25,7 +25,7 @@ from sepv.errors import SchemeFault, SepvError
 from sepv.faults._saboteurs import SABOTEURS
 from sepv.problem import GivenProblem, Systems
 from sepv.schemes import Scheme
-from sepv.verification import Case, Effort, Law, Verdict, load_laws, searched
+from sepv.verification import Case, Effort, Law, Run, Verdict, load_laws, searched
 from sepv.verification import _corpus as corpus
 from sepv.verification._cases.case import from_json, to_json
 from sepv.verification._cases.spaces import SPACES
@@ -55,7 +55,7 @@ def _of_class(law: Law, systems: Systems) -> list[dict[str, Any]]:
     for name, scheme in suspects.items():
         if any(accused(law, scheme, case) for case in candidates):
             continue
-        finding = law.run(law, scheme, Effort(shrink_checks=SHRINK, corpus=False))
+        finding = law.run(law, scheme, Run(Effort(shrink_checks=SHRINK, corpus=False)))
         if finding.verdict is Verdict.VIOLATED and finding.witness is not None:
             case = from_json(finding.witness)
             if not isinstance(case.problem, GivenProblem) and _shows_alone(law.name, systems, name, case):

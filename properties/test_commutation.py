@@ -13,7 +13,7 @@ from typing import Any
 
 from sepv.problem import Problem
 from sepv.schemes import Scheme, Systems
-from sepv.verification import Effort, Finding, Law, Verdict, require
+from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._law import pathwise
 from sepv.verification._orders.convergence import StrongErrors, mean_square_order
 from sepv.verification._sequential import Assessment, Setup, judge
@@ -49,16 +49,16 @@ def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) ->
     return Assessment(verdict, off, low, high, MARGIN, text)
 
 
-def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
+def run(law: Law, scheme: Scheme, own: Run) -> Finding:
     """The slopes on commuting families, on noises that commute with a drift that does not, and on none that do."""
     if scheme.systems != Systems.SEVERAL:
         return law.finding(Verdict.NOT_APPLICABLE, message="the scheme is not for several structures")
-    return judge(law, scheme, effort, assess, at_least=False, setups=SETUPS)
+    return judge(law, scheme, own, assess, at_least=False, setups=SETUPS)
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
     """The same paths again."""
-    return run(law, scheme, Effort(seed=int(witness["seed"]), paths=int(witness["paths"])))
+    return run(law, scheme, Run(Effort(seed=int(witness["seed"]), paths=int(witness["paths"]))))
 
 
 law = Law(

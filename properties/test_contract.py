@@ -22,7 +22,7 @@ from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.problems._shown_to_schemes import shown
 from sepv.schemes import Scheme, ask
 from sepv.schemes._guard import check_answer, raw_answer
-from sepv.verification import Case, Effort, Finding, Law, Measurement, Verdict, require, searched
+from sepv.verification import Case, Effort, Finding, Law, Measurement, Run, Verdict, require, searched
 from sepv.verification._cases.case import to_json, to_token
 from sepv.verification._cases.fixed_cases import fixed_cases
 from sepv.verification._cases.users_problems import may_ask
@@ -267,7 +267,7 @@ def _step_seconds(scheme: Scheme, case: Case) -> float | None:
     return None
 
 
-def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
+def run(law: Law, scheme: Scheme, own: Run) -> Finding:
     """The search; where it finds nothing, the simplest case that it measured is asked about TIMES times, if none was.
 
     A witness of the corpus asks so too, of a problem by name.
@@ -279,7 +279,7 @@ def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
         measured.append(case)
         return found
 
-    finding = _searched(remembered).run(law, scheme, effort)
+    finding = _searched(remembered).run(law, scheme, own)
     if finding.verdict is not Verdict.HOLDS or not measured:
         return finding
     with warnings.catch_warnings():

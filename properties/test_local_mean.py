@@ -5,18 +5,18 @@ from __future__ import annotations
 from typing import Any
 
 from sepv.schemes import Scheme
-from sepv.verification import Effort, Finding, Law, require
+from sepv.verification import Effort, Finding, Law, Run, require
 from sepv.verification._law import pathwise
 from sepv.verification._orders.local_example import mean_example
 from sepv.verification._orders.local_orders import judge, mean_slope
 
 
-def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
+def run(law: Law, scheme: Scheme, own: Run) -> Finding:
     """The slope against the claimed order, or against order 1 where none is claimed."""
     return judge(
         law,
         scheme,
-        effort,
+        own,
         lambda found: found.mean,
         lambda found: mean_slope(scheme.mean_square_order, found),
         example=mean_example,
@@ -25,7 +25,7 @@ def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
 
 def replay(law: Law, scheme: Scheme, _witness: dict[str, Any]) -> Finding:
     """Nothing is drawn: it is the same again."""
-    return run(law, scheme, Effort())
+    return run(law, scheme, Run())
 
 
 law = Law(

@@ -6,14 +6,14 @@ from typing import Any
 
 from sepv.schemes import Scheme, Systems
 from sepv.schemes._order_claims import order_of
-from sepv.verification import Effort, Finding, Law, Verdict, require
+from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._law import pathwise
 from sepv.verification._orders.local_errors import LocalErrors
 from sepv.verification._orders.local_example import step_example
 from sepv.verification._orders.local_orders import MARGIN, judge, unclaimed
 
 
-def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
+def run(law: Law, scheme: Scheme, own: Run) -> Finding:
     """The slope against the claimed order, or against order 1 where none is claimed."""
     claimed = scheme.mean_square_order
 
@@ -28,12 +28,12 @@ def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
     ):
         text = f"of several Hamiltonians the reference of this law is known up to order {known:g}"
         return law.finding(Verdict.NOT_APPLICABLE, message=text)
-    return judge(law, scheme, effort, lambda found: found.rms, least, example=step_example)
+    return judge(law, scheme, own, lambda found: found.rms, least, example=step_example)
 
 
 def replay(law: Law, scheme: Scheme, _witness: dict[str, Any]) -> Finding:
     """Nothing is drawn: it is the same again."""
-    return run(law, scheme, Effort())
+    return run(law, scheme, Run())
 
 
 law = Law(

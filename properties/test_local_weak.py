@@ -8,17 +8,17 @@ from __future__ import annotations
 from typing import Any
 
 from sepv.schemes import Scheme
-from sepv.verification import Effort, Finding, Law, require
+from sepv.verification import Effort, Finding, Law, Run, require
 from sepv.verification._orders.local_example import weak_example
 from sepv.verification._orders.local_orders import judge, weak_slope
 
 
-def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
+def run(law: Law, scheme: Scheme, own: Run) -> Finding:
     """The slope against the claimed order, or against order 1 where none is claimed."""
     return judge(
         law,
         scheme,
-        effort,
+        own,
         lambda found: found.weak,
         lambda found: weak_slope(scheme.weak_order, found),
         example=weak_example,
@@ -27,7 +27,7 @@ def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
 
 def replay(law: Law, scheme: Scheme, _witness: dict[str, Any]) -> Finding:
     """Nothing is drawn: it is the same again."""
-    return run(law, scheme, Effort())
+    return run(law, scheme, Run())
 
 
 law = Law(

@@ -12,7 +12,7 @@ from typing import Any
 from sepv.problem import Problem, column
 from sepv.schemes import Scheme
 from sepv.schemes._order_claims import order_of
-from sepv.verification import Effort, Finding, Law, Verdict, require
+from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._law import pathwise
 from sepv.verification._orders.convergence import StrongErrors, above_floor, floors, mean_square_order
 from sepv.verification._orders.local_orders import unclaimed
@@ -61,14 +61,14 @@ def at_the_floor(errors: StrongErrors, bound: float) -> Assessment:
     return Assessment(verdict, fall, fall, math.inf, bound, text)
 
 
-def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
+def run(law: Law, scheme: Scheme, own: Run) -> Finding:
     """The slope against the claimed order; where none is claimed against 1, or ½ for noises that do not commute."""
-    return judge(law, scheme, effort, assessing(scheme.mean_square_order, is_tilted(scheme)))
+    return judge(law, scheme, own, assessing(scheme.mean_square_order, is_tilted(scheme)))
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
     """The same paths again."""
-    return run(law, scheme, Effort(seed=int(witness["seed"]), paths=int(witness["paths"])))
+    return run(law, scheme, Run(Effort(seed=int(witness["seed"]), paths=int(witness["paths"]))))
 
 
 law = Law(

@@ -24,7 +24,18 @@ from sepv.errors import StepFailure
 from sepv.problem import Array
 from sepv.record._binary64 import EPS, TINY
 from sepv.schemes import Scheme, Systems, ask
-from sepv.verification import Case, Effort, Finding, Law, Measurement, Verdict, require, searched, state_ulp
+from sepv.verification import (
+    Case,
+    Effort,
+    Finding,
+    Law,
+    Measurement,
+    Run,
+    Verdict,
+    require,
+    searched,
+    state_ulp,
+)
 from sepv.verification._cases.fixed_cases import fixed_cases
 from sepv.verification._tolerance import DIGITS, quadrature_rounding, state_error
 from sepv.verification.strategies import any_steps
@@ -155,10 +166,10 @@ def _law(seen: list[tuple[Case, Measurement]], extra: Iterable[Case] = ()) -> La
     )
 
 
-def _run(_: Law, scheme: Scheme, effort: Effort) -> Finding:
+def _run(_: Law, scheme: Scheme, own: Run) -> Finding:
     seen: list[tuple[Case, Measurement]] = []
     inner = _law(seen, vectors(scheme))
-    finding = inner.run(inner, scheme, effort)
+    finding = inner.run(inner, scheme, own)
     if finding.verdict is not Verdict.HOLDS:
         return finding
     return replace(finding, message="\n".join(filter(None, (finding.message, _statistics(scheme, seen)))))

@@ -16,7 +16,7 @@ import numpy as np
 from sepv.errors import Skipped
 from sepv.problem import Problem
 from sepv.schemes import Scheme
-from sepv.verification import Effort, Finding, Law, Verdict, require
+from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._law import pathwise
 from sepv.verification._orders.convergence import StrongErrors, above_floor, mean_square_order
 from sepv.verification._orders.means import leading, limit_errors
@@ -90,14 +90,14 @@ def mean_orders(scheme: Scheme) -> tuple[float, ...]:
     return tuple(claimed[:1]) or (1.0, 0.5)
 
 
-def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
+def run(law: Law, scheme: Scheme, own: Run) -> Finding:
     """The extrapolated shares on every problem."""
-    return judge(law, scheme, effort, assessing(is_tilted(scheme), mean_orders(scheme)), at_least=False)
+    return judge(law, scheme, own, assessing(is_tilted(scheme), mean_orders(scheme)), at_least=False)
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
     """The same paths again."""
-    return run(law, scheme, Effort(seed=int(witness["seed"]), paths=int(witness["paths"])))
+    return run(law, scheme, Run(Effort(seed=int(witness["seed"]), paths=int(witness["paths"]))))
 
 
 law = Law(

@@ -32,7 +32,7 @@ from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._batch import advance
 from sepv.solve import Status
-from sepv.verification import Effort, Finding, Law, Verdict, energy_ulp, require
+from sepv.verification import Effort, Finding, Law, Run, Verdict, energy_ulp, require
 from sepv.verification._cases.case_of_law import NOT_OF_HAMILTONIANS
 from sepv.verification._cases.from_problem import describe, reach
 from sepv.verification._cases.users_problems import problems_of
@@ -64,9 +64,10 @@ LEVEL = 1e-7
 BEYOND, EXPLODED = 1e150, 1e100
 
 
-def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
+def run(law: Law, scheme: Scheme, own: Run) -> Finding:
     """The worst of size, drift and growth over the runs, in ulp of H over √n."""
     judged: list[Judged] = []
+    effort = own.effort
     lines, broken, skipped, checks = [], [], [], 0
     deeper = DEEPER if effort.examples >= DEEP_EXAMPLES else 1
     for problem, h, usual in runs_for(scheme):
@@ -204,7 +205,9 @@ def energy_walk(
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
     """The same paths again."""
-    return run(law, scheme, Effort(seed=int(witness["seed"]), examples=int(witness.get("examples", 100))))
+    return run(
+        law, scheme, Run(Effort(seed=int(witness["seed"]), examples=int(witness.get("examples", 100))))
+    )
 
 
 law = Law(

@@ -24,7 +24,7 @@ from sepv.schemes import Scheme, ask
 from sepv.schemes._point_distributions import point_law
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
-from sepv.verification import Effort, Finding, Law, Verdict, require
+from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._orders.local_errors import problems_for
 
 STEPS = tuple(2.0**-n for n in range(1, 21))
@@ -33,7 +33,7 @@ SMALL = (2.0**-16, 2.0**-20, 2.0**-24)
 PARTS = 16
 
 
-def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
+def run(law: Law, scheme: Scheme, own: Run) -> Finding:
     """Increments truncated with the scheme's k, for h from 1/2 to 2⁻²⁰."""
     k, points = scheme.truncation, point_law(scheme.increments)
     if points is not None:
@@ -54,7 +54,7 @@ def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
         )
     worst, checks = (0.0, 1.0, ""), 0
     for h in STEPS:
-        for ratio, text in _ratios(h, k, effort.seed):
+        for ratio, text in _ratios(h, k, own.effort.seed):
             checks += 1
             if not ratio <= worst[0]:
                 worst = (ratio, 1.0, text)
@@ -131,7 +131,7 @@ def _weakest(scheme: Scheme, problem: Problem, h: float, A: float, j: int) -> tu
 
 def replay(law: Law, scheme: Scheme, _witness: dict[str, Any]) -> Finding:
     """The law has no cases: it is the same again."""
-    return run(law, scheme, Effort())
+    return run(law, scheme, Run())
 
 
 law = Law(

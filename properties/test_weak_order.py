@@ -29,7 +29,7 @@ from sepv.problem import Array, Problem, column
 from sepv.schemes import Scheme
 from sepv.schemes._order_claims import order_of
 from sepv.schemes._point_distributions import point_law
-from sepv.verification import Effort, Finding, Law, Verdict, require
+from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._orders import local_orders
 from sepv.verification._orders.convergence import StrongErrors, above_floor, mean_square_order
 from sepv.verification._orders.means import Coefficient, decay, leading, moment_errors
@@ -85,20 +85,20 @@ def _small(samples: Array, h: Array, lower: Coefficient, alpha: float, more: flo
     return bool(np.all(most < SMALL * np.sqrt(np.mean(samples[0] ** 2, axis=1))))
 
 
-def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
+def run(law: Law, scheme: Scheme, own: Run) -> Finding:
     """The weak order against the claimed one, or against 1 where none is claimed."""
     order = order_of(scheme.weak_order, "general")
     if point_law(scheme.increments) is not None:
         return local_orders.judge(
-            law, scheme, effort, lambda found: found.weak, lambda _: order - MARGIN, tree_errors, ENOUGH
+            law, scheme, own, lambda found: found.weak, lambda _: order - MARGIN, tree_errors, ENOUGH
         )
-    return judge(law, scheme, effort, assessing(scheme.weak_order, is_tilted(scheme)))
+    return judge(law, scheme, own, assessing(scheme.weak_order, is_tilted(scheme)))
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
     """The same paths again, or the same sum over all of them."""
     drawn: dict[str, Any] = {key: int(witness[key]) for key in ("seed", "paths") if key in witness}
-    return run(law, scheme, Effort(**drawn))
+    return run(law, scheme, Run(Effort(**drawn)))
 
 
 law = Law(

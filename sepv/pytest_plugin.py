@@ -19,10 +19,11 @@ import pytest
 
 from sepv.errors import SepvError, UsageError
 from sepv.schemes import Scheme
-from sepv.verification import Effort, Expectations, Finding, Law, LawViolated, Verdict
+from sepv.verification import Effort, Expectations, Finding, Law, LawViolated, Run, Verdict
 
 # What the laws found, as properties of their tests: so it travels from workers of pytest-xdist, and into JUnit files.
 _FINDINGS = pytest.StashKey[list[dict[str, str]]]()
+_RUNS = pytest.StashKey[dict[tuple[str, Effort], Run]]()
 _KEYS = ("sepv_scheme", "sepv_law", "sepv_verdict", "sepv_claimed", "sepv_name")
 _EFFORT = pytest.StashKey[Effort]()
 _EXPECTED = pytest.StashKey[Expectations]()
@@ -67,7 +68,7 @@ def pytest_configure(config: pytest.Config) -> None:
         seed=seed,
         shrink_checks=default.shrink_checks if shrink is None else shrink,
     )
-    config.stash[_FINDINGS] = []
+    config.stash[_FINDINGS], config.stash[_RUNS] = [], {}
     config.pluginmanager.register(_Collector(config))
     config.stash[_EXPECTED] = _expectations(config)
     # Schemes of the ini file are for every run of all tests; whoever names a path asks for that alone.
@@ -125,7 +126,7 @@ def _is_law(module: Any) -> bool:
 
 @pytest.fixture(scope="session")
 def effort(request: pytest.FixtureRequest) -> Effort:
-    """How hard the laws look; it also keeps sampled paths for the laws that share them."""
+    """How hard the laws look."""
     return request.config.stash[_EFFORT]
 
 
@@ -137,18 +138,21 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
     from sepv.verification import _law as law
     from sepv.verification import _verify as suite
 
-    listed = pyfuncitem.config.stash[_EXPECTED]
+    listed, runs = pyfuncitem.config.stash[_EXPECTED], pyfuncitem.config.stash[_RUNS]
     target = pyfuncitem.callspec.id if hasattr(pyfuncitem, "callspec") else "TARGET"
 
-    def measure(asked: Law, scheme: Scheme, effort: Effort) -> Finding:
+    def measure(asked: Law, scheme: Scheme, own: Run) -> Finding:
+        run = runs.setdefault((target, own.effort), own)
         failure = listed.failures.get(asked.name)
         if not asked.claimed_by(scheme) and not listed.is_pin:
             # A violation is one line then, which shows no counterexample: none is simplified. An error is shown, and is
             # looked at as hard as any.
-            found = suite.measure(asked, scheme, replace(effort, shrink_checks=0), failure=failure)
+            found = suite.measure(
+                asked, scheme, replace(run, effort=replace(run.effort, shrink_checks=0)), failure=failure
+            )
             if found.verdict is not Verdict.ERROR:
                 return found
-        return suite.measure(asked, scheme, effort, failure=failure)
+        return suite.measure(asked, scheme, run, failure=failure)
 
     found: list[Finding] = []
     result: Any = None

@@ -14,7 +14,7 @@ from sepv.faults._saboteurs import SABOTEURS
 from sepv.problem import Array, Problem, Systems, vector_field
 from sepv.schemes import Scheme, energy_preserving
 from sepv.schemes._scheme import Step, as_lanes
-from sepv.verification import Effort, Report, Verdict, verify
+from sepv.verification import Report, Run, Verdict, verify
 from sepv.verification._orders.local_errors import LEVELS, cases, local_errors, step_sizes
 from sepv.verification._orders.local_orders import judge_slope
 
@@ -229,7 +229,7 @@ def test_step_sizes_fall_and_leave_high_orders_above_rounding() -> None:
 def test_states_are_several_and_problems_have_one_two_and_five_noises() -> None:
     assert [p.noises for p in cases(Systems.SINGLE)] == [1, 2, 5]
     assert len({float(c) for c in cases(Systems.SINGLE)[2].c}) == 5
-    assert local_errors(energy_preserving, problems.pendulum(), Effort()).steps > 0
+    assert local_errors(energy_preserving, problems.pendulum(), Run()).steps > 0
 
 
 @pytest.mark.parametrize(

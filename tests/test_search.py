@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from sepv import problems, schemes
 from sepv.schemes import Scheme
-from sepv.verification import Case, Effort, Law, Measurement, Verdict, load_laws, searched, verify
+from sepv.verification import Case, Effort, Law, Measurement, Run, Verdict, load_laws, searched, verify
 from sepv.verification import _search as search
 from sepv.verification._cases.same_draws import without_local_constants
 from sepv.verification._verify import replay
@@ -32,8 +32,8 @@ def law() -> Law:
 
 
 def verdicts() -> list[Verdict]:
-    tried = [Effort(examples=25, seed=seed, shrink_checks=0) for seed in range(8)]
-    return [law().run(law(), schemes.energy_preserving, effort).verdict for effort in tried]
+    tried = [Run(Effort(examples=25, seed=seed, shrink_checks=0)) for seed in range(8)]
+    return [law().run(law(), schemes.energy_preserving, run).verdict for run in tried]
 
 
 def test_a_violation_at_the_top_of_a_slope_is_climbed_to() -> None:

@@ -17,7 +17,7 @@ from sepv.schemes import Scheme
 from sepv.schemes._one_step import Solved
 from sepv.solve import Status
 from sepv.solve._solution import Solution
-from sepv.verification import Effort, Finding, Verdict
+from sepv.verification import Effort, Finding, Run, Verdict
 from sepv.verification._orders.convergence import (
     StrongErrors,
     mean_square_order,
@@ -57,10 +57,10 @@ def test_a_scheme_of_weak_order_two_and_mean_square_order_one_is_not_accused(
     orders: tuple[float, ...], seed: int
 ) -> None:
     """Its means lie within the noise of errors of mean-square order 1, whose slope must not be taken for theirs."""
-    effort = Effort(seed=seed, paths=256)  # keeps the errors, which hang on no claim
+    run = Run(Effort(seed=seed, paths=256))  # keeps the errors, which hang on no claim
     for order in orders:
         scheme = replace(RIGHT["weak-two"], weak_order=order)
-        finding = verify(scheme, laws=["weak-order"], effort=effort).finding("weak-order")
+        finding = weak.run(weak.law, scheme, run)
         assert finding.verdict in (Verdict.HOLDS, Verdict.INCONCLUSIVE)
         assert finding.verdict is Verdict.HOLDS or "settle it" in finding.message
 
@@ -200,7 +200,7 @@ def test_what_is_open_says_what_it_would_take() -> None:
     assert "steps, would settle it (--paths" in finding.message
     # A scheme for one state is told what would be quicker: from the same errors, which it would take seconds to draw.
     (setup,) = [s for s in setups_for(scheme) if s.problem == "pendulum"]
-    errors = sampled(scheme, setup, 512, Effort())
+    errors = sampled(scheme, setup, 512, Run())
     alone = replace(scheme, batched=False)
     words = wanted(alone, setup, weak.assessing(scheme.weak_order, False), errors, 1e-5)
     assert "steps, would settle it (--paths" in words
@@ -299,3 +299,15 @@ def test_frequent_refusals_are_an_error() -> None:
     (finding,) = verify(_timid(0.5), laws=["mean-square-order"], effort=Effort(seed=1)).findings
     assert finding.verdict is Verdict.ERROR
     assert "of 512 paths, not solved, not finite or out of the domain: 2" in finding.message
+
+
+def test_an_effort_keeps_nothing_and_a_run_keeps_what_its_laws_share() -> None:
+    """An effort serves for many schemes: errors of one must not be taken for those of another."""
+    effort, laws = Effort(paths=64), [mean_square.law, weak.law]
+    assert len({effort, Effort(paths=64)}) == 1  # hashable: it has no part that can change
+    run = Run(effort)
+    findings = [law.run(law, schemes.energy_preserving, run) for law in laws]
+    assert list(run.paths) == list(setups_for(schemes.energy_preserving))
+    kept = dict(run.paths)
+    assert [law.run(law, schemes.energy_preserving, run) for law in laws] == findings
+    assert all(run.paths[setup] is kept[setup] for setup in kept)

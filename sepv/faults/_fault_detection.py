@@ -21,7 +21,8 @@ from sepv._terminal import Table, columns, fits, print_table
 from sepv.errors import require_one_of
 from sepv.faults._saboteurs import SABOTEURS, Saboteur
 from sepv.simulate._engine.crew import ended_at_once
-from sepv.verification import LAWS, Effort, Verdict, load_laws, verify
+from sepv.verification import LAWS, Effort, Run, Verdict, load_laws
+from sepv.verification._verify import measure
 
 SEEDS = tuple(range(10))
 # A law takes one to ten seconds; a saboteur that is slower than this is an error of its own.
@@ -101,15 +102,16 @@ def detect(
 ) -> list[Detection]:  # fmt: skip
     """One saboteur, one seed: the laws in turn on a new copy of it, in this process."""
     saboteur = find(name)
-    scheme, effort = saboteur.scheme, Effort(examples, paths, seed, _NO_SHRINKING, corpus=corpus)
+    scheme, run = saboteur.scheme, Run(Effort(examples, paths, seed, _NO_SHRINKING, corpus=corpus))
     if first:
         laws = sorted(laws, key=lambda law: (law not in saboteur.caught_by, LAWS.index(law)))
     detections: list[Detection] = []
-    for law in laws:
-        (finding,) = verify(scheme, laws=[law], effort=effort, timeout=TIMEOUT).findings
+    for asked in laws:
+        (law,) = load_laws([asked])
+        finding = measure(law, scheme, run, TIMEOUT)
         message = finding.message if finding.verdict is Verdict.ERROR else ""
         found = Detection(
-            name, saboteur.family, law, seed, finding.verdict, finding.claimed, law in saboteur.caught_by,
+            name, saboteur.family, asked, seed, finding.verdict, law.claimed_by(scheme), asked in saboteur.caught_by,
             finding.checks, round(finding.seconds, 3), message,
         )  # fmt: skip
         detections.append(found)

@@ -133,8 +133,6 @@ class Effort:
     corpus : bool
         Whether known witnesses (`sepv.verification._corpus`) are asked before a law's design. Without them a
         count of examples says what the search alone can do.
-    cache : dict
-        What the laws of one run hand on to each other. Leave it alone.
     """
 
     examples: int = 8
@@ -143,7 +141,6 @@ class Effort:
     shrink_checks: int = 500
     designs: int = 1
     corpus: bool = True
-    cache: dict[Any, Any] = field(default_factory=dict, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.examples < 1 or self.paths < 1 or self.designs < 1 or self.shrink_checks < 0:
@@ -156,7 +153,25 @@ class Effort:
 
     def deeper(self) -> Effort:
         """The nightly effort."""
-        return replace(self, examples=1000, designs=20, paths=16384, shrink_checks=5000, cache={})
+        return replace(self, examples=1000, designs=20, paths=16384, shrink_checks=5000)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of laws on one scheme: how hard they look, and the errors that several of them judge.
+
+    Attributes
+    ----------
+    effort : Effort
+    paths : dict
+        Errors over paths, by their setup (`sepv.verification._sequential.Setup`).
+    steps : dict
+        Errors of one step, by their problem, which is compared by identity.
+    """
+
+    effort: Effort = field(default_factory=Effort)
+    paths: dict[Any, Any] = field(default_factory=dict, compare=False, repr=False)
+    steps: dict[Any, Any] = field(default_factory=dict, compare=False, repr=False)
 
 
 @dataclass(frozen=True)
@@ -165,7 +180,7 @@ class Law:
 
     Attributes
     ----------
-    run : (scheme, effort) -> Finding
+    run : (law, scheme, run) -> Finding
         Look for a violation.
     replay : (scheme, witness) -> Finding
         Measure one witness.
@@ -186,7 +201,7 @@ class Law:
     statement: str
     source: str
     unit: str
-    run: Callable[[Law, Scheme, Effort], Finding]
+    run: Callable[[Law, Scheme, Run], Finding]
     replay: Callable[[Law, Scheme, dict[str, Any]], Finding]
     always_claimed: bool = False
     level: int = 3
@@ -203,20 +218,22 @@ class Law:
         return Finding(law=self.name, verdict=verdict, source=self.source, unit=self.unit, **details)
 
 
-def pathwise(run: Callable[[Law, Scheme, Effort], Finding]) -> Callable[[Law, Scheme, Effort], Finding]:
+Measure = Callable[[Law, Scheme, Run], Finding]
+
+
+def pathwise(run: Measure) -> Measure:
     """`run` of a law about paths: not applicable to increments of a few points, which no Wiener process has."""
 
-    def asked(law: Law, scheme: Scheme, effort: Effort) -> Finding:
+    def asked(law: Law, scheme: Scheme, own: Run) -> Finding:
         points = point_law(scheme.increments)
         if points is None:
-            return run(law, scheme, effort)
+            return run(law, scheme, own)
         text = f"{points.name} increments are no path of a Wiener process: see the laws about weak orders"
         return law.finding(Verdict.NOT_APPLICABLE, message=text)
 
     return asked
 
 
-Measure = Callable[[Law, Scheme, Effort], Finding]
 _collected: ContextVar[tuple[list[Finding], Measure | None] | None] = ContextVar("collected", default=None)
 
 
@@ -237,8 +254,8 @@ def require(law: Law, scheme: Scheme, effort: Effort | None = None) -> Finding:
     """
     __tracebackhide__ = True  # of pytest: the finding says what happened, frames of sepv do not
     found, measure = _collected.get() or ([], None)
-    budget = effort or Effort()
-    measured = measure(law, scheme, budget) if measure else law.run(law, scheme, budget)
+    own = Run(effort or Effort())
+    measured = measure(law, scheme, own) if measure else law.run(law, scheme, own)
     finding = replace(measured, claimed=law.claimed_by(scheme))
     found.append(finding)
     unasked = finding.verdict is Verdict.NOT_APPLICABLE and not finding.skipped

@@ -41,7 +41,7 @@ LAWS = (
     "commutation",
 )
 
-# Laws that share the paths they draw (`Effort.cache`): one process measures them, in this order.
+# Laws that share the paths they draw (`Run.paths`): one process measures them, in this order.
 SAMPLED = ("mean-square-order", "weak-order", "right-limit", "commutation")
 # Those that share errors of one step.
 LOCAL = ("local-mean", "local-mean-square", "local-weak")

@@ -37,7 +37,7 @@ from sepv.verification._cases.spaces import SPACES
 from sepv.verification._cases.strata import Space
 from sepv.verification._cases.structures import CASES
 from sepv.verification._cases.users_problems import cases_for
-from sepv.verification._law import Effort, Finding, Law, Measurement, Verdict
+from sepv.verification._law import Effort, Finding, Law, Measurement, Run, Verdict
 
 Check = Callable[[Scheme, Case], Measurement]
 
@@ -177,11 +177,11 @@ def searched(
             return why or f"the law is not about the systems that the scheme takes ({scheme.systems})"
         return _Question(space, special(), tuple, check, faults_violate, admits, undesigned, known)
 
-    def run(law: Law, scheme: Scheme, effort: Effort) -> Finding:
+    def run(law: Law, scheme: Scheme, own: Run) -> Finding:
         asked = not_applicable(scheme) or question(scheme)
         if isinstance(asked, str):
             return law.finding(Verdict.NOT_APPLICABLE, message=asked)
-        return _search(law, scheme, effort, asked)
+        return _search(law, scheme, own.effort, asked)
 
     def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
         log = _Log()

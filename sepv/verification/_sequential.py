@@ -21,7 +21,7 @@ from sepv.schemes._guard import guarded
 from sepv.verification._cases.from_problem import reach
 from sepv.verification._cases.users_problems import problems_of
 from sepv.verification._failed_step import row
-from sepv.verification._law import Effort, Finding, Law, Verdict
+from sepv.verification._law import Effort, Finding, Law, Run, Verdict
 from sepv.verification._orders.convergence import StrongErrors, first, join, strong_errors
 from sepv.verification._orders.tilting import tilted_errors
 
@@ -153,40 +153,40 @@ def share(scheme: Scheme, effort: Effort, problems: int) -> float:
     return FALSE_ALARM / (STATISTICAL_LAWS * problems * len(looks(budget(scheme, effort))))
 
 
-def sampled(scheme: Scheme, setup: Setup, paths: int, effort: Effort) -> StrongErrors:
+def sampled(scheme: Scheme, setup: Setup, paths: int, run: Run) -> StrongErrors:
     """The errors of the first `paths` paths, computed once for all laws of a run."""
     order = scheme.mean_square_order
-    key = (id(scheme.step), scheme.truncation, scheme.increments, order, setup)
-    # The step is kept with its errors, so that its id stays its own: an effort may serve for several schemes.
-    _, have = effort.cache.get(key, (scheme.step, None))
+    have = run.paths.get(setup)
     done = have.squared.shape[1] if have else 0
     if done < paths:
         problem, wanted, asked = setup.build(), range(done, paths), guarded(scheme)
         if order is not None and is_tilted(scheme):
             more = tilted_errors(
-                asked, problem, T=setup.T, steps=setup.steps, paths=wanted, seed=effort.seed, order=order
+                asked, problem, T=setup.T, steps=setup.steps, paths=wanted, seed=run.effort.seed, order=order
             )
         else:
-            more = strong_errors(asked, problem, T=setup.T, steps=setup.steps, paths=wanted, seed=effort.seed)
+            more = strong_errors(
+                asked, problem, T=setup.T, steps=setup.steps, paths=wanted, seed=run.effort.seed
+            )
         have = join([have, more]) if have else more
-        effort.cache[key] = scheme.step, have
+        run.paths[setup] = have
     assert have is not None
     return have if any(have.failures) else first(have, paths)  # nothing is judged by paths that failed
 
 
 def judge(
-    law: Law, scheme: Scheme, effort: Effort, assess: Assess, *,
+    law: Law, scheme: Scheme, run: Run, assess: Assess, *,
     at_least: bool = True, setups: Sequence[Setup] | None = None,
 ) -> Finding:  # fmt: skip
     """The worst verdict over the problems, each from as many paths as it takes; `at_least`: bounds are lower ones."""
     setups = setups_for(scheme) if setups is None else setups
-    alpha = share(scheme, effort, len(setups))
+    alpha = share(scheme, run.effort, len(setups))
     found: list[tuple[Setup, StrongErrors, Assessment]] = []
     lines: list[str] = []
     skipped: list[Skipped] = []
     for setup in setups:
         try:
-            used, errors, assessment, refused = _judge_one(scheme, setup, effort, assess, alpha)
+            used, errors, assessment, refused = _judge_one(scheme, setup, run, assess, alpha)
         except Skipped as skip:  # a program need not take every problem
             skipped.append(skip)
             lines.append(f"{setup.problem}: skipped, {skip.reason}")
@@ -208,17 +208,17 @@ def judge(
     measured = [_measured(*each) for each in found]
     if verdict is not Verdict.HOLDS:
         lines += [_errors_text(m) for m in measured]
-        lines += _explained(scheme, effort, assess, alpha, verdict, found)
+        lines += _explained(scheme, run, assess, alpha, verdict, found)
     return law.finding(
         verdict, defect=worst.value, bound=worst.bound, at_least=at_least,
         checks=sum(m["paths"] for m in measured), message="\n".join(lines),
-        witness={"seed": effort.seed, "paths": effort.paths, "alpha": alpha, "measured": measured},
-        replay=f"--law {law.name} --seed {effort.seed} --paths {effort.paths}",
+        witness={"seed": run.effort.seed, "paths": run.effort.paths, "alpha": alpha, "measured": measured},
+        replay=f"--law {law.name} --seed {run.effort.seed} --paths {run.effort.paths}",
     )  # fmt: skip
 
 
 def _explained(
-    scheme: Scheme, effort: Effort, assess: Assess, alpha: float, verdict: Verdict,
+    scheme: Scheme, run: Run, assess: Assess, alpha: float, verdict: Verdict,
     found: Sequence[tuple[Setup, StrongErrors, Assessment]],
 ) -> list[str]:  # fmt: skip
     """What a reader of a law that does not hold is told: paths that would settle it, the worst path, the intervals."""
@@ -227,7 +227,7 @@ def _explained(
     if verdict is Verdict.INCONCLUSIVE:
         lines += [_wanted(scheme, setup, assess, errors, alpha) for setup, errors in decisive]
     setup, errors = decisive[0]
-    lines.append(worst_path(setup.build(), errors, effort.seed, drawn=not is_tilted(scheme)))
+    lines.append(worst_path(setup.build(), errors, run.effort.seed, drawn=not is_tilted(scheme)))
     said = f"intervals miss with probability {alpha:.1e}; false alarms of a whole run ≤ {FALSE_ALARM:g}"
     return [*lines, said]
 
@@ -254,7 +254,7 @@ def worst_path(problem: Problem, errors: StrongErrors, seed: int, *, drawn: bool
 
 
 def _judge_one(
-    scheme: Scheme, setup: Setup, effort: Effort, assess: Assess, alpha: float
+    scheme: Scheme, setup: Setup, run: Run, assess: Assess, alpha: float
 ) -> tuple[Setup, StrongErrors, Assessment | None, str]:
     """One problem at its step sizes, or halved where paths failed; and what failed.
 
@@ -265,7 +265,7 @@ def _judge_one(
     refused = ""
     for halved in range(1 + HALVED):
         used = replace(setup, steps=tuple(n << halved for n in setup.steps))
-        errors, assessment = _look(scheme, used, effort, assess, alpha)
+        errors, assessment = _look(scheme, used, run, assess, alpha)
         if assessment is not None or max(errors.failures) > REFUSED * errors.squared.shape[1]:
             break
         refused = _failures(setup, errors)
@@ -273,12 +273,12 @@ def _judge_one(
 
 
 def _look(
-    scheme: Scheme, setup: Setup, effort: Effort, assess: Assess, alpha: float
+    scheme: Scheme, setup: Setup, run: Run, assess: Assess, alpha: float
 ) -> tuple[StrongErrors, Assessment | None]:
     """More paths of one problem while the verdict is open; no assessment where paths failed."""
     problem = setup.build()
-    for paths in looks(budget(scheme, effort)):
-        errors = sampled(scheme, setup, paths, effort)
+    for paths in looks(budget(scheme, run.effort)):
+        errors = sampled(scheme, setup, paths, run)
         if any(errors.failures):
             return errors, None
         assessment = assess(problem, errors, alpha, 1.0)

@@ -29,7 +29,7 @@ from sepv._version import __version__
 from sepv.errors import SepvError, UsageError
 from sepv.files import fault, finite, schema
 from sepv.schemes._load_target import load_object
-from sepv.verification._law import Effort, Finding, Verdict
+from sepv.verification._law import Effort, Finding, Run, Verdict
 from sepv.verification._laws import load_laws
 from sepv.verification._levels import SUITE, conformance
 from sepv.verification._outcome import Report
@@ -120,7 +120,7 @@ def bundle(report: Report, asked: Asked, waivers: str | None = None) -> bytes:
         "format": FORMAT,
         "asked": asdict(asked),
         "laws_version": SUITE,
-        "effort": {f.name: getattr(report.effort, f.name) for f in fields(Effort) if f.name != "cache"},
+        "effort": {f.name: getattr(report.effort, f.name) for f in fields(Effort)},
         "environment": environment(),
         "source": source(asked),
         "files": {name: _hash(text.encode()) for name, text in texts.items()},
@@ -220,10 +220,10 @@ def again(found: Bundle, scheme: Any, *, share: float = 0.25, seed: int | None =
     searched = [name for name, finding in said.items() if finding["expected"] is None]
     count = min(len(searched), max(1, math.ceil(share * len(searched))))
     chosen = set(random.Random(seed).sample(searched, count))
-    effort = found.effort
+    run = Run(found.effort)
     for name in (name for name in searched if name in chosen):
         wanted = said[name]
-        text, right, measured = _measured(partial(measure, laws[name], scheme, effort), wanted["verdict"])
+        text, right, measured = _measured(partial(measure, laws[name], scheme, run), wanted["verdict"])
         if right and alike and measured is not None and finite(measured.defect) != wanted["defect"]:
             right, text = False, f"{text}, with a defect of {measured.defect!r} and not {wanted['defect']!r}"
         yield Outcome(f"{name} again", right, text)

@@ -20,7 +20,7 @@ from sepv.verification import _side_by_side as side_by_side
 from sepv.verification._cases.users_problems import items
 from sepv.verification._expected_failures import Expectations, ExpectedFailure
 from sepv.verification._expected_failures import load as load_expected
-from sepv.verification._law import Effort, Finding, Law, Verdict
+from sepv.verification._law import Effort, Finding, Law, Run, Verdict
 from sepv.verification._laws import LAWS, LOCAL, SAMPLED, laws_of, listed, load_laws
 from sepv.verification._outcome import Report
 
@@ -116,9 +116,10 @@ def verify(
             task = side_by_side.Task(named, claimed, effort, timeout, known.failures, problems)
             _side_by_side(task, chosen, jobs if workers is None else workers, receive)
         else:
+            run = Run(effort)
             for law in chosen:
                 receive(law, None)
-                receive(law, measure(law, candidate, effort, timeout, known.failures.get(law.name)))
+                receive(law, measure(law, candidate, run, timeout, known.failures.get(law.name)))
     except KeyboardInterrupt:
         interrupted = True
     except ClusterFailure as error:
@@ -193,13 +194,13 @@ def replay(scheme: str | Scheme | Step, law: str, witness: dict[str, Any]) -> Fi
 
 
 def measure(
-    law: Law, scheme: Scheme, effort: Effort, timeout: float = 600.0, failure: ExpectedFailure | None = None
+    law: Law, scheme: Scheme, run: Run, timeout: float = 600.0, failure: ExpectedFailure | None = None
 ) -> Finding:
     """One law on one scheme: by its search, or by the witness of an expected failure, which must be of the law."""
     start = time.perf_counter()
     try:
         with deadline(timeout):
-            finding = law.replay(law, scheme, failure.witness) if failure else law.run(law, scheme, effort)
+            finding = law.replay(law, scheme, failure.witness) if failure else law.run(law, scheme, run)
     except TimedOut:
         text = f"the scheme did not come back: stopped after {timeout:g} s (--timeout)"
         finding = law.finding(Verdict.ERROR, message=text)

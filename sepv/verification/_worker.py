@@ -35,6 +35,7 @@ def main() -> None:
 
 def answer(say: Any) -> None:
     """Load the scheme once, then measure group after group."""
+    from sepv.verification._law import Run
     from sepv.verification._laws import load_laws
     from sepv.verification._verify import load_candidate, measure
 
@@ -45,10 +46,11 @@ def answer(say: Any) -> None:
     task = pickle.loads(rest)
     scheme = load_candidate(task.scheme, task.claims, task.problems)
     _end_children_first(scheme)
+    run = Run(task.effort)
     while True:
         for law in load_laws(pickle.load(sys.stdin.buffer)):
             say("law", law.name, None)
-            say("law", law.name, measure(law, scheme, task.effort, task.timeout, task.failures.get(law.name)))
+            say("law", law.name, measure(law, scheme, run, task.timeout, task.failures.get(law.name)))
 
 
 def _end_children_first(scheme: Any) -> None:

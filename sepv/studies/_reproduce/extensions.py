@@ -14,7 +14,7 @@ from sepv.schemes._several_with_areas import step_with_areas
 from sepv.simulate import _wiener as wiener
 from sepv.studies._picture import Axis
 from sepv.studies._reproduce.record import Job, Panel, Results, Size, Statement, decide, series
-from sepv.verification import Effort
+from sepv.verification import Run
 from sepv.verification._orders.local_errors import local_errors
 
 TOPS, T, STEPS, FINE, SAMPLES = "noncommuting-tops", 0.5, (4, 8, 16, 32, 64), 4096, 400
@@ -74,7 +74,7 @@ def staged(stages: int, samples: int, seed: int) -> list[float]:
 def weak(scheme: str, increments: str | None = None) -> dict[str, list[float]]:
     """Largest errors of E g after one step over polynomials g and states of the pendulum, by quadrature."""
     method = weakly(schemes.by_name(scheme), increments)
-    found = local_errors(method, problems.by_name("pendulum"), Effort())
+    found = local_errors(method, problems.by_name("pendulum"), Run())
     return {"h": found.h.tolist(), "weak": found.weak.tolist()}
 
 

@@ -15,7 +15,7 @@ from sepv.record._binary64 import EPS
 from sepv.studies._picture import Axis
 from sepv.studies._reproduce import record
 from sepv.studies._reproduce.record import Job, Panel, Results, Size, Statement, decide, series
-from sepv.verification import Effort
+from sepv.verification import Run
 from sepv.verification._orders.gaussian import rule
 from sepv.verification._orders.local_errors import local_errors
 
@@ -44,7 +44,7 @@ def difference() -> dict[str, list[float]]:
 
 def against_exact(scheme: str) -> dict[str, list[float]]:
     """The same of a scheme and the exact solution: the largest over a few states."""
-    found = local_errors(schemes.PAPER[scheme], problems.by_name(PROBLEM), Effort())
+    found = local_errors(schemes.PAPER[scheme], problems.by_name(PROBLEM), Run())
     return {"h": found.h.tolist(), "mean": found.mean.tolist(), "rms": found.rms.tolist()}
 
 

@@ -19,7 +19,7 @@ from sepv.studies._picture import Axis
 from sepv.studies._reproduce.order import ALPHA
 from sepv.studies._reproduce.record import Job, Panel, Results, Size, Statement, decide, series
 from sepv.studies._reproduce.runs import errors
-from sepv.verification import Effort
+from sepv.verification import Run
 from sepv.verification._orders.convergence import StrongErrors, slope
 from sepv.verification._orders.local_errors import local_errors
 
@@ -60,7 +60,7 @@ def sublinear_errors(samples: int, seed: int) -> StrongErrors:
 
 def sublinear_step() -> list[float]:
     """Slopes of |E[y1 − φ]| and (E|y1 − φ|²)^½ after one step, by quadrature."""
-    found = local_errors(SCHEME, sublinear(), Effort())
+    found = local_errors(SCHEME, sublinear(), Run())
     # Three steps well above rounding: the errors are 1e-6 and less there.
     kept = [n for n, e in enumerate(found.mean) if e > 1e4 * EPS][-3:]
     x = np.log(found.h[kept])

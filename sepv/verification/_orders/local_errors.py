@@ -48,7 +48,7 @@ from sepv.simulate._batch import advance
 from sepv.verification._cases.from_problem import reach
 from sepv.verification._cases.users_problems import problems_of
 from sepv.verification._failed_step import first_failed
-from sepv.verification._law import Effort
+from sepv.verification._law import Run
 from sepv.verification._orders.gaussian import Rule, point_rule, rule_for
 from sepv.verification._orders.local_moments import FULL_DEGREE, SPLIT, exponents, moments_at, moments_of
 
@@ -136,17 +136,14 @@ def _sizes(strong: float, weak: float) -> list[float]:
     return found
 
 
-def local_errors(scheme: Scheme, problem: Problem, effort: Effort) -> LocalErrors:
+def local_errors(scheme: Scheme, problem: Problem, run: Run) -> LocalErrors:
     """The errors of one step, computed once for all laws of a run.
 
     `Skipped` is raised by a scheme that does not take the problem, and for several structures without a closed form.
     """
-    told = scheme.asks, scheme.truncation, scheme.increments, scheme.mean_square_order, scheme.weak_order
-    key = ("local errors", id(scheme.step), *told, id(problem))
-    if key not in effort.cache:
-        # The problem and the step are kept, so that their ids stay their own.
-        effort.cache[key] = _measure(scheme, problem), problem, scheme.step
-    found: LocalErrors = effort.cache[key][0]
+    if problem not in run.steps:
+        run.steps[problem] = _measure(scheme, problem)
+    found: LocalErrors = run.steps[problem]
     return found
 
 

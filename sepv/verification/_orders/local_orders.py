@@ -19,7 +19,7 @@ from sepv.problem import Array, Problem
 from sepv.record._binary64 import EPS
 from sepv.schemes import Scheme
 from sepv.schemes._order_claims import order_of
-from sepv.verification._law import Effort, Finding, Law, Verdict
+from sepv.verification._law import Finding, Law, Run, Verdict
 from sepv.verification._orders.local_errors import LEVELS, LocalErrors, local_errors, problems_for
 
 # Local rms errors have orders that are multiples of ½: half-way to the next lower one. Slopes at the fine end are
@@ -114,10 +114,10 @@ def _half_way_below(slope: float, found: LocalErrors) -> float:
 
 
 def judge(
-    law: Law, scheme: Scheme, effort: Effort,
+    law: Law, scheme: Scheme, run: Run,
     errors: Callable[[LocalErrors], Array],
     least: Callable[[LocalErrors], float],
-    measure: Callable[[Scheme, Problem, Effort], LocalErrors] = local_errors,
+    measure: Callable[[Scheme, Problem, Run], LocalErrors] = local_errors,
     enough: int = LEVELS // 2,
     example: Callable[[Scheme, Problem, float], str] = lambda *_: "",
 ) -> Finding:  # fmt: skip
@@ -132,7 +132,7 @@ def judge(
     unknown = ""
     for problem in problems_for(scheme):
         try:
-            found = measure(scheme, problem, effort)
+            found = measure(scheme, problem, run)
         except Skipped as skip:  # a scheme need not take every problem
             skipped.append(skip)
             lines.append(f"{problem.name}: skipped, {skip.reason}")

@@ -18,7 +18,7 @@ from sepv.schemes._point_distributions import point_law
 from sepv.simulate._batch import advance
 from sepv.verification._cases.from_problem import reach
 from sepv.verification._failed_step import first_failed
-from sepv.verification._law import Effort
+from sepv.verification._law import Run
 from sepv.verification._orders import local_errors as local
 from sepv.verification._orders.gaussian import point_rule, rule
 from sepv.verification._orders.local_errors import LocalErrors, against_moments, apart
@@ -50,7 +50,7 @@ def tree(
     return y, weights, ""
 
 
-def tree_errors(scheme: Scheme, problem: Problem, _effort: Effort) -> LocalErrors:
+def tree_errors(scheme: Scheme, problem: Problem, _run: Run) -> LocalErrors:
     """The weak errors at T from the problem's initial state, at falling h = T/N; `Skipped` for too many noises."""
     law = point_law(scheme.increments)
     assert law is not None
