@@ -1,8 +1,10 @@
 """The branch of solutions that starts at y0 for Δ = 0, followed as the step grows: where does it end?
 
 The equation of an implicit scheme has one solution near y0 for small Δ. With the step t(h, ΔW), t from 0 to 1, that
-solution moves until it meets another and both vanish: a fold, where the Jacobian is singular. Beyond it
-there is no solution that has to do with y0, and a solver that returns one has changed branches.
+solution moves until it meets another and both vanish: a fold, where the Jacobian is singular. The curve of solutions
+turns back there, so that no solution beyond depends continuously on t from y0 on. One may exist all the same, on
+this curve after a second fold or on another: where {H = H(y0)} is bounded there is one for every Δ (Leray and
+Schauder). A solver that returns such a solution has changed branches.
 """
 
 from __future__ import annotations

@@ -76,9 +76,10 @@ def _errata() -> None:
     from sepv.verification._report import console
 
     out = console()
-    for e in errata():
+    for e, measured in errata():
         out.print(Text.assemble((e.place, "bold"), f"  {e.printed}"), soft_wrap=not out.is_terminal)
-        for name, text in (("instead", e.right), ("evidence", e.evidence), ("command", e.command)):
+        parts = ("quoted", e.quote), ("instead", e.right), ("evidence", measured), ("command", e.command)
+        for name, text in parts:
             out.print(Text.assemble((f"  {name}: ", "dim"), text), soft_wrap=not out.is_terminal)
         out.print()
 

@@ -185,7 +185,7 @@ def fine_panel(setting: Setting, results: Results, source: str, stated: str) -> 
     )
     bumps = f"increments that Remark 2.1 truncates, each a bump in the curves: {truncated}"
     exact = Statement(
-        text=f"The {reference} scheme with step {own_step} serves as the exact solution",
+        text=f"(ours) The {reference} scheme with step {own_step} serves as the exact solution down to its own step",
         source=stated,
         verdict=decide(bool(np.all(own > 0.95 * true)), bool(own[-1] < 0.05 * true[-1])),
         measured=f"of the true error of the {reference} scheme it sees {share}",
