@@ -120,7 +120,7 @@ def _third_moment() -> Evidence:
 
 
 def _ball() -> Evidence:
-    x, p = problems.harmonic_oscillator().initial
+    x, p = np.array(problems.harmonic_oscillator().initial).tolist()
     radius, distance = (x * x + p * p) / 2, math.hypot(x, p)
     measured = f"that radius is {radius:.4g}, and the start is at the distance {distance:.4g}"
     return Evidence(radius >= distance, radius < distance, measured)
