@@ -19,6 +19,7 @@ Names are loaded when they are first used: ``import sepv`` itself imports nothin
 from __future__ import annotations
 
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sepv._version import __version__ as __version__
@@ -59,6 +60,12 @@ if TYPE_CHECKING:
     from sepv.verification._law import Verdict as Verdict
     from sepv.verification._outcome import Report as Report
     from sepv.verification._verify import verify as verify
+
+# In a checkout that is on the path itself, `sepv.properties` and `sepv.reference` are the folders beside this one:
+# an installation maps them, but Python finds ./sepv before it.
+_CHECKOUT = Path(__file__).resolve().parents[1]
+if not (Path(__file__).parent / "reference").is_dir() and (_CHECKOUT / "reference" / "witnesses").is_dir():
+    __path__.append(str(_CHECKOUT))
 
 _HOME = {
     name: f"sepv.{module}"

@@ -20,6 +20,7 @@ import pytest
 from sepv.errors import SepvError, UsageError
 from sepv.schemes import Scheme
 from sepv.verification import Effort, Expectations, Finding, Law, LawViolated, Run, Verdict
+from sepv.verification._cases.case import has_words
 
 # What the laws found, as properties of their tests: so it travels from workers of pytest-xdist, and into JUnit files.
 _FINDINGS = pytest.StashKey[list[dict[str, str]]]()
@@ -169,15 +170,16 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
         name = getattr(given.get("scheme"), "name", target)
         row = (target, finding.law, finding.verdict.text, "yes" if finding.claimed else "no", name)
         pyfuncitem.user_properties.extend(zip(_KEYS, row, strict=True))
-        _conclude(finding, target, listed.is_pin)
+        _conclude(finding, target, listed.claims)
     return result
 
 
-def _conclude(finding: Finding, target: str, pinned: bool) -> None:
+def _conclude(finding: Finding, target: str, pinned: frozenset[str] | None) -> None:
     from sepv.verification._outcome import fails
 
     __tracebackhide__ = True
-    replay = f"replay: sepv verify {target} {finding.replay}" if finding.replay else ""
+    named = finding.replay and has_words(finding.witness)
+    replay = f"replay: sepv verify {target} {finding.replay}" if named else ""
     text = "\n".join(part for part in (finding.words, finding.message, replay) if part)
     if finding.expected is not None and finding.verdict is Verdict.VIOLATED:
         pytest.xfail(f"{finding.words}; expected: {finding.expected}")

@@ -50,6 +50,33 @@ def test_every_folder_is_tested_and_listed() -> None:
     assert all(f"[{name}]({name})" in text for name in folders)
 
 
+def action_step(home: Path, inputs: dict[str, Any]) -> subprocess.CompletedProcess[str]:
+    """The action's own shell in a folder, with inputs as a workflow gives them."""
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    environment = {**os.environ, "PATH": path, "PYTHONPATH": str(home)}
+    action = yaml.safe_load((ROOT / "action.yml").read_text(encoding="utf-8"))
+    assert set(inputs) <= set(action["inputs"])
+    values = {name: str(inputs.get(name, about["default"])) for name, about in action["inputs"].items()}
+    step = action["runs"]["steps"][1]
+    for key, text in step["env"].items():
+        environment[key] = values[text.removeprefix("${{ inputs.").removesuffix(" }}")]
+    return subprocess.run(
+        ["bash", "--noprofile", "--norc", "-eo", "pipefail", "-c", step["run"]],
+        cwd=home, env=environment, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+
+def test_every_line_of_the_arguments_counts(tmp_path: Path) -> None:
+    """As `arguments: |` gives them: a claim in the second line must not be lost, and * is no pattern."""
+    (tmp_path / "laws.json").touch()
+    lost = action_step(tmp_path, {"target": "midpoint", "arguments": "--law energy\n--claim energy\n"})
+    assert lost.returncode == 1, lost.stdout + lost.stderr
+    assert "Claimed and not found to hold: energy" in lost.stdout
+    starred = action_step(tmp_path, {"target": "midpoint", "arguments": "--law *"})
+    assert starred.returncode == 2
+    assert "'*'" in starred.stderr
+
+
 def ran(project: Project, home: Path, **changes: str) -> subprocess.CompletedProcess[str]:
     """The workflow's own commands, then the action's step with the workflow's inputs, but for what is changed."""
     workflow = yaml.safe_load((home / ".github" / "workflows" / "laws.yml").read_text(encoding="utf-8"))
@@ -61,16 +88,7 @@ def ran(project: Project, home: Path, **changes: str) -> subprocess.CompletedPro
             subprocess.run(step["run"], shell=True, cwd=home, env=environment, check=True)
         if step.get("uses", "").startswith("OWNER/sepv@"):
             inputs = step["with"] | changes
-    action = yaml.safe_load((ROOT / "action.yml").read_text(encoding="utf-8"))
-    assert set(inputs) <= set(action["inputs"])
-    values = {name: str(inputs.get(name, about["default"])) for name, about in action["inputs"].items()}
-    step = action["runs"]["steps"][1]
-    for key, text in step["env"].items():
-        environment[key] = values[text.removeprefix("${{ inputs.").removesuffix(" }}")]
-    return subprocess.run(
-        ["bash", "--noprofile", "--norc", "-eo", "pipefail", "-c", step["run"]],
-        cwd=home, env=environment, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    return action_step(home, inputs)
 
 
 # One program over `--exec`, that in C++, is run each time.

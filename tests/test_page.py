@@ -365,7 +365,7 @@ def test_commands_of_a_page_name_the_scheme_as_it_was_named(
 def test_a_scheme_handed_over_as_an_object_gets_no_command_that_fails() -> None:
     page = render(Sources(verify=[verify_report("mine")]))
     assert "sepv verify mine" not in page
-    assert "# mine was handed over as an object in Python" in page
+    assert "# the report of mine was written in Python" in page
 
 
 def test_the_headline_counts_the_claims_and_names_those_that_break() -> None:

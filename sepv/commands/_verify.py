@@ -153,17 +153,17 @@ def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], 
     arguments = _arguments(laws, options)
     out, reports = page.console(), []
     for target in targets:
-        asked = "".join(f" -p {shlex.quote(p)}" for p in options["problems"])
-        named = (shown or shlex.quote(target)) + asked
         with watching(quiet, laws_of(laws or None, options["level"])) as progress:
-            report = replace(run(target, progress=progress, **arguments), target=named)
+            report = run(target, progress=progress, **arguments)
+        named = shown + "".join(f" -p {shlex.quote(p)}" for p in report.problems) if shown else report.target
+        report = replace(report, target=named)
         reports.append(report)
         if quiet:
             # Of one nobody needs to be told which.
             which = f"{named}: " if len(targets) > 1 else ""
-            page.line(out, page.summary(report, named, which))
+            page.line(out, page.summary(report, which))
         else:
-            page.show(report, named, out, debug=debug)
+            page.show(report, out, debug=debug)
         only = f" --law {shlex.quote(','.join(laws))}" if laws else ""
         _write(report, files, named + only)
         if report.interrupted:
@@ -183,7 +183,7 @@ def _write(report: Any, files: dict[str, str | None], named: str) -> None:
         "junit": junit_xml,
         "badge": badge_json,
         "write_expected": lambda r: to_toml(r.scheme.name, r.findings),
-        "pin": lambda r: pin(r.scheme.name, r.findings),
+        "pin": lambda r: pin(r.scheme.name, r.findings, r.problems),
     }
     for kind, path in files.items():
         if path and report.interrupted and kind in ("write_expected", "pin"):

@@ -16,6 +16,7 @@ from sepv.schemes import Look
 from sepv.studies._picture import FLOOR, Axis, Series, power
 from sepv.studies._reproduce.record import in_words
 from sepv.verification import LAWS, Verdict, load_laws
+from sepv.verification._cases.case import has_words
 
 # Characters of counterexamples on a page; the JSON files have them all.
 BUDGET = 17_000
@@ -45,13 +46,7 @@ def _scheme(report: View, laws: list[str], budget: int) -> View:
     counts = ", ".join(Verdict(k).of(n) for k, n in report["counts"].items() if n)
     target = _target(report["scheme"])
     shown, left = _counterexamples(report["laws"], target, budget)
-    suite, own = report["suite"], name(report["scheme"]["name"])
-    command = f"# {own} was handed over as an object in Python: no command names it"
-    if target:
-        command = (
-            f"sepv verify {target}{_asked(report)} --seed {suite['seed']} --examples {suite['examples']} "
-            f"--paths {suite['paths']} --json FILE"
-        )
+    own = name(report["scheme"]["name"])
     return {
         "name": own,
         "source": plain(report["scheme"]["source"], 200),
@@ -63,17 +58,27 @@ def _scheme(report: View, laws: list[str], budget: int) -> View:
         "left_out": left,
         "unsettled": _unsettled(report["laws"]),
         "summary": f"{counted(len(report['laws']), 'law')}: {counts}",
-        "command": plain(command, 1500),
+        "command": again(report, f"the report of {own}"),
     }
 
 
-def _asked(report: View) -> str:
-    """The options that a run was given beside its effort: laws, where not all, and claims that no built-in makes."""
-    laws = [law["law"] for law in report["laws"]]
-    only = f" --law {','.join(laws)}" if set(laws) < set(LAWS) else ""
-    claims = [law for law in report["scheme"]["claims"] if law in LAWS and law != "contract"]
-    own = ":" in _target(report["scheme"]) or "--exec" in _target(report["scheme"])
-    return only + (f" --claim {','.join(claims)}" if own and claims else "")
+def again(data: View, subject: str) -> str:
+    """The command that made a file, as the file says; a comment where no command did.
+
+    Each word is quoted anew, so that text of the file stays text where somebody copies the line.
+    """
+    words = _words(str(data.get("made", {}).get("command") or ""))
+    if words[:1] != ["sepv"]:
+        return f"# {subject} was written in Python: no command makes it again"
+    return plain(shlex.join(words), 8200)
+
+
+def _words(command: str) -> list[str]:
+    """The words of a command; none where its quotes do not match."""
+    try:
+        return shlex.split(command)
+    except ValueError:
+        return []
 
 
 def _cell(verdict: str, claimed: bool = False) -> View:
@@ -101,11 +106,12 @@ def _counterexamples(laws: list[View], target: str, budget: int) -> tuple[list[V
     shown: list[View] = []
     for law in sorted(open_, key=lambda v: not v["claimed"]):
         # A command is there to be copied: whole or not at all.
-        command = f"sepv verify {target} {law['replay']}" if target and len(law["replay"]) < 4000 else ""
+        copied = target and law["replay"] and len(law["replay"]) < 4000 and has_words(law["witness"])
+        command = shlex.join(["sepv", "verify", *_words(target), *_words(law["replay"])]) if copied else ""
         entry = {
             "law": name(law["law"]), "source": plain(law["source"], 60), "verdict": WORDS[law["verdict"]][1],
             "claimed": law["claimed"], "message": plain(law["message"]),
-            "command": plain(command, 8200) if law["replay"] else "",
+            "command": plain(command, 8200),
         }  # fmt: skip
         budget -= len(entry["message"]) + len(entry["command"])
         if budget < 0 and not (law["claimed"] and not shown):
@@ -254,21 +260,10 @@ def comparison(data: View, pictures: Pictures) -> View:
         "times": _times(data["times_to_error"], methods),
         "wanted": [number(e) for e in sorted({t["error"] for t in data["times_to_error"]}, reverse=True)],
         "environment": [(plain(k, 40), plain(v, 120)) for k, v in data["environment"].items()],
-        "command": _compare_command(data),
+        "command": again(data, "the comparison"),
         "seed": data["seed"],
         "repeats": data["repeats"],
     }
-
-
-def _compare_command(data: View) -> str:
-    """The command that makes such a comparison, its methods and step sizes filled in."""
-    methods = " ".join(shlex.quote(str(m["name"])) for m in data["methods"])
-    steps = sorted({int(p["steps"]) for p in data["points"] if p["steps"] > 1})
-    paths = max((int(p["paths"]) for p in data["points"]), default=1000)
-    grid = f" --steps {','.join(map(str, steps))}" if steps else ""
-    problem = f"--problem {shlex.quote(str(data['problem']))} --time {data['T']:g}"
-    text = f"sepv compare {methods} {problem}{grid} --paths {paths} --seed {data['seed']} --json FILE"
-    return plain(text)
 
 
 def _point(p: View, micro: float) -> View:
@@ -322,6 +317,7 @@ def bench(data: View) -> View:
         "records": [
             {"target": name(r["target"]), "rows": list(map(row, r["cases"]))} for r in data["records"]
         ],
+        "command": again(data, "the benchmark"),
     }
 
 
@@ -333,6 +329,7 @@ def reproduction(data: View, pictures: Pictures) -> View:
         "counts": in_words(data["counts"]),
         "panels": [_panel(p, pictures) for p in data["panels"]],
         "text": [_statement(s) for s in data["text"]],
+        "command": again(data, "the reproduction"),
     }
 
 

@@ -10,10 +10,13 @@ from sepv.record import _polynomial as poly
 
 
 def problem_to_json(data: Description) -> dict[str, Any]:
-    """{"name", "parameters"} or polynomial data, floats in hex; {"given"} for functions, with the noise they have."""
+    """{"name", "parameters"} or polynomial data, floats in hex; {"given"} for functions, with the noise they have.
+
+    "given" is the words that name the problem. It is empty where there are none; then "object" is its own name.
+    """
     if isinstance(data, GivenProblem):
         noise = [float(c).hex() for c in data.problem.c]
-        return {"given": data.target or data.problem.name, "noise": noise}
+        return {"given": data.target, "noise": noise} | ({} if data.target else {"object": data.problem.name})
     if isinstance(data, PolynomialSystem):
         return to_json(data)
     return {"name": data.name, "parameters": {k: [v.hex() for v in values] for k, values in data.parameters}}

@@ -3,6 +3,7 @@
     scheme = "mypkg.mymodule:step"     # whose they are, for a word where another one is measured
     claims = ["contract", "casimir"]   # laws that must hold; leave it out where the scheme states its own
     measured = ["contract", "casimir", "energy", "weak-order"]   # all that were asked for when it was pinned
+    problems = ["rigid-body"]          # what the scheme is for, as -p names it; a run without -p takes these
 
     [[expected]]                       # a law that it is known to break
     law = "energy"
@@ -28,7 +29,7 @@ from sepv.verification._cases import case as cases
 from sepv.verification._law import Finding, Verdict
 
 _ENTRY = {"law", "reason", "witness"}
-_KEYS = {"expected", "claims", "measured", "scheme"}
+_KEYS = {"expected", "claims", "measured", "scheme", "problems"}
 _EXAMPLE = '[[expected]] with law = "…", reason = "…", witness = "…"; `--pin FILE` makes a first one'
 
 
@@ -43,25 +44,34 @@ class ExpectedFailure:
 
 @dataclass(frozen=True)
 class Expectations:
-    """A file: the laws that it claims, those measured for it and its scheme's name, None where it does not say."""
+    """A file: the laws that it claims, those measured for it, its scheme's name and what that is for.
+
+    None, or no problems, where it does not say.
+    """
 
     claims: frozenset[str] | None = None
     failures: dict[str, ExpectedFailure] = field(default_factory=dict)
     measured: frozenset[str] | None = None
     scheme: str | None = None
+    problems: tuple[str, ...] = ()
 
     @property
     def is_pin(self) -> bool:
         """Whether every violation must be listed, claimed or not."""
         return self.claims is not None
 
-    def gaps(self, laws: Iterable[str], scheme: str) -> list[str]:
-        """A sentence each: another scheme's file; laws that it does not know; those of a pin not asked for now."""
+    def gaps(self, laws: Iterable[str], scheme: str, problems: Iterable[str] = ()) -> list[str]:
+        """A sentence each: another scheme's file, or other problems; laws it does not know; those not asked for now."""
         asked, guarded, found = list(laws), {*self.failures, *(self.claims or ())}, []
         if self.scheme is not None and self.scheme != scheme:
             found.append(
                 f"The file of --expected was written for {_line(self.scheme)}, and this is {_line(scheme)}: "
                 f"where it is the same scheme, write scheme = {_quoted(scheme)} there, else --pin a file of its own."
+            )
+        if self.problems and {*problems} != {*self.problems}:
+            now = ", ".join(map(_line, problems)) or "every system"
+            found.append(
+                f"The pin is about {', '.join(map(_line, self.problems))}, and this run about {now}."
             )
         known = None if self.measured is None else self.measured | guarded
         new = [law for law in asked if known is not None and law not in known]
@@ -116,7 +126,14 @@ def load(path: str | Path, laws: Iterable[str]) -> Expectations:
             received=f"{scheme!r}",
             remedy="correct it, or leave it out",
         )
-    return Expectations(claims, found, measured, scheme)
+    problems = data.get("problems", [])
+    if not isinstance(problems, list) or not all(isinstance(p, str) for p in problems):
+        raise UsageError(
+            expected=f"problems in {path}, a list of names as -p takes them",
+            received=f"{problems!r:.80}",
+            remedy="correct it, or write the file anew with --pin",
+        )
+    return Expectations(claims, found, measured, scheme, tuple(problems))
 
 
 def _names(key: str, value: Any, path: str, known: tuple[str, ...]) -> frozenset[str] | None:
@@ -164,7 +181,7 @@ def to_toml(scheme: str, findings: Iterable[Finding]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def pin(scheme: str, findings: Iterable[Finding]) -> str:
+def pin(scheme: str, findings: Iterable[Finding], problems: Iterable[str] = ()) -> str:
     """The whole of what was measured: what holds as claims, what is violated with its witness.
 
     A law without a decision is among those measured only: it is not guarded until it is decided and pinned again.
@@ -179,6 +196,9 @@ def pin(scheme: str, findings: Iterable[Finding]) -> str:
         "# All that were asked for: a law that is not here is named when it is measured.",
         f"measured = [{', '.join(_quoted(f.law) for f in found)}]",
     ]
+    if problems := list(problems):
+        lines += ["# What the scheme is for: a run without -p takes these."]
+        lines += [f"problems = [{', '.join(map(_quoted, problems))}]"]
     return "\n".join([*lines, *_entries(f for f in found if f.verdict is Verdict.VIOLATED)]) + "\n"
 
 

@@ -27,7 +27,9 @@ def junit_xml(report: Report) -> str:
         if kind:
             tally[kind] += 1
             why = _clean(f"{f.verdict.text} ({f.source})")
-            ElementTree.SubElement(test, kind, message=why).text = _clean(f.message)
+            again = f"replay: {report.again(f)}" if f.replay else ""
+            text = "\n".join(part for part in (f.message, again) if part)
+            ElementTree.SubElement(test, kind, message=why).text = _clean(text)
     for kind, count in tally.items():
         suite.set(kind if kind == "skipped" else f"{kind}s", str(count))
     root = ElementTree.Element("testsuites")

@@ -7,10 +7,11 @@ from typing import Any
 
 from sepv._arguments import did_you_mean
 from sepv._version import __version__
-from sepv.errors import require_one_of
+from sepv.errors import UsageError, require_one_of
 from sepv.files import finite
 from sepv.schemes import Scheme
 from sepv.schemes._point_distributions import NORMAL, point_law
+from sepv.verification._cases.case import has_words
 from sepv.verification._law import Effort, Finding, Verdict
 from sepv.verification._laws import load_laws
 from sepv.verification._levels import SUITE, Conformance, conformance
@@ -28,9 +29,9 @@ class Report:
     effort : Effort
     interrupted : bool
         Whether some laws were not measured.
-    pinned : bool
-        Whether the run was held to a pin (`sepv.verification._expected_failures`): every violation must be claimed or
-        listed there.
+    pinned : frozenset of str or None
+        The laws that held when the pin was written that the run was held to (`sepv.verification._expected_failures`):
+        every violation must be claimed or listed there. None without a pin.
     gaps : tuple of str
         Sentences about laws that the pin says nothing of, or that it guards and that were not measured now.
     target : str
@@ -43,7 +44,7 @@ class Report:
     findings: tuple[Finding, ...]
     effort: Effort
     interrupted: bool = False
-    pinned: bool = False
+    pinned: frozenset[str] | None = None
     target: str = ""
     gaps: tuple[str, ...] = ()
     level: int | None = None
@@ -58,6 +59,12 @@ class Report:
         """Whether the level that was asked for is not reached."""
         reached = self.conformance if self.level is not None else None
         return self.level is not None and (reached is None or reached.level < self.level)
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """The words that named what the scheme is for; empty where it is for every system, or objects were given."""
+        words = tuple(getattr(item, "text", "") for item in self.scheme.problems)
+        return words if all(words) else ()
 
     @property
     def counts(self) -> dict[str, int]:
@@ -104,6 +111,33 @@ class Report:
         require_one_of("a law of this report", name, known, remedy, did_you_mean(law, known))
         return known[name]
 
+    def replay(self, law: str) -> Finding:
+        """Measure a law again, on the witness of its finding alone.
+
+        Raises
+        ------
+        UsageError
+            For a law that is not in the report, or whose finding has no witness, as one that holds.
+        """
+        from sepv.verification._verify import replay
+
+        finding = self.finding(law)
+        if not finding.witness:
+            raise UsageError(
+                expected="a law with a witness, such as one that is violated",
+                received=f"{finding.law}, which ended in: {finding.verdict.text}",
+                remedy=f'measure it anew: sepv.verify(scheme, laws="{finding.law}")',
+            )
+        return replay(self.scheme, finding.law, finding.witness)
+
+    def again(self, finding: Finding) -> str:
+        """What measures a finding again: a command, or Python where no words name the scheme or its problem."""
+        if not finding.replay:
+            return ""
+        if self.target and has_words(finding.witness):
+            return f"sepv verify {self.target} {finding.replay}"
+        return f'report.replay("{finding.law}")  # in this Python process, with the report of sepv.verify(…)'
+
     def __str__(self) -> str:
         """The table of the laws, the counterexamples and the last line, as `sepv verify` prints them."""
         from sepv.verification._report import as_text
@@ -147,16 +181,16 @@ class Report:
         }  # fmt: skip
 
 
-def fails(f: Finding, pinned: bool = False) -> bool:
-    """Whether a finding turns a run red with exit code 1; under a pin every violation must be listed."""
+def fails(f: Finding, pinned: frozenset[str] | None = None) -> bool:
+    """Whether a finding turns a run red with exit code 1; under a pin of these laws every violation must be listed."""
     if f.verdict in (Verdict.ERROR, Verdict.NOT_MEASURED):
         return False  # exit codes of their own
     if f.expected is not None:
         return f.verdict is not Verdict.VIOLATED
     if not f.claimed:
-        return pinned and f.verdict is Verdict.VIOLATED
-    # What the law says nothing about is no failure; what the scheme left out, or held when it was pinned, is.
-    unasked = f.verdict is Verdict.NOT_APPLICABLE and not f.skipped and not pinned
+        return pinned is not None and f.verdict is Verdict.VIOLATED
+    # Not applicable is not a failure, unless the scheme skipped cases or a pin said that it held.
+    unasked = f.verdict is Verdict.NOT_APPLICABLE and not f.skipped and f.law not in (pinned or ())
     return f.verdict is not Verdict.HOLDS and not unasked
 
 

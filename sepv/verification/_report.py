@@ -5,7 +5,8 @@ from __future__ import annotations
 import io
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from html import escape
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -56,7 +57,7 @@ class _Ascii(_Console):
         super().print(*(ascii_cell(o) for o in objects), **options)
 
 
-def show(report: Report, target: str, out: Console, *, debug: bool = False) -> None:
+def show(report: Report, out: Console, *, debug: bool = False) -> None:
     """The table of a report, then each counterexample with the command that replays it."""
     print_table(law_table(report), out)
     said: set[str] = set()
@@ -69,21 +70,31 @@ def show(report: Report, target: str, out: Console, *, debug: bool = False) -> N
         if finding.verdict is Verdict.NOT_MEASURED:
             continue  # the table and the last line say it
         if finding.message or finding.verdict is not Verdict.HOLDS or finding.expected is not None:
-            _details(finding, target, out, debug)
-    line(out, summary(report, target))
+            _details(finding, report, out, debug=debug)
+    line(out, summary(report))
 
 
 def as_text(report: Report) -> str:
     """What `show` prints, as text without colour: for `print(report)`."""
-    out = io.StringIO()
-    name = report.scheme.name
-    show(report, name, Console(file=out, highlight=False, width=100, color_system=None))
-    return "\n".join(line.rstrip() for line in out.getvalue().rstrip().splitlines())
+    return _plain(lambda out: show(report, out))
 
 
 def as_html(report: Report) -> str:
-    """The table and the last line as HTML, for a notebook; everything that a scheme says is escaped."""
-    return f"{table_html(law_table(report))}<p>{escape(summary(report).plain)}</p>"
+    """The table, each counterexample with its replay, and the last line as HTML, for a notebook.
+
+    Everything that a scheme says is escaped.
+    """
+    red = [f for f in report.findings if f.verdict in (Verdict.VIOLATED, Verdict.ERROR)]
+    texts = [_plain(partial(_details, finding, report, debug=False)) for finding in red]
+    shown = "".join(f"<pre>{escape(text)}</pre>" for text in texts)
+    return f"{table_html(law_table(report))}{shown}<p>{escape(summary(report).plain)}</p>"
+
+
+def _plain(write: Callable[[Console], None]) -> str:
+    """What is written to a console, as text without colour."""
+    out = io.StringIO()
+    write(Console(file=out, highlight=False, width=100, color_system=None))
+    return "\n".join(line.rstrip() for line in out.getvalue().rstrip().splitlines())
 
 
 def line(out: Console, text: Text) -> None:
@@ -113,15 +124,15 @@ def _law_row(report: Report, f: Finding) -> tuple[str | Text, ...]:
     return f.law, claimed, Text(text, style=_STYLES[f.verdict]), _number(f.defect), bound, f.unit, f.source
 
 
-def summary(report: Report, target: str = "", before: str = "") -> Text:
+def summary(report: Report, before: str = "") -> Text:
     """One line: the counts, what the claims came to, the level; and what would guard a scheme that claims nothing.
 
-    `target` is how the command line named the scheme, `before` says of which scheme a line is that stands alone.
+    `before` says of which scheme a line is that stands alone.
     """
-    return Text(before, style="bold").append_text(_outcome(report, target)).append(_level(report))
+    return Text(before, style="bold").append_text(_outcome(report)).append(_level(report))
 
 
-def _outcome(report: Report, target: str) -> Text:
+def _outcome(report: Report) -> Text:
     counts = ", ".join(Verdict(k).of(n) for k, n in report.counts.items() if n)
     checks, skipped = (sum(getattr(f, what) for f in report.findings) for what in ("checks", "skipped"))
     left_out = f", {skipped} skipped" if skipped else ""
@@ -138,8 +149,8 @@ def _outcome(report: Report, target: str) -> Text:
         text.append(f"Ended in an error: {', '.join(errors)}. ", style="bold magenta")
     claims = [f for f in report.findings if f.claimed and f.expected is None]
     claims = [f for f in claims if f.verdict is not Verdict.ERROR]
-    if not report.pinned and not frozenset(report.scheme.claims) - set(ALWAYS):
-        return text.append(_unguarded(report, target))
+    if report.pinned is None and not frozenset(report.scheme.claims) - set(ALWAYS):
+        return text.append(_unguarded(report))
     vacuous = [f.law for f in claims if f.verdict is Verdict.NOT_APPLICABLE]
     held = len(claims) - len(vacuous)
     if held:
@@ -178,13 +189,16 @@ def _complaints(report: Report) -> list[str]:
     return [f"{words}: {which}." for words, which in laws.items() if which]
 
 
-def _unguarded(report: Report, target: str) -> str:
+def _unguarded(report: Report) -> str:
     """Nothing was claimed: a green run says nothing about tomorrow's, and here is what would."""
     own = [f.law for f in report.findings if f.verdict is Verdict.HOLDS and f.law not in ALWAYS]
-    named, guard = f"sepv verify {target or 'TARGET'}", "To guard what is violated"
+    text = "Nothing is claimed, so nothing is guarded but the contract of a step."
+    if not report.target:
+        claims = f' To guard what held today: sepv.verify(scheme, claims="{",".join(own)}").' if own else ""
+        return f"{text}{claims}"
+    named, guard = f"sepv verify {report.target}", "To guard what is violated"
     if own:
         guard = f"To guard what held today: {named} --claim {','.join(own)}; and what is violated with it"
-    text = "Nothing is claimed, so nothing is guarded but the contract of a step."
     return f"{text} {guard}: {named} --pin FILE."
 
 
@@ -214,15 +228,15 @@ def _headed(finding: Finding, source: str) -> Text:
     return Text.assemble((finding.law, "bold"), " ", (finding.verdict.text, _STYLES[finding.verdict]), source)
 
 
-def _details(finding: Finding, target: str, out: Console, debug: bool) -> None:
+def _details(finding: Finding, report: Report, out: Console, *, debug: bool) -> None:
     out.print(_headed(finding, f"  {finding.source}" if finding.verdict is not Verdict.HOLDS else ""))
     if finding.expected is not None and finding.verdict is Verdict.VIOLATED:
         _indented(f"expected: {finding.expected}", out)
     _indented(finding.message + (f"\n{finding.traceback}" if debug else ""), out)
-    if finding.replay and finding.verdict is not Verdict.HOLDS:
+    if finding.verdict is not Verdict.HOLDS and (again := report.again(finding)):
         out.print(Text("  replay:", style="dim"))
         # One line, however long: it is there to be copied.
-        out.print(Text(f"  sepv verify {target} {finding.replay}"), soft_wrap=True)
+        out.print(Text(f"  {again}"), soft_wrap=True)
     out.print()
 
 

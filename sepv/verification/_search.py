@@ -36,7 +36,7 @@ from sepv.verification._cases.shrink import shrunk
 from sepv.verification._cases.spaces import SPACES
 from sepv.verification._cases.strata import Space
 from sepv.verification._cases.structures import CASES
-from sepv.verification._cases.users_problems import cases_for
+from sepv.verification._cases.users_problems import cases_for, objects_of
 from sepv.verification._law import Effort, Finding, Law, Measurement, Run, Verdict
 
 Check = Callable[[Scheme, Case], Measurement]
@@ -186,7 +186,7 @@ def searched(
     def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
         log = _Log()
         with suppress(_Violation, _Fault, Skipped):
-            _measure(log, scheme, cases_of.from_json(witness), check, faults_violate)
+            _measure(log, scheme, cases_of.from_json(witness, objects_of(scheme)), check, faults_violate)
         return _conclude(law, scheme, log)
 
     return Law(name, statement, source, unit, run, replay, always_claimed, level, needed, cost, steps)

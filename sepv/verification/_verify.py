@@ -98,6 +98,7 @@ def verify(
     if not isinstance(jobs, int) or isinstance(jobs, bool) or jobs < 1:
         raise UsageError(expected="jobs, an integer ≥ 1", received=repr(jobs), remedy="jobs=2 for two cores")
     known = load_expected(expected, LAWS) if expected is not None else Expectations()
+    problems = list(known.problems) or None if problems is None else problems
     candidate = _load(scheme, {*listed(claims), *(known.claims or ())}, timeout, problems)
     load_laws(candidate.claims)
     found: dict[str, Finding] = {}
@@ -129,9 +130,10 @@ def verify(
             unmeasured = law.finding(Verdict.NOT_MEASURED, message=why)
             found[law.name] = replace(unmeasured, claimed=law.claimed_by(candidate))
     findings = tuple(found[law.name] for law in chosen)
-    gaps = tuple(known.gaps((law.name for law in chosen), candidate.name))
     target = words_for(scheme, problems)
-    return Report(candidate, findings, effort, interrupted, known.is_pin, target, gaps, level)
+    report = Report(candidate, findings, effort, interrupted, known.claims, target, level=level)
+    gaps = known.gaps((law.name for law in chosen), candidate.name, report.problems)
+    return replace(report, gaps=tuple(gaps))
 
 
 def _side_by_side(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import zlib
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -100,12 +101,15 @@ def to_json(case: Case) -> dict[str, Any]:
     }
 
 
-def from_json(data: Any) -> Case:
-    """The inverse of `to_json`; a UsageError for anything else."""
+def from_json(data: Any, objects: Iterable[Problem] = ()) -> Case:
+    """The inverse of `to_json`; a UsageError for anything else.
+
+    `objects` are the problems among which one is looked up that was handed over as an object, by its name.
+    """
     try:
-        given = "given" in data["problem"]
+        problem = data["problem"]
         return Case(
-            problem=(_given_problem if given else problem_from_json)(data["problem"]),
+            problem=_given_problem(problem, objects) if "given" in problem else problem_from_json(problem),
             y=tuple(parse_float(v) for v in data["y"]),
             h=parse_float(data["h"]),
             dW=tuple(parse_float(v) for v in data["dW"]),
@@ -121,17 +125,24 @@ def from_json(data: Any) -> Case:
         ) from error
 
 
-def _given_problem(data: dict[str, Any]) -> GivenProblem:
-    """A problem made of functions, from where it was named."""
+def has_words(witness: Any) -> bool:
+    """Whether a command can name the problem of a witness: one that was handed over as an object has no words."""
+    return not (isinstance(witness, dict) and witness.get("problem", {}).get("given") == "")
+
+
+def _given_problem(data: dict[str, Any], objects: Iterable[Problem]) -> GivenProblem:
+    """A problem made of functions, from where it was named, or the only one of its name among `objects`."""
     target = str(data["given"])
-    if ":" not in target and target not in problems.EXTENSIONS | problems.HAMILTONIANS:
+    own = [problem for problem in objects if not target and problem.name == data.get("object")]
+    if ":" not in target and target not in problems.EXTENSIONS | problems.HAMILTONIANS and len(own) != 1:
         raise UsageError(
             expected="a witness whose problem can be loaded: a name, data, or module:attribute",
-            received=f"the problem {target!r}, which was handed over as an object",
-            remedy="name it as module:attribute with -p, or measure again in Python: verify(…, problems=[…])",
+            received=f"the problem {target or data.get('object')!r}, which was handed over as an object",
+            remedy="in the Python process that has the report: report.replay(LAW); elsewhere measure again with a "
+            "problem that has a name: -p module:attribute",
         )
     noise = tuple(parse_float(c) for c in data["noise"])
-    return GivenProblem(replace(load_problem(target), noise=noise, check=False), target)
+    return GivenProblem(replace(own[0] if own else load_problem(target), noise=noise, check=False), target)
 
 
 def _given(value: Any) -> str:

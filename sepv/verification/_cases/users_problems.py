@@ -165,15 +165,22 @@ def sources(scheme: Any) -> tuple[Item, ...]:
     return items(scheme.systems) if scheme.systems in FAMILIES else ()
 
 
+def objects_of(scheme: Any) -> tuple[Problem, ...]:
+    """The problems of a scheme that were handed over as objects: a witness names them, and no command can."""
+    return tuple(item.fixed for item in sources(scheme) if item.fixed is not None and not item.text)
+
+
 def problems_of(scheme: Any) -> tuple[Problem, ...] | None:
-    """Its problems with an initial state, for laws about many steps; None where it is for a whole class.
+    """Its problems with an initial state, each once, for laws about many steps; None where it is for a whole class.
+
+    A problem that is named and stands in a named family too is one problem: a name always gives the same object.
 
     `Skipped` is raised where none of them has one.
     """
     own = sources(scheme)
     if not own:
         return None
-    found = tuple(problem for item in own for problem in item.problems)
+    found = {id(problem): problem for item in own for problem in item.problems}
     if not found:
         raise Skipped(NO_START)
-    return found
+    return tuple(found.values())
