@@ -63,7 +63,7 @@ def submit(target: str | None, program: str | None, out: str, quiet: bool, **opt
     if quiet:
         page.line(screen, page.summary(report, asked.words))
     else:
-        page.show(report, asked.words, screen)
+        page.show(report, screen)
     if report.interrupted:
         click.echo(f"sepv: {out} is not written: the run was interrupted", err=True)
     else:
