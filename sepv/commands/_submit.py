@@ -61,7 +61,7 @@ def submit(target: str | None, program: str | None, out: str, quiet: bool, **opt
         )  # fmt: skip
     report, screen = replace(found, target=asked.words), page.console()
     if quiet:
-        page.line(screen, page.summary(report, asked.words))
+        page.line(screen, page.summary(report))
     else:
         page.show(report, screen)
     if report.interrupted:

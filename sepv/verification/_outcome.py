@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from sepv._arguments import did_you_mean
@@ -119,8 +119,6 @@ class Report:
         UsageError
             For a law that is not in the report, or whose finding has no witness, as one that holds.
         """
-        from sepv.verification._verify import replay
-
         finding = self.finding(law)
         if not finding.witness:
             raise UsageError(
@@ -128,7 +126,8 @@ class Report:
                 received=f"{finding.law}, which ended in: {finding.verdict.text}",
                 remedy=f'measure it anew: sepv.verify(scheme, laws="{finding.law}")',
             )
-        return replay(self.scheme, finding.law, finding.witness)
+        (known,) = load_laws([finding.law])
+        return replace(known.replay(known, self.scheme, finding.witness), claimed=finding.claimed)
 
     def again(self, finding: Finding) -> str:
         """What measures a finding again: a command, or Python where no words name the scheme or its problem."""
