@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import subprocess
 import sys
 from dataclasses import replace
@@ -18,8 +19,10 @@ from hypothesis import given, settings
 from benchmarks.peers import compliance
 from benchmarks.peers import compliance_rows as rows
 from sepv import problems
-from sepv.errors import Skipped
+from sepv.errors import Skipped, UsageError
 from sepv.peers import _compliance_measurements as measurements
+from sepv.peers._deviations import Shown as Script
+from sepv.peers._deviations import _notes
 from sepv.peers.posing import PathSolver, in_blocks, pose
 from sepv.problem import PolynomialSystem, Problem, vector_field
 from sepv.schemes import Scheme
@@ -343,23 +346,52 @@ def test_a_note_says_why_a_mark_is_not_what_it_seems() -> None:
     assert not list(rows._notes(scheme, {"mean-square-order": order, "right-limit": limit}))
 
 
+NOTED = 'NOTES = [("README, 1.0", "2020-02-29", "order 1, not tested")]\n'
+
+
+@pytest.mark.parametrize(
+    "notes",
+    [
+        "",
+        "NOTES = []\n",
+        'NOTES = [("README", "soon", "x")]\n',
+        'NOTES = [("README", "2020-02-29", " ")]\n',
+        "NOTES = 3\n",
+    ],
+)
+def test_nothing_is_published_without_what_the_library_itself_says(tmp_path: Path, notes: str) -> None:
+    (tmp_path / "one.py").write_text(f'"""lib heun: statement."""\n{notes}raise SystemExit(1)\n')
+    with pytest.raises(UsageError, match="what the library itself says"):
+        compliance.deviations_shown_by(tmp_path)
+
+
 def test_only_scripts_that_still_show_a_deviation_are_quoted(tmp_path: Path) -> None:
     for name, code in (("gone", 0), ("there", 1), ("broken", 2)):
         (tmp_path / f"{name}.py").write_text(
-            f'"""lib {name}: statement.\n\nWhy.\n"""\nprint("shown")\nraise SystemExit({code})\n'
+            f'"""lib {name}: statement.\n\nWhy.\n"""\n{NOTED}print("shown")\nraise SystemExit({code})\n'
         )
-    (tmp_path / "crash.py").write_text('"""lib crash: statement."""\nraise ValueError\n')
+    (tmp_path / "crash.py").write_text(f'"""lib crash: statement."""\n{NOTED}raise ValueError\n')
     (found,) = compliance.deviations_shown_by(tmp_path)
     assert found.solver == "lib there"
     assert "### lib there: statement." in found.text
+    assert found.text.index("README, 1.0, 2020-02-29: “order 1, not tested”") < found.text.index("Why.")
     assert "shown" in found.text
 
 
 @pytest.mark.parametrize("script", sorted((DOCS / "peers").glob("*.py")), ids=lambda p: p.stem)
 def test_every_script_is_quoted_on_the_page(script: Path) -> None:
+    """Its statement, what the library itself says, and then the measurement, on each page that names it."""
     pages = [(DOCS / name).read_text("utf-8") for name in ("compliance.md", "solvers.md")]
-    page = next(page for page in pages if f"peers/{script.name}" in page)
-    assert script.read_text("utf-8").splitlines()[0].removeprefix('"""') in page
+    naming = [page for page in pages if f"peers/{script.name}" in page]
+    assert naming
+    tree = ast.parse(script.read_text("utf-8"))
+    title, _, rest = (ast.get_docstring(tree) or "").partition("\n")
+    for page in naming:
+        output = page.partition(f"peers/{script.name}) prints")[2].split("```")[1].strip()
+        shown = Script(
+            script.name, title, rest.split("Exit code 1")[0].strip(), _notes(script.name, tree), 1, output, ""
+        )
+        assert compliance.section(shown, "peers") in page
 
 
 def test_a_script_shows_its_deviation_without_sepv() -> None:

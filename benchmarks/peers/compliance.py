@@ -1,8 +1,8 @@
 """The compliance table of other libraries' solvers: ``python -m benchmarks.peers.compliance --out docs/compliance.md``.
 
 Every law on every solver of the adapters, as `sepv verify` measures it, with orders and energy defects in numbers.
-Scripts in the folder ``peers`` beside the output (`sepv.peers._deviations`) are quoted where they show that a library
-does not do what its documentation says.
+Scripts in the folder ``peers`` beside the output (`sepv.peers._deviations`) are quoted where they show that a
+measurement differs from a library's documentation, after what the library itself says of it.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from sepv.peers._compliance_measurements import (
     release,
     suite_key,
 )
+from sepv.peers._deviations import Shown as Script
 from sepv.peers._deviations import shown_by
 from sepv.peers._kept_measurements import Cell, measured
 from sepv.peers.posing import PathSolver
@@ -49,7 +50,7 @@ ENERGY_STEPS = 64
 
 @dataclass(frozen=True)
 class Deviation:
-    """A solver, "library name", that does not do what its documentation says, and the section about it."""
+    """A solver, "library name", that was measured to differ from its documentation, and the section about it."""
 
     solver: str
     text: str
@@ -129,7 +130,7 @@ def document(found: Sequence[Row], deviations: Sequence[Deviation], command: str
         _introduction(),
         "## Orders and energy",
         markdown(numbers, first),
-        "† contradicted in the last section, where other problems than these two serve as well."
+        "† differs from what is documented: see the last section, where other problems than these two serve as well."
         if contradicted
         else "",
         "## Laws",
@@ -138,7 +139,7 @@ def document(found: Sequence[Row], deviations: Sequence[Deviation], command: str
         "\n".join(notes),
         "## Where the claimed orders come from",
         "\n".join(sources),
-        "## Where a library does not do what its documentation says",
+        "## Where a measurement differs from a library's documentation",
         "\n\n".join(d.text for d in deviations)
         or "Nothing found that reproduces in the library's own terms.",
     ]
@@ -173,10 +174,18 @@ def deviations_shown_by(folder: Path) -> list[Deviation]:
         if not script.deviates:
             click.echo(f"{folder / script.name} left out: exit code {script.code}\n{script.errors}", err=True)
             continue
-        run = f"[`{folder.name}/{script.name}`]({folder.name}/{script.name}) prints"
-        text = f"### {script.title}\n\n{script.body}\n\n{run}\n\n```\n{script.output}\n```"
-        found.append(Deviation(script.solver, text))
+        found.append(Deviation(script.solver, section(script, folder.name)))
     return found
+
+
+def section(script: Script, folder: str) -> str:
+    """What the library says, then what was measured."""
+    notes = "\n".join(f"- {note.place}, {note.date}: “{note.quotation}”" for note in script.notes)
+    run = f"[`{folder}/{script.name}`]({folder}/{script.name}) prints"
+    return (
+        f"### {script.title}\n\nWhat the library itself says:\n\n{notes}\n\nWhat was measured. {script.body}\n\n"
+        f"{run}\n\n```\n{script.output}\n```"
+    )
 
 
 @click.command()

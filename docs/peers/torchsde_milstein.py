@@ -1,9 +1,9 @@
 """torchsde milstein: with scalar noise and several components, not the Stratonovich solution.
 
-torchsde declares strong order 1.0 for it (`strong_order` of the solver). For dy = Jy ∘dW with J a quarter turn, the
-exact solution is y0 turned by the angle W(T). The error does not decrease. The default, which differentiates g by
-itself, adds ½ΔW² (∂g/∂y)ᵀg where Milstein's term is ½ΔW² (∂g/∂y)g: a vector-Jacobian product in the place of a
-Jacobian-vector product. For one component both are the same.
+For dy = Jy ∘dW with J a quarter turn, the exact solution is y0 turned by the angle W(T). The error does not decrease.
+The default, which differentiates g by itself, adds ½ΔW² (∂g/∂y)ᵀg where Milstein's term is ½ΔW² (∂g/∂y)g: a
+vector-Jacobian product in the place of a Jacobian-vector product. For one component both are the same, and so they
+are where ∂g/∂y is symmetric, as in ExScalar of the library's tests.
 
 Exit code 1 while this is so, 0 where the error falls as declared.
 """
@@ -12,6 +12,25 @@ import sys
 
 import torch
 import torchsde
+
+NOTES = [
+    (
+        "DOCUMENTATION.md of 0.2.6, list of SDE solvers; it states no orders (github.com/google-research/torchsde)",
+        "2023-09-26",
+        "Note that Milstein and SRK don't support general noise.",
+    ),
+    ("source of 0.2.6, torchsde/_core/methods/milstein.py", "2023-09-26", "strong_order = 1.0"),
+    (
+        "source of 0.2.6, torchsde/_core/base_sde.py, comment on the term that is computed",
+        "2023-09-26",
+        "Computes: g_prod and sum_{j, l} g_{j, l} d g_{j, l} d x_i v2_l.",
+    ),
+    (
+        "pull request 31, description by its author",
+        "2020-08-18",
+        "I will finish writing diagnostics when fix for `gdg_prod` bug is merged.",
+    ),
+]
 
 
 class Rotation(torch.nn.Module):

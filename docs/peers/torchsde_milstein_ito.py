@@ -1,10 +1,10 @@
-"""torchsde milstein, Itô: with scalar noise and several components strong order ½, not the declared 1.0.
+"""torchsde milstein, Itô: with scalar noise and several components strong order ½, where the source declares 1.0.
 
-torchsde declares strong order 1.0 for it (`strong_order` of the solver). For the Itô equation dy = Jy dW with J a
-quarter turn the exact solution is e^(T/2) y0 turned by the angle W(T). When the step is quartered the error should fall
-by 4, and falls by 2, as that of Euler's method. The default, which differentiates g by itself, adds
-½(ΔW² − h)(∂g/∂y)ᵀg where Milstein's term is ½(ΔW² − h)(∂g/∂y)g: a vector-Jacobian product in the place of a
-Jacobian-vector product. For one component both are the same. With `grad_free=True` the order is 1.
+For the Itô equation dy = Jy dW with J a quarter turn the exact solution is e^(T/2) y0 turned by the angle W(T). When
+the step is quartered the error should fall by 4, and falls by 2, as that of Euler's method. The default, which
+differentiates g by itself, adds ½(ΔW² − h)(∂g/∂y)ᵀg where Milstein's term is ½(ΔW² − h)(∂g/∂y)g: a vector-Jacobian
+product in the place of a Jacobian-vector product. For one component both are the same, and so they are where ∂g/∂y is
+symmetric, as in ExScalar of the library's tests. With `grad_free=True` the order is 1.
 
 Exit code 1 while this is so, 0 where the error falls as declared.
 """
@@ -14,6 +14,25 @@ import sys
 
 import torch
 import torchsde
+
+NOTES = [
+    (
+        "DOCUMENTATION.md of 0.2.6, list of SDE solvers; it states no orders (github.com/google-research/torchsde)",
+        "2023-09-26",
+        "Note that Milstein and SRK don't support general noise.",
+    ),
+    ("source of 0.2.6, torchsde/_core/methods/milstein.py", "2023-09-26", "strong_order = 1.0"),
+    (
+        "source of 0.2.6, torchsde/_core/base_sde.py, comment on the term that is computed",
+        "2023-09-26",
+        "Computes: g_prod and sum_{j, l} g_{j, l} d g_{j, l} d x_i v2_l.",
+    ),
+    (
+        "pull request 31, description by its author",
+        "2020-08-18",
+        "I will finish writing diagnostics when fix for `gdg_prod` bug is merged.",
+    ),
+]
 
 
 class Rotation(torch.nn.Module):

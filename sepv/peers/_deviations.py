@@ -1,17 +1,31 @@
-"""Scripts that show, in a library's own terms and without sepv, where it does not do what its documentation says.
+"""Scripts that show, in a library's own terms and without sepv, where a measurement differs from its documentation.
 
-A script is a file of the folder ``docs/peers``: its docstring begins with the solver, "library name", a colon and the
-statement; it ends with exit code 1 while that is so, and with 0 where the library does what it says.
+A script is a file of the folder ``docs/peers``. Its docstring begins with the solver, "library name", a colon and the
+statement. Its list NOTES quotes what the library itself says of the matter, (place, date, quotation) each: README,
+docstring, source and issues were read, and nothing is published without them. It ends with exit code 1 while the
+difference is there, and with 0 where there is none.
 """
 
 from __future__ import annotations
 
 import ast
+import datetime
 import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
+
+from sepv.errors import UsageError
+
+
+class Note(NamedTuple):
+    """A quotation from the library's own notes, the place where it stands, and its date (YYYY-MM-DD)."""
+
+    place: str
+    date: str
+    quotation: str
 
 
 @dataclass(frozen=True)
@@ -21,6 +35,7 @@ class Shown:
     name: str  # of its file
     title: str  # the first line of its docstring
     body: str  # the rest, up to the exit code
+    notes: tuple[Note, ...]  # what the library itself says
     code: int  # 1: the library deviates; 0: it does not; else the script failed
     output: str
     errors: str
@@ -37,12 +52,40 @@ class Shown:
 
 
 def shown_by(folder: Path, library: str = "") -> Iterator[Shown]:
-    """Run every script of the folder, or those about one library, each in a process of its own."""
+    """Run every script of the folder, or those about one library, each in a process of its own.
+
+    A UsageError for a script that does not quote the library's own notes.
+    """
     for script in sorted(folder.glob("*.py")):
-        docstring = ast.get_docstring(ast.parse(script.read_text("utf-8"))) or script.stem
+        tree = ast.parse(script.read_text("utf-8"))
+        docstring = ast.get_docstring(tree) or script.stem
         title, _, rest = docstring.partition("\n")
         if library and title.split()[0] != library:
             continue
+        notes = _notes(script.name, tree)
         done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=False)
         body = rest.split("Exit code 1")[0].strip()
-        yield Shown(script.name, title, body, done.returncode, done.stdout.strip(), done.stderr)
+        yield Shown(script.name, title, body, notes, done.returncode, done.stdout.strip(), done.stderr)
+
+
+def _notes(script: str, tree: ast.Module) -> tuple[Note, ...]:
+    """The list NOTES of a script, checked."""
+    try:
+        (value,) = (
+            node.value
+            for node in tree.body
+            if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "NOTES"
+        )
+        notes = tuple(Note(*entry) for entry in ast.literal_eval(value))
+        for note in notes:
+            datetime.date.fromisoformat(note.date)
+        if notes and all(isinstance(text, str) and text.strip() for note in notes for text in note):
+            return notes
+        received = "one that is empty"
+    except (ValueError, TypeError) as error:
+        received = str(error)
+    raise UsageError(
+        expected=f"{script} with a list NOTES of (place, YYYY-MM-DD, quotation): what the library itself says",
+        received=received,
+        remedy="read its README, docstrings, changelog and issues, and quote them",
+    )

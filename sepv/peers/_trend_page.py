@@ -67,7 +67,10 @@ def _library(records: Sequence[Record]) -> Iterator[str]:
         yield "No verdict changed."
     shown = deviations(records)
     if shown:
-        yield "**Where it does not do what its documentation says**"
+        yield (
+            "**Where a measurement differs from its documentation** (its own notes about it are quoted in "
+            "[compliance](compliance.md))"
+        )
         yield markdown(
             ["script", "statement", "seen in", "mended in"],
             [
