@@ -15,6 +15,7 @@ from typing import Any
 
 from sepv.reference.problem import Description
 
+from sepv._arguments import hex_float, parse_json
 from sepv.errors import UsageError
 from sepv.problem._json import problem_from_json, problem_to_json
 
@@ -128,7 +129,7 @@ def load(scheme: str, folder: Path = FOLDER) -> tuple[ReferenceVector, ...]:
     """
     path = folder / f"{scheme}.json"
     try:
-        data = json.loads(path.read_text(encoding="ascii"))
+        data = parse_json(path.read_bytes())
     except (OSError, ValueError) as error:
         have = ", ".join(schemes_with_vectors(folder)) or "none"
         raise UsageError(
@@ -180,11 +181,11 @@ def _from_json(scheme: str, case: Any, path: Path) -> ReferenceVector:
             id=name,
             scheme=scheme,
             problem=problem_from_json(case["problem"]),
-            y=tuple(map(float.fromhex, case["y"])),
-            h=float.fromhex(case["theta"] if scheme == FLOW else case["h"]),
-            dW=tuple(map(float.fromhex, case.get("dW", ()))),
+            y=tuple(map(hex_float, case["y"])),
+            h=hex_float(case["theta"] if scheme == FLOW else case["h"]),
+            dW=tuple(map(hex_float, case.get("dW", ()))),
             y1=tuple(case["y1"]),
-            y1_hex=tuple(map(float.fromhex, case["y1_hex"])),
+            y1_hex=tuple(map(hex_float, case["y1_hex"])),
             condition=float(case["condition"]),
             rounding=tuple(map(float, case["rounding"])),
             flags=tuple(case["flags"]),

@@ -1,8 +1,13 @@
-"""Arguments that are numbers, as arrays of float64: text, complex numbers and ragged lists are refused."""
+"""Numbers from outside: arguments as arrays of float64, and JSON, whose doubles are numbers or hex floats with 0x.
+
+Text, complex numbers and ragged lists are refused, and in JSON NaN and a key that stands twice.
+"""
 
 from __future__ import annotations
 
+import json
 import math
+import re
 from collections.abc import Iterable
 from difflib import get_close_matches
 from importlib import import_module
@@ -12,6 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sepv.errors import UsageError
+
+_HEX = re.compile(
+    r"[+-]?(0x[0-9a-f]+(\.[0-9a-f]*)?(p[+-]?[0-9]{1,9})?|nan|inf|infinity)", re.IGNORECASE
+).fullmatch
+# Characters that a message quotes of a value.
+_SHOWN = 60
 
 
 def floats(what: str, value: Any) -> NDArray[np.float64]:
@@ -64,3 +75,66 @@ def did_you_mean(word: Any, known: Iterable[str]) -> str:
     """The word as it came, and the known one it is closest to, if any is close."""
     near = get_close_matches(str(word).replace("_", "-").lower(), list(known), n=1)
     return f"{word!r} (did you mean {near[0]!r}?)" if near else repr(word)
+
+
+def parse_json(text: str | bytes) -> Any:
+    """The value of a JSON text; bytes are UTF-8.
+
+    Raises
+    ------
+    ValueError
+        For text that is not JSON, the constants NaN and Infinity, an object with one key twice, a number with more
+        digits or brackets within brackets deeper than Python reads.
+    """
+    try:
+        text = text.decode() if isinstance(text, bytes) else text
+        return json.loads(text, parse_constant=_refuse, object_pairs_hook=_object)
+    except RecursionError:
+        raise ValueError("brackets within brackets, too deep to be read") from None
+
+
+def _refuse(constant: str) -> None:
+    raise ValueError(f"{constant} is not JSON, which has finite numbers only")
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in keys if keys.count(key) > 1)
+        raise ValueError(f"the key {twice!r:.{_SHOWN}} stands twice in one object")
+    return found
+
+
+def hex_float(text: Any) -> float:
+    """The double of a text as C's %a prints it, ±inf for one beyond binary64; a ValueError for anything else."""
+    if not isinstance(text, str) or not _HEX(text):
+        raise ValueError(f'{text!r:.{_SHOWN}} is no hex float in a string, such as "0x1.8p+1" for 3')
+    try:
+        return float.fromhex(text)
+    except OverflowError:
+        return -math.inf if text.startswith("-") else math.inf
+
+
+def double(value: Any) -> float:
+    """The finite double of a JSON number or of a hex float in a string.
+
+    Raises
+    ------
+    ValueError
+        For anything else: decimal text, true and false, numbers beyond binary64.
+    """
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        kind = {bool: "true or false", type(None): "null", list: "a list", dict: "an object"}
+        raise ValueError(f"{kind.get(type(value), type(value).__name__)} where a number was expected")
+    try:
+        found = hex_float(value) if isinstance(value, str) else float(value)
+    except OverflowError:
+        found = math.inf
+    except ValueError:
+        raise ValueError(
+            f'{value!r:.{_SHOWN}} is neither a JSON number such as 0.5 nor a hex float with 0x, such as "0x1p-1"'
+        ) from None
+    if not math.isfinite(found):
+        raise ValueError(f"{value!r:.{_SHOWN}} is not finite, or beyond the largest binary64 number")
+    return found

@@ -15,6 +15,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from sepv._arguments import double, parse_json
 from sepv._version import __version__
 from sepv.errors import UsageError, require_one_of
 
@@ -54,8 +55,8 @@ RESULTS = {
     "bench": 1, "comparison": 1, "hard": 1, "path": 1, "report": 1, "reproduction": 1, "solvability": 1, "teeth": 1,
     "ulps": 1,
 }  # fmt: skip
-# And what says itself what made it: a bundle's manifest, a record of `sepv peers`.
-SCHEMAS = (*RESULTS, "manifest", "peers")
+# A bundle's manifest and a record of `sepv peers` say themselves what made them; users write problems and witnesses.
+SCHEMAS = (*RESULTS, "manifest", "peers", "problem", "witness")
 # Larger files are no result of this package.
 LARGEST = 64 * 2**20
 
@@ -94,8 +95,10 @@ def read_json(path: str | Path, *, expected: str, remedy: str) -> Any:
         size = Path(path).stat().st_size
         if size > LARGEST:
             raise ValueError(f"{size} bytes, more than {LARGEST}")
-        return json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
+        return parse_json(Path(path).read_bytes())
+    except OSError as error:
+        raise UsageError(expected=expected, received=f"{path}: {error.strerror}", remedy=remedy) from error
+    except ValueError as error:
         raise UsageError(expected=expected, received=f"{path}: {error}", remedy=remedy) from error
 
 
@@ -121,7 +124,9 @@ def schema(name: str) -> dict[str, Any]:
     UsageError
     """
     require_one_of("a schema", name, SCHEMAS)
-    found = _packaged(name)
+    found = _packaged("problem" if name == "witness" else name)
+    if name == "witness":
+        found["$ref"] = "#/$defs/witness"
     if name in RESULTS:
         found["properties"]["made"] = _packaged("made")
         found["properties"]["made"]["properties"]["schema"] = {"const": name}
@@ -135,8 +140,15 @@ def _packaged(name: str) -> dict[str, Any]:
 
 def fault(data: Any, schema: dict[str, Any]) -> str:
     """The fault that says most of what is wrong, with its place; empty where data obey the schema."""
-    from jsonschema import Draft202012Validator
+    from jsonschema import Draft202012Validator, FormatChecker
     from jsonschema.exceptions import best_match
 
-    error = best_match(Draft202012Validator(schema).iter_errors(data))
-    return "" if error is None else f"{error.json_path}: {error.message:.200}"
+    formats = FormatChecker(())
+    formats.checks("double", raises=ValueError)(lambda value: double(value) is not None)
+    found = list(Draft202012Validator(schema, format_checker=formats).iter_errors(data))
+    error = best_match(found)
+    if error is None:
+        return ""
+    # Of a number our own words, which say what it may be.
+    own = next((e.cause for e in found if e.cause is not None and e.json_path == error.json_path), None)
+    return f"{error.json_path}: {own or f'{error.message:.200}'}"

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
+from sepv._arguments import hex_float
+from sepv._terminal import counted
 from sepv.errors import UsageError
 from sepv.problem import NamedProblem, PolynomialSystem, Problem
-from sepv.record._polynomial import parse_float
 
 
 def numbers(text: str | None, what: str, count: int, default: Any = None) -> tuple[float, ...]:
@@ -15,18 +17,25 @@ def numbers(text: str | None, what: str, count: int, default: Any = None) -> tup
         return tuple(float(v) for v in default)
     parts = [p.strip() for p in (text or "").split(",") if p.strip()]
     try:
-        values = tuple(parse_float(p) if "x" in p.lower() else float(p) for p in parts)
+        values = tuple(hex_float(p) if "x" in p.lower() else float(p) for p in parts)
     except ValueError as error:
         raise UsageError(
             expected=f"{what}: numbers separated by commas, decimal or hexadecimal",
             received=repr(text),
             remedy=f"for example {what} {','.join(['0.5'] * max(count, 1))}",
         ) from error
-    if len(values) != count or not all(abs(v) < float("inf") for v in values):
+    each = {"--y": "one for each component of the problem", "--dW": "one for each noise of the problem"}
+    if len(values) != count:
         raise UsageError(
-            expected=f"{count} finite numbers after {what}",
+            expected=f"{counted(count, 'number')} after {what}",
             received=f"{len(values)}: {text!r}",
-            remedy="one for each component" if what == "--y" else "one for each noise of the problem",
+            remedy=each.get(what, f"for example {what} 0.5"),
+        )
+    if not all(map(math.isfinite, values)):
+        raise UsageError(
+            expected=f"finite numbers after {what}",
+            received=repr(text),
+            remedy=f"for example {what} {','.join(['0.5'] * max(count, 1))}",
         )
     return values
 

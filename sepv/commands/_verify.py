@@ -144,7 +144,7 @@ def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], 
 
     quiet, debug = options["quiet"], click.get_current_context().params["debug"]
     if options["token"] is not None:
-        _replay(targets, laws, options["token"], debug)
+        _replay(targets, laws, options["token"], options["problems"], debug)
     files = {kind: options[kind] for kind in ("json", "junit", "badge", "write_expected", "pin")}
     if len(targets) > 1 and (any(files.values()) or options["expected"]):
         raise UsageError(
@@ -211,7 +211,7 @@ def _no_longer_guarded(path: str, report: Any) -> list[str]:
     return sorted(claims - {f.law for f in report.findings if f.verdict is Verdict.HOLDS})
 
 
-def _replay(targets: tuple[Any, ...], laws: cli.Names, token: str, debug: bool) -> None:
+def _replay(targets: tuple[Any, ...], laws: cli.Names, token: str, asked: cli.Names, debug: bool) -> None:
     from sepv.verification import Verdict
     from sepv.verification import _report as report
     from sepv.verification._cases import case
@@ -223,6 +223,8 @@ def _replay(targets: tuple[Any, ...], laws: cli.Names, token: str, debug: bool) 
             received=f"TARGET: {len(targets)}, --law: {len(laws)}",
             remedy="copy the whole command from the report",
         )
-    finding = replay(targets[0], laws[0], case.to_json(case.from_token(token)))
+    witness = case.witness_of(token)
+    case.require_named(witness, asked)
+    finding = replay(targets[0], laws[0], witness)
     report.show_finding(finding, report.console(), debug=debug)
     raise SystemExit({Verdict.HOLDS: 0, Verdict.ERROR: 3}.get(finding.verdict, 1))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-import re
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+from sepv._arguments import hex_float, parse_json
 from sepv.errors import Skipped
 from sepv.external._child import Child
 from sepv.external._errors import BadAnswer, NotFinite, NotJson, WrongId, WrongShape, clean, shown
@@ -19,8 +20,6 @@ from sepv.schemes._point_distributions import NAMES, NORMAL
 PROTOCOL = 1
 # What a message that a program takes may hold at most, whatever the program would take.
 MOST_STEPS = 1024
-_HEX = re.compile(r"[+-]?0[xX][0-9a-fA-F]+(\.[0-9a-fA-F]*)?([pP][+-]?[0-9]{1,5})?").fullmatch
-_NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.IGNORECASE).fullmatch
 
 
 @dataclass(frozen=True)
@@ -103,12 +102,9 @@ def read_hello(answer: dict[str, Any]) -> Hello:
 
 
 def decode(child: Child, line: bytes, number: int) -> dict[str, Any]:
-    def reject(constant: str) -> None:
-        raise ValueError(f"{constant} is not JSON")
-
     try:
-        answer = json.loads(line.decode(), parse_constant=reject)
-    except (ValueError, RecursionError) as error:
+        answer = parse_json(line)
+    except ValueError as error:
         raise child.fault(
             NotJson,
             "a line of JSON in UTF-8",
@@ -141,23 +137,21 @@ def states(answer: Any, count: int, d: int) -> list[list[float]]:
 
 
 def _double(text: Any) -> float:
-    number = isinstance(text, str) and _HEX(text)
-    if number:
-        try:
-            return float.fromhex(text)
-        except OverflowError:
-            pass
-    if number or (isinstance(text, str) and _NOT_FINITE(text)):
+    try:
+        number = hex_float(text)
+    except ValueError:
+        raise BadAnswer(
+            expected='a double as a hex float in a string, such as "0x1.8p+1" for 3',
+            received=clean(f"{text!r}"),
+            remedy="print doubles as C's %a does: decimal text loses bits unless both sides take care",
+        ) from None
+    if not math.isfinite(number):
         raise NotFinite(
             expected="finite numbers in y_next",
             received=text[:80],
             remedy='answer "error" with a reason where a step cannot be made',
         )
-    raise BadAnswer(
-        expected='a double as a hex float in a string, such as "0x1.8p+1" for 3',
-        received=clean(f"{text!r}"),
-        remedy="print doubles as C's %a does: decimal text loses bits unless both sides take care",
-    )
+    return number
 
 
 def travelling(problem: Problem, said: Hello) -> str:

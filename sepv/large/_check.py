@@ -66,7 +66,7 @@ def _same(name: str, given: Array, expected: Array) -> None:
     if error.size and not np.max(error) <= TOLERANCE * scale:
         worst = int(np.argmax(error))
         raise ProblemError(
-            expected=f"{name} to be that of its function: {np.ravel(expected)[worst]!r} in component {worst + 1}",
+            expected=f"{name} to be that of its function: {np.ravel(expected)[worst]!r} at [{worst}]",
             received=f"{np.ravel(given)[worst]!r}",
             remedy=f"correct {name}, or the function that it belongs to",
         )

@@ -7,6 +7,7 @@ import re
 import shlex
 from typing import Any
 
+from sepv._arguments import hex_float
 from sepv._terminal import counted
 from sepv.errors import UsageError
 from sepv.page._pictures import Pictures
@@ -299,7 +300,7 @@ def bench(data: View) -> View:
     kinds = list(dict.fromkeys(k for r in data["records"] for case in r["cases"] for k in case["counters"]))
 
     def rms(groups: list[str]) -> str:
-        values = [float.fromhex(v) for v in groups]
+        values = [hex_float(v) for v in groups]
         return number((sum(values) / max(1, len(values))) ** 0.5)
 
     def row(c: View) -> View:

@@ -85,7 +85,8 @@ def _check_skew(problem: Problem, y: Array) -> None:
     if not defect[i, j] <= SKEW_TOLERANCE * max(np.abs(B).max(), TINY):
         raise ProblemError(
             expected="a skew-symmetric structure matrix, B_ij = −B_ji",
-            received=f"B[{i + 1},{j + 1}] = {B[i, j]!r} and B[{j + 1},{i + 1}] = {B[j, i]!r} at y = {y.tolist()}",
+            received=f"structure(y)[{i}, {j}] = {float(B[i, j])!r} and structure(y)[{j}, {i}] = {float(B[j, i])!r} "
+            f"at y = {y.tolist()}",
             remedy="compute the entries above the diagonal and set the others to their negatives",
         )
 
@@ -94,8 +95,8 @@ def _check_gradient(problem: Problem, y: Array) -> None:
     for (k,), value, derivative in _mistaken(problem.gradient(y), problem.hamiltonian, y):
         raise ProblemError(
             expected="gradient to be that of hamiltonian",
-            received=f"gradient[{k + 1}] = {value!r}, ∂H/∂y{k + 1} = {derivative!r} at y = {y.tolist()}",
-            remedy=f"correct component {k + 1} of gradient, or hamiltonian",
+            received=f"gradient(y)[{k}] = {value!r}, ∂H/∂y[{k}] = {derivative!r} at y = {y.tolist()}",
+            remedy=f"correct gradient(y)[{k}], or hamiltonian",
         )
 
 
@@ -143,7 +144,7 @@ def _check_casimirs(problem: Problem, y: Array) -> None:
         if not abs(product[k]) <= CASIMIR_TOLERANCE * max(size.max(), TINY):
             raise ProblemError(
                 expected=f"{key} to be a Casimir: ∇CᵀB = 0 for all y",
-                received=f"(∇CᵀB)[{k + 1}] = {float(product[k])!r} at y = {y.tolist()}",
+                received=f"(∇CᵀB)[{k}] = {float(product[k])!r} at y = {y.tolist()}",
                 remedy="correct the matrix (C(y) = yᵀAy), or leave it out: no law then asks for it",
             )
 
@@ -162,7 +163,7 @@ def _check_derivatives(problem: Problem, y: Array) -> None:
         for index, value, derivative in _mistaken(given, of, y):
             raise ProblemError(
                 expected=f"{key} to be the derivative of what it belongs to",
-                received=f"{key}{[i + 1 for i in index]} = {value!r}, derivative {derivative!r} at y = {y.tolist()}",
+                received=f"{key}(y){list(index)} = {value!r}, derivative {derivative!r} at y = {y.tolist()}",
                 remedy=f"correct it, or leave {key} out: differences then serve",
             )
 

@@ -1,12 +1,64 @@
-"""Problem descriptions as JSON with hex floats: a round trip keeps every bit."""
+"""Problem descriptions as JSON with hex floats: a round trip keeps every bit.
+
+``sepv/schemas/problem.schema.json`` says what a problem file may hold. `from_json` holds data to it;
+`problem_from_json` builds what obeys it.
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
+from sepv._arguments import double
 from sepv.errors import ProblemError
-from sepv.problem._problem import Description, GivenProblem, NamedProblem, PolynomialSystem, Structure
+from sepv.files import fault, schema
+from sepv.problem._problem import (
+    Description,
+    GivenProblem,
+    NamedProblem,
+    PolynomialSystem,
+    Problem,
+    Structure,
+)
 from sepv.record import _polynomial as poly
+
+
+def to_json(problem: Problem | PolynomialSystem | NamedProblem) -> dict[str, Any]:
+    """A JSON object with hex floats, as a problem file holds it; of a `Problem` with its initial state.
+
+    Raises
+    ------
+    ProblemError
+        For a `Problem` that is given by Python functions only.
+    """
+    if isinstance(problem, (PolynomialSystem, NamedProblem)):
+        return problem_to_json(problem)
+    data = getattr(problem, "data", None)
+    if data is None:
+        raise ProblemError(
+            expected="a problem with data: one of sepv.problems, or polynomials in a PolynomialSystem",
+            received=f"{getattr(problem, 'name', problem)!s:.80}, which is made of Python functions",
+            remedy="write H and B as polynomials, or name the problem as module:attribute where a file is asked for",
+        )
+    initial = {} if problem.initial is None else {"initial": _row(problem.initial)}
+    return problem_to_json(data) | initial
+
+
+def from_json(data: Any) -> PolynomialSystem | NamedProblem:
+    """The description that a JSON object holds; plain numbers are taken as well as hex floats.
+
+    Raises
+    ------
+    ProblemError
+        For anything that does not obey the schema of problems, with the place and the reason.
+    """
+    if wrong := fault(data, schema("problem")):
+        raise ProblemError(
+            expected="a problem as its schema describes it: dimension, hamiltonian [[exponents, coefficient], …], "
+            "structure [[i, j, terms], …], noise, casimirs; or name and parameters",
+            received=wrong,
+            remedy="write one with sepv.problems.to_json, and change that",
+        )
+    return problem_from_json(data)
 
 
 def problem_to_json(data: Description) -> dict[str, Any]:
@@ -15,25 +67,22 @@ def problem_to_json(data: Description) -> dict[str, Any]:
     "given" is the words that name the problem. It is empty where there are none; then "object" is its own name.
     """
     if isinstance(data, GivenProblem):
-        noise = [float(c).hex() for c in data.problem.c]
-        return {"given": data.target, "noise": noise} | ({} if data.target else {"object": data.problem.name})
+        found = {"given": data.target, "noise": _row(data.problem.c)}
+        return found | ({} if data.target else {"object": data.problem.name})
     if isinstance(data, PolynomialSystem):
-        return to_json(data)
-    return {"name": data.name, "parameters": {k: [v.hex() for v in values] for k, values in data.parameters}}
+        return _polynomial_json(data)
+    return {"name": data.name, "parameters": {k: _row(values) for k, values in data.parameters}}
 
 
 def problem_from_json(data: Any) -> PolynomialSystem | NamedProblem:
-    """The inverse of `problem_to_json`."""
+    """The inverse of `problem_to_json`, for data that obey the schema."""
     if "name" not in data:
-        return from_json(data)
-    parameters = {
-        k: tuple(poly.parse_float(v) for v in values) for k, values in data.get("parameters", {}).items()
-    }
-    return NamedProblem(data["name"], tuple(parameters.items()))
+        return _polynomial_system(data)
+    parameters = data.get("parameters", {})
+    return NamedProblem(data["name"], tuple((k, _doubles(values)) for k, values in parameters.items()))
 
 
-def to_json(data: PolynomialSystem) -> dict[str, Any]:
-    """A JSON object with hex floats; `from_json` gives back an equal record."""
+def _polynomial_json(data: PolynomialSystem) -> dict[str, Any]:
     more = {
         "nambu": [poly.to_json(p) for p in data.nambu or ()],
         "noise_structures": [_table(G) for G in data.noise_structures],
@@ -43,9 +92,9 @@ def to_json(data: PolynomialSystem) -> dict[str, Any]:
         "dimension": data.dimension,
         "hamiltonian": poly.to_json(data.hamiltonian),
         "structure": _table(data.structure),
-        "noise": [c.hex() for c in data.noise],
-        "casimirs": [[[a.hex() for a in row] for row in A] for A in data.casimirs],
-        "linear_casimirs": [[b.hex() for b in vector] for vector in data.linear_casimirs],
+        "noise": _row(data.noise),
+        "casimirs": [[_row(row) for row in A] for A in data.casimirs],
+        "linear_casimirs": [_row(vector) for vector in data.linear_casimirs],
         **{key: values for key, values in more.items() if values},
     }
 
@@ -54,44 +103,32 @@ def _table(structure: Structure) -> list[Any]:
     return [[i, j, poly.to_json(entry)] for i, j, entry in structure]
 
 
-def from_json(data: Any) -> PolynomialSystem:
-    """The inverse of `to_json`; plain numbers are taken as well as hex floats.
+def _row(values: Any) -> list[str]:
+    return [float(v).hex() for v in values]
 
-    Raises
-    ------
-    ProblemError
-        For anything that does not describe a problem, with what was expected.
-    """
+
+def _polynomial_system(data: dict[str, Any]) -> PolynomialSystem:
+    d = int(data["dimension"])
 
     def structure(table: Any) -> Structure:
         return tuple((int(i), int(j), poly.from_json(d, entry)) for i, j, entry in table)
 
-    try:
-        d = int(data["dimension"])
-        nambu = None
-        if data.get("nambu"):
-            factor, casimir = (poly.from_json(d, p) for p in data["nambu"])
-            nambu = factor, casimir
-        return PolynomialSystem(
-            dimension=d,
-            hamiltonian=poly.from_json(d, data["hamiltonian"]),
-            structure=structure(data["structure"]),
-            noise=tuple(poly.parse_float(c) for c in data.get("noise", [1.0])),
-            casimirs=tuple(
-                tuple(tuple(poly.parse_float(a) for a in row) for row in A) for A in data.get("casimirs", [])
-            ),
-            linear_casimirs=tuple(
-                tuple(poly.parse_float(b) for b in v) for v in data.get("linear_casimirs", [])
-            ),
-            nambu=nambu,
-            noise_structures=tuple(structure(G) for G in data.get("noise_structures", [])),
-            noise_hamiltonians=tuple(poly.from_json(d, p) for p in data.get("noise_hamiltonians", [])),
-        )
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        if isinstance(error, ProblemError):
-            raise
-        raise ProblemError(
-            expected="a problem: dimension, hamiltonian, structure [[i, j, terms], …], noise, casimirs",
-            received=f"{type(error).__name__}: {error}",
-            remedy="write one with sepv.problems.to_json and change that",
-        ) from error
+    nambu = None
+    if data.get("nambu"):
+        factor, casimir = (poly.from_json(d, p) for p in data["nambu"])
+        nambu = factor, casimir
+    return PolynomialSystem(
+        dimension=d,
+        hamiltonian=poly.from_json(d, data["hamiltonian"]),
+        structure=structure(data["structure"]),
+        noise=_doubles(data.get("noise", [1.0])),
+        casimirs=tuple(tuple(map(_doubles, A)) for A in data.get("casimirs", [])),
+        linear_casimirs=tuple(map(_doubles, data.get("linear_casimirs", []))),
+        nambu=nambu,
+        noise_structures=tuple(map(structure, data.get("noise_structures", []))),
+        noise_hamiltonians=tuple(poly.from_json(d, p) for p in data.get("noise_hamiltonians", [])),
+    )
+
+
+def _doubles(values: Any) -> tuple[float, ...]:
+    return tuple(map(double, values))

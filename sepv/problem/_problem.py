@@ -23,6 +23,10 @@ from sepv.record import Polynomial
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
 Flow = Callable[[Array, Array], Array]
+# What a problem is made of; the first three are always there, `gradient` as a mark where it is derived.
+_FUNCTIONS = (
+    "structure", "hamiltonian", "gradient", "hessian", "structure_derivative", "mean_gradient", "domain",
+)  # fmt: skip
 # Of polynomial data: the entries (i, j, B_ij) with i < j, and a matrix row by row.
 Structure = tuple[tuple[int, int, Polynomial], ...]
 Matrix = tuple[tuple[float, ...], ...]
@@ -205,15 +209,33 @@ class Problem:
 
     def __post_init__(self, check: bool) -> None:
         d = self.dimension
-        if not isinstance(d, int) or d < 1:
+        if not isinstance(d, int) or isinstance(d, bool) or d < 1:
             raise ProblemError(
-                expected="a dimension d ≥ 1", received=f"{d!r}", remedy="give the number of components of y"
+                expected="dimension: an integer d ≥ 1",
+                received=f"{d!r:.80}",
+                remedy="give the number of components of y",
             )
-        c = _numbers("noise", self.noise).reshape(-1)
-        if not np.all(np.isfinite(c)) or np.any(c < 0):
+        for key in _FUNCTIONS:
+            function = getattr(self, key)
+            if not callable(function) and (function is not None or key in _FUNCTIONS[:3]):
+                raise ProblemError(
+                    expected=f"{key}: a function of y, shape (d,) or (d, M)",
+                    received=f"{type(function).__name__}: {function!r:.80}",
+                    remedy=f"{key}=lambda y: …, also where it does not depend on y",
+                )
+        c = _numbers("noise", self.noise)
+        if c.ndim > 1 or not np.all(np.isfinite(c)):
             raise ProblemError(
-                expected="noise: the coefficients c_j, finite and ≥ 0, or () for none",
-                received=f"{self.noise!r}",
+                expected="noise: a finite number c_j ≥ 0 for each noise in one row, or () for none",
+                received=f"{self.noise!r:.120}",
+                remedy="noise=(0.5, 1.0) for two noises; noises with structures or Hamiltonians of their own are "
+                "sepv.problem.StructuresProblem and HamiltoniansProblem",
+            )
+        c = c.reshape(-1)
+        if np.any(c < 0):
+            raise ProblemError(
+                expected="noise: coefficients c_j ≥ 0",
+                received=f"{self.noise!r:.120}",
                 remedy="a sign belongs into the Wiener increment: c∘dW and −c∘dW have the same law",
             )
         # Over bytes, so that no scheme can make it writable again.

@@ -226,6 +226,6 @@ def _check_casimirs(
             if not vanishes((total, terms)):
                 raise ProblemError(
                     expected=f"{name} to be a Casimir: ∇CᵀB = 0 for all y",
-                    received=f"(∇CᵀB)[{j + 1}] ∝ {total}",
+                    received=f"(∇CᵀB)[{j}] ∝ {total}",
                     remedy="correct the matrix (C(y) = yᵀAy) or B, or leave it out: no law then asks for it",
                 )

@@ -12,11 +12,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import zip_longest
 from math import isfinite
+from numbers import Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sepv._arguments import double
 from sepv.errors import UsageError
 
 Exponents = tuple[int, ...]
@@ -54,7 +56,10 @@ def polynomial(dimension: int, terms: Mapping[Any, float] | Iterable[tuple[Expon
     """
     merged: dict[Exponents, float] = {}
     for exponents, coefficient in terms.items() if isinstance(terms, Mapping) else terms:
-        key = tuple(map(int, exponents))
+        try:
+            key = tuple(map(operator.index, exponents))
+        except TypeError:
+            key = (-1,)  # 2.5 is no exponent, and not 2
         if len(key) != dimension or min(key, default=0) < 0:
             raise UsageError(
                 expected=f"{dimension} exponents ≥ 0 for each term",
@@ -67,9 +72,9 @@ def polynomial(dimension: int, terms: Mapping[Any, float] | Iterable[tuple[Expon
                 received=f"exponents {key}",
                 remedy="powers are tabulated one by one: such a degree is a function, not a table",
             )
-        if not isfinite(coefficient):
+        if not isinstance(coefficient, Real) or not isfinite(coefficient):
             raise UsageError(
-                expected="finite coefficients",
+                expected="coefficients that are finite real numbers",
                 received=f"{coefficient!r} at exponents {key}",
                 remedy="leave the term out, or give it a finite value",
             )
@@ -306,21 +311,8 @@ def to_json(p: Polynomial) -> list[list[Any]]:
 
 
 def from_json(dimension: int, data: Any) -> Polynomial:
-    """The inverse of `to_json`."""
-    try:
-        terms = [(tuple(int(k) for k in e), parse_float(c)) for e, c in data]
-    except (TypeError, ValueError) as error:
-        raise UsageError(
-            expected="a list of [exponents, coefficient] pairs, coefficients as hex floats or numbers",
-            received=f"{data!r:.200}",
-            remedy='write for example [[[2, 0], "0x1p-1"]] for y1²/2',
-        ) from error
-    return polynomial(dimension, terms)
-
-
-def parse_float(value: Any) -> float:
-    """A float from a hex string ("0x1.8p-1") or a number."""
-    return float.fromhex(value) if isinstance(value, str) else float(value)
+    """The inverse of `to_json`, for data that obey the schema of problems."""
+    return polynomial(dimension, [(tuple(map(int, e)), double(c)) for e, c in data])
 
 
 def _term_text(exponents: Exponents, coefficient: float) -> str:

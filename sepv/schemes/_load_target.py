@@ -14,10 +14,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from sepv._arguments import did_you_mean
-from sepv.errors import TargetError, UsageError
+from sepv._arguments import did_you_mean, double
+from sepv.errors import ProblemError, TargetError, UsageError
+from sepv.files import read_json
 from sepv.problem import NamedProblem, PolynomialSystem, Problem
-from sepv.record._polynomial import parse_float
 from sepv.schemes._one_step import Explicit, Implicit
 from sepv.schemes._scheme import Scheme, Step
 
@@ -188,21 +188,21 @@ def _takes_nothing(function: Any) -> bool:
 
 
 def _from_file(path: Path) -> Problem:
-    import json
-
     from sepv import problems
 
+    data = read_json(
+        path,
+        expected="a JSON file of a problem",
+        remedy="write one with json.dump(sepv.problems.to_json(problem), file)",
+    )
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
-        raise UsageError(
-            expected="a JSON file of a polynomial problem",
-            received=f"{path}: {error}",
-            remedy="write one with sepv.problems.to_json",
+        problem = problems.build(problems.from_json(data))
+        initial = [double(v) for v in data["initial"]] if "initial" in data else problem.initial
+        return replace(problem, name=path.stem, initial=initial, check=False)
+    except UsageError as error:
+        raise ProblemError(
+            expected=error.expected, received=f"{path}: {error.received}", remedy=error.remedy
         ) from error
-    problem, start = problems.build(problems.from_json(data)), data.get("initial")
-    initial = problem.initial if start is None else [parse_float(v) for v in start]
-    return replace(problem, name=path.stem, initial=initial, check=False)
 
 
 def load_object(target: str) -> Any:

@@ -13,6 +13,9 @@ from sepv.errors import TruncationWarning, UsageError
 from sepv.problem import Array, Problem
 from sepv.schemes import PointLaw, Scheme, weakly
 
+# Beyond it N and N + 1 are one binary64 number.
+MOST_STEPS = 2**53
+
 
 def prepared(
     scheme: Scheme, truncation: int | Literal["own"] | None, increments: str | PointLaw | None
@@ -50,8 +53,10 @@ def step_count(h: float, T: float | None, steps: int | None) -> int:
     if not is_number(h) or h <= 0:
         raise UsageError(
             expected="h, a finite step size > 0",
-            received=f"h = {h!r}",
-            remedy="backward steps are for `step` alone",
+            received=f"h = {h!r:.80}",
+            remedy="a path goes forwards in time; a single step of `Scheme.step` may have h < 0"
+            if is_number(h) and h < 0
+            else "give a number such as h=0.01",
         )
     if (T is None) == (steps is None):
         raise UsageError(
@@ -60,15 +65,23 @@ def step_count(h: float, T: float | None, steps: int | None) -> int:
             remedy="give exactly one of them",
         )
     if steps is not None:
-        if not isinstance(steps, (int, np.integer)) or steps < 1:
+        if not isinstance(steps, (int, np.integer)) or isinstance(steps, bool) or steps < 1:
             raise UsageError(
-                expected="steps, an integer ≥ 1", received=repr(steps), remedy="take at least one step"
+                expected="steps, an integer ≥ 1",
+                received=f"{steps!r:.80}",
+                remedy="give a whole number of steps, such as steps=100",
             )
         return int(steps)
     assert T is not None
     if not is_number(T):
-        raise UsageError(expected="T, a finite number", received=repr(T), remedy="choose T = N h")
-    count = round(T / h)
+        raise UsageError(expected="T, a finite number", received=f"{T!r:.80}", remedy="choose T = N h")
+    count = round(min(T / h, MOST_STEPS + 1))
+    if count > MOST_STEPS:
+        raise UsageError(
+            expected=f"at most {MOST_STEPS} steps",
+            received=f"T = {T!r}, h = {h!r}",
+            remedy="choose a larger h: the rounding of t = Nh alone is beyond h otherwise",
+        )
     # h·N = T up to the rounding of decimal step sizes such as 0.01.
     if count < 1 or abs(count * h - T) > 1e-12 * T:
         raise UsageError(

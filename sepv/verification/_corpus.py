@@ -13,7 +13,7 @@ from functools import lru_cache
 from importlib.resources import files
 
 from sepv.problem import Systems
-from sepv.verification._cases.case import Case, from_json
+from sepv.verification._cases.case import Case, of_valid
 
 FORMAT = "sepv-witnesses-1"
 FOLDER = files("sepv.reference") / "witnesses"
@@ -38,7 +38,7 @@ def witnesses(law: str, systems: Systems | None = None) -> tuple[Witness, ...]:
         return ()
     data = json.loads(file.read_text(encoding="utf-8"))
     found = (
-        Witness(w["id"], Systems(w["systems"]), w["found"], tuple(w["caught"]), from_json(w["case"]))
+        Witness(w["id"], Systems(w["systems"]), w["found"], tuple(w["caught"]), of_valid(w["case"]))
         for w in data["witnesses"]
     )
     return tuple(w for w in found if systems in (None, w.systems))

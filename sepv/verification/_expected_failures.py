@@ -29,6 +29,8 @@ from sepv.verification._cases import case as cases
 from sepv.verification._law import Finding, Verdict
 
 _ENTRY = {"law", "reason", "witness"}
+# Eight times the nightly effort.
+_MOST = {"paths": 2**17, "examples": 8000}
 _KEYS = {"expected", "claims", "measured", "scheme", "problems"}
 _EXAMPLE = '[[expected]] with law = "…", reason = "…", witness = "…"; `--pin FILE` makes a first one'
 
@@ -82,11 +84,11 @@ class Expectations:
         return found + [f"{words}: {', '.join(which)}." for words, which in kinds if which]
 
 
-def load(path: str | Path, laws: Iterable[str]) -> Expectations:
+def load(path: str | Path, laws: Iterable[str], problems: Any = None) -> Expectations:
     """What a file says.
 
     A UsageError for one that is missing or not TOML, an unknown or repeated law, a missing reason or witness, a law
-    that is both claimed and expected to fail.
+    that is both claimed and expected to fail, a witness that would import a module that `problems` does not name.
     """
     try:
         data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
@@ -94,7 +96,7 @@ def load(path: str | Path, laws: Iterable[str]) -> Expectations:
         raise UsageError(
             expected="a file of expected failures", received=f"{path}: {error.strerror}", remedy=_EXAMPLE
         ) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise UsageError(expected=f"TOML in {path}", received=str(error), remedy=_EXAMPLE) from error
     entries = data.get("expected", [])
     if set(data) - _KEYS or not isinstance(entries, list):
@@ -106,6 +108,7 @@ def load(path: str | Path, laws: Iterable[str]) -> Expectations:
     known, found = tuple(laws), dict[str, ExpectedFailure]()
     for number, entry in enumerate(entries, start=1):
         failure = _entry(entry, f"{path}, entry {number}", known)
+        cases.require_named(failure.witness, problems)
         if failure.law in found:
             raise UsageError(
                 expected="each law once", received=f"{failure.law!r} twice in {path}", remedy="keep one entry"
@@ -158,15 +161,28 @@ def _entry(entry: Any, where: str, known: tuple[str, ...]) -> ExpectedFailure:
         raise UsageError(
             expected=f"a reason in {where}", received=repr(reason), remedy="say why this failure is expected"
         )
-    if isinstance(witness, str):
-        witness = cases.to_json(cases.from_token(witness))
-    if not isinstance(witness, dict):
+    try:
+        if isinstance(witness, str):
+            witness = cases.witness_of(witness)
+        elif isinstance(witness, dict) and "problem" in witness:
+            cases.require_witness(witness)
+        elif not isinstance(witness, dict) or not all(_drawn(k, v) for k, v in witness.items()):
+            raise UsageError(
+                expected="a token, or a table of integers such as { seed = 0, paths = 8192 } with "
+                + ", ".join(f"{key} ≤ {most}" for key, most in _MOST.items()),
+                received=f"{witness!r:.60}",
+                remedy="copy what the report prints after --replay",
+            )
+    except UsageError as error:
         raise UsageError(
-            expected=f"a witness in {where}: a token or a table",
-            received=f"{witness!r:.60}",
-            remedy="copy what the report prints after --replay",
-        )
+            expected=f"a witness in {where}: {error.expected}", received=error.received, remedy=error.remedy
+        ) from error
     return ExpectedFailure(law, reason, witness)
+
+
+def _drawn(key: str, value: Any) -> bool:
+    """Whether this is what a statistical law was run with, and bounded: a file must not keep a run busy for days."""
+    return type(value) is int and 0 <= value <= _MOST.get(key, value)
 
 
 def to_toml(scheme: str, findings: Iterable[Finding]) -> str:

@@ -7,12 +7,13 @@ where it finds none, the case itself is simplified (`sepv.verification._cases.sh
 
 from __future__ import annotations
 
+import math
 import time
 import warnings
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import chain
+from itertools import chain, pairwise
 from random import Random
 from typing import Any
 
@@ -187,7 +188,7 @@ def searched(
         log = _Log()
         with suppress(_Violation, _Fault, Skipped):
             _measure(log, scheme, cases_of.from_json(witness, objects_of(scheme)), check, faults_violate)
-        return _conclude(law, scheme, log)
+        return _conclude(law, scheme, log, check)
 
     return Law(name, statement, source, unit, run, replay, always_claimed, level, needed, cost, steps)
 
@@ -205,7 +206,7 @@ def _search(law: Law, scheme: Scheme, effort: Effort, asked: _Question) -> Findi
             _explore(log, scheme, effort, asked)
         if (log.violation or log.fault) in (violation, fault) and log.failed:
             _simplify(log, scheme, effort, asked)
-    return replace(_conclude(law, scheme, log), seconds=time.perf_counter() - start)
+    return replace(_conclude(law, scheme, log, asked.check), seconds=time.perf_counter() - start)
 
 
 def _designed(space: Space | None, seed: int, repeat: int) -> list[Case]:
@@ -353,10 +354,12 @@ def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate
     return measured
 
 
-def _may_be_a_tolerance(law: Law, scheme: Scheme, measured: Measurement, largest: float) -> str:
-    """What to do where all defects are as small as the tolerance of a solver of which the scheme says nothing."""
+def _may_be_a_tolerance(
+    law: Law, scheme: Scheme, check: Check, case: Case, measured: Measurement, largest: float
+) -> str:
+    """The advice to state a tolerance: where all defects are as small as a solver's, and no power of Δ."""
     small = law.unit.startswith("ulp") and measured.bound > 0 and largest * EPS < MOST_TOLERANCE
-    if not small or scheme.solver_tolerance:
+    if not small or scheme.solver_tolerance or _is_a_power(scheme, check, case, measured.defect):
         return ""
     size = f"the defect is {measured.defect * EPS:.1e}{law.unit.removeprefix('ulp')}"
     return (
@@ -364,7 +367,28 @@ def _may_be_a_tolerance(law: Law, scheme: Scheme, measured: Measurement, largest
     )
 
 
-def _conclude(law: Law, scheme: Scheme, log: _Log) -> Finding:
+def _is_a_power(scheme: Scheme, check: Check, case: Case, defect: float) -> bool:
+    """Whether the defect is that of a method of some order: c Δ^p with p ≥ 2, at Δ, Δ/2 and Δ/4.
+
+    Both slopes are then p up to the next term, which is less than half of the first at a short step; 1.5 and 1 leave
+    room for it. An iteration that ends at a tolerance takes fewer turns at a shorter step: its slopes differ.
+    """
+    defects = [defect]
+    for share in (0.5, 0.25):
+        shorter = replace(case, h=share * case.h, dW=tuple(share * w for w in case.dW))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                defects.append(check(scheme, shorter).defect)
+            except (SepvError, ArithmeticError):
+                return False
+    if not 0 < min(defects) <= max(defects) < math.inf:
+        return False
+    slopes = [math.log2(long / short) for long, short in pairwise(defects)]
+    return min(slopes) > 1.5 and abs(slopes[0] - slopes[1]) < 1
+
+
+def _conclude(law: Law, scheme: Scheme, log: _Log, check: Check) -> Finding:
     seen: dict[str, Any] = {"checks": log.checks}
     # A witness has its own size: what was seen before it was simplified may be larger.
     measured = log.worst if log.violation is None else log.violation[1]
@@ -372,7 +396,7 @@ def _conclude(law: Law, scheme: Scheme, log: _Log) -> Finding:
         seen |= {"defect": measured.defect, "bound": measured.bound}
     if log.violation is not None:
         case, measured = log.violation
-        advice = _may_be_a_tolerance(law, scheme, measured, log.largest)
+        advice = _may_be_a_tolerance(law, scheme, check, case, measured, log.largest)
         message = f"{case.describe()}\n{measured.detail}{advice}"
         return law.finding(Verdict.VIOLATED, message=message, **_witness(law, case), **seen)
     if log.fault is not None:

@@ -189,10 +189,14 @@ def load_candidate(scheme: str | Scheme | Step, claims: Iterable[str], problems:
 
 
 def replay(scheme: str | Scheme | Step, law: str, witness: dict[str, Any]) -> Finding:
-    """Measure one law on one witness, as a report holds it."""
+    """Measure one law on one witness, as a report holds it; a UsageError for the witness of another law."""
     candidate = load_scheme(scheme)
     (chosen,) = load_laws([law])
-    return replace(chosen.replay(chosen, candidate, witness), claimed=chosen.claimed_by(candidate))
+    try:
+        found = chosen.replay(chosen, candidate, witness)
+    except KeyError as error:
+        raise _wrong_witness(chosen, f"one without {error}") from error
+    return replace(found, claimed=chosen.claimed_by(candidate))
 
 
 def measure(
@@ -211,7 +215,7 @@ def measure(
     except KeyError as error:
         if failure is None:
             raise
-        raise _wrong_witness(law, f"no {error}") from error
+        raise _wrong_witness(law, f"one without {error}") from error
     except SepvError as error:
         if failure is not None and type(error) is UsageError:
             raise _wrong_witness(law, error.received) from error
@@ -226,7 +230,7 @@ def measure(
 
 def _wrong_witness(law: Law, received: str) -> UsageError:
     return UsageError(
-        expected=f"a witness of the law {law.name} in the file of expected failures",
+        expected=f"a witness of the law {law.name}",
         received=received,
         remedy="copy what the report prints after --replay, or write the file anew with --pin or --write-expected",
     )

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from sepv._arguments import hex_float
 from sepv.errors import UsageError
 from sepv.problem import Array
 from sepv.verification._orders.convergence import jackknife_half
@@ -67,7 +68,7 @@ def _counters(target: str, case: str, ours: dict[str, Any], theirs: dict[str, An
 
 
 def _ratio(target: str, case: str, kind: str, ours: list[str], theirs: list[str]) -> Check:
-    head, base = (np.array([float.fromhex(v) for v in groups]) for groups in (ours, theirs))
+    head, base = (np.array([hex_float(v) for v in groups]) for groups in (ours, theirs))
     if np.array_equal(head, base):
         return Check(target, case, kind, "same", f"{rms(ours):.3g}")
     value, low, high = ratio(head, base)
@@ -95,4 +96,4 @@ def ratio(head: Array, base: Array) -> tuple[float, float, float]:
 
 def rms(groups: list[str]) -> float:
     """Of all paths, from mean squares over groups of them in hex."""
-    return float(np.sqrt(np.mean([float.fromhex(v) for v in groups])))
+    return float(np.sqrt(np.mean([hex_float(v) for v in groups])))

@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 
 from sepv import problems
-from sepv.errors import UsageError
+from sepv._arguments import double, parse_json
+from sepv.errors import UsageError, require_one_of
+from sepv.files import fault, schema
 from sepv.problem import Array, Description, GivenProblem, NamedProblem, PolynomialSystem, Problem
 from sepv.problem._hamiltonians import is_several
 from sepv.problem._json import problem_from_json, problem_to_json
 from sepv.problems._shown_to_schemes import GIVEN, as_given
-from sepv.record._polynomial import parse_float
 from sepv.schemes import load_problem
 
 # A witness of sixty-four dimensions is a tenth of it.
@@ -106,23 +107,40 @@ def from_json(data: Any, objects: Iterable[Problem] = ()) -> Case:
 
     `objects` are the problems among which one is looked up that was handed over as an object, by its name.
     """
-    try:
-        problem = data["problem"]
-        return Case(
-            problem=_given_problem(problem, objects) if "given" in problem else problem_from_json(problem),
-            y=tuple(parse_float(v) for v in data["y"]),
-            h=parse_float(data["h"]),
-            dW=tuple(parse_float(v) for v in data["dW"]),
-            given=_given(data.get("given", "data")),
-            batch=int(data.get("batch", 0)),
-            times=int(data.get("times", 0)),
-        )
-    except (KeyError, TypeError, ValueError) as error:
+    require_witness(data)
+    case = of_valid(data, objects)
+    problem = problems.build(case.problem)
+    if (len(case.y), len(case.dW)) != (problem.dimension, problem.noises):
         raise UsageError(
-            expected="a witness: problem, y, h, dW",
-            received=f"{type(error).__name__}: {error}",
+            expected=f"a witness with {problem.dimension} numbers in y and {problem.noises} in dW, as its problem has",
+            received=f"{len(case.y)} in y and {len(case.dW)} in dW",
             remedy="copy it whole from a report",
-        ) from error
+        )
+    return case
+
+
+def require_witness(data: Any) -> None:
+    """Raise a UsageError for data that do not obey the schema of witnesses."""
+    if wrong := fault(data, schema("witness")):
+        raise UsageError(
+            expected="a witness: problem, y, h, dW", received=wrong, remedy="copy it whole from a report"
+        )
+
+
+def of_valid(data: dict[str, Any], objects: Iterable[Problem] = ()) -> Case:
+    """The case of JSON that obeys the schema of witnesses."""
+    given = data.get("given", "data")
+    require_one_of("a way to show the problem", given, GIVEN, "copy the witness whole from a report")
+    problem = data["problem"]
+    return Case(
+        problem=_given_problem(problem, objects) if "given" in problem else problem_from_json(problem),
+        y=tuple(map(double, data["y"])),
+        h=double(data["h"]),
+        dW=tuple(map(double, data["dW"])),
+        given=given,
+        batch=int(data.get("batch", 0)),
+        times=int(data.get("times", 0)),
+    )
 
 
 def has_words(witness: Any) -> bool:
@@ -132,7 +150,7 @@ def has_words(witness: Any) -> bool:
 
 def _given_problem(data: dict[str, Any], objects: Iterable[Problem]) -> GivenProblem:
     """A problem made of functions, from where it was named, or the only one of its name among `objects`."""
-    target = str(data["given"])
+    target = data["given"]
     own = [problem for problem in objects if not target and problem.name == data.get("object")]
     if ":" not in target and target not in problems.EXTENSIONS | problems.HAMILTONIANS and len(own) != 1:
         raise UsageError(
@@ -141,14 +159,8 @@ def _given_problem(data: dict[str, Any], objects: Iterable[Problem]) -> GivenPro
             remedy="in the Python process that has the report: report.replay(LAW); elsewhere measure again with a "
             "problem that has a name: -p module:attribute",
         )
-    noise = tuple(parse_float(c) for c in data["noise"])
+    noise = tuple(map(double, data["noise"]))
     return GivenProblem(replace(own[0] if own else load_problem(target), noise=noise, check=False), target)
-
-
-def _given(value: Any) -> str:
-    if value not in GIVEN:
-        raise ValueError(f"given as {value!r:.40}, not one of {', '.join(GIVEN)}")
-    return str(value)
 
 
 def to_token(case: Case) -> str:
@@ -159,16 +171,22 @@ def to_token(case: Case) -> str:
 
 def from_token(token: str) -> Case:
     """The inverse of `to_token`; a UsageError for a text that is not a whole token."""
+    return from_json(witness_of(token))
+
+
+def witness_of(token: str) -> dict[str, Any]:
+    """The JSON of a token, a witness by its schema; nothing is imported for it, which `from_json` does."""
     try:
         packed = base64.urlsafe_b64decode(token + "=" * (-len(token) % 4))
-        data = json.loads(_unpacked(packed))
-    except (ValueError, RecursionError, zlib.error) as error:
+        data = parse_json(_unpacked(packed))
+    except (ValueError, zlib.error) as error:
         raise UsageError(
             expected="a token that a report printed after --replay",
             received=f"{token[:40]!r}… ({len(token)} characters)",
             remedy="copy the whole command from the report",
         ) from error
-    return from_json(data)
+    require_witness(data)
+    return dict(data)
 
 
 def _unpacked(packed: bytes) -> bytes:

@@ -75,6 +75,8 @@ def _item(asked: Any) -> Item:
     try:
         problem = load_problem(asked)
     except UsageError as error:
+        if text.endswith(".json"):
+            raise
         known = [*map(str, FAMILIES), *named.PAPER, *named.EXTENSIONS, *named.SEVERAL, *named.HAMILTONIANS]
         raise UsageError(
             expected=f"{error.expected}; or a family, one of {', '.join(FAMILIES)}; or a Hypothesis strategy of them",
