@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import codecs
 import unicodedata
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
 from typing import TYPE_CHECKING, Any
@@ -30,6 +30,26 @@ _ASCII = {
     "½": "1/2", "¼": "1/4", "ö": "oe", "ü": "ue", "ä": "ae", "ß": "ss",
 }  # fmt: skip
 _NAME = "sepv-ascii"
+
+
+def printable(text: str, kept: str = "\n\t") -> str:
+    """The text with every character that does something to a terminal, or is not seen there, as its escape.
+
+    Names and messages come from files and programs of others. Escape sequences, bells, marks that turn the direction of
+    writing and lone surrogates do not pass; `kept` do.
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() or c in kept else repr(c)[1:-1] for c in text)
+
+
+def printable_cell(cell: Any) -> Any:
+    """A string or a `rich.text.Text`, `printable`; anything else as it is."""
+    if isinstance(cell, str):
+        return printable(cell)
+    if hasattr(cell, "plain") and cell.plain != (safe := printable(cell.plain)):
+        return type(cell)(safe, style=cell.style, overflow=cell.overflow)
+    return cell
 
 
 def ascii_text(text: str) -> str:
@@ -116,8 +136,9 @@ def print_table(table: Table, out: Console) -> None:
     from rich.table import Table as RichTable
     from rich.text import Text
 
+    table = _with_cells(table, printable_cell)
     if cannot_show(out.file):
-        table = _in_ascii(table)
+        table = _with_cells(table, ascii_cell)
     width, ruled = out.width, _ruled(table, out.width)
     needed, between = _laid(table, width)
     # Columns of one heading stand and fall together.
@@ -183,14 +204,14 @@ def _laid(table: Table, width: int) -> tuple[dict[str, int], int]:
     return _needed(table, whole=whole), between
 
 
-def _in_ascii(table: Table) -> Table:
-    """Before it is laid out: an arrow is two signs there."""
+def _with_cells(table: Table, change: Callable[[Any], Any]) -> Table:
+    """Every text of it changed before it is laid out: in ASCII an arrow is two signs."""
     return replace(
         table,
-        columns=tuple(replace(c, heading=ascii_text(c.heading)) for c in table.columns),
-        rows=[[ascii_cell(cell) for cell in row] for row in table.rows],
-        title=ascii_cell(table.title),
-        caption=ascii_cell(table.caption),
+        columns=tuple(replace(c, heading=change(c.heading)) for c in table.columns),
+        rows=[[change(cell) for cell in row] for row in table.rows],
+        title=change(table.title),
+        caption=change(table.caption),
     )
 
 

@@ -5,11 +5,14 @@ A result is one JSON object. Its first entry, "made", says by which schema it is
 
 from __future__ import annotations
 
+import atexit
 import json
 import math
 import os
 import platform
+import shutil
 import tempfile
+from functools import cache
 from importlib import metadata
 from importlib.resources import files
 from pathlib import Path
@@ -36,13 +39,50 @@ def require_folder(path: str | None) -> None:
         )
 
 
+def cache_folder(name: str) -> Path:
+    """A folder that this user alone can write to: ~/.cache/sepv/NAME, or below $XDG_CACHE_HOME or $SEPV_CACHE_DIR.
+
+    Where there is no such folder (no home, a read-only one, one of somebody else) it is a fresh one, which goes when
+    this process ends: code is run from there, and a name in /tmp that others can guess would let them choose it.
+    """
+    try:
+        named = os.environ.get("SEPV_CACHE_DIR")
+        home = (
+            Path(named)
+            if named
+            else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "sepv"
+        )
+        place = home / name
+        for folder in (home, place):
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if named or (_is_private(home) and _is_private(place)):
+            with tempfile.NamedTemporaryFile(dir=place):
+                return place
+    except (OSError, RuntimeError):  # the second of a user without a home
+        pass
+    return _fresh_folder(name)
+
+
+@cache
+def _fresh_folder(name: str) -> Path:
+    fresh = tempfile.mkdtemp(prefix=f"sepv-{name}-")
+    atexit.register(shutil.rmtree, fresh, ignore_errors=True)
+    return Path(fresh)
+
+
+def _is_private(folder: Path) -> bool:
+    """Whether nobody else can write there; Windows keeps users apart by their homes."""
+    found = folder.stat()
+    return not hasattr(os, "geteuid") or (found.st_uid == os.geteuid() and not found.st_mode & 0o022)
+
+
 def write_atomically(path: str, content: str | bytes) -> None:
-    """Write a file whole or not at all: a reader never sees half of it. Text goes as UTF-8."""
+    """Write a file whole or not at all: a reader never sees half of it. Text goes as UTF-8, a lone surrogate as ?."""
     target = Path(path).resolve()
     handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
     try:
         with os.fdopen(handle, "wb") as file:
-            file.write(content.encode() if isinstance(content, str) else content)
+            file.write(content.encode(errors="replace") if isinstance(content, str) else content)
         os.chmod(name, 0o644)
         os.replace(name, target)
     except BaseException:

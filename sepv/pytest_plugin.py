@@ -138,6 +138,7 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
         return (yield)
     from sepv.verification import _law as law
     from sepv.verification import _verify as suite
+    from sepv.verification._cases.case import require_named
 
     listed, runs = pyfuncitem.config.stash[_EXPECTED], pyfuncitem.config.stash[_RUNS]
     target = pyfuncitem.callspec.id if hasattr(pyfuncitem, "callspec") else "TARGET"
@@ -145,6 +146,8 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
     def measure(asked: Law, scheme: Scheme, own: Run) -> Finding:
         run = runs.setdefault((target, own.effort), own)
         failure = listed.failures.get(asked.name)
+        if failure is not None:
+            require_named(failure.witness, scheme)
         if not asked.claimed_by(scheme) and not listed.is_pin:
             # A violation is one line then, which shows no counterexample: none is simplified. An error is shown, and is
             # looked at as hard as any.

@@ -163,7 +163,10 @@ def test_a_violation_on_a_users_problem_is_replayed_from_its_token(monkeypatch: 
     assert finding.verdict is Verdict.VIOLATED
     assert "problem tests.test_given:own_pendulum" in finding.message
     token = finding.replay.split()[-1]
-    again = replay("midpoint", "energy", case.to_json(case.from_token(token)))
+    witness = case.witness_of(token)
+    with pytest.raises(sepv.UsageError, match="to import a module is to run it"):
+        replay("midpoint", "energy", witness)
+    again = replay("midpoint", "energy", witness, "tests.test_given:own_pendulum")
     assert (again.verdict, again.defect) == (finding.verdict, finding.defect)
     handed = sepv.verify("midpoint", laws="energy", problems=own_pendulum(), effort=FEW).findings[0]
     with pytest.raises(sepv.UsageError, match="handed over as an object"):

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import gc
-import getpass
 import os
 import shlex
 import sys
-import tempfile
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 import click
@@ -18,6 +15,7 @@ from sepv._arguments import did_you_mean
 from sepv._terminal import cannot_show, never_fail
 from sepv._version import __version__
 from sepv.commands._shared import EXIT_CODES, WORDS
+from sepv.files import cache_folder
 
 # By heading, in the order in which --help shows them: each is the module of `sepv.commands` of its name.
 GROUPS = {
@@ -98,8 +96,8 @@ def main() -> None:
     # Cases are many small objects without cycles: Python's default looks for cycles in them after each few hundred.
     gc.set_threshold(max(OBJECTS, gc.get_threshold()[0]))
     # Hypothesis caches a little in its storage directory: not in the folder where a user happens to be.
-    folder = Path(tempfile.gettempdir()) / f"sepv-{getpass.getuser()}"
-    os.environ.setdefault("HYPOTHESIS_STORAGE_DIRECTORY", str(folder))
+    if "HYPOTHESIS_STORAGE_DIRECTORY" not in os.environ:
+        os.environ["HYPOTHESIS_STORAGE_DIRECTORY"] = str(cache_folder("hypothesis"))
 
 
 if __name__ == "__main__":

@@ -127,7 +127,7 @@ def compare(
         write_atomically(picture, drawing.draw(found, Path(picture).suffix))
     _show(found, alone=alone, quiet=options["quiet"])
     for name, text in found.failed.items():
-        click.echo(f"sepv: {name} failed and is left out: {text}", err=True)
+        cli.say(f"sepv: {name} failed and is left out: {text}")
     if found.failed:
         raise SystemExit(3)
 

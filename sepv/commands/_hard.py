@@ -58,7 +58,8 @@ def hard(
     out = console()
     if explain:
         for case in cases:
-            out.print(f"[bold]{case.name}[/bold]\n  hard: {case.reason}\n  expected: {case.expected}")
+            out.print(Text(case.name, style="bold"))
+            out.print(f"  hard: {case.reason}\n  expected: {case.expected}")
         return
     from sepv.studies._hard_cases import run
     from sepv.verification._progress import showing

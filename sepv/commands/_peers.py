@@ -55,7 +55,7 @@ def peers(library: str | None, releases: cli.Names, versions: bool, results: str
     if not asked:
         for name, records in load(folder).items():
             if library in (None, name):
-                click.echo(f"{name}: {', '.join(dict.fromkeys(r.version for r in records))}")
+                cli.say(f"{name}: {', '.join(dict.fromkeys(r.version for r in records))}", err=False)
         return
     wanted = []
     for name, version in asked:
@@ -76,7 +76,7 @@ def peers(library: str | None, releases: cli.Names, versions: bool, results: str
     with ThreadPoolExecutor(options["jobs"]) as pool:
         said = list(pool.map(one, wanted))
     for right, text in said:
-        click.echo(text, err=not right)
+        cli.say(text, err=not right)
     raise SystemExit(0 if all(right for right, _ in said) else 3)
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import click
 
+from sepv._terminal import printable
 from sepv.errors import SepvError, TargetError, UsageError
 from sepv.files import require_folder
 
@@ -40,6 +41,11 @@ NATURAL, COUNT, POSITIVE = (
     click.FloatRange(min=0, min_open=True),
 )
 Names = tuple[str, ...]
+
+
+def say(text: str, *, err: bool = True) -> None:
+    """A line on stderr, or stdout; control characters in names and messages of others do not pass."""
+    click.echo(printable(text), err=err)
 
 
 def save_json(path: str | None, name: str, data: dict[str, Any], *, indent: int | None = 1) -> None:
@@ -161,16 +167,15 @@ def _ended_by(error: BaseException, debug: bool) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     if debug and not isinstance(error, KeyboardInterrupt):
-        traceback.print_exception(error)
+        say("".join(traceback.format_exception(error)).rstrip())
     elif isinstance(error, KeyboardInterrupt):
-        click.echo("sepv: interrupted", err=True)
+        say("sepv: interrupted")
     elif isinstance(error, (SepvError, OSError)):
-        click.echo(f"sepv: {error}", err=True)
+        say(f"sepv: {error}")
     else:
-        click.echo(
+        say(
             f"sepv: a defect of sepv itself, and no verdict: {type(error).__name__}: {error}\n"
-            "Remedy: the same command with --debug shows where; please report it",
-            err=True,
+            "Remedy: the same command with --debug shows where; please report it"
         )
     if isinstance(error, KeyboardInterrupt):
         return 130

@@ -156,7 +156,7 @@ def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], 
         with watching(quiet, laws_of(laws or None, options["level"])) as progress:
             report = run(target, progress=progress, **arguments)
         named = shown + "".join(f" -p {shlex.quote(p)}" for p in report.problems) if shown else report.target
-        report = replace(report, target=named)
+        report = replace(report, target=named, pins=bool(files["pin"]))
         reports.append(report)
         if quiet:
             # Of one nobody needs to be told which.
@@ -187,14 +187,14 @@ def _write(report: Any, files: dict[str, str | None], named: str) -> None:
     }
     for kind, path in files.items():
         if path and report.interrupted and kind in ("write_expected", "pin"):
-            click.echo(f"sepv: {path} is not written: the run was interrupted", err=True)
+            cli.say(f"sepv: {path} is not written: the run was interrupted")
         elif path and kind in texts:
             lost = _no_longer_guarded(path, report) if kind == "pin" else []
             write_atomically(path, texts[kind](report))
             if kind == "pin":
                 guard = f"sepv verify {named} --expected {shlex.quote(path)}"
                 before = f" The pin before guarded {', '.join(lost)} too." if lost else ""
-                click.echo(f"Pinned in {path}.{before} From now on: {guard}", err=True)
+                cli.say(f"Pinned in {path}.{before} From now on: {guard}")
 
 
 def _no_longer_guarded(path: str, report: Any) -> list[str]:
@@ -223,8 +223,6 @@ def _replay(targets: tuple[Any, ...], laws: cli.Names, token: str, asked: cli.Na
             received=f"TARGET: {len(targets)}, --law: {len(laws)}",
             remedy="copy the whole command from the report",
         )
-    witness = case.witness_of(token)
-    case.require_named(witness, asked)
-    finding = replay(targets[0], laws[0], witness)
+    finding = replay(targets[0], laws[0], case.witness_of(token), asked or None)
     report.show_finding(finding, report.console(), debug=debug)
     raise SystemExit({Verdict.HOLDS: 0, Verdict.ERROR: 3}.get(finding.verdict, 1))

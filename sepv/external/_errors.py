@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from sepv._terminal import printable
 from sepv.errors import SchemeFault, SepvError, StepFailure, TargetError
 from sepv.problem import Array
 
@@ -80,5 +81,4 @@ def shown(line: bytes, most: int = 200) -> str:
 
 def clean(text: str, most: int = 200) -> str:
     """A program's text for a terminal or a page: no control characters, not endless."""
-    safe = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text[:most])
-    return safe + ("…" if len(text) > most else "")
+    return printable(text[:most], kept="") + ("…" if len(text) > most else "")

@@ -205,6 +205,29 @@ def _from_file(path: Path) -> Problem:
         ) from error
 
 
+def require_trusted(targets: Iterable[Any], named: Iterable[str], scheme: Any) -> None:
+    """Refuse module:attribute out of a file or a token that nobody asked for: to import a module is to run it.
+
+    What is `named` in the call, and what is in the package of the scheme, which runs anyway, was asked for.
+
+    Raises
+    ------
+    UsageError
+    """
+    words = scheme if isinstance(scheme, str) and ":" in scheme else ""
+    module = words.partition(":")[0] or getattr(getattr(scheme, "step", scheme), "__module__", None) or ""
+    own, known = module.partition(".")[0], list(named)
+    for target in targets:
+        if not isinstance(target, str) or ":" not in target or target in known:
+            continue
+        if own in ("", "sepv") or target.partition(":")[0].partition(".")[0] != own:
+            raise UsageError(
+                expected="a file or token about problems that you name yourself: to import a module is to run it",
+                received=f"the problem {target!r:.80} in it",
+                remedy=f"where you trust that module, add -p {shlex.quote(target):.80}",
+            )
+
+
 def load_object(target: str) -> Any:
     """What module:attribute names. Raises TargetError where the module cannot be imported or has no such attribute."""
     module_name, _, attribute = target.partition(":")

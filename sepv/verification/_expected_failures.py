@@ -84,11 +84,11 @@ class Expectations:
         return found + [f"{words}: {', '.join(which)}." for words, which in kinds if which]
 
 
-def load(path: str | Path, laws: Iterable[str], problems: Any = None) -> Expectations:
+def load(path: str | Path, laws: Iterable[str]) -> Expectations:
     """What a file says.
 
     A UsageError for one that is missing or not TOML, an unknown or repeated law, a missing reason or witness, a law
-    that is both claimed and expected to fail, a witness that would import a module that `problems` does not name.
+    that is both claimed and expected to fail.
     """
     try:
         data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
@@ -108,7 +108,6 @@ def load(path: str | Path, laws: Iterable[str], problems: Any = None) -> Expecta
     known, found = tuple(laws), dict[str, ExpectedFailure]()
     for number, entry in enumerate(entries, start=1):
         failure = _entry(entry, f"{path}, entry {number}", known)
-        cases.require_named(failure.witness, problems)
         if failure.law in found:
             raise UsageError(
                 expected="each law once", received=f"{failure.law!r} twice in {path}", remedy="keep one entry"

@@ -32,6 +32,8 @@ class Report:
     pinned : frozenset of str or None
         The laws that held when the pin was written that the run was held to (`sepv.verification._expected_failures`):
         every violation must be claimed or listed there. None without a pin.
+    pins : bool
+        Whether the command writes a pin of this report.
     gaps : tuple of str
         Sentences about laws that the pin says nothing of, or that it guards and that were not measured now.
     target : str
@@ -48,6 +50,7 @@ class Report:
     target: str = ""
     gaps: tuple[str, ...] = ()
     level: int | None = None
+    pins: bool = False
 
     @property
     def conformance(self) -> Conformance | None:

@@ -13,7 +13,16 @@ from typing import TYPE_CHECKING, Any, TextIO
 from rich.console import Console
 from rich.text import Text
 
-from sepv._terminal import Column, Table, ascii_cell, cannot_show, counted, print_table, table_html
+from sepv._terminal import (
+    Column,
+    Table,
+    ascii_cell,
+    cannot_show,
+    counted,
+    print_table,
+    printable_cell,
+    table_html,
+)  # fmt: skip
 from sepv.verification._law import Finding, Verdict
 
 if TYPE_CHECKING:
@@ -38,11 +47,17 @@ def console(file: TextIO | None = None, *, stderr: bool = False) -> Console:
     """A console with colour on terminals only (rich obeys NO_COLOR), and wide enough for a table when piped."""
     out = file or (sys.stderr if stderr else sys.stdout)
     width = None if out.isatty() or "COLUMNS" in os.environ else 100
-    return (_Ascii if cannot_show(out) else _Console)(file=out, highlight=False, width=width)
+    return (_Ascii if cannot_show(out) else _Console)(file=out, highlight=False, markup=False, width=width)
 
 
 class _Console(Console):
-    """A console whose reader may go away (``| head``): 141 as for SIGPIPE, and not rich's 1, which is a verdict."""
+    """A console whose reader may go away (``| head``): 141 as for SIGPIPE, and not rich's 1, which is a verdict.
+
+    No brackets are markup and no control character passes: names and messages come from others.
+    """
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        super().print(*(printable_cell(o) for o in objects), **options)
 
     def on_broken_pipe(self) -> None:
         self.quiet = True
@@ -93,7 +108,7 @@ def as_html(report: Report) -> str:
 def _plain(write: Callable[[Console], None]) -> str:
     """What is written to a console, as text without colour."""
     out = io.StringIO()
-    write(Console(file=out, highlight=False, width=100, color_system=None))
+    write(_Console(file=out, highlight=False, markup=False, width=100, color_system=None))
     return "\n".join(line.rstrip() for line in out.getvalue().rstrip().splitlines())
 
 
@@ -191,6 +206,8 @@ def _complaints(report: Report) -> list[str]:
 
 def _unguarded(report: Report) -> str:
     """Nothing was claimed: a green run says nothing about tomorrow's, and here is what would."""
+    if report.pins:
+        return "Nothing is claimed yet: the file of --pin guards what was found, once --expected names it."
     own = [f.law for f in report.findings if f.verdict is Verdict.HOLDS and f.law not in ALWAYS]
     text = "Nothing is claimed, so nothing is guarded but the contract of a step."
     if not report.target:

@@ -14,9 +14,10 @@ from typing import Any
 
 from sepv.errors import ClusterFailure, SepvError, Skipped, TargetError, UsageError
 from sepv.schemes import Scheme, load_scheme
-from sepv.schemes._load_target import words_for
+from sepv.schemes._load_target import require_trusted, words_for
 from sepv.schemes._scheme import Step
 from sepv.verification import _side_by_side as side_by_side
+from sepv.verification._cases import case as cases
 from sepv.verification._cases.users_problems import items
 from sepv.verification._expected_failures import Expectations, ExpectedFailure
 from sepv.verification._expected_failures import load as load_expected
@@ -98,9 +99,13 @@ def verify(
     if not isinstance(jobs, int) or isinstance(jobs, bool) or jobs < 1:
         raise UsageError(expected="jobs, an integer ≥ 1", received=repr(jobs), remedy="jobs=2 for two cores")
     known = load_expected(expected, LAWS) if expected is not None else Expectations()
-    problems = list(known.problems) or None if problems is None else problems
+    if problems is None and known.problems:
+        require_trusted(known.problems, (), scheme)
+        problems = list(known.problems)
     candidate = _load(scheme, {*listed(claims), *(known.claims or ())}, timeout, problems)
     load_laws(candidate.claims)
+    for failure in known.failures.values():
+        cases.require_named(failure.witness, candidate)
     found: dict[str, Finding] = {}
 
     def receive(law: Law, finding: Finding | None) -> None:
@@ -188,9 +193,13 @@ def load_candidate(scheme: str | Scheme | Step, claims: Iterable[str], problems:
     return replace(load_scheme(scheme, claims, fixed), problems=own)
 
 
-def replay(scheme: str | Scheme | Step, law: str, witness: dict[str, Any]) -> Finding:
-    """Measure one law on one witness, as a report holds it; a UsageError for the witness of another law."""
-    candidate = load_scheme(scheme)
+def replay(scheme: str | Scheme | Step, law: str, witness: dict[str, Any], problems: Any = None) -> Finding:
+    """Measure one law on one witness, as a report holds it; a UsageError for the witness of another law.
+
+    A witness of a problem module:attribute is measured where `problems` name it, as for `verify`.
+    """
+    candidate = load_candidate(scheme, (), problems)
+    cases.require_named(witness, candidate)
     (chosen,) = load_laws([law])
     try:
         found = chosen.replay(chosen, candidate, witness)

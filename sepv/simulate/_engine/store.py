@@ -21,6 +21,8 @@ import numpy as np
 from llvmlite import binding
 from numba.np import linalg
 
+from sepv.files import cache_folder
+
 # Where a module's source has the names that it imports from sepv.
 _IMPORTS = re.compile(r"^from (sepv[\w.]*) import (.+)$", re.MULTILINE)
 _Number = (bool, int, float, str, np.generic)
@@ -43,28 +45,6 @@ def _put_off_blas() -> None:
 
 
 _put_off_blas()
-
-
-def folder() -> Path:
-    """Where generated modules are kept: $SEPV_CACHE_DIR, else ~/.cache/sepv/engine, or below $XDG_CACHE_HOME.
-
-    Where that cannot be written, a fresh folder for this process: a shared one in /tmp would let
-    others choose the code that is run.
-    """
-    named = os.environ.get("SEPV_CACHE_DIR")
-    home = Path(named) if named else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "sepv"
-    place = home / "engine"
-    try:
-        place.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=place):
-            return place
-    except OSError:
-        return _temporary()
-
-
-@cache
-def _temporary() -> Path:
-    return Path(tempfile.mkdtemp(prefix="sepv-engine-"))
 
 
 @cache
@@ -148,7 +128,7 @@ def ordinary(name: str) -> ModuleType:
 def load(text: str) -> ModuleType:
     """The module with this source, compiled, or read from the cache where it was compiled before."""
     name = name_of(text)
-    path = folder() / f"{name}.py"
+    path = cache_folder("engine") / f"{name}.py"
     if not path.is_file() or path.read_text(encoding="utf-8") != text:
         # Written aside and renamed: another process sees the whole file or none.
         with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8") as out:

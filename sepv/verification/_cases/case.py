@@ -20,7 +20,8 @@ from sepv.problem import Array, Description, GivenProblem, NamedProblem, Polynom
 from sepv.problem._hamiltonians import is_several
 from sepv.problem._json import problem_from_json, problem_to_json
 from sepv.problems._shown_to_schemes import GIVEN, as_given
-from sepv.schemes import load_problem
+from sepv.schemes import Scheme, load_problem
+from sepv.schemes._load_target import require_trusted
 
 # A witness of sixty-four dimensions is a tenth of it.
 MOST_BYTES = 2**24
@@ -146,6 +147,14 @@ def of_valid(data: dict[str, Any], objects: Iterable[Problem] = ()) -> Case:
 def has_words(witness: Any) -> bool:
     """Whether a command can name the problem of a witness: one that was handed over as an object has no words."""
     return not (isinstance(witness, dict) and witness.get("problem", {}).get("given") == "")
+
+
+def require_named(witness: dict[str, Any], scheme: Scheme) -> None:
+    """`require_trusted` for the problem of a witness, which comes from a file or a token."""
+    problem = witness.get("problem")
+    target = problem.get("given") if isinstance(problem, dict) else None
+    named = [p if isinstance(p, str) else getattr(p, "text", "") for p in scheme.problems]
+    require_trusted([target], named, scheme)
 
 
 def _given_problem(data: dict[str, Any], objects: Iterable[Problem]) -> GivenProblem:
