@@ -251,16 +251,16 @@ def test_a_short_run_does_not_say_whether_the_energy_walks() -> None:
     """By chance once in a thousand: of 40 runs of each kind none says the wrong thing, and short ones say nothing."""
     for seed in range(40):
         said = {
-            kind: figures_4_4_and_4_5._walk(_walking(500.0, kind, seed))[0].verdict
+            kind: figures_4_4_and_4_5._walk(_walking(500.0, kind, seed)).verdict
             for kind in ("walk", "bounded")
         }
-        assert said["walk"] in ("fails", "open")
-        assert said["bounded"] in ("holds", "open")
+        assert said["walk"] in ("holds", "open")
+        assert said["bounded"] in ("fails", "open")
         for kind in ("walk", "bounded"):
-            assert figures_4_4_and_4_5._walk(_walking(15.6, kind, seed))[0].verdict == "open"
-            assert figures_4_4_and_4_5._walk(_walking(7.0, kind, seed))[0].verdict == "open"
-    decided = [figures_4_4_and_4_5._walk(_walking(500.0, "walk", seed))[0].verdict for seed in range(40)]
-    assert decided.count("fails") >= 36
+            assert figures_4_4_and_4_5._walk(_walking(15.6, kind, seed)).verdict == "open"
+            assert figures_4_4_and_4_5._walk(_walking(7.0, kind, seed)).verdict == "open"
+    decided = [figures_4_4_and_4_5._walk(_walking(500.0, "walk", seed)).verdict for seed in range(40)]
+    assert decided.count("holds") >= 36
 
 
 def test_a_quick_figure_4_4_refutes_nothing_that_the_paper_says(tmp_path: Path) -> None:
@@ -271,6 +271,7 @@ def test_a_quick_figure_4_4_refutes_nothing_that_the_paper_says(tmp_path: Path) 
     panels = json.loads(file.read_text())["panels"]
     found = {s["text"]: s for panel in panels for s in panel["statements"]}
     assert {s["verdict"] for s in found.values()} == {"holds", "open"}
-    (walk,) = [s for text, s in found.items() if "symplecticity" in text]
+    (walk,) = [s for text, s in found.items() if "random walk" in text]
     assert walk["verdict"] == "open"
     assert "too short to tell" in walk["measured"]
+    assert [s["verdict"] for text, s in found.items() if "symplecticity" in text] == ["open"]

@@ -22,6 +22,7 @@ from sepv.simulate import ensemble
 from sepv.simulate._engine.ensemble import choose
 from sepv.simulate._engine.task import Task
 from sepv.simulate._engine.total import chunk_of
+from sepv.studies._energy_growth import rounding_walk
 from sepv.studies._picture import Series
 from sepv.studies._reproduce.record import Job, Results, Size, Statement, decide, sentence, series, stated_in
 from sepv.verification._orders.convergence import StrongErrors
@@ -195,9 +196,7 @@ def truncated(problem: str, *, T: float, steps: Sequence[int], samples: int, see
 def rounding_bound(steps: int) -> float:
     """How far the relative value of an exactly preserved invariant walks by rounding in `steps` steps.
 
-    A step rounds the update of y, by half an ulp of each component, and leaves a residual of the same
-    size: a quadratic invariant moves by at most 2 eps of itself. Signs are as good as random, so that by
-    Azuma's inequality the walk exceeds 8 eps √N with probability below 1e-3. Measured: 0.3 eps √N.
+    A step moves a quadratic invariant by at most 2 eps of itself: see `rounding_walk`, which is that of H.
     """
     return 8 * EPS * float(np.sqrt(steps))
 
@@ -217,10 +216,8 @@ def bound(run: Run, what: str, *, constant: bool = True) -> float:
     system = problems.by_name(run.problem)
     if what == "Casimir":
         return rounding_bound(run.steps)
-    y = run.y if constant else run.y[:, :1]
     start = abs(float(system.hamiltonian(run.y[:, 0])))
-    size = np.max(np.sum(np.abs(system.gradient(y) * y), axis=0)) + start
-    return rounding_bound(run.steps) * float(size) / start
+    return rounding_walk(system, run.y if constant else run.y[:, :1], run.steps) / start
 
 
 def drift(values: Array) -> float:

@@ -1,0 +1,139 @@
+"""Energy of a symplectic scheme with random steps, one degree of freedom: its walk, its drift and its offset.
+
+With a step Δ such a scheme keeps a modified Hamiltonian to high order, but one for each Δ: with random steps the energy
+is not kept. For the midpoint rule, f = J⁻¹∇H, L = f·∇ and H₂ = −fᵀH″f/24,
+
+    H(y1) − H(y0) = −Δ²(H₂(y1) − H₂(y0)) + O(Δ⁵) = Δ³G + O(Δ⁴),   G = −LH₂ = H‴(f, f, f)/24 = −∇H·(c − c̃),
+
+with the coefficients c of (3.1) and c̃ of (3.5). Let X = Σ c_jΔŴ_j, and κ = E X⁴/E X², 3c²h without truncation.
+X³ − κX is uncorrelated with X, which alone moves the phase: to leading order H + κH₂ has steps of mean zero, and the
+energy does a walk of variance 2Dt with D = (E X⁶ − (E X⁴)²/E X²)⟨G²⟩/(2h), 3c⁶h²⟨G²⟩ without truncation; ⟨·⟩ is the
+average over the orbit.
+
+Here the walk is taken from the scheme's own steps, with all powers of Δ: the phase is a Markov chain, φ → φ + Δ, with
+increments u(φ, Δ) of the energy. Their sum has the variance 2Dh a step,
+
+    2Dh = ⟨E u²⟩ + 2 Σ_{n ≥ 1} ⟨E u_0 u_n⟩,
+
+a geometric series for each harmonic of u (M. Green 1954, R. Kubo 1957).
+
+The drift follows from symplecticity. Every step keeps the area: dI of the action I is stationary, and no mass crosses
+I = 0. The one diffusion with both properties is p_t = ∂_I(D_I ∂_I p), D_I = D/ω²; its I drifts by D_I′(I). In H, with
+dH = ω dI and the period T = 2π/ω,
+
+    E[H(y_n)] − H(y0) = offset + t (1/T) d(T D)/dH:
+
+an offset O(h), κ(H₂(y0) − ⟨H₂⟩) for the midpoint rule, which is reached once the phase is forgotten, and a drift O(h²).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sepv.exact import exact_flow
+from sepv.exact._dense_flow import FlowFailure
+from sepv.problem import Array, Problem, vector_field
+from sepv.schemes import Scheme, ask
+from sepv.verification._orders.gaussian import rule_for
+
+# Phases of an orbit: harmonics of u up to half of it.
+PHASES = 64
+# Times |y|/|f| in which an orbit is to close.
+LONGEST = 512.0
+# Between neighbouring orbits, |y| by that: central differences leave its square, 1e-6 of the derivative.
+APART = 1e-3
+
+
+@dataclass(frozen=True)
+class EnergyDiffusion:
+    """What long times do to the energy: E[H] − H(y0) = offset + drift t, and Var H = 2 diffusion t."""
+
+    offset: float
+    drift: float
+    diffusion: float
+    period: float
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """A closed orbit of the flow: its period, and states (d, PHASES) that are equally spaced in time."""
+
+    period: float
+    states: Array
+
+
+def energy_diffusion(scheme: Scheme, problem: Problem, h: float) -> EnergyDiffusion | None:
+    """Offset, drift and diffusion of the energy from the problem's initial state.
+
+    None where the theory above does not speak: the scheme is not said to be symplectic or takes one state at a time, B
+    is not a constant (2, 2), there is no noise, or no closed orbit through y0.
+    """
+    if not (
+        "symplecticity" in scheme.claims and scheme.batched and problem.dimension == 2 and np.any(problem.c)
+    ):
+        return None
+    y0 = np.array(problem.initial, dtype=np.float64)
+    slope = problem.gradient(y0)
+    steepness = float(np.linalg.norm(slope))
+    if not steepness:
+        return None
+    apart = APART * float(np.linalg.norm(y0)) / steepness * slope
+    below, here, above = (closed_orbit(problem, y) for y in (y0 - apart, y0, y0 + apart))
+    if below is None or here is None or above is None:
+        return None
+    if np.any(problem.structure(below.states) != problem.structure(above.states[:, ::-1])):
+        return None
+    walks = [_walk(scheme, problem, h, orbit) for orbit in (below, here, above)]
+    rise = float(problem.hamiltonian(above.states[:, 0]) - problem.hamiltonian(below.states[:, 0]))
+    drift = (above.period * walks[2][0] - below.period * walks[0][0]) / rise / here.period
+    return EnergyDiffusion(walks[1][1], drift, walks[1][0], here.period)
+
+
+def _walk(scheme: Scheme, problem: Problem, h: float, orbit: Orbit) -> tuple[float, float]:
+    """D by the sum over correlations, and Σ_n E[u_n] from the orbit's first state."""
+    nodes = rule_for(scheme, problem, h, 12)
+    noise, weights = np.sqrt(h) * nodes.zeta[:, nodes.index], nodes.weights
+    y = np.repeat(orbit.states, weights.size, axis=1)
+    ends = ask(scheme, problem, y, h, np.tile(noise, (1, PHASES)))
+    u = (problem.hamiltonian(ends) - problem.hamiltonian(y)).reshape(PHASES, weights.size)
+    harmonics = np.fft.fft(u, axis=0) / PHASES
+    number = np.fft.fftfreq(PHASES, 1 / PHASES)[:, None]
+    turned = np.exp(2j * np.pi / orbit.period * number * problem.random_step(h, noise[: problem.noises]))
+    mean, forgotten = (harmonics @ weights)[1:], 1 - (turned @ weights)[1:]
+    carried = ((np.conj(harmonics) * turned) @ weights)[1:]
+    variance = float(np.sum(np.abs(harmonics) ** 2 @ weights)) + 2 * float(
+        np.sum(carried * mean / forgotten).real
+    )
+    return variance / (2 * h), float(np.sum(mean / forgotten).real)
+
+
+def closed_orbit(problem: Problem, y0: Array) -> Orbit | None:
+    """The orbit through y0, None where it does not come back within `LONGEST` times |y0|/|f|.
+
+    It comes back where it crosses the plane through y0, normal to f, in the direction of f and close to y0.
+    """
+    from scipy.optimize import brentq
+
+    f = vector_field(problem, y0)
+    speed, size = float(np.linalg.norm(f)), float(np.linalg.norm(y0))
+    if not speed or not size:
+        return None
+    reach = 8 * size / speed
+    while reach <= LONGEST * size / speed:
+        times = np.linspace(0, reach, 512)
+        try:
+            moved = exact_flow(problem, times, y0).y - y0[:, None]
+        except FlowFailure:
+            return None
+        ahead, near = f @ moved, np.linalg.norm(moved, axis=0) < 0.25 * size
+        back = np.flatnonzero((ahead[1:-1] < 0) & (ahead[2:] >= 0) & near[2:])
+        if back.size:
+            period = brentq(
+                lambda t: float(f @ (exact_flow(problem, t, y0).y.reshape(-1) - y0)),
+                *times[back[0] + 1 : back[0] + 3],
+            )
+            return Orbit(period, exact_flow(problem, period * np.arange(PHASES) / PHASES, y0).y)
+        reach *= 2
+    return None

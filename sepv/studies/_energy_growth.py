@@ -1,0 +1,200 @@
+"""Energy over long times: E[H(y_n)] − H(y0) and the rms of H(y_n) − H(y0) against t, each judged by an interval.
+
+Schemes differ in kind. (2.1) keeps H: what is left is rounding. A symplectic scheme with a fixed step has a bounded
+error; with random steps the energy walks, √t, and its mean drifts, more slowly than the walk until t is of the order
+1/h² (`_energy_diffusion`). An explicit scheme drifts by O(h)t at once, and faster later.
+
+All errors are of the same paths and times T/2^k. The growth is the exponent of the rms over the last DOUBLINGS
+doublings of t, by a jackknife over paths; the drift is the mean over paths of (H(T) − H(T/4))/(3T/4). Both have
+Student's interval of level 1 − LEVEL: a row takes one kind of growth for another, or sees a drift where there is none,
+with a probability of at most LEVEL each, as far as such means over many paths are normal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sepv.errors import UsageError
+from sepv.problem import Array, Problem
+from sepv.record._binary64 import EPS
+from sepv.schemes import Look, Scheme
+from sepv.simulate import ensemble
+from sepv.studies._energy_diffusion import EnergyDiffusion, energy_diffusion
+from sepv.studies._picture import Axis, Series, content, draw_curves, figure, looks
+from sepv.verification._orders.convergence import jackknife_half
+from sepv.verification._quantiles import students_t
+
+# Two-sided level of each interval.
+LEVEL = 1e-3
+# A bounded error oscillates: between two times its size may double, which is a slope of 1 over one doubling and of at
+# most 1/4 over four. Its period has to be below T/2^DOUBLINGS.
+DOUBLINGS = 4
+# Exponents between 0, ½ and 1 are told apart half-way.
+KINDS = (("bounded", 0.25), ("a random walk", 0.75), ("linear", 1.25), ("faster than linear", np.inf))
+
+
+@dataclass(frozen=True)
+class Growth:
+    """The energy's error of one scheme over long times.
+
+    times, mean, error, rms : (L,), E[H(y_n)] − H(y0) with its standard error, and the rms of H(y_n) − H(y0)
+    exponent, drift : value and half the interval; the drift is per unit of time
+    rounding : the rms at T that rounding alone may leave
+    failed : paths with a step that failed or left the domain; they count no further, and nothing is judged
+    derived : offset, drift and diffusion by theory, where it speaks
+    """
+
+    scheme: str
+    paths: int
+    times: Array
+    mean: Array
+    error: Array
+    rms: Array
+    exponent: tuple[float, float]
+    drift: tuple[float, float]
+    rounding: float
+    failed: int
+    derived: EnergyDiffusion | None
+
+    @property
+    def kind(self) -> str:
+        """How the rms grows: rounding, one of KINDS, or open where the interval does not decide or paths failed."""
+        if self.failed:
+            return "open"
+        return "rounding" if self.rms[-1] <= self.rounding else kind_of(*self.exponent)
+
+    @property
+    def drifts(self) -> bool:
+        """Whether the interval of the mean's drift excludes 0, and the error is no rounding."""
+        return self.kind != "rounding" and not self.failed and abs(self.drift[0]) > self.drift[1]
+
+    def sentence(self) -> str:
+        """One line in words."""
+        if self.failed:
+            return f"{self.failed} of {self.paths} paths failed: nothing is judged"
+        if self.kind == "rounding":
+            return f"rounding: the rms is at most {self.rounding:.1g}"
+        grows = self.kind if self.kind != "open" else "not decided"
+        text = f"t^({self.exponent[0]:.2f} ± {self.exponent[1]:.2f}), {grows}; the mean "
+        text += "drifts" if self.drifts else "is not seen to drift"
+        text += f", {self.drift[0]:.2g} ± {self.drift[1]:.1g} per unit of time"
+        return text + (f" (theory {self.derived.drift:.2g})" if self.derived else "")
+
+
+def growth(
+    scheme: Scheme, problem: Problem, *, h: float, T: float, paths: int, seed: int = 0, engine: str = "auto",
+    progress: Callable[[int, int], None] | None = None,
+) -> Growth:  # fmt: skip
+    """The energy's error of `paths` paths from the problem's initial state up to T, a multiple of h.
+
+    T/h has to be a multiple of 2^DOUBLINGS, so that the times T/2^k are steps.
+    """
+    steps = round(T / h)
+    if steps < 2**DOUBLINGS or steps % 2**DOUBLINGS or not np.isclose(steps * h, T, rtol=1e-12):
+        raise UsageError(
+            expected=f"a time T that is a multiple of {2**DOUBLINGS} h, h = {h:g}",
+            received=f"T = {T:g}",
+            remedy=f"T = {max(1, round(steps / 2**DOUBLINGS)) * 2**DOUBLINGS * h:g}",
+        )
+    counts = [steps]
+    while counts[-1] % 2 == 0:
+        counts.append(counts[-1] // 2)
+    times = np.array(counts[::-1]) * h
+    found = ensemble(
+        scheme,
+        problem,
+        h=h,
+        steps=steps,
+        paths=paths,
+        seed=seed,
+        times=times,
+        engine=engine,
+        progress=progress,
+    )
+    y0 = np.array(problem.initial, dtype=np.float64)
+    with np.errstate(over="ignore", invalid="ignore"):
+        energies = np.stack([problem.hamiltonian(y) for y in found.states]) - float(problem.hamiltonian(y0))
+        failed = int(np.count_nonzero((found.status != 0) | ~np.isfinite(energies).all(axis=0)))
+        return judged(
+            scheme.name, times, energies, rounding=rounding_walk(problem, y0[:, None], steps), failed=failed,
+            derived=energy_diffusion(scheme, problem, h),
+        )  # fmt: skip
+
+
+def judged(
+    scheme: str, times: Array, errors: Array, *, rounding: float, failed: int = 0,
+    derived: EnergyDiffusion | None = None,
+) -> Growth:  # fmt: skip
+    """The record from errors (L, M) of H at times (L,), the last ones T/4, T/2 and T."""
+    paths = errors.shape[1]
+    rates = (errors[-1] - errors[-3]) / (times[-1] - times[-3])
+    half = float(students_t(LEVEL / 2, paths - 1) * np.std(rates, ddof=1) / np.sqrt(paths))
+    late = slice(-DOUBLINGS - 1, None)
+    return Growth(
+        scheme, paths, times, np.mean(errors, axis=1), np.std(errors, axis=1, ddof=1) / np.sqrt(paths),
+        np.sqrt(np.mean(errors**2, axis=1)), exponent(times[late], errors[late]),
+        (float(np.mean(rates)), half), rounding, failed, derived,
+    )  # fmt: skip
+
+
+def exponent(times: Array, errors: Array) -> tuple[float, float]:
+    """The slope of ln rms against ln t, errors (L, M) of M paths, and half its interval by a jackknife over paths.
+
+    Where a few paths make the rms the interval is wide, and decides nothing.
+    """
+    squares = errors**2
+    total, paths = squares.sum(axis=1), squares.shape[1]
+    x = np.log(times) - np.mean(np.log(times))
+    # Where one path is all there is, the rest has no logarithm.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        value = 0.5 * float(x @ np.log(total / paths)) / float(x @ x)
+        half = jackknife_half(0.5 * (x @ np.log((total[:, None] - squares) / (paths - 1))) / (x @ x), LEVEL)
+    return (value, half) if np.isfinite(value + half) else (0.0, np.inf)
+
+
+def kind_of(value: float, half: float) -> str:
+    """The one of KINDS in which the whole interval lies, or open."""
+    edges = (-np.inf, *(edge for _, edge in KINDS))
+    for (kind, high), low in zip(KINDS, edges, strict=False):
+        if low < value - half and value + half < high:
+            return kind
+    return "open"
+
+
+def rounding_walk(problem: Problem, y: Array, steps: int) -> float:
+    """How far H walks by rounding in `steps` steps of a scheme that keeps it, among states y (d, M).
+
+    A step rounds the update of y, by half an ulp of each component, and leaves a residual of the same size: H moves by
+    at most 2 eps (Σ|∂_iH y_i| + |H|). Signs are as good as random, so that by Azuma's inequality the walk exceeds
+    8 eps √N of that with probability below 1e-3. Measured: 0.3 eps √N.
+    """
+    size = np.max(np.sum(np.abs(problem.gradient(y) * y), axis=0)) + np.max(np.abs(problem.hamiltonian(y)))
+    return 8 * EPS * float(np.sqrt(steps)) * float(size)
+
+
+def draw(rows: Sequence[Growth], title: str, suffix: str, own: dict[str, Look] | None = None) -> bytes:
+    """E[H] − H(y0) on the left and the rms on the right, both against time, with theory dashed; needs `plots`."""
+    look_of = looks((row.scheme for row in rows), own) | looks([""])
+    sides = (
+        ("mean of H − H(y0)", [(row.mean, lambda d, t: d.offset + d.drift * t) for row in rows]),
+        ("rms of H − H(y0)", [(row.rms, lambda d, t: np.sqrt(2 * d.diffusion * t)) for row in rows]),
+    )
+    with figure(9.5, 4.4, layout="constrained") as drawn:
+        for axes, (label, curves) in zip(drawn.subplots(1, 2), sides, strict=True):
+            shown = []
+            for row, (values, theory) in zip(rows, curves, strict=True):
+                shown.append(
+                    Series(row.scheme, row.times.tolist(), np.abs(values).tolist(), row.scheme, "both")
+                )
+                if row.derived and row.derived.diffusion > row.rounding**2:
+                    by_theory = np.abs(theory(row.derived, row.times)).tolist()
+                    shown.append(Series(f"{row.scheme}, theory", row.times.tolist(), by_theory, row.scheme))
+            draw_curves(axes, shown, look_of, Axis("time t", log=True), Axis(f"|{label}|", log=True))
+        drawn.suptitle(title)
+        drawn.legend(
+            *drawn.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8
+        )
+        return content(drawn, suffix)
