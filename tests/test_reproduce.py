@@ -271,7 +271,7 @@ def test_a_quick_figure_4_4_refutes_nothing_that_the_paper_says(tmp_path: Path) 
     panels = json.loads(file.read_text())["panels"]
     found = {s["text"]: s for panel in panels for s in panel["statements"]}
     assert {s["verdict"] for s in found.values()} == {"holds", "open"}
-    (walk,) = [s for text, s in found.items() if "random walk" in text]
+    (walk,) = [s for text, s in found.items() if "not bounded" in text]
     assert walk["verdict"] == "open"
     assert "too short to tell" in walk["measured"]
     assert [s["verdict"] for text, s in found.items() if "symplecticity" in text] == ["open"]
