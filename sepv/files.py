@@ -92,8 +92,8 @@ def write_atomically(path: str, content: str | bytes) -> None:
 
 # Results of commands, with the version of their schema: it grows where older readers would misread a file.
 RESULTS = {
-    "bench": 1, "comparison": 1, "hard": 1, "path": 1, "report": 1, "reproduction": 1, "solvability": 1, "teeth": 1,
-    "ulps": 1,
+    "bench": 1, "comparison": 1, "growth": 1, "hard": 1, "path": 1, "report": 1, "reproduction": 1, "solvability": 1,
+    "teeth": 1, "ulps": 1,
 }  # fmt: skip
 # A bundle's manifest and a record of `sepv peers` say themselves what made them; users write problems and witnesses.
 SCHEMAS = (*RESULTS, "manifest", "peers", "problem", "witness")

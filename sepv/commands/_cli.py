@@ -21,7 +21,7 @@ from sepv.files import cache_folder
 GROUPS = {
     "Commands": ("verify", "compare", "bench", "run", "reproduce", "report", "list", "completion"),
     "Submissions, and other libraries": ("submit", "check", "peers", "trend"),
-    "For specialists": ("exact", "step", "ulps", "hard", "solvability", "teeth"),
+    "For specialists": ("exact", "step", "ulps", "hard", "growth", "solvability", "teeth"),
 }
 COMMANDS = tuple(name for names in GROUPS.values() for name in names)
 # New objects between two searches for cycles: measured with `sepv verify`, for speed alone.

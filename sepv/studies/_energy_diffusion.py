@@ -48,12 +48,20 @@ APART = 1e-3
 
 @dataclass(frozen=True)
 class EnergyDiffusion:
-    """What long times do to the energy: E[H] − H(y0) = offset + drift t, and Var H = 2 diffusion t."""
+    """E[H] − H(y0) = offset + drift t and Var H = 2 diffusion t, while the walk stays near the orbit through y0."""
 
     offset: float
     drift: float
     diffusion: float
     period: float
+
+    def reaches(self, t: float) -> bool:
+        """Whether the walk up to t is shorter than D/drift, over which D itself changes."""
+        return 2 * t * self.drift**2 <= self.diffusion
+
+    def at(self, t: Array) -> tuple[Array, Array]:
+        """E[H] − H(y0) and the rms of H − E[H] at times that have forgotten the phase."""
+        return self.offset + self.drift * t, np.sqrt(np.maximum(2 * self.diffusion, 0) * t)
 
 
 @dataclass(frozen=True)

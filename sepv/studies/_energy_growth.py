@@ -13,11 +13,13 @@ with a probability of at most LEVEL each, as far as such means over many paths a
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
 
 import numpy as np
 
 from sepv.errors import UsageError
+from sepv.files import finite
 from sepv.problem import Array, Problem
 from sepv.record._binary64 import EPS
 from sepv.schemes import Look, Scheme
@@ -32,6 +34,8 @@ LEVEL = 1e-3
 # A bounded error oscillates: between two times its size may double, which is a slope of 1 over one doubling and of at
 # most 1/4 over four. Its period has to be below T/2^DOUBLINGS.
 DOUBLINGS = 4
+# Of a scheme's own curve, and of theory's.
+STYLES: tuple[Literal["points", "line"], ...] = ("points", "line")
 # Exponents between 0, ½ and 1 are told apart half-way.
 KINDS = (("bounded", 0.25), ("a random walk", 0.75), ("linear", 1.25), ("faster than linear", np.inf))
 
@@ -44,7 +48,7 @@ class Growth:
     exponent, drift : value and half the interval; the drift is per unit of time
     rounding : the rms at T that rounding alone may leave
     failed : paths with a step that failed or left the domain; they count no further, and nothing is judged
-    derived : offset, drift and diffusion by theory, where it speaks
+    derived : offset, drift and diffusion by theory, where it speaks and reaches T
     """
 
     scheme: str
@@ -70,6 +74,11 @@ class Growth:
     def drifts(self) -> bool:
         """Whether the interval of the mean's drift excludes 0, and the error is no rounding."""
         return self.kind != "rounding" and not self.failed and abs(self.drift[0]) > self.drift[1]
+
+    def to_json(self) -> dict[str, Any]:
+        """The record with its verdicts; numbers that are not finite are null."""
+        fields = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in asdict(self).items()}
+        return {k: finite(v) for k, v in fields.items()} | {"kind": self.kind, "drifts": self.drifts}
 
     def sentence(self) -> str:
         """One line in words."""
@@ -115,12 +124,13 @@ def growth(
         progress=progress,
     )
     y0 = np.array(problem.initial, dtype=np.float64)
+    derived = energy_diffusion(scheme, problem, h)
     with np.errstate(over="ignore", invalid="ignore"):
         energies = np.stack([problem.hamiltonian(y) for y in found.states]) - float(problem.hamiltonian(y0))
         failed = int(np.count_nonzero((found.status != 0) | ~np.isfinite(energies).all(axis=0)))
         return judged(
             scheme.name, times, energies, rounding=rounding_walk(problem, y0[:, None], steps), failed=failed,
-            derived=energy_diffusion(scheme, problem, h),
+            derived=derived if derived and derived.reaches(T) else None,
         )  # fmt: skip
 
 
@@ -176,23 +186,22 @@ def rounding_walk(problem: Problem, y: Array, steps: int) -> float:
 
 
 def draw(rows: Sequence[Growth], title: str, suffix: str, own: dict[str, Look] | None = None) -> bytes:
-    """E[H] − H(y0) on the left and the rms on the right, both against time, with theory dashed; needs `plots`."""
-    look_of = looks((row.scheme for row in rows), own) | looks([""])
-    sides = (
-        ("mean of H − H(y0)", [(row.mean, lambda d, t: d.offset + d.drift * t) for row in rows]),
-        ("rms of H − H(y0)", [(row.rms, lambda d, t: np.sqrt(2 * d.diffusion * t)) for row in rows]),
-    )
+    """|E[H] − H(y0)| on the left and the rms on the right, both against time, with theory beside; needs `plots`."""
+    look_of = looks((row.scheme for row in rows), own)
     with figure(9.5, 4.4, layout="constrained") as drawn:
-        for axes, (label, curves) in zip(drawn.subplots(1, 2), sides, strict=True):
+        for side, (axes, label) in enumerate(
+            zip(drawn.subplots(1, 2), ("|mean of H − H(y0)|", "rms of H − H(y0)"), strict=True)
+        ):
             shown = []
-            for row, (values, theory) in zip(rows, curves, strict=True):
-                shown.append(
-                    Series(row.scheme, row.times.tolist(), np.abs(values).tolist(), row.scheme, "both")
-                )
-                if row.derived and row.derived.diffusion > row.rounding**2:
-                    by_theory = np.abs(theory(row.derived, row.times)).tolist()
-                    shown.append(Series(f"{row.scheme}, theory", row.times.tolist(), by_theory, row.scheme))
-            draw_curves(axes, shown, look_of, Axis("time t", log=True), Axis(f"|{label}|", log=True))
+            for row in rows:
+                curves = {row.scheme: (row.mean, row.rms)[side]}
+                if row.derived and row.kind != "rounding":
+                    curves[f"{row.scheme}, theory"] = row.derived.at(row.times)[side]
+                shown += [
+                    Series(name, row.times.tolist(), np.abs(values).tolist(), row.scheme, style)
+                    for (name, values), style in zip(curves.items(), STYLES, strict=False)
+                ]
+            draw_curves(axes, shown, look_of, Axis("time t", log=True), Axis(label, log=True))
         drawn.suptitle(title)
         drawn.legend(
             *drawn.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8

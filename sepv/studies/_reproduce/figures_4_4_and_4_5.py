@@ -176,8 +176,10 @@ def _mean(found: dict[float, Growth]) -> Panel:
         curves += [
             series(f"mean, {name}", row.times, np.abs(row.mean), scheme="midpoint", style="both"),
             series(f"rms, {name}", row.times, row.rms, scheme="midpoint", style="both"),
-            series(f"theory, mean, {name}", row.times, theory.offset + theory.drift * row.times),
-            series(f"theory, rms, {name}", row.times, np.sqrt(2 * theory.diffusion * row.times)),
+            *(
+                series(f"theory, {kind}, {name}", row.times, values)
+                for kind, values in zip(("mean", "rms"), theory.at(row.times), strict=True)
+            ),
         ]
         rate, half = row.drift
         agree.append(abs(rate - theory.drift) <= half)

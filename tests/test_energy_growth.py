@@ -1,0 +1,243 @@
+"""Energy over long times: three derivations of the midpoint rule's walk and drift, and verdicts by intervals."""
+
+from __future__ import annotations
+
+import json
+from math import atan2, erfc, log, pi, sin, sqrt
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from sepv import problems, schemes
+from sepv.commands import main
+from sepv.errors import UsageError
+from sepv.files import schema
+from sepv.problem import Array
+from sepv.studies._energy_diffusion import energy_diffusion
+from sepv.studies._energy_growth import DOUBLINGS, exponent, growth, judged, kind_of
+from sepv.verification._orders.gaussian import rule
+
+PENDULUM = problems.pendulum()
+C2 = 1.25  # c1² + c2²
+
+
+def leading_order() -> tuple[float, float, float]:
+    """Offset/h, drift/h² and D/h² of the midpoint rule on the pendulum, untruncated, from c − c̃ and by quadrature.
+
+    With r² = H + 1, p = √2 r cos α, sin(q/2) = r sin α/√2 the flow is α′ = cos(q/2): dθ = dα/cos(q/2) on an orbit, and
+    G = H‴(f, f, f)/24 = −p³ sin q/24, H₂ = −H″(f, f)/24 = −(sin²q + p² cos q)/24.
+    """
+    alpha = 2 * pi * np.arange(256) / 256
+
+    def integrals(energy: float) -> tuple[float, float, float]:
+        """The period, ∮G²dθ and ∮H₂dθ."""
+        p, half = sqrt(2 * energy) * np.cos(alpha), sqrt(energy / 2) * np.sin(alpha)
+        q, weight = 2 * np.arcsin(half), 2 * pi / alpha.size / np.sqrt(1 - half**2)
+        G, H2 = -(p**3) * np.sin(q) / 24, -(np.sin(q) ** 2 + p**2 * np.cos(q)) / 24
+        return float(weight.sum()), float(weight @ G**2), float(weight @ H2)
+
+    p0, q0 = PENDULUM.initial
+    energy = p0**2 / 2 + 2 * sin(q0 / 2) ** 2
+    period, squares, modified = integrals(energy)
+    step = 1e-4
+    slope = (integrals(energy + step)[1] - integrals(energy - step)[1]) / (2 * step)
+    start = -(sin(q0) ** 2 + p0**2 * np.cos(q0)) / 24
+    walk = 3 * C2**3  # half of c⁶ Var(ξ³ − 3ξ)
+    return 3 * C2 * (start - modified / period), walk * slope / period, walk * squares / period
+
+
+def test_the_steps_themselves_and_the_local_error_give_one_walk_drift_and_offset() -> None:
+    """Both agree as h → 0: the relative difference falls with h, and its extrapolation by h and h² is below 1 %."""
+    found = []
+    for h in (2.0**-5, 2.0**-6, 2.0**-7):
+        d = energy_diffusion(schemes.midpoint, PENDULUM, h)
+        found.append(np.array([d.offset / h, d.drift / h**2, d.diffusion / h**2]) / leading_order())
+    coarse, middle, fine = found
+    assert np.all(coarse < middle)
+    assert np.all(middle < fine)
+    extrapolated = (4 * (2 * fine - middle) - (2 * middle - coarse)) / 3
+    assert np.all(np.abs(extrapolated - 1) < 0.01), extrapolated
+
+
+def midpoint(p: Array, q: Array, step: float) -> tuple[Array, Array]:
+    """The midpoint rule on the pendulum, by Newton's iteration for δ = q1 − q0: δ = Δp0 − ½Δ² sin(q0 + δ/2)."""
+    move = step * p
+    for _ in range(50):
+        residual = move - step * p + 0.5 * step**2 * np.sin(q + move / 2)
+        move = move - residual / (1 + 0.25 * step**2 * np.cos(q + move / 2))
+    return p - step * np.sin(q + move / 2), q + move
+
+
+def steps_of(h: float, c: tuple[float, ...], nodes: int) -> tuple[Array, Array]:
+    """Δ and weights: a clipped normal is a density on [−A, A] and two atoms at its ends."""
+    A = sqrt(4 * abs(log(h)))
+    x, w = np.polynomial.legendre.leggauss(nodes)
+    tail = 0.5 * erfc(A / sqrt(2))
+    zeta = np.concatenate([[-A], A * x, [A]])
+    weights = np.concatenate([[tail], A * w * np.exp(-0.5 * (A * x) ** 2) / sqrt(2 * pi), [tail]])
+    found, shares = np.array([h]), np.ones(1)
+    for size in c:
+        found = (found[:, None] + size * sqrt(h) * zeta).ravel()
+        shares = (shares[:, None] * weights).ravel()
+    return found, shares / shares.sum()
+
+
+def barycentric(at: Array, nodes: Array, signs: Array) -> Array:
+    """Lagrange's basis of Chebyshev's points, (M, N)."""
+    gaps = at[:, None] - nodes
+    terms = signs / np.where(np.abs(gaps) < 1e-15, 1e-15, gaps)
+    return terms / terms.sum(axis=1, keepdims=True)
+
+
+def expectations(h: float, T: float) -> tuple[Array, Array, Array]:
+    """Times, E[H − H(y0)] and Var H of the midpoint rule without a sample: powers of the Markov operator.
+
+    It acts on functions of r² = H + 1, Chebyshev's points, and of the angle α, trigonometric polynomials. Paths that
+    leave the interval of r² stop there: six standard deviations at T.
+    """
+    low, high, N, angles = 0.1, 0.95, 28, 21
+    k = np.arange(N) + 0.5
+    radii, signs = (
+        low + (high - low) * (np.cos(pi * k / N) + 1) / 2,
+        (-1.0) ** np.arange(N) * np.sin(pi * k / N),
+    )
+    turns = 2 * pi * np.arange(angles) / angles
+
+    def basis(energy: Array, angle: Array) -> Array:
+        gap = (angle[:, None] - turns) / 2
+        around = np.sin(angles * gap) / np.where(np.abs(np.sin(gap)) < 1e-15, 1.0, np.sin(gap)) / angles
+        around = np.where(np.abs(np.sin(gap)) < 1e-15, 1.0, around)
+        radial = barycentric(np.clip(energy, low, high), radii, signs)
+        return (radial[:, :, None] * around[:, None, :]).reshape(len(energy), -1)
+
+    energy, angle = np.repeat(radii, angles), np.tile(turns, N)
+    p, q = np.sqrt(2 * energy) * np.cos(angle), 2 * np.arcsin(np.sqrt(energy / 2) * np.sin(angle))
+    operator = np.zeros((energy.size, energy.size))
+    for step, weight in zip(*steps_of(h, (1.0, 0.5), 12), strict=True):
+        p1, q1 = midpoint(p, q, step)
+        P, Q = p1 / sqrt(2), sqrt(2) * np.sin(q1 / 2)
+        operator += weight * basis(P**2 + Q**2, np.arctan2(Q, P))
+    p0, q0 = PENDULUM.initial
+    P, Q = p0 / sqrt(2), sqrt(2) * sin(q0 / 2)
+    row = basis(np.array([P**2 + Q**2]), np.array([atan2(Q, P)]))[0]
+    means, squares = [], []
+    for _ in range(round(T / h)):
+        row = row @ operator
+        means.append(row @ energy - (P**2 + Q**2))
+        squares.append(row @ (energy - (P**2 + Q**2)) ** 2)
+    mean = np.array(means)
+    return h * np.arange(1, mean.size + 1), mean, np.array(squares) - mean**2
+
+
+def test_powers_of_the_markov_operator_have_the_drift_the_walk_and_the_offset() -> None:
+    """Nothing of the theory is used: no orbit, no action, no sample. The theory leaves terms of relative size h."""
+    h = 2.0**-4
+    t, mean, variance = expectations(h, 128.0)
+    theory = energy_diffusion(schemes.midpoint, PENDULUM, h)
+    late = t >= 32
+    drift, offset = np.polyfit(t[late], mean[late], 1)
+    assert drift == pytest.approx(theory.drift, rel=h)
+    assert offset == pytest.approx(theory.offset, rel=h)
+    assert np.polyfit(t[late], variance[late], 1)[0] / 2 == pytest.approx(theory.diffusion, rel=h)
+
+
+def test_paths_show_the_walk_and_the_drift_of_the_theory() -> None:
+    found = growth(schemes.midpoint, PENDULUM, h=2.0**-3, T=128.0, paths=2000, engine="numpy")
+    assert found.kind == "a random walk"
+    theory = found.derived
+    # Five standard errors: a false alarm in a million; beside them the theory's own error, h of the drift.
+    expected = theory.offset + theory.drift * 128
+    assert abs(found.mean[-1] - expected) < 5 * found.error[-1] + found.derived.drift * 128 / 8
+    assert found.rms[-1] == pytest.approx(np.sqrt(2 * theory.diffusion * 128), rel=0.2)
+
+
+def test_a_scheme_that_keeps_the_energy_is_at_rounding_and_has_no_drift() -> None:
+    for problem in (PENDULUM, problems.rigid_body()):
+        found = growth(schemes.energy_preserving, problem, h=2.0**-5, T=8.0, paths=64, engine="numpy")
+        assert found.kind == "rounding"
+        assert not found.drifts
+    assert energy_diffusion(schemes.energy_preserving, PENDULUM, 0.1) is None  # not symplectic
+    assert energy_diffusion(schemes.midpoint, problems.rigid_body(), 0.1) is None  # three dimensions
+
+
+def test_an_explicit_scheme_multiplies_the_oscillators_mean_energy_in_each_step() -> None:
+    problem, h, T = problems.harmonic_oscillator(), 2.0**-4, 16.0
+    nodes = rule(1, h, 2, 12)
+    dW = np.sqrt(h) * nodes.zeta[:, nodes.index]
+    unit = np.repeat([[1.0], [0.0]], dW.shape[1], axis=1)
+    factor = float(
+        np.sum(schemes.PAPER["euler-heun"].step(problem, unit, h, dW) ** 2, axis=0) @ nodes.weights
+    )
+    found = growth(schemes.PAPER["euler-heun"], problem, h=h, T=T, paths=4000, engine="numpy")
+    start = problem.hamiltonian(np.array(problem.initial))
+    expected = start * (factor ** np.round(found.times / h) - 1)
+    assert factor > 1 + h**2 / 2
+    assert np.all(np.abs(found.mean - expected) < 5 * found.error)
+    assert found.drifts
+
+
+TIMES = 2.0 ** np.arange(8)
+
+
+def _errors(kind: str, rng: np.random.Generator, paths: int = 256) -> Array:
+    normal = rng.standard_normal((TIMES.size, paths))
+    if kind == "bounded":
+        return normal
+    if kind == "a random walk":
+        return np.cumsum(np.sqrt(np.diff(TIMES, prepend=0))[:, None] * normal, axis=0)
+    return TIMES[:, None] * np.abs(normal[0]) * np.exp(0.05 * normal)
+
+
+def test_intervals_take_one_growth_for_another_as_seldom_as_they_say() -> None:
+    """Of 1000 runs of each kind 1 is expected to be called another one, and 1 of each two to drift: more than 6 are a
+    chance of 1e-4. Long walks are decided."""  # fmt: skip
+    rng = np.random.default_rng(0)
+    for kind in ("bounded", "a random walk", "linear"):
+        runs = [judged("", TIMES, _errors(kind, rng), rounding=0.0) for _ in range(1000)]
+        assert sum(run.kind not in (kind, "open") for run in runs) <= 6
+        assert sum(run.kind == kind for run in runs) >= 990
+        if kind != "linear":
+            assert sum(run.drifts for run in runs) <= 6
+    assert kind_of(*exponent(TIMES, np.exp(TIMES)[:, None] * np.ones(8))) == "faster than linear"
+    assert judged("", TIMES, _errors("linear", rng), rounding=0.0).drifts
+
+
+def test_what_cannot_be_judged_is_not() -> None:
+    failed = judged("mine", TIMES, np.ones((TIMES.size, 4)), rounding=0.0, failed=1)
+    assert failed.kind == "open"
+    assert not failed.drifts
+    assert "1 of 4 paths failed" in failed.sentence()
+    alone = np.zeros((TIMES.size, 3))
+    alone[:, 0] = TIMES
+    assert judged("", TIMES, alone, rounding=0.0).kind == "open"  # one path is the whole rms
+    with pytest.raises(UsageError, match=f"multiple of {2**DOUBLINGS} h"):
+        growth(schemes.midpoint, PENDULUM, h=0.25, T=1.0, paths=8)
+
+
+def test_the_command_says_how_the_energy_grows_and_writes_it(tmp_path: Path) -> None:
+    """By chance a verdict is another one twice in a thousand; the seed is fixed."""
+    file, picture = tmp_path / "growth.json", tmp_path / "growth.svg"
+    words = ["growth", "midpoint", "energy-preserving", "--time", "64", "--paths", "400"]
+    result = CliRunner().invoke(main, [*words, "--json", str(file), "-o", str(picture)])
+    assert result.exit_code == 0, result.output
+    assert "midpoint: t^(0.5" in result.stdout
+    assert "energy-preserving: rounding" in result.stdout
+    data = json.loads(file.read_text())
+    jsonschema.validate(data, schema("growth"))
+    first, second = data["rows"]
+    assert (first["kind"], second["kind"], second["derived"]) == ("a random walk", "rounding", None)
+    assert first["derived"]["drift"] > 0
+    assert "midpoint, theory" in picture.read_text()
+    wrong = CliRunner().invoke(main, ["growth", "--h", "0.1", "--time", "1"])
+    assert wrong.exit_code == 2
+    assert "Remedy: T = 1.6" in wrong.stderr
+
+
+def test_theory_is_not_shown_beyond_its_reach() -> None:
+    """The splitting's walk leaves the well within T = 512 at this step."""
+    found = energy_diffusion(schemes.by_name("splitting"), PENDULUM, 2.0**-3)
+    assert found.reaches(8.0)
+    assert not found.reaches(512.0)
