@@ -41,6 +41,8 @@ def growth(
 
     Exit code 0, or 2 for wrong usage.
     """  # fmt: skip
+    from rich.text import Text
+
     from sepv import schemes
     from sepv.schemes import load_problem
     from sepv.studies import _energy_growth as study
@@ -69,7 +71,7 @@ def growth(
     screen = console()
     print_table(_table([row for row in rows if not row.failed]), screen)
     for row in rows:
-        line(screen, f"{row.scheme}: {row.sentence()}")
+        line(screen, Text(f"{row.scheme}: {row.sentence()}"))
 
 
 def _table(rows: list[Any]) -> Table:
