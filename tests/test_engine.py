@@ -76,19 +76,59 @@ def test_given_increments_are_the_drawn_ones() -> None:
     assert same(drawn, given)
 
 
-def test_failed_paths_have_the_status_of_the_plain_engine() -> None:
+def test_both_engines_refuse_the_same_steps() -> None:
+    """A lane that a kernel leaves over is solved as NumPy's engine solves it, with damped steps where full ones fail.
+
+    Beyond the fold Newton's iteration is chaotic: of 9000 paths of this problem in 8 a last bit of y decided whether it
+    came upon another solution.
+    """
     problem = problems.lotka_volterra()
     fast, plain = both(EP, problem, h=1 / 8, T=1.0, paths=100, seed=0)
     assert 10 < np.count_nonzero(plain.status) < 70
-    # Where no solution is found, how the search ends may depend on rounding; that it fails may not. NumPy's solve
-    # approaches a lane that failed once more, by damped steps, which the compiled one does not.
-    lost, both_lost = fast.status != Status.CONVERGED, plain.status != Status.CONVERGED
-    assert not np.any(both_lost & ~lost)
-    assert np.count_nonzero(lost & ~both_lost) <= 3
-    same_step = fast.failed_step == plain.failed_step
-    assert np.all(same_step[both_lost] | (fast.failed_step < plain.failed_step)[both_lost])
-    assert np.mean(same_step) >= 0.95
+    assert np.count_nonzero(fast.failed_step != plain.failed_step) <= 1
+    assert np.count_nonzero(fast.status != plain.status) <= 1
     assert np.all(np.isfinite(fast.y))
+
+
+@pytest.mark.parametrize("scheme", ["collocation-2", "projected-4"])
+def test_steps_of_stages_and_projections_are_refused_alike(scheme: str) -> None:
+    fast, plain = both(schemes.by_name(scheme), problems.lotka_volterra(), h=1 / 4, T=1.0, paths=40, seed=0)
+    assert fast.engine == "compiled"
+    assert np.count_nonzero(plain.status) > 1
+    assert np.count_nonzero(fast.failed_step != plain.failed_step) <= 1
+
+
+def test_what_is_raised_while_a_lane_is_solved_is_raised_when_the_compiled_loop_is_back(monkeypatch) -> None:
+    from sepv.schemes import _one_step
+
+    arguments = {"h": 0.1, "steps": 40, "engine": "compiled", "truncation": None, "seed": 2}
+    whole = sepv.long_path(EP, "lotka-volterra", **arguments)
+    assert whole.failed_step > 0
+    solve, asked = _one_step.solve_implicit, []
+
+    def interrupted(*given):
+        asked.append(given)
+        if len(asked) == 1:
+            raise KeyboardInterrupt
+        return solve(*given)
+
+    monkeypatch.setattr(_one_step, "solve_implicit", interrupted)
+    path = sepv.long_path(EP, "lotka-volterra", **arguments)
+    assert path.interrupted
+    assert len(asked) > 1
+    # The step was made all the same, so that the path is at the end of a piece.
+    assert (path.failed_step, path.status, path.t) == (whole.failed_step, whole.status, whole.t)
+    assert np.array_equal(path.y, whole.y)
+    asked.clear()
+    with pytest.raises(sepv.errors.Interrupted):
+        sepv.ensemble(EP, "lotka-volterra", paths=20, **arguments)
+
+    def broken(*given):
+        raise ArithmeticError("no such thing")
+
+    monkeypatch.setattr(_one_step, "solve_implicit", broken)
+    with pytest.raises(sepv.errors.ChunkFailure, match="no such thing"):
+        sepv.ensemble(EP, "lotka-volterra", paths=20, **arguments)
 
 
 def test_workers_are_any_map_and_the_bits_stay() -> None:
@@ -737,19 +777,3 @@ def test_a_system_without_noise_is_compiled() -> None:
         plain = sepv.ensemble(EP, problem, h=1 / 16, steps=8, paths=paths, engine="numpy")
         assert found.W.shape == (0, paths)
         assert np.max(np.abs(found.y - plain.y)) < 1e-14
-
-
-def test_a_chunk_in_which_a_lane_first_needs_care_begins_anew(monkeypatch) -> None:
-    """Steps of Lotka-Volterra without a solution: what looks at one lane is compiled when it is asked for."""
-    from sepv.simulate._engine import store
-
-    arguments = {"h": 0.1, "steps": 8, "paths": 300, "engine": "compiled", "times": [0.4, 0.8]}
-    known = sepv.ensemble(EP, "lotka-volterra", **arguments)
-    assert store.is_there("careful")
-    monkeypatch.delitem(store._ordinary, "careful")
-    again = sepv.ensemble(EP, "lotka-volterra", **arguments)
-    assert store.is_there("careful")
-    assert 0 < np.count_nonzero(known.status) < 300
-    for key in ("y", "W", "states", "status", "failed_step", "energy_defect"):
-        assert np.array_equal(getattr(known, key), getattr(again, key)), key
-    assert known.iterations == again.iterations

@@ -12,7 +12,7 @@ pytest.importorskip("numba")
 from numba import njit
 
 from sepv.simulate._engine.functions import fma, logarithm, not_, select, sincos
-from sepv.simulate._engine.pieces import lane_piece, loaded, state_piece
+from sepv.simulate._engine.pieces import lane_piece, loaded
 
 L, PARAMETERS, NAN, HALF = 4, ("c0", "p0"), math.nan, 0.5
 LINES = [
@@ -68,31 +68,3 @@ def test_the_lines_of_a_lane_are_its_instructions() -> None:
     assert np.allclose(S, mine, rtol=1e-14, atol=1e-14, equal_nan=True)
     assert np.isnan(mine).any()
     assert not np.isnan(mine).all()
-
-
-def test_a_piece_of_a_state_fills_its_arrays() -> None:
-    lines = ["x0 = x[0]", "A[1, 0] = x0 * v[1]", "A[0, 1] = -x0", "b[1] = p0 + x[1]", "found += 5"]
-    piece, parameters = state_piece(lines, {"PARAMETERS": PARAMETERS}), loaded(2)
-
-    @njit(error_model="numpy")
-    def at(x: Any, v: Any, A: Any, b: Any, P: Any) -> int:
-        return piece(x, v, A, b, parameters(P))
-
-    A, b = np.zeros((2, 2)), np.zeros(2)
-    assert at(np.array([2.0, 3.0]), np.array([0.0, 0.5]), A, b, np.array([0.0, 10.0])) == 5
-    assert A.tolist() == [[0.0, -2.0], [1.0, 0.0]]
-    assert b.tolist() == [0.0, 13.0]
-
-
-@pytest.mark.parametrize(
-    "line", ["a = x[0] @ x[1]", "a = [1.0]", "a = x[0] if x[1] else 0.0", "for i in x: pass"]
-)
-def test_what_no_instruction_stands_for_is_refused(line: str) -> None:
-    piece = state_piece([line], {"PARAMETERS": ()})
-
-    @njit
-    def at(x: Any, A: Any) -> int:
-        return piece(x, x, A, x, ())
-
-    with pytest.raises((AssertionError, KeyError)):
-        at(np.ones(2), np.ones((2, 2)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
 from typing import Any
 
@@ -15,6 +16,7 @@ from sepv.simulate._batch import Ensemble
 from sepv.simulate._engine import module as layout
 from sepv.simulate._engine.compile import FEW, Kernel, kernel
 from sepv.simulate._engine.task import Task
+from sepv.solve import Status
 
 
 def aligned(shape: tuple[int, ...], dtype: Any = np.float64) -> np.ndarray:
@@ -25,18 +27,27 @@ def aligned(shape: tuple[int, ...], dtype: Any = np.float64) -> np.ndarray:
     return room[first : first + size].view(dtype).reshape(shape)
 
 
+# What compiled code calls with a block's arrays: their addresses, that of a step's increments, and the length of a row.
+LEFT_OVER = ctypes.CFUNCTYPE(*[ctypes.c_int64] * 5)
+
+
+def _at(address: int, count: int, dtype: Any = np.float64) -> np.ndarray:
+    """The array of so many numbers that begins there."""
+    room: Any = (ctypes.c_char * (count * 8)).from_address(address)
+    return np.frombuffer(room, dtype)
+
+
 class Chunk:
     """The state of a chunk between two calls of its kernel; `advance` goes on where it was left."""
 
     def __init__(self, task: Task, problem: Problem) -> None:
-        from sepv.simulate._engine.store import is_there, ordinary
+        from sepv.simulate._engine.store import ordinary
 
         lanes = 1 if task.count <= FEW else layout.LANES
         self.task, self.problem, self.driver = task, problem, ordinary("driver")
         self.kernel: Kernel = kernel(task.scheme, problem, lanes=lanes, compensated=task.compensated)
-        # A chunk begins anew where a lane needs what is not compiled yet; one path is too long for that.
-        ready = lanes == 1 or is_there("careful")
-        self.careful = ordinary("careful").CAREFULLY if ready else self.driver.LATER
+        # What a solve raised that compiled code called, which passes no exceptions on.
+        self.raised: BaseException | None = None
         module, m, blocks = self.kernel.module, problem.noises, -(-task.count // lanes)
         self.lanes = lanes
         self.start = np.zeros(module.SIZE)
@@ -62,14 +73,38 @@ class Chunk:
 
     def advance(self, steps: int) -> None:
         """The next `steps` steps."""
-        goal = self.done + steps
-        self._run(goal)
-        if self.careful == self.driver.LATER and (self._integers(layout.STATUS) == layout.PENDING).any():
-            from sepv.simulate._engine.store import ordinary
+        self._run(self.done + steps)
 
-            ordinary("careful")
-            self.__init__(self.task, self.problem)  # type: ignore[misc]  # everything as it was at the start
-            self._run(goal)
+    def _solve(self, S: int, I: int, increments: int, width: int) -> int:
+        """The step of every busy lane of a block, at these addresses, by the scheme's own solve.
+
+        increments : of this step, (m, width), of which the first lanes are the block's
+        """
+        L, d, m, module = self.lanes, self.problem.dimension, self.problem.noises, self.kernel.module
+        state = _at(S, module.SIZE).reshape(-1, L)
+        integers = _at(I, 4 * L + layout.NUMBERS, np.int64)
+        busy = np.flatnonzero(integers[layout.BUSY * L :][:L])
+        dW = _at(increments, m * width).reshape(m, width)[:, busy].clip(-self.bound, self.bound)
+        scheme: Any = self.task.scheme
+        solve = scheme.solve or scheme.step.solve
+        while True:
+            try:
+                found = solve(self.problem, state[:d, busy], self.task.h, dW)
+                break
+            except KeyboardInterrupt as error:  # once more, so that the chunk is left between two pieces
+                self.raised = error
+            except BaseException as error:
+                self.raised = error
+                integers[layout.STATUS * L :][busy] = Status.NO_CONVERGENCE
+                return 0
+        for stage in range(module.STAGES):  # whose weights have the sum 1
+            state[module.UNKNOWNS + stage * d :][:d, busy] = found.change
+        integers[layout.STATUS * L :][busy] = found.status
+        counts = found.iterations, found.gradient_evaluations, found.structure_evaluations
+        for place, count in zip((layout.WORK, layout.EVALUATIONS, layout.STRUCTURES), counts, strict=True):
+            # What a kernel does not count is its iterations times what one of them costs.
+            integers[4 * L + place] += count.sum() if place == layout.WORK or integers[4 * L + place] else 0
+        return 0
 
     def _run(self, goal: int) -> None:
         module = self.kernel.module
@@ -82,12 +117,16 @@ class Chunk:
             self.stack = aligned((blocks, streams, m, self.lanes))
             coarse = grid.base << grid.top if streams and grid.base <= wiener.TOP else 0
             self.top = aligned((blocks, coarse, m, self.lanes))
+        left_over = LEFT_OVER(self._solve)
         self.driver.run(
-            self.driver.BEGINNING, self.driver.FILLING, module.ADVANCING, self.careful, module.ASKED, module.SHAPE,
-            module.TABLE, self.S, self.I, self.W, self.start, self.task.count, self.words, self.task.first,
-            self.rng, self.stack, self.top, self.spreads, self.grid.base, self.grid.top, self.given, self.task.place,
-            self.done, goal, self.task.h, self.bound, self.thresholds, self.values, self.kernel.parameters,
+            self.driver.BEGINNING, self.driver.FILLING, module.ADVANCING, ctypes.cast(left_over, ctypes.c_void_p).value,
+            self.S, self.I, self.W, self.start, self.task.count, self.words, self.task.first, self.rng, self.stack,
+            self.top, self.spreads, self.grid.base, self.grid.top, self.given, self.task.place, self.done, goal,
+            self.task.h, self.bound, self.thresholds, self.values, self.kernel.parameters,
         )  # fmt: skip
+        if self.raised is not None:
+            raised, self.raised = self.raised, None
+            raise raised
 
     @property
     def done(self) -> int:

@@ -16,17 +16,10 @@ from numba.np.arrayobj import make_array, populate_array
 
 from sepv.simulate._engine.functions import select
 from sepv.simulate._engine.lanes import aligned, begin, fill, scratch_of
-from sepv.simulate._engine.module import ALIVE, DONE, FAILED, LANES, LIVING, PENDING
-from sepv.simulate._engine.signatures import CAREFUL, RUN, address, call_advance, call_begin, call_fill
+from sepv.simulate._engine.module import ALIVE, DONE, FAILED, LANES, LIVING
+from sepv.simulate._engine.signatures import RUN, address, call_advance, call_begin, call_fill
 
-
-@njit(CAREFUL, error_model="numpy", nogil=True, cache=True)
-def later(S: Any, I: Any, k: int, P: Any, problem: Any, shape: Any, table: Any) -> int:  # noqa: ARG001 - CAREFUL
-    """In the place of `sepv.simulate._engine.careful`, which is compiled when a lane first needs it."""
-    return PENDING
-
-
-LATER, BEGINNING, FILLING = address(later), address(begin), address(fill)
+BEGINNING, FILLING = address(begin), address(fill)
 
 
 # Inlined by numba, so that they are compiled once, with `run`.
@@ -106,8 +99,7 @@ def _settle(S: Any, I: Any, W: Any, start: Any, count: int, b: int) -> None:
 
 @njit(RUN, error_model="numpy", nogil=True, cache=True)
 def run(
-    beginning: int, filling: int, advance: Any, careful: Any, problem: Any, shape: Any, table: Any,
-    S: Any, I: Any, W: Any, start: Any, living: int,
+    beginning: int, filling: int, advance: Any, left_over: Any, S: Any, I: Any, W: Any, start: Any, living: int,
     words: Any, path: int, rng: Any, stack: Any, top: Any, factors: Any, base: int, halvings: int, given: Any,
     place: int, n0: int, n1: int, h: float, bound: float, thresholds: Any, values: Any, P: Any,
 ) -> None:  # fmt: skip
@@ -116,7 +108,8 @@ def run(
     The last three have one block for all where none is gone on with. Paths are numbered from `path`.
 
     Increments are drawn, or those of lanes `place` and on of `given` (N, m, M) where it is not empty; where there are
-    `values`, the scheme sees the one between whose thresholds the increment lies.
+    `values`, the scheme sees the one between whose thresholds the increment lies. `advance` calls `left_over` for lanes
+    that are not done.
     """
     noises, lanes = W.shape[1], W.shape[2]
     piece = max(16, 1024 // lanes)
@@ -147,12 +140,7 @@ def run(
                 _to_points(increments, count, thresholds, values, points)
                 seen = points
             if alive:
-                alive = (
-                    call_advance(
-                        advance, (S[b], I[b], seen, count, n, h, bound, P, careful, problem, shape, table)
-                    )
-                    == 0
-                )
+                alive = call_advance(advance, (S[b], I[b], seen, count, n, h, bound, P, left_over)) == 0
             _add(increments, count, W, b)
         # Written here and not by the caller, so that an interrupt never finds states ahead of their number.
         I[b, 4 * lanes + DONE] = n1

@@ -123,8 +123,7 @@ def ensemble(
         For an answer of the scheme that is no state, for what is no scheme or no problem.
     UsageError
         For arguments that make no ensemble, and for engine="compiled" where there is none for the scheme or
-        the problem. A failing path raises nothing: see `Ensemble.status`. Beyond the fold of the solutions the
-        NumPy engine may still solve a step that the compiled one refuses: it approaches once more, damped.
+        the problem. A failing path raises nothing: see `Ensemble.status`.
     ChunkFailure
         Where a chunk raises here as well, and where a cluster is gone; it carries the ends of all paths that are
         finished.

@@ -235,27 +235,3 @@ def expm1_ratio(x: float) -> tuple[float, float]:
     value = select(x == 0.0, 1.0, math.expm1(x) / safe)
     slope = select(flat, 0.5 + x * (1.0 / 3.0 + 0.125 * x), (1.0 + x * value - value) / safe)
     return value, slope
-
-
-@_inline
-def pivoted(A: Any, b: Any) -> Any:
-    """x with A x = b by elimination with partial pivoting, in place; not finite where A is singular."""
-    n = b.size
-    for k in range(n):
-        best = k
-        for i in range(k + 1, n):
-            if abs(A[i, k]) > abs(A[best, k]):
-                best = i
-        for j in range(n):
-            A[k, j], A[best, j] = A[best, j], A[k, j]
-        b[k], b[best] = b[best], b[k]
-        for i in range(k + 1, n):
-            factor = A[i, k] / A[k, k]
-            for j in range(k, n):
-                A[i, j] -= factor * A[k, j]
-            b[i] -= factor * b[k]
-    for i in range(n - 1, -1, -1):
-        for j in range(i + 1, n):
-            b[i] -= A[i, j] * b[j]
-        b[i] /= A[i, i]
-    return b

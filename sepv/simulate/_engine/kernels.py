@@ -15,31 +15,25 @@ from typing import Any
 from numba import njit
 
 from sepv.simulate._engine.functions import prefer_512_bit, prefetch
-from sepv.simulate._engine.signatures import call_careful
+from sepv.simulate._engine.signatures import call_left_over
 
 # What a generated module defines; the values here are never used.
 _made: Any = None
-# Lanes of a block, lanes that go on together, unknowns.
-L = GROUP = UNKNOWNS = 0
+# Lanes of a block, lanes that go on together.
+L = GROUP = 0
 # Lanes in the first loop of `iterated`, whose piece may take two at a time, what it counts for, and further iterations.
 TOGETHER = STEPS = FAST = 0
-# Offsets in the integers of a block, and of the unknowns in its scratch buffer.
-BUSY = ALIVE = STATUS = EVALUATIONS = STRUCTURES = LIVING = WORK = UNKNOWN_ROWS = 0
-# Statuses of `sepv.solve._solution`, and what `sepv.simulate._engine.careful` asks for.
-NO_CONVERGENCE = LEFT_DOMAIN = BROKEN = EQUATION = INSIDE = GRADIENT = HESSIAN = STRUCTURE = 0
-INF = 0.0
+# Offsets in the integers of a block.
+BUSY = ALIVE = STATUS = EVALUATIONS = STRUCTURES = LIVING = WORK = 0
 # `staged`: sweeps, and the nodes of the quadratures.
 STAGES = RULES = BLIND = FUSED = TESTED = 0
 EXACT = CHECKED = STRAIGHT = False
 COUNTS = FIRSTS = NODES = _made
-# A projection: evaluations of the first iterations and of each further one, and that lanes left over are refused.
+# A projection: evaluations of the first iterations and of each further one.
 FIRST_GRADIENTS = FIRST_STRUCTURES = AVERAGES = 0
-REFUSES = False
 loaded = loaded_node = _made
 # Pieces f(S, I, buffer, n, k, first, h, bound, q) of lane k in step n, and what they add up.
 first_steps = iteration = blind = check = clear = add_node = quick = masked = invariants = _made
-# Pieces f(x, v, A, b, q) of a state x.
-equation = gradient = hessian = structure = turned = domain = _made
 
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "cache": True}
 
@@ -62,22 +56,6 @@ def start(S: Any, I: Any, buffer: Any, P: Any) -> None:
     q = loaded(P)
     for k in range(L):
         invariants(S, I, buffer, 0, k, 0, 0.0, 0.0, q)
-
-
-def problem(what: int, x: Any, v: Any, A: Any, b: Any, P: Any) -> int:
-    """One of a problem's functions at x, for a lane by itself."""
-    q = loaded(P)
-    if what == EQUATION:
-        return equation(x, v, A, b, q)
-    if what == INSIDE:
-        return domain(x, v, A, b, q)
-    if what == GRADIENT:
-        return gradient(x, v, A, b, q)
-    if what == HESSIAN:
-        return hessian(x, v, A, b, q)
-    if what == STRUCTURE:
-        return structure(x, v, A, b, q)
-    return turned(x, v, A, b, q)
 
 
 def ahead(buffer: Any, n: int) -> None:
@@ -115,21 +93,19 @@ def moved(
     return living > 0
 
 
-def left_over(S: Any, I: Any, P: Any, careful: Any, problem: Any, shape: Any, table: Any) -> int:
-    """Every lane that is still busy, by itself; how many there were."""
+def solved(S: Any, I: Any, buffer: Any, n: int, left_over: int) -> int:
+    """Every lane that is still busy, by `sepv.solve`; how many there were."""
     trouble = 0
     for k in range(L):
         trouble += 1 if I[BUSY + k] != 0 else 0
     if trouble > 0:
-        for k in range(L):
-            if I[BUSY + k] != 0:
-                I[STATUS + k] = call_careful(careful, (S, I, k, P, problem, shape, table))
+        increments = buffer.ctypes.data + 8 * n * buffer.shape[1] * buffer.shape[2]
+        call_left_over(left_over, S.ctypes.data, I.ctypes.data, increments, buffer.shape[2])
     return trouble
 
 
 def explicit(
-    S: Any, I: Any, buffer: Any, count: int, first: int, h: float, bound: float, P: Any,
-    careful: Any, problem: Any, shape: Any, table: Any,  # noqa: ARG001 - of implicit schemes
+    S: Any, I: Any, buffer: Any, count: int, first: int, h: float, bound: float, P: Any, left_over: int,  # noqa: ARG001
 ) -> int:  # fmt: skip
     """Steps of an explicit scheme: the increment itself, and whether it leads anywhere. 1 where no lane lives on."""
     prefer_512_bit()
@@ -145,9 +121,8 @@ def explicit(
 
 
 def iterated(
-    S: Any, I: Any, buffer: Any, count: int, first: int, h: float, bound: float, P: Any, careful: Any, problem: Any,
-    shape: Any, table: Any,
-) -> int:  # fmt: skip
+    S: Any, I: Any, buffer: Any, count: int, first: int, h: float, bound: float, P: Any, left_over: int
+) -> int:
     """`count` steps of Newton's iteration, or of the iteration of a projection, in lockstep; 1 where no lane lives on.
 
     The first steps of all lanes are one piece; what is not done then goes on in groups. What is not done after FAST
@@ -174,40 +149,20 @@ def iterated(
                 if some(I, group, 1):
                     for k in range(group, group + GROUP):
                         left += iteration(S, I, buffer, n, k, first, h, bound, q)
-        if REFUSES or left > 0:
-            left = left_over(S, I, P, careful, problem, shape, table)
+        if left > 0:
+            left = solved(S, I, buffer, n, left_over)
         if not moved(S, I, buffer, n, first, h, bound, q, left):
             return 1
     return 0
 
 
-def refused(
-    S: Any, I: Any, P: Any, careful: Any, problem: Any, shape: Any, table: Any,  # noqa: ARG001 - of `left_over`
-) -> int:  # fmt: skip
-    """In the place of `left_over`, of a projection: what is wrong with every lane that is left; how many there are."""
-    trouble = 0
-    for k in range(L):  # a loop of its own, without branches: it is made in every step
-        trouble += 1 if I[BUSY + k] != 0 else 0
-    if trouble == 0:
-        return 0
-    for k in range(L):
-        if I[BUSY + k] != 0:
-            size = 0.0
-            for i in range(UNKNOWNS):
-                size += abs(S[UNKNOWN_ROWS + i * L + k])
-            code = NO_CONVERGENCE if size < INF else BROKEN
-            I[STATUS + k] = LEFT_DOMAIN if I[BUSY + k] == 2 else code
-    return trouble
-
-
 def staged(  # noqa: PLR0912 - in one piece, as the method reads
-    S: Any, I: Any, buffer: Any, count: int, first: int, h: float, bound: float, P: Any, careful: Any, problem: Any,
-    shape: Any, table: Any,
-) -> int:  # fmt: skip
+    S: Any, I: Any, buffer: Any, count: int, first: int, h: float, bound: float, P: Any, left_over: int
+) -> int:
     """`count` steps of an s-stage method: sweeps, rule by rule.
 
     BUSY is 1 in a lane that sweeps, 4 in one that is to be checked, 0 in one that is done, and 2 in one that is left to
-    Newton's iteration (`sepv.simulate._engine.careful`).
+    Newton's iteration (`sepv.solve`).
     """
     prefer_512_bit()
     q = loaded(P)
@@ -240,7 +195,7 @@ def staged(  # noqa: PLR0912 - in one piece, as the method reads
                         for k in range(group, group + GROUP):
                             left += check(S, I, buffer, n, k, first, h, bound, q)
                 I[EVALUATIONS] += I[LIVING] * COUNTS[2 * rule + 1]
-        if not moved(S, I, buffer, n, first, h, bound, q, left_over(S, I, P, careful, problem, shape, table)):
+        if not moved(S, I, buffer, n, first, h, bound, q, solved(S, I, buffer, n, left_over)):
             return 1
     return 0
 

@@ -22,13 +22,6 @@ LEFT = 2.0**-62
 FIRST = 2.0**-31
 # Where corrections are below a quarter of a rounding nothing is left to correct.
 TINY = 2.0**-54
-# What `sepv.simulate._engine.careful` asks a problem for.
-EQUATION, INSIDE, GRADIENT, HESSIAN, STRUCTURE, TURNED = range(6)
-NO_CONVERGENCE, LEFT_DOMAIN, BROKEN, SINGULAR, QUADRATURE = (
-    int(Status[name]) for name in ("NO_CONVERGENCE", "LEFT_DOMAIN", "OVERFLOW", "SINGULAR", "QUADRATURE")
-)
-# In the place of a status: the lane needs a function that is not there yet.
-PENDING = -1
 # Lanes that go on together: two registers, for less is not made SIMD code of.
 GROUP = 16
 
@@ -39,8 +32,8 @@ import numpy as np
 from sepv.simulate._engine.functions import *
 from sepv.simulate._engine import kernels
 from sepv.simulate._engine.kernels import compiled
-from sepv.simulate._engine.pieces import lane_piece, loaded as _loaded, state_piece
-from sepv.simulate._engine.signatures import ADVANCE, PROBLEM, START, address, call_careful
+from sepv.simulate._engine.pieces import lane_piece, loaded as _loaded
+from sepv.simulate._engine.signatures import ADVANCE, START, address, call_left_over
 """
 
 
@@ -50,9 +43,8 @@ def constants(lanes: int) -> dict[str, Any]:
     places = {"EVALUATIONS": EVALUATIONS, "STRUCTURES": STRUCTURES, "LIVING": LIVING, "WORK": WORK}
     return {
         "L": lanes, "GROUP": min(GROUP, lanes), "ROUNDING": ROUNDING, "FIRST": FIRST, "LEFT": LEFT, "TINY": TINY,
-        "LEFT_DOMAIN": LEFT_DOMAIN, "NO_CONVERGENCE": NO_CONVERGENCE, "BROKEN": BROKEN, "EQUATION": EQUATION,
-        "INSIDE": INSIDE, "GRADIENT": GRADIENT, "HESSIAN": HESSIAN, "STRUCTURE": STRUCTURE, "TURNED": TURNED,
-        "TOGETHER": lanes, "FIRST_GRADIENTS": 0, "FIRST_STRUCTURES": 0, "AVERAGES": 0, "REFUSES": False,
+        "LEFT_DOMAIN": int(Status.LEFT_DOMAIN), "BROKEN": int(Status.OVERFLOW),
+        "TOGETHER": lanes, "FIRST_GRADIENTS": 0, "FIRST_STRUCTURES": 0, "AVERAGES": 0,
         **{name: row * lanes for name, row in rows.items()},
         **{name: 4 * lanes + place for name, place in places.items()},
     }  # fmt: skip
@@ -60,8 +52,7 @@ def constants(lanes: int) -> dict[str, Any]:
 
 def text(
     imports: str, numbers: Mapping[str, Any], parameters: Sequence[str],
-    pieces: Mapping[str, tuple[Sequence[str], str]], states: Mapping[str, Sequence[str]], tables: Sequence[str],
-    kernel: str, left_over: str,
+    pieces: Mapping[str, tuple[Sequence[str], str]], tables: Sequence[str], kernel: str,
 ) -> str:  # fmt: skip
     """The source of a module.
 
@@ -69,27 +60,22 @@ def text(
     numbers : its constants
     parameters : names of what its kernel reads, in order
     pieces : name -> the lines for a lane, and the name that they add to
-    states : name -> the lines for a state
-    tables : lines of its arrays: SHAPE and TABLE of `sepv.simulate._engine.careful`
-    kernel, left_over : the functions of `sepv.simulate._engine.kernels` that advance a block, and end its steps
+    tables : lines of its arrays
+    kernel : the function of `sepv.simulate._engine.kernels` that advances a block
     """
     lines = [_HEAD, imports, 'INF, NAN = float("inf"), float("nan")']
     lines += [f"{name} = {value!r}" for name, value in numbers.items()]
     lines += [f"PARAMETERS = {tuple(parameters)!r}", f"loaded = _loaded({len(parameters)})", ""]
     for name, (body, result) in pieces.items():
         lines += [f"{name} = lane_piece('''\\", *body, f"'''.splitlines(), {result!r}, globals())"]
-    for name in ("equation", "domain", "gradient", "hessian", "structure", "turned"):
-        body = states.get(name, [])
-        lines += [f"{name} = state_piece('''\\", *body, "'''.splitlines(), globals())"]
     lines += [
         "ahead = compiled(kernels.ahead, globals(), inline=True)",
         "some = compiled(kernels.some, globals(), inline=True)",
         "moved = compiled(kernels.moved, globals(), inline=True)",
-        f"left_over = compiled(kernels.{left_over}, globals())",
+        "solved = compiled(kernels.solved, globals())",
         *tables,
         f"advance = compiled(kernels.{kernel}, globals(), ADVANCE)",
-        "problem = compiled(kernels.problem, globals(), PROBLEM)",
         "start = compiled(kernels.start, globals(), START)",
-        "ADVANCING, ASKED = address(advance), address(problem)",
+        "ADVANCING = address(advance)",
     ]
     return "\n".join(lines)

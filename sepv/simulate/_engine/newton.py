@@ -2,8 +2,8 @@
 
 A lane is done where its correction m, applied, leaves an error below rounding: Newton's corrections shrink
 quadratically, so that the next one is m³/m_before², or m by the relative error of Newton's matrix where that is more.
-A lane that is not done after a few steps, that overflows or leaves the domain, is solved again by itself with every
-test of `sepv.solve._newton`: stagnation, a correction halved until it stays in the domain, a status.
+A lane that is not done after a few steps, that overflows or leaves the domain, is solved again from the start by
+`sepv.solve`, with every test and its status (`sepv.simulate._engine.chunk`).
 
 Where the equation is z = Δ P(ȳ), ȳ = y + z/2, with short polynomials P ((2.1) and the midpoint rule where H is
 quadratic and B linear) the unknown is ȳ itself at first: a sweep ȳ ← y + ½Δ P(ȳ) costs a product and a sum for each
@@ -65,17 +65,6 @@ class NewtonWriter(Writer):
         """How far the first piece goes."""
         together = self.lanes // 2 if self.lanes >= 2 * GROUP else self.lanes
         return {"TOGETHER": together, "STEPS": self.sweeps + self.steps, "FAST": FAST}
-
-    def states(self) -> dict[str, list[str]]:
-        """The equation and the domain, for a lane by itself."""
-        d, code = self.d, CodeBuilder(self.parameters)
-        y, z = [f"y{i}" for i in range(d)], [f"z{i}" for i in range(d)]
-        code.lines += [f"{v} = x[{i}]" for i, v in enumerate([*y, *z])]
-        code.lines += [f"{name} = v[{i}]" for i, name in enumerate(self.known)]
-        F, A = self.system(code, y, z)
-        code.lines += [f"b[{i}] = {shown(f)}" for i, f in enumerate(F)]
-        code.lines += [f"A[{i}, {j}] = {shown(v)}" for i, row in enumerate(A) for j, v in enumerate(row)]
-        return {"equation": code.lines, "domain": self.in_domain()}
 
     def side_by_side(self, lines: list[str]) -> list[str]:
         """The lines for a lane, those of one of the second half after each of one of the first.
@@ -181,7 +170,7 @@ class NewtonWriter(Writer):
         return self.problem.residual(code, formula, y, z, self.known, states), _matrix(code, self.P, states)
 
     def iteration(self) -> list[str]:
-        """A step of all lanes and its test; a lane in any trouble stays busy, and is left to `_carefully`."""
+        """A step of all lanes and its test; a lane in any trouble stays busy, and is left over."""
         n, d = self.unknowns, self.d
         code = CodeBuilder(self.parameters)
         y, z = [f"y{i}" for i in range(d)], [f"z{i}" for i in range(n)]

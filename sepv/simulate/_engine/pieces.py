@@ -181,17 +181,6 @@ def lane_piece(lines: Sequence[str], result: str, known: Mapping[str, Any]) -> C
     return piece
 
 
-def state_piece(lines: Sequence[str], known: Mapping[str, Any]) -> Callable[..., Any]:
-    """f(x, v, A, b, q): lines that read arrays x (n,), v (m,) and write A (n, n) and b (n,); 0, or `found` added up."""
-    code = _codegen(lines, "found", ("x", "v", "A", "b", "q"), known)
-
-    @intrinsic
-    def piece(typingctx: Any, x: Any, v: Any, A: Any, b: Any, q: Any) -> Any:  # noqa: ARG001 - numba's signature
-        return types.int64(x, v, A, b, q), code
-
-    return piece
-
-
 def loaded(count: int) -> Callable[..., Any]:
     """f(P): the first numbers of an array as a tuple, so that they stay in registers."""
 

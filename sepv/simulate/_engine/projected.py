@@ -45,7 +45,7 @@ class ProjectedWriter(Writer):
         K = 1 + len(self.problem.casimirs(CodeBuilder(), [f"y{i}" for i in range(self.d)]))
         return {"Q": K * self.d, "N": K, "R": K * K}
 
-    kernel, left_over = "iterated", "refused"
+    kernel = "iterated"
 
     def pieces(self) -> dict[str, tuple[list[str], str]]:
         """The increment with the first iterations, and the next for groups."""
@@ -60,7 +60,7 @@ class ProjectedWriter(Writer):
         averages = self.problem.gradient_evaluations
         return {
             "AVERAGES": averages, "FIRST_GRADIENTS": gradients + 1 + BLIND * averages,
-            "FIRST_STRUCTURES": structures, "STEPS": BLIND, "FAST": MOST - BLIND, "REFUSES": True,
+            "FIRST_STRUCTURES": structures, "STEPS": BLIND, "FAST": MOST - BLIND,
         }  # fmt: skip
 
     def first(self) -> list[str]:
@@ -114,13 +114,13 @@ class ProjectedWriter(Writer):
     def ending(self, code: CodeBuilder, y: list[str], z: list[str], otherwise: str) -> list[str]:
         """Whether the lane is done, and in the domain; BUSY is `otherwise` where it was not busy."""
         inside = self.problem.domain(code, [code.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)])
-        outcome = f"select({inside}, 0, 2)" if inside else "0"
         return [
             "later = (m * m <= LEFT * (scale * before)) & (before < INF)",
             "stays = (m >= 0.5 * before) & (m <= ROUNDING * scale)",
             f"done = later | stays | (m <= {self.d} * TINY * scale)",
-            "left += select(busy & not_(done), 1, 0)",
-            f"I[BUSY + k] = select(busy, select(done, {outcome}, 1), {otherwise})",
+            f"still = busy & not_(done{f' & ({inside})' if inside else ''})",
+            "left += select(still, 1, 0)",
+            f"I[BUSY + k] = select(busy, select(still, 1, 0), {otherwise})",
         ]
 
     def directions(self, code: CodeBuilder, end: list[str]) -> Directions:

@@ -8,9 +8,7 @@ from contextlib import suppress
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
-from sepv.record import NoClosedForm, Symbol, Tape, gradient, hessian, jacobian
+from sepv.record import NoClosedForm, Symbol, Tape, gradient, jacobian
 from sepv.record._derivative import reachable
 from sepv.simulate._engine.code_builder import CodeBuilder, Expression, Table, shown
 from sepv.solve._formula import Formula
@@ -187,18 +185,9 @@ class RecordedProblem(Recorded):
         """∇H(y)."""
         return self._printed(code, y, self.slope)
 
-    def hessian(self, code: CodeBuilder, y: Sequence[str]) -> Table:
-        """H″(y)."""
-        return _table(self._printed(code, y, hessian(self.slope, self.y).ravel()), self.dimension)
-
     def structure(self, code: CodeBuilder, y: Sequence[str]) -> Table:
         """B(y)."""
         return _table(self._printed(code, y, self.B.ravel()), self.dimension)
-
-    def structure_derivative(self, code: CodeBuilder, y: Sequence[str]) -> list[Table]:
-        """∂B_ij/∂y_k at [k][i][j]."""
-        slopes = np.moveaxis(jacobian(self.B.ravel(), self.y).reshape((*self.B.shape, -1)), 2, 0)
-        return [_table(self._printed(code, y, table.ravel()), self.dimension) for table in slopes]
 
     def mean_gradient(self, code: CodeBuilder, y: Sequence[str], z: Sequence[str]) -> list[Expression]:
         """∫₀¹∇H(y + τz)dτ."""

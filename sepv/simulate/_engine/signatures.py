@@ -8,21 +8,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
 _vector, _matrix, _block = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
 _integers, _int, _float = types.int64[::1], types.int64, types.float64
-# problem(what, x, v, A, b, P): one of a problem's functions at x, into A or b.
-PROBLEM = _int(_int, _vector, _vector, _matrix, _vector, _vector)
-# careful(S, I, k, P, problem, shape, table): lane k of a block by itself, and its status; `problem` is an address.
-CAREFUL = _int(_vector, _integers, _int, _vector, _int, _integers, _matrix)
-# advance(S, I, increments, count, first, h, bound, P, careful, problem, shape, table): `count` steps of a block; 1
-# where none of its lanes lives on; `careful` and `problem` are addresses.
-ADVANCE = _int(
-    _vector, _integers, _block, _int, _int, _float, _float, _vector, _int, _int, _integers, _matrix
-)
+# advance(S, I, increments, count, first, h, bound, P, left_over): `count` steps of a block; 1 where none of its lanes
+# lives on; `left_over` is an address, see `call_left_over`.
+ADVANCE = _int(_vector, _integers, _block, _int, _int, _float, _float, _vector, _int)
 # start(S, I, increments, P): the invariants of a block whose states are set.
 START = types.void(_vector, _integers, _block, _vector)
 # See `sepv.simulate._engine.lanes` and `sepv.simulate._engine.driver`.
@@ -32,9 +27,8 @@ _streams, _stacks = types.uint64[:, :, :, ::1], types.float64[:, :, :, ::1]
 FILL = types.void(_block, _int, _int, types.uint64[:, :, ::1], _block, _block, _vector, _int, _scratch)
 BEGIN = types.void(types.uint64[:, :, ::1], _block, _words, _int, _vector, _int, _int, _scratch)
 RUN = types.void(
-    _int, _int, _int, _int, _int, _integers, _matrix,
-    _matrix, types.int64[:, ::1], _block, _vector, _int, _words, _int, _streams, _stacks, _stacks, _vector, _int, _int,
-    _block, _int, _int, _int, _float, _float, _vector, _vector, _vector,
+    _int, _int, _int, _int, _matrix, types.int64[:, ::1], _block, _vector, _int, _words, _int, _streams, _stacks,
+    _stacks, _vector, _int, _int, _block, _int, _int, _int, _float, _float, _vector, _vector, _vector,
 )  # fmt: skip
 
 
@@ -68,5 +62,15 @@ def calling(signature: Any) -> Callable[..., Any]:
     return call
 
 
-call_advance, call_careful = calling(ADVANCE), calling(CAREFUL)
-call_problem, call_begin, call_fill = calling(PROBLEM), calling(BEGIN), calling(FILL)
+call_advance, call_begin, call_fill = calling(ADVANCE), calling(BEGIN), calling(FILL)
+
+
+@intrinsic
+def call_left_over(typingctx: Any, where: Any, S: Any, I: Any, increments: Any, width: Any) -> Any:  # noqa: ARG001 - numba's
+    """A C function at an address, of three addresses and a number: `sepv.simulate._engine.chunk.LeftOver`."""
+
+    def code(_context: Any, builder: Any, _signature: Any, values: Any) -> Any:
+        kind = ir.FunctionType(ir.IntType(64), [ir.IntType(64)] * 4)
+        return builder.call(builder.inttoptr(values[0], kind.as_pointer()), values[1:])
+
+    return types.int64(*[types.int64] * 5), code

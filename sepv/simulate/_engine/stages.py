@@ -3,11 +3,10 @@
 A sweep z_i ← Δ B(Y_i) g_i costs evaluations and s² d products, where a step of Newton's iteration eliminates s·d
 unknowns. Each sweep gains a factor of about Δ|f′|/4; at steps that make sense all of them cost less than one
 elimination. A lane is done where the correction to come, m²/m_before, is below rounding; one whose corrections do
-not shrink is solved by itself, by Newton's iteration with every test of `sepv.solve._newton`.
+not shrink is left over, for `sepv.schemes.collocation` to solve.
 
 Where H is no polynomial, a last sweep by half as many nodes again must change nothing but roundings. A lane where it
-does, or with a point outside the domain, is left to Newton's iteration as well, whose nodes are doubled until two
-rules agree (`sepv.schemes.collocation`).
+does, or with a point outside the domain, is left over as well.
 """
 
 from __future__ import annotations
@@ -18,10 +17,9 @@ from typing import Any
 import numpy as np
 
 from sepv.problem import Array
-from sepv.record import gauss_legendre
 from sepv.schemes._collocation import FIRST_NODES, MAX_NODES
-from sepv.schemes._tableaux import exact_nodes, gauss_tableau, moments
-from sepv.simulate._engine.code_builder import CodeBuilder, Expression, Table, shown
+from sepv.schemes._tableaux import exact_nodes, moments
+from sepv.simulate._engine.code_builder import CodeBuilder, shown
 from sepv.simulate._engine.schemes import Collocation, at
 from sepv.simulate._engine.writer import Writer
 
@@ -194,62 +192,30 @@ class StagesWriter(Writer):
         """Of the sweeps and the rules."""
         blind, fused = (BLIND, FUSED) if self.straight else (4, 1)
         return {
-            "STAGES": self.formula.stages, "RULES": len(self.ladder()), "EXACT": self.exact,
+            "RULES": len(self.ladder()), "EXACT": self.exact,
             "CHECKED": self.checked, "STRAIGHT": self.straight, "BLIND": blind, "FUSED": fused, "TESTED": TESTED,
         }  # fmt: skip
 
-    def states(self) -> dict[str, list[str]]:
-        """The problem's functions one by one, for lanes that are looked at by themselves."""
-        d, found = self.d, {"domain": self.in_domain()}
-        x = [f"x{i}" for i in range(d)]
-        load = [f"{v} = x[{i}]" for i, v in enumerate(x)]
-        for name, of in (("gradient", "b"), ("hessian", "A"), ("structure", "A")):
-            code = CodeBuilder(self.parameters)
-            values = getattr(self.problem, name)(code, x)
-            found[name] = [*load, *code.lines, *_entries(of, values)]
-        code = CodeBuilder(self.parameters)
-        derivative = self.problem.structure_derivative(code, x)
-        g = [code.let(f"v[{i}]") for i in range(d)]
-        turned: Table = [[code.dot(derivative[k][r], g) for k in range(d)] for r in range(d)]
-        return found | {"turned": [*load, *code.lines, *_entries("A", turned)]}
-
     def tables(self) -> list[str]:
         """Those of the rules."""
-        s, ladder = self.formula.stages, self.ladder()
-        shape = self.shape(s, len(ladder), self.exact)
+        s = self.formula.stages
         return [
-            f"COUNTS, FIRSTS, NODES, TABLE = rules({s}, {tuple(ladder)})",
-            f"SHAPE = np.array([*{shape}, *COUNTS, *FIRSTS])",
+            f"COUNTS, FIRSTS, NODES = rules({s}, {tuple(self.ladder())})",
             f"loaded_node = _loaded({2 * s})",
             "sums = compiled(kernels.sums, globals(), inline=True)",
         ]
 
 
-def _entries(out: str, values: list[Expression] | Table) -> list[str]:
-    """Assignments of a vector or of a table."""
-    lines = []
-    for i, value in enumerate(values):
-        if isinstance(value, list):
-            lines += [f"{out}[{i}, {k}] = {shown(v)}" for k, v in enumerate(value)]
-        else:
-            lines.append(f"{out}[{i}] = {shown(value)}")
-    return lines
-
-
-def rules(stages: int, ladder: Sequence[int]) -> tuple[np.ndarray, np.ndarray, Array, Array]:
+def rules(stages: int, ladder: Sequence[int]) -> tuple[np.ndarray, np.ndarray, Array]:
     """Quadratures of a generated module: each rule and the finer one that it is compared with, one after the other.
 
     counts, firsts : (2 R,), nodes of each rule, and where they begin
     nodes : (N, 2s), the weights of each node in the sums of the g_i, and those of the z_j in its state
         (`sepv.schemes._tableaux.moments`); with s nodes the first are the identity
-    table : (N + s + 1, 2s), the same, A of the Gauss method, and its b
     """
     counts = [n for nodes in ladder for n in (nodes, nodes + nodes // 2)]
     found = [moments(stages, n) for n in counts]
     parts = [np.eye(stages) if n == stages else W for n, (W, _) in zip(counts, found, strict=True)]
     firsts = np.concatenate([[0], np.cumsum(counts)[:-1]])
     W, P = np.concatenate(parts, axis=1), np.concatenate([P for _, P in found])
-    nodes = np.ascontiguousarray(np.concatenate([W.T, P], axis=1))
-    gauss = np.concatenate([gauss_tableau(stages).A, gauss_legendre(stages)[1][None]])
-    table = np.concatenate([nodes, np.concatenate([gauss, np.zeros_like(gauss)], axis=1)])
-    return np.array(counts), firsts, nodes, np.ascontiguousarray(table)
+    return np.array(counts), firsts, np.ascontiguousarray(np.concatenate([W.T, P], axis=1))

@@ -103,25 +103,16 @@ def name_of(text: str) -> str:
     return "sepv_kernel_" + hashlib.sha256(b"\0".join(parts)).hexdigest()[:24]
 
 
-_ordinary: dict[str, ModuleType] = {}
-
-
-def is_there(name: str) -> bool:
-    """Whether `ordinary` has been asked for it."""
-    return name in _ordinary
-
-
+@cache
 def ordinary(name: str) -> ModuleType:
-    """The module `driver`, `lanes` or `careful`, compiled, known by its content and what it is linked with.
+    """The module `driver` or `lanes`, compiled, known by its content and what it is linked with.
 
     What numba keeps beside a file is known by that file alone, so that these are kept here as well.
     """
-    if name not in _ordinary:
-        text = (Path(__file__).parent / f"{name}.py").read_text(encoding="utf-8")
-        if name == "driver":
-            text = text.replace("sepv.simulate._engine.lanes", ordinary("lanes").__name__)
-        _ordinary[name] = load(text)
-    return _ordinary[name]
+    text = (Path(__file__).parent / f"{name}.py").read_text(encoding="utf-8")
+    if name == "driver":
+        text = text.replace("sepv.simulate._engine.lanes", ordinary("lanes").__name__)
+    return load(text)
 
 
 @cache

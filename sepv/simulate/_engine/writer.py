@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from typing import Any
 
 from sepv.simulate._engine.code_builder import CodeBuilder, Expression, shown
-from sepv.simulate._engine.module import EVALUATIONS, WORK, constants, text
+from sepv.simulate._engine.module import constants, text
 from sepv.simulate._engine.recorded import RecordedProblem
 from sepv.simulate._engine.schemes import Formula
 
@@ -22,8 +22,6 @@ class Writer(ABC):
     imports = ""
     # The function of `sepv.simulate._engine.kernels` that advances a block.
     kernel: str
-    # And its function for lanes that are not done.
-    left_over = "left_over"
 
     def __init__(
         self, problem: RecordedProblem, formula: Formula, noises: int, lanes: int, compensated: bool
@@ -64,24 +62,19 @@ class Writer(ABC):
             **self.pieces(), "quick": (self.moves(masked=False), "none"),
             "masked": (self.moves(masked=True), "living"), "invariants": (self.start(), "none"),
         }  # fmt: skip
-        states = self.states()
         numbers = {
             **constants(self.lanes), "SIZE": self.size, "IMPLICIT": self.formula.implicit,
             "ENERGY": self.offset["WH"] // self.lanes, "CASIMIR": self.offset["WC"] // self.lanes,
-            "UNKNOWNS": self.unknowns, "UNKNOWN_ROWS": self.offset["Z"], **self.numbers(),
+            "STAGES": self.formula.stages, "UNKNOWNS": self.offset["Z"] // self.lanes, **self.numbers(),
         }  # fmt: skip
         # Read now: writing the pieces has named the coefficients.
         names = [f"c{j}" for j in range(self.noises)] + [f"p{i}" for i in range(len(self.parameters))]
         preamble = self.problem.preamble + self.imports
-        return text(preamble, numbers, names, pieces, states, self.tables(), self.kernel, self.left_over)
+        return text(preamble, numbers, names, pieces, self.tables(), self.kernel)
 
     @abstractmethod
     def pieces(self) -> dict[str, tuple[list[str], str]]:
         """The code for a lane, by the names of `kernels`, and what each piece adds up."""
-
-    def states(self) -> dict[str, list[str]]:
-        """Code for a state, where the kernel has any."""
-        return {}
 
     def numbers(self) -> dict[str, Any]:
         """The kernel's own constants."""
@@ -89,12 +82,7 @@ class Writer(ABC):
 
     def tables(self) -> list[str]:
         """Lines of its arrays."""
-        return [f"SHAPE, TABLE = np.array({self.shape(0, 0, True)}), np.zeros((1, 1))"]
-
-    def shape(self, stages: int, rules: int, exact: bool) -> list[int]:
-        """What `sepv.simulate._engine.careful` knows of the sizes."""
-        sizes = [self.lanes, self.d, self.unknowns, len(self.known), self.offset["Z"], self.offset["D"]]
-        return [*sizes, stages, rules, int(exact), *(4 * self.lanes + place for place in (WORK, EVALUATIONS))]
+        return []
 
     def more_rows(self) -> dict[str, int]:
         """More rows of the scratch buffer."""
@@ -128,13 +116,6 @@ class Writer(ABC):
 
     def has_domain(self) -> bool:
         return self.problem.domain(CodeBuilder(), [f"y{i}" for i in range(self.d)]) is not None
-
-    def in_domain(self) -> list[str]:
-        """Whether the state x is in the domain."""
-        code, x = CodeBuilder(self.parameters), [f"x{i}" for i in range(self.d)]
-        code.lines += [f"{v} = x[{i}]" for i, v in enumerate(x)]
-        inside = self.problem.domain(code, x)
-        return [*code.lines, f"found += {f'select({inside}, 1, 0)' if inside else 1}"]
 
     def moves(self, masked: bool) -> list[str]:
         d = self.d
