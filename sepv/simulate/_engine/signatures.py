@@ -67,7 +67,7 @@ call_advance, call_begin, call_fill = calling(ADVANCE), calling(BEGIN), calling(
 
 @intrinsic
 def call_left_over(typingctx: Any, where: Any, S: Any, I: Any, increments: Any, width: Any) -> Any:  # noqa: ARG001 - numba's
-    """A C function at an address, of three addresses and a number: `sepv.simulate._engine.chunk.LeftOver`."""
+    """A C function at an address, of three addresses and a number: `sepv.simulate._engine.chunk`."""
 
     def code(_context: Any, builder: Any, _signature: Any, values: Any) -> Any:
         kind = ir.FunctionType(ir.IntType(64), [ir.IntType(64)] * 4)
