@@ -71,7 +71,7 @@ CLAIMS = (
     (
         "darboux-lie",
         "Hong, Ruan, Sun and Wang 2021; Liu and Wang 2024",
-        "Poisson map, Casimirs; mean-square order 1",
+        "Poisson map, Casimirs; mean-square order 1 (of their own integrators, by their abstracts)",
         "positivity; order 1 for noises that commute, ½ otherwise",
     ),
     (
@@ -92,19 +92,19 @@ to lose. A dash: the law has no case that the scheme takes; a question mark: a s
 measured.
 
 """
-DIFFERENCES = """## Where a verdict differs from a paper
+DIFFERENCES = """## How the verdicts stand to the papers
 
-*darboux-lie*: Liu and Wang state mean-square order 1 for their integrator of stochastic Lotka-Volterra systems. The
-midpoint rule in logarithms, which sees increments alone, has that order for one noise (`lotka-volterra`), and order ½
-for three independent noises whose fields do not commute: the local slope on `random-lotka-volterra` is 1.0, where
-order 1 needs 1.5. No scheme that sees increments alone can do better (J. Clark and R. Cameron 1980). Their abstract
-states the order without a condition; whether the proof takes one noise, or areas, was not seen. Over paths the noise of
-that problem is so small that the order of the drift's error shows.
+*darboux-lie* is the midpoint rule in logarithms, and sees increments alone. It has mean-square order 1 for one noise
+(`lotka-volterra`), and order ½ for three independent noises whose fields do not commute: the local slope on
+`random-lotka-volterra` is 1.0, where order 1 needs 1.5. No scheme that sees increments alone can do better (J. Clark
+and R. Cameron 1980). Liu and Wang prove order 1 of an integrator of their own. Of their paper only the abstract and the
+introduction were read, so that nothing here is a verdict about their integrator or their theorem. Over paths the noise
+of that problem is so small that the order of the drift's error shows.
 
-The other statements hold where they were measured. The law *poisson-map* is violated by both midpoint rules, and
-*energy-drift* by them and by *isospectral-midpoint*, none of which claims it: E[H] is right up to h² a step only. A
-dash: the law does not speak of the class, or not of what the scheme is for; laws about H speak of *darboux-lie* on
-`lotka-volterra`, which is (1.1).
+What the papers state of the other schemes holds where it was measured. The law *poisson-map* is violated by both
+midpoint rules, and *energy-drift* by them and by *isospectral-midpoint*, none of which claims it: E[H] is right up to
+h³ a step for the midpoint rules, and up to h² for *isospectral-midpoint*. A dash: the law does not speak of the class,
+or not of what the scheme is for; laws about H speak of *darboux-lie* on `lotka-volterra`, which is (1.1).
 """
 
 

@@ -102,7 +102,7 @@ def test_the_shortest_branches_do_not_hang_on_the_number_of_states() -> None:
     assert not solvability_map(problems.rigid_body(), states=4, grid=2).refined.theta.size
 
 
-def test_paths_leave_the_orbit_and_come_to_steps_without_a_solution() -> None:
+def test_paths_leave_the_orbit_and_come_to_steps_that_are_refused() -> None:
     """Lotka-Volterra, h = 2⁻⁷, at which no step from the orbit fails: (2.1) loses the Casimir and all paths."""
     pytest.importorskip("numba")
     problem, h = problems.lotka_volterra(), 2.0**-7

@@ -70,7 +70,7 @@ def solvability(
 
     First states are taken along the exact orbit. From each, the branch of solutions that starts in y0 at Δ = 0 is
     followed to its fold or to the end of the range; then Newton is asked at every Δ of a grid. The exact solution
-    of (1.1) passes no other states. Numerical paths do: so they are followed too, until a step has no solution.
+    of (1.1) passes no other states. Numerical paths do: so they are followed too, until a step is refused.
     A step size is safe until the time at which the first of the paths failed, and for that scheme.
 
     \b
@@ -178,7 +178,7 @@ def _show_exits(exits: Sequence[Exits], out: Any) -> None:
     ]  # fmt: skip
     numbers = ("h", "followed to", "failed", "first exit", "half failed", "share, 95 %")
     heads = columns(["scheme"], numbers, goes=("share, 95 %", "followed to", "half failed", "failed"))
-    out.print("\nPaths of the schemes themselves, until a step has no solution:")
+    out.print("\nPaths of the schemes themselves, until their solver refuses a step:")
     print_table(Table(heads, rows), out)
     out.print(
         "A step size is safe, with that scheme and from this state, until the first exit; where there is none, "

@@ -1,4 +1,4 @@
-"""Numerical paths followed until a step has no solution: how long a step size is safe, and for which scheme.
+"""Numerical paths followed until a step is refused: how long a step size is safe, and for which scheme.
 
 The map takes states of the exact orbit. A numerical path leaves it wherever the scheme does not keep all invariants:
 (2.1) loses the logarithmic Casimir of Lotka-Volterra steadily, and comes to states with shorter branches. No state of
@@ -48,7 +48,7 @@ class Exits:
 
     @property
     def failed(self) -> int:
-        """How many paths met a step without a solution."""
+        """How many paths had a step refused; `sepv.schemes.continued` says of a refused step if it has a solution."""
         return int(self.times.size)
 
     @property

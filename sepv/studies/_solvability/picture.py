@@ -99,7 +99,7 @@ def _chances(axes: Any, map_: Map, steps: Sequence[float], k: int | None) -> Non
 
 
 def _exits(axes: Any, exits: Sequence[Exits]) -> None:
-    """When paths met a step without a solution; a triangle where none did as far as they were followed."""
+    """When a step of the paths was refused; a triangle where none did as far as they were followed."""
     axes.set_title("exits of paths: first (circles), half of them (squares)", fontsize=9)
     for number, (name, look) in enumerate(looks(e.scheme for e in exits).items()):
         own = [e for e in exits if e.scheme == name]
