@@ -393,6 +393,27 @@ def test_a_broken_program_ends_in_the_verdict_error_and_exit_code_3(child, code,
     assert report.exit_code == 3
 
 
+def test_a_crash_is_not_hidden_by_a_violation_of_the_same_law(child):
+    code = (
+        "hello(polynomial=True)\nwhile m := read():\n"
+        "    if len(m['steps'][0]['y']) % 2: os.abort()\n"
+        "    say(id=m['id'], y_next=[[(2 * float.fromhex(v)).hex() for v in s['y']] for s in m['steps']])"
+    )
+    with load_program(child(code), **QUICK) as scheme:
+        report = verify(scheme, laws=["energy"], effort=Effort(examples=3, shrink_checks=3, corpus=False))
+    (finding,) = report.findings
+    assert finding.verdict is Verdict.ERROR
+    assert report.exit_code == 3
+    crash, violation = finding.message.split("violated, elsewhere:\n")
+    assert crash.startswith("crashed:\n")
+    assert "SIGABRT" in crash
+    assert "Its replay: --law energy --replay " in crash
+    assert "h = " in violation
+    # What is replayed beside the message is the violation.
+    assert finding.defect > finding.bound
+    assert finding.replay not in crash
+
+
 def test_a_problem_that_is_skipped_leaves_a_verdict_about_the_others():
     def step(problem, y, h, dW):
         if problem.name == "pendulum":

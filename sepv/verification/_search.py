@@ -64,6 +64,10 @@ class _Fault(Exception):
     """Raised inside a search: the case could not be measured."""
 
 
+class _Crash(_Fault):
+    """Raised inside a search: the scheme crashed. Hypothesis simplifies it apart from other faults."""
+
+
 class _Log:
     """What a search has seen."""
 
@@ -73,6 +77,7 @@ class _Log:
         self.violation: tuple[Case, Measurement] | None = None
         self.largest = 0.0  # defect of a violation, before any was simplified
         self.fault: tuple[Case, Exception] | None = None
+        self.crash: tuple[Case, Exception] | None = None  # a fault that no violation may hide
         self.skipped: dict[str, int] = {}
 
     @property
@@ -345,6 +350,10 @@ def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate
             log.worst = log.violation[1]
             raise _Violation from error
         log.fault = case, error
+        # An answer that is no state, or none, is an answer. A program that died, or an exception, is not.
+        if not isinstance(error, (SchemeFault, ArithmeticError)):
+            log.crash = case, error
+            raise _Crash from error
         raise _Fault from error
     if log.worst is None or not measured.ratio <= log.worst.ratio:
         log.worst = measured
@@ -398,7 +407,14 @@ def _conclude(law: Law, scheme: Scheme, log: _Log, check: Check) -> Finding:
         case, measured = log.violation
         advice = _may_be_a_tolerance(law, scheme, check, case, measured, log.largest)
         message = f"{case.describe()}\n{measured.detail}{advice}"
-        return law.finding(Verdict.VIOLATED, message=message, **_witness(law, case), **seen)
+        if log.crash is None:
+            return law.finding(Verdict.VIOLATED, message=message, **_witness(law, case), **seen)
+        # The crash decides the verdict: a scheme that does not always answer was not measured whole.
+        dead, error = log.crash
+        again = _witness(law, dead)["replay"]
+        message = f"crashed:\n{dead.describe()}\n{error}\nIts replay: {again}\nviolated, elsewhere:\n{message}"
+        seen["traceback"] = getattr(error, "traceback", "")
+        return law.finding(Verdict.ERROR, message=message, **_witness(law, case), **seen)
     if log.fault is not None:
         case, error = log.fault
         kind = "not solved" if isinstance(error, StepFailure) else "not measured"
