@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from sepv.commands import main
+from sepv.commands._cli import main
 
 
 class Reader:

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from sepv.commands import main
+from sepv.commands._cli import main
 from sepv.files import write_atomically
 
 SECONDS = 30

@@ -16,7 +16,7 @@ from click.testing import CliRunner, Result
 
 import sepv
 from sepv import schemes
-from sepv.commands import main
+from sepv.commands._cli import main
 from sepv.errors import StepFailure, TargetError, UsageError
 from sepv.files import json_text
 from sepv.problem import Array, Problem

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from sepv.commands import main
+from sepv.commands._cli import main
 from sepv.verification import Verdict
 
 CORRECT = "from sepv.schemes._energy_preserving import step as correct\n"

@@ -18,7 +18,7 @@ from click.testing import CliRunner, Result
 
 import sepv
 from sepv import problems, schemes
-from sepv.commands import main
+from sepv.commands._cli import main
 from sepv.files import schema
 from sepv.problem import Array, Problem
 from sepv.schemes import load_problem

@@ -12,7 +12,7 @@ from sepv.reference.vector import digest
 from benchmarks import witnesses as maker
 from benchmarks.right_schemes import RIGHT
 from sepv import schemes
-from sepv.commands import main
+from sepv.commands._cli import main
 from sepv.faults import _fault_detection as fault_detection
 from sepv.faults._saboteurs import SABOTEURS
 from sepv.files import fault

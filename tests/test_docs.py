@@ -18,7 +18,7 @@ import pytest
 from reader import Reader
 
 from benchmarks.mutation.targets import TARGETS
-from sepv.commands import main
+from sepv.commands._cli import main
 from sepv.verification import load_laws
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -15,7 +15,7 @@ import pytest
 from click.testing import CliRunner
 from reader import Reader
 
-from sepv.commands import main
+from sepv.commands._cli import main
 from sepv.external import load_program
 from sepv.verification import LAWS, Effort, verify
 

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from benchmarks.errata import missing, to_markdown
-from sepv.commands import main
+from sepv.commands._cli import main
 from sepv.studies._reproduce import errata
 from sepv.studies._reproduce.errata import ENTRIES, Erratum, Evidence
 

@@ -15,7 +15,7 @@ from sepv.reference.series import Series, series_over, solution_series
 from sepv.reference.tableau import horner
 
 from sepv import problems
-from sepv.commands import main
+from sepv.commands._cli import main
 from sepv.errors import UsageError
 from sepv.problem import PolynomialSystem
 from sepv.record import _polynomial as poly

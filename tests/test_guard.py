@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from sepv.commands import main
+from sepv.commands._cli import main
 from sepv.errors import Skipped, UsageError
 from sepv.schemes import Scheme
 from sepv.schemes._energy_preserving import step as exact
@@ -170,5 +170,5 @@ def test_a_worker_that_dies_is_an_error_of_its_law(tmp_path: Path, monkeypatch: 
     )
     report = verify("falls:scheme", laws=["contract", "energy"], effort=Effort(8, 64, 0, 0.1), jobs=2)
     assert [f.verdict for f in report.findings] == [Verdict.ERROR] * 2
-    assert "status 9" in report.findings[0].message
+    assert "exit code 9" in report.findings[0].message
     assert report.exit_code == 3

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from sepv.reference.exact_energy import exact_energy
 
 from sepv import problems, schemes
-from sepv.commands import main
+from sepv.commands._cli import main
 from sepv.errors import ProblemError, StepFailure
 from sepv.files import schema
 from sepv.problem import Problem, average_gradient, check_problem

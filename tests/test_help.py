@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 import sepv
-from sepv.commands import main
+from sepv.commands._cli import main
 
 FUNCTIONS = ("verify", "integrate", "ensemble", "exact_flow")
 RECORDS = ("Problem", "Scheme", "Report", "Trajectory", "Ensemble", "Effort")

@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 import sepv
-from sepv.commands import main
+from sepv.commands._cli import main
 from sepv.errors import UsageError
 from sepv.files import schema
 from sepv.verification import LEVELS, SUITE, Effort, Finding, Report, Verdict, conformance, load_laws

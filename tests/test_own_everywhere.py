@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 import sepv
-from sepv.commands import main
+from sepv.commands._cli import main
 
 ROOT = Path(__file__).resolve().parents[1]
 PROGRAM = shlex.join([sys.executable, str(ROOT / "examples" / "euler_heun_plain.py")])

@@ -22,7 +22,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from sepv.commands import main
+from sepv.commands._cli import main
 from sepv.errors import UsageError
 from sepv.files import fault, schema
 from sepv.page import load, render

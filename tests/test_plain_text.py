@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from sepv._terminal import ascii_text
-from sepv.commands import main
+from sepv.commands._cli import main
 from sepv.commands._shared import CRASH
 
 

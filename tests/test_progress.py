@@ -18,6 +18,9 @@ from pathlib import Path
 import pytest
 
 import benchmarks
+from sepv._journal import Journal, Notes
+from sepv.commands._shared import candidates
+from sepv.errors import TargetError
 from sepv.verification import Verdict, load_laws
 from sepv.verification import _progress as progress
 from sepv.verification._report import console
@@ -105,6 +108,47 @@ def test_the_seconds_left_of_laws_side_by_side_are_those_of_the_longest() -> Non
     left = course.seconds_left()
     assert left is not None
     assert 55 < left < 65
+
+
+def test_a_law_that_takes_longer_than_expected_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It said "96 %, about 1 s left" four times in 25 s: an eighth of what the law had taken so far."""
+    now, laws = 0.0, load_laws(["energy", "casimir"])
+    first, last = (replace(law, cost=cost, steps=0) for law, cost in zip(laws, (10.0, 0.5), strict=True))
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    course, shown = progress.Course([first, last]), progress.Shown()
+    shown.expected, shown.doing = course.seconds_left, lambda: course.doing(None, "mine:step")
+    course.heard(first, None)
+    now = 20.0
+    course.heard(first, first.finding(Verdict.HOLDS, seconds=20.0, checks=1))
+    course.heard(last, None)
+    now = 20.5
+    assert shown.line() == "98%, about 1 s left: 1 of 2 laws, casimir"
+    now = 28.0
+    assert shown.line() == "28 s: 1 of 2 laws, casimir for 8 s where 1 s were expected"
+
+
+def test_a_step_that_is_being_compiled_is_waited_for_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    now, (law,) = 100.0, load_laws(["energy"])
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    course, journal = progress.Course([law]), Journal(lambda *_: None, Notes())
+    course.heard(law, None)
+    journal.cases, journal.since = 1, 100.0
+    now = 114.0
+    assert (
+        course.doing(journal, "mine:step")
+        == "0 of 1 laws, energy, waiting for the first step of mine:step, 14 s"
+    )
+    journal.cases = 7
+    assert course.doing(journal, "mine:step") == "0 of 1 laws, energy, case 7 for 14 s"
+    journal.since = 113.0
+    assert course.doing(journal, "mine:step") == "0 of 1 laws, energy"
+
+
+def test_a_scheme_is_named_before_it_is_loaded() -> None:
+    said: list[str] = []
+    with pytest.raises(TargetError), candidates(["no_such_module:step"], (), said.append):
+        pass
+    assert said == ["waiting for the first step of no_such_module:step"]
 
 
 def _said(written: io.StringIO, word: str) -> str:

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 import sepv
 from sepv import problems, schemes
-from sepv.commands import main
+from sepv.commands._cli import main
 from sepv.errors import UsageError
 from sepv.files import schema
 from sepv.simulate import _truncation as bounded

@@ -97,7 +97,7 @@ def outside(levels: Levels, case: Case) -> list[tuple[str, object, Case]]:
 def test_the_coverage_table_counts_what_the_designs_visit() -> None:
     from click.testing import CliRunner
 
-    from sepv.commands import main
+    from sepv.commands._cli import main
 
     found = CliRunner().invoke(main, ["verify", "energy-preserving", "--coverage", "--law", "energy"])
     assert found.exit_code == 0

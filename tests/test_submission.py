@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 import sepv
-from sepv.commands import main
+from sepv.commands._cli import main
 from sepv.errors import TargetError, UsageError
 from sepv.verification import Effort, bundle, consistent, verify
 from sepv.verification._submission import MANIFEST, REPORT, Asked, again, environment, read, source

@@ -17,8 +17,7 @@ from click.testing import CliRunner
 from rich.cells import cell_len
 
 from sepv._terminal import print_table
-from sepv.commands import main
-from sepv.commands._cli import COMMANDS
+from sepv.commands._cli import COMMANDS, main
 from sepv.faults import _fault_detection as fault_detection
 from sepv.studies._bench import store
 from sepv.studies._bench.store import record_table

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 import sepv
 from sepv import problems, schemes
-from sepv.commands import main
+from sepv.commands._cli import main
 from sepv.files import schema
 from sepv.schemes import Scheme
 from sepv.studies._ulps import one_step

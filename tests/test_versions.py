@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from sepv.commands import main
+from sepv.commands._cli import main
 from sepv.errors import UsageError
 from sepv.peers import _environments as environments
 from sepv.peers import _history as history

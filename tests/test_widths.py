@@ -11,7 +11,7 @@ from rich.cells import cell_len
 from rich.console import Console
 
 from sepv._terminal import Table, columns, kept, markdown, print_table, table_html
-from sepv.commands import main
+from sepv.commands._cli import main
 from sepv.schemes import midpoint
 from sepv.verification import Effort, Finding, Report, Verdict
 from sepv.verification._report import law_table

@@ -1,5 +1,28 @@
-"""The commands of ``sepv``, one a file; `_cli` loads the one that is asked for, `_shared` has what several take."""
+"""The commands of ``sepv``, one a file; `_cli` loads the one that is asked for, `_shared` has what several take.
+
+`main` is the program: it runs `_cli.main` in a process of its own and watches it (`_watch`).
+"""
 
 from __future__ import annotations
 
-from sepv.commands._cli import main as main
+import signal
+import sys
+
+
+def main() -> None:
+    """Run ``sepv`` with the arguments of this process; ends in SystemExit."""
+    # Ctrl-C waits until there is somebody to answer it.
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    from sepv.commands._watch import watched
+
+    def work() -> None:
+        from sepv.commands._cli import main as run  # under watch from its imports on
+
+        run()
+
+    try:
+        sys.exit(watched(work))
+    except KeyboardInterrupt:
+        print("sepv: interrupted", file=sys.stderr)
+        sys.exit(130)

@@ -69,7 +69,7 @@ def bench(
     base = {r["target"]: r for r in store.load(against)} if against else {}
     records: list[dict[str, Any]] = []
     checks: list[Any] = []
-    with cli.candidates(targets, programs) as found, showing(quiet) as line:
+    with showing(quiet) as line, cli.candidates(targets, programs, line.update) as found:
         for target, scheme in found:
             line.update(f"{target}: work and errors")
             if against and target not in base:

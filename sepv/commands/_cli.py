@@ -14,7 +14,7 @@ import click
 from sepv._arguments import did_you_mean
 from sepv._terminal import cannot_show, never_fail
 from sepv._version import __version__
-from sepv.commands._shared import EXIT_CODES, WORDS
+from sepv.commands._shared import EXIT_CODES, WORDS, interruptible
 from sepv.files import cache_folder
 
 # By heading, in the order in which --help shows them: each is the module of `sepv.commands` of its name.
@@ -35,9 +35,15 @@ class _Commands(click.Group):
     def make_context(self, info_name: str | None, args: list[str], *more: Any, **extra: Any) -> click.Context:
         """As click does; result files say how they were made."""
         words = shlex.join([info_name or "sepv", *args])
-        context = super().make_context(info_name, args, *more, **extra)
+        with interruptible():
+            context = super().make_context(info_name, args, *more, **extra)
         context.meta[WORDS] = words
         return context
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """As click does; Ctrl-C while a command is imported ends as it does while it works."""
+        with interruptible():
+            return super().invoke(ctx)
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002  (click's signature)
         return list(COMMANDS)
@@ -68,13 +74,6 @@ class _Commands(click.Group):
             word = did_you_mean(args[0], COMMANDS)
             text = f"No such command {word}. There are: {', '.join(COMMANDS)}."
             raise click.UsageError(text, ctx) from error
-
-    def main(self, *args: Any, **kwargs: Any) -> Any:
-        """As click does, but an interruption before a command began also ends with 130."""
-        try:
-            return super().main(*args, **kwargs)
-        except KeyboardInterrupt:
-            sys.exit(130)
 
 
 @click.group(cls=_Commands, context_settings=_SETTINGS, epilog=EXIT_CODES)

@@ -110,7 +110,7 @@ def compare(
                 remedy=f"a built-in, module:attribute, exact-flow or a peer ({', '.join(PEERS)})",
             )
         methods, failed = _methods(names, system, line.update)
-        block: Any = cli.candidates((), programs) if programs else nullcontext([])
+        block: Any = cli.candidates((), programs, line.update) if programs else nullcontext([])
         with block as others:
             methods += [replace(from_scheme(own, system), name=name) for name, own in others]
             if not methods:

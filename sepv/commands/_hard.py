@@ -65,7 +65,7 @@ def hard(
     from sepv.verification._progress import showing
 
     asked = [target] if target else [] if programs else ["energy-preserving"]
-    with cli.candidates(asked, programs) as found, showing(quiet) as shown:
+    with showing(quiet) as shown, cli.candidates(asked, programs, shown.update) as found:
         target, scheme = found[0]
         places = {case.name: n / len(cases) for n, case in enumerate(cases)}
         seen = run(

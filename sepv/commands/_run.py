@@ -56,7 +56,8 @@ def run(
     count = _whole("steps", steps)
     kept = _whole("every", every) if every is not None else max(1, count // 1000)
     system = load_problem(problem)
-    with cli.candidates([scheme] if scheme else [], programs, [system]) as found, showing(quiet) as shown:
+    asked = [scheme] if scheme else []
+    with showing(quiet) as shown, cli.candidates(asked, programs, shown.update, [system]) as found:
         if len(found) > 1:
             raise UsageError(
                 expected="one scheme", received=f"{len(found)}", remedy="sepv run, once for each of them"

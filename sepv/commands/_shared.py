@@ -13,6 +13,7 @@ from typing import Any
 
 import click
 
+from sepv._journal import interruption_answered
 from sepv._terminal import printable
 from sepv.errors import SepvError, TargetError, UsageError
 from sepv.files import require_folder
@@ -88,16 +89,23 @@ EXEC = click.option(
 
 @contextmanager
 def candidates(
-    targets: Iterable[str], programs: Iterable[str], problems: Iterable[Any] = ()
+    targets: Iterable[str], programs: Iterable[str], say: Callable[[str], None], problems: Iterable[Any] = ()
 ) -> Iterator[list[tuple[str, Any]]]:
-    """(how a command names it, scheme) of every target and every program; the programs end with the block."""
+    """(how a command names it, scheme) of every target and every program; the programs end with the block.
+
+    A function is called when it is loaded, and what it calls may be compiled then: `say` is told whose turn it is.
+    """
     from sepv.schemes import load_scheme
 
     with ExitStack() as stack:
-        found = [(target, load_scheme(target, problems=problems)) for target in targets]
+        found = []
+        for target in targets:
+            say(f"waiting for the first step of {target}")
+            found.append((target, load_scheme(target, problems=problems)))
         for command in programs:
             from sepv.external import load_program
 
+            say(f"waiting for the first answer of {command}")
             found.append((f"--exec {shlex.quote(command)}", stack.enter_context(load_program(command))))
         if not found:
             raise UsageError(
@@ -160,6 +168,15 @@ def friendly(command: Callable[..., Any]) -> Callable[..., Any]:
     return click.option("--debug", is_flag=True, help="Show tracebacks.")(wrapper)
 
 
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Ctrl-C within it ends the command with a line and 130; click's own answer is 1."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        raise SystemExit(_ended_by(error, debug=False)) from None
+
+
 def _ended_by(error: BaseException, debug: bool) -> int:
     """Say it, and the exit code of it."""
     if isinstance(error, BrokenPipeError):
@@ -169,6 +186,7 @@ def _ended_by(error: BaseException, debug: bool) -> int:
     if debug and not isinstance(error, KeyboardInterrupt):
         say("".join(traceback.format_exception(error)).rstrip())
     elif isinstance(error, KeyboardInterrupt):
+        interruption_answered()
         say("sepv: interrupted")
     elif isinstance(error, (SepvError, OSError)):
         say(f"sepv: {error}")

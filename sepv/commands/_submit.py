@@ -54,7 +54,7 @@ def submit(target: str | None, program: str | None, out: str, quiet: bool, **opt
     waivers = None if options["waivers"] is None else _text(options["waivers"])
     with ExitStack() as stack:
         scheme = stack.enter_context(load_program(program)) if program else asked.target
-        progress = stack.enter_context(watching(quiet, load_laws()))
+        progress = stack.enter_context(watching(quiet, load_laws(), asked.words))
         found = verify(
             scheme, claims=claims, effort=replace(effort, seed=options["seed"]), expected=options["waivers"],
             jobs=options["jobs"], problems=asked.problems or None, progress=progress,

@@ -47,7 +47,7 @@ def ulps(
     asked = [*(targets or (() if programs else tuple(schemes.PAPER))), *(unit.peers() if peers else ())]
     chosen = [load_problem(name) for name in (names or tuple(problems.PAPER))]
     rows: list[Any] = []
-    with cli.candidates(asked, programs) as wanted, showing() as line:
+    with showing() as line, cli.candidates(asked, programs, line.update) as wanted:
         for _, scheme in wanted:
             for problem in chosen:
                 line.update(f"{scheme.name}, {problem.name}", len(rows) / (len(wanted) * len(chosen)))

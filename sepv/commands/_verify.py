@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from sepv._journal import attempted
 from sepv._terminal import counted, print_table
 from sepv.commands import _shared as cli
 from sepv.errors import UsageError
@@ -153,17 +154,23 @@ def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], 
     arguments = _arguments(laws, options)
     out, reports = page.console(), []
     for target in targets:
-        with watching(quiet, laws_of(laws or None, options["level"])) as progress:
+        shown_as = shown or shlex.quote(target)
+        with watching(quiet, laws_of(laws or None, options["level"]), shown_as) as progress:
             report = run(target, progress=progress, **arguments)
         named = shown + "".join(f" -p {shlex.quote(p)}" for p in report.problems) if shown else report.target
         report = replace(report, target=named, pins=bool(files["pin"]))
         reports.append(report)
-        if quiet:
-            # Of one nobody needs to be told which.
-            which = f"{named}: " if len(targets) > 1 else ""
-            page.line(out, page.summary(report, which))
-        else:
-            page.show(report, out, debug=debug)
+
+        def show(report: Any = report, named: str = named) -> None:
+            if quiet:
+                # Of one nobody needs to be told which.
+                which = f"{named}: " if len(targets) > 1 else ""
+                page.line(out, page.summary(report, which))
+            else:
+                page.show(report, out, debug=debug)
+            out.file.flush()
+
+        attempted(f"what is shown of {named}", show)  # once, whatever crashes later
         only = f" --law {shlex.quote(','.join(laws))}" if laws else ""
         _write(report, files, named + only)
         if report.interrupted:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from sepv._journal import note_step
 from sepv.errors import SchemeFault, SepvError, StepFailure, UsageError
 from sepv.problem import Array, Problem
 from sepv.problem._hamiltonians import is_several
@@ -146,12 +147,19 @@ def guarded(scheme: Scheme) -> Scheme:
 
     def step(problem: Problem, y: Array, h: float, dW: Array, further: Array | None = None) -> Array:
         noise = dW.copy() if further is None else joined(scheme.asks, dW, further)
+        note_step(lambda: _step_in_words(problem, y, h, dW))
         found = raw_answer(scheme, problem, y.copy(), h, noise)
         finite = np.nan_to_num(found) if isinstance(found, np.ndarray) else found
         check_answer(finite, y)
         return np.asarray(found)
 
     return replace(scheme, step=step, solve=None)
+
+
+def _step_in_words(problem: Problem, y: Array, h: float, dW: Array) -> str:
+    first, noise = (v if v.ndim == 1 else v[:, 0] for v in (y, dW))
+    others = "" if y.ndim == 1 or y.shape[1] == 1 else f", and from {y.shape[1] - 1} other states at once"
+    return f"{problem.name}: a step from y = {first.tolist()} with h = {h!r}, dW = {noise.tolist()}{others}"
 
 
 def ask_once(scheme: Scheme, problem: Problem, y: Array, h: float) -> None:

@@ -10,11 +10,13 @@ import time
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from itertools import accumulate
 from typing import Any
 
 from rich.console import Console
 
+from sepv._journal import Journal, current_journal
 from sepv.verification import Finding, Law, Verdict
 from sepv.verification._report import console
 from sepv.verification._verify import LawProgress
@@ -22,6 +24,8 @@ from sepv.verification._verify import LawProgress
 # Seconds after which a line is printed where nobody sees a bar; then one every REPEAT.
 FIRST_LINES = (2.0, 5.0, 10.0, 20.0)
 REPEAT = 20.0
+# Seconds from which on a law may be called late, and a case is named that is being asked.
+LATE, SLOW = 5.0, 2.0
 
 
 class Shown:
@@ -30,8 +34,9 @@ class Shown:
     def __init__(self) -> None:
         self.text, self.started = "starting", time.monotonic()
         self._done = 0.0
-        # Whoever knows more than a share says the seconds left; None where they do not know yet.
+        # Whoever knows more than a share says the seconds left, None where they are not known, and what is being done.
         self.expected: Callable[[], float | None] | None = None
+        self.doing = lambda: self.text
 
     def update(self, text: str | None = None, share: float | None = None) -> None:
         """What is being done, and how much of all is done, 0 to 1; what is left out stays as it was."""
@@ -57,7 +62,8 @@ class Shown:
         left = self.seconds_left
         known = f"{self.share(left):.0%}, {_about(left)}" if left is not None else ""
         elapsed = f"{time.monotonic() - self.started:.0f} s"
-        return f"{known or elapsed}: {self.text}" if self.text else known or elapsed
+        text = self.doing()
+        return f"{known or elapsed}: {text}" if text else known or elapsed
 
 
 def _about(left: float) -> str:
@@ -102,7 +108,7 @@ def _bar(shown: Shown, out: Console, done: threading.Event) -> None:
         task = bar.add_task("", total=1.0)
         while not done.wait(0.2):
             left = shown.seconds_left
-            text = f"{_about(left)}  {shown.text}" if left is not None else shown.text
+            text = f"{_about(left)}  {shown.doing()}" if left is not None else shown.doing()
             # Without a share that is known the bar pulses. No square bracket is markup here.
             total, words = None if left is None else 1.0, text.replace("[", r"\[")
             bar.update(task, total=total, completed=shown.share(left), description=words)
@@ -153,18 +159,50 @@ class Course:
             step = min(step, own) if timed else own
         return pace, step
 
+    def whole(self) -> dict[str, float]:
+        """The seconds expected of each law that is not done, from its beginning."""
+        pace, step = self.rates()
+        return {name: pace * law.cost + step * law.steps for name, law in self.left.items()}
+
+    def late(self) -> dict[str, tuple[float, float]]:
+        """(seconds so far, seconds expected) of the laws that run for more than twice as long as expected, and LATE."""
+        now, whole = time.monotonic(), self.whole()
+        ran = {name: now - began for name, began in self.began.items() if name in whole}
+        return {name: (t, whole[name]) for name, t in ran.items() if t > max(LATE, 2 * whole[name])}
+
     def seconds_left(self) -> float | None:
-        """None before the first law is done."""
+        """None before the first law is done, and while laws that are late may be what takes longest."""
         if not self.found:
             return None
-        now, (pace, step) = time.monotonic(), self.rates()
-        whole = {name: pace * law.cost + step * law.steps for name, law in self.left.items()}
+        now, whole = time.monotonic(), self.whole()
         ran = {name: now - began for name, began in self.began.items() if name in whole}
         # A law that takes longer than expected is expected to take an eighth more than it has taken.
         rest = [max(whole.pop(name) - since, since / 8) for name, since in ran.items()]
+        if sum(spent for spent, _ in self.late().values()) > sum(whole.values()):
+            return None
         worked = sum(ran.values()) + sum(f.seconds for _, f in self.found)
         busy = max(1.0, worked / (now - self.started))  # processes on average
         return max([(sum(rest) + sum(whole.values())) / busy, *rest])
+
+    def doing(self, journal: Journal | None, name: str) -> str:
+        """3 of 27 laws, energy for 21 s where 2 s were expected, case 7 for 8 s."""
+        late, running = self.late(), list(self.began)
+        words = [f"{len(self.found)} of {len(self.found) + len(self.left)} laws"]
+        for law in running:
+            spent, expected = late.get(law, (0.0, 0.0))
+            # Nothing is known of the pace before the first law is done.
+            more = (
+                f" for {spent:.0f} s where {max(1.0, expected):.0f} s were expected"
+                if spent and self.found
+                else ""
+            )
+            words.append(law + more)
+        since = time.monotonic() - journal.since if journal and journal.cases and len(running) == 1 else 0.0
+        if journal and since > SLOW:
+            first = not self.found and journal.cases == 1
+            asked = f"waiting for the first step of {name}," if first else f"case {journal.cases} for"
+            words.append(f"{asked} {since:.0f} s")
+        return ", ".join(words)
 
 
 def _weighted_median(entries: Iterable[tuple[float, float]]) -> float:
@@ -175,15 +213,18 @@ def _weighted_median(entries: Iterable[tuple[float, float]]) -> float:
 
 
 @contextmanager
-def watching(quiet: bool = False, laws: Sequence[Law] = ()) -> Iterator[LawProgress]:
-    """A progress callback for `sepv.verification.verify` of these laws."""
-    course = Course(laws)
+def watching(
+    quiet: bool = False, laws: Sequence[Law] = (), name: str = "the scheme"
+) -> Iterator[LawProgress]:
+    """A progress callback for `sepv.verification.verify` of these laws; `name` says of which scheme."""
+    course, journal = Course(laws), current_journal()
     with showing(quiet) as shown:
+        # A function is called when it is loaded, and may be compiled then.
+        shown.update(f"waiting for the first step of {name}")
         shown.expected = course.seconds_left
 
         def step(law: Law, finding: Finding | None) -> None:
             course.heard(law, finding)
-            done = f"{len(course.found)} of {len(laws)} laws"
-            shown.update(", ".join([done, *course.began]))
+            shown.doing = partial(course.doing, journal, name)
 
         yield step

@@ -22,6 +22,7 @@ from hypothesis import seed as hypothesis_seed
 from hypothesis import strategies as st
 from hypothesis.errors import Unsatisfiable
 
+from sepv._journal import note_case
 from sepv._terminal import counted
 from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure
 from sepv.record._binary64 import EPS
@@ -323,6 +324,7 @@ def _simplify(log: _Log, scheme: Scheme, effort: Effort, asked: _Question) -> No
 def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate: bool) -> Measurement:
     """Measure and log one case; raises _Violation or _Fault, from places of their own."""
     log.checks += 1
+    note_case(lambda: cases_of.to_json(case))
     try:
         measured = check(scheme, case)
     except Skipped as skipped:
@@ -412,7 +414,9 @@ def _conclude(law: Law, scheme: Scheme, log: _Log, check: Check) -> Finding:
         # The crash decides the verdict: a scheme that does not always answer was not measured whole.
         dead, error = log.crash
         again = _witness(law, dead)["replay"]
-        message = f"crashed:\n{dead.describe()}\n{error}\nIts replay: {again}\nviolated, elsewhere:\n{message}"
+        message = (
+            f"crashed:\n{dead.describe()}\n{error}\nIts replay: {again}\nviolated, elsewhere:\n{message}"
+        )
         seen["traceback"] = getattr(error, "traceback", "")
         return law.finding(Verdict.ERROR, message=message, **_witness(law, case), **seen)
     if log.fault is not None:

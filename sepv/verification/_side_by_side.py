@@ -17,8 +17,10 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from tempfile import TemporaryFile
 from typing import Any
 
+from sepv._journal import BYTES, Crashed, Notes, ended_with, interruption_answered
 from sepv.errors import UsageError
 
 # Seconds from SIGTERM, on which a worker ends its own children, to SIGKILL.
@@ -37,27 +39,31 @@ class Task:
     problems: Any = None
 
 
-class Died(Exception):
-    """A worker ended before it answered, with this status."""
-
-
 class _Worker:
     """A process, and a thread that reads what it says into the queue of all."""
 
     def __init__(self, task: bytes, said: queue.Queue[tuple[_Worker, Any]]) -> None:
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "sepv.verification._worker"],
+        with TemporaryFile() as file:
+            file.truncate(BYTES)
+            self.notes = Notes(file.fileno())
+            self.process = self._started(file.fileno())
+        self.left: list[str] = []
+        self._write(task)
+        self.listener = threading.Thread(target=self._listen, args=(said,), daemon=True)
+        self.listener.start()
+
+    @staticmethod
+    def _started(notes: int) -> subprocess.Popen[bytes]:
+        return subprocess.Popen(
+            [sys.executable, "-m", "sepv.verification._worker", str(notes)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
+            pass_fds=(notes,),
             # Ctrl-C goes to the parent, which ends the workers: a session of their own keeps it from them.
             start_new_session=True,
             # The package must be found before the task, which carries the path, can be read.
             env={**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
         )
-        self.left: list[str] = []
-        self._write(task)
-        self.listener = threading.Thread(target=self._listen, args=(said,), daemon=True)
-        self.listener.start()
 
     def give(self, group: Sequence[str]) -> None:
         """Ask for these laws, in this order."""
@@ -77,7 +83,7 @@ class _Worker:
                 while True:
                     said.put((self, pickle.load(pipe)))
             except Exception:  # the end of the pipe, or half a message before it
-                said.put((self, Died(f"{self.process.wait()}")))
+                said.put((self, Crashed(ended_with(self.process.wait()), self.notes.get())))
 
     def end(self, number: int) -> None:
         with suppress(ProcessLookupError, PermissionError):
@@ -87,7 +93,7 @@ class _Worker:
 def run(task: Task, groups: Sequence[Sequence[str]], jobs: int, receive: Callable[[str, Any], None]) -> None:
     """Measure the groups on so many workers; `receive` gets each law's name, first with None, then with its finding.
 
-    A law whose worker died is received with `Died`; the rest of its group goes to another worker. A UsageError for a
+    A law whose worker died is received with `Crashed`; the rest of its group goes to another worker. A UsageError for a
     scheme that cannot go to another process; a RuntimeError is a defect of the suite in a worker, with its traceback.
     """
     data, waiting = _pickled(task), [list(group) for group in groups]
@@ -107,7 +113,7 @@ def run(task: Task, groups: Sequence[Sequence[str]], jobs: int, receive: Callabl
                 worker, word = said.get(timeout=0.5)
             except queue.Empty:  # so that Ctrl-C is seen on every system
                 continue
-            if isinstance(word, Died):
+            if isinstance(word, Crashed):
                 busy.discard(worker)
                 if worker.left:
                     receive(worker.left.pop(0), word)
@@ -131,7 +137,7 @@ def run(task: Task, groups: Sequence[Sequence[str]], jobs: int, receive: Callabl
 
 
 def measured(task: Task, group: Sequence[str]) -> list[tuple[str, Any]]:
-    """One group in one process of its own, for a worker of a cluster: names with findings or `Died`.
+    """One group in one process of its own, for a worker of a cluster: names with findings or `Crashed`.
 
     There a time limit needs a main thread, which a cluster's worker keeps to itself, and a crash must end one process.
     """
@@ -145,6 +151,9 @@ def _ended() -> Iterator[list[_Worker]]:
     workers: list[_Worker] = []
     try:
         yield workers
+    except KeyboardInterrupt:
+        interruption_answered()
+        raise
     finally:
         for worker in workers:
             worker.end(signal.SIGTERM)

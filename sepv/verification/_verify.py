@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from sepv._journal import Crashed, attempted, interruption_answered
 from sepv.errors import ClusterFailure, SepvError, Skipped, TargetError, UsageError
 from sepv.schemes import Scheme, load_scheme
 from sepv.schemes._load_target import require_trusted, words_for
@@ -102,7 +103,8 @@ def verify(
     if problems is None and known.problems:
         require_trusted(known.problems, (), scheme)
         problems = list(known.problems)
-    candidate = _load(scheme, {*listed(claims), *(known.claims or ())}, timeout, problems)
+    target = words_for(scheme, problems)
+    candidate = _load(scheme, {*listed(claims), *(known.claims or ())}, timeout, problems, target)
     load_laws(candidate.claims)
     for failure in known.failures.values():
         cases.require_named(failure.witness, candidate)
@@ -125,8 +127,10 @@ def verify(
             run = Run(effort)
             for law in chosen:
                 receive(law, None)
-                receive(law, measure(law, candidate, run, timeout, known.failures.get(law.name)))
+                ask = partial(measure, law, candidate, run, timeout, known.failures.get(law.name))
+                receive(law, survived(law, f"{law.name} of {target}", ask, effort))
     except KeyboardInterrupt:
+        interruption_answered()
         interrupted = True
     except ClusterFailure as error:
         interrupted, why = True, str(error)
@@ -135,7 +139,6 @@ def verify(
             unmeasured = law.finding(Verdict.NOT_MEASURED, message=why)
             found[law.name] = replace(unmeasured, claimed=law.claimed_by(candidate))
     findings = tuple(found[law.name] for law in chosen)
-    target = words_for(scheme, problems)
     report = Report(candidate, findings, effort, interrupted, known.claims, target, level=level)
     gaps = known.gaps((law.name for law in chosen), candidate.name, report.problems)
     return replace(report, gaps=tuple(gaps))
@@ -150,12 +153,9 @@ def _side_by_side(
     groups = [group for group in shared if group]
     groups += [[name] for name in by_name if name not in (*SAMPLED, *LOCAL)]
 
-    def take(name: str, found: Finding | side_by_side.Died | None) -> None:
+    def take(name: str, found: Finding | Crashed | None) -> None:
         law = by_name[name]
-        if isinstance(found, side_by_side.Died):
-            text = f"the process that measured it ended with status {found}: the scheme crashed it"
-            found = law.finding(Verdict.ERROR, message=text)
-        receive(law, found)
+        receive(law, crashed(law, found, task.effort) if isinstance(found, Crashed) else found)
 
     if isinstance(workers, int):
         side_by_side.run(task, groups, workers, take)
@@ -171,11 +171,20 @@ def _side_by_side(
     run_all(partial(side_by_side.measured, task), groups, workers, threads=False, receive=arrived)
 
 
-def _load(scheme: str | Scheme | Step, claims: Iterable[str], timeout: float, problems: Any = None) -> Scheme:
+def _load(
+    scheme: str | Scheme | Step, claims: Iterable[str], timeout: float, problems: Any, target: str
+) -> Scheme:
     """The scheme: a bare function is called once or twice to see whether it takes batches, and may not come back."""
     try:
         with deadline(timeout):
-            return load_candidate(scheme, listed(claims), problems)
+            load = partial(load_candidate, scheme, listed(claims), problems)
+            return attempted(f"loading {target}", load, kept=False)
+    except Crashed as crash:
+        raise TargetError(
+            expected="a scheme that can be loaded, and a step that comes back",
+            received=f"nothing: the process ended with {crash.status} while it was loaded",
+            remedy="python -X faulthandler shows the line: import the module and call the step there",
+        ) from None
     except TimedOut:
         raise TargetError(
             expected="a scheme that can be loaded, and a step that comes back",
@@ -202,10 +211,32 @@ def replay(scheme: str | Scheme | Step, law: str, witness: dict[str, Any], probl
     cases.require_named(witness, candidate)
     (chosen,) = load_laws([law])
     try:
-        found = chosen.replay(chosen, candidate, witness)
+        found = survived(chosen, "the replay", partial(chosen.replay, chosen, candidate, witness))
     except KeyError as error:
         raise _wrong_witness(chosen, f"one without {error}") from error
     return replace(found, claimed=chosen.claimed_by(candidate))
+
+
+def survived(law: Law, key: str, ask: Callable[[], Finding], effort: Effort | None = None) -> Finding:
+    """What `ask` finds, or what an earlier process of this run found; an error where that did not survive it."""
+    try:
+        return attempted(key, ask)
+    except Crashed as crash:
+        return crashed(law, crash, effort or Effort())
+
+
+def crashed(law: Law, crash: Crashed, effort: Effort) -> Finding:
+    """The error of a law whose process ended, with the case that was asked last."""
+    lines = [f"the process ended with {crash.status}: the scheme, or a library that it uses, crashed it"]
+    seen: dict[str, Any] = {"replay": f"--law {law.name} --seed {effort.seed} --paths {effort.paths}"}
+    if isinstance(crash.note, dict):
+        case = cases.from_json(crash.note)
+        lines.append(case.describe())
+        seen = {"witness": crash.note, "replay": f"--law {law.name} --replay {cases.to_token(case)}"}
+    elif crash.note is not None:
+        lines.append(crash.note)
+    lines.append("Remedy: python -X faulthandler -m sepv verify … with the replay below shows the line")
+    return law.finding(Verdict.ERROR, message="\n".join(lines), **seen)
 
 
 def measure(

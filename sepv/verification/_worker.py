@@ -6,14 +6,19 @@ import os
 import pickle
 import signal
 import sys
+import threading
 import traceback
+from collections.abc import Callable
+from functools import partial
+from queue import SimpleQueue
 from typing import Any
 
+from sepv._journal import Journal, Notes, attempted, open_journal
 from sepv.errors import UsageError
 
 
 def main() -> None:
-    """Answer until stdin ends."""
+    """Answer until stdin ends; the argument is a file for notes, `sepv._journal.Notes`."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # What the scheme prints goes to stderr: stdout is for findings.
     out = os.fdopen(os.dup(1), "wb")
@@ -45,24 +50,33 @@ def answer(say: Any) -> None:
     os.chdir(folder)
     task = pickle.loads(rest)
     scheme = load_candidate(task.scheme, task.claims, task.problems)
-    _end_children_first(scheme)
-    run = Run(task.effort)
-    while True:
-        for law in load_laws(pickle.load(sys.stdin.buffer)):
-            say("law", law.name, None)
-            say("law", law.name, measure(law, scheme, run, task.timeout, task.failures.get(law.name)))
-
-
-def _end_children_first(scheme: Any) -> None:
-    """SIGTERM ends the program of another language before this process, at once and through every handler."""
-    owner: Any = getattr(scheme.step, "__self__", None)
-
-    def end(*_: Any) -> None:
-        if hasattr(owner, "abandon"):
-            owner.abandon()
-        os._exit(143)
-
+    groups: SimpleQueue[list[str]] = SimpleQueue()
+    end, run = partial(_end_with_children, scheme), Run(task.effort)
     signal.signal(signal.SIGTERM, end)
+    threading.Thread(target=_read, args=(groups, end), daemon=True).start()
+    open_journal(Journal(lambda *_: None, Notes(int(sys.argv[1]))))
+    while True:
+        for law in load_laws(groups.get()):
+            say("law", law.name, None)
+            found = partial(measure, law, scheme, run, task.timeout, task.failures.get(law.name))
+            say("law", law.name, attempted(law.name, found, kept=False))
+
+
+def _read(groups: SimpleQueue[list[str]], end: Callable[[], None]) -> None:
+    """Groups of laws from stdin. Where it ends who asked is gone, and nobody waits for what is measured."""
+    try:
+        while True:
+            groups.put(pickle.load(sys.stdin.buffer))
+    except EOFError:
+        end()
+
+
+def _end_with_children(scheme: Any, *_: Any) -> None:
+    """The program of another language ends before this process, at once and through every handler."""
+    owner: Any = getattr(scheme.step, "__self__", None)
+    if hasattr(owner, "abandon"):
+        owner.abandon()
+    os._exit(143)
 
 
 if __name__ == "__main__":

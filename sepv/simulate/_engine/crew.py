@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -17,8 +18,6 @@ from sepv.errors import UsageError
 AHEAD = 4
 # Workers of an executor that does not say how many it has.
 UNKNOWN = 16
-# Ctrl-C reaches the processes of a pool as well: they have nothing to say about it.
-_SILENTLY = signal.SIGINT, signal.SIG_DFL
 
 
 class Outcome(NamedTuple):
@@ -109,10 +108,23 @@ def crew_of_threads(count: int, function: Callable[[Any], Any]) -> Iterator[Futu
             raise
 
 
+def _serve_quietly() -> None:
+    """Ctrl-C reaches the processes of a pool too, which have nothing to say about it. They end with their parent."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
 @contextmanager
 def crew_of_processes(count: int, function: Callable[[Any], Any]) -> Iterator[Futures]:
     before = set(multiprocessing.active_children())
-    with ProcessPoolExecutor(count, initializer=signal.signal, initargs=_SILENTLY) as pool:
+    with ProcessPoolExecutor(count, initializer=_serve_quietly) as pool:
         crew = _Processes(pool, function)
         try:
             yield crew

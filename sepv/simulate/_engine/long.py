@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sepv._arguments import require_flag
+from sepv._journal import interruption_answered
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem
 from sepv.schemes import PointLaw, Scheme, load_problem, load_scheme
@@ -163,6 +164,7 @@ def long_path(
             if chunk.failed():
                 break
     except KeyboardInterrupt:
+        interruption_answered()
         interrupted = True
     ends = chunk.result(np.empty((0, problem.dimension, 1)))
     done = chunk.done if ends.failed_step[0] < 0 else int(ends.failed_step[0])

@@ -1,0 +1,135 @@
+"""What a process says to the one that watches it, so that work survives a crash and a crash has a name.
+
+``sepv`` on the command line runs in a process that another one watches (`sepv.commands._watch`). A law is work with a
+key: its result is kept, so that after a crash the other laws go on in a new process. Without somebody who watches,
+nothing here does anything.
+"""
+
+from __future__ import annotations
+
+import pickle
+import signal
+import time
+from collections.abc import Callable, Mapping
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from mmap import mmap
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+# Bytes for a note, and for its length before it.
+BYTES, _SIZE = 1 << 20, 4
+
+# The kinds of messages: work begins, its result, it came back without one; Ctrl-C is answered, or was lost; the end.
+BEGIN, RESULT, BACK, ANSWERED, LOST, END = b"b", b"r", b"k", b"a", b"l", b"e"
+
+
+class Crashed(Exception):
+    """Work that ended its process; `note` is a case as JSON, a step in words, or None where neither was noted."""
+
+    def __init__(self, status: str, note: bytes = b"") -> None:
+        self.status, self.note = status, pickle.loads(note) if note else None
+        super().__init__(f"the process ended with {status}")
+
+
+class Notes:
+    """The last note, in memory that two processes share: writing it is no call of the system, and survives a crash."""
+
+    def __init__(self, file: int = -1) -> None:
+        self.memory = mmap(file, BYTES)
+
+    def put(self, text: bytes) -> None:
+        """Instead of the one before; none where it is too long."""
+        size = len(text) if len(text) <= BYTES - _SIZE else 0
+        self.memory[_SIZE : _SIZE + size] = text[:size]
+        self.memory[:_SIZE] = size.to_bytes(_SIZE, "big")
+
+    def get(self) -> bytes:
+        """Empty where there is none."""
+        return self.memory[_SIZE : _SIZE + int.from_bytes(self.memory[:_SIZE], "big")]
+
+
+@dataclass
+class Journal:
+    """How to send a message, where to put notes, and what earlier processes of the same run have left by key."""
+
+    send: Callable[[bytes, bytes], None]
+    notes: Notes
+    results: Mapping[str, bytes] = field(default_factory=dict)
+    crashes: Mapping[str, tuple[str, bytes]] = field(default_factory=dict)
+    # How many cases the work in hand has noted, and since when it asks the last of them.
+    cases: int = 0
+    since: float = 0.0
+
+
+_journal: ContextVar[Journal | None] = ContextVar("journal", default=None)
+
+
+def open_journal(journal: Journal) -> None:
+    """From now on this process is watched."""
+    _journal.set(journal)
+
+
+def current_journal() -> Journal | None:
+    """The journal of this process, for another thread to look at; None where nobody watches."""
+    return _journal.get()
+
+
+def attempted(key: str, work: Callable[[], T], *, kept: bool = True) -> T:
+    """The result of the work; `kept`, it is computed once in a run and must be one that pickle takes.
+
+    Raises
+    ------
+    Crashed
+        Where an earlier process of this run did not survive it.
+    """
+    journal = _journal.get()
+    if journal is None:
+        return work()
+    if key in journal.results:
+        result: T = pickle.loads(journal.results[key])
+        return result
+    if key in journal.crashes:
+        raise Crashed(*journal.crashes[key])
+    journal.cases = 0
+    journal.notes.put(b"")
+    journal.send(BEGIN, key.encode())
+    done = BACK, b""
+    try:
+        found = work()
+        done = (RESULT, pickle.dumps(found)) if kept else done
+    finally:
+        journal.send(*done)
+    return found
+
+
+def note_case(case: Callable[[], dict[str, Any]]) -> None:
+    """Note the case that is asked now, in case that it is the end of this process."""
+    journal = _journal.get()
+    if journal is not None:
+        journal.cases, journal.since = journal.cases + 1, time.monotonic()
+        journal.notes.put(pickle.dumps(case()))
+
+
+def note_step(step: Callable[[], str]) -> None:
+    """Note a step that is asked now, in words, where it is not one of a case that is noted."""
+    journal = _journal.get()
+    if journal is not None and not journal.cases:
+        journal.notes.put(pickle.dumps(step()))
+
+
+def interruption_answered() -> None:
+    """Say that Ctrl-C was seen, and that this process ends by itself: it hears no other one."""
+    journal = _journal.get()
+    if journal is not None:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        journal.send(ANSWERED, b"")
+
+
+def ended_with(returncode: int) -> str:
+    """How a process ended, from what `subprocess` says of it: signal SIGSEGV, exit code 9."""
+    if returncode >= 0:
+        return f"exit code {returncode}"
+    known = next((s.name for s in signal.Signals if s == -returncode), str(-returncode))
+    return f"signal {known}" + (" (is memory short?)" if known == "SIGKILL" else "")

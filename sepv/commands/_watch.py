@@ -1,0 +1,308 @@
+"""The command runs in a process of its own, and this one watches it: a crash and Ctrl-C end with a word, always.
+
+Python hands Ctrl-C to whatever code happens to run: one that is not to raise eats it, a long call into compiled code
+does not see it, and a segmentation fault takes everything with it. The process that watches runs no code but this.
+It forks before anything is imported that could have threads, and keeps what the other says (`sepv._journal`), with
+which another process goes on after a crash.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import select
+import signal
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any, NoReturn
+
+from sepv._journal import ANSWERED, BACK, BEGIN, END, LOST, RESULT, Journal, Notes, ended_with, open_journal
+
+# Seconds from Ctrl-C until it is said again, sooner where it was lost, and until a process without an answer is killed.
+AGAIN, AGAIN_LOST, PATIENCE = 0.5, 0.05, 1.2
+# A Ctrl-C that comes twice, from the terminal and from here, is one.
+ONCE = 0.2
+# How a process is ended from outside: no crash.
+ENDED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) if os.name == "posix" else ()
+CRASHED, INTERRUPTED = 3, 130
+_HEAD = 5  # bytes: the kind of a message, and the length of what follows
+
+
+@dataclass
+class _Heard:
+    """What the processes of a run have said."""
+
+    results: dict[str, bytes] = field(default_factory=dict)
+    crashes: dict[str, tuple[str, bytes]] = field(default_factory=dict)
+    begun: str | None = None
+    answered: bool = False
+    lost: bool = False
+    over: bool = False
+    rest: bytes = b""
+    notes: Notes = field(default_factory=Notes)
+
+    def hear(self, data: bytes) -> None:
+        """The next bytes of the pipe."""
+        self.rest += data
+        while len(self.rest) >= _HEAD:
+            end = _HEAD + int.from_bytes(self.rest[1:_HEAD], "big")
+            if len(self.rest) < end:
+                return
+            kind, text, self.rest = self.rest[:1], self.rest[_HEAD:end], self.rest[end:]
+            if kind == BEGIN:
+                self.begun = text.decode()
+            elif kind in (RESULT, BACK):
+                if kind == RESULT and self.begun is not None:
+                    self.results[self.begun] = text
+                self.begun = None
+            elif kind == ANSWERED:
+                self.answered = True
+            elif kind == LOST:
+                self.lost = True
+            elif kind == END:
+                self.over = True
+
+    def crash(self, status: str) -> bool:
+        """The process has ended so; whether another one can go on without the work that ended it."""
+        self.rest = b""
+        if self.begun is None:
+            return False
+        self.crashes[self.begun] = status, self.notes.get()
+        self.begun = None
+        return True
+
+
+def watched(work: Callable[[], Any]) -> int:
+    """The exit code of the work, which ends as a command does, by SystemExit; it runs here where none can watch it."""
+    if not _can_watch():
+        _unblock()
+        work()
+        return 0
+    heard = _Heard()
+    while True:
+        ended = _attend(work, heard)
+        if ended is not None:
+            return ended
+
+
+def _can_watch() -> bool:
+    """Not from a thread or beside one, nor under a debugger or profiler, which look at one process."""
+    alone = threading.current_thread() is threading.main_thread() and threading.active_count() == 1
+    tools = getattr(sys, "monitoring", None)
+    looked_at = sys.gettrace() or sys.getprofile() or (tools and any(map(tools.get_tool, range(6))))
+    return hasattr(os, "fork") and alone and not looked_at
+
+
+def _unblock() -> None:
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDED)
+
+
+def _attend(work: Callable[[], Any], heard: _Heard) -> int | None:
+    """One process from its beginning to its end: the exit code of the run, None where another one must go on."""
+    for stream in (sys.stdout, sys.stderr):
+        stream.flush()
+    taken = [n for n in ENDED if signal.getsignal(n) in (signal.SIG_DFL, signal.default_int_handler)]
+    heard_here, heard_there = os.pipe()
+    alive_there, alive_here = os.pipe()
+    bell_here, bell = os.pipe()
+    for end in (heard_here, bell_here, bell):
+        os.set_blocking(end, False)
+    before = {n: signal.signal(n, lambda *_: None) for n in (*taken, signal.SIGCHLD)}
+    ringing = signal.set_wakeup_fd(bell, warn_on_full_buffer=False)
+    # A signal between the fork and the other's own handler waits.
+    signal.pthread_sigmask(signal.SIG_BLOCK, ENDED)
+    child = os.fork()
+    if not child:
+        signal.set_wakeup_fd(ringing)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for end in (heard_here, alive_here, bell_here, bell):
+            os.close(end)
+        journal = Journal(_speaker(heard_there), heard.notes, heard.results, heard.crashes)
+        _be_watched(work, journal, alive_there, signal.SIGINT in taken)
+    os.close(heard_there)
+    os.close(alive_there)
+    _unblock()
+    try:
+        return _Attendance(child, heard, heard_here, bell_here).end()
+    finally:
+        # Of a process that still runs the end of this pipe is the end.
+        for end in (heard_here, alive_here, bell_here, bell):
+            os.close(end)
+        signal.set_wakeup_fd(ringing)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+class _Attendance:
+    """Signals go to the process, and how it ends is said."""
+
+    def __init__(self, child: int, heard: _Heard, ear: int, bell: int) -> None:
+        self.child, self.heard, self.ear, self.bell = child, heard, ear, bell
+        self.since: float | None = None  # the first Ctrl-C
+        self.again = 0.0
+
+    def end(self) -> int | None:
+        """Until it has ended: the exit code, or None where another one must go on."""
+        while True:
+            select.select([self.ear, self.bell], [], [], None if self.since is None else AGAIN_LOST / 2)
+            if self._bell():
+                return self._interrupted(now=True)
+            self._listen()
+            pid, status = os.waitpid(self.child, os.WNOHANG)
+            if pid:
+                self._listen()
+                return self._ended(status)
+            if self.since is not None and not self.heard.answered:
+                waited = time.monotonic() - self.since
+                if waited > PATIENCE:
+                    return self._interrupted(now=True)
+                if waited > self.again:
+                    self.again = waited + AGAIN
+                    self._send(signal.SIGINT)
+                elif self.heard.lost:
+                    self.heard.lost, self.again = False, waited + AGAIN_LOST
+
+    def _bell(self) -> bool:
+        """Pass on the signals that came; whether the second Ctrl-C is among them."""
+        try:
+            numbers = os.read(self.bell, 64)
+        except BlockingIOError:
+            return False
+        for number in numbers:
+            if number == signal.SIGINT:
+                if self.since is not None:
+                    return True
+                self.since, self.again = time.monotonic(), AGAIN
+            if number in ENDED:
+                self._send(number)
+        return False
+
+    def _send(self, number: int) -> None:
+        with suppress(ProcessLookupError):
+            os.kill(self.child, number)
+
+    def _listen(self) -> None:
+        with suppress(BlockingIOError):
+            while data := os.read(self.ear, 1 << 16):
+                self.heard.hear(data)
+
+    def _interrupted(self, now: bool = False) -> int:
+        if now:
+            self._send(signal.SIGKILL)
+            os.waitpid(self.child, 0)
+            # It may have hidden the cursor, and stand in the middle of a line.
+            sys.stderr.write("\r\x1b[2K\x1b[?25h" if sys.stderr.isatty() else "")
+        if not self.heard.answered:
+            print("sepv: interrupted", file=sys.stderr, flush=True)
+        return INTERRUPTED
+
+    def _ended(self, status: int) -> int | None:
+        if self.since is not None:
+            return self._interrupted()
+        if os.WIFEXITED(status) and self.heard.over:
+            return os.WEXITSTATUS(status)
+        number = os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0
+        if number in ENDED:  # so does this one
+            signal.signal(number, signal.SIG_DFL)
+            os.kill(os.getpid(), number)
+        words = ended_with(-number if number else os.WEXITSTATUS(status))
+        if self.heard.crash(words):
+            return None
+        print(
+            f"sepv: the process ended with {words}: the scheme, or a library that it uses, crashed it\n"
+            "Remedy: `sepv verify` names the law and the case; python -X faulthandler -m sepv … shows the line",
+            file=sys.stderr,
+        )
+        return CRASHED
+
+
+def _speaker(pipe: int) -> Callable[[bytes, bytes], None]:
+    def send(kind: bytes, text: bytes) -> None:
+        data = memoryview(kind + len(text).to_bytes(_HEAD - 1, "big") + text)
+        # A message goes out whole: neither Ctrl-C nor a time limit cuts it.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGALRM))
+        try:
+            while data:
+                data = data[os.write(pipe, data) :]
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+    return send
+
+
+def _be_watched(work: Callable[[], Any], journal: Journal, alive: int, heeds: bool) -> NoReturn:
+    """The process that is watched: the work, and an end of its own that runs nothing of who called this one."""
+    deaf_until = 0.0
+
+    def interrupt(*_: Any) -> None:
+        nonlocal deaf_until
+        if time.monotonic() > deaf_until:
+            deaf_until = time.monotonic() + ONCE
+            raise KeyboardInterrupt
+
+    def unraisable(lost: Any) -> None:
+        nonlocal deaf_until
+        if not isinstance(lost.exc_value, KeyboardInterrupt):
+            before(lost)
+            return
+        # A destructor or a callback of the garbage collector has eaten it. Who watches says it again, after this hook.
+        journal.send(LOST, b"")
+        deaf_until = time.monotonic() + AGAIN_LOST / 2
+
+    def follow() -> None:
+        os.read(alive, 1)
+        os._exit(CRASHED)  # nobody watches any more
+
+    before, sys.unraisablehook = sys.unraisablehook, unraisable
+    if heeds:
+        signal.signal(signal.SIGINT, interrupt)
+    code = CRASHED
+    try:
+        _unblock()
+        threading.Thread(target=follow, daemon=True).start()
+        open_journal(journal)
+        code = _code_of(work)
+        deaf_until = float("inf")
+    except KeyboardInterrupt:
+        deaf_until = float("inf")
+        code = INTERRUPTED  # who watches says it
+    finally:
+        signal.pthread_sigmask(signal.SIG_BLOCK, ENDED)
+        code = _finished(code)
+        journal.send(END, b"")
+        os._exit(code)
+
+
+def _finished(code: int) -> int:
+    """What a process does at its end; 141 where nobody reads on, as for SIGPIPE."""
+    atexit._run_exitfuncs()
+    try:
+        sys.stdout.flush()
+        sys.stderr.flush()
+    except OSError:
+        return 141
+    return code
+
+
+def _code_of(work: Callable[[], Any]) -> int:
+    """The exit code with which Python would end."""
+    try:
+        work()
+    except SystemExit as ended:
+        if ended.code is None or isinstance(ended.code, int):
+            return (ended.code or 0) & 0xFF
+        print(ended.code, file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        raise
+    except BaseException:
+        traceback.print_exc()
+        return 1
+    return 0
