@@ -18,12 +18,13 @@ Names are loaded when they are first used: ``import sepv`` itself imports nothin
 
 from __future__ import annotations
 
+import os
 from importlib import import_module
-from pathlib import Path
 
 from sepv._version import __version__ as __version__
 
-TYPE_CHECKING = False  # as of `typing`, which takes ten times as long to import as all of this
+# As of `typing`, which takes ten times as long to import as all of this, and `pathlib` as long as that.
+TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
 
@@ -65,9 +66,10 @@ if TYPE_CHECKING:
 
 # In a checkout that is on the path itself, `sepv.properties` and `sepv.reference` are the folders beside this one:
 # an installation maps them, but Python finds ./sepv before it.
-_CHECKOUT = Path(__file__).resolve().parents[1]
-if not (Path(__file__).parent / "reference").is_dir() and (_CHECKOUT / "reference" / "witnesses").is_dir():
-    __path__.append(str(_CHECKOUT))
+_HERE = os.path.dirname(os.path.realpath(__file__))
+_CHECKOUT = os.path.dirname(_HERE)
+if not os.path.isdir(f"{_HERE}/reference") and os.path.isdir(f"{_CHECKOUT}/reference/witnesses"):
+    __path__.append(_CHECKOUT)
 
 _HOME = {
     name: f"sepv.{module}"

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from reader import Reader
 
 import sepv
-from sepv.commands import main
+from sepv.commands._cli import main
 from sepv.page._views import again
 from sepv.verification import Effort, Verdict
 from sepv.verification._cases.users_problems import items, problems_of
