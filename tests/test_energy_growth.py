@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from sepv import problems, schemes
-from sepv.commands import main
+from sepv.commands._cli import main
 from sepv.errors import UsageError
 from sepv.files import schema
 from sepv.problem import Array

@@ -53,10 +53,8 @@ def growth(
     require_picture(out)
     system = load_problem(problem)
     rows: list[study.Growth] = []
-    with (
-        cli.candidates(targets or (() if programs else tuple(schemes.PAPER)), programs) as wanted,
-        showing() as shown,
-    ):
+    asked = targets or (() if programs else tuple(schemes.PAPER))
+    with showing() as shown, cli.candidates(asked, programs, shown.update) as wanted:
         for number, (_, scheme) in enumerate(wanted):
             shown.update(scheme.name, number / len(wanted))
             rows.append(study.growth(scheme, system, h=h, T=T, paths=paths, seed=seed))
