@@ -95,8 +95,8 @@ RESULTS = {
     "bench": 1, "comparison": 1, "growth": 1, "hard": 1, "path": 1, "report": 1, "reproduction": 1, "solvability": 1,
     "teeth": 1, "ulps": 1,
 }  # fmt: skip
-# A bundle's manifest and a record of `sepv peers` say themselves what made them; users write problems and witnesses.
-SCHEMAS = (*RESULTS, "manifest", "peers", "problem", "witness")
+# A bundle's manifest says itself what made it; users write problems and witnesses.
+SCHEMAS = (*RESULTS, "manifest", "problem", "witness")
 # Larger files are no result of this package.
 LARGEST = 64 * 2**20
 

@@ -25,7 +25,6 @@ from sepv.schemes import load_problem
 from sepv.simulate import _wiener as wiener
 from sepv.studies._compare import picture, table
 from sepv.studies._compare.method import (
-    PEERS,
     Ends,
     Followed,
     Method,
@@ -358,13 +357,6 @@ def late(problem, y, h, dW):
     for word in words:
         assert word in result.output
     assert "Traceback" not in result.output
-
-
-def test_every_peer_is_named_after_the_library_that_it_drives_and_its_solver() -> None:
-    for name in PEERS:
-        library, _, solver = name.partition("-")
-        drivers = (ROOT / "sepv" / "peers" / f"_compare_{library}.py").read_text(encoding="utf-8")
-        assert f"\n{solver.replace('-', '_')} = " in drivers
 
 
 def test_an_absent_library_is_named_with_its_remedy(

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from types import ModuleType
-
 import numpy as np
 import pytest
 
 from sepv import problems
+from sepv.peers.peer import Peer, load
 from sepv.problem import Array, Problem
 from sepv.simulate import _wiener as wiener
 from sepv.studies._compare.method import Method
@@ -17,9 +15,9 @@ from sepv.studies._compare.run import compare
 PROBLEMS = ("rigid-body", "pendulum", "lotka-volterra")
 
 
-def driver(library: str) -> ModuleType:
+def peer(library: str) -> Peer:
     pytest.importorskip(library, reason=f"{library} is not installed: the extra `peers`")
-    return import_module(f"sepv.peers._compare_{library}")
+    return load(library)
 
 
 def given(problem: Problem, steps: int = 4, paths: int = 3) -> tuple[Array, float, Array]:
@@ -44,19 +42,18 @@ def ends(method: Method, problem: Problem) -> Array:
     ("library", "driven", "stepped"),
     [
         ("diffrax", "heun", "heun"),
-        ("diffrax", "heun_vmap", "heun"),
-        ("diffrax", "euler_heun", "euler_heun"),
+        ("diffrax", "heun-vmap", "heun"),
+        ("diffrax", "euler-heun", "euler-heun"),
         ("torchsde", "heun", "heun"),
         ("torchsde", "midpoint", "midpoint"),
-        ("sdeint", "heun", "strat_heun"),
+        ("sdeint", "heun", "strat-heun"),
     ],
 )
 def test_a_driver_makes_the_steps_that_the_library_makes_one_by_one(
     library: str, driven: str, stepped: str, name: str
 ) -> None:
     problem = problems.by_name(name)
-    method: Method = getattr(driver(library), driven)
-    step = getattr(import_module(f"sepv.peers.{library}"), stepped).step
+    method, step = peer(library).methods[driven], peer(library).schemes[stepped].step
     y0, h, dW = given(problem)
     expected = []
     for lane in range(dW.shape[2]):
@@ -71,18 +68,17 @@ def test_a_driver_makes_the_steps_that_the_library_makes_one_by_one(
 def test_two_evaluations_of_reversible_heun_share_a_state() -> None:
     """Whole paths hand the second solution on: the adapter's paths do, and the driver must."""
     problem = problems.rigid_body()
-    theirs = import_module("sepv.peers.diffrax") if driver("diffrax") else None
-    assert theirs is not None
+    theirs = peer("diffrax")
     y0, h, dW = given(problem)
-    whole = theirs.PATHS[0].path(problem, y0, h, dW)
-    assert np.allclose(ends(driver("diffrax").reversible_heun, problem), whole[-1], rtol=1e-13, atol=1e-14)
+    whole = theirs.paths[0].path(problem, y0, h, dW)
+    assert np.allclose(ends(theirs.methods["reversible-heun"], problem), whole[-1], rtol=1e-13, atol=1e-14)
 
 
 @pytest.mark.parametrize(
-    ("name", "order"), [("tsit5", 5), ("dopri8", 8), ("spark", 1), ("slow_rk", 1.5), ("reversible_heun", 1)]
+    ("name", "order"), [("tsit5", 5), ("dopri8", 8), ("spark", 1), ("slow-rk", 1.5), ("reversible-heun", 1)]
 )
 def test_drivers_converge_to_the_exact_solution_with_their_order(name: str, order: float) -> None:
-    method: Method = getattr(driver("diffrax"), name)
+    method = peer("diffrax").methods[name]
     steps = (8, 16, 32) if order == 8 else (16, 32, 64)
     found = compare([method], problems.rigid_body(), steps=steps, paths=128, repeats=1)
     errors = [p.strong.value for p in found.points]

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from importlib import import_module
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -17,15 +18,17 @@ from click.testing import CliRunner
 from hypothesis import given, settings
 
 from benchmarks.peers import compliance
+from benchmarks.peers import compliance_measurements as measurements
 from benchmarks.peers import compliance_rows as rows
+from benchmarks.peers.deviations import Shown as Script
+from benchmarks.peers.deviations import _notes
 from sepv import problems
-from sepv.errors import Skipped, UsageError
-from sepv.peers import _compliance_measurements as measurements
-from sepv.peers._deviations import Shown as Script
-from sepv.peers._deviations import _notes
+from sepv.commands import main
+from sepv.errors import Skipped, TargetError, UsageError
+from sepv.peers.peer import Peer, names
 from sepv.peers.posing import PathSolver, in_blocks, pose
 from sepv.problem import PolynomialSystem, Problem, vector_field
-from sepv.schemes import Scheme
+from sepv.schemes import Scheme, load_scheme
 from sepv.verification import Case, Effort, Verdict, load_laws, verify
 from sepv.verification.strategies import any_steps
 
@@ -212,16 +215,64 @@ def test_whole_paths_begin_with_the_single_step(library: str) -> None:
     problem, h, rng = problems.pendulum(), 0.125, np.random.default_rng(1)
     dW = np.sqrt(h) * rng.standard_normal((4, 2, 3))
     start = np.asarray(problem.initial)
-    (solver,) = module.PATHS
+    (solver,) = module.PEER.paths
     states = solver.path(problem, start, h, dW)
     assert states.shape == (5, 2, 3)
-    first = module.SCHEMES[-1]
+    first = list(module.PEER.schemes.values())[-1]
     for lane in range(3):
         expected = first.step(problem, start, h, dW[0, :, lane])
         assert np.allclose(states[1, :, lane], expected, rtol=0, atol=4e-16)
         # And go on with the state they carry: a second step afresh is another one.
         afresh = first.step(problem, states[1, :, lane].copy(), h, dW[1, :, lane])
         assert np.max(np.abs(states[2, :, lane] - afresh)) > 1e-10
+
+
+# The registry
+
+
+def test_a_package_offers_a_library_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One file and one entry point: the other commands know it by name then."""
+    (tmp_path / "stepper.py").write_text(
+        "from sepv.peers.peer import Peer\n"
+        "from sepv.schemes import Scheme, midpoint\n"
+        "from sepv.studies._compare.method import from_scheme\n"
+        "from sepv.problems import rigid_body\n"
+        "own = Scheme(name='stepper half', step=midpoint.step, mean_square_order=1.0)\n"
+        "PEER = Peer('stepper', {'half': own}, {'half': from_scheme(own, rigid_body())})\n"
+    )
+    info = tmp_path / "stepper-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: stepper\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[sepv.peers]\nstepper = stepper:PEER\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    assert "stepper" in names()
+    listed = CliRunner().invoke(main, ["peers"]).stdout
+    assert "stepper-half" in listed
+    judged = CliRunner().invoke(
+        main, ["verify", "stepper-half", "--law", "energy,casimir", "--examples", "2"]
+    )
+    assert "energy violated" in judged.stdout
+    shown = CliRunner().invoke(
+        main, ["compare", "stepper-half", "--paths", "32", "--steps", "4,8", "--repeats", "1"]
+    )
+    assert shown.exit_code == 0, shown.output
+    assert "stepper half" in shown.stdout
+    wrong = CliRunner().invoke(main, ["verify", "stepper-hlaf"])
+    assert wrong.exit_code == 3
+    assert "did you mean 'stepper-half'" in wrong.stderr
+
+
+def test_an_entry_point_that_gives_no_peer_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    point = EntryPoint("other", "sepv.problems:PAPER", "sepv.peers")
+    monkeypatch.setattr("sepv.peers.peer.metadata.entry_points", lambda **_: [point])
+    with pytest.raises(TargetError, match=r"a sepv.peers.peer.Peer at sepv.problems:PAPER"):
+        load_scheme("other-heun")
+
+
+def test_a_library_is_named_by_what_imports_it_and_its_own_solvers() -> None:
+    assert names()[:3] == ["diffrax", "sdeint", "torchsde"]
+    scheme = load_scheme("sdeint-strat-heun")
+    assert scheme.name == "sdeint stratHeun"
 
 
 # The table
@@ -253,14 +304,14 @@ def test_the_page_has_a_cell_for_every_law_and_marks_what_is_contradicted() -> N
     assert "### lib heun: no" in page
 
 
-def absent(name: str) -> ModuleType:
-    raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+def absent(name: str) -> Peer:
+    raise TargetError(expected=f"the library {name}", received=f"No module named {name!r}", remedy="pip")
 
 
 def test_a_missing_library_is_left_out_and_said_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(compliance, "solver_cells", lambda *_: [])
     monkeypatch.setattr(compliance, "scheme_row", lambda *_: _row())
-    monkeypatch.setattr(compliance, "import_module", absent)
+    monkeypatch.setattr(compliance, "load", absent)
     result = CliRunner().invoke(compliance.main, ["--library", "torchsde"])
     assert result.exit_code == 0
     assert "torchsde left out" in result.stderr
@@ -279,7 +330,7 @@ def test_an_interrupted_table_goes_on_where_it_was_and_is_the_same(
             raise KeyboardInterrupt
         return original(scheme, law, replace(effort, examples=3, paths=64))
 
-    monkeypatch.setattr(compliance, "import_module", absent)
+    monkeypatch.setattr(compliance, "load", absent)
     monkeypatch.setattr(compliance, "LAWS", laws)
     monkeypatch.setattr(compliance, "load_laws", lambda: load_laws(laws))
     monkeypatch.setattr(measurements, "_finding", finding)

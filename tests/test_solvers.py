@@ -16,7 +16,7 @@ from benchmarks.peers import solvers
 from benchmarks.peers.solver import KINDS, Solver, problem_of
 from sepv import problems
 from sepv.errors import Skipped
-from sepv.peers._posing_fields import pose_fields
+from sepv.peers.posing_fields import pose_fields
 from sepv.problem import column, ito_drift, vector_field
 from sepv.problem._hamiltonians import noise_field
 from sepv.schemes._further_increments import answer

@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
+import os
 from copy import deepcopy
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from click.testing import CliRunner
 
-from sepv.commands._cli import main
+from benchmarks.peers import changes as trend
+from benchmarks.peers import one_release as peer
+from benchmarks.peers import records as history
+from benchmarks.peers.environments import VERSIONS
+from benchmarks.peers.releases import main as releases
+from benchmarks.peers.trend import main as trends
+from benchmarks.peers.trend_page import page
 from sepv.errors import UsageError
-from sepv.peers import _environments as environments
-from sepv.peers import _history as history
-from sepv.peers import _peer as peer
-from sepv.peers import _trend as trend
-from sepv.peers._trend_page import page
-from sepv.peers._versions import VERSIONS
+from sepv.peers.peer import load
 from sepv.verification import Effort
 from sepv.verification._progress import Shown
 
@@ -150,73 +151,59 @@ def test_no_record_has_an_address_or_a_path() -> None:
 def test_trend_prints_the_changes_and_writes_json(tmp_path: Path) -> None:
     written(tmp_path / "results", record("0.2.4"), record("0.3.0", "violated"))
     out = tmp_path / "trend.json"
-    done = CliRunner().invoke(main, ["trend", str(tmp_path / "results"), "-q", "--json", str(out)])
+    done = CliRunner().invoke(trends, [str(tmp_path / "results"), "-q", "--json", str(out)])
     assert done.exit_code == 0
     assert "sdeint 0.2.4 → 0.3.0: heun, right-limit: holds → violated" in done.stdout
     assert json.loads(out.read_text())["sdeint"]["versions"] == ["0.2.4", "0.3.0"]
-    assert CliRunner().invoke(main, ["trend", str(tmp_path / "none")]).exit_code == 2
-    unknown = CliRunner().invoke(main, ["trend", str(tmp_path / "results"), "--library", "torchsde"])
+    assert CliRunner().invoke(trends, [str(tmp_path / "none")]).exit_code == 2
+    unknown = CliRunner().invoke(trends, [str(tmp_path / "results"), "--library", "torchsde"])
     assert unknown.exit_code == 2
     assert "measure it first" in unknown.stderr
 
 
 def test_peers_lists_its_records_and_leaves_alone_what_is_recorded(tmp_path: Path) -> None:
     written(tmp_path, record("0.2.4"))
-    listed = CliRunner().invoke(main, ["peers", "--results", str(tmp_path)])
+    listed = CliRunner().invoke(releases, ["--results", str(tmp_path)])
     assert (listed.exit_code, listed.stdout) == (0, "sdeint: 0.2.4\n")
-    again = CliRunner().invoke(main, ["peers", "sdeint", "0.2.4", "--results", str(tmp_path)])
+    again = CliRunner().invoke(releases, ["sdeint", "0.2.4", "--results", str(tmp_path)])
     assert again.exit_code == 0
     assert "--again measures it once more" in again.stderr
-    assert CliRunner().invoke(main, ["peers", "numpy", "2.0"]).exit_code == 2
+    assert CliRunner().invoke(releases, ["numpy", "2.0"]).exit_code == 2
 
 
-@pytest.mark.parametrize("whole", [False, pytest.param(True, marks=pytest.mark.deep)])
 def test_a_version_that_cannot_be_installed_is_said_so_without_an_address(
-    whole: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The environment's pip fails; where it is not made whole, this one's pip for it."""
-    run = environments._run
-
-    def spared(command: list[str], what: str, remedy: str) -> str:
-        python, _, module, *words = command
-        if module == "venv":
-            return run([python, "-m", "venv", "--without-pip", *words], what, remedy)
-        return run([sys.executable, "-m", "pip", "--python", python, *words], what, remedy)
-
-    if not whole:
-        monkeypatch.setattr(environments, "_run", spared)
-    monkeypatch.setenv("PIP_NO_INDEX", "1")
-    monkeypatch.delenv("PIP_FIND_LINKS", raising=False)
-    arguments = ["peers", "sdeint", "0.0.1", "--results", str(tmp_path / "r"), "--keep", str(tmp_path / "k")]
-    done = CliRunner().invoke(main, arguments)
+    """A program in uv's place that fails as uv does where it has no index, and prints an address."""
+    uv = tmp_path / "uv"
+    uv.write_text(
+        "#!/bin/sh\necho 'error: no solution found: https://index.example/simple/sdeint/' >&2\nexit 1\n"
+    )
+    uv.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    done = CliRunner().invoke(releases, ["sdeint", "0.0.1", "--results", str(tmp_path / "r")])
     assert done.exit_code == 3
-    assert "pip did not install sdeint==0.0.1" in done.stderr
-    assert "Remedy: pip needs an index or a folder of wheels" in done.stderr
+    assert "sdeint==0.0.1 was not measured" in done.stderr
+    assert "no solution found: …" in done.stderr
+    assert "Remedy: uv needs an index" in done.stderr
     assert "://" not in done.stderr
     assert not (tmp_path / "r").exists()
 
 
-def test_sepv_is_copied_whole_with_what_a_checkout_keeps_elsewhere(tmp_path: Path) -> None:
-    folder = tmp_path / "environment"
-    subprocess.run([sys.executable, "-m", "venv", "--without-pip", folder], check=True)
-    python = folder / "bin" / "python"
-    environments._copy_sepv(python)
-    code = (
-        "import importlib.util as u, sepv._version; "
-        "print(*(u.find_spec(n).origin for n in ('sepv', 'sepv.properties', 'sepv.reference')))"
-    )
-    said = subprocess.run([python, "-P", "-c", code], capture_output=True, text=True, check=True).stdout
-    assert all(str(folder) in word for word in said.split())
+def test_without_uv_the_remedy_is_its_installation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    done = CliRunner().invoke(releases, ["sdeint", "0.3.0", "--results", str(tmp_path)])
+    assert done.exit_code == 3
+    assert "Remedy: pip install uv" in done.stderr
 
 
 def test_a_library_that_is_installed_here_is_recorded_as_the_schema_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sdeint = pytest.importorskip("sdeint", reason="sdeint is not installed")
-    from sepv.peers import sdeint as adapter
-
-    monkeypatch.setattr(adapter, "SCHEMES", adapter.SCHEMES[:1])
-    monkeypatch.setattr(adapter, "PATHS", ())
+    whole = load("sdeint")
+    few = replace(whole, schemes={"strat-heun": whole.schemes["strat-heun"]}, paths=())
+    monkeypatch.setattr(peer, "load", lambda _library: few)
     monkeypatch.setattr(peer, "ASKED", ("identity", "noise-sum", "local-mean"))
     found = peer.record("sdeint", Effort(examples=2, paths=64, shrink_checks=0), None, None, Shown())
     path = history.add(tmp_path, found)

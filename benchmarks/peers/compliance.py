@@ -1,7 +1,7 @@
 """The compliance table of other libraries' solvers: ``python -m benchmarks.peers.compliance --out docs/compliance.md``.
 
 Every law on every solver of the adapters, as `sepv verify` measures it, with orders and energy defects in numbers.
-Scripts in the folder ``peers`` beside the output (`sepv.peers._deviations`) are quoted where they show that a
+Scripts in the folder ``peers`` beside the output (`benchmarks.peers.deviations`) are quoted where they show that a
 measurement differs from a library's documentation, after what the library itself says of it.
 """
 
@@ -10,19 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import click
 import numpy as np
 
-from benchmarks.peers.compliance_rows import Row, path_row, scheme_row
-from benchmarks.peers.options import measuring, page_options, put
-from sepv import problems
-from sepv._terminal import markdown
-from sepv._version import __version__
-from sepv.peers._compliance_measurements import (
+from benchmarks.peers.compliance_measurements import (
     LIBRARIES,
     SETUPS,
     law_cells,
@@ -30,9 +24,16 @@ from sepv.peers._compliance_measurements import (
     release,
     suite_key,
 )
-from sepv.peers._deviations import Shown as Script
-from sepv.peers._deviations import shown_by
-from sepv.peers._kept_measurements import Cell, measured
+from benchmarks.peers.compliance_rows import Row, path_row, scheme_row
+from benchmarks.peers.deviations import Shown as Script
+from benchmarks.peers.deviations import shown_by
+from benchmarks.peers.kept_measurements import Cell, measured
+from benchmarks.peers.options import measuring, page_options, put
+from sepv import problems
+from sepv._terminal import markdown
+from sepv._version import __version__
+from sepv.errors import TargetError
+from sepv.peers.peer import load
 from sepv.peers.posing import PathSolver
 from sepv.problem import Problem
 from sepv.schemes import Scheme, energy_preserving
@@ -61,11 +62,11 @@ def rows(libraries: Sequence[str], effort: Effort, folder: Path | None, shown: S
     jobs: list[tuple[str, Any]] = [("sepv", replace(energy_preserving, name="energy-preserving"))]
     for library in libraries:
         try:
-            adapter = import_module(f"sepv.peers.{library}")
-        except ModuleNotFoundError as error:
-            click.echo(f"{library} left out: no module named {error.name!r}", err=True)
+            adapter = load(library)
+        except TargetError as error:
+            click.echo(f"{library} left out: {error.received}", err=True)
             continue
-        jobs += [(library, solver) for solver in (*adapter.SCHEMES, *adapter.PATHS)]
+        jobs += [(library, solver) for solver in (*adapter.schemes.values(), *adapter.paths)]
     laws = load_laws()
     cells: list[Cell] = []
     for library, solver in jobs:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sepv.peers._compliance_measurements import NO_AREAS, SETUPS, path_verdicts, release, silent
+from benchmarks.peers.compliance_measurements import NO_AREAS, SETUPS, path_verdicts, release, silent
 from sepv.peers.posing import PathSolver
 from sepv.schemes import Scheme
 from sepv.verification import LAWS, Verdict

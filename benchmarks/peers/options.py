@@ -9,8 +9,8 @@ from typing import Any
 
 import click
 
+from benchmarks.peers.compliance_measurements import LIBRARIES
 from sepv.errors import SepvError
-from sepv.peers._compliance_measurements import LIBRARIES
 from sepv.verification._progress import Shown, showing
 
 _KEEP = (

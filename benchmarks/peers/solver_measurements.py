@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.peers.compliance_measurements import _text_of, release
+from benchmarks.peers.kept_measurements import Cell
 from benchmarks.peers.solver import KINDS, Solver, problem_of
 from sepv._version import __version__
 from sepv.exact._several_structures import refined
-from sepv.peers._compliance_measurements import _text_of, release
-from sepv.peers._kept_measurements import Cell
 from sepv.problem import Array, Problem
 from sepv.problem._fields import matvec
 from sepv.problem._hamiltonians import noise_field, noise_slope

@@ -16,13 +16,13 @@ from typing import Any
 import click
 
 from benchmarks.peers.compliance import Deviation, deviations_shown_by
+from benchmarks.peers.compliance_measurements import LIBRARIES, release
+from benchmarks.peers.kept_measurements import measured
 from benchmarks.peers.options import measuring, page_options, put
 from benchmarks.peers.solver import KINDS, Solver, problem_of
 from benchmarks.peers.solver_measurements import ALPHA, KEPT, PATHS, SINGLE, STEPS, T, cells, limit_of, orders
 from sepv._terminal import markdown
 from sepv._version import __version__
-from sepv.peers._compliance_measurements import LIBRARIES, release
-from sepv.peers._kept_measurements import measured
 from sepv.verification import Effort, Verdict
 from sepv.verification._progress import Shown
 

@@ -12,9 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.peers.solver import Solver
-from sepv.peers._posing_fields import Fields, pose_fields
 from sepv.peers.diffrax import _Given, enable_x64
 from sepv.peers.posing import LANES, Path, in_blocks
+from sepv.peers.posing_fields import Fields, pose_fields
 from sepv.problem import Array, Problem
 from sepv.schemes._scheme import Step
 

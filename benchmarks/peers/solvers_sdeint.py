@@ -13,8 +13,8 @@ import numpy as np
 import sdeint
 
 from benchmarks.peers.solver import Solver
-from sepv.peers._posing_fields import pose_fields
 from sepv.peers.posing import Path
+from sepv.peers.posing_fields import pose_fields
 from sepv.problem import Array, Problem
 from sepv.schemes._further_increments import as_matrix, as_rows
 from sepv.schemes._scheme import Step

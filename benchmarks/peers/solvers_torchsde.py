@@ -14,8 +14,8 @@ import torchsde
 
 from benchmarks.peers.solver import Solver
 from sepv.errors import Skipped
-from sepv.peers._posing_fields import pose_fields
 from sepv.peers.posing import LANES, Path, in_blocks
+from sepv.peers.posing_fields import pose_fields
 from sepv.peers.torchsde import Given
 from sepv.problem import Array, Problem
 from sepv.schemes._further_increments import as_matrix, as_rows

@@ -88,7 +88,7 @@ def compare(
     from sepv.schemes import load_problem
     from sepv.studies._compare import picture as drawing
     from sepv.studies._compare import table
-    from sepv.studies._compare.method import PEERS, from_scheme, installed_peers
+    from sepv.studies._compare.method import from_scheme
     from sepv.studies._compare.run import compare as run
     from sepv.studies._compare.run import one_core
     from sepv.studies._picture import require_picture
@@ -102,12 +102,12 @@ def compare(
         coarsest = math.ceil(4 / (system.longest_step or 0.5))
         usual = tuple(n for n in (coarsest * 2**k for k in range(5)) if n <= max(coarsest, MOST_STEPS))
         T, steps = options["T"] or 1.0, options["steps"] or usual
-        names = list(dict.fromkeys((*targets, *(installed_peers() if options["peers"] else ()))))
+        names = list(dict.fromkeys((*targets, *(_peers() if options["peers"] else ()))))
         if not names and not programs:
             raise UsageError(
                 expected="a SCHEME, --exec or --peers",
                 received="none",
-                remedy=f"a built-in, module:attribute, exact-flow or a peer ({', '.join(PEERS)})",
+                remedy="a built-in, module:attribute, exact-flow, or a solver of another library (`sepv peers`)",
             )
         methods, failed = _methods(names, system, line.update)
         block: Any = cli.candidates((), programs, line.update) if programs else nullcontext([])
@@ -148,6 +148,13 @@ def _show(found: Comparison, *, alone: bool, quiet: bool) -> None:
         out.print(note, style="dim", soft_wrap=True)
     if not alone:
         out.print("This system cannot keep a process on one core: libraries may have used more.", style="dim")
+
+
+def _peers() -> list[str]:
+    """Every driver of a library that is installed."""
+    from sepv.peers.peer import installed
+
+    return [f"{peer.library}-{name}" for peer in installed() for name in peer.methods]
 
 
 def _methods(

@@ -1,115 +1,35 @@
-"""``sepv peers``: what released versions of other libraries do, each in an environment of its own."""
+"""``sepv peers``: other libraries' solvers that can be named."""
 
 from __future__ import annotations
 
-import sys
-import tempfile
-from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
-from typing import Any
-
 import click
 
-from sepv.commands import _shared as cli
-from sepv.errors import SepvError, require_one_of
-from sepv.files import read_json
+from sepv._terminal import Table, columns, print_table
+from sepv.commands._shared import friendly
 
 
-@click.command(short_help="What released versions of other libraries do.")
-@click.argument("library", required=False, metavar="[LIBRARY]")
-@click.argument("releases", nargs=-1, metavar="[VERSION]...")
-@click.option("--versions", is_flag=True, help="Every version that was tried (sepv.peers._versions).")
-@click.option("--results", type=cli.FOLDER, default="results", help="The records' folder.")
-@click.option(
-    "--with", "companions", multiple=True, metavar="REQUIREMENT", help="Installed beside it, by pip."
-)
-@click.option(
-    "--python", default=sys.executable, show_default=False, metavar="EXECUTABLE",
-    help="The Python of the environments.",
-)  # fmt: skip
-@click.option("--keep", type=cli.FOLDER, help="Environments and cells stay there, and the next run goes on.")
-@click.option("--scripts", type=cli.FOLDER, default="docs/peers", help="Scripts of deviations.")
-@click.option("--again", is_flag=True, help="Versions that have a record, too; the new one stands beside it.")
-@click.option("--seed", type=cli.NATURAL, default=0, help="Of examples and paths.")
-@click.option("-j", "--jobs", type=cli.COUNT, default=1, help="Side by side.")
-@cli.friendly
-def peers(library: str | None, releases: cli.Names, versions: bool, results: str, **options: Any) -> None:
-    """Measure VERSIONs of LIBRARY, each in a fresh virtual environment, and record what its solvers do.
-
-    pip installs each version, from wherever your pip installs. A record is RESULTS/LIBRARY/VERSION.json and is never
-    overwritten: with --again a further one has its date in its name. Without a version: which records there are.
+@click.command(short_help="Solvers of other libraries, by name.")
+@friendly
+def peers() -> None:
+    """Show the libraries whose solvers sepv can name, and those names where the library is installed.
 
     \b
-    sepv peers                              the records that there are
-    sepv peers sdeint 0.2.4 0.3.0           two versions
-    sepv peers --versions -j 2              each that was tried
-    sepv peers diffrax 0.5.1 --with "jax<0.5" --keep peers
-    sepv trend                              which verdict changed, and when
+    sepv peers
+    sepv verify sdeint-strat-heun
+    sepv compare energy-preserving diffrax-heun
 
-    Exit codes: 0 every version is recorded; 2 wrong usage; 3 a version could not be installed or measured.
+    Another package adds a library by an entry point (docs/extending.md).
     """
-    from sepv.peers._history import load, recorded
+    from sepv.peers.peer import installed, names
+    from sepv.verification._report import console
 
-    folder = Path(results)
-    asked = _asked(library, releases, versions)
-    if not asked:
-        for name, records in load(folder).items():
-            if library in (None, name):
-                cli.say(f"{name}: {', '.join(dict.fromkeys(r.version for r in records))}", err=False)
-        return
-    wanted = []
-    for name, version in asked:
-        there = recorded(folder, name, version)
-        if there and not options["again"]:
-            click.echo(
-                f"{name} {version} is recorded in {there[-1]}; --again measures it once more", err=True
-            )
-        else:
-            wanted.append((name, version))
-
-    def one(job: tuple[str, str]) -> tuple[bool, str]:
-        try:
-            return True, _recorded(*job, folder, options)
-        except SepvError as error:
-            return False, f"sepv: {' '.join(job)}: {error}"
-
-    with ThreadPoolExecutor(options["jobs"]) as pool:
-        said = list(pool.map(one, wanted))
-    for right, text in said:
-        cli.say(text, err=not right)
-    raise SystemExit(0 if all(right for right, _ in said) else 3)
-
-
-def _asked(library: str | None, releases: cli.Names, versions: bool) -> list[tuple[str, str]]:
-    """(library, version) of what is to be measured."""
-    from sepv.peers._compliance_measurements import LIBRARIES
-    from sepv.peers._versions import VERSIONS
-
-    if library is not None:
-        require_one_of("a library that has an adapter", library, LIBRARIES, "sepv peers sdeint 0.3.0")
-    if versions:
-        tried = {name: tuple(found) for name, found in VERSIONS.items() if library in (None, name)}
-        return [(name, version) for name, found in tried.items() for version in found]
-    return [(str(library), version) for version in dict.fromkeys(releases)]
-
-
-def _recorded(library: str, version: str, folder: Path, options: dict[str, Any]) -> str:
-    """Measure one version and add its record."""
-    from sepv.peers import _environments as environments
-    from sepv.peers import _history as history
-    from sepv.peers._versions import companions
-
-    requirements = [f"{library}=={version}", *(options["companions"] or companions(library, version))]
-    with tempfile.TemporaryDirectory(prefix="sepv-peers-") as temporary:
-        home = Path(options["keep"] or temporary).resolve() / f"{library}-{version}"
-        home.mkdir(parents=True, exist_ok=True)
-        click.echo(f"{library} {version}: an environment with {', '.join(requirements)}", err=True)
-        python = environments.made(home / "environment", requirements, options["python"])
-        out, scripts = Path(temporary) / "record.json", Path(options["scripts"])
-        files = ["--out", str(out), "--keep", str(home / "cells")]
-        arguments = [library, *files, "--seed", str(options["seed"])]
-        if scripts.is_dir():
-            arguments += ["--scripts", str(scripts.resolve())]
-        environments.measure(python, arguments)
-        path = history.add(folder, read_json(out, expected="the record just made", remedy="measure it again"))
-    return f"{library} {version} is recorded in {path}"
+    here = {peer.library: peer for peer in installed()}
+    rows = []
+    for library in names():
+        peer = here.get(library)
+        solvers = [f"{library}-{name}" for name in peer.schemes] if peer else []
+        drivers = [f"{library}-{name}" for name in peer.methods] if peer else []
+        state = ", ".join(solvers) if peer else f"not installed: pip install {library}"
+        rows.append((library, state, ", ".join(drivers)))
+    heads = columns(["library"]) + columns(["verify, ulps", "compare"], words=True)
+    print_table(Table(heads, rows), console())

@@ -39,12 +39,14 @@ def ulps(
     sepv ulps mymodule:step -p pendulum --peers
     """
     from sepv import problems, schemes
+    from sepv.peers.peer import installed
     from sepv.schemes import load_problem
     from sepv.studies import _ulps as unit
     from sepv.verification._progress import showing
     from sepv.verification._report import console
 
-    asked = [*(targets or (() if programs else tuple(schemes.PAPER))), *(unit.peers() if peers else ())]
+    others = [f"{peer.library}-{name}" for peer in installed() for name in peer.schemes] if peers else []
+    asked = [*(targets or (() if programs else tuple(schemes.PAPER))), *others]
     chosen = [load_problem(name) for name in (names or tuple(problems.PAPER))]
     rows: list[Any] = []
     with showing() as line, cli.candidates(asked, programs, line.update) as wanted:

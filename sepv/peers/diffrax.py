@@ -1,4 +1,4 @@
-"""diffrax's Stratonovich solvers for general noise, one step at a time. Needs the extra ``peers``.
+"""diffrax's Stratonovich solvers for general noise, one step at a time and over whole paths. Needs the extra ``peers``.
 
 A step is the solver's own `init` and `step`, compiled by JAX, with the increment handed over through a control
 path. Polynomial problems are numbers to the compiled code, not code: a new random problem compiles nothing.
@@ -8,7 +8,12 @@ manager for one thread, and nowhere else: importing this module changes nothing 
 
 ShARK, SRA1 and SEA are for additive noise, which (1.1) has not; ALIGN, ShOULD and QUICSORT for Langevin dynamics.
 
-Older releases have fewer solvers: what a release lacks is None here, and its name is in `ABSENT`.
+Older releases have fewer solvers: what a release lacks is None here, and its name is in `PEER.absent`.
+
+In a comparison all paths are one state (d, M) and one compiled loop over the given increments, which lie on the device
+beforehand. All noises drive one field, so that a solver that needs nothing but products of a field with an increment is
+given the equation as what it is, dy = f(y)∘dθ with θ = t + Σ c_j W_j: half the evaluations of a drift and a noise posed
+apart. Names with vmap are the driver of diffrax's own examples, one path at a time, drift and noise apart.
 """
 
 from __future__ import annotations
@@ -23,9 +28,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from sepv.peers.peer import Peer
 from sepv.peers.posing import LANES, Formulas, PathSolver, in_blocks, pose, size
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.schemes import Scheme
+from sepv.studies._compare.method import Method, from_states
 
 # JAX has had this context manager at two places.
 enable_x64 = jax.enable_x64 if hasattr(jax, "enable_x64") else import_module("jax.experimental").enable_x64
@@ -166,14 +173,14 @@ def _path_by(solver: Any) -> Callable[[Problem, Array, float, Array], Array]:
     return path
 
 
-ABSENT: list[str] = []
+_absent: list[str] = []
 
 
 def _scheme(name: str, order: float, weak: float = 1.0, note: str = "") -> Any:
     """The solver of that name as a `Scheme`; None where this release has none."""
     make = getattr(diffrax, name, None)
     if make is None:
-        ABSENT.append(f"diffrax {name}{note}")
+        _absent.append(f"{name}{note}")
         return None
     return Scheme(
         name=f"diffrax {name}{note}", step=_step_by(make()), mean_square_order=order, weak_order=weak,
@@ -193,9 +200,146 @@ slow_rk = _scheme("SlowRK", 1.5, 2.0)
 # Its state is a second solution beside y. Started afresh it is Heun's method: whole paths are another thing.
 reversible_heun = _scheme("ReversibleHeun", 1.0, note=", one step afresh")
 
-_ALL = (euler_heun, heun, midpoint, ralston, milstein, spark, general_shark, slow_rk, reversible_heun)
-SCHEMES = tuple(scheme for scheme in _ALL if scheme is not None)
-# These draw an area beside the increment. A mean over ΔW alone is not the mean of their step.
-DRAWING = tuple(scheme for scheme in (spark, general_shark, slow_rk) if scheme is not None)
-_WHOLE = _path_by(diffrax.ReversibleHeun())
-PATHS = (PathSolver("diffrax ReversibleHeun, whole paths", _WHOLE, 1.0, reversible_heun.source),)
+
+class _Field(diffrax.AbstractTerm):
+    """f(y) for a batch (d, M), multiplied by an increment (M,) of its clock."""
+
+    vector: Any
+    increment: Any
+
+    def vf(self, t: Any, y: Any, args: Any) -> Any:
+        del t, args
+        return self.vector(y)
+
+    def contr(self, t0: Any, t1: Any, **_: Any) -> Any:
+        del t0, t1
+        return self.increment
+
+    def prod(self, vf: Any, control: Any) -> Any:
+        return vf * control
+
+
+class _Noise(_Field):
+    """The same field under a Wiener process (M,) beside a drift term, with its space-time Lévy area."""
+
+    area: Any
+
+    def contr(self, t0: Any, t1: Any, **options: Any) -> Any:
+        if options.get("use_levy"):
+            return diffrax.SpaceTimeLevyArea(dt=t1 - t0, W=self.increment, H=self.area)
+        return self.increment
+
+
+def _batched(solver: Any, terms: Any, h: Any, y: Any, more: Any, keep: bool) -> Any:
+    """A loop over increments: `terms` makes the terms of a step of its slice of `more`."""
+    t0 = jnp.zeros_like(h)
+    state = solver.init(terms(jax.tree.map(lambda a: a[0], more)), t0, h, y, None)
+
+    def advance(carry: Any, slice_: Any) -> Any:
+        y, _error, _dense, state, _result = solver.step(
+            terms(slice_), t0, h, carry[0], None, carry[1], made_jump=False
+        )
+        return (y, state), y if keep else None
+
+    (y, _), states = jax.lax.scan(advance, (y, state), more)
+    return states if keep else y
+
+
+@partial(jax.jit, static_argnames=("solver", "formulas", "keep"))
+def _on_the_clock(
+    solver: Any, formulas: Formulas, keep: bool, arrays: Any, c: Any, h: Any, y: Any, dW: Any, _H: Any
+) -> Any:
+    """dy = f(y)∘dθ, for solvers of ordinary differential equations."""
+
+    def vector(y: Any) -> Any:
+        return formulas.field(jnp, arrays, y)
+
+    return _batched(
+        solver, lambda delta: _Field(vector, delta), h, y, h + jnp.einsum("j,njl->nl", c, dW), keep
+    )
+
+
+@partial(jax.jit, static_argnames=("solver", "formulas", "keep"))
+def _apart(
+    solver: Any, formulas: Formulas, keep: bool, arrays: Any, c: Any, h: Any, y: Any, dW: Any, H: Any
+) -> Any:
+    """Drift and noise apart, the m noises as the one that they are, in one batch."""
+
+    def vector(y: Any) -> Any:
+        return formulas.field(jnp, arrays, y)
+
+    def terms(slice_: Any) -> Any:
+        drift = diffrax.ODETerm(lambda _t, y, _args: vector(y))
+        return diffrax.MultiTerm(drift, _Noise(vector, *slice_))
+
+    # Σ c_j W_j is √Σc_j² times a Wiener process, and its area the same combination of theirs.
+    return _batched(
+        solver, terms, h, y, (jnp.einsum("j,njl->nl", c, dW), jnp.einsum("j,njl->nl", c, H)), keep
+    )
+
+
+def _vmapped(solver: Any, formulas: Formulas, keep: bool, *given: Any) -> Any:
+    """Path by path under vmap, as diffrax's examples do."""
+    return _paths(solver, formulas, *given[:-1], keep=keep)
+
+
+def _method(name: str, solver: Any, program: Any, evaluations: float | None, how: str) -> Method:
+    def run(problem: Problem, y0: Array, h: float, dW: Array, keep: bool) -> Callable[[], Array]:
+        formulas, numbers = pose(problem, padded=False)
+        start = np.repeat(y0[:, None], dW.shape[2], axis=1)
+        H = np.sqrt(h / 12) * np.random.default_rng(0).standard_normal(dW.shape)
+        with enable_x64(True):
+            given = jax.tree.map(
+                jnp.asarray, (numbers, problem.c, np.float64(h), start, np.ascontiguousarray(dW), H)
+            )
+
+        def call() -> Array:
+            with enable_x64(True):
+                found = np.asarray(program(solver, formulas, keep, *given))
+            return np.concatenate([start[None], found]) if keep else found[None]
+
+        return call
+
+    source = f"diffrax {diffrax.__version__} {type(solver).__name__}, {how}"
+    return from_states(name, run, source, evaluations=evaluations)
+
+
+_CLOCK = "all paths in one state, dy = f∘dθ"
+_APART = "all paths in one state, drift and noise apart"
+_VMAP = "path by path under vmap, drift and noise apart"
+# The solver, its driver, and evaluations of f a step where they follow from the method.
+_DRIVEN = {
+    "heun": ("Heun", _on_the_clock, 2, _CLOCK),
+    "tsit5": ("Tsit5", _on_the_clock, 6, _CLOCK),
+    "dopri8": ("Dopri8", _on_the_clock, 13, _CLOCK),
+    "reversible-heun": ("ReversibleHeun", _on_the_clock, 1, _CLOCK),
+    "euler-heun": ("EulerHeun", _apart, None, _APART),
+    "spark": ("SPaRK", _apart, None, _APART),
+    "slow-rk": ("SlowRK", _apart, None, _APART),
+    "heun-vmap": ("Heun", _vmapped, None, _VMAP),
+    "dopri8-vmap": ("Dopri8", _vmapped, None, _VMAP),
+}
+_SCHEMES = {
+    "euler-heun": euler_heun, "heun": heun, "midpoint": midpoint, "ralston": ralston, "milstein": milstein,
+    "spark": spark, "general-shark": general_shark, "slow-rk": slow_rk, "reversible-heun": reversible_heun,
+}  # fmt: skip
+
+PEER = Peer(
+    library="diffrax",
+    schemes={name: scheme for name, scheme in _SCHEMES.items() if scheme is not None},
+    methods={
+        name: _method(f"diffrax-{name}", getattr(diffrax, solver)(), *driver)
+        for name, (solver, *driver) in _DRIVEN.items()
+        if hasattr(diffrax, solver)
+    },
+    paths=(
+        PathSolver(
+            "diffrax ReversibleHeun, whole paths",
+            _path_by(diffrax.ReversibleHeun()),
+            1.0,
+            reversible_heun.source,
+        ),
+    ),
+    drawing=tuple(scheme for scheme in (spark, general_shark, slow_rk) if scheme is not None),
+    absent=tuple(_absent),
+)

@@ -1,4 +1,7 @@
-"""sdeint's integrators, one step at a time through its own code. Needs the extra ``sdeint``."""
+"""sdeint's integrators, one step at a time and over whole paths through its own code. Needs the extra ``sdeint``.
+
+sdeint knows single paths only. In a comparison it is given the one process Σ c_j W_j, whose field is f.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,12 @@ from typing import Any
 import numpy as np
 import sdeint
 
+from sepv.peers.peer import Peer
 from sepv.peers.posing import PathSolver
 from sepv.problem import Array, Problem, vector_field
 from sepv.schemes import Scheme
 from sepv.schemes._scheme import Step
+from sepv.studies._compare.method import from_states
 
 
 def _integrate(
@@ -77,5 +82,28 @@ strat_kp2is_start = _scheme(sdeint.stratKP2iS, _TWO_STEPS, note=", its first ste
 _GIVEN = "sdeint.itoEuler, given the coefficients of the Stratonovich form"
 ito_euler = _scheme(sdeint.itoEuler, _GIVEN, order=0.5, note=", unconverted")
 
-SCHEMES = (strat_heun, strat_srs2, strat_kp2is_start)
-PATHS = (PathSolver("sdeint stratKP2iS, whole paths", _kp2is_path, 1.0, strat_kp2is_start.source),)
+
+def _run(problem: Problem, y0: Array, h: float, dW: Array, _keep: bool) -> Callable[[], Array]:
+    times = np.arange(len(dW) + 1) * h
+    sums = np.einsum("j,njl->nl", problem.c, dW)
+
+    def drift(y: Array, _time: float) -> Array:
+        return np.asarray(problem.structure(y) @ problem.gradient(y))
+
+    def noise(y: Array, time: float) -> Array:
+        return drift(y, time)[:, None]
+
+    lanes = range(dW.shape[2])
+    return lambda: np.stack(
+        [sdeint.stratHeun(drift, noise, y0, times, dW=sums[:, lane, None]) for lane in lanes], axis=2
+    )
+
+
+_DRIVEN = f"sdeint {sdeint.__version__} stratHeun, path by path"
+
+PEER = Peer(
+    library="sdeint",
+    schemes={"strat-heun": strat_heun, "strat-srs2": strat_srs2, "strat-kp2is-start": strat_kp2is_start},
+    methods={"heun": from_states("sdeint-heun", _run, _DRIVEN, batched=False, evaluations=4)},
+    paths=(PathSolver("sdeint stratKP2iS, whole paths", _kp2is_path, 1.0, strat_kp2is_start.source),),
+)

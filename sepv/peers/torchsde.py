@@ -1,4 +1,4 @@
-"""torchsde's Stratonovich solvers, by a short integration of one step. Needs the extra ``peers``.
+"""torchsde's Stratonovich solvers, one step at a time and in batches of whole paths. Needs the extra ``peers``.
 
 torchsde has no public step, so that a step is `torchsde.sdeint` over (0, h) with dt = h and a Brownian motion
 that returns the given increment.
@@ -6,6 +6,7 @@ that returns the given increment.
 With one noise the system is posed with noise type "scalar", with several with "general". Milstein does not take
 the general type; there the m noises are posed as the one that they are, c·W/|c|, which is a Wiener process.
 Lévy areas are given as zero: all noises drive one field, so that the brackets that the areas multiply vanish.
+In a comparison all paths are one batch of `torchsde.sdeint` over the whole interval.
 """
 
 from __future__ import annotations
@@ -18,9 +19,11 @@ import torch
 import torchsde
 
 from sepv.errors import Skipped
+from sepv.peers.peer import Peer
 from sepv.peers.posing import LANES, PathSolver, in_blocks, pose
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
+from sepv.studies._compare.method import Method, from_states
 
 
 class _System(torch.nn.Module):
@@ -121,5 +124,34 @@ milstein_grad_free = _scheme("milstein", name="milstein grad_free", grad_free=Tr
 # Its state is a second solution beside y. Started afresh it is Heun's method: whole paths are another thing.
 reversible_heun = _scheme("reversible_heun", 0.5, name="reversible_heun, one step afresh")
 
-SCHEMES = (euler_heun, heun, midpoint, log_ode, milstein, milstein_grad_free, reversible_heun)
-PATHS = (PathSolver("torchsde reversible_heun, whole paths", _path, 0.5, _source(0.5)),)
+
+def _method(method: str) -> Method:
+    def run(problem: Problem, y0: Array, h: float, dW: Array, keep: bool) -> Callable[[], Array]:
+        # Several noises of one field are the one process Σ c_j W_j.
+        system = _System(problem, torch.ones(1, dtype=torch.float64), "scalar")
+        sums = np.einsum("j,njl->nl", problem.c, dW)[:, :, None]
+        noise = Given(torch.as_tensor(sums), h)
+        y = torch.as_tensor(np.repeat(y0[None], dW.shape[2], axis=0))
+        grid = torch.arange(len(dW) + 1, dtype=torch.float64) * h
+        times = grid if keep else grid[[0, -1]]
+
+        def call() -> Array:
+            with torch.no_grad():
+                states: Any = torchsde.sdeint(system, y, times, bm=noise, method=method, dt=h)
+            return np.asarray(states.numpy().transpose(0, 2, 1))
+
+        return call
+
+    source = f"torchsde {torchsde.__version__} {method}, all paths in one batch"
+    return from_states(f"torchsde-{method.replace('_', '-')}", run, source)
+
+
+PEER = Peer(
+    library="torchsde",
+    schemes={
+        "euler-heun": euler_heun, "heun": heun, "midpoint": midpoint, "log-ode": log_ode, "milstein": milstein,
+        "milstein-grad-free": milstein_grad_free, "reversible-heun": reversible_heun,
+    },
+    methods={name.replace("_", "-"): _method(name) for name in ("heun", "midpoint", "reversible_heun")},
+    paths=(PathSolver("torchsde reversible_heun, whole paths", _path, 0.5, _source(0.5)),),
+)  # fmt: skip

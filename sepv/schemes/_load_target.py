@@ -34,8 +34,8 @@ def load_scheme(
     Parameters
     ----------
     target : str, Scheme or function
-        A built-in name (``energy-preserving``), ``module:attribute``, a `Scheme`, or a function
-        ``step(problem, y, h, dW)``, of which nothing is claimed.
+        A built-in name (``energy-preserving``), a solver of another library (``sdeint-strat-heun``),
+        ``module:attribute``, a `Scheme`, or a function ``step(problem, y, h, dW)``, of which nothing is claimed.
     claims : iterable of law names
         Claimed in addition.
     problems : iterable of Problem
@@ -113,6 +113,11 @@ def _named(target: str, problems: Iterable[Problem]) -> Scheme:
         try:
             return by_name(target)
         except UsageError as error:
+            # Of a room above, which knows other libraries: only asked about a name that is none of sepv's own.
+            peers = importlib.import_module("sepv.peers.peer")
+            if peers.library_of(target):
+                solver: Scheme = peers.scheme(target)
+                return solver
             raise TargetError(
                 expected=f"{error.expected}, or module:attribute",
                 received=error.received,

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from importlib.util import find_spec
 
 import numpy as np
 
@@ -24,12 +23,6 @@ from sepv.verification import energy_ulp
 from sepv.verification._cases.from_problem import describe
 from sepv.verification._tolerance import casimir_ulp
 
-# One of each kind of solver that a library has; its adapter is loaded where the library is installed.
-PEERS = {
-    "diffrax": ("heun", "general_shark", "slow_rk", "reversible_heun"),
-    "torchsde": ("heun", "midpoint", "reversible_heun"),
-    "sdeint": ("strat_heun", "strat_srs2"),
-}
 # The usual step, or a quarter of the longest that a problem states: every state of the orbit then has a solution.
 USUAL_STEP = 2.0**-5
 ORBIT = 10.0
@@ -52,16 +45,6 @@ class Ulps:
     energy_largest: float | None
     casimir_median: float | None
     casimir_largest: float | None
-
-
-def peers() -> list[str]:
-    """Targets of the installed libraries' solvers."""
-    return [
-        f"sepv.peers.{library}:{name}"
-        for library, names in PEERS.items()
-        if find_spec(library)
-        for name in names
-    ]
 
 
 def one_step(

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
+from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from sepv._arguments import optional
 from sepv.errors import SchemeFault, SepvError, TargetError
 from sepv.exact import ExactFlow, exact_flow
 from sepv.problem import Array, Problem
@@ -216,18 +215,12 @@ def exact_time_change() -> Method:
     )  # fmt: skip
 
 
-# Other libraries' solvers under the best driver one can give them: the library, and what `sepv.peers` has of it.
-PEERS = (
-    "diffrax-heun", "diffrax-heun-vmap", "diffrax-euler-heun", "diffrax-reversible-heun", "diffrax-spark",
-    "diffrax-slow-rk", "diffrax-tsit5", "diffrax-dopri8", "diffrax-dopri8-vmap", "torchsde-heun", "torchsde-midpoint",
-    "torchsde-reversible-heun", "sdeint-heun",
-)  # fmt: skip
 EXACT = "exact-flow"
 NUMPY = "numpy/"
 
 
 def load_method(target: str, problem: Problem) -> Method:
-    """A built-in scheme, ``exact-flow``, a peer by name, or module:attribute with a scheme or a `Method`.
+    """A built-in scheme, ``exact-flow``, a peer's solver, or module:attribute with a scheme or a `Method`.
 
     ``numpy/SCHEME`` is a scheme in NumPy batches where the compiled engine would take it.
     A third party's scheme is asked for one step first, so that a wrong shape is a message and no traceback: a
@@ -235,12 +228,14 @@ def load_method(target: str, problem: Problem) -> Method:
     """
     if target == EXACT:
         return exact_time_change()
-    if target in PEERS:
-        return _peer(target)
+    peers = import_module("sepv.peers.peer")  # of a room above: its records are made of those of this file
+    if peers.library_of(target):
+        found: Method = peers.method(target)
+        return found
     if ":" in target:
-        found = load_object(target)
-        if isinstance(found, Method):
-            return found
+        named = load_object(target)
+        if isinstance(named, Method):
+            return named
     plain = target.startswith(NUMPY)
     scheme = load_scheme(target.removeprefix(NUMPY))
     h = 2.0**-10
@@ -255,16 +250,3 @@ def load_method(target: str, problem: Problem) -> Method:
     if plain:
         return replace(method, name=target, source=f"{scheme.source}; NumPy batch", look=None)
     return replace(method, name=target) if ":" in target and scheme.name in (target, "step") else method
-
-
-def _peer(name: str) -> Method:
-    library, _, solver = name.partition("-")
-    remedy = "pip install diffrax torchsde sdeint, or the one that is named"
-    drivers = optional(f"sepv.peers._compare_{library}", f"the library of {name}", remedy, TargetError)
-    method: Method = getattr(drivers, solver.replace("-", "_"))
-    return method
-
-
-def installed_peers() -> list[str]:
-    """The peers whose library is installed."""
-    return [name for name in PEERS if find_spec(name.partition("-")[0])]

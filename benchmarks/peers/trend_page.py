@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from benchmarks.peers.changes import ABSENT, cell, changes, deviations, latest, solvers
+from benchmarks.peers.records import Record
 from sepv._terminal import markdown
-from sepv.peers._history import Record
-from sepv.peers._trend import ABSENT, cell, changes, deviations, latest, solvers
 from sepv.verification import Verdict
 
 # Half of the lowest order that a consistent scheme has, ½: an error that falls so has a limit of 0.
@@ -20,17 +20,17 @@ library's own code, in a fresh environment with that version. Asked are *local-m
 records are `results/LIBRARY/VERSION.json`, with every verdict, defect, seed and package; none is ever overwritten.
 
 ```sh
-sepv peers sdeint 0.2.4 0.3.0
-sepv trend results --out docs/trend.md
+python -m benchmarks.peers.releases sdeint 0.2.4 0.3.0
+python -m benchmarks.peers.trend results --out docs/trend.md
 ```
 
-`sepv peers` measures versions and adds their records (`--versions`: all that this page shows), `sepv trend` makes this
+The first measures versions and adds their records (`--versions`: all that this page shows), the second makes this
 page. A seed and a suite give the same verdicts; where another package changed with the library, that is said, since the
 reason may be there."""
 
 
 def page(found: dict[str, list[Record]]) -> str:
-    """The page of the records by library, as `sepv.peers._history.load` gives them."""
+    """The page of the records by library, as `benchmarks.peers.records.load` gives them."""
     parts = ["# Other libraries over their versions", INTRODUCTION]
     for library, records in found.items():
         parts += [f"## {library}", *_library(records)]

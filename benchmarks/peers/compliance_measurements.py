@@ -5,16 +5,17 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from importlib import import_module, resources
+from importlib import resources
 from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 
+from benchmarks.peers.kept_measurements import Cell
 from sepv import problems
 from sepv._version import __version__
 from sepv.exact import exact_flow
-from sepv.peers._kept_measurements import Cell
+from sepv.peers.peer import load, names
 from sepv.peers.posing import PathSolver
 from sepv.problem import Problem
 from sepv.schemes import Scheme
@@ -23,7 +24,7 @@ from sepv.verification import Effort, Law, Verdict, verify
 from sepv.verification._orders.convergence import StrongErrors, log_decay, slope
 from sepv.verification._sequential import FALSE_ALARM, Setup, setups
 
-LIBRARIES = ("diffrax", "torchsde", "sdeint")
+LIBRARIES = names()
 # The orders of whole paths are those of so many.
 ORDER_PATHS = 1024
 # Where schemes with untruncated increments are judged, as all of these are.
@@ -56,7 +57,7 @@ def draws(library: str, scheme: Scheme) -> bool:
     """Whether a step has noise of its own beside ΔW."""
     if library == "sepv":
         return False
-    return scheme in getattr(import_module(f"sepv.peers.{library}"), "DRAWING", ())
+    return scheme in load(library).drawing
 
 
 def path_cells(library: str, solver: PathSolver, effort: Effort) -> Iterator[Cell]:

@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Any
 
+from benchmarks.peers.records import Record
 from sepv.files import finite
-from sepv.peers._history import Record
 from sepv.verification import Verdict
 
 # What a record says of a solver that the version has not.

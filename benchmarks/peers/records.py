@@ -6,18 +6,26 @@ old one and has its date in its name: ``VERSION@DATE.json``.
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from sepv.errors import UsageError
-from sepv.files import fault, json_text, read_json, require_schema, schema, write_atomically
+from sepv.files import fault, json_text, read_json, write_atomically
+
+_SCHEMA = Path(__file__).with_name("record.schema.json")
+
+
+def _fault(data: Any) -> str:
+    """What of a record does not obey its schema; empty where nothing."""
+    return fault(data, json.loads(_SCHEMA.read_text(encoding="utf-8")))
 
 
 @dataclass(frozen=True)
 class Record:
-    """One record, as the schema `peers` describes its data."""
+    """One record, as record.schema.json describes its data."""
 
     path: Path
     data: dict[str, Any]
@@ -46,10 +54,8 @@ def recorded(folder: Path, library: str, version: str) -> list[Path]:
 
 def add(folder: Path, data: dict[str, Any]) -> Path:
     """Put a record there, under a new name; a UsageError where there is one of this version and day already."""
-    if wrong := fault(data, schema("peers")):
-        raise UsageError(
-            expected="a record of a version", received=wrong, remedy="measure it with `sepv peers`"
-        )
+    if wrong := _fault(data):
+        raise UsageError(expected="a record of a version", received=wrong, remedy="measure it again")
     own, version = folder / data["library"], data["version"]
     first = own / f"{version}.json"
     path = own / f"{version}@{data['date']}.json" if first.exists() else first
@@ -70,13 +76,14 @@ def load(folder: Path) -> dict[str, list[Record]]:
     for path in sorted(folder.glob("*/*.json")):
         said = {"expected": "records of versions", "remedy": "remove the file"}
         data = read_json(path, **said)
-        require_schema(data, "peers", path, **said)
+        if wrong := _fault(data):
+            raise UsageError(received=f"{path}: {wrong}", **said)
         found.setdefault(data["library"], []).append(Record(path, data))
     if not found:
         raise UsageError(
             expected="a folder of records, LIBRARY/VERSION.json",
             received=f"{folder}, without any",
-            remedy="measure some: sepv peers sdeint 0.2.4 0.3.0",
+            remedy="measure some: python -m benchmarks.peers.releases sdeint 0.2.4 0.3.0",
         )
     for records in found.values():
         records.sort(key=lambda r: (order(r.version), r.data["date"], r.path.name))

@@ -1,6 +1,6 @@
-"""One library as it is installed here, measured and recorded: ``python -m sepv.peers._peer LIBRARY --out FILE``.
+"""One library as it is installed here, measured and recorded: ``python -m benchmarks.peers.one_release``.
 
-`sepv peers` calls this inside the environment of each version. It asks the few laws that decide what a general library
+`benchmarks.peers.releases` calls this inside the environment of each version. It asks the few laws that decide what a general library
 claims of a solver: its orders and its limit. The compliance table has all laws.
 """
 
@@ -10,20 +10,20 @@ import platform
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
-from importlib import import_module
 from importlib.metadata import distributions
 from pathlib import Path
 from typing import Any
 
 import click
 
+from benchmarks.peers import compliance_measurements as measurements
+from benchmarks.peers.compliance_measurements import LIBRARIES, release
+from benchmarks.peers.deviations import shown_by
+from benchmarks.peers.kept_measurements import Cell, measured
 from sepv._version import __version__
 from sepv.errors import SepvError
 from sepv.files import finite, json_text, write_atomically
-from sepv.peers import _compliance_measurements as measurements
-from sepv.peers._compliance_measurements import LIBRARIES, release
-from sepv.peers._deviations import shown_by
-from sepv.peers._kept_measurements import Cell, measured
+from sepv.peers.peer import load
 from sepv.peers.posing import PathSolver
 from sepv.verification import SUITE, Effort, Law, Verdict, load_laws
 from sepv.verification._progress import showing
@@ -39,9 +39,9 @@ LONGEST = 600
 def record(
     library: str, effort: Effort, keep: Path | None, scripts: Path | None, shown: Any
 ) -> dict[str, Any]:
-    """What the solvers of the installed library were found to do, as the schema `peers` describes it."""
-    adapter, asked = import_module(f"sepv.peers.{library}"), load_laws(ASKED)
-    schemes, paths = adapter.SCHEMES, adapter.PATHS
+    """What the solvers of the installed library were found to do, as record.schema.json describes it."""
+    adapter, asked = load(library), load_laws(ASKED)
+    schemes, paths = tuple(adapter.schemes.values()), adapter.paths
     cells = [cell for s in schemes for cell in measurements.law_cells(library, s, asked, effort)]
     cells += [_safe(cell) for p in paths for cell in measurements.path_cells(library, p, effort)]
     found = measured(cells, keep, shown)
@@ -61,7 +61,7 @@ def record(
         "environment": {
             "python": platform.python_version(), "machine": platform.machine(), "packages": packages
         },
-        "absent": [name.removeprefix(f"{library} ") for name in getattr(adapter, "ABSENT", ())],
+        "absent": list(adapter.absent),
         "solvers": [
             *(_scheme_entry(library, scheme, asked, found) for scheme in schemes),
             *(_path_entry(library, solver, found) for solver in paths),

@@ -1,4 +1,4 @@
-"""``sepv trend``: which verdict changed, in which version of a library."""
+"""Which verdict changed, in which version of a library: ``python -m benchmarks.peers.trend``."""
 
 from __future__ import annotations
 
@@ -6,10 +6,14 @@ from pathlib import Path
 
 import click
 
+from benchmarks.peers import changes as compared
+from benchmarks.peers.records import load
+from benchmarks.peers.trend_page import page
 from sepv._terminal import Table, columns, print_table
 from sepv.commands._shared import FOLDER, OUT, friendly
 from sepv.errors import require_one_of
 from sepv.files import json_text, write_atomically
+from sepv.verification._report import console
 
 
 @click.command(short_help="Which verdict changed, in which version of a library.")
@@ -19,22 +23,17 @@ from sepv.files import json_text, write_atomically
 @click.option("--out", type=OUT, help="Write the page of the site, Markdown, to this file.")
 @click.option("-q", "--quiet", is_flag=True, help="Only the changes, a line each.")
 @friendly
-def trend(folder: str, library: str | None, json_file: str | None, out: str | None, quiet: bool) -> None:
+def main(folder: str, library: str | None, json_file: str | None, out: str | None, quiet: bool) -> None:
     """Compare the records of FOLDER (default: results), version by version.
 
     \b
-    sepv trend
-    sepv trend results --library diffrax --json trend.json
-    sepv trend results --out docs/trend.md
+    python -m benchmarks.peers.trend
+    python -m benchmarks.peers.trend results --library diffrax --json trend.json
+    python -m benchmarks.peers.trend results --out docs/trend.md
     """
-    from sepv.peers import _trend as compared
-    from sepv.peers._history import load
-    from sepv.peers._trend_page import page
-    from sepv.verification._report import console
-
     found = load(Path(folder))
     if library is not None:
-        remedy = "measure it first: sepv peers LIBRARY VERSION"
+        remedy = "measure it first: python -m benchmarks.peers.releases LIBRARY VERSION"
         require_one_of(f"a library of {folder}", library, found, remedy)
         found = {library: found[library]}
     if json_file:
@@ -57,3 +56,7 @@ def trend(folder: str, library: str | None, json_file: str | None, out: str | No
             screen.print(f"{d.title} {seen}{mended}", soft_wrap=True)
         if not quiet:
             screen.print()
+
+
+if __name__ == "__main__":
+    main()

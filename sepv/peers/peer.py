@@ -1,0 +1,120 @@
+"""The record of a library whose solvers take part, and how one is found: here, or in a package that offers its own.
+
+A peer is one file with one record, `PEER`. Those of sepv are the modules of this folder. Another package offers one by
+an entry point of the group ``sepv.peers``, under the library's name:
+
+    [project.entry-points."sepv.peers"]
+    mylibrary = "mypackage.adapter:PEER"
+
+A solver's name is the library's, a hyphen and its own, such as ``sdeint-strat-heun``: `sepv verify`, `sepv compare` and
+`sepv ulps` take it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import metadata
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, TypeVar
+
+from sepv._arguments import did_you_mean, optional
+from sepv.errors import TargetError
+from sepv.peers.posing import PathSolver
+from sepv.schemes import Scheme
+from sepv.studies._compare.method import Method
+
+GROUP = "sepv.peers"
+_NO_PEERS = ("__init__", "peer", "posing", "posing_fields")
+_Kind = TypeVar("_Kind")
+
+
+@dataclass(frozen=True)
+class Peer:
+    """A library, and what of it takes part.
+
+    Attributes
+    ----------
+    library : str
+        The name by which Python imports it.
+    schemes : dict of str to Scheme
+        Its solvers, one step at a time, for the laws. Keys are the names after "library-".
+    methods : dict of str to Method
+        Its solvers under the best driver known, for `sepv compare`.
+    paths : tuple of PathSolver
+        Solvers that hand state from step to step, over whole paths.
+    drawing : tuple of Scheme
+        Solvers that draw an area beside the increment: a mean over ΔW alone is not the mean of their step.
+    absent : tuple of str
+        Solvers that the installed release lacks.
+    """
+
+    library: str
+    schemes: Mapping[str, Scheme]
+    methods: Mapping[str, Method] = field(default_factory=dict)
+    paths: tuple[PathSolver, ...] = ()
+    drawing: tuple[Scheme, ...] = ()
+    absent: tuple[str, ...] = ()
+
+
+def names() -> list[str]:
+    """The libraries that have a peer, installed or not."""
+    own = sorted(p.stem for p in Path(__file__).parent.glob("*.py") if p.stem not in _NO_PEERS)
+    return list(dict.fromkeys((*own, *(point.name for point in metadata.entry_points(group=GROUP)))))
+
+
+def installed() -> list[Peer]:
+    """The peers whose library is installed."""
+    return [load(name) for name in names() if find_spec(name)]
+
+
+def load(library: str) -> Peer:
+    """The peer of a library.
+
+    Raises
+    ------
+    TargetError
+        Where the library is not installed, or its entry point gives no `Peer`.
+    """
+    points = {point.name: point.value for point in metadata.entry_points(group=GROUP)}
+    module, _, attribute = points.get(library, f"sepv.peers.{library}:PEER").partition(":")
+    found = getattr(
+        optional(module, f"the library {library}", f"pip install {library}", TargetError), attribute, None
+    )
+    if not isinstance(found, Peer):
+        raise TargetError(
+            expected=f"a sepv.peers.peer.Peer at {module}:{attribute}",
+            received=f"{type(found).__name__}",
+            remedy=f"correct the entry point {library} of the group {GROUP}",
+        )
+    return found
+
+
+def library_of(target: str) -> str:
+    """The library that a name such as ``sdeint-strat-heun`` begins with; empty where none does."""
+    return next((name for name in names() if target.startswith(f"{name}-")), "")
+
+
+def scheme(target: str) -> Scheme:
+    """The solver of that name, one step at a time. Raises TargetError as `load`, or for a name that it has not."""
+    library = library_of(target)
+    return _one(target, library, load(library).schemes)
+
+
+def method(target: str) -> Method:
+    """The solver of that name under the best driver known. Raises TargetError as `scheme`."""
+    library = library_of(target)
+    return _one(target, library, load(library).methods)
+
+
+def _one(target: str, library: str, known: Mapping[str, _Kind]) -> _Kind:
+    by_name: dict[str, Any] = {f"{library}-{name}": value for name, value in known.items()}
+    if target not in by_name:
+        raise TargetError(
+            expected=f"a solver of {library}, one of {', '.join(by_name)}",
+            received=did_you_mean(target, by_name),
+            remedy="see `sepv peers`",
+        )
+    found: _Kind = by_name[target]
+    return found
