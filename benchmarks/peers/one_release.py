@@ -1,7 +1,7 @@
 """One library as it is installed here, measured and recorded: ``python -m benchmarks.peers.one_release``.
 
-`benchmarks.peers.releases` calls this inside the environment of each version. It asks the few laws that decide what a general library
-claims of a solver: its orders and its limit. The compliance table has all laws.
+`benchmarks.peers.releases` calls this inside the environment of each version. It asks the few laws that decide what a
+general library claims of a solver: its orders and its limit. The compliance table has all laws.
 """
 
 from __future__ import annotations
