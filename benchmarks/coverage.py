@@ -10,6 +10,7 @@ Schemes of order 2 and more are measured as their laws measure them, on the weig
 
 The laws use an alpha near 3e-6, where no count reaches. What is measured is how the misses compare with what they
 should be as alpha falls; the verdicts show what is left of them where it takes two intervals to accuse.
+``--deep`` counts the shares of *right-limit* alone, which may accuse by themselves, down to 1e-5, batch by batch.
 """
 
 from __future__ import annotations
@@ -40,6 +41,8 @@ from sepv.verification._orders.tilting import tilted_errors
 from sepv.verification._sequential import FIRST_LOOK, Assess, Setup, is_tilted, setups_for
 
 ALPHAS = (0.05, 0.01, 0.001)
+# For --deep; and so many batches are drawn at once.
+DEEP, AT_ONCE = (1e-2, 1e-3, 1e-4, 1e-5), 40
 # Heavy tails first: explicit schemes, with and without truncation.
 SCHEMES = {
     "milstein": schemes.milstein,
@@ -156,6 +159,24 @@ def _pieces(samples: Array) -> list[Array]:
     return [samples[..., k : k + FIRST_LOOK] for k in range(0, samples.shape[-1], FIRST_LOOK)]
 
 
+def deep(scheme: Scheme, problem: Problem, batches: int, seed: int) -> tuple[int, ...]:
+    """In how many batches an interval of the shares of the limit, on either side, misses, for each of DEEP.
+
+    The shares are linear in the samples, so that the mean over the batches is the value over all of them.
+    """
+    setup = next(s for s in setups_for(scheme) if s.problem == problem.name)
+    values, halves = [], []
+    for n in over(range(0, batches, AT_ONCE), lambda n: f"batch {n} of {batches}"):
+        paths = range(n * FIRST_LOOK, min(n + AT_ONCE, batches) * FIRST_LOOK)
+        errors = _errors(scheme, problem, setup, paths, seed)
+        for samples in _pieces(limit_errors(errors, problem)[1]):
+            found = leading(samples, errors.h, 0)
+            values.append(found.value)
+            halves.append([found.half(alpha) for alpha in DEEP])
+    off = np.abs(np.array(values) - np.mean(values, axis=0))[:, None]
+    return tuple(int(count) for count in np.any(off > np.array(halves), axis=2).sum(axis=0))
+
+
 def main() -> None:
     """Print the table as Markdown."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -163,7 +184,15 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--scheme", action="append", choices=list(SCHEMES))
     parser.add_argument("--problem", action="append", choices=["rigid-body", "pendulum"])
+    parser.add_argument("--deep", action="store_true", help="the shares of right-limit at 1e-2 to 1e-5")
     options = parser.parse_args()
+    if options.deep:
+        for name in options.scheme or SCHEMES:
+            for known in options.problem or ("rigid-body", "pendulum"):
+                counts = deep(SCHEMES[name], problems.by_name(known), options.batches, options.seed)
+                said = ", ".join(f"{n} at {a:g}" for n, a in zip(counts, DEEP, strict=True))
+                print(f"{name}, {known}: of {options.batches} batches miss {said}", flush=True)
+        return
     heads = " | ".join(f"{side} at {100 * a:g} %" for a in ALPHAS for side in ("below", "above"))
     print(f"| scheme | problem | interval | {heads} |\n|---|---|---|{'--:|' * 2 * len(ALPHAS)}")
     for name in over(options.scheme or SCHEMES):
