@@ -17,7 +17,6 @@ import click
 import pytest
 from reader import Reader
 
-from benchmarks.mutation.targets import TARGETS
 from sepv.commands._cli import main
 from sepv.verification import load_laws
 
@@ -36,7 +35,6 @@ ELSEWHERE = {
     "levels": "test_levels.py",
     "index": "test_site.py",  # the first page of the site, whose example is measured as it is built
     "api": "test_site.py",  # directives, no commands
-    "mutation": "",  # below: it is minutes of two cores, its options are parsed
     "teeth": "",  # printed by `sepv teeth`; its commands are parsed below
 }
 
@@ -192,22 +190,6 @@ def test_every_page_with_a_block_is_run() -> None:
     for page, file in ELSEWHERE.items():
         if file:
             assert page in (ROOT / "tests" / file).read_text(encoding="utf-8")
-
-
-def test_the_commands_about_mutants_can_be_parsed() -> None:
-    (block,) = blocks("mutation", "sh")
-    source = (ROOT / "benchmarks" / "mutation" / "__main__.py").read_text(encoding="utf-8")
-    for option in re.findall(r" (--[a-z-]+)", block[1]):
-        assert f'"{option}"' in source
-
-
-def test_modules_and_tests_that_mutants_are_asked_about_are_there() -> None:
-    for module, asked in TARGETS.items():
-        assert (ROOT / f"{module.replace('.', '/')}.py").is_file(), module
-        for test in asked:
-            file, _, name = test.partition("::")
-            source = (ROOT / file).read_text(encoding="utf-8")
-            assert f"def {name.partition('[')[0]}(" in source or not name, test
 
 
 def test_the_vector_that_is_shown_is_one() -> None:

@@ -1,1 +1,0 @@
-"""Mutation testing of the core: ``python -m benchmarks.mutation`` (extra ``mutation``); see docs/mutation.md."""
