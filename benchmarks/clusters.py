@@ -22,7 +22,7 @@ import numpy as np
 import sepv
 from benchmarks import over, start, tell
 from sepv import problems, schemes
-from sepv.simulate._engine.workers import run_all
+from sepv.workers import run_all
 
 EP, PENDULUM = schemes.energy_preserving, problems.pendulum()
 

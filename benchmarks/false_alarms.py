@@ -26,8 +26,8 @@ from benchmarks import start, tell
 from benchmarks.right_schemes import RIGHT
 from sepv import schemes
 from sepv.schemes import Scheme
-from sepv.simulate._engine.workers import run_all
 from sepv.verification import Effort, Verdict, load_laws, verify
+from sepv.workers import run_all
 
 GROUPS: dict[str, dict[str, Scheme]] = {
     "built-in": {**schemes.PAPER, **schemes.EXTENSIONS, "collocation-2": schemes.collocation(2)},

@@ -26,7 +26,7 @@ from benchmarks import over, start
 from sepv import problems, schemes
 from sepv.problem import Array
 from sepv.record._binary64 import EPS
-from sepv.simulate._engine import newton
+from sepv.simulate._compiled import newton
 from sepv.verification import energy_ulp
 from sepv.verification._tolerance import casimir_ulp, rounding_walk
 

@@ -54,8 +54,8 @@ if TYPE_CHECKING:
     from sepv.schemes._point_distributions import PointLaw as PointLaw
     from sepv.schemes._scheme import Scheme as Scheme
     from sepv.simulate._batch import Ensemble as Ensemble
-    from sepv.simulate._engine.ensemble import ensemble as ensemble
-    from sepv.simulate._engine.long import long_path as long_path
+    from sepv.simulate._ensembles.ensemble import ensemble as ensemble
+    from sepv.simulate._ensembles.long_path import long_path as long_path
     from sepv.simulate._paths import Trajectory as Trajectory
     from sepv.simulate._paths import integrate as integrate
     from sepv.verification import strategies as strategies
@@ -81,8 +81,8 @@ _HOME = {
         "schemes._point_distributions": "PointLaw",
         "schemes._scheme": "Scheme",
         "simulate._batch": "Ensemble",
-        "simulate._engine.ensemble": "ensemble",
-        "simulate._engine.long": "long_path",
+        "simulate._ensembles.ensemble": "ensemble",
+        "simulate._ensembles.long_path": "long_path",
         "simulate._paths": "Trajectory integrate",
         "verification._law": "Effort Verdict",
         "verification._outcome": "Report",

@@ -26,9 +26,9 @@ from sepv import problems, schemes
 from sepv.errors import Interrupted
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._batch import AXES
-from sepv.simulate._engine import on_dask
-from sepv.simulate._engine.crew import AHEAD
-from sepv.simulate._engine.workers import run_all
+from sepv.workers import _on_dask as on_dask
+from sepv.workers import run_all
+from sepv.workers._pool import AHEAD
 
 distributed = pytest.importorskip("distributed")
 

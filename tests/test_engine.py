@@ -22,8 +22,8 @@ from sepv import problems, schemes
 from sepv.problem import HamiltoniansProblem
 from sepv.schemes import divided
 from sepv.simulate import _wiener as wiener
-from sepv.simulate._engine.chunk import Chunk
-from sepv.simulate._engine.task import Task
+from sepv.simulate._compiled.block_run import Chunk
+from sepv.simulate._ensembles.task import Task
 from sepv.solve import Status
 
 pytest.importorskip("numba", reason="the extra `fast` is not installed")
@@ -237,7 +237,7 @@ def coefficients(draw: st.DrawFn, count: int, low: float, high: float) -> list[f
 def test_the_engine_takes_the_formula_of_any_scheme_and_nothing_that_is_around_one() -> None:
     from sepv.faults._saboteurs import SABOTEURS
     from sepv.schemes import energy_preserving
-    from sepv.simulate._engine.schemes import formula_of
+    from sepv.simulate._compiled.schemes import formula_of
 
     own = formula_of(energy_preserving)
     assert own is not None
@@ -308,8 +308,8 @@ def test_several_hamiltonians_are_compiled_from_the_record_of_the_formula(proble
 
 def test_systems_that_differ_in_coefficients_share_one_kernel() -> None:
     """Of either sign: a kernel takes seconds to compile."""
-    from sepv.simulate._engine.compile import _written, code_of
-    from sepv.simulate._engine.schemes import formula_of
+    from sepv.simulate._compiled.compile import _written, code_of
+    from sepv.simulate._compiled.schemes import formula_of
 
     rng, formula = np.random.default_rng(0), formula_of(EP)
     quartics = [
@@ -592,7 +592,7 @@ def test_more_paths_than_memory_holds_and_what_is_not_finite_are_refused_at_once
 
 
 def test_compiled_code_that_was_cut_off_is_compiled_again(tmp_path, monkeypatch) -> None:
-    from sepv.simulate._engine import store
+    from sepv.simulate._compiled import store
 
     monkeypatch.setenv("SEPV_CACHE_DIR", str(tmp_path))
     text = (
@@ -605,9 +605,9 @@ def test_compiled_code_that_was_cut_off_is_compiled_again(tmp_path, monkeypatch)
 
 
 def test_any_constant_that_reaches_compiled_code_changes_its_name(monkeypatch) -> None:
-    from sepv.simulate._engine import store
-    from sepv.simulate._engine.compile import _written, code_of
-    from sepv.simulate._engine.schemes import formula_of
+    from sepv.simulate._compiled import store
+    from sepv.simulate._compiled.compile import _written, code_of
+    from sepv.simulate._compiled.schemes import formula_of
 
     body = code_of(problems.rigid_body())
     here = Path(store.__file__)
@@ -656,7 +656,7 @@ def test_a_constant_changed_between_two_runs_reaches_the_compiled_code_of_the_se
     code = """if True:
         import numpy as np
         from sepv.simulate import _wiener as wiener
-        from sepv.simulate._engine.store import ordinary
+        from sepv.simulate._compiled.store import ordinary
         rng = np.stack([*np.broadcast_to(wiener.stream_words(5, wiener.grid(1)).T, (3, 1)), np.ones((1,), np.uint64)])
         rng = np.ascontiguousarray(rng[None], dtype=np.uint64)
         ordinary("lanes").mix(rng, 0)

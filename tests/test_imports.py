@@ -80,9 +80,9 @@ def test_imports_between_modules_go_one_way() -> None:
     assert lowest_first.index("sepv.solve._newton") < lowest_first.index("sepv.schemes._energy_preserving")
 
 
-def test_the_house_has_fifteen_rooms_and_each_says_what_it_is() -> None:
+def test_the_house_has_sixteen_rooms_and_each_says_what_it_is() -> None:
     rooms = [p.parent for p in (ROOT / "sepv").glob("*/__init__.py")]
-    assert len(rooms) <= 15, sorted(r.name for r in rooms)
+    assert len(rooms) <= 16, sorted(r.name for r in rooms)
     assert len(list((ROOT / "sepv").glob("*.py"))) <= 10
     for folder in rooms:
         said = ast.get_docstring(ast.parse((folder / "__init__.py").read_text())) or ""

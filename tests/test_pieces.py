@@ -11,8 +11,8 @@ import pytest
 pytest.importorskip("numba")
 from numba import njit
 
-from sepv.simulate._engine.functions import fma, logarithm, not_, select, sincos
-from sepv.simulate._engine.pieces import lane_piece, loaded
+from sepv.simulate._compiled.functions import fma, logarithm, not_, select, sincos
+from sepv.simulate._compiled.llvm import lane_piece, loaded
 
 L, PARAMETERS, NAN, HALF = 4, ("c0", "p0"), math.nan, 0.5
 LINES = [

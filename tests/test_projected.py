@@ -13,7 +13,7 @@ from sepv.record import polynomial
 from sepv.record._polynomial import constant
 from sepv.schemes._projected import Directions, solve_projection
 from sepv.solve import Status
-from sepv.solve._ends import ROUNDING
+from sepv.solve._stop_rule import ROUNDING
 from sepv.verification import Effort, Verdict, verify
 
 EPS = 2.0**-52

@@ -16,8 +16,8 @@ from sepv.schemes import Scheme
 from sepv.schemes._one_step import Implicit
 from sepv.solve import Status
 from sepv.solve._differences import difference_jacobian
+from sepv.solve._from_record import BLOCK, MOST, iteration
 from sepv.solve._solution import Solution
-from sepv.solve._straight import BLOCK, MOST, iteration
 
 NAMED = [
     problems.rigid_body(),

@@ -20,9 +20,9 @@ from rich.text import Text
 from sepv._terminal import Table, columns, fits, print_table
 from sepv.errors import require_one_of
 from sepv.faults._saboteurs import SABOTEURS, Saboteur
-from sepv.simulate._engine.crew import ended_at_once
 from sepv.verification import LAWS, Effort, Run, Verdict, load_laws
 from sepv.verification._verify import measure
+from sepv.workers import ended_at_once
 
 SEEDS = tuple(range(10))
 # A law takes one to ten seconds; a saboteur that is slower than this is an error of its own.

@@ -16,8 +16,8 @@ from sepv.schemes._further_increments import as_rows
 from sepv.schemes._scheme import Scheme, Solve, as_lanes, truncation_for
 from sepv.solve import solve as solve_implicit
 from sepv.solve._formula import Asked, Formula, counted
+from sepv.solve._from_record import iteration
 from sepv.solve._solution import IncrementFunction, JacobianFunction, Solution, require_converged
-from sepv.solve._straight import iteration
 
 # (problem, h, noise) -> (k, M): what a formula wants to know of the step; with more where the scheme asks for it.
 Parts = Callable[..., Array]

@@ -25,9 +25,9 @@ from sepv.schemes._explicit import end, explicit
 from sepv.schemes._explicit_tableaux import TABLEAUX
 from sepv.schemes._one_step import Solved, one_step
 from sepv.schemes._scheme import Scheme
-from sepv.solve._ends import ROUNDING
 from sepv.solve._formula import Asked
 from sepv.solve._solution import Solution, Status
+from sepv.solve._stop_rule import ROUNDING
 
 # Each iteration gains a factor of about |I″||y1 − y*|/|∇I|; a step that needs more than this is far too coarse.
 MOST = 30

@@ -1,8 +1,8 @@
-"""Paths and ensembles: Wiener increments, the loop over steps, the compiled engine, workers and clusters.
+"""Paths and ensembles: Wiener increments, the loop over steps, the compiled engine.
 
 Read `_wiener` first (increments that depend on the path and the step alone), `_truncation` (Remark 2.1),
-`_areas` (Lévy areas), `_paths` (one path), `_batch` (many in NumPy), then `_engine` (chunks of paths by NumPy or
-compiled, on threads, processes or a cluster) and `_results` (what is kept of many paths).
+`_areas` (Lévy areas), `_paths` (one path), `_batch` (many in NumPy), then `_ensembles` (chunks of paths, on workers),
+`_compiled` (code made for a problem and a scheme) and `_results` (what is kept of many paths).
 
 The engine is loaded when it is first used: laws and exact solutions need increments and batches alone.
 """
@@ -19,14 +19,14 @@ from sepv.simulate._truncation import truncation_bound as truncation_bound
 from sepv.simulate._wiener import increments as increments
 
 if TYPE_CHECKING:
-    from sepv.simulate._engine.ensemble import ensemble as ensemble
-    from sepv.simulate._engine.long import LongPath as LongPath
-    from sepv.simulate._engine.long import long_path as long_path
+    from sepv.simulate._ensembles.ensemble import ensemble as ensemble
+    from sepv.simulate._ensembles.long_path import LongPath as LongPath
+    from sepv.simulate._ensembles.long_path import long_path as long_path
     from sepv.simulate._paths import Trajectory as Trajectory
     from sepv.simulate._paths import integrate as integrate
 
 _HOME = {
-    "ensemble": "_engine.ensemble", "LongPath": "_engine.long", "long_path": "_engine.long",
+    "ensemble": "_ensembles.ensemble", "LongPath": "_ensembles.long_path", "long_path": "_ensembles.long_path",
     "Trajectory": "_paths", "integrate": "_paths",
 }  # fmt: skip
 

@@ -19,10 +19,9 @@ from sepv.problem import Array, Problem
 from sepv.problem._fields import Algebra, matvec
 from sepv.record._binary64 import EPS
 from sepv.record._polynomial import majorant
-from sepv.solve import _ends as ends
+from sepv.solve import _stop_rule as ends
 from sepv.solve._damped import approach
 from sepv.solve._differences import difference_jacobian, slopes
-from sepv.solve._ends import QUANTA, ROUNDING, STAGNATION
 from sepv.solve._solution import (
     Counts,
     Equations,
@@ -35,6 +34,7 @@ from sepv.solve._solution import (
     Status,
     merge,
 )
+from sepv.solve._stop_rule import QUANTA, ROUNDING, STAGNATION
 
 # Newton needs 3 to 5 iterations for steps that make sense; 40 leave room for damped starts.
 MAX_ITERATIONS = 40

@@ -166,7 +166,7 @@ def _side_by_side(
             take(name, None)
             take(name, finding)
 
-    from sepv.simulate._engine.workers import run_all  # the engine, which laws on one machine do without
+    from sepv.workers import run_all  # which laws on one worker do without
 
     run_all(partial(side_by_side.measured, task), groups, workers, threads=False, receive=arrived)
 

@@ -22,7 +22,7 @@ from sepv.schemes._guard import SchemeCrash
 from sepv.schemes._load_target import load_object
 from sepv.simulate import Ensemble
 from sepv.simulate._batch import CHUNK, judged, run_chunk
-from sepv.simulate._engine.ensemble import choose
+from sepv.simulate._ensembles.ensemble import choose
 from sepv.studies._evaluation_count import Work, counted
 
 

@@ -19,9 +19,9 @@ from sepv.schemes import Scheme
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate import ensemble
-from sepv.simulate._engine.ensemble import choose
-from sepv.simulate._engine.task import Task
-from sepv.simulate._engine.total import chunk_of
+from sepv.simulate._ensembles.collectors import chunk_of
+from sepv.simulate._ensembles.ensemble import choose
+from sepv.simulate._ensembles.task import Task
 from sepv.studies._energy_growth import rounding_walk
 from sepv.studies._picture import Series
 from sepv.studies._reproduce.record import Job, Results, Size, Statement, decide, sentence, series, stated_in

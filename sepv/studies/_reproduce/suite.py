@@ -13,8 +13,6 @@ from typing import Any
 from sepv._version import __version__
 from sepv.errors import UsageError
 from sepv.files import finite
-from sepv.simulate._engine.crew import ended_at_once
-from sepv.simulate._engine.workers import check, count, run_all
 from sepv.studies._reproduce import (
     deterministic,
     errata,
@@ -28,6 +26,7 @@ from sepv.studies._reproduce import (
     remarks,
 )
 from sepv.studies._reproduce.record import Job, Panel, Results, Size, Statement, counts
+from sepv.workers import check, count, ended_at_once, run_all
 
 SECTIONS = (
     figures_4_1_and_4_2, figure_4_3, figures_4_4_and_4_5, figure_4_6, deterministic, lemma, local, remarks, extensions,

@@ -1,6 +1,6 @@
 """A kernel being written: what the kernels of all schemes have in common.
 
-The loops are functions of `sepv.simulate._engine.kernels`. What they do to a lane is written here:
+The loops are functions of `sepv.simulate._compiled.kernels`. What they do to a lane is written here:
 straight-line code with selects, so that it becomes SIMD code. All state of a block lies in one scratch
 buffer at fixed offsets.
 """
@@ -10,17 +10,17 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Any
 
-from sepv.simulate._engine.code_builder import CodeBuilder, Expression, shown
-from sepv.simulate._engine.module import constants, text
-from sepv.simulate._engine.recorded import RecordedProblem
-from sepv.simulate._engine.schemes import Formula
+from sepv.simulate._compiled.code_builder import CodeBuilder, Expression, shown
+from sepv.simulate._compiled.layout import constants, text
+from sepv.simulate._compiled.recorded import RecordedProblem
+from sepv.simulate._compiled.schemes import Formula
 
 
 class Writer(ABC):
     """A kernel being written: `text` is the module's source, `parameters` what it reads after the c_j."""
 
     imports = ""
-    # The function of `sepv.simulate._engine.kernels` that advances a block.
+    # The function of `sepv.simulate._compiled.kernels` that advances a block.
     kernel: str
 
     def __init__(

@@ -23,14 +23,14 @@ from sepv.schemes._scheme import Step
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._batch import CHUNK, Ensemble
-from sepv.simulate._engine.compile import FEW, CannotCompile, kernel
-from sepv.simulate._engine.module import LANES
-from sepv.simulate._engine.task import Task, portable
-from sepv.simulate._engine.total import InMemory, OnDisk, Reduced, Reducing, Total, run
-from sepv.simulate._engine.workers import check, run_all
-from sepv.simulate._engine.workers import count as threads_of
+from sepv.simulate._compiled.compile import FEW, CannotCompile, kernel
+from sepv.simulate._compiled.layout import LANES
+from sepv.simulate._ensembles.collectors import InMemory, OnDisk, Reduced, Reducing, Total, run
+from sepv.simulate._ensembles.task import Task, portable
 from sepv.simulate._results.reductions import Functionals, validate
 from sepv.simulate._run_arguments import initial_state, prepared, step_count
+from sepv.workers import check, run_all
+from sepv.workers import count as threads_of
 
 ENGINES = ("auto", "numpy", "compiled")
 # Chunks for each worker, so that one that is slower than the others does not keep them waiting.

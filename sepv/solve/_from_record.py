@@ -22,10 +22,10 @@ from sepv.problem._fields import cramer
 from sepv.record import CannotRecord, NoClosedForm
 from sepv.record._arrays import Source, source
 from sepv.record._binary64 import EPS
-from sepv.solve._ends import STAGNATION, is_rounding, is_small, is_stuck, share
 from sepv.solve._formula import Formula
 from sepv.solve._recorded import Recorded
 from sepv.solve._solution import Counts, Solution
+from sepv.solve._stop_rule import STAGNATION, is_rounding, is_small, is_stuck, share
 
 # Steps that make sense take three to five. Longer ones may have several solutions, or none: the general solver knows.
 MOST = 7

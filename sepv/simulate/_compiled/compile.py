@@ -14,13 +14,13 @@ from sepv.problem import Array, CommutingStructure, HamiltoniansProblem, Problem
 from sepv.problem._structures import each_noise, noise_structures
 from sepv.record import CannotRecord, NoClosedForm
 from sepv.schemes import Scheme, Systems
-from sepv.simulate._engine.module import LANES
-from sepv.simulate._engine.newton import NewtonWriter
-from sepv.simulate._engine.projected import ProjectedWriter
-from sepv.simulate._engine.recorded import RecordedProblem
-from sepv.simulate._engine.schemes import Collocation, Formula, formula_of
-from sepv.simulate._engine.stages import StagesWriter
-from sepv.simulate._engine.writer import ExplicitWriter, Writer
+from sepv.simulate._compiled.layout import LANES
+from sepv.simulate._compiled.newton import NewtonWriter
+from sepv.simulate._compiled.projected import ProjectedWriter
+from sepv.simulate._compiled.recorded import RecordedProblem
+from sepv.simulate._compiled.schemes import Collocation, Formula, formula_of
+from sepv.simulate._compiled.stages import StagesWriter
+from sepv.simulate._compiled.writer import ExplicitWriter, Writer
 
 # Up to this many paths run one by one: a block of lanes would be mostly empty. The bits are the same.
 FEW = 8
@@ -67,7 +67,7 @@ def _installed() -> bool:
 
 @lru_cache(maxsize=256)
 def _loaded(code: RecordedProblem, formula: Formula, lanes: int, compensated: bool) -> Kernel:
-    from sepv.simulate._engine.store import load
+    from sepv.simulate._compiled.store import load
 
     noises = code.problem.noises
     text, parameters = _written(code, formula, noises, lanes, compensated)

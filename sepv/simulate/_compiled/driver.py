@@ -1,7 +1,7 @@
 """The loop over the steps of a chunk of blocks: draw increments, sum them, and let a generated kernel advance.
 
 The kernel is an argument, the address of a function, so that this file is compiled once for all of them: a call costs
-50 ns and is made for some thousand path-steps. Needs numba; loaded by `sepv.simulate._engine.store`, by its content.
+50 ns and is made for some thousand path-steps. Needs numba; loaded by `sepv.simulate._compiled.store`, by its content.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
-from sepv.simulate._engine.functions import select
-from sepv.simulate._engine.lanes import aligned, begin, fill, scratch_of
-from sepv.simulate._engine.module import ALIVE, DONE, FAILED, LANES, LIVING
-from sepv.simulate._engine.signatures import RUN, address, call_advance, call_begin, call_fill
+from sepv.simulate._compiled.functions import select
+from sepv.simulate._compiled.lanes import aligned, begin, fill, scratch_of
+from sepv.simulate._compiled.layout import ALIVE, DONE, FAILED, LANES, LIVING
+from sepv.simulate._compiled.signatures import RUN, address, call_advance, call_begin, call_fill
 
 BEGINNING, FILLING = address(begin), address(fill)
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from sepv.schemes._projected import DEPENDENT, MOST
-from sepv.simulate._engine.code_builder import CodeBuilder, Expression, shown
-from sepv.simulate._engine.linear import magnitude
-from sepv.simulate._engine.writer import Writer
+from sepv.simulate._compiled.code_builder import CodeBuilder, Expression, shown
+from sepv.simulate._compiled.linear import magnitude
+from sepv.simulate._compiled.writer import Writer
 
 # Iterations in registers, before and with the first test: a step of a good length needs two.
 BLIND = 2

@@ -3,7 +3,7 @@
 A lane is done where its correction m, applied, leaves an error below rounding: Newton's corrections shrink
 quadratically, so that the next one is m³/m_before², or m by the relative error of Newton's matrix where that is more.
 A lane that is not done after a few steps, that overflows or leaves the domain, is solved again from the start by
-`sepv.solve`, with every test and its status (`sepv.simulate._engine.chunk`).
+`sepv.solve`, with every test and its status (`sepv.simulate._compiled.block_run`).
 
 Where the equation is z = Δ P(ȳ), ȳ = y + z/2, with short polynomials P ((2.1) and the midpoint rule where H is
 quadratic and B linear) the unknown is ȳ itself at first: a sweep ȳ ← y + ½Δ P(ȳ) costs a product and a sum for each
@@ -19,12 +19,12 @@ from typing import Any
 
 from sepv.record import Polynomial
 from sepv.record._polynomial import gradient as slopes_of
-from sepv.simulate._engine.code_builder import CodeBuilder, Expression, Table, shown
-from sepv.simulate._engine.linear import contraction, correct
-from sepv.simulate._engine.module import GROUP, LEFT
-from sepv.simulate._engine.recorded import RecordedProblem
-from sepv.simulate._engine.schemes import Formula, middle, scaled_field
-from sepv.simulate._engine.writer import Writer
+from sepv.simulate._compiled.code_builder import CodeBuilder, Expression, Table, shown
+from sepv.simulate._compiled.layout import GROUP, LEFT
+from sepv.simulate._compiled.linear import contraction, correct
+from sepv.simulate._compiled.recorded import RecordedProblem
+from sepv.simulate._compiled.schemes import Formula, middle, scaled_field
+from sepv.simulate._compiled.writer import Writer
 
 # Sweeps z ← Δ f(ȳ) before Newton's iteration. Where H is at most quadratic they solve the equation itself and leave
 # O(Δ⁵) for what a step of the iteration costs, which leaves O(Δ³), as two of them do elsewhere. Sweeps of ȳ cost less:

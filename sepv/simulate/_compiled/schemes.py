@@ -1,7 +1,7 @@
 """How the engine takes the step of each scheme: by the record of its formula, or by code for staged and projected ones.
 
 R and K share what they have in common, since an expression written twice has one name: see
-`sepv.simulate._engine.code_builder`.
+`sepv.simulate._compiled.code_builder`.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from sepv.schemes import _one_step as one_step
 from sepv.schemes._energy_preserving import formula as energy_preserving
 from sepv.schemes._midpoint import formula as midpoint
 from sepv.schemes._tableaux import MAX_STAGES, gauss_tableau
-from sepv.simulate._engine.code_builder import CodeBuilder, Expression, Table
-from sepv.simulate._engine.recorded import RecordedProblem
+from sepv.simulate._compiled.code_builder import CodeBuilder, Expression, Table
+from sepv.simulate._compiled.recorded import RecordedProblem
 from sepv.solve import _formula as formula
 
 

@@ -20,7 +20,7 @@ _integers, _int, _float = types.int64[::1], types.int64, types.float64
 ADVANCE = _int(_vector, _integers, _block, _int, _int, _float, _float, _vector, _int)
 # start(S, I, increments, P): the invariants of a block whose states are set.
 START = types.void(_vector, _integers, _block, _vector)
-# See `sepv.simulate._engine.lanes` and `sepv.simulate._engine.driver`.
+# See `sepv.simulate._compiled.lanes` and `sepv.simulate._compiled.driver`.
 _scratch = types.Tuple((types.uint64[::1], types.uint8[::1]))
 _words = types.uint64[:, ::1]
 _streams, _stacks = types.uint64[:, :, :, ::1], types.float64[:, :, :, ::1]
@@ -67,7 +67,7 @@ call_advance, call_begin, call_fill = calling(ADVANCE), calling(BEGIN), calling(
 
 @intrinsic
 def call_left_over(typingctx: Any, where: Any, S: Any, I: Any, increments: Any, width: Any) -> Any:  # noqa: ARG001 - numba's
-    """A C function at an address, of three addresses and a number: `sepv.simulate._engine.chunk`."""
+    """A C function at an address, of three addresses and a number: `sepv.simulate._compiled.block_run`."""
 
     def code(_context: Any, builder: Any, _signature: Any, values: Any) -> Any:
         kind = ir.FunctionType(ir.IntType(64), [ir.IntType(64)] * 4)

@@ -19,9 +19,9 @@ import numpy as np
 from sepv.problem import Array
 from sepv.schemes._collocation import FIRST_NODES, MAX_NODES
 from sepv.schemes._tableaux import exact_nodes, moments
-from sepv.simulate._engine.code_builder import CodeBuilder, shown
-from sepv.simulate._engine.schemes import Collocation, at
-from sepv.simulate._engine.writer import Writer
+from sepv.simulate._compiled.code_builder import CodeBuilder, shown
+from sepv.simulate._compiled.schemes import Collocation, at
+from sepv.simulate._compiled.writer import Writer
 
 # Sweeps before the first test, which costs half a sweep, and sweeps after it: while one lane of a block goes on, each
 # costs what forty lanes take, and Newton's iteration for one lane a hundred times as much.
@@ -35,7 +35,7 @@ class StagesWriter(Writer):
     """The kernel of an s-stage method."""
 
     formula: Collocation
-    imports = "from sepv.simulate._engine.stages import rules\n"
+    imports = "from sepv.simulate._compiled.stages import rules\n"
 
     @property
     def nodes(self) -> int:

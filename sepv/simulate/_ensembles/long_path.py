@@ -19,9 +19,9 @@ from sepv.schemes._guard import ask_once
 from sepv.schemes._scheme import Step
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
-from sepv.simulate._engine.ensemble import choose
-from sepv.simulate._engine.task import Task
-from sepv.simulate._engine.total import chunk_of
+from sepv.simulate._ensembles.collectors import chunk_of
+from sepv.simulate._ensembles.ensemble import choose
+from sepv.simulate._ensembles.task import Task
 from sepv.simulate._run_arguments import initial_state, prepared, step_count
 from sepv.solve import Status
 

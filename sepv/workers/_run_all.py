@@ -13,7 +13,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from sepv.errors import UsageError
-from sepv.simulate._engine.crew import Futures, cannot_travel, crew_of_processes, crew_of_threads
+from sepv.workers._pool import Futures, cannot_travel, crew_of_processes, crew_of_threads
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -65,7 +65,7 @@ def run_all(
     workers : an int of threads (where `threads`: the function releases the GIL) or processes; an executor, or its
         `map`, which gets the chunks one by one, so that none that is finished is lost when a worker dies; any other
         map-like callable, which gets a function and numbered tasks, and may return what came of them in any order; or
-        Dask, see `sepv.simulate._engine.on_dask`
+        Dask, see `sepv.workers._on_dask`
     receive : returns True where no more are wanted
     bounded : whether results must not pile up: a map then gets the tasks in lots. All others never have more than a few
         tasks for each worker beyond the first that is unfinished.
@@ -87,7 +87,7 @@ def run_all(
             return _flow(crew, function, tasks, receive)
     cluster, executor = _dask(workers), _executor(workers)
     if cluster is not None:
-        from sepv.simulate._engine.on_dask import dask_crew
+        from sepv.workers._on_dask import dask_crew
 
         with dask_crew(cluster, function, alike) as crew:
             return _flow(crew, function, tasks, receive)

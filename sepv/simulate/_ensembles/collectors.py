@@ -13,10 +13,10 @@ from sepv.errors import UsageError
 from sepv.problem import Problem
 from sepv.problems import build
 from sepv.simulate._batch import AXES, Ensemble
-from sepv.simulate._engine.crew import Halted, halted
-from sepv.simulate._engine.task import NumpyChunk, Task
+from sepv.simulate._ensembles.task import NumpyChunk, Task
 from sepv.simulate._results.reductions import Functionals, Summary, reached, reduce_chunk
 from sepv.simulate._results.zarr_store import COUNTED, ZarrStore
+from sepv.workers import Halted, halted
 
 PathProgress = Callable[[int, int], None] | None
 
@@ -28,7 +28,7 @@ PIECE = 2**21
 def chunk_of(task: Task, problem: Problem) -> Any:
     """The chunk before its first step, in NumPy or with a kernel that is compiled for it."""
     if task.compiled:
-        from sepv.simulate._engine.chunk import Chunk
+        from sepv.simulate._compiled.block_run import Chunk
 
         return Chunk(task, problem)
     return NumpyChunk(task, problem)

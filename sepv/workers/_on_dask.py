@@ -24,7 +24,7 @@ from typing import Any
 from sepv._arguments import optional
 from sepv._version import __version__
 from sepv.errors import ClusterFailure, UsageError
-from sepv.simulate._engine.crew import AHEAD, Futures, Outcome, cannot_travel
+from sepv.workers._pool import AHEAD, Futures, Outcome, cannot_travel
 
 # A chunk that raised is tried so often again by Dask; after that once here, where the error is seen as it is.
 RETRIES = 1

@@ -10,7 +10,7 @@ from typing import Any
 
 from sepv.record import NoClosedForm, Symbol, Tape, gradient, jacobian
 from sepv.record._derivative import reachable
-from sepv.simulate._engine.code_builder import CodeBuilder, Expression, Table, shown
+from sepv.simulate._compiled.code_builder import CodeBuilder, Expression, Table, shown
 from sepv.solve._formula import Formula
 from sepv.solve._recorded import Recorded
 
@@ -234,7 +234,7 @@ def imports(tape: Tape) -> str:
     """Imports of the functions on a tape."""
     names = {line.name for line in tape.lines}
     of = {
-        "sepv.simulate._engine.functions": {_CALLS[name][0] for name in names & _CALLS.keys()},
+        "sepv.simulate._compiled.functions": {_CALLS[name][0] for name in names & _CALLS.keys()},
         "numpy": names & {"tan", "exp", "expm1", "log1p", "sqrt", "sinh", "cosh", "tanh", "arctan"},
     }
     return "".join(f"from {module} import {', '.join(sorted(own))}\n" for module, own in of.items() if own)

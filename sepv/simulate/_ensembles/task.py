@@ -14,7 +14,7 @@ from sepv.schemes import Scheme
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._batch import Batch, Ensemble
-from sepv.simulate._engine.crew import Halted, halted
+from sepv.workers import Halted, halted
 
 # Steps whose increments the NumPy engine holds at once.
 PIECE = 256

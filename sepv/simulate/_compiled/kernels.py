@@ -1,8 +1,8 @@
 """The kernels of the compiled engine: loops over steps, lanes and iterations, as ordinary functions.
 
-A generated module (`sepv.simulate._engine.module`) compiles them by `compiled` with names of its own in place of those
-that stand first here: the sizes of a problem and the pieces of straight-line code (`sepv.simulate._engine.pieces`)
-that are printed from its records. All state of a block lies in one scratch buffer S at fixed offsets, its integers
+A generated module (`sepv.simulate._compiled.layout`) compiles them by `compiled` with names of its own in place of
+those that stand first here: the sizes of a problem and the pieces of straight-line code
+(`sepv.simulate._compiled.llvm`) that are printed from its records. All state of a block lies in one scratch buffer S at fixed offsets, its integers
 in I. What a lane does never depends on the others.
 """
 
@@ -14,8 +14,8 @@ from typing import Any
 
 from numba import njit
 
-from sepv.simulate._engine.functions import prefer_512_bit, prefetch
-from sepv.simulate._engine.signatures import call_left_over
+from sepv.simulate._compiled.functions import prefer_512_bit, prefetch
+from sepv.simulate._compiled.signatures import call_left_over
 
 # What a generated module defines; the values here are never used.
 _made: Any = None

@@ -13,9 +13,9 @@ from sepv.schemes._point_distributions import point_law
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._batch import Ensemble
-from sepv.simulate._engine import module as layout
-from sepv.simulate._engine.compile import FEW, Kernel, kernel
-from sepv.simulate._engine.task import Task
+from sepv.simulate._compiled import layout
+from sepv.simulate._compiled.compile import FEW, Kernel, kernel
+from sepv.simulate._ensembles.task import Task
 from sepv.solve import Status
 
 
@@ -41,7 +41,7 @@ class Chunk:
     """The state of a chunk between two calls of its kernel; `advance` goes on where it was left."""
 
     def __init__(self, task: Task, problem: Problem) -> None:
-        from sepv.simulate._engine.store import ordinary
+        from sepv.simulate._compiled.store import ordinary
 
         lanes = 1 if task.count <= FEW else layout.LANES
         self.task, self.problem, self.driver = task, problem, ordinary("driver")

@@ -12,9 +12,9 @@ import numpy as np
 from numba import njit
 from numba.np.random._constants import fi_double, ki_double, wi_double, ziggurat_nor_inv_r, ziggurat_nor_r
 
-from sepv.simulate._engine.functions import lowest_bit, marked, prefer_512_bit, select
-from sepv.simulate._engine.module import CACHE_LINE
-from sepv.simulate._engine.signatures import BEGIN, FILL
+from sepv.simulate._compiled.functions import lowest_bit, marked, prefer_512_bit, select
+from sepv.simulate._compiled.layout import CACHE_LINE
+from sepv.simulate._compiled.signatures import BEGIN, FILL
 from sepv.simulate._wiener import MIXING, STREAMS
 
 _OPTIONS: Any = {"error_model": "numpy", "nogil": True, "cache": True}

@@ -7,8 +7,8 @@ from typing import Any
 
 from sepv.problem._fields import cramer
 from sepv.record import Tape
-from sepv.simulate._engine.code_builder import CodeBuilder, Expression, Table, shown
-from sepv.simulate._engine.recorded import emit
+from sepv.simulate._compiled.code_builder import CodeBuilder, Expression, Table, shown
+from sepv.simulate._compiled.recorded import emit
 
 # Unknowns up to which Cramer's rule is written out.
 CRAMER = 3

@@ -111,7 +111,7 @@ def ordinary(name: str) -> ModuleType:
     """
     text = (Path(__file__).parent / f"{name}.py").read_text(encoding="utf-8")
     if name == "driver":
-        text = text.replace("sepv.simulate._engine.lanes", ordinary("lanes").__name__)
+        text = text.replace("sepv.simulate._compiled.lanes", ordinary("lanes").__name__)
     return load(text)
 
 

@@ -1,0 +1,14 @@
+"""Workers: numbered tasks on threads, processes, an executor, a map or a Dask cluster.
+
+Read `_run_all` first (what workers may be, and a task that is computed again), then `_pool` (threads, processes,
+futures) and `_on_dask`.
+"""
+
+from __future__ import annotations
+
+from sepv.workers._pool import Halted as Halted
+from sepv.workers._pool import ended_at_once as ended_at_once
+from sepv.workers._pool import halted as halted
+from sepv.workers._run_all import check as check
+from sepv.workers._run_all import count as count
+from sepv.workers._run_all import run_all as run_all
