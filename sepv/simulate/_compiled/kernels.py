@@ -2,8 +2,8 @@
 
 A generated module (`sepv.simulate._compiled.layout`) compiles them by `compiled` with names of its own in place of
 those that stand first here: the sizes of a problem and the pieces of straight-line code
-(`sepv.simulate._compiled.llvm`) that are printed from its records. All state of a block lies in one scratch buffer S at fixed offsets, its integers
-in I. What a lane does never depends on the others.
+(`sepv.simulate._compiled.llvm`) that are printed from its records. All state of a block lies in one scratch buffer S
+at fixed offsets, its integers in I. What a lane does never depends on the others.
 """
 
 from __future__ import annotations
