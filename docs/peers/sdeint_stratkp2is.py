@@ -5,8 +5,8 @@ The step is the formula (4.5), (4.7) of Kloeden and Platen, §12.4, as its docst
 quartered the error of order 1 falls by 4: it does for the second, and comes to fall by 2 for the first; so does its
 mean. The difference (G(y + fh + g√h) − G(y))/√h · J with J = ½ΔW² contains ½ g″(g, g) √h J, whose mean is of order
 h^1.5 in each step, since J has the mean h/2. (The Itô integral I has mean zero.) That is a property of the formula,
-and no slip in its code is known. In StochasticDiffEq.jl such a difference had order ½ as well, and was
-mended (SciML/StochasticDiffEq.jl, issue 19, 2017-08-18).
+and no slip in its code is known. In StochasticDiffEq.jl such a difference had order ½ as well, and was mended
+(SciML/StochasticDiffEq.jl, issue 19, 2017-08-18).
 
 Exit code 1 while this is so, 0 where the error falls as documented.
 """
