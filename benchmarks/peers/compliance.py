@@ -156,7 +156,7 @@ def _introduction() -> str:
         "through its own library's code in float64, with the increment given.",
         f"\n\nOrders are slopes of the rms error against the exact flow over [0, {SETUPS[0].T:g}] with",
         f"{steps} steps (sepv's own scheme truncates its increments and begins with {SETUPS[0].steps[0] // 2}), with",
-        f"intervals over paths; the false-alarm rate of a whole run is {FALSE_ALARM:g}. Solvers that",
+        f"intervals over paths; the nominal false-alarm rate of a whole run is {FALSE_ALARM:g}. Solvers that",
         f"take one state at a time get {FIRST_LOOK} paths, which leaves more verdicts open.",
         f"Energy defects are the largest |H(y_n) − H(y_0)| of {PATHS} paths over [0, 1] with {ENERGY_STEPS}",
         "steps, in energy ulps eps·|∇H|·|y|. A solver that hands state from step to step is measured over whole",

@@ -162,7 +162,7 @@ additive, with constant fields. One problem for each, with c_j = ½:
 *local-weak* ([laws](laws.md)): slopes of errors by quadrature, with no path and no chance. The reference shows strong
 orders up to 1, or 1.5 of a solver that sees space-time areas where the noises commute. **Paths**: the slope of the rms
 error at T = {T:g} with {", ".join(map(str, STEPS))} steps, with its interval over {PATHS} paths ({SINGLE} of solvers
-that take one state at a time), which misses with probability {ALPHA:g}; a dash where an order above that of the
+that take one state at a time), which misses with nominal probability {ALPHA:g}; a dash where an order above that of the
 reference, 1, is documented. §: the solver hands state from step to step, and the one step is its first; the paths are
 the solver's own.
 

@@ -1,8 +1,9 @@
 """Statistical verdicts: more paths only while the verdict is open, up to a budget, then inconclusive.
 
-FALSE_ALARM bounds the probability that chance in the paths makes a whole run of all laws accuse a correct scheme. It is
-split evenly over the statistical laws, the problems and the looks (Bonferroni): each look judges by intervals that
-together miss with that share. What the intervals really miss is measured by `benchmarks.coverage`.
+FALSE_ALARM bounds the nominal probability that chance in the paths makes a whole run of all laws accuse a correct
+scheme. It is split evenly over the statistical laws, the problems and the looks (Bonferroni): each look judges by
+intervals that together miss with that share. The intervals are asymptotic, so that the bound is an extrapolation from
+what `benchmarks.coverage` counts, at larger shares, that they really miss.
 """
 
 from __future__ import annotations
@@ -228,7 +229,7 @@ def _explained(
         lines += [_wanted(scheme, setup, assess, errors, alpha) for setup, errors in decisive]
     setup, errors = decisive[0]
     lines.append(worst_path(setup.build(), errors, run.effort.seed, drawn=not is_tilted(scheme)))
-    said = f"intervals miss with probability {alpha:.1e}; false alarms of a whole run ≤ {FALSE_ALARM:g}"
+    said = f"intervals miss with nominal probability {alpha:.1e}; in a whole run nominally ≤ {FALSE_ALARM:g}"
     return [*lines, said]
 
 
