@@ -9,7 +9,6 @@ from sepv import problems, schemes
 from sepv.schemes import Scheme
 from sepv.verification import Case, Effort, Law, Measurement, Run, Verdict, load_laws, searched, verify
 from sepv.verification import _search as search
-from sepv.verification._cases.same_draws import without_local_constants
 from sepv.verification._verify import replay
 
 # A violation lies in a thousandth of the states, on a slope of the defect that is seen from all of them.
@@ -46,23 +45,16 @@ def test_without_the_target_it_is_missed(monkeypatch: pytest.MonkeyPatch) -> Non
     assert verdicts().count(Verdict.VIOLATED) <= 2
 
 
-def test_examples_are_drawn_from_the_constants_of_hypothesis_alone() -> None:
-    """Private names of Hypothesis: where a release moves them this fails, and runs depend on what else is loaded."""
-    from hypothesis.internal.conjecture import providers
-
-    before = providers._get_local_constants
-    with without_local_constants():
-        assert providers._get_local_constants() == providers.Constants()
-    assert providers._get_local_constants is before
-
-
 def test_a_defect_that_is_not_a_number_is_no_tolerance() -> None:
     log, case = search._Log(), Case(problems.rigid_body().data, (0.8, 0.6, 0.0), 0.125, (0.25,))
-    nothing = Measurement(float("nan"), 1.0)
+
+    def check(*_: object) -> Measurement:
+        return Measurement(float("nan"), 1.0)
+
     with pytest.raises(search._Violation):
-        search._measure(log, schemes.midpoint, case, lambda *_: nothing, False)
+        search._measure(log, schemes.midpoint, case, check, False)
     (energy,) = load_laws(["energy"])
-    assert "tolerance" not in search._conclude(energy, schemes.midpoint, log).message
+    assert "tolerance" not in search._conclude(energy, schemes.midpoint, log, check).message
 
 
 @pytest.mark.parametrize("checks", [0, 3, 10, 30])

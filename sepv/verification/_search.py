@@ -23,6 +23,7 @@ from hypothesis import strategies as st
 from hypothesis.errors import Unsatisfiable
 
 from sepv._journal import note_case
+from sepv._patches import without_local_constants
 from sepv._terminal import counted
 from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure
 from sepv.record._binary64 import EPS
@@ -33,7 +34,6 @@ from sepv.verification._cases.case import Case
 from sepv.verification._cases.case_of_law import NOT_OF_HAMILTONIANS
 from sepv.verification._cases.fixed_cases import may_be_refused
 from sepv.verification._cases.hamiltonians import HAMILTONIANS
-from sepv.verification._cases.same_draws import without_local_constants
 from sepv.verification._cases.shrink import shrunk
 from sepv.verification._cases.spaces import SPACES
 from sepv.verification._cases.strata import Space

@@ -18,6 +18,8 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
+from sepv._patches import add_attribute
+
 _inline: Any = njit(error_model="numpy", forceinline=True, cache=True)
 
 # π/2 in three parts of 22, 22 and 53 bits: k·part is exact for |k| < 2³¹.
@@ -65,12 +67,11 @@ def fma(typingctx: Any, a: Any, b: Any, c: Any) -> Any:  # noqa: ARG001 - numba'
 def prefer_512_bit(typingctx: Any) -> Any:  # noqa: ARG001 - numba's signature
     """Asks LLVM for registers of 512 bits where there are any: on Intel's it takes 256 by default.
 
-    For loops of nothing but arithmetic that is 1.4 times slower. llvmlite knows no such attribute of a function
-    and refuses its name, which LLVM takes, so that it is put into the set past the check.
+    For loops of nothing but arithmetic that is 1.4 times slower.
     """
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001 - numba's
-        set.add(builder.function.attributes, '"prefer-vector-width"="512"')
+        add_attribute(builder.function.attributes, '"prefer-vector-width"="512"')
         return context.get_dummy_value()
 
     return types.void(), code

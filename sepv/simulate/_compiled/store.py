@@ -19,8 +19,8 @@ import llvmlite
 import numba
 import numpy as np
 from llvmlite import binding
-from numba.np import linalg
 
+from sepv._patches import put_off_blas
 from sepv.files import cache_folder
 
 # Where a module's source has the names that it imports from sepv.
@@ -28,23 +28,7 @@ _IMPORTS = re.compile(r"^from (sepv[\w.]*) import (.+)$", re.MULTILINE)
 _Number = (bool, int, float, str, np.generic)
 
 
-def _put_off_blas() -> None:
-    """Has numba import scipy.linalg when somebody's code calls BLAS: that is a fifth of the time of a first ensemble.
-
-    numba.np.arraymath imports it to learn whether it is there, and it is, since sepv needs SciPy. What calls BLAS asks
-    numba.np.linalg.ensure_blas again.
-    """
-    if "numba.np.arraymath" in sys.modules or not hasattr(linalg, "ensure_blas"):
-        return
-    asked = linalg.ensure_blas
-    linalg.ensure_blas = lambda: None
-    try:
-        importlib.import_module("numba.np.arraymath")
-    finally:
-        linalg.ensure_blas = asked
-
-
-_put_off_blas()
+put_off_blas()
 
 
 @cache
