@@ -229,8 +229,6 @@ def _searched(check: Check) -> Law:
         fixed_cases=fixed_cases,
         faults_violate=True,
         always_claimed=True,
-        level=1,
-        needed=True,
     )
 
 

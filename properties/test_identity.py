@@ -71,7 +71,6 @@ law = searched(
     cases=cases,
     check=check,
     admits=admits,
-    level=1,
 )
 
 

@@ -8,7 +8,7 @@ from sepv.schemes import Scheme
 from sepv.verification import Effort, Finding, Law, Run, require
 from sepv.verification._law import pathwise
 from sepv.verification._orders.local_example import mean_example
-from sepv.verification._orders.local_orders import judge, mean_slope
+from sepv.verification._orders.local_orders import judge, mean_slope, strong_order
 
 
 def run(law: Law, scheme: Scheme, own: Run) -> Finding:
@@ -18,7 +18,9 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
         scheme,
         own,
         lambda found: found.mean,
-        lambda found: mean_slope(scheme.mean_square_order, found),
+        lambda found: strong_order(scheme, found.column),
+        mean_slope,
+        0.5,
         example=mean_example,
     )
 
@@ -37,7 +39,6 @@ law = Law(
     steps=9200,
     run=pathwise(run),
     replay=replay,
-    level=2,
 )
 
 

@@ -10,15 +10,15 @@ from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._law import pathwise
 from sepv.verification._orders.local_errors import LocalErrors
 from sepv.verification._orders.local_example import step_example
-from sepv.verification._orders.local_orders import MARGIN, judge, unclaimed
+from sepv.verification._orders.local_orders import MARGIN, judge, strong_order
 
 
 def run(law: Law, scheme: Scheme, own: Run) -> Finding:
     """The slope against the claimed order, or against order 1 where none is claimed."""
     claimed = scheme.mean_square_order
 
-    def least(found: LocalErrors) -> float:
-        return order_of(claimed, found.column, unclaimed(found.column)) + 0.5 - MARGIN
+    def needs(_: LocalErrors, order: float) -> float:
+        return order + 0.5 - MARGIN
 
     known = 1.5 if scheme.asks == "space-time" else 1.0
     if (
@@ -28,7 +28,10 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
     ):
         text = f"of several Hamiltonians the reference of this law is known up to order {known:g}"
         return law.finding(Verdict.NOT_APPLICABLE, message=text)
-    return judge(law, scheme, own, lambda found: found.rms, least, example=step_example)
+    return judge(
+        law, scheme, own, lambda found: found.rms, lambda found: strong_order(scheme, found.column), needs, 0.5,
+        example=step_example,
+    )  # fmt: skip
 
 
 def replay(law: Law, scheme: Scheme, _witness: dict[str, Any]) -> Finding:
@@ -44,7 +47,6 @@ law = Law(
     cost=0.1,
     run=pathwise(run),
     replay=replay,
-    level=2,
 )
 
 

@@ -8,9 +8,10 @@ from __future__ import annotations
 from typing import Any
 
 from sepv.schemes import Scheme
+from sepv.schemes._order_claims import order_of
 from sepv.verification import Effort, Finding, Law, Run, require
 from sepv.verification._orders.local_example import weak_example
-from sepv.verification._orders.local_orders import judge, weak_slope
+from sepv.verification._orders.local_orders import judge, mean_slope
 
 
 def run(law: Law, scheme: Scheme, own: Run) -> Finding:
@@ -20,7 +21,9 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
         scheme,
         own,
         lambda found: found.weak,
-        lambda found: weak_slope(scheme.weak_order, found),
+        lambda found: order_of(scheme.weak_order, found.column),
+        mean_slope,
+        1.0,
         example=weak_example,
     )
 
@@ -38,7 +41,6 @@ law = Law(
     cost=0.1,
     run=run,
     replay=replay,
-    level=2,
 )
 
 

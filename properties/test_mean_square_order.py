@@ -29,36 +29,42 @@ def assessing(claimed: float | None, tilted: bool) -> Assess:
 
     def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
         kind = column(problem)
-        bound = order_of(claimed, kind, unclaimed(kind)) - MARGIN
+        order = order_of(claimed, kind, unclaimed(kind))
+        bound = order - MARGIN
         kept = above_floor(errors)
         if kept.sum() < 2:
-            return at_the_floor(errors, bound)
+            return at_the_floor(errors, order)
         value, low, high = mean_square_order(errors, alpha, more=more, weighted=tilted)
         verdict = Verdict.HOLDS if low > bound else Verdict.VIOLATED if high < bound else Verdict.INCONCLUSIVE
-        return Assessment(verdict, value, low, high, bound, f"{value:.3g} in [{low:.3g}, {high:.3g}]")
+        text = f"{value:.3g} in [{low:.3g}, {high:.3g}]"
+        return Assessment(
+            verdict, value, low, high, bound, text, max(order_above(low), order * (low > bound))
+        )
 
     return assess
 
 
-def at_the_floor(errors: StrongErrors, bound: float) -> Assessment:
+def order_above(low: float) -> float:
+    """The largest multiple of ½ of which `low`, the lower end of a slope's interval, lies above p − MARGIN; 0 for none.
+
+    The interval says so with the confidence of the run, whatever was claimed.
+    """
+    return max(0.0, math.ceil(2 * (low + MARGIN) - 1) / 2) if math.isfinite(low) else 0.0
+
+
+def at_the_floor(errors: StrongErrors, order: float) -> Assessment:
     """Errors at the rounding floor are bounded by C h^p with a tiny C: nothing is seen that contradicts the order.
 
     Where the coarsest step alone is above the floor, the others must lie below what the order predicts from it.
     """
-    kept, rms, floor = above_floor(errors), errors.rms(), floors(errors)
+    kept, rms, floor, bound = above_floor(errors), errors.rms(), floors(errors), order - MARGIN
     if not kept.any():
-        return Assessment(
-            Verdict.HOLDS,
-            math.inf,
-            math.inf,
-            math.inf,
-            bound,
-            "errors at the rounding floor at every step size",
-        )
+        text = "errors at the rounding floor at every step size"
+        return Assessment(Verdict.HOLDS, math.inf, math.inf, math.inf, bound, text, order)
     fall = math.log(rms[0] / floor[-1]) / math.log(errors.h[0] / errors.h[-1]) if kept[0] else -math.inf
     verdict = Verdict.HOLDS if fall > bound else Verdict.INCONCLUSIVE
     text = f"errors at the rounding floor but for one step size, a slope of at least {fall:.3g}"
-    return Assessment(verdict, fall, fall, math.inf, bound, text)
+    return Assessment(verdict, fall, fall, math.inf, bound, text, order if verdict is Verdict.HOLDS else None)
 
 
 def run(law: Law, scheme: Scheme, own: Run) -> Finding:
@@ -81,7 +87,6 @@ law = Law(
     steps=166000,
     run=pathwise(run),
     replay=replay,
-    level=2,
 )
 
 

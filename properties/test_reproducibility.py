@@ -65,8 +65,6 @@ law = searched(
     check=check,
     fixed_cases=fixed_cases,
     not_applicable=one_at_a_time,
-    level=1,
-    needed=True,
 )
 
 

@@ -108,8 +108,6 @@ law = Law(
     cost=0.1,
     run=pathwise(run),
     replay=replay,
-    level=1,
-    needed=True,
 )
 
 

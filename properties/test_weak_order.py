@@ -52,7 +52,7 @@ def assessing(claimed: float | None, tilted: bool) -> Assess:
         bound = order - MARGIN
         if not above_floor(errors).any():
             text = "errors at the rounding floor at every step size"
-            return Assessment(Verdict.HOLDS, math.inf, math.inf, math.inf, bound, text)
+            return Assessment(Verdict.HOLDS, math.inf, math.inf, math.inf, bound, text, order)
         samples = moment_errors(errors)
         value, low, high = decay(samples, errors.h, alpha / 3, more)
         lower = leading(samples, errors.h, math.ceil(order) - 1)
@@ -63,7 +63,7 @@ def assessing(claimed: float | None, tilted: bool) -> Assess:
         text = f"means fall with order {value:.3g} in [{low:.3g}, {high:.3g}]"
         if strong > order - STRONG_MARGIN and not remains:
             text += f", the rms error with {strong:.3g} at least,"
-            return Assessment(Verdict.HOLDS, max(value, strong), max(low, strong), high, bound, text)
+            return Assessment(Verdict.HOLDS, max(value, strong), max(low, strong), high, bound, text, order)
         verdict = Verdict.INCONCLUSIVE
         if high < bound and remains:
             verdict = Verdict.VIOLATED
@@ -72,10 +72,10 @@ def assessing(claimed: float | None, tilted: bool) -> Assess:
         elif not remains and order > 1 and _small(samples, errors.h, lower, alpha / 3, more):
             verdict = Verdict.HOLDS
             text += f", no part of order {math.ceil(order) - 1} as large as {SMALL} of the rms error"
-            return Assessment(verdict, bound, low, high, bound, text)
+            return Assessment(verdict, bound, low, high, bound, text, order)
         elif remains:
             text += f", and a part of order {math.ceil(order) - 1} is left"
-        return Assessment(verdict, value, low, high, bound, text)
+        return Assessment(verdict, value, low, high, bound, text, order if verdict is Verdict.HOLDS else None)
 
     return assess
 
@@ -90,8 +90,10 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
     order = order_of(scheme.weak_order, "general")
     if point_law(scheme.increments) is not None:
         return local_orders.judge(
-            law, scheme, own, lambda found: found.weak, lambda _: order - MARGIN, tree_errors, ENOUGH
-        )
+            law, scheme, own, lambda found: found.weak, lambda _: order,
+            lambda _, order: order - MARGIN,
+            1.0, tree_errors, ENOUGH,
+        )  # fmt: skip
     return judge(law, scheme, own, assessing(scheme.weak_order, is_tilted(scheme)))
 
 
@@ -109,7 +111,6 @@ law = Law(
     cost=0.1,
     run=run,
     replay=replay,
-    level=2,
 )
 
 

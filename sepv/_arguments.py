@@ -83,18 +83,28 @@ def parse_json(text: str | bytes) -> Any:
     Raises
     ------
     ValueError
-        For text that is not JSON, the constants NaN and Infinity, an object with one key twice, a number with more
-        digits or brackets within brackets deeper than Python reads.
+        For text that is not JSON, the constants NaN and Infinity, numbers beyond binary64, an object with a key twice,
+        a number with more digits or brackets within brackets deeper than Python reads.
     """
     try:
         text = text.decode() if isinstance(text, bytes) else text
-        return json.loads(text, parse_constant=_refuse, object_pairs_hook=_object)
+        return json.loads(
+            text, parse_constant=_refuse, object_pairs_hook=_object,
+            parse_float=lambda word: _finite(word, float), parse_int=lambda word: _finite(word, int),
+        )  # fmt: skip
     except RecursionError:
         raise ValueError("brackets within brackets, too deep to be read") from None
 
 
 def _refuse(constant: str) -> None:
     raise ValueError(f"{constant} is not JSON, which has finite numbers only")
+
+
+def _finite(word: str, kind: type[Any]) -> Any:
+    """A number as it is read; one beyond binary64 is refused."""
+    if not math.isfinite(float(word)):
+        raise ValueError(f"{word:.{_SHOWN}} is beyond binary64")
+    return kind(word)
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -92,11 +92,11 @@ def write_atomically(path: str, content: str | bytes) -> None:
 
 # Results of commands, with the version of their schema: it grows where older readers would misread a file.
 RESULTS = {
-    "bench": 1, "comparison": 1, "growth": 1, "hard": 1, "path": 1, "report": 1, "reproduction": 1, "solvability": 1,
+    "bench": 1, "comparison": 1, "growth": 1, "hard": 1, "path": 1, "report": 2, "reproduction": 1, "solvability": 1,
     "teeth": 1, "ulps": 1,
 }  # fmt: skip
-# A bundle's manifest says itself what made it; users write problems and witnesses.
-SCHEMAS = (*RESULTS, "manifest", "problem", "witness")
+# Users write problems and witnesses.
+SCHEMAS = (*RESULTS, "problem", "witness")
 # Larger files are no result of this package.
 LARGEST = 64 * 2**20
 
@@ -121,20 +121,28 @@ def write_json(
     path: str, name: str, data: dict[str, Any], *, command: str = "", indent: int | None = 1
 ) -> None:
     """Write a result, one of `RESULTS`, after what made it: versions, the platform and the command."""
-    made = {
+    write_atomically(path, json_text({"made": made(name, command)} | data, indent=indent))
+
+
+def made(name: str, command: str = "") -> dict[str, Any]:
+    """What makes a result here and now: schema, versions, the kind of machine and its vector instructions."""
+    import numpy as np
+
+    versions = {key: metadata.version(key) for key in ("numpy", "scipy", "hypothesis", "mpmath")}
+    simd: Any = np.show_config(mode="dicts")
+    return {
         "schema": name, "version": RESULTS[name], "sepv": __version__, "python": platform.python_version(),
-        "numpy": metadata.version("numpy"), "scipy": metadata.version("scipy"),
-        "platform": f"{platform.system()} {platform.machine()}", "command": command,
+        **versions, "platform": f"{platform.system()} {platform.machine()}",
+        "simd": " ".join(simd.get("SIMD Extensions", {}).get("found", ())), "command": command,
     }  # fmt: skip
-    write_atomically(path, json_text({"made": made} | data, indent=indent))
 
 
-def read_json(path: str | Path, *, expected: str, remedy: str) -> Any:
+def read_json(path: str | Path, largest: int = LARGEST, /, *, expected: str, remedy: str) -> Any:
     """What a JSON file holds; a UsageError for one that cannot be read, is too large or no JSON."""
     try:
         size = Path(path).stat().st_size
-        if size > LARGEST:
-            raise ValueError(f"{size} bytes, more than {LARGEST}")
+        if size > largest:
+            raise ValueError(f"{size} bytes, more than {largest}")
         return parse_json(Path(path).read_bytes())
     except OSError as error:
         raise UsageError(expected=expected, received=f"{path}: {error.strerror}", remedy=remedy) from error

@@ -36,7 +36,7 @@ sys.dont_write_bytecode = False
 # Each has something costly that its tests share: a site, a cluster, a report of all laws, a copy of the tree.
 TOGETHER = {
     "tests/test_clusters.py", "tests/test_doors.py", "tests/test_extending.py", "tests/test_files.py",
-    "tests/test_site.py", "tests/test_submission.py",
+    "tests/test_site.py",
 }  # fmt: skip
 
 

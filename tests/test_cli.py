@@ -37,7 +37,7 @@ def test_verify_prints_the_table_and_writes_json(call, tmp_path: Path) -> None:
     for word in ("Prop. 3.1", "Prop. 3.2", "holds", "ulp of H", "All 2 claimed laws hold."):
         assert word in result.output
     report = json.loads((tmp_path / "out.json").read_text())
-    assert set(report) == {"made", "suite", "scheme", "conformance", "counts", "laws"}
+    assert set(report) == {"made", "suite", "scheme", "profiles", "counts", "laws"}
     assert sum(report["counts"].values()) == len(report["laws"]) == report["suite"]["laws"] == 2
     assert set(report["counts"]) == {"holds", "violated", "inconclusive", "not_applicable", "error"}
     for law in report["laws"]:

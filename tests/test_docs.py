@@ -32,7 +32,7 @@ ELSEWHERE = {
     "compliance": "test_peers.py",
     "solvers": "test_solvers.py",
     "trend": "test_versions.py",
-    "levels": "test_levels.py",
+    "profiles": "test_profiles.py",
     "index": "test_site.py",  # the first page of the site, whose example is measured as it is built
     "api": "test_site.py",  # directives, no commands
     "teeth": "",  # printed by `sepv teeth`; its commands are parsed below

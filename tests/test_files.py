@@ -27,7 +27,7 @@ from sepv.files import (
 )
 from sepv.schemes import Scheme
 from sepv.verification import Effort, Report, verify
-from sepv.verification._junit_and_badge import badge_json, junit_xml
+from sepv.verification._junit_and_badge import junit_xml
 
 FEW = Effort(examples=2, paths=256, shrink_checks=20)
 
@@ -152,18 +152,6 @@ def test_junit_counts_what_is_in_it(made: dict[str, Report]) -> None:
         found = [sum(t.find(kind) is not None for t in suite) for kind in ("failure", "error", "skipped")]
         assert found == [failures, errors, skipped]
         assert found == [int(suite.get(k) or -1) for k in ("failures", "errors", "skipped")]
-
-
-def test_badges_say_how_many_claims_hold(made: dict[str, Report]) -> None:
-    good, bad = json.loads(badge_json(made["good"])), json.loads(badge_json(made["claimed"]))
-    assert good == {
-        "schemaVersion": 1,
-        "label": "sepv",
-        "message": "2/2 claimed laws hold",
-        "color": "brightgreen",
-    }
-    assert bad["message"] == "1/2 claimed laws hold"
-    assert bad["color"] == "red"
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from sepv.files import cache_folder
 # By heading, in the order in which --help shows them: each is the module of `sepv.commands` of its name.
 GROUPS = {
     "Commands": ("verify", "compare", "bench", "run", "reproduce", "report", "list", "completion"),
-    "Submissions, and other libraries": ("submit", "check", "peers"),
+    "Other libraries": ("peers",),
     "For specialists": ("exact", "step", "ulps", "hard", "growth", "solvability", "teeth"),
 }
 COMMANDS = tuple(name for names in GROUPS.values() for name in names)

@@ -72,7 +72,10 @@ class Renamed(click.Option):
 
 def listed(_context: click.Context, _parameter: click.Parameter, values: Names) -> Names:
     """Names that were separated by commas, by repeating the option, or both."""
-    return tuple(name.strip() for value in values for name in value.split(",") if name.strip())
+    names = tuple(name.strip() for value in values for name in value.split(",") if name.strip())
+    if values and not names:
+        raise click.BadParameter("expected a name, received none: name one, or leave the option out")
+    return names
 
 
 PROBLEM = click.option(

@@ -27,8 +27,9 @@ from sepv.files import write_atomically
     help="What it is for: name, family, file.json or module:attribute; may be repeated.",
 )  # fmt: skip
 @click.option(
-    "--level", type=click.IntRange(1, 3), help="Only the laws up to this level, which must be reached."
-)
+    "--require", multiple=True, metavar="PROFILE,…", callback=cli.listed,
+    help="Profiles that must be found, such as energy,order-1; only their laws are measured.",
+)  # fmt: skip
 @cli.CLAIM
 @click.option("--json", type=cli.OUT, help="Write the report to this file.")
 @click.option("--junit", type=cli.OUT, help="Write JUnit XML to this file.")
@@ -37,6 +38,9 @@ from sepv.files import write_atomically
 @click.option("--pin", type=cli.OUT, help="Write what holds and what is violated today, for --expected.")
 @click.option(
     "--write-expected", type=cli.OUT, help="Write today's violations of claimed laws, for --expected."
+)
+@click.option(
+    "--against", type=cli.FILE, help="Replay a report's counterexamples; measure --law, or a quarter, again."
 )
 @click.option("--replay", "token", metavar="TOKEN", help="Measure one witness; needs one --law.")
 @click.option("--seed", type=cli.NATURAL, default=0, help="Of examples and paths.")
@@ -115,7 +119,7 @@ def _arguments(laws: cli.Names, options: dict[str, Any]) -> dict[str, Any]:
     """What `sepv.verification.verify` is told."""
     from sepv.verification._laws import laws_of
 
-    asked = [law.name for law in laws_of(laws or None, options["level"])]
+    asked = [law.name for law in _asked(laws, options)]
     claims = [claim.replace("_", "-") for claim in options["claims"]]
     left_out = [law.name for law in laws_of() if law.name in claims and law.name not in asked]
     if left_out:
@@ -124,9 +128,17 @@ def _arguments(laws: cli.Names, options: dict[str, Any]) -> dict[str, Any]:
             received=f"--claim {','.join(left_out)}, and {', '.join(asked)} to measure",
             remedy=f"add --law {','.join(left_out)}, or leave it out of --claim",
         )
-    as_given = {key: options[key] for key in ("timeout", "expected", "jobs", "workers", "level")}
+    as_given = {key: options[key] for key in ("timeout", "expected", "jobs", "workers", "require")}
     listed = {"laws": laws or None, "claims": claims, "problems": options["problems"] or None}
     return as_given | listed | {"effort": _effort(**options)}
+
+
+def _asked(laws: cli.Names, options: dict[str, Any]) -> list[Any]:
+    """The laws that are measured: those that were named, those of the required profiles, or all."""
+    from sepv.verification._laws import laws_of
+    from sepv.verification._profiles import requirements
+
+    return laws_of(laws or None, requirements(options["require"]) if options["require"] else ())
 
 
 def _effort(**options: Any) -> Any:
@@ -140,22 +152,21 @@ def _effort(**options: Any) -> Any:
 def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], shown: str = "") -> int:
     from sepv.verification import _report as page
     from sepv.verification import verify as run
-    from sepv.verification._laws import laws_of
     from sepv.verification._progress import watching
 
     quiet, debug = options["quiet"], click.get_current_context().params["debug"]
     if options["token"] is not None:
         _replay(targets, laws, options["token"], options["problems"], debug)
+    if options["against"] is not None:
+        return _against(targets, laws, options)
     files = {kind: options[kind] for kind in ("json", "junit", "badge", "write_expected", "pin")}
-    if len(targets) > 1 and (any(files.values()) or options["expected"]):
-        raise UsageError(
-            expected="one TARGET with files", received=f"{len(targets)} targets", remedy="run once for each"
-        )
+    if any(files.values()) or options["expected"]:
+        _one_target(targets, "files")
     arguments = _arguments(laws, options)
     out, reports = page.console(), []
     for target in targets:
         shown_as = shown or shlex.quote(target)
-        with watching(quiet, laws_of(laws or None, options["level"]), shown_as) as progress:
+        with watching(quiet, _asked(laws, options), shown_as) as progress:
             report = run(target, progress=progress, **arguments)
         named = shown + "".join(f" -p {shlex.quote(p)}" for p in report.problems) if shown else report.target
         report = replace(report, target=named, pins=bool(files["pin"]))
@@ -178,6 +189,42 @@ def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], 
     if len(reports) > 1 and not quiet:
         print_table(page.matrix(reports), out)
     return max(reports, key=lambda r: r.exit_code).exit_code
+
+
+def _against(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any]) -> int:
+    """``--against``: exit code 0 where all is as reported, 1 where something is not."""
+    from rich.text import Text
+
+    from sepv.verification import _report as page
+    from sepv.verification._against import against, read_report
+    from sepv.verification._laws import load_laws
+    from sepv.verification._progress import showing
+    from sepv.verification._verify import load_in_time
+
+    _one_target(targets, "--against")
+    report, seconds, out = read_report(options["against"]), options["timeout"], page.console()
+    names = [law.name for law in load_laws(laws)] if laws else []
+    scheme = load_in_time(targets[0], (), seconds, options["problems"] or None)
+    wrong = []
+    with showing(options["quiet"]) as shown:
+        for again in against(report, scheme, _effort(**options), seconds, names):
+            shown.update(f"after {again.what}")
+            wrong += [again.what] if again.differs else []
+            if not options["quiet"]:
+                wrongly = f". NOT AS REPORTED: {again.differs}" if again.differs else ""
+                page.line(out, Text(f"{again.what}: {again.came}").append(wrongly, style="bold red"))
+    last = f"Not as reported: {', '.join(wrong)}." if wrong else "All as reported."
+    page.line(out, Text(last, style="bold red" if wrong else "green"))
+    return 1 if wrong else 0
+
+
+def _one_target(targets: tuple[Any, ...], asked: str) -> None:
+    if len(targets) > 1:
+        raise UsageError(
+            expected=f"one TARGET with {asked}",
+            received=f"{len(targets)} targets",
+            remedy="run once for each",
+        )
 
 
 def _write(report: Any, files: dict[str, str | None], named: str) -> None:

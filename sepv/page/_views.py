@@ -58,9 +58,18 @@ def _scheme(report: View, laws: list[str], budget: int) -> View:
         "counterexamples": shown,
         "left_out": left,
         "unsettled": _unsettled(report["laws"]),
-        "summary": f"{counted(len(report['laws']), 'law')}: {counts}",
+        "summary": f"{counted(len(report['laws']), 'law')}: {counts}{_found(report)}",
         "command": again(report, f"the report of {own}"),
     }
+
+
+def _found(report: View) -> str:
+    """The profiles that a report found, and what was waived; a report that is older than profiles says so."""
+    profiles = report.get("profiles")
+    if profiles is None:
+        return "; it was written before sepv knew profiles: measure again for them"
+    waived = f"; waived: {', '.join(profiles['waived'])}" if profiles["waived"] else ""
+    return plain(f"; found: {', '.join(profiles['found']) or 'no profile'}{waived}", 600)
 
 
 def again(data: View, subject: str) -> str:

@@ -3,7 +3,7 @@
 Read `_law` first (a law, an effort, a verdict), then `_verify` (a run over all laws) with `_laws` (their list) and
 `_outcome` (the report). `_search` has laws about single steps, whose cases come from `strategies` and
 `_cases`; `_sequential` laws about whole paths, and `_orders` laws about orders. `_tolerance` derives every
-bound. `_report` shows a run, `_submission` checks somebody else's. The laws themselves, one a file, are
+bound. `_report` shows a run, `_profiles` says what was found in a word. The laws themselves, one a file, are
 `sepv.properties`.
 """
 
@@ -21,14 +21,11 @@ from sepv.verification._law import Verdict as Verdict
 from sepv.verification._law import require as require
 from sepv.verification._laws import LAWS as LAWS
 from sepv.verification._laws import load_laws as load_laws
-from sepv.verification._levels import LEVELS as LEVELS
-from sepv.verification._levels import SUITE as SUITE
-from sepv.verification._levels import Conformance as Conformance
-from sepv.verification._levels import conformance as conformance
 from sepv.verification._outcome import Report as Report
+from sepv.verification._profiles import PROFILES as PROFILES
+from sepv.verification._profiles import SUITE as SUITE
+from sepv.verification._profiles import Profile as Profile
 from sepv.verification._search import searched as searched
-from sepv.verification._submission import bundle as bundle
-from sepv.verification._submission import consistent as consistent
 from sepv.verification._tolerance import casimir_bound as casimir_bound
 from sepv.verification._tolerance import energy_bound as energy_bound
 from sepv.verification._tolerance import energy_ulp as energy_ulp

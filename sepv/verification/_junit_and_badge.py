@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 from sepv.files import json_text
 from sepv.verification._law import Verdict
 from sepv.verification._outcome import Report
+from sepv.verification._profiles import SUITE, found
 
 # What XML 1.0 cannot hold, not even escaped.
 _NOT_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -39,17 +40,20 @@ def junit_xml(report: Report) -> str:
 
 
 def badge_json(report: Report) -> str:
-    """What a badge service that takes endpoints shows: the level, the suite's version, how many claimed laws hold."""
-    vacuous = (Verdict.NOT_APPLICABLE, Verdict.NOT_MEASURED)
-    claimed = [f for f in report.findings if f.claimed and (f.verdict not in vacuous or f in report.failing)]
-    held = sum(f.verdict is Verdict.HOLDS for f in claimed)
-    color = "brightgreen" if report.exit_code == 0 else "red"
-    message = f"{held}/{len(claimed)} claimed laws hold" if claimed else "no claims"
-    reached = report.conformance
-    if reached is not None:
-        waived = f", {len(reached.waived)} waived" if reached.waived else ""
-        message = f"level {reached.level} of suite {reached.suite}{waived}: {message}"
-    return json_text({"schemaVersion": 1, "label": "sepv", "message": message, "color": color}, indent=None)
+    """The badge, for a service that takes endpoints: the profiles that were found, after what turns the run red.
+
+    Green is a run with exit code 0, orange one that ends undecided or in an error, red one that is wrong.
+    """
+    undecided = (Verdict.INCONCLUSIVE, Verdict.ERROR, Verdict.NOT_MEASURED)
+    wrong = [f for f in report.findings if f in report.failing or (f.claimed and f.verdict in undecided)]
+    told = [f"{f.law} {f.verdict.text}" for f in wrong]
+    told += [f"no {name}" for name in report.missing]
+    told += [", ".join(found(report.profiles)) or "no profile"]
+    told += [f"waived: {', '.join(report.waived)}"] if report.waived else []
+    red = report.missing or any(f.verdict not in undecided for f in wrong)
+    color = "brightgreen" if report.exit_code == 0 else "red" if red else "orange"
+    badge = {"schemaVersion": 1, "label": f"sepv {SUITE}", "message": "; ".join(told), "color": color}
+    return json_text(badge, indent=None)
 
 
 def _clean(text: str) -> str:

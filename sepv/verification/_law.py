@@ -186,10 +186,6 @@ class Law:
         Measure one witness.
     always_claimed : bool
         For the contract of ``step``, which whoever hands over a scheme has signed.
-    level : int
-        Of conformance (`sepv.verification._levels`): 1 for what makes a one-step method, 2 for orders, 3 for all else.
-    needed : bool
-        Whether the level needs it even of a scheme that does not claim it.
     cost : float
         Processor seconds that it took for (2.1) when this was written, without the steps below, measured after the laws
         before it; laws that share their paths are paid by the first. For the seconds that a run has left.
@@ -204,8 +200,6 @@ class Law:
     run: Callable[[Law, Scheme, Run], Finding]
     replay: Callable[[Law, Scheme, dict[str, Any]], Finding]
     always_claimed: bool = False
-    level: int = 3
-    needed: bool = False
     cost: float = 1.0
     steps: int = 0
 

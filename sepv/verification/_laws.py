@@ -8,7 +8,7 @@ from importlib import import_module
 from sepv._arguments import did_you_mean
 from sepv.errors import UsageError, require_one_of
 from sepv.verification._law import Law
-from sepv.verification._levels import LEVELS
+from sepv.verification._profiles import Requirement, laws_for
 
 # In the order in which a reader wants them: what nothing else makes sense without comes first.
 LAWS = (
@@ -62,17 +62,17 @@ def load_laws(names: Iterable[str] | None = None) -> list[Law]:
     return [import_module(f"sepv.properties.test_{name.replace('-', '_')}").law for name in ordered]
 
 
-def laws_of(names: Iterable[str] | None = None, level: int | None = None) -> list[Law]:
-    """The laws that a run is asked for: by name, or up to a level of conformance, and not both."""
-    if level is None:
+def laws_of(names: Iterable[str] | None = None, required: tuple[Requirement, ...] = ()) -> list[Law]:
+    """The laws that a run is asked for: by name, or those that the required profiles need, and not both."""
+    if not required:
         return load_laws(names)
-    if level not in LEVELS or isinstance(level, bool) or names is not None:
+    if names is not None:
         raise UsageError(
-            expected="a level of 1, 2 or 3, without a list of laws",
-            received=f"level {level!r}" + ("" if names is None else " and laws"),
-            remedy="level 2 takes the laws of levels 1 and 2; leave out one or the other",
+            expected="profiles to require, or a list of laws",
+            received="both",
+            remedy="a profile brings its own laws; leave out one or the other",
         )
-    return [law for law in load_laws() if law.level <= level]
+    return load_laws(laws_for(required))
 
 
 def listed(names: str | Iterable[str]) -> Iterable[str]:

@@ -1,4 +1,4 @@
-"""What a run found: the findings of its laws, counts, exit code, level of conformance, and all that as JSON."""
+"""What a run found: the findings of its laws, counts, exit code, profiles, and all that as JSON."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sepv.schemes._point_distributions import NORMAL, point_law
 from sepv.verification._cases.case import has_words
 from sepv.verification._law import Effort, Finding, Verdict
 from sepv.verification._laws import load_laws
-from sepv.verification._levels import SUITE, Conformance, conformance
+from sepv.verification._profiles import SUITE, Profiled, Requirement, missing, profiled
 
 
 @dataclass(frozen=True, repr=False)
@@ -38,8 +38,8 @@ class Report:
         Sentences about laws that the pin says nothing of, or that it guards and that were not measured now.
     target : str
         What stands for the scheme, and what it is for, in a command; empty where no words do.
-    level : int or None
-        The level of conformance that was asked for.
+    required : tuple of Requirement
+        The profiles that must be found.
     """
 
     scheme: Scheme
@@ -49,19 +49,23 @@ class Report:
     pinned: frozenset[str] | None = None
     target: str = ""
     gaps: tuple[str, ...] = ()
-    level: int | None = None
+    required: tuple[Requirement, ...] = ()
     pins: bool = False
 
     @property
-    def conformance(self) -> Conformance | None:
-        """The level that the scheme reaches; None where laws of level 1 were not measured."""
-        return conformance(self.findings, load_laws())
+    def profiles(self) -> tuple[Profiled, ...]:
+        """The profiles whose laws were all measured, found or not (`sepv.verification._profiles`)."""
+        return profiled(self.findings)
 
     @property
-    def short_of_level(self) -> bool:
-        """Whether the level that was asked for is not reached."""
-        reached = self.conformance if self.level is not None else None
-        return self.level is not None and (reached is None or reached.level < self.level)
+    def missing(self) -> list[str]:
+        """The required profiles that were not found, each with the reason."""
+        return missing(self.profiles, self.required)
+
+    @property
+    def waived(self) -> tuple[str, ...]:
+        """Laws that fail as expected."""
+        return tuple(f.law for f in self.findings if f.expected is not None and f.verdict is Verdict.VIOLATED)
 
     @property
     def problems(self) -> tuple[str, ...]:
@@ -85,11 +89,11 @@ class Report:
         """0: every claimed law holds. 1: one does not, or an expected failure passes. 3: an error. 130: interrupted.
 
         A claimed law that is inconclusive, or whose cases the scheme skipped, was not shown to hold: 1. Nothing
-        measured at all: 1. A level of conformance that was asked for and is not reached: 1.
+        measured at all: 1. A required profile that was not found: 1.
         """
         if self.interrupted:
             return 130
-        if self.failing or self.short_of_level:
+        if self.failing or self.missing:
             return 1
         if any(f.verdict is Verdict.ERROR for f in self.findings):
             return 3
@@ -159,28 +163,32 @@ class Report:
 
     def to_json(self) -> dict[str, Any]:
         """The report as JSON: suite, scheme, counts, laws."""
-        scheme, effort, reached = self.scheme, self.effort, self.conformance
+        scheme, effort, profiles = self.scheme, self.effort, self.profiles
         points = point_law(scheme.increments)
         facts = ("mean_square_order", "weak_order", "solver_tolerance", "truncation")
         return {
             "suite": {
                 "name": "sepv", "version": __version__, "laws_version": SUITE, "laws": len(self.findings),
-                "seed": effort.seed, "examples": effort.examples, "paths": effort.paths,
+                **{fact: getattr(effort, fact) for fact in EFFORT},
             },
             "scheme": {
                 "name": scheme.name, "target": self.target, "source": scheme.source, "claims": sorted(scheme.claims),
                 **{fact: getattr(scheme, fact) for fact in facts},
                 "increments": NORMAL if points is None else points.name,
             },
-            "conformance": None if reached is None else {
-                "level": reached.level,
-                "laws": {str(level): list(names) for level, names in reached.laws.items()},
-                "waived": list(reached.waived),
-                "why_not_more": reached.why,
+            "profiles": {
+                "found": [p.name for p in profiles if not p.why],
+                "not_found": {p.profile.name: p.why for p in profiles if p.why},
+                "required": [r.name for r in self.required],
+                "waived": list(self.waived),
             },
             "counts": self.counts,
             "laws": [_finding_json(f) for f in self.findings],
         }  # fmt: skip
+
+
+# The effort that a report states.
+EFFORT = ("seed", "examples", "paths", "designs", "shrink_checks", "corpus")
 
 
 def fails(f: Finding, pinned: frozenset[str] | None = None) -> bool:

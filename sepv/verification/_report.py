@@ -24,6 +24,7 @@ from sepv._terminal import (
     table_html,
 )  # fmt: skip
 from sepv.verification._law import Finding, Verdict
+from sepv.verification._profiles import PROFILES, SUITE, found
 
 if TYPE_CHECKING:
     from sepv.verification._outcome import Report
@@ -140,11 +141,11 @@ def _law_row(report: Report, f: Finding) -> tuple[str | Text, ...]:
 
 
 def summary(report: Report, before: str = "") -> Text:
-    """One line: the counts, what the claims came to, the level; and what would guard a scheme that claims nothing.
+    """One line: the counts, what the claims came to, the profiles; and what would guard a scheme without claims.
 
     `before` says of which scheme a line is that stands alone.
     """
-    return Text(before, style="bold").append_text(_outcome(report)).append(_level(report))
+    return Text(before, style="bold").append_text(_outcome(report)).append_text(_profiles(report))
 
 
 def _outcome(report: Report) -> Text:
@@ -178,13 +179,17 @@ def _outcome(report: Report) -> Text:
     return text
 
 
-def _level(report: Report) -> Text:
-    """The level of conformance, where the run can say one."""
-    reached = report.conformance
-    if report.interrupted or (reached is None and report.level is None):
-        return Text("")
-    short = f" Level {report.level} was asked for." if report.short_of_level else ""
-    return Text(f" {reached}{short}", style="bold red" if short else "")
+def _profiles(report: Report) -> Text:
+    """The profiles that were found, where all laws of one were measured; the required ones that were not."""
+    text, profiles = Text(""), report.profiles
+    if report.interrupted:
+        return text
+    if named := found(profiles) or ["no profile"] * (len(profiles) == len(PROFILES)):
+        waived = f"; waived: {', '.join(report.waived)}" if report.waived else ""
+        text.append(f" Found (suite {SUITE}): {', '.join(named)}{waived}.")
+    if report.missing:
+        text.append(f" Required and not found: {', '.join(report.missing)}.", style="bold red")
+    return text
 
 
 def _complaints(report: Report) -> list[str]:

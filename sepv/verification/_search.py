@@ -139,8 +139,6 @@ def searched(
     fixed_cases: Callable[[], Iterable[Case]] = tuple,
     admits: Callable[[Case], bool] = lambda _: True,
     undesigned: int = UNDESIGNED,
-    level: int = 3,
-    needed: bool = False,
     cost: float = 1.0,
     steps: int = 0,
 ) -> Law:
@@ -163,7 +161,7 @@ def searched(
         Which cases the law speaks of, where not all: a counterexample is simplified to such a case only.
     undesigned : int
         How many times as many random examples there are where there is no design.
-    level, needed, cost, steps
+    cost, steps
         As for `sepv.verification.Law`.
     """
 
@@ -196,7 +194,7 @@ def searched(
             _measure(log, scheme, cases_of.from_json(witness, objects_of(scheme)), check, faults_violate)
         return _conclude(law, scheme, log, check)
 
-    return Law(name, statement, source, unit, run, replay, always_claimed, level, needed, cost, steps)
+    return Law(name, statement, source, unit, run, replay, always_claimed, cost, steps)
 
 
 def _search(law: Law, scheme: Scheme, effort: Effort, asked: _Question) -> Finding:

@@ -63,7 +63,10 @@ class Setup:
 
 @dataclass(frozen=True)
 class Assessment:
-    """What the errors of one problem say: a verdict, and a number with its interval in the unit of the law."""
+    """What the errors of one problem say: a verdict, and a number with its interval in the unit of the law.
+
+    `order` is the order that they show, for a law about one; None where they show none.
+    """
 
     verdict: Verdict
     value: float
@@ -71,6 +74,7 @@ class Assessment:
     high: float
     bound: float
     text: str = ""
+    order: float | None = None
 
 
 # (problem, errors, alpha, more): `more` asks what so many times the paths would say.
@@ -304,6 +308,7 @@ def _measured(setup: Setup, errors: StrongErrors, found: Assessment) -> dict[str
     return {
         "problem": setup.problem, "T": setup.T, "steps": errors.steps, "paths": errors.squared.shape[1],
         "rms_error": errors.rms().tolist(), "estimate": found.value, "interval": [found.low, found.high],
+        **({} if found.order is None else {"order": found.order}),
     }  # fmt: skip
 
 

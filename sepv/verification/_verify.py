@@ -25,6 +25,7 @@ from sepv.verification._expected_failures import load as load_expected
 from sepv.verification._law import Effort, Finding, Law, Run, Verdict
 from sepv.verification._laws import LAWS, LOCAL, SAMPLED, laws_of, listed, load_laws
 from sepv.verification._outcome import Report
+from sepv.verification._profiles import requirements
 
 LawProgress = Callable[[Law, "Finding | None"], None]
 
@@ -41,7 +42,7 @@ def verify(
     jobs: int = 1,
     problems: Any = None,
     workers: Any = None,
-    level: int | None = None,
+    require: str | Iterable[str] = (),
 ) -> Report:
     """Measure every law on a scheme, claimed or not.
 
@@ -73,9 +74,9 @@ def verify(
         cluster is lost, the laws that were not decided are not measured, and the report counts as interrupted.
     effort : Effort, optional
         How hard to look; ``Effort().deeper()`` for a night.
-    level : 1, 2 or 3, optional
-        Only the laws up to this level of conformance (`sepv.verification._levels`), which must be reached;
-        not beside `laws`.
+    require : iterable of str, or one string with commas
+        Profiles that must be found, such as "energy,order-1" (docs/profiles.md): only the laws that they need are
+        measured, and those of a method; not beside `laws`.
 
     Returns
     -------
@@ -96,7 +97,8 @@ def verify(
     >>> report.finding("energy").verdict.text  # its message has the counterexample
     'violated'
     """
-    chosen, effort = laws_of(laws, level), effort or Effort()
+    required = requirements(require) if require else ()
+    chosen, effort = laws_of(laws, required), effort or Effort()
     if not isinstance(jobs, int) or isinstance(jobs, bool) or jobs < 1:
         raise UsageError(expected="jobs, an integer ≥ 1", received=repr(jobs), remedy="jobs=2 for two cores")
     known = load_expected(expected, LAWS) if expected is not None else Expectations()
@@ -104,7 +106,7 @@ def verify(
         require_trusted(known.problems, (), scheme)
         problems = list(known.problems)
     target = words_for(scheme, problems)
-    candidate = _load(scheme, {*listed(claims), *(known.claims or ())}, timeout, problems, target)
+    candidate = load_in_time(scheme, {*listed(claims), *(known.claims or ())}, timeout, problems, target)
     load_laws(candidate.claims)
     for failure in known.failures.values():
         cases.require_named(failure.witness, candidate)
@@ -139,7 +141,7 @@ def verify(
             unmeasured = law.finding(Verdict.NOT_MEASURED, message=why)
             found[law.name] = replace(unmeasured, claimed=law.claimed_by(candidate))
     findings = tuple(found[law.name] for law in chosen)
-    report = Report(candidate, findings, effort, interrupted, known.claims, target, level=level)
+    report = Report(candidate, findings, effort, interrupted, known.claims, target, required=required)
     gaps = known.gaps((law.name for law in chosen), candidate.name, report.problems)
     return replace(report, gaps=tuple(gaps))
 
@@ -171,8 +173,8 @@ def _side_by_side(
     run_all(partial(side_by_side.measured, task), groups, workers, threads=False, receive=arrived)
 
 
-def _load(
-    scheme: str | Scheme | Step, claims: Iterable[str], timeout: float, problems: Any, target: str
+def load_in_time(
+    scheme: str | Scheme | Step, claims: Iterable[str], timeout: float, problems: Any = None, target: str = ""
 ) -> Scheme:
     """The scheme: a bare function is called once or twice to see whether it takes batches, and may not come back."""
     try:

@@ -146,7 +146,8 @@ def of_valid(data: dict[str, Any], objects: Iterable[Problem] = ()) -> Case:
 
 def has_words(witness: Any) -> bool:
     """Whether a command can name the problem of a witness: one that was handed over as an object has no words."""
-    return not (isinstance(witness, dict) and witness.get("problem", {}).get("given") == "")
+    problem = witness.get("problem") if isinstance(witness, dict) else None
+    return not (isinstance(problem, dict) and problem.get("given") == "")
 
 
 def require_named(witness: dict[str, Any], scheme: Scheme) -> None:

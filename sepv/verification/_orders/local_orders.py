@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -98,33 +99,49 @@ def unclaimed(column: str) -> float:
     return 0.5 if column == "general" else 1.0
 
 
-def mean_slope(order: float | None, found: LocalErrors) -> float:
-    """The least slope of a mean error for the claimed order: half-way below p + 1, or what the quadrature can show."""
-    return _half_way_below(order_of(order, found.column, unclaimed(found.column)) + 1, found)
+def strong_order(scheme: Scheme, column: str) -> float:
+    """The mean-square order that a scheme is measured against for noise of this kind: its claim, or `unclaimed`."""
+    return order_of(scheme.mean_square_order, column, unclaimed(column))
 
 
-def weak_slope(order: float | None, found: LocalErrors) -> float:
-    """The same for a weak order: 1 where none is claimed."""
-    return _half_way_below(order_of(order, found.column) + 1, found)
-
-
-def _half_way_below(slope: float, found: LocalErrors) -> float:
-    power = min(slope, found.exact_order)
+def mean_slope(found: LocalErrors, order: float) -> float:
+    """The least slope of a mean or weak error for an order: half-way below p + 1, or what the quadrature can show."""
+    power = min(order + 1, found.exact_order)
     return power - (MARGIN if power <= SHARP else 2 * MARGIN)
+
+
+def order_shown(slope: Slope, order: float, spacing: float, needs: Callable[[float], float]) -> float | None:
+    """The largest order that a slope shows; None where it shows none.
+
+    Orders are whole numbers of `spacing` from `order`, which was measured against. A slope that may still rise shows
+    nothing. Higher orders need their own slope, which the quadrature can see: errors below rounding show `order` alone.
+    """
+    if slope.verdict is Verdict.HOLDS:
+        while np.isfinite(slope.value) and slope.value >= needs(order + spacing) > needs(order):
+            order += spacing
+        return order
+    while slope.verdict is Verdict.VIOLATED and order > spacing:
+        order -= spacing
+        if slope.value >= needs(order):
+            return order
+    return None
 
 
 def judge(
     law: Law, scheme: Scheme, run: Run,
     errors: Callable[[LocalErrors], Array],
-    least: Callable[[LocalErrors], float],
+    claimed: Callable[[LocalErrors], float],
+    needs: Callable[[LocalErrors, float], float],
+    spacing: float,
     measure: Callable[[Scheme, Problem, Run], LocalErrors] = local_errors,
     enough: int = LEVELS // 2,
     example: Callable[[Scheme, Problem, float], str] = lambda *_: "",
 ) -> Finding:  # fmt: skip
     """The law's finding: the worst slope over the problems, of which `enough` step sizes must be left.
 
-    `errors` says which of them the law is about, `least` the slope that they must have, half-way to the next lower
-    order; `measure` makes them, and `example` shows one step of this size to a reader of a violation.
+    `errors` says which of them the law is about, `claimed` the order that they are measured against, and `needs` the
+    slope that an order needs, half-way to the next lower one, which is `spacing` less; `measure` makes them, and
+    `example` shows one step of this size to a reader of a violation.
     """
     slopes, lines, measured, checks = [], [], [], 0
     shown: list[str] = []
@@ -140,7 +157,8 @@ def judge(
         checks += found.steps
         if found.h.size < enough:
             return _failed(law, found)
-        sizes, bound = errors(found), least(found)
+        order, needed = claimed(found), partial(needs, found)
+        sizes, bound = errors(found), needed(order)
         if np.all(np.isnan(sizes)):
             known = bool(np.any(found.rms > 0))
             lacks = "no moments of the solution are known" if known else "only moments are known"
@@ -149,7 +167,7 @@ def judge(
             continue
         seen = _slope_of(scheme, found, sizes, bound)
         slopes.append((seen, bound))
-        measured.append(_measured(found, sizes, seen, bound))
+        measured.append(_measured(found, sizes, seen, bound, order_shown(seen, order, spacing, needed)))
         lines.append(f"{problem.name}: {seen.text}, {bound:g} needed")
         if seen.verdict is Verdict.VIOLATED and not shown:
             shown.append(example(scheme, problem, float(found.h[0])))
@@ -184,10 +202,12 @@ def _worst(slopes: list[tuple[Slope, float]]) -> tuple[Verdict, Slope, float]:
     return verdict, *min(deciding, key=lambda s: np.nan_to_num(s[0].value - s[1], nan=-np.inf))
 
 
-def _measured(found: LocalErrors, errors: Array, seen: Slope, bound: float) -> dict[str, Any]:
+def _measured(
+    found: LocalErrors, errors: Array, seen: Slope, bound: float, order: float | None
+) -> dict[str, Any]:
     return {
         "problem": found.problem, "h": found.h.tolist(), "error": errors.tolist(), "slope": finite(seen.value),
-        "needed": bound, "verdict": seen.verdict.value,
+        "needed": bound, "verdict": seen.verdict.value, "order": order,
     }  # fmt: skip
 
 

@@ -1,0 +1,141 @@
+"""A report measured again: its counterexamples and a share of its laws, on a scheme that the reader names.
+
+The report is a file by somebody else. Nothing that it names is loaded or run, none of its text is shown, and it cannot
+ask for more work than the reader allows: its effort is cut to his, its witnesses are bounded by a schema and share the
+time of one law.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from sepv.errors import UsageError
+from sepv.files import fault, finite, made, read_json, require_schema, schema
+from sepv.schemes import Scheme
+from sepv.verification._expected_failures import ExpectedFailure
+from sepv.verification._law import Effort, Run, Verdict
+from sepv.verification._laws import load_laws
+from sepv.verification._outcome import EFFORT
+from sepv.verification._profiles import SUITE
+from sepv.verification._verify import measure
+
+# A report of all laws has 30 kB, a witness of 64 dimensions 2 MB; larger files take long to check.
+LARGEST = 2**22
+# The tables of B′ of a batch that a witness may ask for, 2^27 bytes, and degrees of H: ours have less than a hundredth.
+_MOST_NUMBERS, _MOST_DEGREE = 2**24, 64
+# The share of the laws that is measured again, one at least.
+SHARE = 0.25
+# Bits come from these and from the scheme: where one is another, or is not in the report, verdicts alone are compared.
+_BITS = ("sepv", "python", "numpy", "scipy", "hypothesis", "mpmath", "platform", "simd")
+_FACTS = ("mean_square_order", "weak_order", "solver_tolerance", "truncation")
+
+
+@dataclass(frozen=True)
+class Again:
+    """One thing that was measured again: what came, and in what it differs from the report; empty where it does not."""
+
+    what: str
+    came: str
+    differs: str = ""
+
+
+def read_report(path: str | Path) -> dict[str, Any]:
+    """A report of ``sepv verify --json``, by this suite, that agrees with itself; a UsageError for anything else."""
+    said = {"expected": "a report of `sepv verify --json`", "remedy": "write it with this version of sepv"}
+    report: dict[str, Any] = read_json(path, LARGEST, **said)
+    require_schema(report, "report", path, **said)
+    names, suite = [f["law"] for f in report["laws"]], report["suite"]
+    counts = {v.value: sum(f["verdict"] == v.value for f in report["laws"]) for v in Verdict}
+    wrong = ""
+    if suite.get("laws_version") != SUITE:
+        wrong = f"suite version {suite.get('laws_version')}, and this is {SUITE}"
+    elif len(set(names)) != len(names) or suite["laws"] != len(names):
+        wrong = "a law twice, or not as many laws as it says"
+    elif counts != dict.fromkeys(counts, 0) | report["counts"]:
+        wrong = "counts that are not those of its laws"
+    if wrong:
+        raise UsageError(received=f"{path}: {wrong}", **said)
+    load_laws(names)
+    return report
+
+
+def against(
+    report: dict[str, Any], scheme: Scheme, allowed: Effort, timeout: float = 600.0, laws: Iterable[str] = ()
+) -> Iterator[Again]:
+    """Replay each counterexample of a report, and measure these laws again, or a quarter of all.
+
+    Nobody knows which quarter before. Verdicts must be the same. Defects must be, to the last digit, where the effort,
+    the versions and the kind of processor are.
+
+    Parameters
+    ----------
+    report : dict
+        As `read_report` gives it.
+    scheme : Scheme
+        Loaded by the reader, with the problems that it is for.
+    allowed : Effort
+        The most that the report may ask for.
+    timeout : float
+        Seconds for one law, and for all counterexamples together.
+    """
+    facts = {key: (report["scheme"][key], getattr(scheme, key)) for key in _FACTS}
+    other = [f"{key} {own}, reported {stated}" for key, (stated, own) in facts.items() if own != stated]
+    yield Again("what the scheme states", "the same" * (not other), ", ".join(other))
+    stated = {key: report["suite"][key] for key in EFFORT if key in report["suite"]}
+    cut = {k: v if k in ("seed", "corpus") else min(v, getattr(allowed, k)) for k, v in stated.items()}
+    effort, theirs, here = replace(allowed, **cut), report.get("made", {}), made("report")
+    bits = len(stated) == len(EFFORT) and cut == stated and all(theirs.get(k) == here[k] for k in _BITS)
+    told = {f["law"]: f for f in report["laws"] if f["verdict"] != Verdict.NOT_MEASURED.value}
+    run, end = Run(effort), time.monotonic() + timeout
+    for name, f in told.items():
+        if f["verdict"] == Verdict.VIOLATED.value and f["witness"] is not None:
+            yield _counterexample(name, f["witness"], scheme, run, end - time.monotonic())
+    searched = [name for name, f in told.items() if f["expected"] is None]
+    drawn = random.SystemRandom().sample(searched, math.ceil(SHARE * len(searched)))
+    for law in load_laws(set(laws or drawn) & set(searched)):
+        found, wanted = measure(law, scheme, run, timeout), told[law.name]
+        differs = (
+            "" if found.verdict.value == wanted["verdict"] else f"reported {Verdict(wanted['verdict']).text}"
+        )
+        if bits and not differs and finite(found.defect) != wanted["defect"]:
+            differs = f"a defect of {found.defect}, reported {wanted['defect']}"
+        yield Again(law.name, found.verdict.text, differs)
+
+
+def _counterexample(law: str, witness: Any, scheme: Scheme, run: Run, seconds: float) -> Again:
+    """A witness replayed; one that asks for too much is not."""
+    what, wrong = f"counterexample of {law}", _too_much(witness, scheme, run.effort)
+    if wrong or seconds <= 0:
+        return Again(what, "not replayed", wrong or "no time is left (--timeout)")
+    try:
+        failure = ExpectedFailure(law, "reported", witness)
+        found = measure(load_laws([law])[0], scheme, run, seconds, failure)
+    except UsageError as error:
+        return Again(what, "not replayed", error.received)
+    return Again(what, found.verdict.text, "" if found.verdict is Verdict.VIOLATED else "reported violated")
+
+
+def _too_much(witness: dict[str, Any], scheme: Scheme, effort: Effort) -> str:
+    """Why a witness is not asked about: code that nobody named, no witness, or more work than the reader allows."""
+    if "problem" not in witness:
+        most = {"paths": effort.paths, "examples": effort.examples, "seed": 2**128}
+        asked = {key: witness[key] for key in most if key in witness}
+        over = [k for k, n in asked.items() if type(n) is not int or not 0 <= n <= most[k]]
+        return ", ".join(f"{k} is no number from 0 to {most[k]} (--deep allows more)" for k in over)
+    if wrong := fault(witness, schema("witness")):
+        return wrong
+    problem = witness["problem"]
+    if ":" in problem.get("given", "") and problem["given"] not in {
+        getattr(p, "text", p) for p in scheme.problems
+    }:
+        return f"its problem {problem['given']!r:.80} is code: add -p with it where you trust it"
+    degree = max((k for exponents, _ in problem.get("hamiltonian", ()) for k in exponents), default=0)
+    if len(witness["y"]) ** 3 * witness.get("batch", 0) > _MOST_NUMBERS or degree > _MOST_DEGREE:
+        return f"a batch or a degree that is more than {_MOST_NUMBERS} numbers or {_MOST_DEGREE}"
+    return ""

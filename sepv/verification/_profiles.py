@@ -1,0 +1,186 @@
+"""Profiles: the properties that a scheme was found to have, claimed or not.
+
+A profile is found where each of its laws was measured and holds. A law that is not applicable, inconclusive or expected
+to fail makes none.
+
+An order is measured. Every law about orders says of each problem which order its errors show (`measured` in its
+witness): the largest one whose bound lies below what is sure of the slope. That is the lower end of the interval where
+paths are sampled, and the slope itself where an integral leaves no noise. The profile has the least of these over
+problems and laws, as Milstein's theorem asks of mean-square order p: (3.8) and (3.9) of one step, and the rms error of
+paths, which must be there. Errors of one step that no reference is known for (*not applicable*) leave it to the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from fractions import Fraction
+
+from sepv._arguments import did_you_mean
+from sepv.errors import UsageError, require_one_of
+from sepv.verification._law import Finding, Verdict
+
+# The version of the suite: one more for each law that is added or asks for more, with a note in docs/profiles.md.
+SUITE = 1
+
+
+@dataclass(frozen=True)
+class Profile:
+    """A profile: its name after ``--require``, its words on a badge, and its laws.
+
+    Attributes
+    ----------
+    ordered : bool
+        Whether it is an order. The first law must have measured it then; the others may be not applicable.
+    """
+
+    name: str
+    words: str
+    laws: tuple[str, ...]
+    ordered: bool = False
+
+
+METHOD = Profile("method", "method", ("contract", "reproducibility", "right-limit"))
+PROFILES = (
+    METHOD,
+    Profile("order", "order", ("mean-square-order", "local-mean", "local-mean-square"), ordered=True),
+    Profile("weak-order", "weak order", ("weak-order", "local-weak"), ordered=True),
+    Profile("energy", "energy", ("energy",)),
+    Profile("casimir", "Casimirs", ("casimir",)),
+    Profile("every-casimir", "every Casimir", ("any-casimir",)),
+    Profile("symplectic", "symplectic", ("symplecticity",)),
+    Profile("poisson", "Poisson", ("poisson-map",)),
+    Profile("symmetric", "symmetric", ("symmetry",)),
+    Profile("2.1", "(2.1)", ("reference", "expansion", "midpoint", "reduction")),
+)
+NAMES = tuple(p.name for p in PROFILES)
+# Larger orders than any scheme has are a slip of the pen.
+_LARGEST = 100
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """A profile that must be found, and the order where it is one."""
+
+    profile: Profile
+    order: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """As after ``--require``: energy, order-1."""
+        return f"{self.profile.name}-{self.order:g}" if self.profile.ordered else self.profile.name
+
+
+@dataclass(frozen=True)
+class Profiled:
+    """What the laws of one profile say.
+
+    Attributes
+    ----------
+    order : float or None
+        The order that was measured, for a profile that is one; None where none is sure.
+    why : str
+        Why the profile is not found; empty where it is.
+    """
+
+    profile: Profile
+    order: float | None
+    why: str
+
+    @property
+    def name(self) -> str:
+        """As after ``--require``."""
+        return Requirement(self.profile, self.order or 0.0).name
+
+    @property
+    def words(self) -> str:
+        """As on a badge."""
+        return f"{self.profile.words} {self.order:g}" if self.profile.ordered else self.profile.words
+
+
+def requirements(asked: str | Iterable[str]) -> tuple[Requirement, ...]:
+    """The requirements of a list, or of one string with commas: "energy,order-1".
+
+    Raises
+    ------
+    UsageError
+        For an unknown profile, none at all, or an order that is no positive number.
+    """
+    given = asked.split(",") if isinstance(asked, str) else list(asked)
+    names = [str(name).strip().lower().replace("_", "-") for name in given]
+    found = tuple(_requirement(name) for name in names if name)
+    if not found:
+        raise UsageError(
+            expected=f"a profile to require, of {', '.join(NAMES)}",
+            received=repr(asked),
+            remedy='require="energy,order-1", or leave it out',
+        )
+    return found
+
+
+def _requirement(name: str) -> Requirement:
+    for profile in PROFILES:
+        number = name.removeprefix(f"{profile.name}-")
+        if profile.ordered and (number != name or name == profile.name):
+            try:
+                order = Fraction(number)
+            except (ValueError, ZeroDivisionError):
+                order = Fraction(0)
+            if not 0 < order <= _LARGEST:
+                raise UsageError(
+                    expected=f"an order after {profile.name}-, a positive number",
+                    received=f"{name!r:.60}",
+                    remedy=f"{profile.name}-1, or {profile.name}-0.5",
+                )
+            return Requirement(profile, float(order))
+    require_one_of("a profile", name, NAMES, "order-1 asks for an order", did_you_mean(name, NAMES))
+    return Requirement(next(p for p in PROFILES if p.name == name))
+
+
+def laws_for(required: Iterable[Requirement]) -> set[str]:
+    """The laws that these profiles need, and those of a method."""
+    return {law for profile in (METHOD, *(r.profile for r in required)) for law in profile.laws}
+
+
+def profiled(findings: Iterable[Finding]) -> tuple[Profiled, ...]:
+    """Each profile whose laws were all measured."""
+    by_law = {f.law: f for f in findings if f.verdict is not Verdict.NOT_MEASURED}
+    whole = [(p, [by_law[law] for law in p.laws]) for p in PROFILES if all(law in by_law for law in p.laws)]
+    return tuple(_profiled(profile, own) for profile, own in whole)
+
+
+def _profiled(profile: Profile, own: list[Finding]) -> Profiled:
+    if not profile.ordered:
+        lacking = [f"{f.law} {f.verdict.text}" for f in own if f.verdict is not Verdict.HOLDS]
+        return Profiled(profile, None, ", ".join(lacking))
+    shown = {f.law: _order_shown(f) for f in own if f is own[0] or f.verdict is not Verdict.NOT_APPLICABLE}
+    least = min(shown.values())
+    lacking = [law for law, order in shown.items() if order <= 0]
+    return Profiled(profile, least or None, f"{', '.join(lacking)}: no order is sure" if lacking else "")
+
+
+def _order_shown(finding: Finding) -> float:
+    """The least order over the problems of a law; 0 where one of them shows none."""
+    measured = (finding.witness or {}).get("measured", ())
+    return min((entry.get("order") or 0.0 for entry in measured), default=0.0)
+
+
+def found(profiles: Iterable[Profiled]) -> list[str]:
+    """The profiles that were found, in words; a weak order that is no more than the mean-square one is left out."""
+    have = {p.profile.name: p for p in profiles if not p.why}
+    if "order" in have and "weak-order" in have and have["order"].order >= have["weak-order"].order:  # type: ignore[operator]
+        del have["weak-order"]
+    return [p.words for p in have.values()]
+
+
+def missing(profiles: Iterable[Profiled], required: Iterable[Requirement]) -> list[str]:
+    """The required profiles that were not found, each with the reason."""
+    have = {p.profile.name: p for p in profiles}
+    lacking = []
+    for asked in required:
+        got = have.get(asked.profile.name)
+        if got is None or got.why:
+            lacking.append(f"{asked.name} ({got.why if got else 'not measured'})")
+        elif (got.order or 0.0) < asked.order:
+            lacking.append(f"{asked.name} ({got.words} was measured)")
+    return lacking
