@@ -17,7 +17,7 @@ from click.testing import CliRunner
 from sepv.properties.test_mean_square_order import MARGIN, order_above
 
 import sepv
-from sepv.commands import main
+from sepv.commands._cli import main
 from sepv.errors import UsageError
 from sepv.files import schema
 from sepv.verification import PROFILES, SUITE, Effort, Finding, Report, Verdict, load_laws
