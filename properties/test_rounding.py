@@ -34,11 +34,12 @@ from sepv.simulate._batch import advance
 from sepv.solve import Status
 from sepv.verification import Effort, Finding, Law, Run, Verdict, energy_ulp, require
 from sepv.verification._cases.case_of_law import NOT_OF_HAMILTONIANS
-from sepv.verification._cases.from_problem import describe, reach
+from sepv.verification._cases.from_problem import describe
 from sepv.verification._cases.users_problems import problems_of
 from sepv.verification._failed_step import failed_step
 from sepv.verification._quantiles import fishers_f, students_t
 from sepv.verification._tolerance import rounding_walk
+from sepv.verification._units import units_for, units_of
 
 PATHS = 60
 # (problem, h, steps): two long runs, and large steps, where a solver that stops early shows. How small a drift shows is
@@ -60,6 +61,9 @@ ALLOWED = 10.0
 BIAS = 2.0**-6
 # Of each test of drift and growth.
 LEVEL = 1e-7
+# Noises make the roundings of paths independent. Where they make up less than this share of a step, paths start from
+# states so far apart.
+ALIKE = 2.0**-10
 # Paths that explode: squares of defects must still be numbers, and no rounding is an excuse there.
 BEYOND, EXPLODED = 1e150, 1e100
 
@@ -159,7 +163,12 @@ def runs_for(scheme: Scheme) -> list[tuple[Problem, float, int]]:
     share = max(1, -(-len(own) // 2))
     # Whole doublings of the first checkpoint.
     long, short = (FIRST * 2 ** max(1, int(np.log2(steps / FIRST / share))) for steps in (256, 128))
-    return [(p, 0.01 * reach(p), long) for p in own] + [(p, 0.125 * reach(p), short) for p in own]
+    times = [units_of(p).time for p in own]
+    return [
+        (p, share * t, n)
+        for share, n in ((0.01, long), (0.125, short))
+        for p, t in zip(own, times, strict=True)
+    ]
 
 
 def energy_walk(
@@ -171,10 +180,12 @@ def energy_walk(
     """
     asked, exact = guarded(scheme), exact_problem(describe(problem), 30)
     raw = wiener.increments(seed, T=h * steps, steps=steps, noises=problem.noises, paths=PATHS)
-    dW = bounded.seen(raw, h, scheme.truncation, scheme.increments)
+    dW = bounded.seen(raw, h, scheme.truncation, scheme.increments, units_for(scheme, problem).time)
     y0 = np.array(problem.initial, dtype=np.float64)
     y = np.repeat(y0[:, None], PATHS, axis=1)
-    H0, unit = exact.hamiltonian(exact.state(y0)), float(energy_ulp(problem, y0, y0))
+    if float(problem.c.sum()) < ALIKE * np.sqrt(h):
+        y *= 1 + ALIKE * np.arange(PATHS) / PATHS
+    H0, unit = [exact.hamiltonian(exact.state(start)) for start in y.T], float(energy_ulp(problem, y0, y0))
     rows: list[np.ndarray] = []
     walks, alive, checkpoint, failed = [], np.arange(PATHS), FIRST, ""
     for n in range(1, steps + 1):
@@ -192,7 +203,7 @@ def energy_walk(
                 unit = float(np.median(energy_ulp(problem, y[:, alive], y[:, alive])))
             row = np.full(PATHS, np.nan)
             for k in alive:
-                defect = float(exact.hamiltonian(exact.state(y[:, k])) - H0) / unit
+                defect = float(exact.hamiltonian(exact.state(y[:, k])) - H0[k]) / unit
                 row[k] = max(-BEYOND, min(BEYOND, defect))
             rows.append(row)
             walk = rounding_walk(problem.gradient(y[:, alive]), y[:, alive]) / unit

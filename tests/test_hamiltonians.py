@@ -40,7 +40,7 @@ from sepv.schemes._further_increments import as_matrix, as_rows, some
 from sepv.schemes._order_claims import order_of
 from sepv.schemes._scheme import as_lanes
 from sepv.simulate import _areas as areas
-from sepv.verification import Case, Effort, Verdict
+from sepv.verification import Case, Effort, Run, Verdict
 from sepv.verification._cases import case as cases
 from sepv.verification._cases.case import from_token, to_token
 from sepv.verification._cases.families import separable_hamiltonians, so3_hamiltonians
@@ -292,7 +292,7 @@ def test_the_reference_agrees_with_another_one_to_what_it_says() -> None:
 def test_local_errors_have_the_slopes_of_the_theory(
     name: str, problem: str, slopes: tuple[float, float, float]
 ) -> None:
-    found = local_errors(schemes.by_name(name), problems.by_name(problem), Effort())
+    found = local_errors(schemes.by_name(name), problems.by_name(problem), Run())
     # Above rounding, at fine steps: a slope within 0.1.
     for errors, expected in zip((found.mean, found.rms, found.weak), slopes, strict=True):
         real = np.flatnonzero(errors > 1e-11)[-3:]

@@ -159,7 +159,7 @@ def test_the_shares_of_the_limit_are_what_the_fault_is() -> None:
     scheme = noisier(schemes.explicit(8), 1.03)
     scheme = replace(scheme, truncation=None)
     errors = strong_errors(scheme, problem, T=0.5, steps=(8, 16, 64), paths=range(512), seed=0)
-    names, samples = limit_errors(errors, problem)
+    names, samples, _ = limit_errors(errors, problem)
     share = leading(samples, errors.h, 0)
     k = names.index("noise")
     assert abs(share.value[k] - 0.03) < 5 * share.error[k] + 2 * 0.03**2

@@ -105,7 +105,7 @@ def _limit(solver: Solver, kind: str) -> dict[str, float]:
     λ is 0 for a solver that takes a for the drift of an Itô equation, 1 for that of a Stratonovich equation.
     """
     problem, scheme = problem_of(kind), solver.scheme(kind)
-    h, states = LIMIT_STEP, local_states(problem)
+    h, states = LIMIT_STEP, local_states(scheme, problem)
     nodes = rule_for(scheme, problem, h, rule_degree(scheme))
     y, _ = one_step(scheme, problem, states, h, nodes)
     moved = (y - states[..., None]) @ nodes.weights / h

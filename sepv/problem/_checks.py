@@ -42,12 +42,17 @@ def check_problem(problem: Problem) -> None:
         _check_derivatives(problem, y)
 
 
-def sample_states(problem: Problem) -> Iterator[Array]:
-    """A few states of the domain, the same ones in every run: the initial state and others about it."""
+def sample_states(problem: Problem, length: float = 1.0) -> Iterator[Array]:
+    """A few states of the domain, the same ones in every run: the initial state and others about it.
+
+    They are apart by a quarter of |y_i| + `length`.
+    """
     rng = np.random.default_rng(20140203)
     d = problem.dimension
     centre = np.ones(d) if problem.initial is None else np.asarray(problem.initial)
-    candidates = [centre] + [centre + 0.25 * (1 + np.abs(centre)) * rng.uniform(-1, 1, d) for _ in range(64)]
+    candidates = [centre] + [
+        centre + 0.25 * (length + np.abs(centre)) * rng.uniform(-1, 1, d) for _ in range(64)
+    ]
     found = [y for y in candidates if inside(problem, y)]
     if not found:
         raise ProblemError(

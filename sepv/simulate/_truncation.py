@@ -31,7 +31,7 @@ def truncation_bound(h: float, k: int) -> float:
     return math.sqrt(2 * k * abs(math.log(h)))
 
 
-def truncate(dW: ArrayLike, h: float, k: int | None = 2) -> Array:
+def truncate(dW: ArrayLike, h: float, k: int | None = 2, unit: float = 1.0) -> Array:
     """ΔŴ = √h clip(ΔW/√h, ±A_h) for increments over the step h; unchanged for k = None.
 
     Parameters
@@ -40,6 +40,8 @@ def truncate(dW: ArrayLike, h: float, k: int | None = 2) -> Array:
         Wiener increments of variance h.
     k : int, optional
         As in A_h; 2 in the paper. E[(ΔW − ΔŴ)²] ≤ h^(k+1)(1 + 2√(2k|ln h|)).
+    unit : float, optional
+        The unit of time in which A_h takes h, for problems whose own time is not 1.
     """
     increments = np.asarray(dW, dtype=np.float64)
     if k is None:
@@ -48,11 +50,13 @@ def truncate(dW: ArrayLike, h: float, k: int | None = 2) -> Array:
         raise UsageError(
             expected="truncation k, an integer ≥ 1, or None", received=repr(k), remedy="the paper takes k = 2"
         )
-    bound = truncation_bound(h, k) * math.sqrt(h)
+    bound = truncation_bound(h / unit, k) * math.sqrt(h)
     return np.clip(increments, -bound, bound)
 
 
-def seen(dW: ArrayLike, h: float, k: int | None = 2, increments: str | PointLaw | None = None) -> Array:
+def seen(
+    dW: ArrayLike, h: float, k: int | None = 2, increments: str | PointLaw | None = None, unit: float = 1.0
+) -> Array:
     """What a scheme sees of Wiener increments: truncated ones, or those of a law of a few points.
 
     Parameters
@@ -61,6 +65,8 @@ def seen(dW: ArrayLike, h: float, k: int | None = 2, increments: str | PointLaw 
         Wiener increments of variance h.
     k : int, optional
         As for `truncate`, for normal increments. The others are bounded as they are.
+    unit : float, optional
+        As for `truncate`.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
         Each increment becomes the value of that law at its own rank (`sepv.schemes._point_distributions`), times √h.
 
@@ -71,7 +77,7 @@ def seen(dW: ArrayLike, h: float, k: int | None = 2, increments: str | PointLaw 
     """
     law = point_law(increments)
     if law is None:
-        return truncate(dW, h, k)
+        return truncate(dW, h, k, unit)
     thresholds, values = points(h, law)
     return values[np.searchsorted(thresholds, np.asarray(dW, dtype=np.float64), side="right")]
 

@@ -171,10 +171,11 @@ def long_steps(problem: Problem, text: str = "") -> HardCase:
 
     Whatever is solved must be right; what is not may be refused.
     """
-    from sepv.verification._cases.from_problem import describe, reach
+    from sepv.verification._cases.from_problem import describe
+    from sepv.verification._units import units_of
 
     start = initial_state(problem, None)
-    longest = 10 * reach(problem) / 8  # an eighth of the reach is what the slopes allow
+    longest = 10 * units_of(problem).time / 8  # an eighth of that time is what the slopes allow
 
     def sample(rng: np.random.Generator, lanes: int) -> Sample:
         y = start[:, None] * rng.uniform(0.5, 1.5, (start.size, lanes))

@@ -19,12 +19,12 @@ from sepv.errors import Skipped
 from sepv.problem import NamedProblem, Problem, Systems
 from sepv.schemes import Scheme
 from sepv.schemes._guard import guarded
-from sepv.verification._cases.from_problem import reach
 from sepv.verification._cases.users_problems import problems_of
 from sepv.verification._failed_step import row
 from sepv.verification._law import Effort, Finding, Law, Run, Verdict
 from sepv.verification._orders.convergence import StrongErrors, first, join, strong_errors
 from sepv.verification._orders.tilting import tilted_errors
+from sepv.verification._units import units_of
 
 FALSE_ALARM = 1e-4
 # mean-square-order, weak-order, right-limit, commutation, rounding.
@@ -55,6 +55,7 @@ class Setup:
     T: float
     steps: tuple[int, ...]
     given: Problem | None = None
+    unit: float = 1.0  # of time, for A_h of Remark 2.1
 
     def build(self) -> Problem:
         """The problem itself."""
@@ -124,7 +125,8 @@ def _given(problem: Problem, truncation: int | None, order: float | None) -> Set
         return replace(_setup(problem.data.name, truncation, order), given=problem)
     if problem.name in problems.HAMILTONIANS and _built_in(problem):
         return replace(_setup(problem.name, truncation, order), given=problem)
-    return replace(_setup(problem.name, truncation, order), T=reach(problem), given=problem)
+    usual, time = _setup("", truncation, order), units_of(problem).time
+    return replace(usual, problem=problem.name, T=usual.T * time / 2, unit=time, given=problem)
 
 
 def _built_in(problem: Problem) -> bool:
@@ -164,15 +166,14 @@ def sampled(scheme: Scheme, setup: Setup, paths: int, run: Run) -> StrongErrors:
     have = run.paths.get(setup)
     done = have.squared.shape[1] if have else 0
     if done < paths:
-        problem, wanted, asked = setup.build(), range(done, paths), guarded(scheme)
+        problem, asked = setup.build(), guarded(scheme)
+        how: dict[str, Any] = {
+            "T": setup.T, "steps": setup.steps, "unit": setup.unit, "paths": range(done, paths), "seed": run.effort.seed
+        }  # fmt: skip
         if order is not None and is_tilted(scheme):
-            more = tilted_errors(
-                asked, problem, T=setup.T, steps=setup.steps, paths=wanted, seed=run.effort.seed, order=order
-            )
+            more = tilted_errors(asked, problem, order=order, **how)
         else:
-            more = strong_errors(
-                asked, problem, T=setup.T, steps=setup.steps, paths=wanted, seed=run.effort.seed
-            )
+            more = strong_errors(asked, problem, **how)
         have = join([have, more]) if have else more
         run.paths[setup] = have
     assert have is not None

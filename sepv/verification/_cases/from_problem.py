@@ -1,6 +1,7 @@
 """Cases of one problem: a state near its initial one, inside its domain, and a step that a contraction allows.
 
-What functions alone allow is measured: a radius for one step (`measured_radius`), a time for many (`reach`).
+What functions alone allow is measured: a radius for one step (`measured_radius`). A time is in
+`sepv.verification._units`.
 """
 
 from __future__ import annotations
@@ -135,7 +136,7 @@ def measured_radius(problem: Problem, y: Array) -> float:
         points = [y, *(y + r * e for e in directions)]
         if not all(_inside(problem, p) for p in points):
             continue
-        parts = [_sizes(problem, p) for p in points]
+        parts = [sizes_at(problem, p) for p in points]
         B, g, dB, H = (np.max([part[k] for part in parts], axis=0) for k in range(4))
         if not all(np.all(np.isfinite(part)) for part in (B, g, dB, H)):
             continue
@@ -146,7 +147,7 @@ def measured_radius(problem: Problem, y: Array) -> float:
     return best
 
 
-def _sizes(problem: Problem, y: Array) -> tuple[Array, Array, Array, Array]:
+def sizes_at(problem: Problem, y: Array) -> tuple[Array, Array, Array, Array]:
     """|B|, |∇H|, |∂B/∂y| and |∂²H/∂y²| at y, the last two by differences where they are not given."""
     with np.errstate(all="ignore"):
         dB = slopes(problem.structure, problem.structure_derivative, y)
@@ -159,19 +160,3 @@ def _sizes(problem: Problem, y: Array) -> tuple[Array, Array, Array, Array]:
             curved = [np.abs(noise_hessian(problem, j, y)) for j in range(problem.noises)]
             H = np.max([np.abs(H), *curved], axis=0)
         return B, g, np.abs(dB), np.abs(H)
-
-
-def reach(problem: Problem) -> float:
-    """A time of which steps of an eighth are as long, against the slope of f, as for the paper's problems.
-
-    There |Δ| L stays below about 1.2 for increments of two standard deviations, L the slope of f = B∇H: T is the
-    largest power of two, at most 1, for which L(h + 2√h Σc_j) ≤ 1.25 with h = T/8. A heuristic: nothing that a law
-    judges depends on it, but whether all steps are solved.
-    """
-    y = np.array(problem.initial, dtype=np.float64)
-    B, g, dB, H = _sizes(problem, y)
-    L = float(np.max(np.sum(np.einsum("ijk,j->ik", dB, g) + B @ H, axis=1)))
-    T = 1.0
-    while T > 2.0**-20 and L * (T / 8 + 2 * np.sqrt(T / 8) * float(problem.c.sum())) > 1.25:
-        T /= 2
-    return T

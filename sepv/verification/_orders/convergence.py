@@ -1,7 +1,14 @@
 """Strong errors against the exact flow, and slopes with intervals whose false-alarm rate is stated.
 
 For one path all step sizes see the same Wiener process: increments of coarse steps are sums of those of
-the finest grid, truncated at each step size as Remark 2.1 says; the exact solution sees W(T) untruncated.
+the finest grid, truncated at each step size as Remark 2.1 says. Where the exact solution is a function of W(T) it is
+taken at the sum Ŵ(T) of the increments that the scheme saw:
+
+    y_N − φ_θ(y0) = (y_N − φ_θ̂(y0)) + (φ_θ̂(y0) − φ_θ(y0)),    θ̂ = T + Σ_j c_j Ŵ_j(T).
+
+The first bracket is the scheme's and is sampled. The second is the clip's alone, the same for every scheme: its rms is
+known (`sepv.exact.clipping_error`), of order k/2, and the law "truncation" says that k ≥ 2p. Together they have order p
+where both have. A reference with finer steps sees the increments untruncated.
 """
 
 from __future__ import annotations
@@ -92,27 +99,37 @@ class Estimate:
         return self.value + self.half
 
 
-# For the paths of these numbers and each number of steps in turn: increments (N, m + k, M), y(T), W(T) and weights.
+# For the paths of these numbers and each number of steps in turn: increments (N, m + k, M) as the scheme sees them,
+# y(T), W(T) and weights.
 Draw = Callable[[range], Iterable[tuple[Array, Array, Array, Array]]]
 
 
 def strong_errors(
-    scheme: Scheme, problem: Problem, *, T: float, steps: Sequence[int], paths: range, seed: int = 0
+    scheme: Scheme,
+    problem: Problem,
+    *,
+    T: float,
+    steps: Sequence[int],
+    paths: range,
+    seed: int = 0,
+    unit: float = 1.0,
 ) -> StrongErrors:
-    """Run the paths numbered `paths` from the problem's initial state, with increasing `steps` that divide the last."""
+    """Run the paths numbered `paths` from the problem's initial state, with increasing `steps` that divide the last.
+
+    `unit` is the time by which A_h of Remark 2.1 measures h.
+    """
     start, finest, noises = np.array(problem.initial, dtype=np.float64), steps[-1], problem.noises
     reference = 0.0
 
     def draw(numbers: range) -> Iterator[tuple[Array, Array, Array, Array]]:
         nonlocal reference
         fine = wiener.increments(seed, T=T, steps=finest, noises=noises, paths=numbers)
-        known, rough = exact_ends(problem, start, T, fine.sum(axis=0)), None
-        if known is not None:
-            exact = known
-        elif isinstance(problem, HamiltoniansProblem):
+        exact, rough = exact_ends(problem, start, T, fine.sum(axis=0)), None
+        known = exact is not None
+        if not known and isinstance(problem, HamiltoniansProblem):
             rough, exact, apart = refined(problem, start, T, finest, numbers, seed)
             fine, reference = rough.coarse(finest).dW, max(reference, apart)
-        else:
+        elif not known:
             fine, exact, apart = finer(problem, start, T, finest, numbers, seed)
             reference = max(reference, apart)
         if scheme.asks and rough is None:
@@ -121,7 +138,12 @@ def strong_errors(
         W, ones = fine.sum(axis=0), np.ones(len(numbers))
         for count in steps:
             raw = rough.rows(count, scheme.asks) if rough else wiener.coarsen(fine, finest // count)
-            yield raw, exact, W, ones
+            used = clipped(scheme, raw, T / count, noises, unit)
+            if known and scheme.truncation is not None:
+                W = used[:, :noises].sum(axis=0)
+                exact = exact_ends(problem, start, T, W)
+            assert exact is not None
+            yield used, exact, W, ones
 
     found = errors_of(scheme, problem, T, steps, paths, _CHUNK, draw)
     return replace(found, reference=reference)
@@ -140,13 +162,13 @@ def errors_of(
     largest, failed = float(np.max(np.abs(start))), ""
     for first in range(0, len(paths), chunk):
         here = slice(first, min(first + chunk, len(paths)))
-        for row, (raw, exact, end, ratio) in enumerate(draw(paths[here])):
+        for row, (used, exact, end, ratio) in enumerate(draw(paths[here])):
             h = T / steps[row]
             largest = max(largest, float(np.max(np.abs(exact))))
             ends[row, :, here], W[row, :, here], weights[row, here] = exact, end, ratio
-            result = run_chunk(scheme, problem, start, h, raw, scheme.truncation, track=False)
+            result = run_chunk(scheme, problem, start, h, used, None, track=False)
             failures[row] += np.count_nonzero(result.status != Status.CONVERGED)
-            failed = failed or failed_path(scheme, problem, result, h, raw, paths[here])
+            failed = failed or failed_path(scheme, problem, result, h, used, paths[here])
             with np.errstate(over="ignore"):  # a path that blows up has an infinite error, and is no accident
                 errors[row, :, here] = ratio * (result.y - exact)
                 squared[row, here] = ratio * np.sum((result.y - exact) ** 2, axis=0)
@@ -161,17 +183,22 @@ def errors_of(
     )  # fmt: skip
 
 
+def clipped(scheme: Scheme, raw: Array, h: float, noises: int, unit: float) -> Array:
+    """Increments (N, m + k, M) as the scheme sees them: the first m truncated with its k, in units of time."""
+    used = seen(raw[:, :noises], h, scheme.truncation, scheme.increments, unit)
+    return np.concatenate([used, raw[:, noises:]], axis=1)
+
+
 def failed_path(
-    scheme: Scheme, problem: Problem, result: Ensemble, h: float, raw: Array, paths: range
+    scheme: Scheme, problem: Problem, result: Ensemble, h: float, used: Array, paths: range
 ) -> str:
-    """The step in which the first path that failed did so, in words; empty where none did. `raw` is (N, m + k, M)."""
+    """The step in which the first path that failed did so, in words; empty where none did. `used` is (N, m + k, M)."""
     k = int(np.argmax(result.status != Status.CONVERGED))
     if result.status[k] == Status.CONVERGED:
         return ""
-    n, m = int(result.failed_step[k]), problem.noises
-    dW = np.concatenate([seen(raw[n, :m, k], h, scheme.truncation, scheme.increments), raw[n, m:, k]])
-    where = failed_step(scheme, problem, result.y[:, k], h, dW)
-    return f"path {paths[k]} in step {n + 1} of {len(raw)}, {where}"
+    n = int(result.failed_step[k])
+    where = failed_step(scheme, problem, result.y[:, k], h, used[n, :, k])
+    return f"path {paths[k]} in step {n + 1} of {len(used)}, {where}"
 
 
 # What has an entry for each path.
@@ -213,7 +240,11 @@ def slope(errors: StrongErrors, alpha: float) -> Estimate:
     x = np.log(errors.h)[kept]
     x = x - x.mean()
     weights = x / np.sum(x * x)
-    return jackknife(errors.squared[kept], lambda mean: float(0.5 * (weights @ np.log(mean))), alpha)
+    # Without the one group that has all of an error, what is left is rounding.
+    least = floors(errors)[kept] ** 2
+    return jackknife(
+        errors.squared[kept], lambda mean: float(0.5 * (weights @ np.log(np.maximum(mean, least)))), alpha
+    )
 
 
 def log_decay(errors: StrongErrors, alpha: float) -> Estimate:
@@ -236,8 +267,8 @@ def quantile_slope(errors: StrongErrors, alpha: float) -> Estimate:
     low = binomial(alpha / 4, paths, QUANTILE) - 1
     high = binomial(1 - alpha / 4, paths, QUANTILE)
     span = 2 * np.log(errors.steps[kept[-1]] / errors.steps[kept[0]])
-    if low < 0 or high >= paths:
-        return Estimate(0.0, np.inf, alpha)
+    if low < 0 or high >= paths or np.any(ordered[:, low] <= floors(errors)[kept[[0, -1]]] ** 2):
+        return Estimate(0.0, np.inf, alpha)  # too few paths, or a bulk at the rounding floor: no fall is seen
     (c_low, c_high), (f_low, f_high) = np.log(ordered[:, [low, high]])
     ends = np.array([c_low - f_high, c_high - f_low]) / span
     return Estimate(float(ends.mean()), float(np.ptp(ends)) / 2, alpha)

@@ -141,26 +141,30 @@ def _normal_rule(a: float, b: float, n: int) -> tuple[Array, Array]:
     return values, vectors[0] ** 2 * beta[0] * np.exp(-0.5 * nearest * nearest) / np.sqrt(2 * np.pi)
 
 
-def rule_for(scheme: Scheme, problem: Problem, h: float, degree: int, fewer: int = 0) -> Rule:
+def rule_for(
+    scheme: Scheme, problem: Problem, h: float, degree: int, fewer: int = 0, unit: float = 1.0
+) -> Rule:
     """The rule for this scheme, with areas where it asks for them or several Hamiltonians need them.
 
-    `fewer` nodes in each variable, of several Hamiltonians, are for an estimate of the rule's error.
+    `fewer` nodes in each variable, of several Hamiltonians, are for an estimate of the rule's error. `unit` is the time
+    by which A_h measures h.
     """
     several = isinstance(problem, HamiltoniansProblem)
     needed = scheme.asks == "areas" or (several and column(problem) == "general")
     # Where a scheme clips its increments is for the law "truncation": areas multiply the nodes.
-    return _rule(scheme.asks, scheme.truncation, problem.noises, h, degree, needed, not several, fewer)
+    return _rule(scheme.asks, scheme.truncation, problem.noises, h, degree, needed, not several, fewer, unit)
 
 
 @lru_cache(maxsize=256)
 def _rule(
-    asks: str, truncation: int | None, m: int, h: float, degree: int, with_areas: bool, panels: bool, fewer: int
+    asks: str, truncation: int | None, m: int, h: float, degree: int, with_areas: bool, panels: bool, fewer: int,
+    unit: float,
 ) -> Rule:  # fmt: skip
     if asks == "halves":
         return _of_halves(m, h, degree, fewer)
     if asks == "space-time" and not with_areas:
         return _of_bridges(m, h, degree, fewer)
-    own = rule(m, h, truncation, degree, panels, fewer)
+    own = rule(m, h / unit, truncation, degree, panels, fewer)
     if not with_areas:
         return own
     points, shares = areas.points(own.xi)  # (k, n, Q), (Q,)

@@ -45,12 +45,12 @@ from sepv.schemes._guard import guarded
 from sepv.schemes._order_claims import order_of
 from sepv.schemes._point_distributions import point_law
 from sepv.simulate._batch import advance
-from sepv.verification._cases.from_problem import reach
 from sepv.verification._cases.users_problems import problems_of
 from sepv.verification._failed_step import first_failed
 from sepv.verification._law import Run
 from sepv.verification._orders.gaussian import Rule, point_rule, rule_for
 from sepv.verification._orders.local_moments import FULL_DEGREE, SPLIT, exponents, moments_at, moments_of
+from sepv.verification._units import units_for
 
 LEVELS = 10
 
@@ -93,9 +93,9 @@ class LocalErrors:
     """Errors of one step from several states of a problem, at L step sizes that fall.
 
     mean, rms and weak (L,) are the largest over states of |E[y1 − φ]|, of (E|y1 − φ|²)^½ and over test functions too of
-    |E g(y1) − E g(φ)|; `rms` is NaN where only moments of the exact solution are known. Of several Hamiltonians that do
-    not commute it is the distance from the log-ODE of step two (`sepv.exact._log_flow`), which is O(h^{3/2}) from the
-    solution.
+    |E g(y1) − E g(φ)|, with lengths in the problem's own unit (`sepv.verification._units`); `rms` is NaN where only
+    moments of the exact solution are known. Of several Hamiltonians that do not commute it is the distance from the
+    log-ODE of step two (`sepv.exact._log_flow`), which is O(h^{3/2}) from the solution.
     """
 
     problem: str
@@ -151,11 +151,10 @@ def _measure(scheme: Scheme, problem: Problem) -> LocalErrors:
     kind = column(problem)
     strong, weak = order_of(scheme.mean_square_order, kind), order_of(scheme.weak_order, kind)
     asked, m = guarded(scheme), problem.noises
-    states, degree = local_states(problem), rule_degree(scheme)
-    # A user's problem may be faster than ours: its steps are as much shorter.
-    unit = reach(problem) if scheme.problems else 1.0
-    sizes = [h * unit for h in _sizes(strong, weak)]
-    rules = [(h, rule_for(scheme, problem, h, degree)) for h in sizes]
+    units = units_for(scheme, problem)
+    states, length = local_states(scheme, problem), units.length
+    sizes = [h * units.time for h in _sizes(strong, weak)]
+    rules = [(h, step_rule(scheme, problem, h)) for h in sizes]
     law = point_law(scheme.increments)
     known = moments_only(problem)
     top = max(FULL_DEGREE, int(2 * weak + 1)) if isinstance(problem, HamiltoniansProblem) else FULL_DEGREE
@@ -170,20 +169,23 @@ def _measure(scheme: Scheme, problem: Problem) -> LocalErrors:
         taken = nodes if law is None else point_rule(m, law)
         y, stuck = one_step(asked, problem, states, h, taken)
         steps += taken.zeta.shape[1] * states.shape[1]
-        moved = y - states[..., None]
+        moved = (y - states[..., None]) / length
         if stuck:
             failed.append((h, stuck))
             rows = []  # only what is finer than every failure
         elif known:
-            first, _, second = against_moments(moved, ends, taken.weights, top)
-            rows.append((h, first, from_log_flow(problem, states, h, taken, y), second))
+            first, _, second = against_moments(moved, ends, taken.weights, top, length)
+            rows.append((h, first, from_log_flow(problem, states, h, taken, y) / length, second))
         elif law is not None:
-            rows.append((h, *apart(moved, taken.weights, ends - states[..., None], nodes.weights, weak)))
+            rows.append(
+                (h, *apart(moved, taken.weights, (ends - states[..., None]) / length, nodes.weights, weak))
+            )
         else:
-            rows.append((h, *_norms(moved, ends - states[..., None], nodes.weights, weak)))
+            rows.append((h, *_norms(moved, (ends - states[..., None]) / length, nodes.weights, weak)))
     kept, mean, rms, weakly = np.array(rows).reshape(-1, 4).T
     return LocalErrors(
-        problem.name, kept, mean, rms, weakly, seen, float(np.max(np.abs(states))), flow, steps, tuple(failed), kind,
+        problem.name, kept, mean, rms, weakly, seen, float(np.max(np.abs(states))) / length, flow / length, steps,
+        tuple(failed), kind,
     )  # fmt: skip
 
 
@@ -214,9 +216,15 @@ def from_log_flow(problem: Problem, states: Array, h: float, nodes: Rule, y: Arr
     return float(np.sqrt(worst))
 
 
-def local_states(problem: Problem) -> Array:
+def local_states(scheme: Scheme, problem: Problem) -> Array:
     """The states (d, S) from which steps are made."""
-    return np.array(list(sample_states(problem))[: 3 if problem.noises <= 1 else 2]).T
+    states = sample_states(problem, units_for(scheme, problem).length)
+    return np.array(list(states)[: 3 if problem.noises <= 1 else 2]).T
+
+
+def step_rule(scheme: Scheme, problem: Problem, h: float) -> Rule:
+    """The quadrature over ΔW for a step h of the problem, with A_h in the problem's own time."""
+    return rule_for(scheme, problem, h, rule_degree(scheme), unit=units_for(scheme, problem).time)
 
 
 def rule_degree(scheme: Scheme) -> int:
@@ -281,12 +289,12 @@ def _flows_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) 
 
 
 def against_moments(
-    moved: Array, exact: Array, weights: Array, degree: int = FULL_DEGREE
+    moved: Array, exact: Array, weights: Array, degree: int = FULL_DEGREE, length: float = 1.0
 ) -> tuple[float, float, float]:
-    """As `_norms`, where only the moments (A, S) of the exact solution are known, and no rms error."""
+    """As `_norms`, where only the moments (A, S) of the exact solution are known, in units of 1, and no rms error."""
     asked = exponents(moved.shape[0], degree)
-    over = np.array([factorial(sum(alpha)) for alpha in asked])
-    differences = (moments_of(moved, weights, asked) - exact) / over[:, None]
+    over, unit = np.array([(factorial(sum(alpha)), length ** sum(alpha)) for alpha in asked]).T
+    differences = (moments_of(moved, weights, asked) - exact / unit[:, None]) / over[:, None]
     mean = np.sqrt(np.max(np.sum(differences[: moved.shape[0]] ** 2, axis=0)))
     return float(mean), float("nan"), float(np.max(np.abs(differences)))
 

@@ -12,7 +12,7 @@ from sepv.schemes._guard import guarded
 from sepv.schemes._point_distributions import point_law
 from sepv.verification._failed_step import row
 from sepv.verification._orders import local_errors as local
-from sepv.verification._orders.gaussian import point_rule, rule_for
+from sepv.verification._orders.gaussian import point_rule
 
 
 def mean_example(scheme: Scheme, problem: Problem, h: float) -> str:
@@ -47,8 +47,8 @@ def weak_example(scheme: Scheme, problem: Problem, h: float) -> str:
 
 def _means(scheme: Scheme, problem: Problem, h: float) -> tuple[Array, Array, Array]:
     """States (d, S), and the means (A, S) of monomials in y1 − y0 and in φ − y0: y_1, …, y_d, y_1², y_1y_2, …"""
-    states, m, law = local.local_states(problem), problem.noises, point_law(scheme.increments)
-    nodes = rule_for(scheme, problem, h, local.rule_degree(scheme))
+    states, m, law = local.local_states(scheme, problem), problem.noises, point_law(scheme.increments)
+    nodes = local.step_rule(scheme, problem, h)
     taken = nodes if law is None else point_rule(m, law)
     y, failed = local.one_step(guarded(scheme), problem, states, h, taken)
     came = _monomials(y - states[..., None]) @ taken.weights
@@ -68,8 +68,8 @@ def _monomials(z: Array) -> Array:
 
 def step_example(scheme: Scheme, problem: Problem, h: float) -> str:
     """y1 − y0 and φ − y0 for the increment that contributes most to E|y1 − φ|², at the state where that is largest."""
-    states = local.local_states(problem)
-    nodes = rule_for(scheme, problem, h, local.rule_degree(scheme))
+    states = local.local_states(scheme, problem)
+    nodes = local.step_rule(scheme, problem, h)
     y, failed = local.one_step(guarded(scheme), problem, states, h, nodes)
     if local.moments_only(problem):
         return ""

@@ -78,20 +78,30 @@ def _spread(g: Array, errors: StrongErrors, degree: int) -> float:
     return max(float(np.sqrt(np.mean(w * (g - middle) ** 2))), 1e-3 * errors.scale**degree)
 
 
-def limit_errors(errors: StrongErrors, problem: Problem) -> tuple[list[str], Array]:
+def limit_errors(errors: StrongErrors, problem: Problem) -> tuple[list[str], Array, Array]:
     """What a wrong limit would be off by, (L, K, M): shares of the drift, the noise, each noise, Itô's correction.
 
     To first order, a noise too large by the share γ moves y(T) by γ v with v = Σ c_j W_j G_j∇H, a drift by γ T B∇H, the
     correction that turns Itô into Stratonovich by γ ½T Σ c_j² (G_j∇H)′G_j∇H. Each is ⟨v, e⟩/E|v|²: for the right
-    limit its mean vanishes with h, whatever v, because e does.
+    limit its mean vanishes with h, whatever v, because e does. Of the noises it is Cov(v, e)/Var v: what does not
+    depend on the noise, nearly all of the error where c is small, then adds no variance.
+
+    The last array, (K,), has the rms of each v at the coarsest step.
     """
     e = capped(errors)
-    rows = []
+    rows, sizes = [], np.empty(0)
     for level, W in enumerate(errors.W):
         names, directions = _directions(problem, errors.ends[level], errors.T, W)
-        w = errors.weights[level]
-        rows.append([w * np.sum(v * e[level], 0) / np.mean(w * np.sum(v * v, 0)) for v in directions])
-    return names, np.array(rows)
+        w, row = errors.weights[level], []
+        for name, v in zip(names, directions, strict=True):
+            x, error = v, e[level]
+            if name.startswith("noise"):
+                x, error = (a - np.mean(w * a, axis=1, keepdims=True) for a in (x, error))
+            row.append(w * np.sum(x * error, 0) / np.mean(w * np.sum(x * x, 0)))
+        rows.append(row)
+        if not level:
+            sizes = np.sqrt([np.mean(w * np.sum(v * v, 0)) for v in directions])
+    return names, np.array(rows), sizes
 
 
 def _directions(problem: Problem, y: Array, T: float, W: Array) -> tuple[list[str], list[Array]]:

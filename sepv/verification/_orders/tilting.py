@@ -11,11 +11,9 @@ degrees of freedom and a random sign), a third with p = 2s + 2, and every path i
 Means of weighted errors are the means under the Wiener measure, without bias. Step sizes are sampled independently
 of each other: which increments matter depends on the step.
 
-Paths on which Remark 2.1 truncates an increment are left out where k is large enough for the order, k ≥ 2p: their
-probability is at most 2N·P(ξ > A_h), too small for a sample to see. What is estimated is then E|e|² over the other
-paths; what clipping adds to it is known in closed form (`sepv.exact.clipping_error`, squared), of
-order 2p or more, and has to be added where the size of the error counts and not its order. With a smaller k
-those paths stay in.
+Increments that Remark 2.1 truncates are truncated for the exact solution too, as in
+`sepv.verification._orders.convergence`: what is estimated is the scheme's own error. What clipping adds is known in
+closed form (`sepv.exact.clipping_error`), and has to be added where the size of the error counts and not its order.
 """
 
 from __future__ import annotations
@@ -28,8 +26,7 @@ import numpy as np
 from sepv.exact import exact_flow
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
-from sepv.simulate import _truncation as bounded
-from sepv.verification._orders.convergence import StrongErrors, errors_of
+from sepv.verification._orders.convergence import StrongErrors, clipped, errors_of
 
 _CHUNK = 256
 # Errors below this many eps·scale are rounding. Rare paths count little here, and common ones have small errors,
@@ -62,15 +59,15 @@ def tilted_increments(
 
 
 def tilted_errors(
-    scheme: Scheme, problem: Problem, *, T: float, steps: Sequence[int], paths: range, seed: int, order: float
-) -> StrongErrors:
+    scheme: Scheme, problem: Problem, *, T: float, steps: Sequence[int], paths: range, seed: int, order: float,
+    unit: float = 1.0,
+) -> StrongErrors:  # fmt: skip
     """As `sepv.verification._orders.convergence.strong_errors`, tilted for a scheme of this mean-square
     order; errors carry their weights.
 
-    Its `squared` is w|e|² and its `errors` are w·e, so that means over paths estimate E|e|² and E e, without what
-    clipped increments add where k ≥ 2·order (see above).
+    Its `squared` is w|e|² and its `errors` are w·e, so that means over paths estimate E|e|² and E e.
     """
-    powers, k = (2 * round(2 * order + 1), 2 * round(order + 1)), scheme.truncation
+    powers = (2 * round(2 * order + 1), 2 * round(order + 1))
 
     def draw(numbers: range) -> Iterator[tuple[Array, Array, Array, Array]]:
         for count in steps:
@@ -80,10 +77,8 @@ def tilted_errors(
             raw, weights = tilted_increments(
                 rng, problem.c, T=T, steps=count, paths=len(numbers), powers=powers
             )
-            if k is not None and k >= 2 * order:
-                bound = bounded.truncation_bound(T / count, k) * np.sqrt(T / count)
-                weights = weights * np.all(np.abs(raw) <= bound, axis=(0, 1))
-            W = raw.sum(axis=0)
-            yield raw, exact_flow(problem, problem.random_step(T, W)).y, W, weights
+            used = clipped(scheme, raw, T / count, problem.noises, unit)
+            W = used.sum(axis=0)
+            yield used, exact_flow(problem, problem.random_step(T, W)).y, W, weights
 
     return replace(errors_of(scheme, problem, T, steps, paths, _CHUNK, draw), floor=FLOOR)

@@ -16,12 +16,12 @@ from sepv.schemes import PointLaw, Scheme
 from sepv.schemes._guard import guarded
 from sepv.schemes._point_distributions import point_law
 from sepv.simulate._batch import advance
-from sepv.verification._cases.from_problem import reach
 from sepv.verification._failed_step import first_failed
 from sepv.verification._law import Run
 from sepv.verification._orders import local_errors as local
 from sepv.verification._orders.gaussian import point_rule, rule
 from sepv.verification._orders.local_errors import LocalErrors, against_moments, apart
+from sepv.verification._units import units_for
 
 # The end time: short enough for slopes within 0.1 of their limits, on Lotka-Volterra within 0.25, and long enough for
 # errors far above rounding.
@@ -60,8 +60,9 @@ def tree_errors(scheme: Scheme, problem: Problem, _run: Run) -> LocalErrors:
         raise Skipped(f"{problem.name}: {ends} ends of a step are too many to sum over {ENOUGH} steps")
     weak = 1.0 if scheme.weak_order is None else scheme.weak_order
     start = np.array(problem.initial, dtype=np.float64)
-    end = T * (reach(problem) if scheme.problems else 1.0)
-    nodes = rule(problem.noises, end, None, int(2 * weak + 8))
+    units = units_for(scheme, problem)
+    end = T * units.time
+    nodes = rule(problem.noises, T, None, int(2 * weak + 8))
     known = local.moments_only(problem)
     if known and not isinstance(problem.data, PolynomialSystem):
         raise Skipped(
@@ -78,15 +79,26 @@ def tree_errors(scheme: Scheme, problem: Problem, _run: Run) -> LocalErrors:
             failed.append((end / count, stuck))
             rows.clear()  # only what is finer than every failure
             continue
-        moved = (ways - start[:, None])[:, None]
+        moved = (ways - start[:, None])[:, None] / units.length
         if known:
-            errors = against_moments(moved, exact[0], chances)
+            errors = against_moments(moved, exact[0], chances, length=units.length)
         else:
-            errors = apart(moved, chances, exact[0] - start[:, None, None], nodes.weights, weak)
+            errors = apart(
+                moved, chances, (exact[0] - start[:, None, None]) / units.length, nodes.weights, weak
+            )
         rows.append((end / count, *errors))
     h, mean, rms, weakly = np.array(rows).reshape(-1, 4).T
     # What rounding and a solver leave in a step adds up over N of them.
-    scale = counts[-1] * float(np.max(np.abs(start)))
+    scale = counts[-1] * float(np.max(np.abs(start))) / units.length
     return LocalErrors(
-        problem.name, h, mean, rms, weakly, (nodes.degree + 1) // 2, scale, flow, steps, tuple(failed)
+        problem.name,
+        h,
+        mean,
+        rms,
+        weakly,
+        (nodes.degree + 1) // 2,
+        scale,
+        flow / units.length,
+        steps,
+        tuple(failed),
     )

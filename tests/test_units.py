@@ -1,0 +1,113 @@
+"""No verdict depends on the unit of time or of length, on how strong the noise is, or on the clip of the suite."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.right_schemes.other_formulas import flow
+from benchmarks.right_schemes.solved_otherwise import of_lanes
+from benchmarks.units import LAWS, PROBLEMS, SCALES, Scale, findings, scaled, wrong
+from sepv import problems, schemes, verify
+from sepv.problem import Array, Problem
+from sepv.schemes import Scheme
+from sepv.simulate import truncate
+from sepv.verification import Effort, Verdict
+from sepv.verification._units import Units, units_of
+
+QUICK = Effort(paths=2048)
+FAST = ("truncation", "right-limit")
+
+
+@pytest.mark.parametrize("name", ["harmonic-oscillator", "quartic-top", "double-well", "kepler"])
+def test_the_units_of_a_problem_change_with_it(name: str) -> None:
+    problem = PROBLEMS[name]()
+    own, other = units_of(problem), units_of(scaled(problem, Scale(4.0**9, 2.0**-9, 2.0**-12)))
+    assert other == Units(own.time / 4**9, own.length / 2**12)
+
+
+def test_a_problem_at_the_origin_or_at_rest_has_units() -> None:
+    start = PROBLEMS["quartic"]()
+    moved = replace(start, initial=(0.0, 0.0), data=None, check=False)
+    assert units_of(moved).length == 1.0
+    assert 0 < units_of(moved).time < np.inf
+
+
+@pytest.mark.parametrize("name", ["quartic", "quartic-top"])
+def test_verdicts_are_the_same_in_every_unit(name: str) -> None:
+    """Powers of two change no digit of a state: what differs is the rounding of the exact flow."""
+    problem = PROBLEMS[name]()
+    usual = findings(schemes.energy_preserving, scaled(problem, Scale()), QUICK)
+    for scale in (Scale(4.0**-8, 2.0**8), Scale(4.0**9, 2.0**-9, 2.0**10), Scale(size=2.0**-18)):
+        for a, b in zip(
+            usual, findings(schemes.energy_preserving, scaled(problem, scale), QUICK), strict=True
+        ):
+            assert (a.verdict, a.checks) == (b.verdict, b.checks), b
+            # Slopes of one step end where errors are some roundings.
+            near = 1e-2 if a.law.startswith("local") else 1e-6
+            assert a.defect == pytest.approx(b.defect, rel=near), b
+
+
+@pytest.mark.parametrize("rate", [1e-4, 20.0, 80.0, 1e3, 1e5])
+@pytest.mark.parametrize("name", ["energy-preserving", "midpoint", "euler-heun", "milstein"])
+def test_a_fast_oscillator_with_unit_noise_accuses_nobody(name: str, rate: float) -> None:
+    """H = ½ω|y|²: steps that are not the problem's own called (2.1) violated from ω = 80 on."""
+    oscillator = scaled(problems.harmonic_oscillator(), Scale(rate))
+    found = findings(schemes.by_name(name), replace(oscillator, noise=(1.0,), check=False), QUICK, FAST)
+    assert [f.verdict for f in found] == [Verdict.HOLDS] * len(found), found
+
+
+@pytest.mark.parametrize(
+    ("problem", "scheme", "scale"),
+    [
+        pytest.param(name, own, scale, marks=[] if (n + 5 * m) % 29 == 0 else pytest.mark.deep)
+        for n, (name, own) in enumerate(
+            (name, own) for name in PROBLEMS for own in ("energy-preserving", "euler-heun", "milstein")
+        )
+        for m, scale in enumerate(SCALES)
+    ],
+)
+def test_no_right_scheme_is_accused_or_left_open_at_any_rate_noise_and_size(
+    problem: str, scheme: str, scale: Scale
+) -> None:
+    found = findings(schemes.by_name(scheme), scaled(PROBLEMS[problem](), scale), QUICK, LAWS)
+    assert not [f for f in found if wrong(f)]
+
+
+def _clipping(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """(2.1), which lets a third less of its increments through than k = 2 does, in units of the fast problem."""
+    return schemes.energy_preserving.step(problem, y, h, truncate(dW, h, 1, unit=_TIME))
+
+
+_FAST = scaled(problems.harmonic_oscillator(), Scale(1000.0))
+_TIME = units_of(_FAST).time
+
+
+def test_faults_of_the_noise_show_in_every_unit() -> None:
+    clipping = Scheme("clipping", _clipping, ("truncation",), batched=True, problems=(_FAST,))
+    assert verify(clipping, laws=["truncation"]).findings[0].verdict is Verdict.VIOLATED
+    for scale in (Scale(1e6), Scale(1.0, 1e-5), Scale(1e-3, 1e3), Scale(size=1e6)):
+        problem = scaled(PROBLEMS["quartic"](), scale)
+
+        def louder(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+            return schemes.energy_preserving.step(problem, y, h, 1.02 * dW)
+
+        own = Scheme("louder", louder, batched=True, problems=(problem,))
+        (finding,) = verify(own, laws=["right-limit"], effort=QUICK).findings
+        assert finding.verdict is Verdict.VIOLATED, finding
+        assert "noise of the limit is wrong by" in finding.message
+
+
+@pytest.mark.parametrize("name", ["flow", "explicit-8", "collocation-3"])
+def test_a_bare_function_that_is_better_than_the_clip_holds(name: str) -> None:
+    """Its increments are clipped with k = 2 as no one told otherwise: the clip is the suite's, and no fault of it."""
+    step = of_lanes(flow) if name == "flow" else schemes.by_name(name).step
+
+    def mine(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        return step(problem, y, h, dW)
+
+    laws = ["truncation", "mean-square-order", "weak-order", "right-limit"]
+    for finding in verify(mine, laws=laws, effort=QUICK).findings:
+        assert finding.verdict is Verdict.HOLDS, finding
