@@ -74,11 +74,15 @@ def growth(
 
 def _table(rows: list[Any]) -> Table:
     """The last times, each a quarter of the next, with theory where there is one."""
-    cells, known = [], any(row.derived for row in rows)
+    cells, known = [], any(row.derived and row.kind != "rounding" for row in rows)
     for row in rows:
         for n in (-5, -3, -1):
             t = float(row.times[n])
-            theory = [f"{v:.3g}" for v in row.derived.at(t)] if row.derived else ["", ""]
+            theory = (
+                [f"{v:.3g}" for v in row.derived.at(t)]
+                if row.derived and row.kind != "rounding"
+                else ["", ""]
+            )
             cells.append((
                 row.scheme if n == -5 else "", f"{t:g}", f"{row.mean[n]:.3g}", f"{row.error[n]:.2g}",
                 f"{row.rms[n]:.3g}", *(theory if known else []),
