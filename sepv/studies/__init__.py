@@ -1,8 +1,9 @@
-"""Schemes side by side: cost and accuracy, regressions, the paper's experiments, hard cases, roundings, energy over long times.
+"""Schemes side by side: cost and accuracy, regressions, the paper's experiments, hard cases, roundings, long times.
 
 Each study stands by itself, has a command of its name, and is loaded when it is asked for: `_compare` (error with its
 price), `_bench` (counters and paired times), `_reproduce` (section 4 of the paper), `_hard_cases`, `_ulps`,
-`_energy_growth`, `_solvability`. `_evaluation_count` counts what a scheme evaluates. Every picture goes through `_picture`.
+`_energy_growth`, `_solvability`. `_evaluation_count` counts what a scheme evaluates. Every picture goes through
+`_picture`.
 """
 
 from __future__ import annotations

@@ -1,16 +1,16 @@
 """Energy over long times: E[H(y_n)] − H(y0) and the rms of H(y_n) − H(y0) against t, each judged by an interval.
 
-Schemes differ in kind. (2.1) keeps H: what is left is rounding. A symplectic scheme with a fixed step has an
-error that stays bounded for very long; with random steps the energy walks, √t, and its mean drifts, more slowly than the walk until t is of the order
-1/h² (`_energy_diffusion`). An explicit scheme drifts by O(h)t at once, and faster later.
+Schemes differ in kind. (2.1) keeps H: what is left is rounding. A symplectic scheme with a fixed step has an error that
+stays bounded for very long; with random steps the energy walks, √t, and its mean drifts, more slowly than it until
+t is of the order 1/h² (`_energy_diffusion`). An explicit scheme drifts by O(h)t at once, and faster later.
 
 All errors are of the same paths and times T/2^k. The growth is the exponent of the rms over the last DOUBLINGS
 doublings of t, by a jackknife over paths; the drift is the mean over paths of (H(T) − H(T/4))/(3T/4). Both have
 Student's interval of level 1 − LEVEL: a row takes one kind of growth for another, or sees a drift where there is none,
 with a probability of at most LEVEL each, as far as such means over many paths are normal.
 
-It is a study and no law. Schemes that keep H are held to it in every step by *energy* and *rounding*; no scheme states how
-its energy grows otherwise, and to see the drift of a symplectic one takes 10⁷ steps, fifty times those of all laws.
+It is a study and no law. Schemes that keep H are held to it in every step by *energy* and *rounding*. No scheme states
+how its energy grows otherwise, and the drift of a symplectic one takes 10⁷ steps to see, fifty times those of all laws.
 """
 
 from __future__ import annotations
@@ -114,16 +114,7 @@ def growth(
     while counts[-1] % 2 == 0:
         counts.append(counts[-1] // 2)
     times = np.array(counts[::-1]) * h
-    found = ensemble(
-        scheme,
-        problem,
-        h=h,
-        steps=steps,
-        paths=paths,
-        seed=seed,
-        times=times,
-        engine=engine,
-    )
+    found = ensemble(scheme, problem, h=h, steps=steps, paths=paths, seed=seed, times=times, engine=engine)
     y0 = np.array(problem.initial, dtype=np.float64)
     derived = energy_diffusion(scheme, problem, h)
     with np.errstate(over="ignore", invalid="ignore"):
