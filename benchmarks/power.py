@@ -26,7 +26,8 @@ from sepv.faults._saboteurs import SABOTEURS
 from sepv.problem import Array, Problem, Systems
 from sepv.schemes import Scheme, both_invariants, energy_preserving, several_structures
 from sepv.schemes._scheme import Step
-from sepv.verification._cases.spaces import SPACES
+from sepv.verification import load_laws
+from sepv.verification._cases.strata import Space
 
 
 class Fault(NamedTuple):
@@ -128,13 +129,21 @@ def scheme_of(fault: Fault) -> Scheme:
     return replace(right, step=step, solve=None)
 
 
+def _space(fault: Fault) -> Space:
+    (law,) = load_laws([fault.law])
+    assert law.cases is not None
+    space = law.cases.space(fault.systems)
+    assert space is not None
+    return space
+
+
 def measured(fault: Fault, seed: int) -> dict[tuple[int, ...], bool]:
     """For each row of the law's design, whether its case accuses the scheme."""
     check = import_module(f"sepv.properties.test_{fault.law.replace('-', '_')}").check
     found = {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        for row, case in over(SPACES[fault.systems][fault.law].cases(seed), lambda _: f"seed {seed}"):
+        for row, case in over(_space(fault).cases(seed), lambda _: f"seed {seed}"):
             try:
                 found[row] = check(scheme_of(fault), case).violates
             except SchemeFault:
@@ -146,7 +155,7 @@ def measured(fault: Fault, seed: int) -> dict[tuple[int, ...], bool]:
 
 def power(fault: Fault, seen: dict[tuple[int, ...], bool]) -> tuple[int, int, int, int, set[str]]:
     """Strata in which the fault is found, strata, pairs in which it is found, pairs that are possible, those missed."""
-    space = SPACES[fault.systems][fault.law]
+    space = _space(fault)
     levels = [
         (a, k)
         for a, axis in enumerate(space.axes)
@@ -179,7 +188,7 @@ def main() -> None:
     print("|---|---|---|---|--:|--:|--:|--:|")
     asked = [f for f in FAULTS if not options.law or f.law in options.law]
     for fault in over(asked, lambda f: f"{f.systems}: {f.law}, {f.broken}"):
-        rows = len(SPACES[fault.systems][fault.law].design().rows)
+        rows = len(_space(fault).design().rows)
         totals = [
             power(fault, measured(fault, seed))
             for seed in range(options.start, options.start + options.seeds)

@@ -25,10 +25,9 @@ from sepv.errors import SchemeFault, SepvError
 from sepv.faults._saboteurs import SABOTEURS
 from sepv.problem import GivenProblem, Systems
 from sepv.schemes import Scheme
-from sepv.verification import Case, Effort, Law, Run, Verdict, load_laws, searched
+from sepv.verification import Case, Effort, Law, Run, Verdict, load_laws
 from sepv.verification import _corpus as corpus
 from sepv.verification._cases.case import from_json, to_json
-from sepv.verification._cases.spaces import SPACES
 
 FOLDER = Path(__file__).resolve().parents[1] / "reference" / "witnesses"
 # Of a law and a class of systems: what is caught by more than these is left to the search.
@@ -120,9 +119,8 @@ def _size(case: Case) -> int:
 
 
 def searched_laws() -> list[str]:
-    """Laws that search cases of one step: some have a design, the others say nothing but how they search."""
-    designed = {name for spaces in SPACES.values() for name in spaces}
-    return [w.name for w in load_laws() if w.name in designed or w.run.__module__ == searched.__module__]
+    """Laws that search cases of one step."""
+    return [law.name for law in load_laws() if law.cases is not None]
 
 
 def suspects_of(law: Law, systems: Systems) -> dict[str, Scheme]:

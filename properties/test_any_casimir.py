@@ -8,12 +8,12 @@ from __future__ import annotations
 import numpy as np
 from sepv.reference.problem import exact_problem
 
-from sepv.problem import Problem
+from sepv.problem import Problem, Systems
 from sepv.record import PolynomialMap
 from sepv.record._binary64 import EPS, TINY
 from sepv.schemes import Scheme, ask
-from sepv.verification import Case, Effort, Measurement, require, searched, step_residual
-from sepv.verification._cases.structures import nambu_steps
+from sepv.verification import Case, Cases, Effort, Measurement, require, searched, step_residual
+from sepv.verification._cases.of_law import only
 
 
 def slope(problem: Problem, *states: np.ndarray) -> np.ndarray:
@@ -43,6 +43,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     return Measurement(abs(float(after - before)) / unit, (float(M @ residual) + TINY) / unit, detail)
 
 
+_OF_ONE = "its cases have one Hamiltonian and one structure: see casimir"
 law = searched(
     name="any-casimir",
     statement="in dimension 3 every Casimir is kept, quadratic or not",
@@ -50,7 +51,13 @@ law = searched(
     unit="ulp of C",
     cost=0.3,
     steps=51,
-    cases=nambu_steps,
+    cases=Cases(
+        instead={Systems.SINGLE: Systems.NAMBU},
+        blind={"degree of C": ("1", "2")},
+        adapt=only(lambda p: p.nambu is not None, data=True),
+        why="the problems have no Casimir and factor in dimension 3 as data",
+        not_of={Systems.SEVERAL: _OF_ONE, Systems.HAMILTONIANS: _OF_ONE},
+    ),
     check=check,
 )
 

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import strategies as st
 from sepv.reference.problem import exact_problem
 
-from sepv.problem import NamedProblem
 from sepv.schemes import Scheme, ask
-from sepv.verification import Case, Effort, Measurement, casimir_bound, require, searched, step_residual
-from sepv.verification._cases.fixed_cases import with_casimirs
+from sepv.verification import (
+    Case,
+    Cases,
+    Effort,
+    Measurement,
+    casimir_bound,
+    require,
+    searched,
+    step_residual,
+)
+from sepv.verification._cases.of_law import only
 from sepv.verification._tolerance import casimir_ulp
-from sepv.verification.strategies import casimir_systems, paper_steps, steps
-
-
-def cases() -> st.SearchStrategy[Case]:
-    """Systems with Casimirs by construction, and the rigid body."""
-    rigid = paper_steps().filter(
-        lambda c: isinstance(c.problem, NamedProblem) and c.problem.name == "rigid-body"
-    )
-    return st.one_of(steps(casimir_systems()), rigid)
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
@@ -49,10 +47,17 @@ law = searched(
     unit="ulp of C",
     cost=0.4,
     steps=75,
-    cases=cases,
+    cases=Cases(
+        where={
+            "Casimirs": ("linear", "quadratic", "two"),
+            "structures": ("common Casimir",),
+            "degree of C": ("1", "2"),
+        },
+        blind={"degree of B": ("0",), "Casimirs": ("linear",)},
+        adapt=only(lambda p: len(p.casimirs) or len(p.linear_casimirs)),
+        why="the problems name no quadratic or linear Casimir",
+    ),
     check=check,
-    fixed_cases=with_casimirs,
-    admits=lambda case: len(case.build()[0].casimirs) + len(case.build()[0].linear_casimirs) > 0,
 )
 
 

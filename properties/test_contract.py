@@ -24,10 +24,8 @@ from sepv.schemes import Scheme, ask
 from sepv.schemes._guard import check_answer, raw_answer
 from sepv.verification import Case, Effort, Finding, Law, Measurement, Run, Verdict, require, searched
 from sepv.verification._cases.case import to_json, to_token
-from sepv.verification._cases.fixed_cases import fixed_cases
 from sepv.verification._cases.users_problems import may_ask
 from sepv.verification._search import Check
-from sepv.verification.strategies import any_steps
 
 # Of states that are asked about together. More than one, and few: what larger ones do is for "reproducibility".
 BATCH = 3
@@ -224,9 +222,7 @@ def _searched(check: Check) -> Law:
         unit="faults",
         cost=1.8,
         steps=1520,
-        cases=any_steps,
         check=check,
-        fixed_cases=fixed_cases,
         faults_violate=True,
         always_claimed=True,
     )

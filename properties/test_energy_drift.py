@@ -7,16 +7,20 @@ expectation is by quadrature over what the step sees; nothing is sampled.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from sepv import problems
 from sepv.errors import Skipped
-from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem
+from sepv.problem import Array, GivenProblem, HamiltoniansProblem, PolynomialSystem, Problem, Systems
 from sepv.problems._polynomial_system import drift_of_energy
 from sepv.record import PolynomialMap
 from sepv.record._binary64 import EPS, TINY
-from sepv.schemes import Scheme, Systems, ask
+from sepv.schemes import Scheme, ask
 from sepv.verification import (
     Case,
+    Cases,
     Effort,
     Measurement,
     energy_bound,
@@ -25,9 +29,24 @@ from sepv.verification import (
     searched,
     step_residual,
 )
-from sepv.verification._cases.hamiltonians import additive_steps
+from sepv.verification._contraction import contraction_ball
 from sepv.verification._orders.gaussian import rule_for
 from sepv.verification._tolerance import operations
+
+
+def steady(case: Case) -> Case | None:
+    """The step of a system whose E[H_0] changes at a constant rate: h + 4√h Σ c_j inside the contraction radius."""
+    data = case.problem
+    if isinstance(data, GivenProblem) and isinstance(data.problem.data, PolynomialSystem):
+        data = data.problem.data
+    if not isinstance(data, PolynomialSystem) or not isinstance(problems.build(data), HamiltoniansProblem):
+        return None
+    if drift_of_energy(data) is None:
+        return None
+    problem, y, _, _ = case.build()
+    radius, noise = min(contraction_ball(problems.build(data), y)[0], 1.0), 4 * float(problem.c.sum())
+    root = (-noise + (noise * noise + 4 * radius) ** 0.5) / 2
+    return replace(case, problem=data, h=root * root, dW=(0.0,) * problem.noises)
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
@@ -79,22 +98,19 @@ def _size(problem: Problem, y: Array) -> Array:
     return problem.hamiltonian.majorant(y)
 
 
-def keeps_energy(scheme: Scheme) -> str:
-    """Why the law does not apply."""
-    if scheme.systems in (Systems.SINGLE, Systems.NAMBU, Systems.SEVERAL) and not scheme.problems:
-        return "the exact flow keeps H: see the law energy"
-    return ""
-
-
+_KEPT = "the exact flow keeps H: see the law energy"
 law = searched(
     name="energy-drift",
     statement="E[H(y1)] = H(y0) + hσ where the generator makes of H a constant σ (trace formula)",
     source="trace formula",
     unit="ulp of H",
-    cases=additive_steps,
+    cases=Cases(
+        adapt=steady,
+        why="the generator makes no constant of H_0, or the problems are not given as data",
+        not_of=dict.fromkeys((Systems.SINGLE, Systems.NAMBU, Systems.SEVERAL), _KEPT),
+        instead={Systems.HAMILTONIANS: Systems.SEPARABLE_HAMILTONIANS},
+    ),
     check=check,
-    not_applicable=keeps_energy,
-    undesigned=3,
 )
 
 

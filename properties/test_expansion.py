@@ -15,57 +15,21 @@ from typing import Any
 
 import mpmath
 import numpy as np
-from hypothesis import strategies as st
 from sepv.reference.taylor import flow_series
 
-from sepv import problems
 from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, vector_field
 from sepv.problem._fields import derivative_along
 from sepv.problem._hamiltonians import is_several
 from sepv.problem._structures import combined, combined_slope
-from sepv.record import Polynomial
-from sepv.record import _polynomial as poly
 from sepv.record._binary64 import TINY
 from sepv.schemes import Scheme, ask
-from sepv.verification import Case, Effort, Measurement, require, searched, step_residual
+from sepv.verification import Case, Cases, Effort, Measurement, require, searched, step_residual
+from sepv.verification._cases.random_cases import ORIGIN_SHARE
 from sepv.verification._contraction import contraction_ball
-from sepv.verification.strategies import coefficients, polynomials
 
-# Δ as a share of the radius ϱ inside which y1(Δ) is analytic: balances x⁴ against K·eps/x.
-SHARE = 2.0**-9
 # For the coefficients beyond b: nodes of the interpolation, and the largest coefficient looked at. From 24 values on
 # |Δ| ≤ ϱ/2 that of Δ⁸ is known to 2e-6 r/ϱ⁸; its natural size is 1e-7 to 1e-2 of that.
 NODES, LAST = 24, 8
-
-
-@st.composite
-def at_origin(draw: st.DrawFn) -> Case:
-    """y0 = 0, H with linear and quadratic terms, B with constant and linear ones, one noise."""
-    d = draw(st.integers(2, 5))
-    linear = poly.polynomial(
-        d, [(tuple(int(i == k) for i in range(d)), draw(coefficients())) for k in range(d)]
-    )
-    square = poly.add(
-        *(poly.scale(0.5, poly.multiply(x, x)) for x in (poly.variable(d, k) for k in range(d)))
-    )
-    H = poly.add(linear, square)
-    if draw(st.booleans()):
-        H = poly.add(H, draw(polynomials(d, 4, least=2)))
-    B = tuple(
-        (i, j, _entry(draw, d))
-        for i in range(d)
-        for j in range(i + 1, d)
-        if j == i + 1 or draw(st.booleans())
-    )
-    system = PolynomialSystem(d, H, B, (1.0,))
-    radius = contraction_ball(problems.build(system), np.zeros(d))[0]
-    step = SHARE * min(radius, 1.0)
-    return Case(system, (0.0,) * d, step, (draw(st.sampled_from([0.0, 0.5, -0.25])) * step,))
-
-
-def _entry(draw: st.DrawFn, d: int) -> Polynomial:
-    more = draw(polynomials(d, 2, least=1, terms=3)) if draw(st.booleans()) else poly.polynomial(d, {})
-    return poly.add(poly.constant(d, -1.0), more)
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
@@ -210,11 +174,13 @@ def interpolation() -> tuple[Array, Array, Array]:
 
 def admits(case: Case) -> bool:
     """y0 = 0, a first noise of size one, and a step of the share of the radius that the bound is made for."""
+    if not isinstance(case.problem, PolynomialSystem):
+        return False
     problem, y, h, dW = case.build()
     if y.any() or not dW.size or problem.c[0] != 1 or h <= 0:
         return False
     radius = min(contraction_ball(problem, y)[0], 1.0)
-    return h + float(np.abs(problem.c * dW).sum()) <= 2 * SHARE * radius
+    return h + float(np.abs(problem.c * dW).sum()) <= 2 * ORIGIN_SHARE * radius
 
 
 law = searched(
@@ -224,9 +190,19 @@ law = searched(
     unit="r/ϱ^k",
     cost=0.5,
     steps=156,
-    cases=at_origin,
+    cases=Cases(
+        where={
+            "state": ("0",),
+            "m": ("1", "2", "3–4", "5–8"),
+            "|y|": ("1",),
+            "|Δ|": ("1e-5–1e-2", "1e-9–1e-5"),
+            "h": ("> 0",),
+            "step/radius": ("½–1",),
+        },
+        adapt=lambda case: case if admits(case) else None,
+        stays=False,
+    ),
     check=check,
-    admits=admits,
 )
 
 

@@ -11,11 +11,14 @@ from hypothesis import assume
 from hypothesis import strategies as st
 
 from sepv.errors import Skipped, StepFailure
-from sepv.problem import NamedProblem
+from sepv.problem import Array, NamedProblem, Systems, vector_field
+from sepv.problem._hamiltonians import noise_field
 from sepv.problems._shown_to_schemes import as_given
-from sepv.schemes import Scheme, splitting
+from sepv.schemes import Scheme, by_name, splitting
 from sepv.schemes._guard import guarded
-from sepv.verification import Case, Effort, Measurement, require, searched
+from sepv.verification import Case, Cases, Effort, Measurement, require, searched
+from sepv.verification._cases.of_law import only
+from sepv.verification.strategies import coefficients, noises
 
 NAMES = ("a", "b", "d", "nu", "mu", "noise")
 # Few systems, of all signs, and many steps: a record of a system takes as long as a dozen steps. The first is that of
@@ -34,6 +37,7 @@ SYSTEMS = tuple(
 # Strategies are made once (`sepv.verification.strategies`).
 _SYSTEMS, _SIGNS = st.sampled_from(SYSTEMS), st.sampled_from([1.0, -1.0])
 _STATES = st.tuples(*[st.tuples(st.sampled_from([1.0, 1.5]), st.integers(-10, 2))] * 3)
+_NOISES = noises(least=1, most=3).filter(any)
 _LENGTHS, _SHARES = st.sampled_from([2.0, 1.0, 0.5, 0.125]), st.sampled_from([0.5, 0.0625])
 
 
@@ -62,6 +66,34 @@ def lotka_volterra_steps(draw: st.DrawFn) -> Case:
     return Case(data, y, h, dW)
 
 
+@st.composite
+def species_steps(draw: st.DrawFn) -> Case:
+    """Lotka-Volterra with any parameters and noises at its species; all components positive.
+
+    Steps move a logarithm by up to 4 with each of the fields. Cases are left out as above.
+    """
+    c = draw(_NOISES)
+    beta = tuple(draw(coefficients()) for _ in range(3))
+    others = tuple((name, (draw(coefficients()),)) for name in ("a", "b", "d", "nu", "mu"))
+    data = NamedProblem("random-lotka-volterra", (("beta", beta), ("noise", c), *others))
+    y = tuple(size * 2.0**power for size, power in draw(_STATES))
+    problem, state = as_given(data, "data"), np.array(y)
+    length = draw(st.sampled_from([4.0, 2.0, 1.0, 0.25]))
+    h = length * draw(_SHARES) / _rate(vector_field(problem, state), state)
+    shares = [draw(st.sampled_from([1.0, -1.0, 0.5, -0.25])) for _ in c]
+    rates = [_rate(v * noise_field(problem, j, state), state) for j, v in enumerate(c)]
+    dW = tuple(length * share / rate for share, rate in zip(shares, rates, strict=True))
+    with np.errstate(all="ignore"):
+        end = by_name("stochastic-splitting").step(problem, state, h, np.array(dW))
+    assume(bool(np.all((end > 2.0**-64) & (end < 2.0**64))))
+    return Case(data, y, h, dW)
+
+
+def _rate(field: Array, y: Array) -> float:
+    """How fast logarithms move, 1 at least."""
+    return max(1.0, float(np.max(np.abs(field) / y)))
+
+
 def check(scheme: Scheme, case: Case) -> Measurement:
     """1 for a state outside the domain, NaN among them. A refused step leaves no state, and counts as not measured."""
     problem, y, h, dW = case.build()
@@ -76,6 +108,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     return Measurement(float(not np.all(problem.domain(y1))), 0.0, f"y1 = {y1.tolist()}")
 
 
+_NO_DOMAIN = "no system of the class has a domain to leave"
 law = searched(
     name="positivity",
     statement="y1 is inside the problem's domain: all components positive for Lotka-Volterra",
@@ -83,7 +116,16 @@ law = searched(
     unit="states outside",
     cost=0.6,
     steps=96,
-    cases=lotka_volterra_steps,
+    cases=Cases(
+        adapt=only(lambda p: p.domain is not None),
+        why="the problems have no domain to leave",
+        instead={
+            Systems.SINGLE: lotka_volterra_steps,
+            Systems.NAMBU: lotka_volterra_steps,
+            Systems.HAMILTONIANS: species_steps,
+        },
+        not_of={Systems.SEVERAL: _NO_DOMAIN},
+    ),
     check=check,
 )
 

@@ -2,30 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
-from hypothesis import strategies as st
 
 from sepv.errors import Skipped
-from sepv.problem import Array, PolynomialSystem, Problem
+from sepv.problem import Array, Problem, Systems
 from sepv.schemes import Scheme, ask
-from sepv.verification import Case, Effort, Measurement, require, searched, state_ulp, step_residual
+from sepv.verification import Case, Cases, Effort, Measurement, require, searched, state_ulp, step_residual
 from sepv.verification._amplification import amplification
-from sepv.verification._cases.fixed_cases import fixed_cases
-from sepv.verification.strategies import casimir_systems, noises, paper_steps, poisson_systems, steps
-
-
-@st.composite
-def _noisy(draw: st.DrawFn) -> PolynomialSystem:
-    """One to three noises, the first of c = 1."""
-    system = draw(st.one_of(poisson_systems(), casimir_systems()))
-    return replace(system, noise=(1.0, *draw(noises(least=0, most=2))))
-
-
-def cases() -> st.SearchStrategy[Case]:
-    """Steps of random systems with noise, and of the paper's problems."""
-    return st.one_of(steps(_noisy()), steps(_noisy()), paper_steps())
+from sepv.verification._cases.of_law import only
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
@@ -78,6 +62,7 @@ def splits(problem: Problem, h: float, dW: Array) -> list[tuple[str, float, Arra
     return [(name, a, b) for name, a, b in found if a != h or not np.array_equal(b, dW)]
 
 
+_NO_STEP = "with several fields there is no random step Δ"
 law = searched(
     name="random-step",
     statement="h and the increments act only through Δ = h + Σ c_j ΔW_j",
@@ -85,9 +70,14 @@ law = searched(
     unit="ulp of y",
     cost=0.6,
     steps=336,
-    cases=cases,
+    cases=Cases(
+        where={"m": ("1", "2", "3–4", "5–8")},
+        blind={"degree of B": ("0",)},
+        adapt=only(lambda p: p.c.any()),
+        why="the problems have no noise",
+        not_of={Systems.SEVERAL: _NO_STEP, Systems.HAMILTONIANS: _NO_STEP},
+    ),
     check=check,
-    fixed_cases=fixed_cases,
 )
 
 

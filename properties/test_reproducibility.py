@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from sepv.schemes import Scheme, ask
-from sepv.verification import Case, Effort, Measurement, require, searched, state_ulp
-from sepv.verification._cases.fixed_cases import fixed_cases
+from sepv.verification import Case, Cases, Effort, Measurement, require, searched, state_ulp
 from sepv.verification._cases.users_problems import may_ask
-from sepv.verification.strategies import any_steps
 
 # Sizes of the parts of a batch, around the widths of vector registers and unrolled loops, where libraries change their
 # code path, beside one of as many states as components. The cases of the design have further ones, up to thousands.
@@ -61,9 +59,8 @@ law = searched(
     unit="ulp of y",
     cost=1.9,
     # Not its 140 000 steps of batches: they are of polynomial systems, and of schemes that take batches.
-    cases=any_steps,
+    cases=Cases(where={"batch": ("2–9", "33–129", "500–2000", "4097–9000")}),
     check=check,
-    fixed_cases=fixed_cases,
     not_applicable=one_at_a_time,
 )
 

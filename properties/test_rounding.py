@@ -20,6 +20,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from sepv.properties.test_energy import NOT_KEPT
 from sepv.reference.problem import exact_problem
 
 from sepv import problems
@@ -33,7 +34,6 @@ from sepv.simulate import _wiener as wiener
 from sepv.simulate._batch import advance
 from sepv.solve import Status
 from sepv.verification import Effort, Finding, Law, Run, Verdict, energy_ulp, require
-from sepv.verification._cases.case_of_law import NOT_OF_HAMILTONIANS
 from sepv.verification._cases.from_problem import describe
 from sepv.verification._cases.users_problems import problems_of
 from sepv.verification._failed_step import failed_step
@@ -156,7 +156,7 @@ def runs_for(scheme: Scheme) -> list[tuple[Problem, float, int]]:
     if own is not None:
         own = tuple(problem for problem in own if not isinstance(problem, HamiltoniansProblem))
     if scheme.systems == Systems.HAMILTONIANS or own == ():
-        raise Skipped(NOT_OF_HAMILTONIANS["rounding"])
+        raise Skipped(NOT_KEPT)
     if own is None:
         runs: dict[str, Any] = {Systems.NAMBU: NAMBU_RUNS, Systems.SEVERAL: SEVERAL_RUNS}
         return [(problems.by_name(name), h, steps) for name, h, steps in runs.get(scheme.systems, RUNS)]

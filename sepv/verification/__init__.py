@@ -10,6 +10,7 @@ bound. `_report` shows a run, `_profiles` says what was found in a word. The law
 from __future__ import annotations
 
 from sepv.verification._cases.case import Case as Case
+from sepv.verification._cases.of_law import Cases as Cases
 from sepv.verification._expected_failures import Expectations as Expectations
 from sepv.verification._law import Effort as Effort
 from sepv.verification._law import Finding as Finding

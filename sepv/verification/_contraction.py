@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from sepv.problem import Array, Problem
+from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem
 from sepv.problem._fields import matmul, matvec
+from sepv.problems import build
 from sepv.record import PolynomialMap
 from sepv.verification._cases.case import Case
 from sepv.verification._tolerance import majorants
@@ -15,12 +18,27 @@ from sepv.verification._tolerance import majorants
 CONTRACTION = 0.25
 
 
-def is_short(case: Case) -> bool:
-    """Whether a step of polynomial data is inside half its contraction radius; True for other problems."""
+def has_majorants(case: Case) -> bool:
+    """Whether the contraction radius is derived: for polynomial data, but not for the S_j of commuting Hamiltonians."""
+    data = case.problem
+    if not isinstance(data, PolynomialSystem):
+        return False
+    return not data.noise_hamiltonians or isinstance(build(data), HamiltoniansProblem)
+
+
+def shortened(case: Case) -> Case:
+    """The step inside half its contraction radius, by a power of two, for polynomial data; others as they are.
+
+    What a bound from Cauchy's estimate needs for all states around y (law poisson-map).
+    """
     problem, y, h, dW = case.build()
     if not isinstance(problem.gradient, PolynomialMap):
-        return True
-    return bool(abs(h) + np.sum(np.abs(problem.c * dW)) <= contraction_radius(problem, y) / 2)
+        return case
+    length, most = abs(h) + float(np.sum(np.abs(problem.c * dW))), contraction_radius(problem, y) / 2
+    if length <= most:
+        return case
+    share = 2.0 ** np.floor(np.log2(most / length))
+    return replace(case, h=float(share * h), dW=tuple(float(share * w) for w in dW))
 
 
 def contraction_radius(problem: Problem, y: Array) -> float:

@@ -10,7 +10,6 @@ from rich.console import Console
 from sepv._terminal import Table, columns, fits, print_table
 from sepv.problem import Systems
 from sepv.verification import _corpus as corpus
-from sepv.verification._cases.spaces import SPACES
 from sepv.verification._cases.strata import Space
 from sepv.verification._law import Law
 
@@ -42,9 +41,9 @@ def impossible(space: Space) -> dict[str, list[str]]:
 
 def show(laws: Iterable[Law], systems: Systems, out: Console) -> None:
     """Print the tables for these laws and this class of systems."""
-    chosen = [law.name for law in laws]
-    spaces = {name: space for name, space in SPACES.get(systems, {}).items() if name in chosen}
-    order = [name for name in chosen if name in spaces]
+    chosen = {law.name: law.cases.space(systems) if law.cases else None for law in laws}
+    spaces = {name: space for name, space in chosen.items() if space is not None}
+    order = list(spaces)
     counts = {name: cases_by_stratum(spaces[name]) for name in order}
     rows: list[list[str]] = []
     for name in order:

@@ -7,11 +7,14 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sepv.errors import UsageError
 from sepv.schemes import Scheme
 from sepv.schemes._point_distributions import point_law
+
+if TYPE_CHECKING:
+    from sepv.verification._cases.of_law import Cases
 
 
 class Verdict(Enum):
@@ -191,6 +194,8 @@ class Law:
         before it; laws that share their paths are paid by the first. For the seconds that a run has left.
     steps : int
         States of given problems that (2.1) is asked to step by it, for the same end.
+    cases : sepv.verification.Cases or None
+        Of a law about single steps: what it asks about.
     """
 
     name: str
@@ -202,6 +207,7 @@ class Law:
     always_claimed: bool = False
     cost: float = 1.0
     steps: int = 0
+    cases: Cases | None = None
 
     def claimed_by(self, scheme: Scheme) -> bool:
         """Whether the scheme says that it obeys this law."""

@@ -19,7 +19,6 @@ from typing import Any
 
 from hypothesis import HealthCheck, Phase, Verbosity, given, reject, settings, target
 from hypothesis import seed as hypothesis_seed
-from hypothesis import strategies as st
 from hypothesis.errors import Unsatisfiable
 
 from sepv._journal import note_case
@@ -27,24 +26,20 @@ from sepv._patches import without_local_constants
 from sepv._terminal import counted
 from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure
 from sepv.record._binary64 import EPS
-from sepv.schemes import Scheme, Systems
+from sepv.schemes import Scheme
 from sepv.verification import _corpus as corpus
 from sepv.verification._cases import case as cases_of
 from sepv.verification._cases.case import Case
-from sepv.verification._cases.case_of_law import NOT_OF_HAMILTONIANS
 from sepv.verification._cases.fixed_cases import may_be_refused
-from sepv.verification._cases.hamiltonians import HAMILTONIANS
+from sepv.verification._cases.of_law import EVERYTHING, Cases, Question
 from sepv.verification._cases.shrink import shrunk
-from sepv.verification._cases.spaces import SPACES
-from sepv.verification._cases.strata import Space
-from sepv.verification._cases.structures import CASES
-from sepv.verification._cases.users_problems import cases_for, objects_of
+from sepv.verification._cases.users_problems import objects_of, sources
 from sepv.verification._law import Effort, Finding, Law, Measurement, Run, Verdict
 
 Check = Callable[[Scheme, Case], Measurement]
 
 
-# Without a design there are so many times as many random examples, unless a law says otherwise.
+# Without a design there are so many times as many random examples.
 UNDESIGNED = 12
 # A search ends where the scheme has not taken so many cases for each that it did.
 MOST_SKIPPED = 20
@@ -110,19 +105,13 @@ class _Budget:
 
 
 @dataclass(frozen=True)
-class _Question:
-    """What is looked for: a law's cases by design, at random and by list, and its measurement."""
+class _Asked:
+    """Where a law looks, and its measurement."""
 
-    space: Space | None
-    strategy: st.SearchStrategy[Case]
-    fixed_cases: Callable[[], Iterable[Case]]
+    where: Question
     check: Check
     faults_violate: bool
-    admits: Callable[
-        [Case], bool
-    ]  # the law's, among those inside the contraction radius: simplifying keeps to them
-    share: int
-    known: tuple[Case, ...] = ()  # witnesses of the corpus, which are asked first
+    known: tuple[Case, ...]  # witnesses of the corpus, which are asked first
 
 
 def searched(
@@ -131,62 +120,38 @@ def searched(
     statement: str,
     source: str,
     unit: str,
-    cases: Callable[[], st.SearchStrategy[Case]],
     check: Check,
+    cases: Cases = EVERYTHING,
     faults_violate: bool = False,
     always_claimed: bool = False,
     not_applicable: Callable[[Scheme], str] = lambda _: "",
-    fixed_cases: Callable[[], Iterable[Case]] = tuple,
-    admits: Callable[[Case], bool] = lambda _: True,
-    undesigned: int = UNDESIGNED,
     cost: float = 1.0,
     steps: int = 0,
 ) -> Law:
     """A law whose cases are drawn by a design and by a strategy, and measured one by one.
 
-    The design is the law's in `sepv.verification._cases.spaces.SPACES`. A scheme for a special class of
-    systems is asked about those (`sepv.verification._cases.structures.CASES`).
-
     Parameters
     ----------
     check : (scheme, case) -> Measurement
         May raise what `sepv.schemes.ask` raises.
+    cases : Cases
+        What the law asks about, for schemes of every class and for users' problems.
     faults_violate : bool
         For the contract: an answer of the wrong shape or type is a violation there, an error elsewhere.
     not_applicable : scheme -> str
         Why the law says nothing about this scheme; empty where it does.
-    fixed_cases : () -> iterable of Case
-        Measured with every seed.
-    admits : case -> bool
-        Which cases the law speaks of, where not all: a counterexample is simplified to such a case only.
-    undesigned : int
-        How many times as many random examples there are where there is no design.
     cost, steps
         As for `sepv.verification.Law`.
     """
 
-    def question(scheme: Scheme) -> _Question | str:
-        """What is looked for, or why nothing is."""
-        own = cases_for(name, scheme)
-        if isinstance(own, str):
-            return own
-        if own is not None:
-            return _Question(None, own, tuple, check, faults_violate, lambda _: False, undesigned)
-        space, known = SPACES[scheme.systems].get(name), corpus.cases(name, scheme.systems)
-        if scheme.systems == Systems.SINGLE:
-            return _Question(space, cases(), fixed_cases, check, faults_violate, admits, undesigned, known)
-        of_hamiltonians = scheme.systems == Systems.HAMILTONIANS
-        special = (HAMILTONIANS if of_hamiltonians else CASES[scheme.systems]).get(name)
-        if special is None:
-            why = NOT_OF_HAMILTONIANS.get(name) if of_hamiltonians else None
-            return why or f"the law is not about the systems that the scheme takes ({scheme.systems})"
-        return _Question(space, special(), tuple, check, faults_violate, admits, undesigned, known)
-
     def run(law: Law, scheme: Scheme, own: Run) -> Finding:
-        asked = not_applicable(scheme) or question(scheme)
+        listed, known = sources(scheme), corpus.cases(name, scheme.systems)
+        asked = not_applicable(scheme) or (
+            cases.of_problems(listed) if listed else cases.of_class(scheme.systems)
+        )
         if isinstance(asked, str):
             return law.finding(Verdict.NOT_APPLICABLE, message=asked)
-        return _search(law, scheme, own.effort, asked)
+        return _search(law, scheme, own.effort, _Asked(asked, check, faults_violate, () if listed else known))
 
     def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
         log = _Log()
@@ -194,14 +159,14 @@ def searched(
             _measure(log, scheme, cases_of.from_json(witness, objects_of(scheme)), check, faults_violate)
         return _conclude(law, scheme, log, check)
 
-    return Law(name, statement, source, unit, run, replay, always_claimed, cost, steps)
+    return Law(name, statement, source, unit, run, replay, always_claimed, cost, steps, cases)
 
 
-def _search(law: Law, scheme: Scheme, effort: Effort, asked: _Question) -> Finding:
+def _search(law: Law, scheme: Scheme, effort: Effort, asked: _Asked) -> Finding:
     log, start = _Log(), time.perf_counter()
     known = asked.known if effort.corpus else ()
-    fixed = tuple(asked.fixed_cases())
-    visited = chain.from_iterable(_designed(asked.space, effort.seed, n) for n in range(effort.designs))
+    fixed = asked.where.fixed
+    visited = chain.from_iterable(_designed(asked.where, effort.seed, n) for n in range(effort.designs))
     _visit(log, scheme, chain(known, visited, fixed), asked)
     if not (log.failed and effort.shrink_checks == 0):
         violation, fault = log.violation, log.fault
@@ -213,16 +178,14 @@ def _search(law: Law, scheme: Scheme, effort: Effort, asked: _Question) -> Findi
     return replace(_conclude(law, scheme, log, asked.check), seconds=time.perf_counter() - start)
 
 
-def _designed(space: Space | None, seed: int, repeat: int) -> list[Case]:
+def _designed(where: Question, seed: int, repeat: int) -> list[Case]:
     """The cases of a design in random order, so that no kind of case is always the first to be met."""
-    if space is None:
-        return []
-    found = [case for _, case in space.cases(seed + 1000003 * repeat)]
+    found = where.design(seed + 1000003 * repeat)
     Random(seed).shuffle(found)
     return found
 
 
-def _explore(log: _Log, scheme: Scheme, effort: Effort, asked: _Question) -> None:
+def _explore(log: _Log, scheme: Scheme, effort: Effort, asked: _Asked) -> None:
     """Random cases, driven towards a large defect beside the bound; the first violation is shrunk."""
     measured_before = log.checks
     simplifying: _Budget | None = None
@@ -248,7 +211,7 @@ def _explore(log: _Log, scheme: Scheme, effort: Effort, asked: _Question) -> Non
             target(measured.ratio, label="defect / bound")
 
     chosen = settings(
-        max_examples=effort.examples if asked.space else asked.share * effort.examples,
+        max_examples=effort.examples * (1 if asked.where.design(effort.seed) else UNDESIGNED),
         database=None,
         deadline=None,
         derandomize=False,
@@ -259,7 +222,7 @@ def _explore(log: _Log, scheme: Scheme, effort: Effort, asked: _Question) -> Non
         # Cases are large by nature, and a slow scheme is not the strategy's fault.
         suppress_health_check=list(HealthCheck),
     )
-    test = hypothesis_seed(effort.seed)(chosen(given(case=asked.strategy)(body)))
+    test = hypothesis_seed(effort.seed)(chosen(given(case=asked.where.strategy)(body)))
     try:
         with warnings.catch_warnings(), without_local_constants():
             warnings.simplefilter("ignore")  # the scheme's own warnings are not findings
@@ -274,7 +237,7 @@ def _explore(log: _Log, scheme: Scheme, effort: Effort, asked: _Question) -> Non
             raise  # not about the scheme: a defect of this suite, which must be seen
 
 
-def _visit(log: _Log, scheme: Scheme, visited: Iterable[Case], asked: _Question) -> None:
+def _visit(log: _Log, scheme: Scheme, visited: Iterable[Case], asked: _Asked) -> None:
     """The cases in turn, up to the first that violates; what cannot be measured may hide what violates, a few times."""
     faults: list[tuple[Case, Exception]] = []
     with warnings.catch_warnings(), suppress(_Violation):
@@ -290,7 +253,7 @@ def _visit(log: _Log, scheme: Scheme, visited: Iterable[Case], asked: _Question)
     log.fault = faults[0] if faults else None
 
 
-def _simplify(log: _Log, scheme: Scheme, effort: Effort, asked: _Question) -> None:
+def _simplify(log: _Log, scheme: Scheme, effort: Effort, asked: _Asked) -> None:
     """The violation or fault found, at the simplest case that shows it."""
     case, _ = log.violation or log.fault or (None, None)
     assert case is not None
@@ -299,7 +262,7 @@ def _simplify(log: _Log, scheme: Scheme, effort: Effort, asked: _Question) -> No
 
     def fails(candidate: Case) -> bool | None:
         nonlocal best
-        if not asked.admits(candidate):
+        if not asked.where.admits(candidate):
             return False
         if not budget.spend():
             return None

@@ -1,43 +1,34 @@
-"""Families of systems that many schemes are made for: what `Scheme.systems` and ``sepv verify -p`` know by name.
-
-A family is a strategy of random systems, from which the laws about one step draw, and problems with an initial state,
-for the laws about many steps.
-"""
+"""Narrow classes of systems that many schemes are made for: how a system of each is made from random parts."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
-from hypothesis import assume
-from hypothesis import strategies as st
-
-from sepv import problems
-from sepv.problem import HamiltoniansProblem, PolynomialSystem, Systems
+from sepv.problem import PolynomialSystem
 from sepv.problem._problem import Matrix, Structure
 from sepv.problems._common import HAT, canonical
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
-from sepv.verification.strategies import coefficients, hamiltonians, noises
+from sepv.verification._cases import random_parts as some
+from sepv.verification._cases.random_cases import Parts, general
+from sepv.verification._cases.strata import monomials
 
 Constants = tuple[tuple[int, int, int, float], ...]
 
 
-@st.composite
-def canonical_separable(draw: st.DrawFn) -> PolynomialSystem:
-    """H = T(p) + V(q) with y = (p_1, …, p_n, q_1, …, q_n) and B = J⁻¹ of (1.3): q̇ = ∇T, ṗ = −∇V.
-
-    Examples shrink towards the harmonic oscillator in one pair.
-    """
-    n = draw(st.integers(1, 3))
-    kinetic = _placed(draw(hamiltonians(n, 4 if draw(st.booleans()) else 2, least=2)), 2 * n, 0)
-    potential = _placed(draw(hamiltonians(n, 6)), 2 * n, n)
-    return PolynomialSystem(2 * n, poly.add(kinetic, potential), canonical(2 * n), draw(noises()))
+def canonical_separable(parts: Parts) -> PolynomialSystem:
+    """H = T(p) + V(q) with y = (p_1, …, p_n, q_1, …, q_n) and B = J⁻¹ of (1.3): q̇ = ∇T, ṗ = −∇V."""
+    n = parts.d // 2
+    kinetic = _of(range(n), parts, parts.random.choice([2, 2, 3, 4]), least=2)
+    potential = _of(range(n, 2 * n), parts, parts.degree)
+    H = poly.add(kinetic, potential)
+    return PolynomialSystem(parts.d, H, canonical(parts.d), parts.noise())
 
 
-def _placed(p: Polynomial, dimension: int, first: int) -> Polynomial:
-    """The polynomial in the variables first, first + 1, … of a larger space."""
-    left, right = (0,) * first, (0,) * (dimension - first - p.dimension)
-    return poly.polynomial(dimension, [((*left, *e, *right), c) for e, c in p.terms])
+def _of(places: range, parts: Parts, degree: int, least: int = 1) -> Polynomial:
+    """A polynomial of this degree in these variables."""
+    k = len(places)
+    count = min(parts.terms, monomials(k, degree) - monomials(k, least - 1))
+    found = some.hamiltonian(k, degree, count, parts.unit, parts.random, least=least)
+    return some.embedded(found, parts.d, places)
 
 
 # Structure constants {y_i, y_j} = Σ_k c y_k as (i, j, k, c), quadratic Casimirs as diagonals or entries, linear ones.
@@ -64,58 +55,33 @@ def algebra(name: str) -> tuple[int, Structure, tuple[Matrix, ...], Matrix]:
     return d, B, matrices, linear
 
 
-@st.composite
-def lie_poisson(draw: st.DrawFn) -> PolynomialSystem:
-    """B(y)_ij = Σ_k c_ij^k y_k of a Lie algebra, any polynomial H. Examples shrink towards so(3), H = ½|y|²."""
-    d, B, quadratic, linear = algebra(draw(st.sampled_from(list(_ALGEBRAS))))
-    return PolynomialSystem(d, draw(hamiltonians(d, 4)), B, draw(noises()), quadratic, linear)
+def lie_poisson(parts: Parts) -> PolynomialSystem:
+    """B(y)_ij = Σ_k c_ij^k y_k of a Lie algebra, any polynomial H."""
+    d, B, quadratic, linear = algebra(parts.levels["algebra"].name)
+    return PolynomialSystem(d, parts.hamiltonian(), B, parts.noise(), quadratic, linear)
 
 
-@st.composite
-def rigid_bodies(draw: st.DrawFn) -> PolynomialSystem:
-    """§4.2 with random moments of inertia: H = ½ Σ w_k y_k², w_k = 1/I_k in eighths. Examples shrink towards w = 1."""
+def rigid_body(parts: Parts) -> PolynomialSystem:
+    """§4.2 with random moments of inertia: H = ½ Σ w_k y_k², w_k = 1/I_k in eighths."""
     d, B, quadratic, linear = algebra("so(3)")
-    weights = [draw(st.sampled_from([8, 4, 6, 10, 12, 16, 20, 24])) / 8 for _ in range(d)]
-    return PolynomialSystem(d, poly.squares(weights), B, draw(noises()), quadratic, linear)
+    weights = [parts.random.choice([8, 4, 6, 10, 12, 16, 20, 24]) / 8 for _ in range(d)]
+    return PolynomialSystem(d, poly.squares(weights), B, parts.noise(), quadratic, linear)
 
 
-def general(system: PolynomialSystem) -> bool:
-    """Whether some bracket {H_0, H_j} of several Hamiltonians does not vanish."""
-    return isinstance(problems.build(system), HamiltoniansProblem)
-
-
-@st.composite
-def so3_hamiltonians(draw: st.DrawFn) -> PolynomialSystem:
-    """B of the rigid body, any H_0, …, H_m that do not all commute with H_0. Examples shrink towards ½|y|²."""
+def so3_hamiltonians(parts: Parts) -> PolynomialSystem | None:
+    """B of the rigid body, any H_0, …, H_m that do not all commute with H_0."""
     d, B, quadratic, linear = algebra("so(3)")
-    c = draw(noises(least=1, most=3).filter(any))
-    H, *others = (draw(hamiltonians(d, 4)) for _ in range(1 + len(c)))
-    system = PolynomialSystem(d, H, B, c, quadratic, linear, noise_hamiltonians=tuple(others))
-    assume(general(system))
-    return system
+    H, c = parts.hamiltonian(), parts.noise()
+    others = tuple(parts.further() for _ in c)
+    return general(PolynomialSystem(d, H, B, c, quadratic, linear, noise_hamiltonians=others))
 
 
-@st.composite
-def separable_hamiltonians(draw: st.DrawFn) -> PolynomialSystem:
-    """H_0 = ½ Σ w_k p_k² + V(q), B = J⁻¹ and H_j = −Σ_k σ_jk q_k. Examples shrink towards the oscillator, pushed."""
-    n = draw(st.integers(1, 2))
-    kinetic = poly.squares([draw(st.sampled_from([1.0, 0.5, 2.0])) for _ in range(n)] + [0.0] * n)
-    potential = _placed(draw(hamiltonians(n, 4)), 2 * n, n)
-    c = draw(noises(least=1, most=2).filter(all))
-    pushes = [draw(st.lists(coefficients(), min_size=n, max_size=n)) for _ in c]
-    others = tuple(poly.linear([0.0] * n + [-s for s in row]) for row in pushes)
-    H = poly.add(kinetic, potential)
+def separable_hamiltonians(parts: Parts) -> PolynomialSystem:
+    """H_0 = ½ Σ w_k p_k² + V(q), B = J⁻¹ and H_j = −Σ_k σ_jk q_k."""
+    n, random = parts.d // 2, parts.random
+    kinetic = poly.squares([random.choice([1.0, 0.5, 2.0]) for _ in range(n)] + [0.0] * n)
+    H = poly.add(kinetic, _of(range(n, 2 * n), parts, parts.degree))
+    c = tuple(v or 0.5 for v in parts.noise())
+    pushes = [[-some.coefficient(random) for _ in range(n)] for _ in c]
+    others = tuple(poly.linear([0.0] * n + row) for row in pushes)
     return PolynomialSystem(2 * n, H, canonical(2 * n), c, noise_hamiltonians=others)
-
-
-# name: (the strategy, problems for the laws about many steps)
-FAMILIES: dict[Systems, tuple[Callable[[], st.SearchStrategy[PolynomialSystem]], tuple[str, ...]]] = {
-    Systems.CANONICAL_SEPARABLE: (canonical_separable, ("harmonic-oscillator", "pendulum")),
-    Systems.LIE_POISSON: (lie_poisson, ("rigid-body",)),
-    Systems.RIGID_BODIES: (rigid_bodies, ("rigid-body",)),
-    Systems.SO3_HAMILTONIANS: (
-        so3_hamiltonians,
-        ("random-inertia", "two-spins", "commuting-twists", "twisted-top"),
-    ),
-    Systems.SEPARABLE_HAMILTONIANS: (separable_hamiltonians, ("noisy-henon-heiles",)),
-}

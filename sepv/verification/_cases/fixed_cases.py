@@ -57,23 +57,6 @@ def may_be_refused(case: Case) -> bool:
     return abs(h) + float(np.abs(problem.c * dW).sum()) > (problem.longest_step or 0.0)
 
 
-def with_quadratic_hamiltonian() -> tuple[Case, ...]:
-    """Those that the law "midpoint" speaks of."""
-    return tuple(c for c in fixed_cases() if problems.build(c.problem).degree == 2)
-
-
-def with_constant_structure() -> tuple[Case, ...]:
-    """Those whose B is constant, of which (2.2) speaks."""
-    tables = [(c, c.build()[0].structure(np.array([[0.5, 1.0, 2.0]] * len(c.y)))) for c in fixed_cases()]
-    return tuple(c for c, B in tables if np.all(B[:, :, :1] == B))
-
-
-def with_casimirs() -> tuple[Case, ...]:
-    """Those with a quadratic or linear Casimir."""
-    built = [(c, problems.build(c.problem)) for c in fixed_cases()]
-    return tuple(c for c, p in built if len(p.casimirs) or len(p.linear_casimirs))
-
-
 def _polynomial() -> list[Case]:
     found = []
     for degree in (5, 6):

@@ -26,12 +26,25 @@ from sepv.problem import (
 from sepv.problem._checks import sample_states
 from sepv.problem._hamiltonians import noise_hessian
 from sepv.verification._cases.case import Case
-from sepv.verification._contraction import contraction_radius
+from sepv.verification._contraction import CONTRACTION, contraction_radius
 from sepv.verification._tolerance import slopes
-from sepv.verification.strategies import CONTRACTION, components, steps_within
 
 # Of the references: names whose H, B and ∇H exist in extended precision.
 EXACT_NAMES = frozenset(named.PAPER)
+
+
+# Strategies are made once: Hypothesis validates each that is made anew, which costs as much as its draws.
+_SIGNS = st.sampled_from([1.0, -1.0])
+_PERTURBED, _AWAY = st.floats(0.5, 1.5), st.sampled_from([0.0, 0.1, 0.3])
+# Every fourth step or so is short: what is right for long steps may be cut short for those.
+_LENGTHS = st.sampled_from([1.0, 1.0, 1.0, 2.0**-10])
+# A quadrature error grows like the length to the power of the degree: half of all parts are whole.
+_PARTS = st.one_of(st.just(1.0), st.floats(0, 1 - 2.0**-10).map(lambda x: 1 - x))
+_SHARES = st.sampled_from([1.0, 0.5, 0.25, 2.0**-6])
+# Components below 1e-6 are zero: states of extreme size are a matter of their own.
+_COMPONENTS = st.one_of(
+    st.sampled_from([1.0, 0.0, -1.0]), st.floats(-2.0, 2.0).map(lambda x: x if abs(x) >= 1e-6 else 0.0)
+)
 
 
 def describe(problem: Problem, text: str = "") -> Description:
@@ -93,17 +106,32 @@ def near(draw: st.DrawFn, description: Description) -> Case:
     else:
         radius = min(measured_radius(problem, np.array(y)), 4.0)
     assume(radius > 0)
-    return draw(steps_within(description, y, radius * draw(st.sampled_from([1.0, 0.5, 0.25, 2.0**-6]))))
+    return draw(steps_within(description, y, radius * draw(_SHARES)))
+
+
+@st.composite
+def steps_within(draw: st.DrawFn, data: Description, y: tuple[float, ...], radius: float) -> Case:
+    """|h| + Σ|c_j ΔW_j| ≤ radius, each part a share of it."""
+    c = named.build(data).c
+    length = radius * draw(_LENGTHS)
+    share = length / (1 + np.count_nonzero(c))
+    h = min(1.0, share * draw(_PARTS))
+    dW = tuple(float(draw(_SIGNS) * draw(_PARTS) * (share / cj if cj else 1.0)) for cj in c)
+    return Case(data, y, float(h), dW)
+
+
+def start_of(description: Description) -> Case:
+    """A short step of a problem from its first sample state: whether a law speaks of the problem is asked of it."""
+    problem = named.build(description)
+    y = tuple(float(v) for v in next(iter(sample_states(problem))))
+    return Case(description, y, 2.0**-6, (2.0**-6,) * problem.noises)
 
 
 def _state(draw: st.DrawFn, problem: Problem) -> tuple[float, ...]:
     if problem.initial is None:
-        y = tuple(draw(st.lists(components(), min_size=problem.dimension, max_size=problem.dimension)))
+        y = tuple(draw(st.lists(_COMPONENTS, min_size=problem.dimension, max_size=problem.dimension)))
     else:
-        y = tuple(
-            float(a) * draw(st.floats(0.5, 1.5)) + draw(st.sampled_from([0.0, 0.1, 0.3]))
-            for a in np.asarray(problem.initial)
-        )
+        y = tuple(float(a) * draw(_PERTURBED) + draw(_AWAY) for a in np.asarray(problem.initial))
         if not _inside(problem, np.array(y)):
             y = tuple(float(a) for a in np.asarray(problem.initial))
     assume(_inside(problem, np.array(y)))

@@ -7,26 +7,23 @@ makes the wanted |Δ| as long as the contraction radius, to which it is inversel
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cache, wraps
-from itertools import combinations, count
 from random import Random
 
 import numpy as np
 
 from sepv import problems
 from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, vector_field
-from sepv.problem._problem import Matrix
+from sepv.problem._problem import Matrix, Structure
+from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
-from sepv.record._polynomial import Exponents
 from sepv.verification._cases import random_parts as some
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.shows_faults import shows_faults
-from sepv.verification._cases.strata import Levels, Stratum, monomials
+from sepv.verification._cases.strata import Levels, Make, monomials
 from sepv.verification._contraction import contraction_ball, contraction_radius
 from sepv.verification._tolerance import gradient_majorant, structure_majorant
-from sepv.verification.strategies import linear_forms
 
 # Draws until a point at rest may be the origin, where monomials are too few for any other.
 ATTEMPTS = 30
@@ -34,210 +31,169 @@ ATTEMPTS = 30
 GENERIC = 1 / 64
 # Draws until a case is taken in which not every fault would show.
 TRIES = 24
+# From y = 0, Δ as a share of the radius inside which y1(Δ) is analytic: balances the terms left out by the law
+# "expansion" against rounding.
+ORIGIN_SHARE = 2.0**-9
 
-Make = Callable[[Levels, int], Case]
 
+class Parts:
+    """The numbers that all classes of systems have, drawn inside the strata, and parts of a system to go with them.
 
-def drawn(make: Callable[[Levels, Random, int], Case | None]) -> Make:
-    """`make` with its random numbers from seed and strata, and asked again while it makes nothing.
-
-    The same strata have the same content, made once.
+    Attributes
+    ----------
+    d, degree, terms : int
+        The dimension, the degree of H and the number of its terms.
+    y, unit : (d,), float
+        The state, and the size for which coefficients are made.
     """
 
-    @cache
-    def known(strata: tuple[tuple[str, Stratum], ...], seed: int) -> Case:
-        levels = dict(strata)
-        random = _random(levels, seed)
-        attempts = (make(levels, random, attempt) for attempt in count())
-        return next(case for case in attempts if case is not None)
+    def __init__(self, levels: Levels, random: Random, dimensions: Sequence[int] = ()) -> None:
+        self.levels, self.random = levels, random
+        state = levels["state"].name
+        self.at_rest, self.at_origin = state == "∇H = 0", state == "0"
+        if dimensions:
+            low, high = levels["d"].low, levels["d"].high
+            exact = float(random.choice([d for d in dimensions if low <= d <= high]))
+            levels = {**levels, "d": levels["d"]._replace(low=exact, high=exact)}
+        self.d, self.degree, self.terms = some.sizes(levels, random, least=2 if self.at_rest else 1)
+        self.y, self.unit = some.state(self.d, levels["|y|"], random)
+        self.zero: set[int] = set()
+        if self.at_origin:
+            self.y, self.unit = (0.0,) * self.d, 1.0
 
-    @wraps(make)
-    def made(levels: Levels, seed: int) -> Case:
-        return known(tuple(levels.items()), seed)
+    def hamiltonian(self) -> Polynomial:
+        """H. At rest it has terms of degree ≥ 2 only in the components of y that are zero, which it chooses."""
+        d, n, random = self.d, self.degree, self.random
+        if self.at_rest:
+            self.zero, kept = some.rest_monomials(d, n, self.terms, random)
+            self.y = tuple(0.0 if i in self.zero else v for i, v in enumerate(self.y))
+            return self._weighted(kept)
+        return self.with_slope(some.hamiltonian(d, n, self.terms, self.unit, random))
 
-    return made
+    def further(self) -> Polynomial:
+        """The H_j of a noise: of the degree of H at most, with as many terms at most, and at rest where H is."""
+        low = 2 if self.at_rest else 1
+        n = self.random.randint(low, self.degree)
+        count = self.random.randint(1, min(self.terms, monomials(self.d, n)))
+        if self.at_rest:
+            return self._weighted(some.monomials_at_rest(self.d, n, count, sorted(self.zero), self.random))
+        return self.with_slope(some.hamiltonian(self.d, n, count, self.unit, self.random))
+
+    def _weighted(self, kept: Sequence[tuple[int, ...]]) -> Polynomial:
+        unit = self.unit
+        return poly.polynomial(self.d, [(e, some.coefficient(self.random) * unit ** -sum(e)) for e in kept])
+
+    def with_slope(self, p: Polynomial) -> Polynomial:
+        """With the linear and quadratic terms that a field and its slope need at y = 0."""
+        if not self.at_origin:
+            return p
+        linear = poly.linear([some.coefficient(self.random) for _ in range(self.d)])
+        return poly.add(linear, poly.squares((1.0,) * self.d), p)
+
+    def structure(self) -> tuple[Structure, tuple[Matrix, ...], Matrix]:
+        """B, its quadratic and its linear Casimirs."""
+        degree = self.levels["degree of B"]
+        if self.at_origin:
+            return some.with_constants(self.d, degree, self.random), (), ()
+        if self.levels["Jacobi"].name == "Poisson":
+            return some.poisson(self.d, degree, self.unit, self.random), (), ()
+        return some.structure(self.levels["Casimirs"].name, self.d, degree, self.unit, self.random)
+
+    def noise(self) -> tuple[float, ...]:
+        """The c_j, the first a power of two; from the origin one."""
+        c = some.noise(self.levels["m"], self.random)
+        return (1.0, *c[1:]) if c and self.at_origin else c
 
 
-def _where_faults_show(found: Case | None, levels: Levels, attempt: int) -> Case | None:
-    """The case if every fault would show in it, or any after so many attempts."""
-    return found if found is not None and (attempt >= TRIES or shows_faults(found, levels)) else None
+SystemOf = Callable[[Parts], PolynomialSystem | None]
 
 
-def _random(levels: Levels, seed: int) -> Random:
-    return Random(f"{seed} {[(axis, stratum.name) for axis, stratum in levels.items()]}")
+def maker(system_of: SystemOf, dimensions: Sequence[int] = (), *, shows: bool = True) -> Make:
+    """How a case of a class is made, given how a system of it is made from its parts.
+
+    `dimensions` are those that the class has, where not all. In a class that `shows` faults a case of a design is drawn
+    again until every fault would show (`sepv.verification._cases.shows_faults`).
+    """
+
+    def make(levels: Levels, random: Random, attempt: int | None) -> Case | None:
+        parts = Parts(levels, random, dimensions)
+        system = system_of(parts)
+        if system is None:
+            return None
+        if parts.at_origin:
+            return from_origin(system, levels, random)
+        if parts.at_rest:
+            everywhere = len(parts.zero) == parts.d and attempt is not None and attempt < ATTEMPTS
+            return None if everywhere else placed(system, parts.y, levels, random, moving=False)
+        case = placed(system, parts.y, levels, random, moving=attempt is not None)
+        hides = shows and attempt is not None and attempt < TRIES
+        return None if case is not None and hides and not shows_faults(case, levels) else case
+
+    return make
 
 
-def _without(axis: str, levels: Levels) -> Levels:
-    return {name: stratum for name, stratum in levels.items() if name != axis}
+def single(parts: Parts) -> PolynomialSystem:
+    """A system of class (1.1)."""
+    H, (B, quadratic, linear) = parts.hamiltonian(), parts.structure()
+    return PolynomialSystem(parts.d, H, B, parts.noise(), quadratic, linear)
 
 
-@drawn
-def single(levels: Levels, random: Random, attempt: int) -> Case | None:
-    """A case of class (1.1)."""
-    d, n, terms = some.sizes(levels, random)
-    y, unit = some.state(d, levels["|y|"], random)
-    B, quadratic, linear = some.structure(levels["Casimirs"].name, d, levels["degree of B"], unit, random)
-    H = some.hamiltonian(d, n, terms, unit, random)
-    c = some.noise(levels["m"], random)
-    system = PolynomialSystem(d, H, B, c, quadratic, linear)
-    return _where_faults_show(placed(system, y, levels, random), levels, attempt)
-
-
-@drawn
-def nambu(levels: Levels, random: Random, attempt: int) -> Case | None:
-    """A case with B(y)v = g(y)(v × ∇C(y)) in dimension three."""
-    _, n, terms = some.sizes(levels, random)
-    y, unit = some.state(3, levels["|y|"], random)
-    H, g = some.hamiltonian(3, n, terms, unit, random), some.scalar(3, levels["degree of g"], unit, random)
+def nambu(parts: Parts) -> PolynomialSystem:
+    """A system with B(y)v = g(y)(v × ∇C(y)) in dimension three."""
+    levels, unit, random = parts.levels, parts.unit, parts.random
+    H, g = parts.hamiltonian(), some.scalar(3, levels["degree of g"], unit, random)
     degree = some.integer(levels["degree of C"], random)
     # One of degree 2 is homogeneous, so that it is a quadratic Casimir.
     least = 2 if degree == 2 else 1
     most = monomials(3, degree) - monomials(3, least - 1)
     C = some.hamiltonian(3, degree, min(random.randint(2, 6), most), unit, random, least=least)
-    c = some.noise(levels["m"], random)
-    return _where_faults_show(placed(problems.nambu_system(H, g, C, c), y, levels, random), levels, attempt)
+    return problems.nambu_system(H, g, parts.with_slope(C), parts.noise())
 
 
-@drawn
-def several(levels: Levels, random: Random, attempt: int) -> Case | None:
-    """A case with a structure for each noise."""
-    d, n, terms = some.sizes(levels, random)
-    y, unit = some.state(d, levels["|y|"], random)
-    c = some.noise(levels["m"], random)
+def several(parts: Parts) -> PolynomialSystem:
+    """A system with a structure for each noise."""
+    d, degree, unit, random = parts.d, parts.levels["degree of B"], parts.unit, parts.random
+    H, c = parts.hamiltonian(), parts.noise()
+    kind, count = parts.levels["structures"].name, 1 + len(c)
     quadratic: tuple[Matrix, ...] = ()
-    if levels["structures"].name == "common Casimir":
+    if parts.at_origin:
+        B = [some.with_constants(d, degree, random) for _ in range(count)]
+    elif kind == "common Casimir":
         quadratic = (some.symmetric(d, random),)
-        forms = [linear_forms(quadratic[0])]
-        degree = some.less(levels["degree of B"], 1)
-        parts = [
-            some.times(some.scalar(d, degree, unit, random), some.contracted(d, forms, random))
-            for _ in range(1 + len(c))
+        forms, less = [some.linear_forms(quadratic[0])], some.less(degree, 1)
+        B = [
+            some.times(some.scalar(d, less, unit, random), some.contracted(d, forms, random))
+            for _ in range(count)
         ]
     else:
-        parts = [some.skew(d, levels["degree of B"], unit, random) for _ in range(1 + len(c))]
-    H = some.hamiltonian(d, n, terms, unit, random)
-    system = PolynomialSystem(d, H, parts[0], c, quadratic, noise_structures=tuple(parts[1:]))
-    return _where_faults_show(placed(system, y, levels, random), levels, attempt)
+        B = [some.skew(d, degree, unit, random)]
+        B += B * len(c) if kind == "all are B" else [some.skew(d, degree, unit, random) for _ in c]
+    return PolynomialSystem(d, H, B[0], c, quadratic, noise_structures=tuple(B[1:]))
 
 
-@drawn
-def hamiltonians(levels: Levels, random: Random, attempt: int) -> Case | None:  # noqa: ARG001  (of `drawn`)
-    """A case with a Hamiltonian for each noise, of the degree of H at most, some of which do not commute with H."""
-    d, n, terms = some.sizes(levels, random)
-    y, unit = some.state(d, levels["|y|"], random)
-    B, quadratic, linear = some.structure(levels["Casimirs"].name, d, levels["degree of B"], unit, random)
-    H, c = some.hamiltonian(d, n, terms, unit, random), some.noise(levels["m"], random)
-    others = []
-    for _ in c:
-        degree = random.randint(1, n)
-        count = random.randint(1, min(terms, monomials(d, degree)))
-        others.append(some.hamiltonian(d, degree, count, unit, random))
-    system = PolynomialSystem(d, H, B, c, quadratic, linear, noise_hamiltonians=tuple(others))
-    general = isinstance(problems.build(system), HamiltoniansProblem)
-    return placed(system, y, levels, random) if general else None
+def hamiltonians(parts: Parts) -> PolynomialSystem | None:
+    """A system with a Hamiltonian for each noise, some of which do not commute with H."""
+    H, (B, quadratic, linear), c = parts.hamiltonian(), parts.structure(), parts.noise()
+    others = tuple(parts.further() for _ in c)
+    return general(PolynomialSystem(parts.d, H, B, c, quadratic, linear, noise_hamiltonians=others))
 
 
-def still(levels: Levels, seed: int) -> Case:
-    """A case whose step must not move: Δ = 0 exactly, or ∇H = 0 at y."""
-    if levels["why"].name == "∇H = 0":
-        return at_rest(_without("why", levels), seed)
-    case = single(_without("why", levels), seed)
-    assert isinstance(case.problem, PolynomialSystem)
-    c = case.problem.noise
-    if not c:
-        return replace(case, h=0.0, dW=(0.0,) * len(c))
-    # c_1 is a power of two: c_1ΔW_1 = −h exactly, in whatever order Δ is summed.
-    others = [0.0 if cj else dW for cj, dW in zip(c[1:], case.dW[1:], strict=True)]
-    return replace(case, dW=(-case.h / c[0], *others))
+def general(system: PolynomialSystem) -> PolynomialSystem | None:
+    """The system where some bracket {H_0, H_j} of its Hamiltonians does not vanish."""
+    return system if isinstance(problems.build(system), HamiltoniansProblem) else None
 
 
-@drawn
-def at_rest(levels: Levels, random: Random, attempt: int) -> Case | None:
-    """A critical point of H: each monomial has degree ≥ 2 in the components of y that are zero."""
-    d, n, terms = some.sizes(levels, random, least=2)
-    y, unit = some.state(d, levels["|y|"], random)
-    zero, kept = _at_rest_monomials(d, n, terms, random)
-    if len(zero) == d and attempt < ATTEMPTS:
-        return None
-    H = poly.polynomial(d, [(e, some.coefficient(random) * unit ** -sum(e)) for e in kept])
-    B, quadratic, linear = some.structure(levels["Casimirs"].name, d, levels["degree of B"], unit, random)
-    system = PolynomialSystem(d, H, B, some.noise(levels["m"], random), quadratic, linear)
-    rest = tuple(0.0 if i in zero else v for i, v in enumerate(y))
-    return placed(system, rest, levels, random, moving=False)
-
-
-def _at_rest_monomials(d: int, n: int, terms: int, random: Random) -> tuple[set[int], list[Exponents]]:
-    """Components to be zero, all only where it must be, and monomials of degree ≥ 2 in them, the first of degree n."""
-    for size in (*random.sample(range(1, d), d - 1), d):
-        zero = random.sample(range(d), size)
-        found: dict[Exponents, None] = {}
-        for _ in range(40 * terms):
-            degree = n if not found or random.random() < 0.5 else random.randint(2, n)
-            chosen = [random.choice(zero) for _ in range(2)] + [
-                random.randrange(d) for _ in range(degree - 2)
-            ]
-            found.setdefault(some.exponents_of(d, chosen))
-            if len(found) == terms:
-                return set(zero), list(found)
-    every = some.some_monomials(d, n, terms, random, least=2)
-    return set(range(d)), every
-
-
-def at_origin(share: float, levels: Levels, random: Random, _attempt: int) -> Case:
-    """y = 0, with all terms that the field and its slope need there; h and the noise are `share` of the radius."""
-    d, n, terms = some.sizes(levels, random)
-    linear = poly.linear([some.coefficient(random) for _ in range(d)])
-    H = poly.add(linear, poly.squares((1.0,) * d), some.hamiltonian(d, n, terms, 1.0, random))
-    degree = some.integer(levels["degree of B"], random)
-    B = []
-    for i, j in combinations(range(d), 2):
-        if j == i + 1 or random.random() < 1 / d:
-            entry = poly.constant(d, some.coefficient(random))
-            if degree:
-                own = degree if i == 0 else random.randint(1, degree)
-                entry = poly.add(entry, some.hamiltonian(d, own, min(2, monomials(d, own)), 1.0, random))
-            B.append((i, j, entry))
-    m = some.integer(levels["m"], random)
-    system = PolynomialSystem(d, H, tuple(B), (1.0, *(random.choice([1.0, 0.5, 0.25]) for _ in range(m - 1))))
+def from_origin(system: PolynomialSystem, levels: Levels, random: Random) -> Case | None:
+    """A step from y = 0 of which h and all noises together are a share of the radius."""
+    d, m = system.dimension, len(system.noise)
     radius = contraction_ball(problems.build(system), np.zeros(d))[0]
+    if not 0 < radius < math.inf:
+        return None
     wanted = math.exp(random.uniform(math.log(levels["|Δ|"].low), math.log(levels["|Δ|"].high)))
-    power = math.floor(math.log2(radius * share / wanted))
-    scaled = replace(system, hamiltonian=poly.scale(2.0**power, H))
-    step = share * min(radius / 2.0**power, 1.0)
+    power = math.floor(math.log2(radius * ORIGIN_SHARE / wanted))
+    step = ORIGIN_SHARE * min(radius / 2.0**power, 1.0)
     dW = tuple(random.choice([0.0, 0.5, -0.25]) * step / (2 * m) for _ in system.noise)
-    return Case(scaled, (0.0,) * d, step, dW, given=levels["given as"].name)
-
-
-def same_structures(levels: Levels, seed: int) -> Case:
-    """Several structures, all of them B: (2.1)."""
-    case = single(levels, seed)
-    assert isinstance(case.problem, PolynomialSystem)
-    copies = (case.problem.structure,) * len(case.problem.noise)
-    return replace(case, problem=replace(case.problem, noise_structures=copies))
-
-
-def reduced(make: Make, levels: Levels, seed: int) -> Case:
-    """A case with constant B, or with c = 0: then h alone is as long as the step was."""
-    case = make(_without("reduced", levels), seed)
-    if levels["reduced"].name == "constant B":
-        return case
-    assert isinstance(case.problem, PolynomialSystem)
-    silent = replace(case.problem, noise=(0.0,) * len(case.problem.noise))
-    found = placed(silent, case.y, levels, _random(levels, seed))
-    assert found is not None  # whether it moves is a matter of H and B alone
-    return found
-
-
-def unmoved(make: Make, levels: Levels, seed: int) -> Case:
-    """h = 0 and no increments."""
-    case = make(levels, seed)
-    return replace(case, h=0.0, dW=(0.0,) * len(case.dW))
-
-
-def batched(make: Make, levels: Levels, seed: int) -> Case:
-    """A case that is asked about in a batch."""
-    case = make(_without("batch", levels), seed)
-    return replace(case, batch=some.integer(levels["batch"], _random(levels, seed)))
+    return Case(_scaled(system, power), (0.0,) * d, step, dW, given=levels["given as"].name)
 
 
 def placed(
@@ -268,12 +224,16 @@ def placed(
     for j, part in zip(loud, parts[1:], strict=True):
         dW[j] = part / c[j]
     power = math.floor(math.log2(radius * levels["step/radius"].high / length))
-    scaled = replace(
+    return Case(_scaled(system, power), y, parts[0], tuple(dW), given=levels["given as"].name)
+
+
+def _scaled(system: PolynomialSystem, power: int) -> PolynomialSystem:
+    """All Hamiltonians times 2^power."""
+    return replace(
         system,
         hamiltonian=poly.scale(2.0**power, system.hamiltonian),
         noise_hamiltonians=tuple(poly.scale(2.0**power, p) for p in system.noise_hamiltonians),
     )
-    return Case(scaled, y, parts[0], tuple(dW), given=levels["given as"].name)
 
 
 def _moves(problem: Problem, y: Array) -> bool:

@@ -8,19 +8,19 @@ to the degree of its monomial.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from itertools import combinations, combinations_with_replacement
+from collections.abc import Iterator, Sequence
+from itertools import combinations, combinations_with_replacement, permutations
 from random import Random
 
 import numpy as np
 
 from sepv.problem._problem import Matrix, Structure
+from sepv.problems import nambu_system
 from sepv.problems._common import planes
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 from sepv.record._polynomial import Exponents
 from sepv.verification._cases.strata import Levels, Stratum, monomials
-from sepv.verification.strategies import linear_forms, tensor_terms
 
 # Above it a table of all monomials is not worth making.
 FEW = 300
@@ -95,6 +95,37 @@ def hamiltonian(d: int, n: int, terms: int, unit: float, random: Random, *, leas
     return poly.polynomial(d, [(e, coefficient(random) * unit ** -sum(e)) for e in chosen])
 
 
+def rest_monomials(d: int, n: int, terms: int, random: Random) -> tuple[set[int], list[Exponents]]:
+    """Components to be zero, all only where it must be, and monomials of degree ≥ 2 in them, the first of degree n."""
+    for size in (*random.sample(range(1, d), d - 1), d):
+        zero = random.sample(range(d), size)
+        found = monomials_at_rest(d, n, terms, zero, random)
+        if len(found) == terms:
+            return set(zero), found
+    return set(range(d)), some_monomials(d, n, terms, random, least=2)
+
+
+def monomials_at_rest(d: int, n: int, terms: int, zero: Sequence[int], random: Random) -> list[Exponents]:
+    """So many monomials at most of degree ≥ 2 in the components `zero`, the first of degree n."""
+    found: dict[Exponents, None] = {}
+    for _ in range(40 * terms):
+        degree = n if not found or random.random() < 0.5 else random.randint(2, n)
+        chosen = [random.choice(zero) for _ in range(2)] + [random.randrange(d) for _ in range(degree - 2)]
+        found.setdefault(exponents_of(d, chosen))
+        if len(found) == terms:
+            break
+    return list(found)
+
+
+def polynomial(d: int, least: int, most: int, terms: int, random: Random) -> Polynomial:
+    """A polynomial of degree `least` to `most` with one to so many terms."""
+    n = random.randint(least, most)
+    if n == 0:
+        return poly.constant(d, coefficient(random))
+    least = max(least, 1)
+    return hamiltonian(d, n, random.randint(1, terms), 1.0, random, least=least)
+
+
 def scalar(d: int, degree: Stratum, unit: float, random: Random) -> Polynomial:
     """1 and one or two terms more, of this degree."""
     n = integer(degree, random)
@@ -131,6 +162,72 @@ def skew(d: int, degree: Stratum, unit: float, random: Random) -> Structure:
             entry = more if random.random() < 0.5 else poly.add(entry, more)
         entries.append((i, j, entry))
     return tuple(entries)
+
+
+def with_constants(d: int, degree: Stratum, random: Random) -> Structure:
+    """Skew B with B(0) ≠ 0 and, for a degree of one at least, linear terms: what f(0) and f′(0) need."""
+    n, B = integer(degree, random), []
+    for i, j in combinations(range(d), 2):
+        if j == i + 1 or random.random() < 1 / d:
+            entry = poly.constant(d, coefficient(random))
+            if n:
+                own = n if i == 0 else random.randint(1, n)
+                entry = poly.add(entry, hamiltonian(d, own, min(2, monomials(d, own)), 1.0, random))
+            B.append((i, j, entry))
+    return tuple(B)
+
+
+def poisson(d: int, degree: Stratum, unit: float, random: Random) -> Structure:
+    """Skew B that satisfies Jacobi's identity, of this degree.
+
+    Constant; or B_ij = b_ij y_i y_j with b skew, which is constant in the logarithms of y; or a direct sum of b(y)J in
+    planes, of which the identity asks nothing, and of g hat(∇C) in spaces of dimension three, where w = g∇C has
+    w · curl w = 0.
+    """
+    if degree.high == 0:
+        return skew(d, degree, unit, random)
+    if d > 2 and degree.low <= 2 <= degree.high and random.random() < 0.5:
+        pairs = [(i, j) for i, j in combinations(range(d), 2) if j == i + 1 or random.random() < 1 / d]
+        y = [poly.variable(d, k) for k in range(d)]
+        return tuple((i, j, poly.scale(coefficient(random), poly.multiply(y[i], y[j]))) for i, j in pairs)
+    n, places = integer(degree, random), random.sample(range(d), d)
+    entries: list[tuple[int, int, Polynomial]] = []
+    while len(places) > 1:
+        size = 3 if len(places) == 3 or (len(places) > 3 and random.random() < 0.5) else 2
+        block, places = sorted(places[:size]), places[size:]
+        own = random.randint(0, n) if entries else n
+        entries += [
+            (block[i], block[j], embedded(p, d, block)) for i, j, p in _block(size, own, unit, random)
+        ]
+    return tuple(sorted(entries))
+
+
+def _block(size: int, n: int, unit: float, random: Random) -> Structure:
+    """A Poisson structure of degree n in dimension two, b(y)J, or three, g(y) hat(∇C(y))."""
+    if size == 2:
+        return ((0, 1, exactly(2, n, unit, random)),)
+    of_casimir = random.randint(1, n + 1)
+    C, g = exactly(3, of_casimir, unit, random), exactly(3, n + 1 - of_casimir, unit, random)
+    return nambu_system(C, g, C).structure
+
+
+def exactly(d: int, n: int, unit: float, random: Random) -> Polynomial:
+    """A polynomial of this degree with one to three terms."""
+    if n == 0:
+        return poly.constant(d, coefficient(random))
+    return hamiltonian(d, n, min(random.randint(1, 3), monomials(d, n)), unit, random)
+
+
+def embedded(p: Polynomial, d: int, places: Sequence[int]) -> Polynomial:
+    """The polynomial in these of d variables."""
+
+    def moved(exponents: Exponents) -> Exponents:
+        whole = [0] * d
+        for k, e in zip(places, exponents, strict=True):
+            whole[k] = e
+        return tuple(whole)
+
+    return poly.polynomial(d, [(moved(e), c) for e, c in p.terms])
 
 
 def structure(
@@ -179,6 +276,24 @@ def vector(d: int, random: Random) -> tuple[float, ...]:
     b = [random.choice([0.0, 1.0, -1.0, 2.0]) for _ in range(d)]
     b[random.randrange(d)] = 1.0
     return tuple(b)
+
+
+def linear_forms(A: Matrix) -> list[Polynomial]:
+    """The components of Ay."""
+    return [poly.linear(row) for row in A]
+
+
+def tensor_terms(
+    d: int, indices: Sequence[int], weight: float, forms: list[list[Polynomial]]
+) -> Iterator[tuple[tuple[int, int], Polynomial]]:
+    """What the entry `weight` of a totally antisymmetric tensor at these indices adds to each B_ij, i < j."""
+    for i, j, *others in permutations(indices):
+        if i < j:
+            parity = (-1) ** sum(a > b for a, b in combinations((i, j, *others), 2))
+            product = poly.constant(d, weight * parity)
+            for form, k in zip(forms, others, strict=True):
+                product = poly.multiply(product, form[k])
+            yield (i, j), product
 
 
 def contracted(d: int, forms: list[list[Polynomial]], random: Random) -> Structure:

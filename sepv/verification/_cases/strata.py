@@ -1,19 +1,24 @@
 """The space of cases: axes, the strata of each, what cannot be combined and why, and designs that cover it.
 
-A law has the space that it speaks of; `Space.cases` are its cases by design: each possible pair of strata occurs,
-with random content inside. What a stratum means is in `sepv.verification._cases.random_cases`, which makes the
-cases: once for all laws that ask for the same strata. So that many do, a design may take its rows from
-another one, its pool.
+Each class of systems has a space, and a law asks about a part of it (`Space.part`). `Space.cases` are its cases by
+design: each possible pair of strata occurs, with random content inside. `Space.strategy` draws cases of the same space
+for Hypothesis. `sepv.verification._cases.random_cases` says what a stratum means and makes the cases: once for all laws
+that ask for the same strata. So that many do, a design may take its rows from another one, its pool.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from itertools import product
+from itertools import count, product
+from random import Random
+from types import MappingProxyType
 from typing import NamedTuple
+
+from hypothesis import assume
+from hypothesis import strategies as st
 
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.covering import Design, Pair, Partial, Row, pairwise, shown_pairs
@@ -29,13 +34,20 @@ class Stratum(NamedTuple):
 
 @dataclass(frozen=True)
 class Axis:
-    """A property of cases, divided into strata."""
+    """A property of cases, divided into strata.
+
+    A law that does not name the axis is asked about the first `usual` strata, or about all where that is 0.
+    """
 
     name: str
     strata: tuple[Stratum, ...]
+    usual: int = 0
 
 
 Levels = dict[str, Stratum]
+# Names of strata.
+Strata = tuple[str, ...]
+NOTHING: Mapping[str, Strata] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -47,10 +59,12 @@ class Rule:
     reason: str
 
 
-def _axis(name: str, *strata: tuple[str, float, float] | str) -> Axis:
-    return Axis(name, tuple(Stratum(s) if isinstance(s, str) else Stratum(*s) for s in strata))
+def _axis(name: str, *strata: tuple[str, float, float] | str, usual: int = 0) -> Axis:
+    return Axis(name, tuple(Stratum(s) if isinstance(s, str) else Stratum(*s) for s in strata), usual)
 
 
+STATE = _axis("state", "anywhere", "∇H = 0", "0", usual=1)
+JACOBI = _axis("Jacobi", "any", "Poisson", usual=1)
 CASIMIRS = _axis("Casimirs", "none", "linear", "quadratic", "two")
 DIMENSION = _axis("d", ("2", 2, 2), ("3", 3, 3), ("4–6", 4, 6), ("7–9", 7, 9), ("10–12", 10, 12))
 DEGREE = _axis("degree of H", ("1–2", 1, 2), ("3–4", 3, 4), ("5–6", 5, 6), ("7–8", 7, 8), ("9–10", 9, 10))
@@ -67,18 +81,17 @@ SIGN = _axis("h", ("> 0", 1, 1), ("< 0", -1, -1))
 # Steps as long as the contraction radius allows, and short ones: there errors of quadrature are below rounding.
 SHARE = _axis("step/radius", ("½–1", 0.5, 1), ("2⁻¹⁰", 2.0**-11, 2.0**-10))
 GIVEN = _axis("given as", "data", "functions", "bare functions")
-BATCH = _axis("batch", ("2–9", 2, 9), ("33–129", 33, 129), ("500–2000", 500, 2000), ("4097–9000", 4097, 9000))
-STRUCTURES = _axis("structures", "any", "common Casimir")
-WHY = _axis("why", "Δ = 0", "∇H = 0")
-REDUCED = _axis("reduced", "constant B", "c = 0")
+BATCH = _axis(
+    "batch", "one state", ("2–9", 2, 9), ("33–129", 33, 129), ("500–2000", 500, 2000), ("4097–9000", 4097, 9000),
+    usual=1,
+)  # fmt: skip
+ALGEBRA = _axis("algebra", "so(3)", "sl(2)", "e(2)", "heisenberg", "e(3)")
+STRUCTURES = _axis("structures", "any", "common Casimir", "all are B", usual=2)
 CASIMIR_DEGREE = _axis("degree of C", ("1", 1, 1), ("2", 2, 2), ("3–4", 3, 4), ("5–6", 5, 6))
 FACTOR = _axis("degree of g", ("0", 0, 0), ("1–2", 1, 2), ("3–4", 3, 4))
 
 
-def _is_varied(reduced: Stratum, degree: Stratum, most: int) -> bool:
-    return reduced.name == "constant B" and degree.high > most
-
-
+_MADE = "at y = 0 B is made with constant and linear terms"
 _RANK = "B of rank 2 at least leaves d − 2 Casimirs at most"
 RULES = (
     Rule(("d", "degree of H", "terms of H"),
@@ -86,15 +99,14 @@ RULES = (
          "there are not so many monomials of this degree in d variables"),
     Rule(("Casimirs", "d"), lambda casimirs, d: d.high < {"none": 2, "two": 4}.get(casimirs.name, 3), _RANK),
     Rule(("structures", "d"), lambda kind, d: kind.name == "common Casimir" and d.high < 3, _RANK),
-    Rule(("why", "degree of H"), lambda why, degree: why.name == "∇H = 0" and degree.high < 2,
-         "a linear H has no point at rest"),
+    Rule(("Jacobi", "Casimirs"), lambda jacobi, casimirs: jacobi.name == "Poisson" and casimirs.name != "none",
+         "Poisson structures are made without a list of their Casimirs"),
+    Rule(("Jacobi", "state"), lambda jacobi, state: jacobi.name == "Poisson" and state.name == "0", _MADE),
+    Rule(("Casimirs", "state"), lambda casimirs, state: state.name == "0" and casimirs.name != "none", _MADE),
+    Rule(("structures", "state"), lambda kind, state: state.name == "0" and kind.name != "any", _MADE),
+    Rule(("algebra", "d"), lambda algebra, d: (algebra.name == "e(3)") == (d.high < 6), "the dimension of the algebra"),
     Rule(("structures", "degree of B"), lambda kind, degree: kind.name == "common Casimir" and degree.high < 1,
          "B = Σ T_ijk v_k with v = Ay is linear at least"),
-    Rule(("reduced", "degree of C"), lambda reduced, C: _is_varied(reduced, C, 1), "B is constant"),
-    Rule(("reduced", "degree of g"), lambda reduced, g: _is_varied(reduced, g, 0), "B is constant"),
-    Rule(("reduced", "degree of B"), lambda reduced, B: _is_varied(reduced, B, 0), "B is constant"),
-    Rule(("reduced", "m"), lambda reduced, m: reduced.name == "constant B" and m.high < 1,
-         "without noise it is the deterministic method, whatever B is"),
     Rule(("batch", "d"), lambda batch, d: d.high > {"500–2000": 6, "4097–9000": 3}.get(batch.name, 12),
          "cost: d³ derivatives of B for thousands of states take gigabytes"),
     Rule(("batch", "terms of H"), lambda batch, terms: batch.low > 4096 and terms.low > 9,
@@ -113,6 +125,11 @@ def monomials(d: int, degree: int) -> int:
     return math.comb(d + degree, degree) - 1
 
 
+# A case inside the strata, random otherwise, or None where the numbers drawn make none. The last argument counts
+# attempts; it is None for the random search, which takes cases in which not every fault would show.
+Make = Callable[[Levels, Random, int | None], Case | None]
+
+
 @dataclass(frozen=True)
 class Space:
     """Axes, and how a case with a stratum of each is made.
@@ -122,33 +139,26 @@ class Space:
     """
 
     axes: tuple[Axis, ...]
-    make: Callable[
-        [Levels, int], Case
-    ]  # a case inside the strata, random otherwise: the same for the same seed
+    make: Make
     rules: tuple[Rule, ...] = RULES
     beside: frozenset[tuple[str, str]] = frozenset({HIDING})
     pool: Space | None = (
         None  # one whose rows the design takes where they serve: their content is made already
     )
 
-    def restricted(self, **strata: tuple[str, ...]) -> Space:
-        """The part with these strata only; axes by name with _ for spaces."""
-        wanted = {name.replace("_", " "): names for name, names in strata.items()}
-        unknown = set(wanted) - {axis.name for axis in self.axes}
-        if unknown:
-            raise KeyError(f"no axis {unknown}")
-        left = {
-            a.name: tuple(s for s in a.strata if s.name in wanted.get(a.name, (s.name,))) for a in self.axes
-        }
-        return replace(self, axes=tuple(Axis(name, strata) for name, strata in left.items()))
+    def part(self, where: Mapping[str, Strata] = NOTHING, blind: Mapping[str, Strata] = NOTHING) -> Space:
+        """The part of these strata, or of the usual ones of an axis that `where` does not name.
 
-    def without_faults(self, **strata: tuple[str, ...]) -> Space:
-        """The space where no fault shows in these strata; axes by name with _ for spaces."""
-        named = {(axis.replace("_", " "), name) for axis, names in strata.items() for name in names}
-        unknown = named - {(axis.name, s.name) for axis in self.axes for s in axis.strata}
-        if unknown:
-            raise KeyError(f"no strata {unknown}")
-        return replace(self, beside=self.beside | named)
+        In the strata `blind` no fault shows of what the law is about. Axes that the space does not have are left out,
+        and so are strata that go with none of the others.
+        """
+        axes = []
+        for axis in self.axes:
+            usual = tuple(s.name for s in axis.strata[: axis.usual or None])
+            names = where.get(axis.name, usual)
+            axes.append(Axis(axis.name, tuple(s for s in axis.strata if s.name in names), axis.usual))
+        beside = {(axis, name) for axis, names in blind.items() for name in names}
+        return replace(self, axes=tuple(possible(axes, self.rules)), beside=self.beside | beside)
 
     def levels(self, row: Row) -> Levels:
         """The strata of a row, by axis."""
@@ -187,7 +197,13 @@ class Space:
 
     def cases(self, seed: int) -> list[tuple[Row, Case]]:
         """A case for each row of the design; another seed gives other content in the same strata."""
-        return _cases(self, seed)
+        return [
+            (row, _content(self.make, tuple(self.levels(row).items()), seed)) for row in self.design().rows
+        ]
+
+    def strategy(self) -> st.SearchStrategy[Case]:
+        """Cases of the space for Hypothesis. Examples shrink towards the first strata and few terms."""
+        return _drawn(self)
 
     def offered(self) -> list[Row]:
         """The rows of the pool's design that have their strata here, with any of the axes that the pool lacks."""
@@ -196,6 +212,8 @@ class Space:
             return found
         for row in self.pool.design().rows:
             levels = self.pool.levels(row)
+            # A batch changes nothing of the content.
+            levels = {name: stratum for name, stratum in levels.items() if name != BATCH.name}
             numbers = [[k for k, s in enumerate(a.strata) if levels.get(a.name, s) == s] for a in self.axes]
             found += [own for own in product(*numbers) if not self.forbidden(own)]
         return found
@@ -212,7 +230,7 @@ class Space:
         return shown_pairs(row, self.hiding)
 
 
-def _none(_levels: Levels, _seed: int) -> Case:
+def _none(_levels: Levels, _random: Random, _attempt: int | None) -> Case:
     raise AssertionError("a design has rows only")
 
 
@@ -223,5 +241,51 @@ def _design(space: Space) -> Design:
 
 
 @cache
-def _cases(space: Space, seed: int) -> list[tuple[Row, Case]]:
-    return [(row, space.make(space.levels(row), seed)) for row in space.design().rows]
+def _content(make: Make, levels: tuple[tuple[str, Stratum], ...], seed: int) -> Case:
+    """The case of these strata and this seed. Its content does not depend on the batch it is asked about in."""
+    alone = tuple((axis, s) for axis, s in levels if axis != BATCH.name)
+    if alone != levels:
+        stratum, random = dict(levels)[BATCH.name], Random(f"{seed} {levels}")
+        batch = random.randint(int(stratum.low), int(stratum.high))
+        return replace(_content(make, alone, seed), batch=batch)
+    random = Random(f"{seed} {[(axis, stratum.name) for axis, stratum in levels]}")
+    attempts = (make(dict(levels), random, attempt) for attempt in count())
+    return next(case for case in attempts if case is not None)
+
+
+_CHOICES = [st.integers(0, n) for n in range(16)]
+_RANDOM = st.randoms(use_true_random=False)
+# Draws of a random search, until another row is drawn.
+DRAWS = 4
+
+
+@st.composite
+def _drawn(draw: st.DrawFn, space: Space) -> Case:
+    row: Partial = [None] * len(space.axes)
+    for a, axis in enumerate(space.axes):
+        open_ = [k for k in range(len(axis.strata)) if not space.forbidden([*row[:a], k, *row[a + 1 :]])]
+        assume(open_)
+        row[a] = open_[draw(_CHOICES[len(open_) - 1])] if len(open_) > 1 else open_[0]
+    levels, random = space.levels(tuple(k for k in row if k is not None)), draw(_RANDOM)
+    batch = levels.pop(BATCH.name, None)
+    case = next(filter(None, (space.make(levels, random, None) for _ in range(DRAWS))), None)
+    assume(case is not None)
+    assert case is not None
+    return replace(case, batch=random.randint(int(batch.low), int(batch.high))) if batch else case
+
+
+def possible(axes: list[Axis], rules: tuple[Rule, ...]) -> list[Axis]:
+    """The axes without strata that some rule forbids beside all strata of others."""
+    for rule in rules:
+        named = [axis for axis in axes if axis.name in rule.axes]
+        if len(named) < len(rule.axes):
+            continue
+        named.sort(key=lambda axis: rule.axes.index(axis.name))
+        rows = [row for row in product(*(axis.strata for axis in named)) if not rule.forbids(*row)]
+        left = {axis.name: {row[n] for row in rows} for n, axis in enumerate(named)}
+        if any(len(left[axis.name]) < len(axis.strata) for axis in named):
+            kept = [
+                replace(a, strata=tuple(s for s in a.strata if s in left.get(a.name, a.strata))) for a in axes
+            ]
+            return possible(kept, rules)
+    return axes

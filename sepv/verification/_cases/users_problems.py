@@ -1,13 +1,13 @@
 """Cases from problems that a user names: what a scheme is for is what it is judged on.
 
 An item is a problem (by name, ``module:attribute``, file, record or data), a family of
-`sepv.verification._cases.families`, or a Hypothesis strategy of problems, of their data or of whole cases.
-`from_problem` draws cases of it; `case_of_law` says what each law makes of them.
+`sepv.verification._cases.classes`, or a Hypothesis strategy of problems, of their data or of whole cases.
+`from_problem` draws cases of it; `of_law` says what each law makes of them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,14 +19,13 @@ from hypothesis import strategies as st
 from sepv import problems as named
 from sepv._arguments import did_you_mean
 from sepv.errors import Skipped, UsageError
-from sepv.problem import Array, HamiltoniansProblem, NamedProblem, PolynomialSystem, Problem, Systems
-from sepv.problem._checks import sample_states
+from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem, Systems
 from sepv.schemes import load_problem
 from sepv.schemes._load_target import load_object
-from sepv.verification._cases import case_of_law
 from sepv.verification._cases.case import Case
-from sepv.verification._cases.families import FAMILIES
-from sepv.verification._cases.from_problem import describe, of_case
+from sepv.verification._cases.classes import FAMILIES
+from sepv.verification._cases.from_problem import describe, of_case, start_of
+from sepv.verification._cases.strata import Space, Strata
 
 
 @dataclass(frozen=True)
@@ -41,6 +40,43 @@ class Item:
     fixed: Problem | None = (
         None  # where there is one only, so that what does not apply is known without drawing
     )
+    space: Space | None = None  # of a family
+
+    def design(self, seed: int, where: Mapping[str, Strata]) -> list[Case]:
+        """Cases of a family in which all pairs of strata meet, of the strata `where` those that it has."""
+        if self.space is None:
+            return []
+        part = self.space.part(where)
+        whole = part if all(axis.strata for axis in part.axes) else self.space.part()
+        return [case for _, case in whole.cases(seed)]
+
+    def meets(self, adapted: Callable[[Case], Case | None], where: Mapping[str, Strata]) -> bool:
+        """Whether a law says something about some case: one of thirty, where a search would ask for hundreds."""
+        if self.fixed is not None:
+            return adapted(start_of(describe(self.fixed, self.text))) is not None
+        if self.space is not None:
+            return any(adapted(case) is not None for case in self.design(0, where))
+        return _meets(self.values, adapted)
+
+
+class _Met(Exception):
+    """Raised inside a look at a strategy: a law says something about this example."""
+
+
+def _meets(values: st.SearchStrategy[Any], adapted: Callable[[Case], Case | None]) -> bool:
+    def look(case: Case) -> None:
+        if adapted(case) is not None:
+            raise _Met
+
+    members = settings(
+        max_examples=30, database=None, deadline=None, phases=(Phase.generate,), verbosity=Verbosity.quiet,
+        suppress_health_check=list(HealthCheck),
+    )(given(values.flatmap(of_case))(look))  # fmt: skip
+    try:
+        hypothesis_seed(0)(members)()
+    except _Met:
+        return True
+    return False
 
 
 def items(asked: Iterable[Any] | Any) -> tuple[Item, ...]:
@@ -63,8 +99,9 @@ def _item(asked: Any) -> Item:
     text = asked if isinstance(asked, str) else ""
     family = text.replace("_", "-")
     if family in FAMILIES:
-        strategy, names = FAMILIES[Systems(family)]
-        return Item(text, strategy(), tuple(named.by_name(name) for name in names))
+        narrow = FAMILIES[Systems(family)]
+        problems = tuple(named.by_name(name) for name in narrow.problems)
+        return Item(text, narrow.space.part().strategy(), problems, space=narrow.space)
     value = load_object(text) if ":" in text and not text.endswith(".json") else asked
     if not isinstance(value, (st.SearchStrategy, Problem)) and callable(value):
         of_hypothesis = getattr(value, "__module__", "").startswith("hypothesis")
@@ -99,65 +136,6 @@ def may_ask(scheme: Any, problem: Problem, states: Array) -> bool:
 
 
 NO_START = "the problems have no initial state: name one that has, or give initial= when making it"
-
-
-def cases_for(law: str, scheme: Any) -> st.SearchStrategy[Case] | str | None:
-    """Where a law draws the cases of a scheme that is for something special: a strategy, or why there is none.
-
-    None where the scheme is for all systems of its class.
-    """
-    own = sources(scheme)
-    if not own:
-        return None
-    if law in case_of_law.OUTSIDE:
-        return case_of_law.OUTSIDE[law]
-    turn, reason = case_of_law.TURNS.get(law, (case_of_law.as_it_is, ""))
-    why = case_of_law.NOT_OF_HAMILTONIANS.get(law, "") if law != "any-casimir" else ""
-    if why:
-        if all(isinstance(item.fixed, HamiltoniansProblem) for item in own):
-            return why
-        if any(item.fixed is None or isinstance(item.fixed, HamiltoniansProblem) for item in own):
-            turn = case_of_law.of_one_hamiltonian(turn)
-    usable = [item for item in own if (_meets if item.fixed is None else _some)(item, turn)]
-    if not usable:
-        return why or reason
-    drawn: st.SearchStrategy[Any] = st.one_of(*(item.values.flatmap(of_case) for item in usable))
-    if turn is not case_of_law.as_it_is:
-        drawn = drawn.map(turn).filter(lambda case: case is not None)
-    return drawn
-
-
-class _Met(Exception):
-    """Raised inside a look at a family: a law says something about this member."""
-
-
-def _meets(item: Item, turn: case_of_law.Turn) -> bool:
-    """Whether a law says something about one of thirty members of a family; a search would ask for hundreds."""
-    if turn is case_of_law.as_it_is:
-        return True
-
-    def look(case: Case) -> None:
-        if turn(case) is not None:
-            raise _Met
-
-    members = settings(
-        max_examples=30, database=None, deadline=None, phases=(Phase.generate,), verbosity=Verbosity.quiet,
-        suppress_health_check=list(HealthCheck),
-    )(given(item.values.flatmap(of_case))(look))  # fmt: skip
-    try:
-        hypothesis_seed(0)(members)()
-    except _Met:
-        return True
-    return False
-
-
-def _some(item: Item, turn: case_of_law.Turn) -> bool:
-    """Whether a law says something about the one problem of an item: asked of a step at its initial state."""
-    assert item.fixed is not None
-    problem = item.fixed
-    y = tuple(float(v) for v in next(iter(sample_states(problem))))
-    case = Case(describe(problem, item.text), y, 2.0**-6, (2.0**-6,) * problem.noises)
-    return turn(case) is not None
 
 
 def sources(scheme: Any) -> tuple[Item, ...]:

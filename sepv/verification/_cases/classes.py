@@ -1,0 +1,106 @@
+"""The classes of systems that schemes are for, one record each: the space of their cases, and problems by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from random import Random
+
+from sepv.problem import Systems
+from sepv.verification._cases import families, strata
+from sepv.verification._cases import random_cases as make
+from sepv.verification._cases.case import Case
+from sepv.verification._cases.commuting import commuting_step
+from sepv.verification._cases.fixed_cases import fixed_cases
+from sepv.verification._cases.random_cases import maker
+from sepv.verification._cases.strata import Axis, Space, Strata
+
+_SIZES = (strata.STATE, strata.DIMENSION, strata.DEGREE, strata.TERMS)
+_STEPS = (strata.SIZE, strata.STEP, strata.SIGN, strata.SHARE, strata.GIVEN, strata.BATCH)
+# Where no quadrature and no place of B can be wrong: rows with neither serve most laws.
+_RIGHT = {"degree of H": ("1–2",), "degree of B": ("0",), "degree of C": ("1", "2")}
+
+
+@dataclass(frozen=True)
+class SystemsClass:
+    """A class of systems.
+
+    Attributes
+    ----------
+    space : Space
+        Its random systems with a state and a step.
+    named : names of problems
+        The random search steps them too, near their initial state.
+    more : Random -> Case or None
+        Steps of systems that the space does not have, for the random search.
+    fixed : () -> cases
+        Every seed asks them.
+    problems : names of problems
+        For the laws about many steps of a scheme that is for a narrow class alone.
+    """
+
+    space: Space
+    named: tuple[str, ...] = ()
+    more: tuple[Callable[[Random], Case | None], ...] = ()
+    fixed: Callable[[], Iterable[Case]] = tuple
+    problems: tuple[str, ...] = ()
+
+
+def _space(make: strata.Make, *axes: Axis, **left: Strata) -> Space:
+    """The space of these axes beside those of every class, with these strata left alone; _ for spaces in a name."""
+    wanted = {name.replace("_", " "): names for name, names in left.items()}
+    kept = [
+        replace(a, strata=tuple(s for s in a.strata if s.name in wanted.get(a.name, (s.name,))))
+        for a in (*_SIZES, *axes, strata.NOISES, *_STEPS)
+    ]
+    whole = Space(tuple(strata.possible(kept, strata.RULES)), make)
+    return replace(whole, pool=whole.part(blind=_RIGHT))
+
+
+_NOISY = ("1", "2", "3–4", "5–8")
+_MIDDLE = ("2", "3", "4–6", "7–9")
+_GENERAL = (strata.JACOBI, strata.CASIMIRS, strata.STRUCTURE)
+# Several fields multiply the terms.
+_FEWER = {"degree_of_H": ("1–2", "3–4", "5–6"), "terms_of_H": ("1–2", "3–9", "10–19")}
+_SMALL = {**_FEWER, "terms_of_H": ("1–2", "3–9")}
+
+CLASSES: dict[Systems, SystemsClass] = {
+    Systems.SINGLE: SystemsClass(
+        _space(maker(make.single), *_GENERAL),
+        named=("harmonic-oscillator", "rigid-body", "pendulum", "lotka-volterra"),
+        fixed=fixed_cases,
+    ),
+    Systems.NAMBU: SystemsClass(
+        _space(maker(make.nambu), strata.CASIMIR_DEGREE, strata.FACTOR, d=("3",)),
+        named=("rigid-body", "lotka-volterra"),
+    ),
+    Systems.SEVERAL: SystemsClass(
+        _space(maker(make.several), strata.STRUCTURES, strata.STRUCTURE, m=_NOISY, d=_MIDDLE),
+        more=(commuting_step,),
+    ),
+    Systems.HAMILTONIANS: SystemsClass(
+        _space(maker(make.hamiltonians, shows=False), *_GENERAL, m=_NOISY, d=_MIDDLE, **_FEWER)
+    ),
+    Systems.CANONICAL_SEPARABLE: SystemsClass(
+        _space(maker(families.canonical_separable, (2, 4, 6)), d=("2", "4–6"), **_SMALL),
+        problems=("harmonic-oscillator", "pendulum"),
+    ),
+    Systems.LIE_POISSON: SystemsClass(
+        _space(maker(families.lie_poisson, (3, 6)), strata.ALGEBRA, d=("3", "4–6"), **_SMALL),
+        problems=("rigid-body",),
+    ),
+    Systems.RIGID_BODIES: SystemsClass(
+        _space(maker(families.rigid_body), d=("3",), degree_of_H=("1–2",), terms_of_H=("3–9",)),
+        problems=("rigid-body",),
+    ),
+    Systems.SO3_HAMILTONIANS: SystemsClass(
+        _space(maker(families.so3_hamiltonians, shows=False), d=("3",), m=_NOISY, **_SMALL),
+        problems=("random-inertia", "two-spins", "commuting-twists", "twisted-top"),
+    ),
+    Systems.SEPARABLE_HAMILTONIANS: SystemsClass(
+        _space(maker(families.separable_hamiltonians, (2, 4), shows=False), d=("2", "4–6"), m=_NOISY, **_SMALL),
+        problems=("noisy-henon-heiles",),
+    ),
+}  # fmt: skip
+# Classes inside the others, which users name; their scheme is asked about nothing else.
+FAMILIES = {systems: own for systems, own in CLASSES.items() if own.problems}

@@ -1,0 +1,76 @@
+"""Steps with several Hamiltonians that all commute with H_0, near its critical points and away from them."""
+
+from __future__ import annotations
+
+from random import Random
+
+import numpy as np
+
+from sepv import problems
+from sepv.problem import Array, Problem, StructuresProblem
+from sepv.problems._several import commuting_actions
+from sepv.record import Polynomial
+from sepv.record import _polynomial as poly
+from sepv.verification._cases.case import Case
+from sepv.verification._cases.random_parts import coefficient, hamiltonian
+from sepv.verification._cases.strata import monomials
+
+
+def commuting_step(random: Random) -> Case | None:
+    """A step with Hamiltonians that are functions of the actions of one or two planes, away from the rest points.
+
+    S_j is singular where ∇H_0 = 0 and has no majorant near it: the step is a sixteenth of what the slopes of the
+    fields at y allow, which is measured and not derived.
+    """
+    n, m = random.randint(1, 2), random.randint(1, 2)
+    H = poly.add(poly.linear((1.0,) * n), _of_actions(n, random))
+    others = [_of_actions(n, random) for _ in range(m)]
+    system = commuting_actions(H, others, tuple(random.choice([1.0, 0.5, 2.0, 0.25]) for _ in range(m)))
+    y = tuple(random.choice([0.5, 1.0, -0.75]) for _ in range(2 * n))
+    problem, state = problems.build(system), np.array(y)
+    if not float(np.linalg.norm(problem.gradient(state))) > 0.25:
+        return None
+    part = 1 / (16 * (1 + _steepest(problem, state))) / (m + 1)
+    dW = tuple(part * random.choice([1.0, 0.5, -0.5, 2.0**-10]) / c for c in system.noise)
+    return Case(system, y, part, dW)
+
+
+def critical_step(random: Random) -> Case:
+    """A step from a critical point of H_0 at which some B∇H_j is not zero: to be refused.
+
+    Either a plane that rests beside one that a noise turns, or a circle of critical points, H_0 = ½I² − I_0 I.
+    """
+    a, b = random.choice([(1.0, 0.0), (0.5, 0.5), (1.0, -2.0), (-0.25, 0.5)])
+    y: tuple[float, ...]
+    if random.choice([True, False]):
+        n, kept, y = 2, 1, (0.0, 0.0, a, b)
+        H = poly.polynomial(2, {(1, 0): 1.0, (2, 0): coefficient(random), (1, 1): coefficient(random)})
+    else:
+        # I_0 is a sum of squares of few bits: ∇H_0 = (I − I_0) y is exactly zero.
+        n, kept, y = 1, 0, (a, b)
+        H = poly.polynomial(1, [((2,), 0.5), ((1,), -0.5 * (a * a + b * b))])
+    m = random.randint(1, 2)
+    others = [poly.variable(n, kept), *(_of_actions(n, random) for _ in range(m - 1))]
+    system = commuting_actions(H, others, (1.0, 0.5)[:m])
+    h = random.choice([2.0**-3, 2.0**-6, 2.0**-10])
+    return Case(system, y, h, tuple(random.choice([1.0, -1.0, 0.5]) * h**0.5 for _ in range(m)))
+
+
+def _of_actions(n: int, random: Random) -> Polynomial:
+    """A polynomial in the actions I_1, …, I_n of degree one or two, without constant term."""
+    degree = random.randint(1, 2)
+    return hamiltonian(n, degree, random.randint(1, min(3, monomials(n, degree))), 1.0, random)
+
+
+def _steepest(problem: Problem, y: Array) -> float:
+    """The largest slope of the fields h B∇H and c_j G_j∇H at y, by differences, and their largest size."""
+    assert isinstance(problem, StructuresProblem)
+    worst = 0.0
+    for c, G in zip((1.0, *problem.c), (problem.structure, *problem.noise_structures), strict=True):
+        for k in range(y.size):
+            at = y.copy()
+            at[k] += 1e-6
+            field, moved = G(y) @ problem.gradient(y), G(at) @ problem.gradient(at)
+            sizes = np.max(np.abs(moved - field)) / 1e-6, np.max(np.abs(field))
+            worst = max(worst, c * float(max(sizes)))
+    return worst

@@ -1,0 +1,180 @@
+"""The cases of a law, said once for every class of systems and for users' problems (`Cases`)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+
+from hypothesis import strategies as st
+
+from sepv import problems as named
+from sepv.errors import require_one_of
+from sepv.problem import Description, GivenProblem, HamiltoniansProblem, Problem, StructuresProblem, Systems
+from sepv.verification._cases.case import Case
+from sepv.verification._cases.classes import CLASSES
+from sepv.verification._cases.from_problem import near, of_case, start_of
+from sepv.verification._cases.strata import Space, Strata
+from sepv.verification._cases.users_problems import Item
+
+# What a law makes of a case: one that it says something about, or None.
+Adapt = Callable[[Case], Case | None]
+Strategy = st.SearchStrategy[Case]
+
+
+def unchanged(case: Case) -> Case:
+    """Every case as it is."""
+    return case
+
+
+def only(holds: Callable[[Problem], object], *, data: bool = False) -> Adapt:
+    """The case as it is where this holds of its problem, and where that is given as data if it has to be."""
+
+    def adapt(case: Case) -> Case | None:
+        lacks = data and isinstance(case.problem, GivenProblem)
+        return case if not lacks and holds(named.build(case.problem)) else None
+
+    return adapt
+
+
+@dataclass(frozen=True)
+class Question:
+    """Where a law looks for a violation by one scheme."""
+
+    design: Callable[[int], list[Case]]  # for a seed
+    strategy: Strategy
+    admits: Callable[[Case], bool]  # which cases a counterexample may be simplified to
+    fixed: tuple[Case, ...] = ()
+
+
+@dataclass(frozen=True)
+class Cases:
+    """What a law asks about. Without any of these: every system of the class that a scheme is for, and users' problems.
+
+    Attributes
+    ----------
+    adapt : case -> case or None
+        What the law makes of a step, None where it says nothing about it. What it returns it leaves as it is.
+    why : str
+        Why the law says nothing where `adapt` returns None for all of a user's problems.
+    where : axis -> strata
+        The part of the spaces of `sepv.verification._cases.strata` that the law speaks of. A class that does not have
+        an axis is not restricted by it.
+    blind : axis -> strata
+        Where nothing can be wrong of what the law states. The design meets the faults of other axes elsewhere.
+    not_of : class of systems -> str
+        Why the law says nothing about a class.
+    stays : bool
+        Whether the law stays with the problem that it is given. One that does not is not asked about users' problems.
+    instead : class -> class, or () -> strategy
+        Other cases for a scheme of this class: a narrower class, or a strategy of the law's own.
+    fixed : class -> (() -> cases)
+        Asked with every seed, beside those of the class.
+    """
+
+    adapt: Adapt = unchanged
+    why: str = "the law says nothing about the problems"
+    where: Mapping[str, Strata] = field(default_factory=dict)
+    blind: Mapping[str, Strata] = field(default_factory=dict)
+    not_of: Mapping[Systems, str] = field(default_factory=dict)
+    stays: bool = True
+    instead: Mapping[Systems, Systems | Callable[[], Strategy]] = field(default_factory=dict)
+    fixed: Mapping[Systems, Callable[[], Iterable[Case]]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        known = {axis.name: axis for own in CLASSES.values() for axis in own.space.axes}
+        for name, strata in (*self.where.items(), *self.blind.items()):
+            require_one_of("an axis of cases", name, known, "see `sepv verify --coverage`")
+            for stratum in strata:
+                listed = [
+                    s.name
+                    for own in CLASSES.values()
+                    for a in own.space.axes
+                    if a.name == name
+                    for s in a.strata
+                ]
+                require_one_of(f"a stratum of {name}", stratum, listed, "see `sepv verify --coverage`")
+
+    def space(self, systems: Systems) -> Space | None:
+        """The space of the law's design for a class; None where it has none."""
+        if self.not_of.get(systems):
+            return None
+        source = self.instead.get(systems, systems)
+        return CLASSES[source].space.part(self.where, self.blind) if isinstance(source, Systems) else None
+
+    def adapted(self, case: Case) -> Case | None:
+        """What the law makes of any case, of whatever class; None where it says nothing about it."""
+        if self.not_of and self.not_of.get(class_of(case.problem)):
+            return None
+        return self.adapt(case)
+
+    def admits(self, case: Case) -> bool:
+        """Whether the law takes the case as it is."""
+        return self.adapted(case) == case
+
+    def of_class(self, systems: Systems) -> Question | str:
+        """The cases for a scheme that is for all of a class, or why there are none."""
+        if why := self.not_of.get(systems):
+            return why
+        source = self.instead.get(systems, systems)
+        if not isinstance(source, Systems):
+            return Question(lambda _: [], self._adapting(source()), self.admits)
+        own, space = CLASSES[source], self.space(systems)
+        assert space is not None
+        if not all(axis.strata for axis in space.axes):
+            return "the class has no systems that the law speaks of"
+        drawn = [space.strategy()] * 2
+        drawn += [near(d) for d in _data(own.named) if self.adapted(start_of(d)) is not None]
+        drawn += [_present(st.randoms(use_true_random=False).map(f)) for f in own.more]
+        listed = (*own.fixed(), *(self.fixed[systems]() if systems in self.fixed else ()))
+        return Question(
+            lambda seed: self._all(case for _, case in space.cases(seed)),
+            self._adapting(st.one_of(drawn)),
+            self.admits,
+            tuple(self._all(listed)),
+        )
+
+    def of_problems(self, items: Sequence[Item]) -> Question | str:
+        """The cases of a scheme's own problems, or why the law says nothing about them."""
+        if not self.stays:
+            return "the law leads out of the problems that the scheme is for"
+        everything = self.adapt is unchanged and not self.not_of
+        usable = [item for item in items if everything or item.meets(self.adapted, self.where)]
+        if not usable:
+            classes = {class_of(item.fixed) for item in items if item.fixed is not None}
+            return next((self.not_of[c] for c in classes if self.not_of.get(c)), self.why)
+        drawn = st.one_of(*(item.values.flatmap(of_case) for item in usable))
+        return Question(
+            lambda seed: self._all(case for item in usable for case in item.design(seed, self.where)),
+            self._adapting(drawn),
+            lambda _: False,
+        )
+
+    def _all(self, cases: Iterable[Case]) -> list[Case]:
+        return [adapted for case in cases if (adapted := self.adapted(case)) is not None]
+
+    def _adapting(self, drawn: Strategy) -> Strategy:
+        if self.adapt is unchanged and not self.not_of:
+            return drawn
+        return _present(drawn.map(self.adapted))
+
+
+EVERYTHING = Cases()
+
+
+def class_of(description: Description | Problem) -> Systems:
+    """The class that a problem belongs to; the widest, (1.1), where it has one structure and one Hamiltonian."""
+    problem = description if isinstance(description, Problem) else named.build(description)
+    if isinstance(problem, HamiltoniansProblem):
+        return Systems.HAMILTONIANS
+    return Systems.SEVERAL if isinstance(problem, StructuresProblem) else Systems.SINGLE
+
+
+def _present(drawn: st.SearchStrategy[Case | None]) -> Strategy:
+    """What is drawn and is not None."""
+    return drawn.filter(lambda case: case is not None)  # type: ignore[return-value]
+
+
+@cache
+def _data(names: tuple[str, ...]) -> list[Description]:
+    return [data for name in names if (data := named.by_name(name).data) is not None]
