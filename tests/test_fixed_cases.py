@@ -8,17 +8,15 @@ from sepv.properties.test_energy import check, law
 
 from sepv import Scheme, Verdict, problems, schemes
 from sepv.faults._saboteurs import SABOTEURS
-from sepv.problem import PolynomialSystem
-from sepv.verification import Case
+from sepv.problem import PolynomialSystem, Systems
+from sepv.verification import Case, load_laws
 from sepv.verification._cases.case import to_json
 from sepv.verification._cases.fixed_cases import (
     fixed_cases,
     for_energy,
     long_steps,
-    with_casimirs,
-    with_constant_structure,
-    with_quadratic_hamiltonian,
 )
+from sepv.verification._cases.of_law import Question
 from sepv.verification._contraction import contraction_radius
 
 
@@ -30,7 +28,7 @@ def test_every_scheme_solves_every_corner(name: str) -> None:
 
 def test_each_degree_has_a_step_that_shows_a_node_too_few() -> None:
     saboteur, degrees = SABOTEURS["one-node-short"].scheme, set()
-    for case in set(for_energy()) - set(fixed_cases()) - set(long_steps()):
+    for case in set(for_energy()) - set(long_steps()):
         problem = problems.build(case.problem)
         assert case.given == "bare functions" or check(saboteur, case).ratio > 1e3, case.describe()
         assert check(schemes.energy_preserving, case).ratio < 0.1
@@ -67,13 +65,11 @@ def test_each_law_finds_what_it_speaks_of() -> None:
         1.0,
         -1.0,
     }
-    assert all(len(problems.build(c.problem).casimirs) for c in with_casimirs())
-    assert {getattr(c.problem, "name", "") for c in with_quadratic_hamiltonian()} == {
-        "harmonic-oscillator",
-        "rigid-body",
-    }
-    assert {getattr(c.problem, "name", "") for c in with_constant_structure()} == {
-        "",
-        "harmonic-oscillator",
-        "pendulum",
-    }
+    named = {}
+    for other in load_laws(["casimir", "midpoint", "symplecticity"]):
+        asked = other.cases.of_class(Systems.SINGLE)  # type: ignore[union-attr]
+        assert isinstance(asked, Question)
+        named[other.name] = {getattr(c.problem, "name", "") for c in asked.fixed}
+    assert named["casimir"] == {"", "rigid-body"}
+    assert named["midpoint"] == {"harmonic-oscillator", "rigid-body"}
+    assert named["symplecticity"] == {"", "harmonic-oscillator", "pendulum"}

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from drawn import drawn_systems
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from reader import Reader
@@ -19,10 +20,12 @@ from sepv import problems
 from sepv.problem import Systems, vector_field
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
-from sepv.verification import Effort, Verdict
-from sepv.verification._cases import case, families
+from sepv.verification import Effort, Verdict, load_laws
+from sepv.verification._cases import case
+from sepv.verification._cases.classes import FAMILIES
 from sepv.verification._cases.from_problem import measured_radius
-from sepv.verification._cases.users_problems import cases_for, items
+from sepv.verification._cases.of_law import Question
+from sepv.verification._cases.users_problems import items
 from sepv.verification._contraction import contraction_radius
 from sepv.verification._verify import replay
 
@@ -221,7 +224,7 @@ def test_a_record_that_no_longer_is_its_data_is_not_taken_for_it() -> None:
 
 
 @settings(derandomize=True, database=None, max_examples=8, deadline=None)
-@given(system=families.lie_poisson())
+@given(system=drawn_systems(Systems.LIE_POISSON))
 def test_the_measured_radius_is_of_the_size_of_the_derived_one(system: sepv.PolynomialSystem) -> None:
     problem = problems.build(system)
     y = np.linspace(0.5, 1.0, problem.dimension)
@@ -231,25 +234,25 @@ def test_the_measured_radius_is_of_the_size_of_the_derived_one(system: sepv.Poly
 
 
 @pytest.fixture(scope="module")
-def cases_of_families() -> list[st.SearchStrategy[Any]]:
+def cases_of_families() -> list[Question | str]:
     """Whether a law speaks of a family is found by a search of its own, which no other search may hold."""
     return [
-        cases_for(law, sepv.Scheme("any", heun, systems=name))
-        for name in families.FAMILIES
-        for law in ("energy", "identity", "noise-sum", "reduction")
+        law.cases.of_problems(items(str(name)))  # type: ignore[union-attr]
+        for name in FAMILIES
+        for law in load_laws(["energy", "identity", "noise-sum", "reduction"])
         # Several Hamiltonians keep no H, and have no equation of (2.1).
-        if not (name.endswith("-hamiltonians") and law in ("energy", "reduction"))
+        if not (name.endswith("-hamiltonians") and law.name in ("energy", "reduction"))
     ]
 
 
 @settings(derandomize=True, database=None, max_examples=8, deadline=None)
 @given(drawn=st.data())
 def test_every_law_draws_steps_of_every_family(
-    cases_of_families: list[st.SearchStrategy[Any]], drawn: st.DataObject
+    cases_of_families: list[Question | str], drawn: st.DataObject
 ) -> None:
-    for strategy in cases_of_families:
-        assert isinstance(strategy, st.SearchStrategy), strategy
-        assert drawn.draw(strategy).build()[0].dimension >= 2
+    for asked in cases_of_families:
+        assert isinstance(asked, Question), asked
+        assert drawn.draw(asked.strategy).build()[0].dimension >= 2
 
 
 def test_items_are_read_once() -> None:

@@ -9,6 +9,8 @@ from itertools import product
 
 import numpy as np
 import pytest
+from drawn import drawn_systems
+from drawn import steps as steps_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sepv.reference.generator import moments
@@ -43,8 +45,6 @@ from sepv.simulate import _areas as areas
 from sepv.verification import Case, Effort, Run, Verdict
 from sepv.verification._cases import case as cases
 from sepv.verification._cases.case import from_token, to_token
-from sepv.verification._cases.families import separable_hamiltonians, so3_hamiltonians
-from sepv.verification._cases.hamiltonians import any_hamiltonians, hamiltonian_steps
 from sepv.verification._cases.shrink import shrunk
 from sepv.verification._contraction import contraction_ball
 from sepv.verification._orders.gaussian import rule_for
@@ -103,7 +103,7 @@ def test_what_is_derived_is_what_was_given() -> None:
 
 
 @settings(max_examples=15)
-@given(any_hamiltonians(degree=3), st.integers(0, 99))
+@given(drawn_systems(Systems.HAMILTONIANS, degree_of_H=("1–2", "3–4"), d=("2", "3")), st.integers(0, 99))
 def test_the_ito_form_is_the_drift_of_the_generator(system: PolynomialSystem, seed: int) -> None:
     # E[y − y0] = h L y + O(h²), by exact arithmetic.
     problem = problems.build(system)
@@ -114,7 +114,7 @@ def test_the_ito_form_is_the_drift_of_the_generator(system: PolynomialSystem, se
 
 
 @settings(max_examples=30)
-@given(any_hamiltonians(), st.integers(0, 99))
+@given(drawn_systems(Systems.HAMILTONIANS), st.integers(0, 99))
 def test_casimirs_are_common(system: PolynomialSystem, seed: int) -> None:
     problem = problems.build(system)
     y = np.random.default_rng(seed).uniform(-1, 1, system.dimension)
@@ -131,7 +131,7 @@ def test_systems_travel_as_json_and_tokens_and_shrink() -> None:
     steps: list[Case] = []
 
     @settings(max_examples=20)
-    @given(hamiltonian_steps())
+    @given(steps_of(Systems.HAMILTONIANS))
     def draw(case: Case) -> None:
         assert from_token(to_token(case)) == case
         steps.append(case)
@@ -447,7 +447,7 @@ def test_the_midpoint_rule_of_one_hamiltonian_is_the_midpoint_rule() -> None:
 
 
 @settings(max_examples=30)
-@given(separable_hamiltonians())
+@given(drawn_systems(Systems.SEPARABLE_HAMILTONIANS, d=("2",)))
 def test_additive_noise_along_a_quadratic_energy_makes_it_grow_at_a_constant_rate(
     system: PolynomialSystem,
 ) -> None:
@@ -487,7 +487,7 @@ def test_a_drift_that_is_not_constant_is_not_taken_for_one() -> None:
 
 
 @settings(max_examples=30)
-@given(so3_hamiltonians())
+@given(drawn_systems(Systems.SO3_HAMILTONIANS))
 def test_balls_bound_all_hamiltonians(system: PolynomialSystem) -> None:
     problem = problems.build(system)
     y = np.array([0.5, -0.25, 1.0])

@@ -21,7 +21,7 @@ FILE = re.compile(rf"(?<![\w./-])(?:{'|'.join(FOLDERS)})/[\w./*-]*\w")
 # A key of click's context, which is written like a module.
 KEYS = ("sepv.words",)
 # What stands for any name, and what docs/extending.md has its reader make.
-STANDS_FOR_ANY = re.compile(r"[A-Z]{3,}|…|\b_?(?:heun|heisenberg|name|test_short_steps)\b")
+STANDS_FOR_ANY = re.compile(r"[A-Z]{3,}|…|\b_?(?:heun|heisenberg|name|test_noise_scale)\b")
 
 
 @cache

@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from drawn import drawn_systems
 from hypothesis import given
 from hypothesis import strategies as st
+from sepv.properties.test_poisson_map import law
 
 import sepv
 from sepv import problems
@@ -16,14 +18,22 @@ from sepv.problem import _poisson as poisson
 from sepv.record import _polynomial as poly
 from sepv.schemes import Scheme, by_name, midpoint
 from sepv.verification import Case, Effort, Verdict
-from sepv.verification._cases.poisson import poisson_steps, poisson_structures
-from sepv.verification._contraction import contraction_ball, is_short
+from sepv.verification._cases.of_law import Question
+from sepv.verification._contraction import contraction_ball
 from sepv.verification._poisson_map import check
+
+
+def _poisson_steps() -> st.SearchStrategy[Case]:
+    """The cases of the law."""
+    asked = law.cases.of_class(Systems.SINGLE)  # type: ignore[union-attr]
+    assert isinstance(asked, Question)
+    return asked.strategy
+
 
 QUICK = Effort(examples=10, shrink_checks=0)
 
 
-@given(poisson_structures(), st.integers(0, 9))
+@given(drawn_systems(Systems.SINGLE, Jacobi=("Poisson",)), st.integers(0, 9))
 def test_structures_of_the_strategies_satisfy_jacobis_identity(system: PolynomialSystem, seed: int) -> None:
     problem = problems.build(system)
     y = np.random.default_rng(seed).uniform(-1, 1, system.dimension)
@@ -143,7 +153,7 @@ def test_problems_without_the_identity_are_not_asked_about() -> None:
     assert "no domain" in report.finding("positivity").message
 
 
-@given(poisson_steps().filter(is_short))
+@given(_poisson_steps())
 def test_every_case_can_be_measured(case: Case) -> None:
     measured = check(by_name("midpoint"), case)
     assert measured.bound > 0

@@ -26,9 +26,8 @@ from sepv.schemes import (
     stochastic_splitting,
     weakly,
 )
-from sepv.verification import LAWS, Effort, Verdict
-from sepv.verification._cases.fixed_cases import for_energy
-from sepv.verification._cases.spaces import SPACES
+from sepv.verification import LAWS, Effort, Verdict, load_laws
+from sepv.verification._cases.fixed_cases import fixed_cases, for_energy
 from sepv.verification._report import console
 
 # What these claim is what is wrong with them; all others claim exactly what (2.1) claims.
@@ -153,8 +152,9 @@ def test_examples_end_with_the_first_violation() -> None:
     (violated,) = fault_detection.detect("b-doubled", 0, ["midpoint"])
     (holding,) = fault_detection.detect("b-doubled", 0, ["energy"], examples=7)
     assert violated.examples < 20
-    designed = len(SPACES[Systems.SINGLE]["energy"].design().rows)
-    assert holding.examples == designed + 7 + len(for_energy())
+    (energy,) = load_laws(["energy"])
+    designed = len(energy.cases.space(Systems.SINGLE).design().rows)  # type: ignore[union-attr]
+    assert holding.examples == designed + 7 + len((*fixed_cases(), *for_energy()))
 
 
 def test_an_unknown_name_is_an_error() -> None:

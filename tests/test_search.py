@@ -6,8 +6,20 @@ import pytest
 from hypothesis import strategies as st
 
 from sepv import problems, schemes
+from sepv.problem import Systems
 from sepv.schemes import Scheme
-from sepv.verification import Case, Effort, Law, Measurement, Run, Verdict, load_laws, searched, verify
+from sepv.verification import (
+    Case,
+    Cases,
+    Effort,
+    Law,
+    Measurement,
+    Run,
+    Verdict,
+    load_laws,
+    searched,
+    verify,
+)
 from sepv.verification import _search as search
 from sepv.verification._verify import replay
 
@@ -27,7 +39,14 @@ def slope(_: Scheme, case: Case) -> Measurement:
 
 
 def law() -> Law:
-    return searched(name="slope", statement="", source="", unit="1", cases=states, check=slope)
+    return searched(
+        name="slope",
+        statement="",
+        source="",
+        unit="1",
+        cases=Cases(instead={Systems.SINGLE: states}),
+        check=slope,
+    )
 
 
 def verdicts() -> list[Verdict]:

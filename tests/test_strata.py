@@ -15,24 +15,65 @@ from sepv.problem import NamedProblem, PolynomialSystem, Systems
 from sepv.problem import Problem as ProblemRecord
 from sepv.problems._shown_to_schemes import GIVEN, shown
 from sepv.schemes import Scheme, ask, energy_preserving, milstein
-from sepv.verification import LAWS, Case, Effort, Verdict, verify
+from sepv.verification import Case, Cases, Effort, Verdict, load_laws, verify
 from sepv.verification import _corpus as corpus
 from sepv.verification import _coverage as coverage
 from sepv.verification._cases import case as cases
 from sepv.verification._cases.covering import pairwise, shown_pairs
-from sepv.verification._cases.fixed_cases import for_energy
+from sepv.verification._cases.fixed_cases import fixed_cases, for_energy
 from sepv.verification._cases.shrink import shrunk
-from sepv.verification._cases.spaces import SINGLE, SPACES
-from sepv.verification._cases.strata import Levels
+from sepv.verification._cases.strata import Levels, Space
 from sepv.verification._contraction import contraction_radius
 from sepv.verification._search import MOST_SKIPPED
 
-ALL = [(kind, law) for kind, laws in SPACES.items() for law in laws]
+KINDS = (Systems.SINGLE, Systems.NAMBU, Systems.SEVERAL, Systems.HAMILTONIANS)
+SINGLE = Cases().space(Systems.SINGLE)
+assert SINGLE is not None
+
+
+def cases_of(law: str) -> Cases:
+    (found,) = load_laws([law])
+    assert found.cases is not None
+    return found.cases
+
+
+def space_of(kind: Systems, law: str) -> Space:
+    space = cases_of(law).space(kind)
+    assert space is not None
+    return space
+
+
+ALL = [
+    (kind, law.name)
+    for law in load_laws()
+    if law.cases
+    for kind in KINDS
+    if law.cases.space(kind) is not None
+]
 
 
 @pytest.mark.parametrize(("kind", "law"), ALL)
-def test_a_design_meets_every_pair_that_is_possible(kind: str, law: str) -> None:
-    space = SPACES[kind][law]
+def test_a_law_speaks_of_each_case_of_its_design_and_leaves_what_it_made_of_it(
+    kind: Systems, law: str
+) -> None:
+    asked = cases_of(law)
+    for seed in (0, 3):
+        for _, case in space_of(kind, law).cases(seed):
+            adapted = asked.adapted(case)
+            assert adapted is not None, case.describe()
+            assert asked.admits(adapted), case.describe()
+
+
+def test_an_unknown_stratum_is_an_error() -> None:
+    with pytest.raises(UsageError, match="an axis of cases"):
+        Cases(where={"dimension": ("2",)})
+    with pytest.raises(UsageError, match="a stratum of d"):
+        Cases(where={"d": ("1000",)})
+
+
+@pytest.mark.parametrize(("kind", "law"), ALL)
+def test_a_design_meets_every_pair_that_is_possible(kind: Systems, law: str) -> None:
+    space = space_of(kind, law)
     design = space.design()
     met = {pair for row in design.rows for pair in space.shown(row)}
     levels = [(a, k) for a, axis in enumerate(space.axes) for k in range(len(axis.strata))]
@@ -41,7 +82,6 @@ def test_a_design_meets_every_pair_that_is_possible(kind: str, law: str) -> None
     assert not met & design.impossible
     assert all(space.impossible(pair) for pair in design.impossible)
     assert len(design.rows) <= 60
-    assert law in LAWS
 
 
 def test_beside_a_level_that_hides_only_its_own_pairs_are_met() -> None:
@@ -101,8 +141,9 @@ def test_the_coverage_table_counts_what_the_designs_visit() -> None:
 
     found = CliRunner().invoke(main, ["verify", "energy-preserving", "--coverage", "--law", "energy"])
     assert found.exit_code == 0
-    design = SPACES[Systems.SINGLE]["energy"].design()
-    met, possible = coverage.pairs(SPACES[Systems.SINGLE]["energy"])
+    energy = space_of(Systems.SINGLE, "energy")
+    design = energy.design()
+    met, possible = coverage.pairs(energy)
     assert met == possible
     known = len(corpus.cases("energy", Systems.SINGLE))
     assert f"energy {known} {len(design.rows)} {met} {possible} {len(design.impossible)}" in " ".join(
@@ -113,10 +154,9 @@ def test_the_coverage_table_counts_what_the_designs_visit() -> None:
 
 
 def test_each_stratum_of_each_axis_has_cases() -> None:
-    for laws in SPACES.values():
-        for space in laws.values():
-            counts = coverage.cases_by_stratum(space)
-            assert all(counts[axis.name, s.name] > 0 for axis in space.axes for s in axis.strata)
+    for space in (space_of(kind, law) for kind, law in ALL):
+        counts = coverage.cases_by_stratum(space)
+        assert all(counts[axis.name, s.name] > 0 for axis in space.axes for s in axis.strata)
 
 
 def test_another_seed_has_other_content_in_the_same_strata() -> None:
@@ -129,8 +169,8 @@ def test_another_seed_has_other_content_in_the_same_strata() -> None:
     ("kind", "law"),
     [(Systems.SINGLE, "reproducibility"), (Systems.NAMBU, "energy"), (Systems.SEVERAL, "energy")],
 )
-def test_a_token_keeps_how_a_case_is_given_and_its_batch(kind: str, law: str) -> None:
-    for _, case in SPACES[kind][law].cases(0):
+def test_a_token_keeps_how_a_case_is_given_and_its_batch(kind: Systems, law: str) -> None:
+    for _, case in space_of(kind, law).cases(0):
         assert cases.from_token(cases.to_token(case)) == case
 
 
@@ -140,9 +180,9 @@ def test_a_token_of_an_unknown_kind_is_refused() -> None:
         cases.from_json({**cases.to_json(case), "given": "hearsay"})
 
 
-@pytest.mark.parametrize("kind", SPACES)
-def test_bare_functions_say_nothing_of_themselves(kind: str) -> None:
-    case = next(c for _, c in SPACES[kind]["contract"].cases(0) if c.given == "bare functions")
+@pytest.mark.parametrize("kind", KINDS)
+def test_bare_functions_say_nothing_of_themselves(kind: Systems) -> None:
+    case = next(c for _, c in space_of(kind, "contract").cases(0) if c.given == "bare functions")
     whole, y, _, _ = case.build()
     seen = shown(whole)
     for name in ("data", "degree", "hessian", "structure_derivative", "mean_gradient"):
@@ -226,7 +266,9 @@ def test_a_scheme_that_takes_nothing_is_asked_about_little() -> None:
     finding = verify(Scheme("picky", step), laws=["energy"]).finding("energy")
     assert finding.verdict is Verdict.NOT_APPLICABLE
     known = len(corpus.cases("energy", Systems.SINGLE))
-    fixed = known + len(SPACES[Systems.SINGLE]["energy"].design().rows) + len(for_energy())
+    fixed = (
+        known + len(space_of(Systems.SINGLE, "energy").design().rows) + len((*fixed_cases(), *for_energy()))
+    )
     assert fixed <= len(calls) <= fixed + 2 * MOST_SKIPPED
     assert "cases skipped: never" in finding.message
 
@@ -288,11 +330,11 @@ def test_a_counterexample_is_simplified_with_so_many_checks_and_no_more() -> Non
 
 
 def test_laws_that_ask_for_the_same_strata_are_asked_about_the_same_case() -> None:
-    pool = {case for _, case in SPACES[Systems.SINGLE]["reference"].cases(5)}
+    pool = {case for _, case in space_of(Systems.SINGLE, "reference").cases(5)}
     for law in ("contract", "energy", "symmetry", "random-step"):
-        cases_of_law = [case for _, case in SPACES[Systems.SINGLE][law].cases(5)]
+        cases_of_law = [case for _, case in space_of(Systems.SINGLE, law).cases(5)]
         assert len(pool.intersection(cases_of_law)) > len(cases_of_law) / 2
-    batches = [replace(case, batch=0) for _, case in SPACES[Systems.SINGLE]["reproducibility"].cases(5)]
+    batches = [replace(case, batch=0) for _, case in space_of(Systems.SINGLE, "reproducibility").cases(5)]
     assert len(pool.intersection(batches)) > len(batches) / 2
 
 

@@ -9,6 +9,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from hypothesis import strategies as st
 from sepv.reference.equations_by_class import equation_for
 from sepv.reference.steps import reference_step
 
@@ -30,14 +31,15 @@ from sepv.record._binary64 import EPS, TINY
 from sepv.solve import Status
 from sepv.verification import Case
 from sepv.verification._cases.case import from_json, to_json
-from sepv.verification._cases.structures import (
-    commuting_hamiltonian_steps,
-    critical_hamiltonian_steps,
-    several_steps,
-)
+from sepv.verification._cases.commuting import commuting_step, critical_step
+from sepv.verification._cases.of_law import EVERYTHING, Question
+
+_RANDOM = st.randoms(use_true_random=False)
+_SEVERAL = EVERYTHING.of_class(Systems.SEVERAL)
+assert isinstance(_SEVERAL, Question)
 
 
-@given(commuting_hamiltonian_steps())
+@given(_RANDOM.map(commuting_step).filter(bool))
 def test_commuting_hamiltonians_are_structures(case: Case) -> None:
     """S_j∇H_0 = B∇H_j, and S_j is skew."""
     problem, y, _, _ = case.build()
@@ -123,7 +125,7 @@ def test_ensembles_take_several_structures() -> None:
     assert ends.energy_defect.max() < 32 * EPS
 
 
-@given(several_steps())
+@given(_SEVERAL.strategy)
 def test_cases_travel_as_json(case: Case) -> None:
     assert from_json(to_json(case)) == case
 
@@ -305,7 +307,7 @@ def critical_circle() -> StructuresProblem:
 
 
 @settings(max_examples=25)
-@given(critical_hamiltonian_steps())
+@given(_RANDOM.map(critical_step))
 def test_steps_from_critical_points_of_the_energy_are_refused_where_a_noise_acts(case: Case) -> None:
     problem, y, h, dW = case.build()
     with pytest.raises(StepFailure, match="a structure is undefined") as refused:

@@ -10,8 +10,7 @@ from sepv import problems, schemes
 from sepv.problem import Array, PolynomialSystem, Problem, Systems
 from sepv.record import _polynomial as poly
 from sepv.schemes import ask
-from sepv.verification import Case
-from sepv.verification._cases.spaces import SPACES
+from sepv.verification import Case, Cases
 
 H_STEPS = 2.0 ** -np.arange(8, 13)
 
@@ -92,7 +91,7 @@ def test_gonzalez_steps_from_rest_and_by_nothing() -> None:
 def test_the_modified_scheme_solves_steps_of_every_stratum_of_the_cases() -> None:
     # Without the limiter 11 of these are refused: 3c²h|S₃| is then much larger than |B|.
     for seed in (900034, 1, 5):
-        for _, drawn in SPACES[Systems.SINGLE]["energy"].cases(seed):
+        for _, drawn in Cases().space(Systems.SINGLE).cases(seed):  # type: ignore[union-attr]
             assert np.all(np.isfinite(ask(schemes.modified_weak_two, *drawn.build())))
 
 

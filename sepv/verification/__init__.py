@@ -9,6 +9,7 @@ bound. `_report` shows a run, `_profiles` says what was found in a word. The law
 
 from __future__ import annotations
 
+from sepv.verification._amplification import amplification as amplification
 from sepv.verification._cases.case import Case as Case
 from sepv.verification._cases.of_law import Cases as Cases
 from sepv.verification._expected_failures import Expectations as Expectations

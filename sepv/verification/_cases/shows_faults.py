@@ -56,7 +56,7 @@ def _curved(problem: Problem, levels: Levels, y: Array, z: Array, residual: Arra
 def _turning(problem: Problem, levels: Levels, y: Array, z: Array, residual: Array, parts: Array) -> bool:
     """Whether it matters where B is taken."""
     degrees = [levels[axis].high for axis in ("degree of B", "degree of g") if axis in levels]
-    if max(degrees) < 1:
+    if max(degrees, default=0) < 1:
         return True
     moved = matvec(combined(problem, y + 0.5 * z, parts), problem.gradient(y)) - z
     return bool(np.any(np.abs(moved) > SHOWN * residual)) and all(
