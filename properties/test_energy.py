@@ -20,6 +20,7 @@ from sepv.verification import (
     step_residual,
 )
 from sepv.verification._cases.fixed_cases import for_energy, may_be_refused
+from sepv.verification._cases.of_law import NOT_KEPT
 from sepv.verification._contraction import contraction_radius
 
 STEPS = 3
@@ -62,7 +63,6 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     return worst
 
 
-NOT_KEPT = "with several Hamiltonians that do not commute with H_0 the exact flow does not keep H_0"
 law = searched(
     name="energy",
     statement="H(y1) = H(y0) for every skew B, polynomial H and every step",

@@ -20,7 +20,6 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from sepv.properties.test_energy import NOT_KEPT
 from sepv.reference.problem import exact_problem
 
 from sepv import problems
@@ -35,6 +34,7 @@ from sepv.simulate._batch import advance
 from sepv.solve import Status
 from sepv.verification import Effort, Finding, Law, Run, Verdict, energy_ulp, require
 from sepv.verification._cases.from_problem import describe
+from sepv.verification._cases.of_law import NOT_KEPT
 from sepv.verification._cases.users_problems import problems_of
 from sepv.verification._failed_step import failed_step
 from sepv.verification._quantiles import fishers_f, students_t

@@ -123,12 +123,15 @@ def paper_problems() -> st.SearchStrategy[NamedProblem]:
     return st.sampled_from([entry for entry in data if isinstance(entry, NamedProblem)])
 
 
+@cache
 def steps(systems: st.SearchStrategy[PolynomialSystem] | None = None) -> st.SearchStrategy[Case]:
-    """A state and a step inside the contraction radius, so that a solution near y0 exists and is unique there.
+    """A state and a step inside the contraction radius, so that a solution near y0 exists and is unique there; h > 0.
 
-    Without systems: those of class (1.1), as the laws draw them.
+    Without systems: those of class (1.1), of all sizes, as the laws draw them.
     """
-    return CLASSES[Systems.SINGLE].space.part().strategy() if systems is None else systems.flatmap(near)
+    if systems is not None:
+        return systems.flatmap(near)
+    return CLASSES[Systems.SINGLE].space.part({"h": ("> 0",), "given as": ("data",)}).strategy()
 
 
 @cache

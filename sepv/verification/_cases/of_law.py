@@ -20,6 +20,8 @@ from sepv.verification._cases.users_problems import Item
 # What a law makes of a case: one that it says something about, or None.
 Adapt = Callable[[Case], Case | None]
 Strategy = st.SearchStrategy[Case]
+# Why laws about H are silent about several Hamiltonians.
+NOT_KEPT = "with several Hamiltonians that do not commute with H_0 the exact flow does not keep H_0"
 
 
 def unchanged(case: Case) -> Case:
