@@ -176,7 +176,7 @@ def test_a_token_keeps_how_a_case_is_given_and_its_batch(kind: Systems, law: str
 
 def test_a_token_of_an_unknown_kind_is_refused() -> None:
     case = SINGLE.cases(0)[0][1]
-    with pytest.raises(UsageError, match="given as"):
+    with pytest.raises(UsageError, match="a way to show the problem"):
         cases.from_json({**cases.to_json(case), "given": "hearsay"})
 
 
