@@ -17,6 +17,8 @@ from sepv import problems, schemes
 from sepv.commands._cli import main
 from sepv.errors import UsageError
 from sepv.files import schema
+from sepv.studies._energy_diffusion import energy_diffusion
+from sepv.studies._energy_growth import judged
 from sepv.studies._reproduce import (
     errata,
     figure_4_3,
@@ -275,3 +277,27 @@ def test_a_quick_figure_4_4_refutes_nothing_that_the_paper_says(tmp_path: Path) 
     assert walk["verdict"] == "open"
     assert "too short to tell" in walk["measured"]
     assert [s["verdict"] for text, s in found.items() if "symplecticity" in text] == ["open"]
+
+
+def test_a_drift_that_symplecticity_does_not_leave_refutes_the_papers_sentence() -> None:
+    """Made errors: the walk of theory, and a drift of that size, of another, or too small to be seen."""
+    times, rng = 2.0 ** np.arange(10), np.random.default_rng(0)
+    verdicts = {}
+    for case, drift, paths in (("theory", 1.0, 4000), ("another", 5.0, 4000), ("unseen", 1.0, 64)):
+        found = {}
+        for h in figures_4_4_and_4_5.MEAN_H:
+            theory = energy_diffusion(schemes.midpoint, problems.pendulum(), h)
+            widths = np.sqrt(2 * theory.diffusion * np.diff(times, prepend=0))[:, None]
+            errors = (
+                np.cumsum(widths * rng.standard_normal((times.size, paths)), axis=0)
+                + theory.offset
+                + drift * theory.drift * times[:, None]
+            )
+            found[h] = judged("midpoint", times, errors, rounding=0.0, derived=theory)
+        panel = figures_4_4_and_4_5._mean(found)
+        verdicts[case] = [s.verdict for s in panel.statements]
+    assert verdicts == {
+        "theory": ["holds", "holds"],
+        "another": ["fails", "holds"],
+        "unseen": ["open", "open"],
+    }
