@@ -78,7 +78,7 @@ def test_a_pin_names_the_laws_that_it_was_written_without(pinned: Path) -> None:
         main, ["verify", "my_rule:step", "--law", "casimir", "--expected", "pin.toml", "-q"]
     )
     assert fewer.exit_code == 0
-    assert "In the pin and not measured now: energy, identity. The 1 claimed law holds." in fewer.output
+    assert "In the pin and not measured now: energy, identity. The claimed law holds." in fewer.output
     file = pinned / "pin.toml"
     # One of an older sepv says nothing of what it measured.
     file.write_text("\n".join(line for line in file.read_text().splitlines() if "measured" not in line))
@@ -126,7 +126,7 @@ def test_a_claim_about_something_else_is_named_and_no_failure() -> None:
     report = verify(scheme, laws=["casimir", "reproducibility"], effort=Effort(5, 64, 0, 0.1))
     assert report.exit_code == 0
     assert summary(report).plain.endswith(
-        "The 1 claimed law holds. Claimed, but not about this scheme: reproducibility."
+        "The claimed law holds. Claimed, but not about this scheme: reproducibility."
     )
 
 

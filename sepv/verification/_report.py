@@ -170,8 +170,8 @@ def _outcome(report: Report) -> Text:
     vacuous = [f.law for f in claims if f.verdict is Verdict.NOT_APPLICABLE]
     held = len(claims) - len(vacuous)
     if held:
-        every, hold = ("The", "holds") if held == 1 else ("All", "hold")
-        text.append(f"{every} {counted(held, 'claimed law')} {hold}.", style="green")
+        words = "The claimed law holds." if held == 1 else f"All {held} claimed laws hold."
+        text.append(words, style="green")
     elif not vacuous and not errors:
         text.append("None of them is claimed." if len(report.findings) > 1 else "It is not claimed.")
     if vacuous:
