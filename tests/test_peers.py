@@ -23,7 +23,7 @@ from benchmarks.peers import compliance_rows as rows
 from benchmarks.peers.deviations import Shown as Script
 from benchmarks.peers.deviations import _notes
 from sepv import problems
-from sepv.commands import main
+from sepv.commands._cli import main
 from sepv.errors import Skipped, TargetError, UsageError
 from sepv.peers.peer import Peer, names
 from sepv.peers.posing import PathSolver, in_blocks, pose

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import atexit
 import signal
 import sys
 
@@ -14,6 +15,8 @@ def main() -> None:
     # Ctrl-C waits until there is somebody to answer it.
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        # Nor is there anybody while Python takes itself down: all has been said by then.
+        atexit.register(signal.pthread_sigmask, signal.SIG_BLOCK, [signal.SIGINT])
     from sepv.commands._watch import watched
 
     def work() -> None:
