@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from sepv._arguments import double
-from sepv.errors import ProblemError
+from sepv.errors import ProblemError, UsageError
 from sepv.files import fault, schema
 from sepv.problem._problem import (
     Description,
@@ -110,23 +110,37 @@ def _row(values: Any) -> list[str]:
 def _polynomial_system(data: dict[str, Any]) -> PolynomialSystem:
     d = int(data["dimension"])
 
-    def structure(table: Any) -> Structure:
-        return tuple((int(i), int(j), poly.from_json(d, entry)) for i, j, entry in table)
+    def polynomial(place: str, terms: Any) -> poly.Polynomial:
+        try:
+            return poly.from_json(d, terms)
+        except UsageError as error:
+            raise ProblemError(
+                expected=error.expected, received=f"$.{place}: {error.received}", remedy=error.remedy
+            ) from error
+
+    def structure(table: Any, place: str = "structure") -> Structure:
+        rows = enumerate(table)
+        return tuple((int(i), int(j), polynomial(f"{place}[{n}][2]", entry)) for n, (i, j, entry) in rows)
 
     nambu = None
     if data.get("nambu"):
-        factor, casimir = (poly.from_json(d, p) for p in data["nambu"])
+        factor, casimir = (polynomial(f"nambu[{n}]", p) for n, p in enumerate(data["nambu"]))
         nambu = factor, casimir
     return PolynomialSystem(
         dimension=d,
-        hamiltonian=poly.from_json(d, data["hamiltonian"]),
+        hamiltonian=polynomial("hamiltonian", data["hamiltonian"]),
         structure=structure(data["structure"]),
         noise=_doubles(data.get("noise", [1.0])),
         casimirs=tuple(tuple(map(_doubles, A)) for A in data.get("casimirs", [])),
         linear_casimirs=tuple(map(_doubles, data.get("linear_casimirs", []))),
         nambu=nambu,
-        noise_structures=tuple(map(structure, data.get("noise_structures", []))),
-        noise_hamiltonians=tuple(poly.from_json(d, p) for p in data.get("noise_hamiltonians", [])),
+        noise_structures=tuple(
+            structure(G, f"noise_structures[{n}]") for n, G in enumerate(data.get("noise_structures", []))
+        ),
+        noise_hamiltonians=tuple(
+            polynomial(f"noise_hamiltonians[{n}]", p)
+            for n, p in enumerate(data.get("noise_hamiltonians", []))
+        ),
     )
 
 

@@ -223,21 +223,7 @@ class Problem:
                     received=f"{type(function).__name__}: {function!r:.80}",
                     remedy=f"{key}=lambda y: …, also where it does not depend on y",
                 )
-        c = _numbers("noise", self.noise)
-        if c.ndim > 1 or not np.all(np.isfinite(c)):
-            raise ProblemError(
-                expected="noise: a finite number c_j ≥ 0 for each noise in one row, or () for none",
-                received=f"{self.noise!r:.120}",
-                remedy="noise=(0.5, 1.0) for two noises; noises with structures or Hamiltonians of their own are "
-                "sepv.problem.StructuresProblem and HamiltoniansProblem",
-            )
-        c = c.reshape(-1)
-        if np.any(c < 0):
-            raise ProblemError(
-                expected="noise: coefficients c_j ≥ 0",
-                received=f"{self.noise!r:.120}",
-                remedy="a sign belongs into the Wiener increment: c∘dW and −c∘dW have the same law",
-            )
+        c = coefficients(self.noise)
         # Over bytes, so that no scheme can make it writable again.
         object.__setattr__(self, "c", np.frombuffer(c.tobytes(), dtype=np.float64))
         for key, shape in (("casimirs", (d, d)), ("linear_casimirs", (d,))):
@@ -280,6 +266,25 @@ def require_one_for_each_noise(problem: Problem, key: str, each: str) -> None:
             received=f"{count}",
             remedy=f"give noise=(1.0, …) with one entry for each {each}",
         )
+
+
+def coefficients(noise: ArrayLike) -> Array:
+    """The c_j, (m,); a ProblemError for anything that is not a row of finite numbers ≥ 0, or one such number."""
+    c = _numbers("noise", noise)
+    if c.ndim > 1 or not np.all(np.isfinite(c)):
+        raise ProblemError(
+            expected="noise: a finite number c_j ≥ 0 for each noise in one row, or () for none",
+            received=f"{noise!r:.120}",
+            remedy="noise=(0.5, 1.0) for two noises; noises with structures or Hamiltonians of their own are "
+            "sepv.problem.StructuresProblem and HamiltoniansProblem",
+        )
+    if np.any(c < 0):
+        raise ProblemError(
+            expected="noise: coefficients c_j ≥ 0",
+            received=f"{noise!r:.120}",
+            remedy="a sign belongs into the Wiener increment: c∘dW and −c∘dW have the same law",
+        )
+    return c.reshape(-1)
 
 
 def _numbers(key: str, value: ArrayLike) -> Array:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
+from inspect import signature
 
 from sepv._arguments import did_you_mean
-from sepv.errors import UsageError, require_one_of
+from sepv.errors import ProblemError, UsageError, require_one_of
 from sepv.problem import Description, GivenProblem, NamedProblem, PolynomialSystem, Problem
 from sepv.problem import from_json as from_json
 from sepv.problem import to_json as to_json
@@ -88,4 +89,18 @@ def _named(data: NamedProblem) -> Problem:
     require_one_of(
         "a problem's name", data.name, known, "correct the name, or give the problem as polynomial data"
     )
-    return known[data.name](**{key: value[0] if len(value) == 1 else value for key, value in data.parameters})
+    factory = known[data.name]
+    given = {key: value[0] if len(value) == 1 else value for key, value in data.parameters}
+    usual = {key: parameter.default for key, parameter in signature(factory).parameters.items()}
+    for key in given:
+        require_one_of(f"a parameter of {data.name}", key, usual)
+    try:
+        return factory(**given)
+    except (TypeError, ValueError) as error:
+        if isinstance(error, UsageError):
+            raise
+        raise ProblemError(
+            expected=f"parameters of {data.name} such as {usual}",
+            received=f"{given} ({error})",
+            remedy="correct them",
+        ) from error

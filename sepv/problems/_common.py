@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sepv.problem._derived import PartFlow
-from sepv.problem._problem import Array, Flow, Function, NamedProblem, Problem, Structure
+from sepv.problem._problem import Array, Flow, Function, NamedProblem, Problem, Structure, coefficients
 from sepv.record import _polynomial as poly
 
 # (i, j, k, sign) with B_ij = sign · y_k: B(y)v = y × v.
@@ -54,7 +54,7 @@ def hat(factor: poly.Polynomial | None = None, spins: int = 1) -> Structure:
 
 def named(name: str, noise: ArrayLike, parameters: dict[str, Sequence[float]], **parts: Any) -> Problem:
     """The problem of these parts, with its name and parameters as its data."""
-    c = tuple(np.atleast_1d(np.asarray(noise, dtype=np.float64)).tolist())
+    c = tuple(coefficients(noise).tolist())
     given = tuple((key, tuple(map(float, values))) for key, values in {**parameters, "noise": c}.items())
     return Problem(**parts, noise=c, name=name, data=NamedProblem(name, given), check=False)
 

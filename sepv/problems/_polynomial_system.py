@@ -45,6 +45,7 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
             remedy="large systems have a sparse B: see sepv.large",
         )
     _check_indices(data)
+    _check_shapes(data)
     structure, derivative = _structure_maps(d, data.structure)
     if data.casimirs or data.linear_casimirs:
         _check_casimirs(d, data.structure, data.casimirs, data.linear_casimirs)
@@ -201,6 +202,24 @@ def _check_indices(data: PolynomialSystem) -> None:
                 remedy="give B above the diagonal only: the rest follows from B_ji = −B_ij",
             )
         seen.add((i, j))
+
+
+def _check_shapes(data: PolynomialSystem) -> None:
+    """Rows of matrices and vectors, and variables of polynomials: as many as the dimension."""
+    d = data.dimension
+    for n, A in enumerate(data.casimirs):
+        if [len(row) for row in A] != [d] * d:
+            received = f"rows of {[len(row) for row in A]} numbers"
+            raise _of_another_dimension(f"casimirs[{n}], a matrix of {d} rows of {d} numbers", received)
+    for n, b in enumerate(data.linear_casimirs):
+        if len(b) != d:
+            raise _of_another_dimension(f"linear_casimirs[{n}], a row of {d} numbers", f"{len(b)} numbers")
+    if data.hamiltonian.dimension != d:
+        raise _of_another_dimension(f"hamiltonian in {d} variables", f"one in {data.hamiltonian.dimension}")
+
+
+def _of_another_dimension(expected: str, received: str) -> ProblemError:
+    return ProblemError(expected=expected, received=received, remedy="give one for each component of y")
 
 
 @lru_cache(maxsize=256)

@@ -5,19 +5,25 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sepv._arguments import is_number
 from sepv.errors import ProblemError
 from sepv.problem import Array, Problem
 from sepv.problem._fields import dot
 from sepv.problems._common import named, structure
 
+# Its B and H″ are dense.
+MOST = 64
+
 
 def toda(particles: float = 3, noise: ArrayLike = 1.0) -> Problem:
     """y = (p_1 … p_n, q_1 … q_n), from p = 0 and q = 0."""
-    n = int(particles)
-    if n != particles or n < 2:
+    if not is_number(particles) or particles != int(particles) or not 2 <= particles <= MOST:
         raise ProblemError(
-            expected="an integer number of particles ≥ 2", received=repr(particles), remedy="give particles=3"
+            expected=f"an integer number of particles from 2 to {MOST}",
+            received=f"{particles!r:.80}",
+            remedy="give particles=3; larger systems have a sparse B: see sepv.large",
         )
+    n = int(particles)
 
     def hamiltonian(y: Array) -> Array:
         return 0.5 * dot(y[:n], y[:n]) + sum(np.exp(y[n:-1] - y[n + 1 :]))

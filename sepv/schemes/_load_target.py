@@ -198,7 +198,7 @@ def _from_file(path: Path) -> Problem:
     data = read_json(
         path,
         expected="a JSON file of a problem",
-        remedy="write one with json.dump(sepv.problems.to_json(problem), file)",
+        remedy="correct the path, or write one: json.dump(sepv.problems.to_json(problem), file)",
     )
     try:
         problem = problems.build(problems.from_json(data))
