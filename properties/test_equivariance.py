@@ -157,7 +157,7 @@ law = searched(
             "degree of g": ("0", "1–2"),
             "structures": ("any",),
         },
-        adapt=lambda case: case if has_majorants(case) else None,
+        adapt=lambda case: case if has_majorants(case) and len(case.y) > 1 else None,
         stays=False,
     ),
     check=check,

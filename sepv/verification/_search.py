@@ -24,7 +24,7 @@ from hypothesis.errors import Unsatisfiable
 from sepv._journal import note_case
 from sepv._patches import without_local_constants
 from sepv._terminal import counted
-from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure
+from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure, UsageError
 from sepv.record._binary64 import EPS
 from sepv.schemes import Scheme
 from sepv.verification import _corpus as corpus
@@ -154,9 +154,15 @@ def searched(
         return _search(law, scheme, own.effort, _Asked(asked, check, faults_violate, () if listed else known))
 
     def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
-        log = _Log()
+        log, case = _Log(), cases_of.from_json(witness, objects_of(scheme))
+        if not cases.admits(case):
+            raise UsageError(
+                expected=f"a witness of the law {name}, which says: {statement}",
+                received="a case of which it says nothing",
+                remedy="copy the whole command from the report: a token belongs to its law",
+            )
         with suppress(_Violation, _Fault, Skipped):
-            _measure(log, scheme, cases_of.from_json(witness, objects_of(scheme)), check, faults_violate)
+            _measure(log, scheme, case, check, faults_violate)
         return _conclude(law, scheme, log, check)
 
     return Law(name, statement, source, unit, run, replay, always_claimed, cost, steps, cases)
