@@ -74,7 +74,10 @@ def load(folder: Path) -> dict[str, list[Record]]:
     """All records by library, in the order of versions and, within one, of dates; a UsageError where there are none."""
     found: dict[str, list[Record]] = {}
     for path in sorted(folder.glob("*/*.json")):
-        said = {"expected": "records of versions", "remedy": "remove the file"}
+        said = {
+            "expected": "records of versions",
+            "remedy": "write it anew with `sepv peers`, or name another folder",
+        }
         data = read_json(path, **said)
         if wrong := _fault(data):
             raise UsageError(received=f"{path}: {wrong}", **said)

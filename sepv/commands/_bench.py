@@ -81,7 +81,7 @@ def bench(
             if against_ref:
                 ours, found_here = _beside(target, against_ref, chosen, batches, line.update)
             else:
-                ours, found_here = _alone(target, scheme, base.get(target), chosen, names)
+                ours, found_here = _alone(target, scheme, base.get(target), chosen, names, own)
             checks += found_here
             records.append(ours)
     if save:
@@ -108,14 +108,21 @@ def _beside(
 
 
 def _alone(
-    target: str, scheme: Any, before: dict[str, Any] | None, chosen: list[Case], names: cli.Names
+    target: str,
+    scheme: Any,
+    before: dict[str, Any] | None,
+    chosen: list[Case],
+    names: cli.Names,
+    own: cli.Names,
 ) -> tuple[dict[str, Any], list[Any]]:
     """The record of today, in the cases of an earlier one where there is one, and what it comes to beside that."""
+    from sepv.schemes._load_target import require_trusted
     from sepv.studies._bench import store
     from sepv.studies._bench.gate import check
 
     wanted = [c["case"] for c in before["cases"]] if before else chosen
     wanted = [c for c in wanted if not names or c["name"] in names]
+    require_trusted((c["problem"] for c in wanted), own, target)
     ours = store.record(target, scheme, wanted)
     if before is None:
         return ours, []

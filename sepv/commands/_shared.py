@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shlex
 import sys
@@ -36,11 +37,22 @@ class _Folder(click.Path):
 
 # In help: FILE and FOLDER, whether they are read or written. `friendly` looks whether an OUT can be written.
 FILE, OUT, FOLDER = click.Path(dir_okay=False), click.Path(dir_okay=False), _Folder()
-NATURAL, COUNT, POSITIVE = (
-    click.IntRange(min=0),
-    click.IntRange(min=1),
-    click.FloatRange(min=0, min_open=True),
-)
+
+
+class Finite(click.FloatRange):
+    """A finite number within bounds: NaN is within any, and an infinity ends in no answer."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """As click's."""
+        found = super().convert(value, param, ctx)
+        if not math.isfinite(found):
+            self.fail(f"{value!r} is not a finite number", param, ctx)
+        return found
+
+
+NATURAL, COUNT, POSITIVE = click.IntRange(min=0), click.IntRange(min=1), Finite(min=0, min_open=True)
+# Beyond it a clock cannot count: thirty years.
+SECONDS = 1e9
 Names = tuple[str, ...]
 
 

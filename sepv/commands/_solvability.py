@@ -32,7 +32,7 @@ FOLLOWED = tuple(2.0**-n for n in range(4, 10))
 )
 @click.option("--range", "furthest", type=cli.POSITIVE, default=1.0, help="The largest |Δ|.")
 @click.option("--states", type=click.IntRange(min=2), default=96, help="How many, along the orbit.")
-@click.option("--time", type=click.FloatRange(min=0), default=10.0, help="Length of the orbit.")
+@click.option("--time", type=cli.Finite(min=0), default=10.0, help="Length of the orbit.")
 @click.option("--grid", type=click.IntRange(min=2), default=80, help="Points of Δ on each side of 0.")
 @click.option(
     "--y", "--initial", "initial", cls=cli.Renamed, type=Numbers(float),
@@ -48,13 +48,13 @@ FOLLOWED = tuple(2.0**-n for n in range(4, 10))
 )  # fmt: skip
 @click.option(
     "--until",
-    type=click.FloatRange(min=0),
+    type=cli.Finite(min=0),
     default=512.0,
     help="Time to which paths are followed; 0 for none.",
 )
 @click.option("--paths", type=cli.COUNT, default=48, help="For each h.")
 @click.option(
-    "--seconds", type=click.FloatRange(min=0), default=60.0,
+    "--seconds", type=cli.Finite(min=0), default=60.0,
     help="For following, in all; paths are followed less far where it is not enough.",
 )  # fmt: skip
 @click.option("--seed", type=cli.NATURAL, default=0, help="Of the paths.")

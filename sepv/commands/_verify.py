@@ -52,14 +52,14 @@ from sepv.files import write_atomically
 )  # fmt: skip
 @click.option("--deep", is_flag=True, help="The nightly effort: 1000 examples, 20 designs, 16384 paths.")
 @click.option("--no-corpus", is_flag=True, help="Leave out the known witnesses, which are asked first.")
-@click.option("--timeout", type=click.FloatRange(min=0.1), default=600.0, help="Seconds a law.")
+@click.option("--timeout", type=cli.Finite(0.1, cli.SECONDS), default=600.0, help="Seconds a law.")
 @click.option(
     "--exec", "program", metavar="COMMAND", help="Verify a program in any language (docs/protocol.md)."
 )
 @click.option(
     "--check-protocol", is_flag=True, help="With --exec: say line by line what the program does wrong."
 )
-@click.option("--call-timeout", type=click.FloatRange(min=0.01), default=10.0, help="With --exec.")
+@click.option("--call-timeout", type=cli.Finite(0.01, cli.SECONDS), default=10.0, help="With --exec.")
 @click.option("-j", "--jobs", type=cli.COUNT, default=1, help="Processes for the laws.")
 @click.option(
     "--workers", type=cli.Workers(), help="A Dask scheduler's address, for the laws (docs/clusters.md)."

@@ -271,10 +271,16 @@ def require_one_for_each_noise(problem: Problem, key: str, each: str) -> None:
 def coefficients(noise: ArrayLike) -> Array:
     """The c_j, (m,); a ProblemError for anything that is not a row of finite numbers ≥ 0, or one such number."""
     c = _numbers("noise", noise)
-    if c.ndim > 1 or not np.all(np.isfinite(c)):
+    if not np.all(np.isfinite(c)):
         raise ProblemError(
-            expected="noise: a finite number c_j ≥ 0 for each noise in one row, or () for none",
+            expected="noise: finite coefficients c_j",
             received=f"{noise!r:.120}",
+            remedy="give a number for each noise, or () for none",
+        )
+    if c.ndim > 1:
+        raise ProblemError(
+            expected="noise: the coefficients c_j in one row, or () for none",
+            received=f"shape {c.shape}: {noise!r:.120}",
             remedy="noise=(0.5, 1.0) for two noises; noises with structures or Hamiltonians of their own are "
             "sepv.problem.StructuresProblem and HamiltoniansProblem",
         )

@@ -242,6 +242,12 @@ def load_object(target: str) -> Any:
             received=f"a file: {target!r}",
             remedy=_as_module(target),
         )
+    if not all(part.isidentifier() for part in module_name.split(".")):
+        raise TargetError(
+            expected="module:attribute, the module as after import: mypackage.mymodule:step",
+            received=f"{target!r:.80}",
+            remedy="names of letters, digits and _ with dots between them before the colon",
+        )
     module = _module(module_name)
     value: Any = module
     for part in attribute.split("."):
@@ -250,7 +256,10 @@ def load_object(target: str) -> Any:
         except AttributeError as error:
             own = {n: v for n, v in vars(module).items() if not n.startswith("_")}
             records = [n for n, v in own.items() if isinstance(v, (Scheme, Problem))]
-            names = records + [n for n, v in own.items() if callable(v) and n not in records]
+            made = [
+                n for n, v in own.items() if getattr(v, "__module__", None) == module.__name__ and callable(v)
+            ]
+            names = records + [n for n in made if n not in records]
             raise TargetError(
                 expected=f"an attribute {attribute!r} in module {module_name}",
                 received=f"{did_you_mean(attribute, names)} and a module with "

@@ -174,14 +174,10 @@ def as_lanes(problem: Problem, y: ArrayLike, h: float, dW: ArrayLike) -> tuple[A
     if state.ndim not in (1, 2) or state.shape[0] != d or not np.all(np.isfinite(state)):
         raise UsageError(
             expected=f"y finite, of shape ({d},) or ({d}, M)",
-            received=f"shape {state.shape}, {'all' if np.all(np.isfinite(state)) else 'not all'} finite",
-            remedy="component first: a batch has its paths along the last axis",
-        )
-    if increment.shape != (m, *state.shape[1:]) or not np.all(np.isfinite(increment)):
-        raise UsageError(
-            expected=f"dW finite, of shape {(m, *state.shape[1:])}: one Wiener increment for each c_j and path",
-            received=f"shape {increment.shape}, {'all' if np.all(np.isfinite(increment)) else 'not all'} finite",
-            remedy=f"the problem has noise c = {problem.c.tolist()}; give as many increments",
+            received=f"shape {state.shape}, {_finite(state)}",
+            remedy="component first: a batch has its paths along the last axis"
+            if np.all(np.isfinite(state))
+            else "look where the first number came from that is not finite",
         )
     if not is_number(h):
         raise UsageError(
@@ -189,5 +185,17 @@ def as_lanes(problem: Problem, y: ArrayLike, h: float, dW: ArrayLike) -> tuple[A
             received=f"{h!r:.80}",
             remedy="one step size for all paths of a batch",
         )
+    if increment.shape != (m, *state.shape[1:]) or not np.all(np.isfinite(increment)):
+        raise UsageError(
+            expected=f"dW finite, of shape {(m, *state.shape[1:])}: one Wiener increment for each c_j and path",
+            received=f"shape {increment.shape}, {_finite(increment)}",
+            remedy=f"the problem has noise c = {problem.c.tolist()}; give as many increments"
+            if np.all(np.isfinite(increment))
+            else "look where the first number came from that is not finite",
+        )
     lanes = state.reshape(d, -1)
     return lanes, increment.reshape(m, lanes.shape[1])
+
+
+def _finite(values: Array) -> str:
+    return "all finite" if np.all(np.isfinite(values)) else "not all finite"
