@@ -21,6 +21,7 @@ from sepv.errors import UsageError
 _HEX = re.compile(
     r"[+-]?(0x[0-9a-f]+(\.[0-9a-f]*)?(p[+-]?[0-9]{1,9})?|nan|inf|infinity)", re.IGNORECASE
 ).fullmatch
+_KINDS = {"c": "complex numbers", "U": "text", "S": "text"}
 # Characters that a message quotes of a value.
 _SHOWN = 60
 
@@ -28,9 +29,13 @@ _SHOWN = 60
 def floats(what: str, value: Any) -> NDArray[np.float64]:
     """The value as an array of binary64 numbers, finite or not; a UsageError for what is not real numbers."""
     try:
-        if np.iscomplexobj(value):
-            raise TypeError("complex numbers")
-        return np.asarray(value, dtype=np.float64)
+        array = np.asarray(value)
+        if array.dtype.kind == "O":
+            if any(v is None or isinstance(v, (str, bytes)) for v in array.flat):
+                raise TypeError("None or text among them")
+        elif array.dtype.kind not in "fiub":
+            raise TypeError(f"{_KINDS.get(array.dtype.kind, array.dtype)}")
+        return array.astype(np.float64, copy=False)
     except (TypeError, ValueError) as error:
         raise UsageError(
             expected=f"{what}: real numbers",
@@ -46,12 +51,16 @@ def is_number(value: Any) -> bool:
     return isinstance(value, (int, float, np.integer, np.floating)) and math.isfinite(value)
 
 
+def is_whole(value: Any) -> bool:
+    """Whether this is one integer; True and False are none."""
+    return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+
+
 def require_whole(what: str, value: Any, remedy: str, low: int = 1, high: int | None = None) -> int:
     """The value as an int; a UsageError for what is not an integer within these bounds."""
-    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-    if not whole or value < low or (high is not None and value > high):
+    if not is_whole(value) or value < low or (high is not None and value > high):
         bounds = f"≥ {low}" if high is None else f"from {low} to {high}"
-        raise UsageError(expected=f"{what}, an integer {bounds}", received=repr(value), remedy=remedy)
+        raise UsageError(expected=f"{what}, an integer {bounds}", received=f"{value!r:.80}", remedy=remedy)
     return int(value)
 
 

@@ -118,19 +118,28 @@ def _mistaken(
 
 
 def _check_mean_gradient(problem: Problem, y: Array) -> None:
-    """(y1 − y0)ᵀ∇̄H = H(y1) − H(y0): the one property that the energy rests on.
+    """(y1 − y0)ᵀ∇̄H = H(y1) − H(y0) by `mean_gradient` or `degree`: the one property that the energy rests on.
 
     To GRADIENT_TOLERANCE of the terms: another rule, such as the midpoint's, is off by the cube of the distance, of
     order 1e-5 here.
     """
+    from sepv.problem._averaged_gradient import average_gradient
+
     end = y * (1 + 2.0**-4) + 2.0**-6
-    if problem.mean_gradient is None or not inside(problem, end):
+    if (problem.mean_gradient is None and problem.degree is None) or not inside(problem, end):
         return
-    terms = (end - y) * np.asarray(problem.mean_gradient(y, end), dtype=np.float64)
+    terms = (end - y) * np.asarray(average_gradient(problem, y, end).value, dtype=np.float64)
     difference = float(problem.hamiltonian(end) - problem.hamiltonian(y))
     # The rounding of two energies, and ten roundings of each term.
     rounding = 2.0**-50 * (abs(float(problem.hamiltonian(end))) + abs(float(problem.hamiltonian(y))))
     if not abs(terms.sum() - difference) <= GRADIENT_TOLERANCE * np.abs(terms).sum() + rounding:
+        if problem.mean_gradient is None:
+            raise ProblemError(
+                expected=f"degree = {problem.degree} to be that of H, whose averaged gradient is then exact",
+                received=f"(x − y)ᵀ∫∇H = {float(terms.sum())!r} by its quadrature, and H(x) − H(y) = {difference!r} "
+                f"for y = {y.tolist()}, x = {end.tolist()}",
+                remedy="give the degree of the polynomial H, or leave it out",
+            )
         raise ProblemError(
             expected="mean_gradient to be ∫₀¹∇H(y + τ(x − y))dτ, so that (x − y)ᵀmean_gradient = H(x) − H(y) = "
             f"{difference!r}",

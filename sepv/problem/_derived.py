@@ -119,7 +119,8 @@ def _recorded(tape: Tape, key: str, function: Function, y: Any, shape: tuple[int
         raise ProblemError(
             expected=f"gradient=, or {key} of operations from which it can be derived",
             received=f"{key}: {why}",
-            remedy="give gradient=, and hessian= and structure_derivative= where you have them",
+            remedy=f"write {key} with NumPy alone (np.array or np.stack for a matrix, np.where for a branch), or give "
+            "gradient=, and hessian= and structure_derivative= where you have them",
         ) from error
     if np.shape(found) != shape:
         raise ProblemError(

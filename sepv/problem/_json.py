@@ -36,7 +36,9 @@ def to_json(problem: Problem | PolynomialSystem | NamedProblem) -> dict[str, Any
     if data is None:
         raise ProblemError(
             expected="a problem with data: one of sepv.problems, or polynomials in a PolynomialSystem",
-            received=f"{getattr(problem, 'name', problem)!s:.80}, which is made of Python functions",
+            received=f"{problem.name}, which is made of Python functions"
+            if isinstance(problem, Problem)
+            else f"{type(problem).__name__}: {problem!r:.80}",
             remedy="write H and B as polynomials, or name the problem as module:attribute where a file is asked for",
         )
     initial = {} if problem.initial is None else {"initial": _row(problem.initial)}

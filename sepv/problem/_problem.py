@@ -9,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import InitVar, dataclass, field
 from enum import StrEnum
+from inspect import signature
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sepv._arguments import floats
+from sepv._arguments import floats, is_number, is_whole
 from sepv.errors import ProblemError, UsageError
 from sepv.problem._derived import derive, to_be_derived
 from sepv.problem._nambu import Nambu
@@ -209,20 +210,15 @@ class Problem:
 
     def __post_init__(self, check: bool) -> None:
         d = self.dimension
-        if not isinstance(d, int) or isinstance(d, bool) or d < 1:
+        if not is_whole(d) or d < 1:
             raise ProblemError(
                 expected="dimension: an integer d ≥ 1",
                 received=f"{d!r:.80}",
                 remedy="give the number of components of y",
             )
-        for key in _FUNCTIONS:
-            function = getattr(self, key)
-            if not callable(function) and (function is not None or key in _FUNCTIONS[:3]):
-                raise ProblemError(
-                    expected=f"{key}: a function of y, shape (d,) or (d, M)",
-                    received=f"{type(function).__name__}: {function!r:.80}",
-                    remedy=f"{key}=lambda y: …, also where it does not depend on y",
-                )
+        if check:
+            _check_kinds(self)
+            object.__setattr__(self, "dimension", int(d))
         c = coefficients(self.noise)
         # Over bytes, so that no scheme can make it writable again.
         object.__setattr__(self, "c", np.frombuffer(c.tobytes(), dtype=np.float64))
@@ -268,6 +264,49 @@ def require_one_for_each_noise(problem: Problem, key: str, each: str) -> None:
         )
 
 
+def _check_kinds(problem: Problem) -> None:
+    """Functions that take what they are called with, and sequences, numbers and names that are such."""
+    for key in _FUNCTIONS:
+        function, arguments = getattr(problem, key), "y0, y1" if key == "mean_gradient" else "y"
+        if function is None and key not in _FUNCTIONS[:3]:
+            continue
+        received = "" if callable(function) else f"{type(function).__name__}: {function!r:.80}"
+        if not received:
+            try:
+                signature(function).bind(*arguments.split(", "))
+            except TypeError as error:
+                received = f"one that does not: {error}"
+            except ValueError:
+                pass  # a compiled function, which says nothing of its arguments
+        if received:
+            raise ProblemError(
+                expected=f"{key}: a function that takes ({arguments}), each of shape (d,) or (d, M)",
+                received=received,
+                remedy=f"{key}=lambda {arguments}: …",
+            )
+    for key, each in (("casimirs", "matrix"), ("linear_casimirs", "vector"), ("flows", "function")):
+        if not isinstance(getattr(problem, key), (list, tuple)):
+            raise ProblemError(
+                expected=f"{key}: a tuple, with an entry for each {each}",
+                received=f"{type(getattr(problem, key)).__name__}: {getattr(problem, key)!r:.80}",
+                remedy=f"{key}=(first, second), and {key}=(only,) for one",
+            )
+    degree, longest = problem.degree, problem.longest_step
+    for right, expected, value in (
+        (
+            degree is None or (is_whole(degree) and degree >= 1),
+            "degree: that of a polynomial H, an integer ≥ 1",
+            degree,
+        ),
+        (longest is None or (is_number(longest) and longest > 0), "longest_step: a number > 0", longest),
+        (isinstance(problem.name, str), "name: a text", problem.name),
+    ):
+        if not right:
+            raise ProblemError(
+                expected=expected, received=f"{value!r:.80}", remedy="correct it, or leave it out"
+            )
+
+
 def coefficients(noise: ArrayLike) -> Array:
     """The c_j, (m,); a ProblemError for anything that is not a row of finite numbers ≥ 0, or one such number."""
     c = _numbers("noise", noise)
@@ -303,9 +342,13 @@ def _numbers(key: str, value: ArrayLike) -> Array:
 
 def _constant(key: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
     array = _numbers(key, value)
-    if array.shape != shape or not np.all(np.isfinite(array)):
+    if array.shape == shape and not np.all(np.isfinite(array)):
         raise ProblemError(
-            expected=f"{key}: finite arrays of shape {shape}",
+            expected=f"{key}: finite numbers", received=f"{value!r:.120}", remedy="correct those that are not"
+        )
+    if array.shape != shape:
+        raise ProblemError(
+            expected=f"{key}: arrays of shape {shape}",
             received=f"shape {array.shape}: {value!r:.120}",
             remedy="component first: one entry for each component of y",
         )

@@ -63,7 +63,7 @@ HAMILTONIANS = _listed(
 def by_name(name: str) -> Problem:
     """A problem with its default parameters, the paper's for the paper's; hyphens and underscores are the same."""
     known = PAPER | EXTENSIONS | SEVERAL | HAMILTONIANS
-    factory = known.get(name.replace("_", "-"))
+    factory = known.get(str(name).replace("_", "-"))
     if factory is None:
         raise UsageError(
             expected=f"a problem, one of {', '.join(known)}, a .json file, or module:attribute",

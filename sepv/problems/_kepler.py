@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sepv._arguments import is_number
 from sepv.errors import ProblemError
 from sepv.problem import Array, Problem
 from sepv.problems._common import named, structure
@@ -18,13 +19,13 @@ def kepler(eccentricity: float = 0.6, noise: ArrayLike = 1.0) -> Problem:
     q1 → q0; as the segment comes near the origin it grows like 1/|u|, and where that is it is written as a part
     along the segment, which does all the work, and one across it.
     """
-    e = float(eccentricity)
-    if not 0 <= e < 1:
+    if not is_number(eccentricity) or not 0 <= eccentricity < 1:
         raise ProblemError(
             expected="an eccentricity 0 ≤ e < 1",
             received=repr(eccentricity),
             remedy="an ellipse, such as 0.6",
         )
+    e = float(eccentricity)
     return named(
         "kepler",
         noise,

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sepv._arguments import floats
 from sepv.errors import ProblemError
 from sepv.problem import Array, Nambu, Problem
 from sepv.problems._common import HAT, flows, named, skew, total
@@ -17,7 +18,7 @@ def rigid_body(inertia: ArrayLike = (0.345, 0.653, 1.0), noise: ArrayLike = 1.0)
 
     The defaults are those of §4.2: I = (0.345, 0.653, 1), c = 1.
     """
-    moments = np.array(inertia, dtype=np.float64)
+    moments = floats("inertia", inertia).copy()
     if moments.shape != (3,) or not np.all(np.isfinite(moments)) or np.any(moments <= 0):
         raise ProblemError(
             expected="three positive moments of inertia",

@@ -67,7 +67,7 @@ def as_scheme(value: Any, name: str, problems: Iterable[Problem] = ()) -> Scheme
         raise TargetError(
             expected="a sepv.Scheme, a scheme's name, or a function step(problem, y, h, dW) -> y_next",
             received=f"{name}, which is {type(value).__name__}: {value!r:.80}",
-            remedy="name the function itself: module:function",
+            remedy="hand over the function itself, or name it: module:function",
         )
     if inspect.isclass(value):
         raise TargetError(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sepv._arguments import floats, is_number
+from sepv._arguments import floats, is_number, is_whole
 from sepv.errors import UsageError, require_one_of
 from sepv.problem import Array, Problem, Systems
 from sepv.schemes._picture_look import Look
@@ -117,11 +117,36 @@ class Scheme:
     look: Look | None = None
 
     def __post_init__(self) -> None:
-        claims = {self.claims} if isinstance(self.claims, str) else set(self.claims)
+        several = isinstance(self.claims, Iterable) and not isinstance(self.claims, str)
+        claims: set[Any] = set(self.claims) if several else {self.claims}
         if not all(isinstance(claim, str) for claim in claims):
             raise UsageError(
                 expected="claims, names of laws", received=f"{self.claims!r:.80}", remedy="see `sepv list`"
             )
+        orders = [
+            order is None or (is_number(order) and order > 0)
+            for order in (self.mean_square_order, self.weak_order)
+        ]
+        tolerance, k = self.solver_tolerance, self.truncation
+        for right, expected, value in (
+            (isinstance(self.name, str) and self.name.strip(), "name, a text", self.name),
+            (isinstance(self.source, str), "source, a text", self.source),
+            (orders[0], "mean_square_order, a number > 0", self.mean_square_order),
+            (orders[1], "weak_order, a number > 0", self.weak_order),
+            (
+                is_number(tolerance) and 0 <= tolerance < 1,
+                "solver_tolerance, relative: from 0 to below 1",
+                tolerance,
+            ),
+            (k is None or (is_whole(k) and k >= 1), "truncation, the integer k ≥ 1 of Remark 2.1", k),
+            (is_whole(self.stages) and self.stages >= 1, "stages, an integer ≥ 1", self.stages),
+        ):
+            if not right:
+                raise UsageError(
+                    expected=f"Scheme with {expected}",
+                    received=f"{value!r:.80}",
+                    remedy="correct it, or leave it out",
+                )
         law = point_law(self.increments)
         object.__setattr__(self, "increments", law)
         if law is not None:
@@ -169,6 +194,12 @@ def as_lanes(problem: Problem, y: ArrayLike, h: float, dW: ArrayLike) -> tuple[A
 
     Raises UsageError for a state, step or increment that does not fit the problem.
     """
+    if not hasattr(problem, "dimension"):
+        raise UsageError(
+            expected="a step(problem, y, h, dW) of a sepv.Problem",
+            received=f"{type(problem).__name__}: {problem!r:.80}",
+            remedy='problem = sepv.problems.by_name("rigid-body"), for example',
+        )
     state, increment = floats("y", y), floats("dW", dW)
     d, m = problem.dimension, problem.noises
     if state.ndim not in (1, 2) or state.shape[0] != d or not np.all(np.isfinite(state)):
@@ -183,7 +214,7 @@ def as_lanes(problem: Problem, y: ArrayLike, h: float, dW: ArrayLike) -> tuple[A
         raise UsageError(
             expected="h, one finite number",
             received=f"{h!r:.80}",
-            remedy="one step size for all paths of a batch",
+            remedy="one step size for all paths of a batch" if np.ndim(h) else "give a number such as h=0.01",
         )
     if increment.shape != (m, *state.shape[1:]) or not np.all(np.isfinite(increment)):
         raise UsageError(

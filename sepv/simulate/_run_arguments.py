@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sepv._arguments import floats, is_number
+from sepv._arguments import floats, is_number, require_whole
 from sepv.errors import TruncationWarning, UsageError
 from sepv.problem import Array, Problem
 from sepv.schemes import PointLaw, Scheme, weakly
@@ -35,6 +35,8 @@ def prepared(
             )
         return scheme, None
     k = scheme.truncation if truncation == "own" else truncation
+    if k is not None:
+        k = require_whole("truncation k", k, "the paper takes k = 2, and None is no truncation")
     order = scheme.mean_square_order
     # What Remark 2.1 cuts off has a mean square O(h^{k+1}) a step, and order p has room for h^{2p+1}: k ≥ 2p.
     # With k < 1 it is no truncation at all, and refused by `truncate`.
@@ -65,16 +67,10 @@ def step_count(h: float, T: float | None, steps: int | None) -> int:
             remedy="give exactly one of them",
         )
     if steps is not None:
-        if not isinstance(steps, (int, np.integer)) or isinstance(steps, bool) or steps < 1:
-            raise UsageError(
-                expected="steps, an integer ≥ 1",
-                received=f"{steps!r:.80}",
-                remedy="give a whole number of steps, such as steps=100",
-            )
-        return int(steps)
+        return require_whole("steps", steps, "give a whole number of steps, such as steps=100")
     assert T is not None
-    if not is_number(T):
-        raise UsageError(expected="T, a finite number", received=f"{T!r:.80}", remedy="choose T = N h")
+    if not is_number(T) or T <= 0:
+        raise UsageError(expected="T, a finite number > 0", received=f"{T!r:.80}", remedy="choose T = N h")
     count = round(min(T / h, MOST_STEPS + 1))
     if count > MOST_STEPS:
         raise UsageError(

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
-from sepv.errors import UsageError
+from sepv._arguments import require_whole
 from sepv.schemes import Scheme
 from sepv.schemes._point_distributions import point_law
 
@@ -146,13 +146,8 @@ class Effort:
     corpus: bool = True
 
     def __post_init__(self) -> None:
-        if self.examples < 1 or self.paths < 1 or self.designs < 1 or self.shrink_checks < 0:
-            raise UsageError(
-                expected="at least one example, one path and one design, and shrink_checks ≥ 0",
-                received=f"examples = {self.examples}, paths = {self.paths}, designs = {self.designs}, "
-                f"shrink_checks = {self.shrink_checks}",
-                remedy="leave them out for the usual effort",
-            )
+        for key, least in (("examples", 1), ("paths", 1), ("designs", 1), ("shrink_checks", 0), ("seed", 0)):
+            require_whole(key, getattr(self, key), "leave it out for the usual effort", least)
 
     def deeper(self) -> Effort:
         """The nightly effort."""

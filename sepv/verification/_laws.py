@@ -76,5 +76,11 @@ def laws_of(names: Iterable[str] | None = None, required: tuple[Requirement, ...
 
 
 def listed(names: str | Iterable[str]) -> Iterable[str]:
-    """The names of a list, or of one string with commas between them."""
+    """The names of a list, or of one string with commas between them; a UsageError for anything else."""
+    if not isinstance(names, Iterable):
+        raise UsageError(
+            expected="names of laws in a list, or with commas in a text",
+            received=f"{names!r:.80}",
+            remedy="see `sepv list`",
+        )
     return names.split(",") if isinstance(names, str) else names

@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from sepv._arguments import is_number, require_whole
 from sepv._journal import Crashed, attempted, interruption_answered
 from sepv.errors import ClusterFailure, SepvError, Skipped, TargetError, UsageError
 from sepv.schemes import Scheme, load_scheme
@@ -27,6 +28,8 @@ from sepv.verification._laws import LAWS, LOCAL, SAMPLED, laws_of, listed, load_
 from sepv.verification._outcome import Report
 from sepv.verification._profiles import requirements
 
+# Beyond it no clock of the system counts: thirty years.
+MOST_SECONDS = 1e9
 LawProgress = Callable[[Law, "Finding | None"], None]
 
 
@@ -99,8 +102,7 @@ def verify(
     """
     required = requirements(require) if require else ()
     chosen, effort = laws_of(laws, required), effort or Effort()
-    if not isinstance(jobs, int) or isinstance(jobs, bool) or jobs < 1:
-        raise UsageError(expected="jobs, an integer ≥ 1", received=repr(jobs), remedy="jobs=2 for two cores")
+    _check_arguments(jobs, timeout, effort, expected)
     known = load_expected(expected, LAWS) if expected is not None else Expectations()
     if problems is None and known.problems:
         require_trusted(known.problems, (), scheme)
@@ -144,6 +146,26 @@ def verify(
     report = Report(candidate, findings, effort, interrupted, known.claims, target, required=required)
     gaps = known.gaps((law.name for law in chosen), candidate.name, report.problems)
     return replace(report, gaps=tuple(gaps))
+
+
+def _check_arguments(jobs: Any, timeout: Any, effort: Any, expected: Any) -> None:
+    require_whole("jobs", jobs, "jobs=2 for two cores")
+    if not is_number(timeout) or not 0 < timeout <= MOST_SECONDS:
+        raise UsageError(
+            expected=f"timeout, seconds > 0 and ≤ {MOST_SECONDS:g}",
+            received=f"{timeout!r:.80}",
+            remedy="timeout=600",
+        )
+    if not isinstance(effort, Effort):
+        raise UsageError(
+            expected="effort, a sepv.Effort",
+            received=f"{effort!r:.80}",
+            remedy="effort=sepv.Effort(examples=20)",
+        )
+    if not isinstance(expected, str | Path | None):
+        raise UsageError(
+            expected="expected, a path", received=f"{expected!r:.80}", remedy='expected="pin.toml"'
+        )
 
 
 def _side_by_side(

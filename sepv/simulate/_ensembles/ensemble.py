@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sepv._arguments import require_flag, require_whole
+from sepv._arguments import floats, require_flag, require_whole
 from sepv._version import __version__
 from sepv.errors import ChunkFailure, Interrupted, UsageError, require_one_of
 from sepv.problem import Problem
@@ -213,13 +213,13 @@ def _increments(
                 received=f"shape {raw.shape}{where}",
                 remedy="one increment for each step, noise and path",
             )
-    return raw, require_whole("paths", paths, "ask for a path")
+    return raw, require_whole("paths", paths, "give a whole number of paths, such as paths=1000")
 
 
 def _stops(times: ArrayLike | None, h: float, steps: int) -> tuple[int, ...]:
     if times is None:
         return ()
-    asked = np.atleast_1d(np.asarray(times, dtype=np.float64))
+    asked = np.atleast_1d(floats("times", times))
     with np.errstate(invalid="ignore", over="ignore"):
         stops = np.rint(asked / h)
         fits = np.abs(stops * h - asked) <= 1e-12 * np.abs(asked)
