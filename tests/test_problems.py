@@ -95,7 +95,7 @@ def test_functions_that_complex_steps_mislead_are_accepted() -> None:
 WRONG = {
     "B not skew": (
         {"structure": lambda y: np.array([[0 * y[0], 1 + 0 * y[0]]] * 2)},
-        r"structure\(y\)\[0, 1\]",
+        r"structure\(y\)\[1, 1\]",
     ),
     "B off by 1e-9": (
         {"structure": lambda y: np.array([[0 * y[0], -1 + 0 * y[0]], [1 + 1e-9 + 0 * y[0], 0 * y[0]]])},
