@@ -91,8 +91,9 @@ def _named(data: NamedProblem) -> Problem:
     )
     factory = known[data.name]
     given = {key: value[0] if len(value) == 1 else value for key, value in data.parameters}
-    usual = {key: parameter.default for key, parameter in signature(factory).parameters.items()}
-    for key in given:
+    usual = {p.name: p.default for p in signature(factory).parameters.values() if p.kind is not p.VAR_KEYWORD}
+    open_ended = len(usual) < len(signature(factory).parameters)  # some hand parameters on to another factory
+    for key in given if not open_ended else ():
         require_one_of(f"a parameter of {data.name}", key, usual)
     try:
         return factory(**given)
