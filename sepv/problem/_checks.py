@@ -10,6 +10,7 @@ import numpy as np
 
 from sepv.errors import ProblemError
 from sepv.problem._derived import Array
+from sepv.record import gauss_legendre, mean_nodes
 from sepv.record._binary64 import EPS, TINY
 
 if TYPE_CHECKING:
@@ -123,12 +124,15 @@ def _check_mean_gradient(problem: Problem, y: Array) -> None:
     To GRADIENT_TOLERANCE of the terms: another rule, such as the midpoint's, is off by the cube of the distance, of
     order 1e-5 here.
     """
-    from sepv.problem._averaged_gradient import average_gradient
-
     end = y * (1 + 2.0**-4) + 2.0**-6
     if (problem.mean_gradient is None and problem.degree is None) or not inside(problem, end):
         return
-    terms = (end - y) * np.asarray(average_gradient(problem, y, end).value, dtype=np.float64)
+    if problem.mean_gradient is not None:
+        average = problem.mean_gradient(y, end)
+    else:
+        points, weights = gauss_legendre(mean_nodes(problem.degree or 1))
+        average = problem.gradient(y[:, None] + points * (end - y)[:, None]) @ weights
+    terms = (end - y) * np.asarray(average, dtype=np.float64)
     difference = float(problem.hamiltonian(end) - problem.hamiltonian(y))
     # The rounding of two energies, and ten roundings of each term.
     rounding = 2.0**-50 * (abs(float(problem.hamiltonian(end))) + abs(float(problem.hamiltonian(y))))
