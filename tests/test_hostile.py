@@ -1,6 +1,6 @@
 """Files, tokens, programs and names from others: each is refused in words, and nothing that they name runs.
 
-A row is a file's content, or a command; `CANARY` is a module that leaves a file when it is imported. No command ends in
+A row is a file's content, or a command. A module called canary leaves a file when it is imported. No command ends in
 70 or in a traceback, each message has its words (the file, the place in it, the reason), and no control character from
 outside reaches a terminal.
 """
@@ -307,7 +307,7 @@ def test_a_witness_of_its_own_package_is_replayed_and_others_when_they_are_named
     for target, scheme in (
         ("canary:problem", "midpoint"),
         ("canary:problem", "mine:step"),
-        ("sepv.x:y", sepv.verify),
+        ("sepv.commands:main", sepv.verify),
     ):
         with pytest.raises(sepv.UsageError, match=f"add -p {target}"):
             require_trusted([target], [], scheme)
