@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import io
+import re
 import shlex
 import sys
 from collections.abc import Callable, Iterator
@@ -14,6 +15,13 @@ import pytest
 from click.testing import CliRunner
 
 from sepv.commands._cli import main
+
+
+def shape(line: str) -> str:
+    """A line without its numbers and its token: what stays when a design draws another case."""
+    line = re.sub(r"--replay \S+", "--replay TOKEN", line)
+    line = re.sub(r"(?<![A-Za-z\d.])-?\d+(\.\d+)?(e[+-]?\d+)?(?![\d.]|th)", "#", line)
+    return " ".join(line.split())
 
 
 class Reader:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from reader import Reader
+from reader import Reader, shape
 
 from sepv.verification import load_laws
 
@@ -38,13 +38,6 @@ def test_shell_blocks_run(reader: Reader) -> None:
         assert "holds" in reader.sepv(f"{line} {few}")
 
 
-def shape(line: str) -> str:
-    """A line without its numbers and its token: what stays when a design draws another case."""
-    line = re.sub(r"--replay \S+", "--replay TOKEN", line)
-    line = re.sub(r"(?<![A-Za-z\d.])-?\d+(\.\d+)?(e[+-]?\d+)?(?![\d.]|th)", "#", line)
-    return " ".join(line.split())
-
-
 def printed(output: str) -> set[str]:
     """The lines of an output, and each without its numbers."""
     lines = [" ".join(line.split()) for line in output.splitlines()]
@@ -67,21 +60,6 @@ def test_every_output_that_is_shown_is_printed(reader: Reader) -> None:
             exactly = line.startswith(("H(y) =", "B12(y) =", "y =", "h ="))
             asked = " ".join(line.split())
             assert line == "…" or (asked if exactly else shape(asked)) in there, (command, line)
-
-
-def test_the_counterexample_of_ten_minutes_is_printed(reader: Reader) -> None:
-    page = (ROOT / "docs" / "ten-minutes.md").read_text(encoding="utf-8")
-    (reader.folder / "mine.py").write_text(
-        re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)[0]
-    )
-    there = printed(reader.sepv("sepv verify mine:step --law energy"))
-    (block,) = (
-        b
-        for b in re.findall(r"^```text\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
-        if b.startswith("energy")
-    )
-    for line in map(str.strip, block.splitlines()):
-        assert (line if line.startswith(("H(y) =", "y =", "h =")) else shape(line)) in there, line
 
 
 def test_every_block_of_the_readme_is_of_a_kind_that_is_run_or_compared() -> None:
