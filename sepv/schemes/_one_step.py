@@ -16,7 +16,7 @@ from sepv.schemes._further_increments import as_rows
 from sepv.schemes._scheme import Scheme, Solve, as_lanes, truncation_for
 from sepv.solve import solve as solve_implicit
 from sepv.solve._formula import Asked, Formula, counted
-from sepv.solve._from_record import iteration
+from sepv.solve._from_record import corrections
 from sepv.solve._solution import IncrementFunction, JacobianFunction, Solution, require_converged
 
 # (problem, h, noise) -> (k, M): what a formula wants to know of the step; with more where the scheme asks for it.
@@ -86,14 +86,8 @@ class Implicit:
             self.requires(problem)
         step = self.parts(problem, h, noise, *further)
 
-        def directly(lanes: Any) -> Solution:
-            guess = None if start is None else start[:, lanes]
-            return solve_implicit(
-                problem, state[:, lanes], step[:, lanes], self.increment, self.jacobian, guess
-            )
-
-        record = None if self.formula is None else iteration(problem, self.formula, len(step))
-        solution = directly(slice(None)) if record is None else record.solve(state, step, start, directly)
+        known = None if self.formula is None else corrections(problem, self.formula, state, step)
+        solution = solve_implicit(problem, state, step, self.increment, self.jacobian, start, known)
         if self.examine is not None:
             self.examine(problem, state, step, solution)
         return solution

@@ -20,21 +20,19 @@ from functools import lru_cache
 import numpy as np
 
 from sepv.problem import Array, Problem, average_gradient, casimir_gradients
-from sepv.problem._fields import dot
+from sepv.problem._fields import Algebra, dot
 from sepv.schemes._explicit import end, explicit
 from sepv.schemes._explicit_tableaux import TABLEAUX
 from sepv.schemes._one_step import Solved, one_step
 from sepv.schemes._scheme import Scheme
 from sepv.solve._formula import Asked
-from sepv.solve._solution import Solution, Status
-from sepv.solve._stop_rule import ROUNDING
+from sepv.solve._newton import newton
+from sepv.solve._solution import Equations, Evaluation, Increment, Lanes, Solution, Status
 
-# Each iteration gains a factor of about |I″||y1 − y*|/|∇I|; a step that needs more than this is far too coarse.
-MOST = 30
 # Gradients closer to those before them than this, relative to their length, are the same to rounding: they add nothing.
 DEPENDENT = 2.0**-40
-# Changes below a quarter of a rounding of the state.
-TINY = 2.0**-54
+# The correction is z − R itself: its matrix is in R.
+SIMPLIFIED = Algebra(lambda _, F: F, lambda K: np.ones(K.shape[-1], dtype=bool), lambda _, size: 0 * size)
 
 
 class Directions:
@@ -68,45 +66,30 @@ class Directions:
 
 def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> Solution:
     """One step of a batch: y0 (d, M), Δ (M,). The unknown is z = y1 − y0, and its start z* = y* − y0."""
-    tableau = TABLEAUX[order]
+    tableau, M = TABLEAUX[order], y0.shape[1]
+    casimirs = problem.casimirs, problem.linear_casimirs
+
+    def evaluate(z: Array, lanes: Lanes) -> Evaluation:
+        """R = z less what the invariants have moved."""
+        start = y0[:, lanes]
+        mean = average_gradient(problem, start, start + z)
+        averages = [mean.value, *casimir_gradients(*casimirs, 2.0 * start + z)]
+        moved = directions.correction([dot(g, z) for g in averages], lanes)
+        none = np.zeros((0, 0, lanes.size))
+        return Evaluation(Increment(z - moved, mean.evaluations, lanes * 0, mean.reliable), lambda: (none, 0))
+
     with np.errstate(all="ignore"):
         full = end(tableau, Asked(problem, y0, y0), y0, None, delta[None])
-        M = y0.shape[1]
-        z, status = full.copy(), np.full(M, Status.NO_CONVERGENCE, dtype=np.int64)
-        iterations, gradients = np.zeros(M, dtype=np.int64), np.full(M, len(tableau.A) + 1)
-        residual, before = np.zeros(M), np.full(M, np.inf)
-        scale = np.maximum(np.max(np.abs(y0), axis=0), np.max(np.abs(full), axis=0))
-        casimirs, far = (problem.casimirs, problem.linear_casimirs), y0 + full
+        far = y0 + full
         directions = Directions([problem.gradient(far), *casimir_gradients(*casimirs, 2.0 * far)])
-        lanes = np.arange(M)
-        for _ in range(MOST):
-            if not lanes.size:
-                break
-            start, moved = y0[:, lanes], z[:, lanes]
-            mean = average_gradient(problem, start, start + moved)
-            averages = [mean.value, *casimir_gradients(*casimirs, 2.0 * start + moved)]
-            correction = directions.correction([dot(g, moved) for g in averages], lanes)
-            change = np.max(np.abs(correction), axis=0)
-            iterations[lanes] += 1
-            gradients[lanes] += mean.evaluations
-            z[:, lanes] -= correction
-            residual[lanes] = change
-            # What no longer shrinks is the rounding of r_k = g_kᵀz beside |∇I_k|, at most K·eps·|z| where K operations
-            # stand behind g_k: no more of them than behind R in `sepv.solve._newton`.
-            stays = (change >= 0.5 * before[lanes]) & (change <= ROUNDING * scale[lanes])
-            done = (change <= TINY * scale[lanes]) | stays
-            broken = ~np.isfinite(change)
-            status[lanes[done]] = Status.CONVERGED
-            status[lanes[~mean.reliable]] = Status.QUADRATURE
-            status[lanes[broken]] = Status.OVERFLOW
-            before[lanes] = change
-            lanes = lanes[~done & ~broken & mean.reliable]
-        y1 = y0 + z
+        equations = Equations(np.abs(y0), evaluate, algebra=SIMPLIFIED)
+        found = newton(equations, full, np.arange(M), differences=False)
+        y1, status = y0 + found.value, found.status
         if problem.domain is not None:
             outside = ~np.asarray(problem.domain(y1), dtype=bool)
             status[outside & (status == Status.CONVERGED)] = Status.LEFT_DOMAIN
-        structures = np.full(M, len(tableau.A))
-    return Solution(y1, residual, iterations, gradients, structures, status, change=z)
+    gradients, structures = found.gradient_evaluations + len(tableau.A) + 1, np.full(M, len(tableau.A))
+    return Solution(y1, found.residual, found.iterations, gradients, structures, status, change=found.value)
 
 
 @lru_cache(maxsize=4)

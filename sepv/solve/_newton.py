@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,6 +21,7 @@ from sepv.solve import _stop_rule as ends
 from sepv.solve._damped import approach
 from sepv.solve._differences import difference_jacobian, slopes
 from sepv.solve._solution import (
+    Corrections,
     Counts,
     Equations,
     Evaluation,
@@ -55,6 +54,7 @@ def solve(
     increment: IncrementFunction,
     jacobian: JacobianFunction,
     start: Array | None = None,
+    corrections: Corrections | None = None,
 ) -> Solution:
     """Solve y1 = y0 + R(y0, y1) for every lane.
 
@@ -69,6 +69,8 @@ def solve(
         ∂R/∂y1; None has it formed from differences of R.
     start : (d, M), optional
         A guess of y1 − y0; by default 0.
+    corrections : Corrections, optional
+        R and Newton's correction from a record (`sepv.solve._from_record`).
 
     Notes
     -----
@@ -101,10 +103,23 @@ def solve(
         return terms
 
     everything = np.arange(y0.shape[1])
-    exact = None not in (problem.degree, problem.hessian, problem.structure_derivative)
-    equations = Equations(np.abs(y0), evaluate, None if problem.domain is None else inside, exact, magnitude)
+    exact = corrections is not None or None not in (
+        problem.degree,
+        problem.hessian,
+        problem.structure_derivative,
+    )
+    equations = Equations(
+        np.abs(y0),
+        evaluate,
+        None if problem.domain is None else inside,
+        exact,
+        magnitude,
+        corrections=corrections,
+    )
     solution = iterate(equations, np.zeros_like(y0) if start is None else start, everything)
-    return replace(solution, value=y0 + solution.value, change=solution.value)
+    found = solution.value
+    costs = solution.iterations, solution.gradient_evaluations, solution.structure_evaluations
+    return Solution(y0 + found, solution.residual, *costs, solution.status, change=found)
 
 
 def iterate(equations: Equations, start: Array, lanes: Lanes | None = None) -> Solution:
@@ -117,6 +132,8 @@ def iterate(equations: Equations, start: Array, lanes: Lanes | None = None) -> S
     """
     numbers = np.arange(start.shape[1]) if lanes is None else lanes
     solution = newton(equations, start, numbers, differences=False)
+    if not solution.status.any():
+        return solution
     failed = np.flatnonzero((solution.status != Status.CONVERGED) & (solution.status != Status.QUADRATURE))
     if failed.size:
         z, size = solution.value[:, failed], equations.size[:, numbers[failed]]
@@ -150,7 +167,8 @@ def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, diffe
 
     What is seldom needed is asked for only where some lane needs it, and nothing is copied while all lanes go on.
     """
-    exact, count = differences or equations.exact, start.shape[1]
+    count, algebra = start.shape[1], equations.algebra
+    exact, recorded = differences or equations.exact, not differences and equations.corrections is not None
     z_all, size_all = start.copy(), equations.size[:, numbers]
     # Where y1 is 2^52 times y0 or more, an ulp of it says nothing about the components that stayed small. Where
     # y0 = 0 nothing says what small is: a component that cancels to zero would never settle.
@@ -160,65 +178,76 @@ def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, diffe
     iterations, gradients, structures = np.zeros((3, count), dtype=np.int64)
     status = np.full(count, Status.NO_CONVERGENCE, dtype=np.int64)
     last_size = last_move = np.full(count, np.inf)
-    active, algebra = np.arange(count), equations.algebra
+    active = np.arange(count)
     # Lanes whose matrix serves once more, and the matrices of all.
-    serves, kept = np.zeros(count, dtype=bool), np.empty(0)
+    serves, kept = np.zeros(count, dtype=bool), np.empty((0, 0, count))
     with np.errstate(all="ignore"):
         for _ in range(MAX_ITERATIONS):
             at: Any = slice(None) if active.size == count else active
-            z, y, lanes = z_all[:, at], size_all[:, at], numbers if active.size == count else numbers[at]
-            R, jacobian = equations.evaluate(z, lanes)
-            F = z - R.value
-            residual[at] = rest = np.abs(F).max(axis=0)
+            z, y, lanes = _of(at, z_all, size_all, numbers)
+            F, correction, stays, K, costs, reliable = _asked(equations, z, lanes, differences, serves, kept)
             iterations[at] += 1
-            K, asked = _matrices(
-                partial(slopes, equations, z, lanes, R.value) if differences else jacobian, serves, kept
-            )
-            gradients[at] += asked * R.gradients
-            structures[at] += asked * R.structures
-            correction = algebra.correction(K, F)
+            gradients[at] += costs[0]
+            structures[at] += costs[1]
+            residual[at] = rest = np.abs(F).max(axis=0)
             reach, moves = y + np.abs(z), np.abs(correction)
             scale, move = reach.max(axis=0), moves.max(axis=0)
-            size = ends.share(moves, reach, scale).max(axis=0)
-            solved, broken, singular = _stopped(rest, move, K, algebra)
+            # Where no matrix is to serve, the share is asked for when the correction is small.
+            size, near = np.full(move.size, np.inf), move <= (STAGNATION if recorded else np.inf) * scale
+            if near.any():
+                np.copyto(size, ends.share(moves, reach, scale).max(axis=0), where=near)
             vast = scale > vast_all[at]
-            serves, kept = ends.matrix_serves(size, last_size) & ~vast, K
+            serves, kept = ends.matrix_serves(size, last_size) & ~(vast | recorded), K
             still = _small(size, moves, reach, vast) | ends.is_stuck(size, move, scale, last_size, last_move)
             if still.any():
                 still &= _is_rounding(equations, lanes, rest, z, scale, still & exact)
-            ended = broken | singular | solved | still
-            if ended.any():
-                outcome = np.where(R.reliable, Status.CONVERGED, Status.QUADRATURE)
-                outcome[broken], outcome[singular] = Status.OVERFLOW, Status.SINGULAR
+            # Neither is so where one of them is no number.
+            if still.any() or not (rest.min() > QUANTA and move.max() < np.inf):
+                outcome = _outcome(rest, move, still, reliable, K, algebra)
+                go_on, ended = np.flatnonzero(outcome < 0), outcome >= 0
                 status[active[ended]] = outcome[ended]
-                if ended.all():
+                if not go_on.size:
                     break
-                go_on = ~ended
-                z, correction, lanes = z[:, go_on], correction[:, go_on], lanes[go_on]
-                active, size, move, serves, kept = _of(go_on, active, size, move, serves, kept)
-            moved, inside = into_domain(equations, z, correction, lanes)
-            z_all[:, active] = moved
+                z, correction, lanes, stays, active = _of(go_on, z, correction, lanes, stays, active)
+                size, move, serves, kept = _of(go_on, size, move, serves, kept)
+            moved, inside = z - correction, stays
+            if not stays.all():
+                moved, inside = into_domain(equations, z, correction, lanes)
+            z_all[:, at if active.size == count else active] = moved
             if not inside.all():
                 status[active[~inside]] = Status.LEFT_DOMAIN
                 if not inside.any():
                     break
-                active, size, move, serves, kept = _of(inside, active, size, move, serves, kept)
+                active, size, move, serves, kept = _of(
+                    np.flatnonzero(inside), active, size, move, serves, kept
+                )
             last_size, last_move = size, move
     return Solution(z_all, residual, iterations, gradients, structures, status)
 
 
-def _matrices(formed: Callable[[], tuple[Any, int]], serves: Flags, kept: Any) -> tuple[Any, Counts]:
-    """Each lane's matrix, the one that it has where that serves, and the evaluations of R for it, with its own."""
-    asked = np.ones(serves.size, dtype=np.int64)
-    if serves.all():
-        return kept, asked
-    K, further = formed()
-    return np.where(serves, kept, K) if serves.any() else K, asked + further * ~serves
+def _asked(
+    equations: Equations, z: Array, lanes: Lanes, differences: bool, serves: Flags, kept: Any
+) -> tuple[Array, Array, Flags, Any, tuple[Any, Any], Flags]:
+    """F = z − R and Newton's correction, where it surely stays in the domain, its matrix, evaluations, reliability.
+
+    The matrix is the one that a lane has where that serves; evaluations are those of ∇H and of B.
+    """
+    record, every = None if differences else equations.corrections, np.ones(lanes.size, dtype=bool)
+    if record is not None:
+        return *record.of_lanes(z, lanes), kept, (record.gradients, record.structures), every
+    R, jacobian = equations.evaluate(z, lanes)
+    F, count, K = z - R.value, np.ones(lanes.size, dtype=np.int64), kept
+    if not serves.all():
+        K, further = slopes(equations, z, lanes, R.value) if differences else jacobian()
+        K, count = np.where(serves, kept, K) if serves.any() else K, count + further * ~serves
+    stays = every if equations.inside is None else ~every
+    costs = count * R.gradients, count * R.structures
+    return F, equations.algebra.correction(K, F), stays, K, costs, R.reliable
 
 
-def _of(lanes: Flags, *values: Any) -> list[Any]:
-    """Of each array what belongs to the lanes."""
-    return [v[..., lanes] for v in values]
+def _of(lanes: Any, *values: Any) -> Any:
+    """Of each array what belongs to the lanes, side by side in memory, as v[..., lanes] is not."""
+    return values if isinstance(lanes, slice) else [v.take(lanes, axis=-1) for v in values]
 
 
 def _small(size: Array, moves: Array, reach: Array, vast: Flags) -> Flags:
@@ -229,71 +258,94 @@ def _small(size: Array, moves: Array, reach: Array, vast: Flags) -> Flags:
     return small
 
 
-def _stopped(rest: Array, move: Array, K: Any, algebra: Algebra) -> tuple[Flags, Flags, Flags]:
-    """Which lanes are solved exactly, which overflow, and which have a singular Jacobian.
+def _outcome(rest: Array, move: Array, still: Flags, reliable: Flags, K: Any, algebra: Algebra) -> Counts:
+    """The status of each lane that ends, −1 of one that goes on.
 
     A state at rest is a solution, also where the Jacobian is singular.
     """
-    solved: Flags = rest <= QUANTA
-    broken = ~np.isfinite(rest)
-    singular = ~(broken | solved | np.isfinite(move))
+    solved = rest <= QUANTA
+    found = np.where(reliable, int(Status.CONVERGED), int(Status.QUADRATURE))
+    outcome: Counts = np.where(still | solved, found, -1)
+    singular = ~(solved | np.isfinite(move))
     if singular.any():
-        overflowing = singular & ~algebra.finite(K)
-        broken, singular = broken | overflowing, singular & ~overflowing
-    return solved, broken, singular
+        finite = algebra.finite(K)
+        outcome[singular & finite] = Status.SINGULAR
+        outcome[singular & ~finite | ~np.isfinite(rest)] = Status.OVERFLOW
+    return outcome
 
 
 def _newton_of_one(equations: Equations, start: Array, number: Lanes, *, differences: bool) -> Solution:
     """`newton` for one lane, to the bits of `_newton_of_many`: decided over numbers, without a call of NumPy each."""
-    exact = differences or equations.exact
-    z, y = start, equations.size[:, number].ravel().tolist()
+    exact, recorded = differences or equations.exact, not differences and equations.corrections is not None
+    z, y = start.ravel().tolist(), equations.size[:, number].ravel().tolist()
     before = _largest(y)
     residual, iterations, gradients, structures = math.inf, 0, 0, 0
-    algebra = equations.algebra
     status, last_size, last_move = Status.NO_CONVERGENCE, math.inf, math.inf
-    K: Any = None
-    serves = False
+    asked, K = _asker(equations, number, differences), None
     with np.errstate(all="ignore"):
         for _ in range(MAX_ITERATIONS):
-            R, jacobian = equations.evaluate(z, number)
-            F = z - R.value
-            rest = residual = _largest(F.ravel().tolist())
-            iterations, further = iterations + 1, 0
-            if not serves:
-                K, further = slopes(equations, z, number, R.value) if differences else jacobian()
-            gradients += (1 + further) * int(R.gradients[0])
-            structures += (1 + further) * int(R.structures[0])
+            F, correction, stays, K, costs, reliable = asked(z, K)
+            iterations, gradients, structures = iterations + 1, gradients + costs[0], structures + costs[1]
+            rest = residual = _largest(F)
             if not math.isfinite(rest):
                 status = Status.OVERFLOW
                 break
-            correction = algebra.correction(K, F)
-            reach = [a + abs(b) for a, b in zip(y, z.ravel().tolist(), strict=True)]
-            moves = [abs(v) for v in correction.ravel().tolist()]
-            scale, move = _largest(reach), _largest(moves)
+            reach = [a + abs(b) for a, b in zip(y, z, strict=True)]
+            moves = [abs(v) for v in correction]
+            scale, move = max(reach), _largest(moves)
             solved = rest <= QUANTA
             if not solved and not math.isfinite(move):
-                status = Status.SINGULAR if np.all(algebra.finite(K)) else Status.OVERFLOW
+                singular = K is None or np.all(equations.algebra.finite(K))
+                status = Status.SINGULAR if singular else Status.OVERFLOW
                 break
-            size = _largest([ends.share(a, b, scale) for a, b in zip(moves, reach, strict=True)])
-            vast = before > 0 and scale > before / EPS
-            serves = ends.matrix_serves(size, last_size) and not vast
+            size, vast = math.inf, before > 0 and scale > before / EPS
+            if not recorded or move <= STAGNATION * scale:
+                size = _largest([ends.share(a, b, scale) for a, b in zip(moves, reach, strict=True)])
             small = ends.is_small(size) and not (
                 vast and any(a > STAGNATION * b for a, b in zip(moves, reach, strict=True))
             )
             still = small or ends.is_stuck(size, move, scale, last_size, last_move)
             if still and not ends.is_rounding(rest, scale):
-                least = np.array([rest]), z, np.array([scale]), np.array([exact])
+                least = np.array([rest]), np.array(z)[:, None], np.array([scale]), np.array([exact])
                 still = bool(_is_rounding(equations, number, *least)[0])
             if solved or still:
-                status = Status.CONVERGED if R.reliable[0] else Status.QUADRATURE
+                status = Status.CONVERGED if reliable else Status.QUADRATURE
                 break
+            K = K if ends.matrix_serves(size, last_size) and not vast else None
             last_size, last_move = size, move
-            z, inside = into_domain(equations, z, correction, number)
+            if stays:
+                z = [a - b for a, b in zip(z, correction, strict=True)]
+                continue
+            moved, inside = into_domain(
+                equations, np.array(z)[:, None], np.array(correction)[:, None], number
+            )
+            z = moved.ravel().tolist()
             if not inside[0]:
                 status = Status.LEFT_DOMAIN
                 break
     counted = np.array([[iterations], [gradients], [structures], [status]], dtype=np.int64)
-    return Solution(z.copy(), np.array([residual]), *counted)
+    return Solution(np.array(z)[:, None], np.array([residual]), *counted)
+
+
+def _asker(equations: Equations, number: Lanes, differences: bool) -> Callable[[list[float], Any], Any]:
+    """`_asked` of one lane, of z and of a matrix that serves, else None; over numbers where there is a record."""
+    record, inside = None if differences else equations.corrections, equations.inside is None
+    if record is not None:
+        known, costs = record.of_one(number), (record.gradients, record.structures)
+        return lambda z, _: (*known(z), None, costs, True)
+
+    def asked(values: list[float], K: Any) -> Any:
+        z, further = np.array(values)[:, None], 0
+        R, jacobian = equations.evaluate(z, number)
+        F = z - R.value
+        if K is None:
+            K, further = slopes(equations, z, number, R.value) if differences else jacobian()
+        costs = (1 + further) * int(R.gradients[0]), (1 + further) * int(R.structures[0])
+        rest = F.ravel().tolist()
+        correction = equations.algebra.correction(K, F).ravel().tolist() if math.isfinite(sum(rest)) else rest
+        return rest, correction, inside, K, costs, bool(R.reliable[0])
+
+    return asked
 
 
 def _largest(values: list[float]) -> float:

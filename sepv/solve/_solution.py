@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,6 +108,24 @@ class Evaluation(NamedTuple):
     jacobian: Callable[[], tuple[Any, int]]
 
 
+class Corrections(Protocol):
+    """z − R(z), Newton's correction, and whether z less that is in the domain: what a record of the equation has."""
+
+    @property
+    def gradients(self) -> int:
+        """Evaluations of ∇H that R takes."""
+
+    @property
+    def structures(self) -> int:
+        """Evaluations of B that R takes."""
+
+    def of_lanes(self, z: Array, lanes: Lanes) -> tuple[Array, Array, Flags]:
+        """The first two (n, M), the third (M,), for z (n, M)."""
+
+    def of_one(self, lane: Lanes) -> Callable[[list[float]], tuple[list[float], list[float], bool]]:
+        """The function of z (n,) that gives the same numbers for a single lane."""
+
+
 @dataclass(frozen=True)
 class Equations:
     """z = R(z) for n unknowns in every lane; `lanes` are the numbers of the lanes asked about.
@@ -125,6 +143,8 @@ class Equations:
         The sum of the absolute values of the terms of R, to which its rounding is relative whatever cancels.
     algebra : Algebra
         What the Jacobian is: dense matrices (n, n, M) unless it says otherwise.
+    corrections : Corrections, optional
+        What Newton's iteration takes in the place of `evaluate`, but where its matrix is to be that of differences.
     """
 
     size: Array
@@ -133,6 +153,7 @@ class Equations:
     exact: bool = False
     magnitude: Callable[[Array, Lanes], Array] | None = None
     algebra: Algebra = DENSE
+    corrections: Corrections | None = None
 
 
 def merge(whole: Solution, part: Solution, lanes: Lanes) -> None:

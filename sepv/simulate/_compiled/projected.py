@@ -8,9 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from sepv.schemes._projected import DEPENDENT, MOST
+from sepv.schemes._projected import DEPENDENT
 from sepv.simulate._compiled.code_builder import CodeBuilder, Expression, shown
 from sepv.simulate._compiled.linear import magnitude
+from sepv.simulate._compiled.newton import FAST
 from sepv.simulate._compiled.writer import Writer
 
 # Iterations in registers, before and with the first test: a step of a good length needs two.
@@ -60,7 +61,7 @@ class ProjectedWriter(Writer):
         averages = self.problem.gradient_evaluations
         return {
             "AVERAGES": averages, "FIRST_GRADIENTS": gradients + 1 + BLIND * averages,
-            "FIRST_STRUCTURES": structures, "STEPS": BLIND, "FAST": MOST - BLIND,
+            "FIRST_STRUCTURES": structures, "STEPS": BLIND, "FAST": FAST,
         }  # fmt: skip
 
     def first(self) -> list[str]:

@@ -16,7 +16,7 @@ from sepv.schemes import Scheme
 from sepv.schemes._one_step import Implicit
 from sepv.solve import Status
 from sepv.solve._differences import difference_jacobian
-from sepv.solve._from_record import BLOCK, MOST, iteration
+from sepv.solve._from_record import record
 from sepv.solve._solution import Solution
 
 NAMED = [
@@ -56,7 +56,7 @@ def test_solutions_agree_with_the_general_solver(
     assert isinstance(scheme.step, Implicit)
     assert scheme.step.formula is not None
     count = len(scheme.step.parts(problem, 0.0, np.zeros((problem.noises, 1))))
-    assert iteration(problem, scheme.step.formula, count) is not None
+    assert record(problem, scheme.step.formula, count) is not None
     y, dW = states(problem, 9, seed)
     found, plain = scheme.solve(problem, y, size, size * dW), directly(scheme, problem, y, size, size * dW)
     both = (found.status == 0) & (plain.status == 0)
@@ -78,19 +78,19 @@ def test_solutions_agree_with_the_general_solver(
 
 @pytest.mark.parametrize("problem", NAMED, ids=lambda problem: problem.name)
 def test_bits_depend_on_no_other_lane(problem: Problem) -> None:
-    """Nor on the block, nor on whether a lane is solved over numbers or over arrays; some lanes have no solution."""
-    scheme, lanes = schemes.energy_preserving, BLOCK + 40
+    """Nor on whether a lane is solved over numbers or over arrays; some lanes have no solution."""
+    scheme, lanes = schemes.energy_preserving, 1200
     y, dW = states(problem, lanes, 3)
     dW[:, ::97] *= 40.0
     whole = scheme.solve(problem, y, 0.05, dW)
     assert np.all(whole.value[:, whole.status == 0] != 0)
-    for n in [*range(0, lanes, 97), 1, 2, 3, BLOCK - 1, BLOCK, lanes - 1]:
+    for n in [*range(0, lanes, 97), 1, 2, 3, lanes - 1]:
         alone = scheme.solve(problem, y[:, n], 0.05, dW[:, n])
         for key in ("value", "change", "residual", "iterations", "status", "gradient_evaluations"):
             assert np.array_equal(getattr(alone, key)[..., 0], getattr(whole, key)[..., n]), (key, n)
 
 
-def test_what_does_not_arrive_is_solved_by_the_general_solver() -> None:
+def test_a_step_without_a_solution_ends_as_without_a_record() -> None:
     """Lotka-Volterra at a step without a solution, one over the domain's boundary, and a state at rest."""
     problem, scheme = problems.lotka_volterra(), schemes.energy_preserving
     y = np.repeat(np.asarray(problem.initial)[:, None], 3, axis=1)
@@ -105,7 +105,7 @@ def test_what_does_not_arrive_is_solved_by_the_general_solver() -> None:
     # |y0| = 0 says nothing about what is small.
     origin = scheme.solve(problems.pendulum(), np.zeros(2), 0.5, np.array([0.1, 0.0]))
     assert origin.status[0] == Status.CONVERGED
-    assert origin.iterations[0] <= MOST
+    assert origin.iterations[0] <= 7
 
 
 def test_functions_of_another_author_are_called_and_not_recorded() -> None:
@@ -117,9 +117,9 @@ def test_functions_of_another_author_are_called_and_not_recorded() -> None:
 
     own = replace(problem, structure=counting, check=False)
     formula = schemes.midpoint.step.formula
-    assert iteration(own, formula, 1) is None
-    assert iteration(replace(problem, hessian=None, check=False), formula, 1) is None
-    assert iteration(problems.kepler(), formula, 1) is None, "four unknowns"
+    assert record(own, formula, 1) is None
+    assert record(replace(problem, hessian=None, check=False), formula, 1) is None
+    assert record(problems.kepler(), formula, 1) is None, "four unknowns"
     y1 = schemes.midpoint.step(own, np.array([0.8, 0.6, 0.0]), 0.1, np.array([0.2]))
     assert calls
     assert (
