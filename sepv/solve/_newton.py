@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,9 @@ from sepv.solve._stop_rule import QUANTA, ROUNDING, STAGNATION
 # Newton needs 3 to 5 iterations for steps that make sense; 40 leave room for damped starts.
 MAX_ITERATIONS = 40
 MAX_HALVINGS = 40
-# So many of them are tried in one call.
+# By a record: steps that make sense take three to five.
+MOST = 7
+# So many halvings are tried in one call.
 SHARES = 8
 # Unknowns of a single lane up to which numbers are quicker than arrays.
 FEW = 64
@@ -103,19 +106,9 @@ def solve(
         return terms
 
     everything = np.arange(y0.shape[1])
-    exact = corrections is not None or None not in (
-        problem.degree,
-        problem.hessian,
-        problem.structure_derivative,
-    )
-    equations = Equations(
-        np.abs(y0),
-        evaluate,
-        None if problem.domain is None else inside,
-        exact,
-        magnitude,
-        corrections=corrections,
-    )
+    exact = None not in (problem.degree, problem.hessian, problem.structure_derivative)
+    domain = None if problem.domain is None else inside
+    equations = Equations(np.abs(y0), evaluate, domain, exact, magnitude, corrections=corrections)
     solution = iterate(equations, np.zeros_like(y0) if start is None else start, everything)
     found = solution.value
     costs = solution.iterations, solution.gradient_evaluations, solution.structure_evaluations
@@ -129,10 +122,20 @@ def iterate(equations: Equations, start: Array, lanes: Lanes | None = None) -> S
     R: analytic ones may average H″ with a few nodes, which does not suffice for long steps of every H. A lane
     that fails is approached once more from z = 0 by damped steps and then goes on in the same way. Lanes that
     converge at once see nothing of this. The fields of the solution have one entry for each lane, `value` being z.
+
+    Where there is a record, what does not arrive by it in MOST iterations begins anew without: of several solutions
+    the one that is found is the same for every problem.
     """
     numbers = np.arange(start.shape[1]) if lanes is None else lanes
     solution = newton(equations, start, numbers, differences=False)
     if not solution.status.any():
+        return solution
+    if equations.corrections is not None:
+        left = np.flatnonzero(solution.status)
+        part = iterate(replace(equations, corrections=None), start[:, left], numbers[left])
+        for key, values in vars(part).items():
+            if values is not None:
+                getattr(solution, key)[..., left] = values
         return solution
     failed = np.flatnonzero((solution.status != Status.CONVERGED) & (solution.status != Status.QUADRATURE))
     if failed.size:
@@ -182,7 +185,7 @@ def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, diffe
     # Lanes whose matrix serves once more, and the matrices of all.
     serves, kept = np.zeros(count, dtype=bool), np.empty((0, 0, count))
     with np.errstate(all="ignore"):
-        for _ in range(MAX_ITERATIONS):
+        for _ in range(MOST if recorded else MAX_ITERATIONS):
             at: Any = slice(None) if active.size == count else active
             z, y, lanes = _of(at, z_all, size_all, numbers)
             F, correction, stays, K, costs, reliable = _asked(equations, z, lanes, differences, serves, kept)
@@ -211,7 +214,7 @@ def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, diffe
                 z, correction, lanes, stays, active = _of(go_on, z, correction, lanes, stays, active)
                 size, move, serves, kept = _of(go_on, size, move, serves, kept)
             moved, inside = z - correction, stays
-            if not stays.all():
+            if not recorded and not stays.all():
                 moved, inside = into_domain(equations, z, correction, lanes)
             z_all[:, at if active.size == count else active] = moved
             if not inside.all():
@@ -283,7 +286,7 @@ def _newton_of_one(equations: Equations, start: Array, number: Lanes, *, differe
     status, last_size, last_move = Status.NO_CONVERGENCE, math.inf, math.inf
     asked, K = _asker(equations, number, differences), None
     with np.errstate(all="ignore"):
-        for _ in range(MAX_ITERATIONS):
+        for _ in range(MOST if recorded else MAX_ITERATIONS):
             F, correction, stays, K, costs, reliable = asked(z, K)
             iterations, gradients, structures = iterations + 1, gradients + costs[0], structures + costs[1]
             rest = residual = _largest(F)
@@ -316,6 +319,9 @@ def _newton_of_one(equations: Equations, start: Array, number: Lanes, *, differe
             if stays:
                 z = [a - b for a, b in zip(z, correction, strict=True)]
                 continue
+            if recorded:
+                status = Status.LEFT_DOMAIN
+                break
             moved, inside = into_domain(
                 equations, np.array(z)[:, None], np.array(correction)[:, None], number
             )
