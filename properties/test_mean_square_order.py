@@ -16,7 +16,7 @@ from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._law import pathwise
 from sepv.verification._orders.convergence import StrongErrors, above_floor, floors, mean_square_order
 from sepv.verification._orders.local_orders import unclaimed
-from sepv.verification._sequential import Assess, Assessment, is_tilted, judge
+from sepv.verification._sequential import Assess, Assessment, hold_level, is_tilted, judge
 
 # Orders of one-step methods for (1.1) are multiples of ½: the next lower one is rejected by the slope's
 # interval lying above the point half-way to it. That point also absorbs the pre-asymptotic part of a
@@ -24,8 +24,11 @@ from sepv.verification._sequential import Assess, Assessment, is_tilted, judge
 MARGIN = 0.25
 
 
-def assessing(claimed: float | None, tilted: bool) -> Assess:
-    """Whether the slopes lie above the order less the margin; tilted samples carry weights and have no quantile."""
+def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
+    """Whether the slopes lie above the order less the margin; tilted samples carry weights and have no quantile.
+
+    `hold` is the level of the interval by which the order holds, where that is more than alpha.
+    """
 
     def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
         kind = column(problem)
@@ -35,6 +38,8 @@ def assessing(claimed: float | None, tilted: bool) -> Assess:
         if kept.sum() < 2:
             return at_the_floor(errors, order)
         value, low, high = mean_square_order(errors, alpha, more=more, weighted=tilted)
+        if hold > alpha:
+            low = mean_square_order(errors, hold, more=more, weighted=tilted)[1]
         verdict = Verdict.HOLDS if low > bound else Verdict.VIOLATED if high < bound else Verdict.INCONCLUSIVE
         text = f"{value:.3g} in [{low:.3g}, {high:.3g}]"
         return Assessment(
@@ -69,7 +74,9 @@ def at_the_floor(errors: StrongErrors, order: float) -> Assessment:
 
 def run(law: Law, scheme: Scheme, own: Run) -> Finding:
     """The slope against the claimed order; where none is claimed against 1, or ½ for noises that do not commute."""
-    return judge(law, scheme, own, assessing(scheme.mean_square_order, is_tilted(scheme)))
+    return judge(
+        law, scheme, own, assessing(scheme.mean_square_order, is_tilted(scheme), hold_level(scheme, own))
+    )
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
@@ -83,8 +90,9 @@ law = Law(
     source="Thm 3.3, 3.4",
     unit="slope",
     cost=0.3,
-    # 215 000 of a batch; 129 000 of single states where the first look suffices (`_sequential.SINGLE`), else more.
-    steps=166000,
+    steps=215000,
+    # Where the early look suffices, as it does for nine of ten seeds; a second one takes 43,008.
+    spared=8064,
     run=pathwise(run),
     replay=replay,
 )

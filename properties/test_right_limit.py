@@ -21,13 +21,13 @@ from sepv.errors import Skipped
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
-from sepv.verification._law import pathwise
+from sepv.verification._law import pathwise, sparing
 from sepv.verification._orders.convergence import StrongErrors, above_floor, floors, mean_square_order
 from sepv.verification._orders.means import leading, limit_errors
 from sepv.verification._sequential import Assess, Assessment, is_tilted, judge
 
-# A noise or a drift of the limit that is wrong by this much must not hold.
-RESOLUTION = 0.01
+# A noise or a drift of the limit that is wrong by this much must not hold; by twice as much where steps are spared.
+RESOLUTION, SPARED = 0.01, 0.02
 # Smaller shares than this accuse nobody: powers of h that the extrapolation leaves out could make them.
 LEAST = 0.001
 # The rms error falls like h^½ at least, or not at all where the limit is another: half-way.
@@ -36,7 +36,7 @@ FALL = 0.25
 HIDDEN = 4.0
 
 
-def assessing(tilted: bool, orders: tuple[float, ...] = (1.0,)) -> Assess:
+def assessing(tilted: bool, orders: tuple[float, ...] = (1.0,), resolution: float = RESOLUTION) -> Assess:
     """The shares, with half of alpha, and the fall of the error with the other half.
 
     Means of a scheme of weak order 1 or more have an expansion in whole powers of h. One of less may have h^½
@@ -56,7 +56,7 @@ def assessing(tilted: bool, orders: tuple[float, ...] = (1.0,)) -> Assess:
     ) -> Assessment:
         if not above_floor(errors).any():
             text = "errors at the rounding floor at every step size"
-            return Assessment(Verdict.HOLDS, 0.0, 0.0, 0.0, RESOLUTION, text)
+            return Assessment(Verdict.HOLDS, 0.0, 0.0, 0.0, resolution, text)
         names, samples, sizes = limit_errors(errors, problem)
         if not names:
             raise Skipped(f"{problem.name} stands still at its initial state")
@@ -83,15 +83,15 @@ def assessing(tilted: bool, orders: tuple[float, ...] = (1.0,)) -> Assess:
         )
         text = f"limit off by: {text},"
         judged = [n for n, name in enumerate(names) if name in ("drift", "noise")]
-        for n in [n for n in judged if hidden[n] > 1 or rounding[n] > RESOLUTION]:
+        for n in [n for n in judged if hidden[n] > 1 or rounding[n] > resolution]:
             text += f" the {names[n]} moves y by {sizes[n] / np.max(sizes):.1e} of all,"
-        # The worst beside what it may be, in units of RESOLUTION.
-        worst = max(float(most[n] / hidden[n]) if rounding[n] <= RESOLUTION else 0.0 for n in judged)
+        # The worst beside what it may be, in units of resolution.
+        worst = max(float(most[n] / hidden[n]) if rounding[n] <= resolution else 0.0 for n in judged)
         if stays:
             text = f"the error does not fall; {text}"
-            return Assessment(Verdict.VIOLATED, worst, worst, worst, RESOLUTION, text)
-        verdict = Verdict.HOLDS if falls and worst < RESOLUTION else Verdict.INCONCLUSIVE
-        return Assessment(verdict, worst, float(np.max(sure)), worst, RESOLUTION, text)
+            return Assessment(Verdict.VIOLATED, worst, worst, worst, resolution, text)
+        verdict = Verdict.HOLDS if falls and worst < resolution else Verdict.INCONCLUSIVE
+        return Assessment(verdict, worst, float(np.max(sure)), worst, resolution, text)
 
     return assess
 
@@ -111,7 +111,9 @@ def mean_orders(scheme: Scheme) -> tuple[float, ...]:
 
 def run(law: Law, scheme: Scheme, own: Run) -> Finding:
     """The extrapolated shares on every problem."""
-    return judge(law, scheme, own, assessing(is_tilted(scheme), mean_orders(scheme)), at_least=False)
+    resolution = SPARED if sparing(scheme, own.effort) else RESOLUTION
+    assess = assessing(is_tilted(scheme), mean_orders(scheme), resolution)
+    return judge(law, scheme, own, assess, at_least=False)
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:

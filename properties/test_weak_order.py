@@ -34,7 +34,7 @@ from sepv.verification._orders import local_orders
 from sepv.verification._orders.convergence import StrongErrors, above_floor, mean_square_order
 from sepv.verification._orders.means import Coefficient, decay, leading, moment_errors
 from sepv.verification._orders.weak_trees import ENOUGH, tree_errors
-from sepv.verification._sequential import Assess, Assessment, is_tilted, judge
+from sepv.verification._sequential import Assess, Assessment, hold_level, is_tilted, judge
 
 # Weak orders are integers (the expansion is in powers of h): half-way to the next lower one.
 MARGIN = 0.5
@@ -48,8 +48,8 @@ STRONG_MARGIN = 0.25
 LEAST = 1 / 32
 
 
-def assessing(claimed: float | None, tilted: bool) -> Assess:
-    """The three statements, a third of alpha each."""
+def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
+    """The three statements, a third of alpha each; an rms error whose order is sure at the level `hold` will do."""
 
     def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
         order = order_of(claimed, column(problem))
@@ -65,7 +65,7 @@ def assessing(claimed: float | None, tilted: bool) -> Assess:
         remains = bool(np.any(np.abs(lower.value) - lower.half(alpha / 3, more) > least))
         strong = -math.inf
         if above_floor(errors).sum() >= 2:
-            strong = mean_square_order(errors, alpha / 3, more=more, weighted=tilted)[1]
+            strong = mean_square_order(errors, max(alpha / 3, hold), more=more, weighted=tilted)[1]
         text = f"means fall with order {value:.3g} in [{low:.3g}, {high:.3g}]"
         if strong > order - STRONG_MARGIN and not remains:
             text += f", the rms error with {strong:.3g} at least,"
@@ -100,7 +100,7 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
             lambda _, order: order - MARGIN,
             1.0, tree_errors, ENOUGH,
         )  # fmt: skip
-    return judge(law, scheme, own, assessing(scheme.weak_order, is_tilted(scheme)))
+    return judge(law, scheme, own, assessing(scheme.weak_order, is_tilted(scheme), hold_level(scheme, own)))
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:

@@ -127,7 +127,8 @@ class Effort:
     designs : int
         How often a law visits its design, each time with other content in the same strata.
     paths : int
-        Largest number of paths of a statistical law.
+        Largest number of paths of a statistical law. More than the default also lifts what is spared of a scheme that
+        takes one state at a time.
     seed : int
         Of examples and paths: the same seed gives the same run.
     shrink_checks : int
@@ -152,6 +153,11 @@ class Effort:
     def deeper(self) -> Effort:
         """The nightly effort."""
         return replace(self, examples=1000, designs=20, paths=16384, shrink_checks=5000)
+
+
+def sparing(scheme: Scheme, effort: Effort) -> bool:
+    """Whether few steps are asked: of a scheme that takes one state at a time, unless more paths are asked for."""
+    return not scheme.batched and effort.paths <= Effort.paths
 
 
 @dataclass(frozen=True)
@@ -191,6 +197,8 @@ class Law:
         States of given problems that (2.1) is asked to step by it, for the same end.
     cases : sepv.verification.Cases or None
         Of a law about single steps: what it asks about.
+    spared : int
+        The same where a scheme takes one state at a time, if that is less.
     """
 
     name: str
@@ -203,6 +211,7 @@ class Law:
     cost: float = 1.0
     steps: int = 0
     cases: Cases | None = None
+    spared: int = 0
 
     def claimed_by(self, scheme: Scheme) -> bool:
         """Whether the scheme says that it obeys this law."""

@@ -142,6 +142,13 @@ class Course:
         self.left = {name: left for name, left in self.left.items() if name != law.name}
         self.began = others
 
+    def steps(self, law: Law) -> int:
+        """The states that it steps: fewer of a scheme without batches, about which "reproducibility" says nothing."""
+        alone = any(
+            law.name == "reproducibility" and f.verdict is Verdict.NOT_APPLICABLE for law, f in self.found
+        )
+        return law.spared if alone and law.spared else law.steps
+
     def rates(self) -> tuple[float, float]:
         """(pace, seconds a step); a law that is not about the scheme took no time and says nothing."""
         told = [(law, f) for law, f in self.found if f.checks or f.verdict is not Verdict.NOT_APPLICABLE]
@@ -152,9 +159,8 @@ class Course:
         paces = [(1.0, 0.5), *((max(0.0, f.seconds - step * w.steps) / w.cost, w.cost) for w, f in few)]
         pace = _weighted_median(paces)
         if many:
-            own = sum(max(0.0, f.seconds - pace * law.cost) for law, f in many) / sum(
-                w.steps for w, _ in many
-            )
+            spent = sum(max(0.0, f.seconds - pace * law.cost) for law, f in many)
+            own = spent / sum(self.steps(w) for w, _ in many)
             # Of a scheme that takes batches these are mostly calls.
             step = min(step, own) if timed else own
         return pace, step
@@ -162,7 +168,7 @@ class Course:
     def whole(self) -> dict[str, float]:
         """The seconds expected of each law that is not done, from its beginning."""
         pace, step = self.rates()
-        return {name: pace * law.cost + step * law.steps for name, law in self.left.items()}
+        return {name: pace * law.cost + step * self.steps(law) for name, law in self.left.items()}
 
     def late(self) -> dict[str, tuple[float, float]]:
         """(seconds so far, seconds expected) of the laws that run for more than twice as long as expected, and LATE."""

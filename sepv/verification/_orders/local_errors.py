@@ -55,11 +55,17 @@ from sepv.verification._units import units_for
 LEVELS = 10
 
 
-def five_noises() -> Problem:
+def five_noises(c: tuple[float, ...] = (0.5, 0.25, 0.375, 0.75, 0.3125)) -> Problem:
     """Quartic H, the Casimir |y|² and a factor that is not constant, in dimension three, with five different c_j."""
     H = poly.add(poly.squares((1.0, 2.0, 0.5)), poly.polynomial(3, {(2, 2, 0): 0.25, (0, 1, 3): 0.125}))
-    g, c = poly.polynomial(3, {(0, 0, 0): 1.0, (1, 0, 0): 0.25}), (0.5, 0.25, 0.375, 0.75, 0.3125)
+    g = poly.polynomial(3, {(0, 0, 0): 1.0, (1, 0, 0): 0.25})
     return started(problems.nambu_system(H, g, poly.squares((1, 1, 1)), c), "quartic-top", (0.75, -0.5, 0.5))
+
+
+@lru_cache(maxsize=1)
+def two_noises() -> Problem:
+    """The same with two: one problem for what is sampled of a scheme that takes one state at a time."""
+    return five_noises((0.75, 0.5))
 
 
 CASES: dict[Systems, tuple[Callable[[], Problem], ...]] = {
