@@ -1,1 +1,1 @@
-"""The laws, one theorem a file: each has a `law`, and a test that any runner can call with a scheme."""
+"""The laws, one theorem a file: each file has a `law`, and a test that any runner can call with a scheme."""

@@ -1,4 +1,4 @@
-"""H and any Casimir, in dimension three: B(y)v = g(y)(v × ∇C(y)) keeps C, and so may a scheme, quadratic C or not.
+"""H and any Casimir in dimension three: B(y)v = g(y)(v × ∇C(y)) keeps C, quadratic or not, and so may a scheme.
 
 Cohen and Dujardin (2014), §5, leave the preservation of other invariants open; (2.1) keeps quadratic Casimirs only.
 """
@@ -28,8 +28,8 @@ def slope(problem: Problem, *states: np.ndarray) -> np.ndarray:
 def check(scheme: Scheme, case: Case) -> Measurement:
     """C(y1) − C(y0), C evaluated at the binary64 states in extended precision.
 
-    C(y1) − C(y0) = ∇̄Cᵀ(y1 − y0) = ∇̄Cᵀr for a step that leaves the residual r, which now has ∇̄C among its factors: its
-    sums of terms of degree ≤ 4 double the operations of (2.1).
+    C(y1) − C(y0) = ∇̄Cᵀ(y1 − y0) = ∇̄Cᵀr for a step with residual r. ∇̄C is now among the factors of r: its sums of
+    terms of degree ≤ 4 double the operations of (2.1).
     """
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)

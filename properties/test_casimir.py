@@ -1,4 +1,4 @@
-"""Proposition 3.2: quadratic Casimirs yᵀAy are kept, and linear ones bᵀy."""
+"""Proposition 3.2: quadratic Casimirs yᵀAy and linear ones bᵀy are kept."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from sepv.verification._tolerance import casimir_ulp
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """The worst Casimir of the case, evaluated at the binary64 states in extended precision."""
+    """The largest defect of a Casimir of the case, evaluated at the binary64 states in extended precision."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     exact = exact_problem(case.problem, 40)

@@ -1,10 +1,9 @@
 """Several structures (§1): mean-square order 1 where the fields of the noises commute, ½ where they do not.
 
-A scheme that sees increments only cannot be better: the iterated integrals ∫W_i∘dW_j that it does not see are of the
-order of h, and are multiplied by the commutators of the fields G_j∇H. Whether the drift commutes with the noises does
-not matter: ∫W∘dt is of the order of h^(3/2). The law finds the orders in all of these cases. Where all flows commute
-the exact solution is known in closed form; where they do not, another method with finer steps serves, Heun's, whose own
-error is shown.
+A scheme that sees only increments cannot be better: it misses the iterated integrals ∫W_i∘dW_j, which are of the order
+of h and are multiplied by the commutators of the fields G_j∇H. Commutators of drift and noises do not matter: ∫W∘dt is
+of the order of h^(3/2). The law finds the orders in all of these cases. Where all flows commute, the exact solution has
+a closed form; elsewhere the reference is Heun's method with finer steps, whose own error is shown.
 """
 
 from __future__ import annotations
@@ -19,9 +18,9 @@ from sepv.verification._orders.convergence import StrongErrors, mean_square_orde
 from sepv.verification._sequential import Assessment, Setup, judge
 
 T, STEPS = 0.5, (4, 16, 64)
-# Half-way to the neighbouring multiples of ½.
+# Half the distance to the neighbouring multiples of ½.
 MARGIN = 0.25
-# The order of each problem, and whether a scheme that sees increments only can have no higher one.
+# The order of each problem, and True if no scheme that sees only increments has a higher one.
 EXPECTED = {
     "commuting-rotations": (1.0, False),
     "commuting-oscillators": (1.0, False),
@@ -32,7 +31,7 @@ SETUPS = tuple(Setup(name, T, STEPS) for name in EXPECTED)
 
 
 def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
-    """Whether the order is the one of the problem."""
+    """Compare the measured order with that of the problem."""
     order, at_most = EXPECTED[problem.name]
     value, low, high = mean_square_order(errors, alpha, more=more)
     verdict = Verdict.INCONCLUSIVE
@@ -50,14 +49,14 @@ def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) ->
 
 
 def run(law: Law, scheme: Scheme, own: Run) -> Finding:
-    """The slopes on commuting families, on noises that commute with a drift that does not, and on none that do."""
+    """Slopes on commuting families, on commuting noises with another drift, and on noises that do not commute."""
     if scheme.systems != Systems.SEVERAL:
         return law.finding(Verdict.NOT_APPLICABLE, message="the scheme is not for several structures")
     return judge(law, scheme, own, assess, at_least=False, setups=SETUPS)
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
-    """The same paths again."""
+    """Run the same paths again."""
     return run(law, scheme, Run(Effort(seed=int(witness["seed"]), paths=int(witness["paths"]))))
 
 

@@ -1,8 +1,8 @@
-"""The contract of ``step``: pure, deterministic, keeps shape and dtype, changes nothing in place.
+"""The contract of ``step``: it is pure and deterministic, keeps shape and dtype, and changes nothing in place.
 
-Each case is asked about a few times. At the end one question, the simplest that was measured, is asked TIMES times in
-a row, which no other law does: an error in each thousandth call would move the paths of the sampled laws by too little
-to be seen, and the laws about steps make a few hundred calls each.
+Each case is stepped a few times. At the end the simplest measured case is stepped TIMES times in a row, which no other
+law does: an error in each thousandth call would move the paths of the sampled laws too little to be seen, and the
+laws about steps make a few hundred calls each.
 """
 
 from __future__ import annotations
@@ -27,34 +27,34 @@ from sepv.verification._cases.case import to_json, to_token
 from sepv.verification._cases.users_problems import may_ask
 from sepv.verification._search import Check
 
-# Of states that are asked about together. More than one, and few: what larger ones do is for "reproducibility".
+# States in a batch: more than one, and few, because the law "reproducibility" has larger batches.
 BATCH = 3
-# As a share of the answer: states nearer to each other may have one answer by rounding.
+# The least distance of states, as a share of the result: closer ones may have one result by rounding.
 APART = 2.0**-20
-# How often the last question is asked: a fault that comes back within so many calls is met for certain. A quarter of a
-# second of (2.1); a step of 200 µs for one state makes a hundred times as many calls in the sampled laws.
+# Calls for the last case: a fault with a shorter period is met for certain. They take a quarter of a second of (2.1).
+# For a step of 200 µs a state, the sampled laws make a hundred times as many calls.
 TIMES = 1024
-# Of two records in turn, until the second is where the first was; and where nothing was remembered before.
+# Records built in turn until one has the address of its predecessor; and until an address is new.
 ADDRESSES, FRESH = 16, 64
-# A step of more than 30 ms is asked as often as fits in so many seconds.
+# A step of more than 30 ms is repeated only as often as fits in this many seconds.
 MOST_SECONDS = 30.0
-# How a step is timed: a share of the last question, as an iteration takes longer for a long step, for so many seconds
-# or calls; and of a scheme that takes batches, a state among as many others.
+# Timing of a step: a share of the last case, because long steps take more iterations; for this many seconds or calls;
+# and for a scheme that takes batches, as one state of this many.
 SHORT, TIMING, MANY = 0.125, 0.25, 256
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """One state, and where the scheme takes batches a small one too: what is kept for a state may be broken there."""
+    """Step one state, and a small batch where the scheme takes batches: some errors show only there."""
     if case.times:
         _repeats(scheme, case)
         return Measurement(0.0, 0.0)
     problem, y, h, dW = case.build()
     first = _keeps(scheme, problem, y, h, dW, (0.75, 0.5))
-    # A third of the cases, for time.
+    # Only a third of the cases, for time.
     if np.any(problem.c * dW) and case.given == "bare functions":
         _forgets_problems(scheme, problem, y, h, dW, first)
     if scheme.batched:
-        # Nearer to 0 and with less noise than the state itself, so that they can be solved too.
+        # Nearer to 0 and with less noise than the state itself, so that these steps have solutions too.
         factors = 1 - np.arange(BATCH) / 128
         states = y[:, None] * factors
         if not may_ask(scheme, problem, states):
@@ -64,7 +64,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def _repeats(scheme: Scheme, case: Case) -> None:
-    """One question asked again and again: the same bits each time.
+    """Repeat one step and compare the bits.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def _repeats(scheme: Scheme, case: Case) -> None:
 def _keeps(
     scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, between: Sequence[float]
 ) -> Array:
-    """Ask again and again, with questions about so many times y in between; compare bits, arguments, surroundings.
+    """Repeat a step with others of these multiples of y in between; compare bits, arguments and global state.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def _keeps(
         )
     answer = check_answer(raw, y)
     first = answer.copy()
-    # What was at rest moves a little in between: a step that starts from its last answer is then seen.
+    # Zero components move a little in between, which shows a step that starts from its last result.
     moved = np.where(y == 0, np.max(np.abs(y)) / 64, y)
     for factor in between:
         if may_ask(scheme, problem, factor * moved):
@@ -141,10 +141,10 @@ def _keeps(
 
 
 def _tells_apart(y: Array, other: Array, answer: Array, to_other: Array) -> None:
-    """Not one answer for two states: what is remembered by h and dW alone is the same however often it is asked.
+    """Check that two states have two results: a memory by h and dW alone passes every repetition.
 
-    Inside the radius where the equation is a contraction with factor κ a step leaves two states apart by at least
-    (1 − κ)/(1 + κ) of their distance. Where a state may be lost in the rounding of the answer nothing is said.
+    Inside the radius where the equation is a contraction with factor κ, a step leaves two states apart by at least
+    (1 − κ)/(1 + κ) of their distance. Distances that the rounding of the result may hide are not judged.
 
     Raises
     ------
@@ -161,12 +161,12 @@ def _tells_apart(y: Array, other: Array, answer: Array, to_other: Array) -> None
 
 
 def _forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, first: Array) -> None:
-    """The same problem in a new record, at the address where one with half the noise has just been.
+    """Step the same problem in a new record, at the address where one with half the noise has just been.
 
-    Python mostly gives the memory of a record that is gone to the next one of its size, so that what was remembered by
-    `id` is the wrong problem's. Where it does not, other addresses are tried.
+    Python mostly gives a freed record's memory to the next one of its size. A memory by `id` then returns the wrong
+    problem's result. Where the address differs, other addresses are tried.
     """
-    if np.array_equal(first, y):  # at rest: half the noise is as good
+    if np.array_equal(first, y):  # a rest point: half the noise gives the same
         return
     whole, missed = shown(problem), 0
     elsewhere: list[Problem] = []
@@ -182,7 +182,7 @@ def _forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: 
                 received=f"{answer.tolist()} from an equal record, {first.tolist()} before",
                 remedy="remember nothing of a problem by its id or name: another may have it later",
             )
-        # Where the whole noise was remembered before, half of it has its answer, and nothing is seen.
+        # If the memory already held the whole noise, half the noise gets its result, and this comparison is blind.
         if id(twin) == address and not np.array_equal(first, to_half):
             return
         missed += id(twin) != address
@@ -190,9 +190,9 @@ def _forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: 
 
 
 def _watched(scheme: Scheme, handling: dict[str, str]) -> Scheme:
-    """The scheme where errors of floating point warn; `handling` is what they do when it is done.
+    """Make floating-point errors warn inside the scheme; `handling` receives the error handling that it leaves.
 
-    `sepv.schemes._guard` restores the error handling of the process after each call, whatever a scheme has made of it.
+    `sepv.schemes._guard` restores the error handling of the process after each call, whatever the scheme set.
     """
 
     def step(problem: Problem, y: Array, h: float, dW: Array, *further: Array) -> Array:
@@ -206,7 +206,7 @@ def _watched(scheme: Scheme, handling: dict[str, str]) -> Scheme:
 
 
 def _surroundings() -> dict[str, Any]:
-    """What a step of others would notice: global random numbers."""
+    """The global state that a step may disturb for others: NumPy's and Python's random numbers."""
     kind, keys, *rest = np.random.get_state(legacy=True)  # noqa: NPY002  (the global generator is the point)
     return {
         "NumPy's global random numbers": (kind, keys.tobytes(), *rest),  # type: ignore[union-attr]  # legacy tuple
@@ -229,7 +229,7 @@ def _searched(check: Check) -> Law:
 
 
 def _simplest(scheme: Scheme, cases: Sequence[Case]) -> Case:
-    """The case that is fittest to be asked often: it moves, forward, quickly, and is short to describe."""
+    """The best case to repeat often: it moves forward, is fast, and has a short description."""
     ordered = sorted(
         cases, key=lambda c: (c.h < 0, isinstance(c.problem, PolynomialSystem), len(c.describe()))
     )
@@ -242,9 +242,9 @@ def _moves(scheme: Scheme, case: Case) -> bool:
 
 
 def _step_seconds(scheme: Scheme, case: Case) -> float | None:
-    """What a state takes in a step as short as those of paths; of a scheme that takes batches, one among MANY.
+    """Seconds a state in a step as short as those of paths; for a scheme that takes batches, as one state of MANY.
 
-    None where the scheme does not take it.
+    None where the scheme refuses the step.
     """
     problem, y, h, dW = case.build()
     h, dW = SHORT * h, SHORT * dW
@@ -252,7 +252,7 @@ def _step_seconds(scheme: Scheme, case: Case) -> float | None:
         y, dW = (np.repeat(a[:, None], MANY, axis=1) for a in (y, dW))
     calls = 0
     with suppress(SepvError):
-        ask(scheme, problem, y, h, dW)  # may compile
+        ask(scheme, problem, y, h, dW)  # this call may compile
         start = time.monotonic()
         while calls < MANY and time.monotonic() < start + TIMING:
             ask(scheme, problem, y, h, dW)
@@ -262,9 +262,9 @@ def _step_seconds(scheme: Scheme, case: Case) -> float | None:
 
 
 def run(law: Law, scheme: Scheme, own: Run) -> Finding:
-    """The search; where it finds nothing, the simplest case that it measured is asked about TIMES times, if none was.
+    """Search; if nothing is found, repeat the simplest measured case TIMES times.
 
-    A witness of the corpus asks so too, of a problem by name.
+    A corpus witness with a problem given by name is repeated too.
     """
     measured: list[Case] = []
 

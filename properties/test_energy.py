@@ -27,10 +27,10 @@ STEPS = 3
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """The worst of a few steps, H evaluated at the binary64 states in extended precision.
+    """The largest defect of H over a few steps, evaluated at the binary64 states in extended precision.
 
     The bound follows from the residual alone and needs no contraction. So there are steps beyond the radius too
-    (`sepv.verification._cases.fixed_cases.long_steps`, and what they were shrunk to), which a scheme may refuse.
+    (`sepv.verification._cases.fixed_cases.long_steps`, and their shrunk forms), which a scheme may refuse.
     """
     problem, y, h, dW = case.build()
     exact = exact_problem(case.problem, 40)
@@ -39,7 +39,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         try:
             y1 = ask(scheme, problem, y, h, dW)
         except StepFailure:
-            if n and may_be_refused(case):  # the first one is left to the search, which counts it as skipped
+            if n and may_be_refused(case):  # the search handles the first step and counts it as skipped
                 break
             raise
         before, after = exact.hamiltonian(exact.state(y)), exact.hamiltonian(exact.state(y1))
@@ -57,7 +57,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         if n + 1 == STEPS:
             break
         length = abs(h) + float(abs(problem.c * dW).sum())
-        # Beyond the contraction radius of the state reached a next step need not exist.
+        # Beyond the contraction radius of the reached state, the next step need not exist.
         if isinstance(case.problem, PolynomialSystem) and contraction_radius(problem, y) < length:
             break
     return worst

@@ -2,7 +2,7 @@
 
 L is the generator. Where LH_0 = σ everywhere, d/dt E[H_0] = σ for the exact solution, over any time: additive noise
 along which H_0 is quadratic, σ = ½ Σ c_j² f_jᵀH_0″f_j (D. Cohen and G. Vilmart, Int. J. Comput. Math. 99, 2022). The
-expectation is by quadrature over what the step sees; nothing is sampled.
+expectation is by quadrature over the increments; nothing is sampled.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from sepv.verification._tolerance import operations
 
 
 def steady(case: Case) -> Case | None:
-    """The step of a system whose E[H_0] changes at a constant rate: h + 4√h Σ c_j inside the contraction radius."""
+    """Shorten the step of a system with constant drift of E[H_0] to h + 4√h Σ c_j inside the contraction radius."""
     data = case.problem
     if isinstance(data, GivenProblem) and isinstance(data.problem.data, PolynomialSystem):
         data = data.problem.data
@@ -50,9 +50,9 @@ def steady(case: Case) -> Case | None:
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """|E[H_0(y1)] − H_0(y0) − hσ|. The bound: that of energy at each node, H_0's own rounding, the quadrature's error.
+    """|E[H_0(y1)] − H_0(y0) − hσ|, against the sum of energy's bound at each node, H_0's rounding and the quadrature's.
 
-    A second rule with a node less in each variable says what the quadrature may err by: nothing, where H_0(y1) is a
+    The quadrature's error is estimated by a rule with one node less in each variable. It is zero where H_0(y1) is a
     polynomial of the noise, as for schemes that obey this law. h > 0.
     """
     problem, y, h, _ = case.build()
@@ -77,7 +77,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def _mean(scheme: Scheme, problem: Problem, y: Array, h: float, fewer: int) -> tuple[float, float]:
-    """E[H_0(y1)], and what rounding may change in it."""
+    """E[H_0(y1)], and a bound of its rounding error."""
     nodes = rule_for(scheme, problem, h, 4, fewer)
     noise = np.sqrt(h) * nodes.zeta
     states = np.repeat(y[:, None], noise.shape[1], axis=1)
@@ -93,7 +93,7 @@ def _mean(scheme: Scheme, problem: Problem, y: Array, h: float, fewer: int) -> t
 
 
 def _size(problem: Problem, y: Array) -> Array:
-    """Σ |terms| of H_0, to which its rounding is relative."""
+    """Σ |terms| of H_0, the scale of its rounding."""
     assert isinstance(problem.hamiltonian, PolynomialMap)
     return problem.hamiltonian.majorant(y)
 

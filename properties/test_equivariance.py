@@ -19,7 +19,7 @@ from sepv.verification._tolerance import correction_rounding
 def transformations(y: Array) -> list[tuple[str, Array, Array, Array]]:
     """(name, P, P⁻¹, b), dyadic: a reversal of the axes with a sign, a scaling, a shear, translations.
 
-    Translations are of the size of y: by more, the system in the new variables would be large terms that cancel.
+    Translations are of the size of y: longer ones make H in the new variables a sum of large terms that cancel.
     """
     d, size = len(y), float(np.max(np.abs(y)))
     reversal = np.eye(d)[::-1].copy()
@@ -57,7 +57,7 @@ def inverse_map(rows: Array, b: Array) -> list[Polynomial]:
 
 
 def substitute(p: Polynomial, forms: list[Polynomial]) -> Polynomial:
-    """p of the forms; exact for small dyadic coefficients, else rounded as by an evaluation more."""
+    """The polynomial p of the forms; exact for small dyadic coefficients, else rounded as by one more evaluation."""
     products = [poly.polynomial(p.dimension, {})]
     for exponents, coefficient in p.terms:
         term = poly.constant(p.dimension, coefficient)
@@ -69,11 +69,11 @@ def substitute(p: Polynomial, forms: list[Polynomial]) -> Polynomial:
 
 
 def transformed(system: PolynomialSystem, P: Array, inverse: Array, b: Array) -> PolynomialSystem:
-    """The system of z = Py + b: H(P⁻¹(z − b)) and P B(P⁻¹(z − b)) Pᵀ."""
+    """The system in z = Py + b: H(P⁻¹(z − b)) and P B(P⁻¹(z − b)) Pᵀ."""
     d, forms = system.dimension, inverse_map(inverse, b)
     H = substitute(system.hamiltonian, forms)
     if system.nambu is not None:
-        # P hat(c) Pᵀ = det(P) hat(P⁻ᵀc): the factor takes the determinant, and C goes with H.
+        # P hat(c) Pᵀ = det(P) hat(P⁻ᵀc): the determinant multiplies the factor g, and C is transformed like H.
         g, C = (substitute(p, forms) for p in system.nambu)
         return nambu_system(H, poly.scale(float(round(np.linalg.det(P))), g), C, system.noise)
     B, *G = (_congruent(d, part, P, forms) for part in (system.structure, *system.noise_structures))
@@ -84,7 +84,7 @@ def transformed(system: PolynomialSystem, P: Array, inverse: Array, b: Array) ->
 def _congruent(
     d: int, structure: tuple[tuple[int, int, Polynomial], ...], P: Array, forms: list[Polynomial]
 ) -> tuple[tuple[int, int, Polynomial], ...]:
-    """P B Pᵀ above the diagonal, for B of the forms."""
+    """P B Pᵀ above the diagonal, for B in terms of the forms."""
     old = [(i, j, substitute(entry, forms)) for i, j, entry in structure]
     rows = P.tolist()
     entries = []
@@ -99,12 +99,12 @@ def _congruent(
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """|Φ_z(Py + b) − PΦ_y(y) − b| for the step shortened to where all of them are contractions with the factor κ.
+    """|Φ_z(Py + b) − PΦ_y(y) − b| for a step short enough that all of them are contractions with factor κ.
 
     Both steps have a residual r at rounding, which is an error of at most r/(1 − κ) in the largest component; |P|_∞
-    carries that of y1 over. Py + b is rounded at both ends, twice in each component at most: what that does at the
-    start is carried on by ‖∂z1/∂z0‖ ≤ (1 + κ)/(1 − κ). A scheme that claims *random-step* has no Itô correction; of any
-    other its rounding is added, since Hamiltonians in moved coordinates have terms that cancel.
+    multiplies that of y1. Py + b is rounded at both ends, at most twice in each component; ‖∂z1/∂z0‖ ≤ (1 + κ)/(1 −
+    κ) carries the rounding at the start to the end. A scheme that claims *random-step* has no Itô correction; for any
+    other the correction's rounding is added, since Hamiltonians in moved coordinates have terms that cancel.
     """
     problem, y, h, dW = case.build()
     assert isinstance(case.problem, PolynomialSystem)

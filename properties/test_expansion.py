@@ -1,10 +1,10 @@
 """Lemma 3.2: y1 − y0 = aΔ + bΔ² + O(Δ³) with a = f and b = f′f/2, f = B∇H.
 
 A scheme of mean-square order p > 1 agrees with the flow up to Δ^2p, so that the local error is O(h^{p+1}) in the mean
-and O(h^{p+1/2}) in the root mean square: of it the coefficients of Δ³ … Δ^2p are measured too, up to Δ⁸.
+and O(h^{p+1/2}) in the root mean square. So the coefficients of Δ³ … Δ^2p are measured too, up to Δ⁸.
 
-Rounding would drown b if y0 had size 1: y1 is then known to eps only, and b to eps/Δ². Here y0 = 0, so that
-y1 itself is the increment and is known to relative precision: b then to eps/Δ. The polynomial systems
+Rounding would drown b if y0 had size 1: y1 is then known to eps only, and b to eps/Δ². Here y0 = 0, so
+y1 itself is the increment, with relative precision eps, and b is known to eps/Δ. The polynomial systems
 have all the terms that f(0) and f′(0) need.
 """
 
@@ -27,8 +27,8 @@ from sepv.verification import Case, Cases, Effort, Measurement, require, searche
 from sepv.verification._cases.random_cases import ORIGIN_SHARE
 from sepv.verification._contraction import contraction_ball
 
-# For the coefficients beyond b: nodes of the interpolation, and the largest coefficient looked at. From 24 values on
-# |Δ| ≤ ϱ/2 that of Δ⁸ is known to 2e-6 r/ϱ⁸; its natural size is 1e-7 to 1e-2 of that.
+# Nodes of the interpolation, and the last coefficient beyond b that is judged. With 24 or more nodes in |Δ| ≤ ϱ/2, the
+# coefficient of Δ⁸ is known to 2e-6 r/ϱ⁸; its natural size is 1e-7 to 1e-2 of that.
 NODES, LAST = 24, 8
 
 
@@ -51,7 +51,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         for sign in (1.0, -1.0):
             step = share * h
             noise = share * dW if sign > 0 else turned(problem, step, share * dW)
-            if several:  # no noise turns the drift around
+            if several:  # no noise reverses the drift
                 step, noise = sign * share * h, sign * share * dW
             y1 = ask(scheme, problem, y, step, noise)
             values[share, sign] = y1
@@ -59,7 +59,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
             rounding = max(rounding, float(residual.max()))
     x = delta / radius
     tail = x**4 / (1 - x * x)
-    # Without a scale of its own a system at rest is judged by r/ϱ, the largest field it may have.
+    # A system at rest has no scale of its own: its scale is r/ϱ, the largest field it may have.
     found = []
     for name, power, parity, expected in (
         ("a = f", 1, -1.0, vector_field(field, y)),
@@ -76,16 +76,16 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def turned(problem: Problem, h: float, dW: Array) -> Array:
-    """Increments that make −Δ with the same h: the first noise turns the drift around too."""
+    """Increments that give −Δ with the same h: the first noise reverses the drift too."""
     noise = -dW
     noise[0] -= 2 * h / problem.c[0]
     return noise
 
 
 def frozen(problem: Problem, h: float, dW: Array) -> tuple[Problem, float]:
-    """The system (1.1) that several structures are with the increments held fixed, and its Δ = |h| + Σ|c_j ΔW_j|.
+    """The system (1.1) that equals several structures for fixed increments, and its Δ = |h| + Σ|c_j ΔW_j|.
 
-    Several Hamiltonians are one with the structure B and the Hamiltonian (hH_0 + Σ c_j ΔW_j H_j)/Δ.
+    Several Hamiltonians become one system with the structure B and the Hamiltonian (hH_0 + Σ c_j ΔW_j H_j)/Δ.
     """
     parts = np.array([h, *(problem.c * dW)])
     length = float(np.abs(parts).sum())
@@ -121,7 +121,7 @@ def frozen(problem: Problem, h: float, dW: Array) -> tuple[Problem, float]:
 
 
 def higher_coefficients(scheme: Scheme, case: Case, radius: float, r: float) -> list[Measurement]:
-    """The coefficients of Δ³ … Δ^2p of a scheme that claims mean-square order p, against those of the flow.
+    """The coefficients of Δ³ … Δ^2p, compared with those of the flow, for a scheme that claims mean-square order p.
 
     The halved radius covers the Lebesgue constants of the stages (at most 1.7 for six). c_k is a combination
     Σ_j w_kj y1(Δ_j) of values at Chebyshev points, exact for polynomials without constant term: the rest of the
@@ -146,7 +146,7 @@ def higher_coefficients(scheme: Scheme, case: Case, radius: float, r: float) -> 
     exact = flow_series(case.problem, case.y, last)
     found = []
     for k in range(3, last + 1):
-        # Everything in units of r/ϱ^k.
+        # Values in units of r/ϱ^k.
         measured = weights[k - 1] @ np.array(values) / r
         expected = np.array([float(v) * radius**k for v in exact[k]]) / r
         bound = tails[k - 1] + np.abs(weights[k - 1]) @ np.array(rounding) / r + TINY
@@ -173,7 +173,7 @@ def interpolation() -> tuple[Array, Array, Array]:
 
 
 def admits(case: Case) -> bool:
-    """y0 = 0, a first noise of size one, and a step of the share of the radius that the bound is made for."""
+    """True for y0 = 0, a first noise of size one, and a step of the share of the radius that the bound is made for."""
     if not isinstance(case.problem, PolynomialSystem):
         return False
     problem, y, h, dW = case.build()

@@ -1,4 +1,4 @@
-"""Δ = 0 gives y1 = y0 exactly, and so does ∇H(y0) = 0: read off (2.1)."""
+"""Δ = 0 gives y1 = y0 exactly, and so does ∇H(y0) = 0: both follow from (2.1)."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ PENDULUM_AT_REST = Case(NamedProblem("pendulum", (("noise", (1.0, 0.5)),)), (0.0
 
 
 def unmoved(case: Case) -> Case:
-    """A point at rest: as it is. Else Δ = 0 exactly, whatever c_1 is: h = c_1 2^n and ΔW_1 = −2^n, or h = 0.
+    """Set Δ = 0 exactly for every c_1, by h = c_1 2^n and ΔW_1 = −2^n or by h = 0; a rest point stays unchanged.
 
-    With several structures or Hamiltonians no noise cancels h: all parts are zero there.
+    With several structures or Hamiltonians no noise cancels h: all increments and h are zero there.
     """
     problem, y, h, dW = case.build()
     c, others = problem.c, problem.noise_gradients if isinstance(problem, HamiltoniansProblem) else ()
@@ -35,7 +35,7 @@ def unmoved(case: Case) -> Case:
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Largest component of |y1 − y0|; nothing is allowed."""
+    """The largest component of |y1 − y0|; the bound is zero."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     moved = float(np.max(np.abs(y1 - y)))
@@ -51,7 +51,7 @@ law = searched(
     steps=74,
     cases=Cases(
         where={"state": ("anywhere", "∇H = 0")},
-        # Most faults are of Δ, and show neither at rest nor where h = 0 without noise.
+        # Most faults depend on Δ, and show neither at rest nor where h = 0 without noise.
         blind={"state": ("∇H = 0",), "m": ("0",)},
         adapt=unmoved,
         fixed={Systems.SINGLE: lambda: (PENDULUM_AT_REST,)},

@@ -12,7 +12,7 @@ from sepv.verification._orders.local_orders import judge, mean_slope, strong_ord
 
 
 def run(law: Law, scheme: Scheme, own: Run) -> Finding:
-    """The slope against the claimed order, or against order 1 where none is claimed."""
+    """Compare the slope with the claimed order, or with order 1 where none is claimed."""
     return judge(
         law,
         scheme,
@@ -26,7 +26,7 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
 
 
 def replay(law: Law, scheme: Scheme, _witness: dict[str, Any]) -> Finding:
-    """Nothing is drawn: it is the same again."""
+    """Run again; nothing is random here."""
     return run(law, scheme, Run())
 
 

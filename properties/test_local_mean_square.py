@@ -14,7 +14,7 @@ from sepv.verification._orders.local_orders import MARGIN, judge, strong_order
 
 
 def run(law: Law, scheme: Scheme, own: Run) -> Finding:
-    """The slope against the claimed order, or against order 1 where none is claimed."""
+    """Compare the slope with the claimed order, or with order 1 where none is claimed."""
     claimed = scheme.mean_square_order
 
     def needs(_: LocalErrors, order: float) -> float:
@@ -35,7 +35,7 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
 
 
 def replay(law: Law, scheme: Scheme, _witness: dict[str, Any]) -> Finding:
-    """Nothing is drawn: it is the same again."""
+    """Run again; nothing is random here."""
     return run(law, scheme, Run())
 
 

@@ -1,7 +1,8 @@
 """The weak error of one step is O(h^(q+1)) for a claimed weak order q, by quadrature over ΔW.
 
 Test functions are polynomials of degree 1, …, 2q + 1 in y − y0: G. N. Milstein, Numerical Integration of Stochastic
-Differential Equations (1995), §9."""
+Differential Equations (1995), §9.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +16,7 @@ from sepv.verification._orders.local_orders import judge, mean_slope
 
 
 def run(law: Law, scheme: Scheme, own: Run) -> Finding:
-    """The slope against the claimed order, or against order 1 where none is claimed."""
+    """Compare the slope with the claimed order, or with order 1 where none is claimed."""
     return judge(
         law,
         scheme,
@@ -29,7 +30,7 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
 
 
 def replay(law: Law, scheme: Scheme, _witness: dict[str, Any]) -> Finding:
-    """Nothing is drawn: it is the same again."""
+    """Run again; nothing is random here."""
     return run(law, scheme, Run())
 
 

@@ -1,7 +1,7 @@
 """Theorems 3.3 and 3.4: mean-square order, measured against the exact flow at the random time.
 
-`violated` takes two intervals that both lie below: that of the slope of the rms error, and that of the slope of a
-quantile of the error, which owes nothing to the tails (`sepv.verification._orders.convergence.mean_square_order`).
+`violated` needs two intervals below the order: that of the slope of the rms error, and that of the slope of a quantile
+of the error, which does not depend on the tails (`sepv.verification._orders.convergence.mean_square_order`).
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from sepv.verification._orders.convergence import StrongErrors, above_floor, flo
 from sepv.verification._orders.local_orders import unclaimed
 from sepv.verification._sequential import Assess, Assessment, hold_level, is_tilted, judge
 
-# Orders of one-step methods for (1.1) are multiples of ½: the next lower one is rejected by the slope's
-# interval lying above the point half-way to it. That point also absorbs the pre-asymptotic part of a
-# slope, which for the schemes of the paper at these step sizes is below 0.06.
+# Orders of one-step methods for (1.1) are multiples of ½. An interval of the slope above the middle between p and the
+# next lower order rejects that order. The middle also leaves room for the pre-asymptotic part of a slope, which for the
+# schemes of the paper at these step sizes is below 0.06.
 MARGIN = 0.25
 
 
 def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
-    """Whether the slopes lie above the order less the margin; tilted samples carry weights and have no quantile.
+    """Make the test that the slopes lie above the order less the margin; weighted samples have no quantile.
 
-    `hold` is the level of the interval by which the order holds, where that is more than alpha.
+    `hold` is the level of the interval that shows the order, if that is more than alpha.
     """
 
     def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
@@ -50,17 +50,17 @@ def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
 
 
 def order_above(low: float) -> float:
-    """The largest multiple of ½ of which `low`, the lower end of a slope's interval, lies above p − MARGIN; 0 for none.
+    """The largest multiple p of ½ with p − MARGIN below `low`, the lower end of a slope's interval; 0 if there is none.
 
-    The interval says so with the confidence of the run, whatever was claimed.
+    The interval proves it with the confidence of the run, for any claimed order.
     """
     return max(0.0, math.ceil(2 * (low + MARGIN) - 1) / 2) if math.isfinite(low) else 0.0
 
 
 def at_the_floor(errors: StrongErrors, order: float) -> Assessment:
-    """Errors at the rounding floor are bounded by C h^p with a tiny C: nothing is seen that contradicts the order.
+    """Judge errors at the rounding floor: a bound C h^p with tiny C holds, so nothing contradicts the order.
 
-    Where the coarsest step alone is above the floor, the others must lie below what the order predicts from it.
+    Where only the coarsest step is above the floor, the others must lie below the order's prediction from it.
     """
     kept, rms, floor, bound = above_floor(errors), errors.rms(), floors(errors), order - MARGIN
     if not kept.any():
@@ -73,14 +73,14 @@ def at_the_floor(errors: StrongErrors, order: float) -> Assessment:
 
 
 def run(law: Law, scheme: Scheme, own: Run) -> Finding:
-    """The slope against the claimed order; where none is claimed against 1, or ½ for noises that do not commute."""
+    """Compare the slope with the claimed order; without a claim with 1, or ½ for noises that do not commute."""
     return judge(
         law, scheme, own, assessing(scheme.mean_square_order, is_tilted(scheme), hold_level(scheme, own))
     )
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
-    """The same paths again."""
+    """Run the same paths again."""
     return run(law, scheme, Run(Effort(seed=int(witness["seed"]), paths=int(witness["paths"]))))
 
 
@@ -91,7 +91,7 @@ law = Law(
     unit="slope",
     cost=0.3,
     steps=215000,
-    # Where the early look suffices, as it does for nine of ten seeds; a second one takes 43,008.
+    # The early look suffices for nine of ten seeds; a second one takes 43,008.
     spared=8064,
     run=pathwise(run),
     replay=replay,

@@ -15,13 +15,13 @@ from sepv.verification._tolerance import DIGITS, state_error
 
 
 def quadratic(problem: Problem) -> bool:
-    """Whether H, and where a scheme may average it the gradient of a Casimir, is that at the midpoint."""
+    """True if H is quadratic, and the gradient of a Casimir that the scheme may average is that at the midpoint."""
     C = problem.nambu
     return problem.degree in (1, 2) and (C is None or (C.degree or 2) <= 2)
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Distance from the midpoint rule solved to 30 digits, or from the s-stage Gauss method."""
+    """The distance from the midpoint rule solved to 30 digits, or from the s-stage Gauss method."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     method = "midpoint" if scheme.stages == 1 else f"gauss-{scheme.stages}"

@@ -1,4 +1,4 @@
-"""§1 and (2.1): m noises act only through Σ c_j ΔW_j, so that one noise does as well, in any order."""
+"""§1 and (2.1): m noises act only through Σ c_j ΔW_j, so one noise can replace them, in any order."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from sepv.verification import Case, Cases, Effort, Measurement, require, searche
 from sepv.verification._amplification import amplification
 from sepv.verification._cases.case import with_noise
 
-# c_j, G_j or H_j, and ΔW_j.
+# The triple c_j, G_j or H_j, and ΔW_j.
 Noise = tuple[float, tuple[tuple[int, int, Polynomial], ...] | Polynomial, float]
 
 
 def several_noises(case: Case) -> Case | None:
-    """Two noises at least; a second one, half of the first, where there is one only: Δ stays as it is."""
+    """The case with at least two noises: a single one is halved into two, which keeps Δ."""
     problem = case.build()[0]
     c = tuple(float(v) for v in problem.c)
     if len(c) > 1 or is_several(problem):
@@ -33,12 +33,12 @@ def several_noises(case: Case) -> Case | None:
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """The step with all noises, with the noises reversed, and with their sum as one noise of c = 1.
+    """Compare the steps with all noises, with the noises reversed, and with their sum as one noise of c = 1.
 
-    Several structures or Hamiltonians cannot be summed: there the noises move on by one as well, and one with c = 0
-    comes before them. What a scheme exchanges by place is exchanged otherwise then. An exchange that both
-    permutations leave alone, as that of two noises, the third does not. All solve one equation, with residuals r;
-    their distance is at most 2r‖(I − ∂R/∂y1)⁻¹‖ in the largest component. The rounding of Δ is part of r.
+    Several structures or Hamiltonians cannot be summed. There the noises are also rotated by one place, and one with
+    c = 0 is put before them: an exchange of places that both permutations leave alone, as that of two noises, shows
+    in the third. All steps solve one equation, with residuals r; their distance is at most 2r‖(I − ∂R/∂y1)⁻¹‖ in the
+    largest component. The rounding of Δ is part of r.
     """
     problem, _, _, dW = case.build()
     data, c = case.problem, tuple(float(v) for v in problem.c)
@@ -65,7 +65,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def _ordered(case: Case, data: PolynomialSystem, noises: Sequence[Noise]) -> Case:
-    """The step with these noises, each with its own structure or Hamiltonian and its increment."""
+    """The step with these noises, each with its structure or Hamiltonian and its increment."""
     c, own, dW = zip(*noises, strict=True)
     key = "noise_structures" if data.noise_structures else "noise_hamiltonians"
     changes: dict[str, Any] = {"noise": c, key: own}
@@ -73,7 +73,7 @@ def _ordered(case: Case, data: PolynomialSystem, noises: Sequence[Noise]) -> Cas
 
 
 def _given_orders(case: Case, given: GivenProblem) -> dict[str, Case]:
-    """The same for several Hamiltonians that are functions."""
+    """The reordered cases for several Hamiltonians that are functions."""
     m = given.problem.noises
     orders = {"reversed": [*range(m)][::-1], "moved on by one": [m - 1, *range(m - 1)]}
     found = {}
@@ -88,7 +88,7 @@ def _given_orders(case: Case, given: GivenProblem) -> dict[str, Case]:
 
 
 def _furthest(scheme: Scheme, case: Case, others: dict[str, Case]) -> Measurement:
-    """The largest distance of the other cases' steps from the case's own."""
+    """The largest distance of the other cases' steps from that of `case`."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     residual = float(step_residual(problem, y, y1, h, dW, scheme).max())

@@ -1,7 +1,7 @@
 """A step is a Poisson map: Φ′(y0) B(y0) Φ′(y0)ᵀ = B(y1), with h and the increments held fixed.
 
-The flow of (1.1) is one where B satisfies Jacobi's identity (Hairer, Lubich and Wanner, *Geometric Numerical
-Integration*, VII.2). (2.1) is none: no method that is symplectic keeps all energies too (Ge and Marsden, Phys. Lett. A
+The flow of (1.1) is a Poisson map where B satisfies Jacobi's identity (Hairer, Lubich and Wanner, *Geometric Numerical
+Integration*, VII.2). (2.1) is not: no symplectic method keeps all energies too (Ge and Marsden, Phys. Lett. A
 133, 1988).
 """
 
@@ -15,7 +15,7 @@ from sepv.verification._poisson_map import check
 
 
 def poisson(case: Case) -> Case | None:
-    """B satisfies Jacobi's identity at y; the step is at most half as long as the contraction radius."""
+    """Keep a case where B satisfies Jacobi's identity at y, with a step of at most half the contraction radius."""
     problem, y, _, _ = case.build()
     return shortened(case) if is_poisson(problem, y) else None
 

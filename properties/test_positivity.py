@@ -21,8 +21,8 @@ from sepv.verification._cases.of_law import only
 from sepv.verification.strategies import coefficients, noises
 
 NAMES = ("a", "b", "d", "nu", "mu", "noise")
-# Few systems, of all signs, and many steps: a record of a system takes as long as a dozen steps. The first is that of
-# the paper.
+# Few systems, with all signs, and many steps: recording a system takes as long as a dozen steps. The first system is
+# the paper's.
 SYSTEMS = tuple(
     NamedProblem("lotka-volterra", tuple((n, tuple(v)) for n, v in zip(NAMES, values, strict=True)))
     for values in (
@@ -34,7 +34,7 @@ SYSTEMS = tuple(
         ([1.0], [-1.0], [2.0], [0.5], [4.0], [0.0, 1.0]),
     )
 )
-# Strategies are made once (`sepv.verification.strategies`).
+# Strategies are built once (`sepv.verification.strategies`).
 _SYSTEMS, _SIGNS = st.sampled_from(SYSTEMS), st.sampled_from([1.0, -1.0])
 _STATES = st.tuples(*[st.tuples(st.sampled_from([1.0, 1.5]), st.integers(-10, 2))] * 3)
 _NOISES = noises(least=1, most=3).filter(any)
@@ -43,10 +43,10 @@ _LENGTHS, _SHARES = st.sampled_from([2.0, 1.0, 0.5, 0.125]), st.sampled_from([0.
 
 @st.composite
 def lotka_volterra_steps(draw: st.DrawFn) -> Case:
-    """States from 2⁻¹⁰ to 6, and steps up to twice as long as those after which a tangent ends at zero.
+    """States from 2⁻¹⁰ to 6, and steps up to twice the length after which a tangent reaches zero.
 
-    Methods that keep the octant work with exponentials of such steps: where those of the splitting leave 2^±64, another
-    right one might overflow or underflow, and the case is left out.
+    Methods that keep the octant use exponentials of such steps. Cases where those of the splitting leave 2^±64 are left
+    out: another right method might overflow or underflow there.
     """
     data = draw(_SYSTEMS)
     y = tuple(size * 2.0**power for size, power in draw(_STATES))
@@ -55,7 +55,7 @@ def lotka_volterra_steps(draw: st.DrawFn) -> Case:
     field = problem.structure(state) @ problem.gradient(state)
     rate = float(np.max(np.abs(field) / state))
     length = draw(_LENGTHS) / max(rate, 1.0)
-    # h in front, the rest in the first noise that acts: Δ of either sign.
+    # h first, the rest in the first noise with c ≠ 0: Δ of either sign.
     h = length * draw(_SHARES)
     first = next(j for j, v in enumerate(c) if v)
     rest = draw(_SIGNS) * length - h
@@ -70,7 +70,7 @@ def lotka_volterra_steps(draw: st.DrawFn) -> Case:
 def species_steps(draw: st.DrawFn) -> Case:
     """Lotka-Volterra with any parameters and noises at its species; all components positive.
 
-    Steps move a logarithm by up to 4 with each of the fields. Cases are left out as above.
+    Steps move a logarithm by up to 4 with each of the fields. Large exponentials are left out as above.
     """
     c = draw(_NOISES)
     beta = tuple(draw(coefficients()) for _ in range(3))
@@ -90,16 +90,16 @@ def species_steps(draw: st.DrawFn) -> Case:
 
 
 def _rate(field: Array, y: Array) -> float:
-    """How fast logarithms move, 1 at least."""
+    """The rate of the logarithms, at least 1."""
     return max(1.0, float(np.max(np.abs(field) / y)))
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """1 for a state outside the domain, NaN among them. A refused step leaves no state, and counts as not measured."""
+    """1 for a state outside the domain or NaN, else 0. A refused step leaves no state, and counts as not measured."""
     problem, y, h, dW = case.build()
     if problem.domain is None:
         raise Skipped("the problem has no domain to leave")
-    if not np.all(problem.domain(y)):  # simplifying comes to zeros, from which no scheme comes back
+    if not np.all(problem.domain(y)):  # the shrinker reaches zeros, from which no scheme comes back
         raise Skipped("the state is outside of the domain")
     try:
         y1 = guarded(scheme).step(problem, y, h, dW)

@@ -13,7 +13,7 @@ from sepv.verification._cases.of_law import only
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Distance between steps with one Δ, split into h and increments in different ways.
+    """The distance between steps with one Δ, split into h and increments in different ways.
 
     All solve one equation, with residuals r1 and r2: their distance solves (I − ∂R/∂y1)e = r1 − r2. The rounding of Δ
     is part of r. Random systems are inside their contraction radius, where ‖(I − ∂R/∂y1)⁻¹‖ ≤ 1/(1 − CONTRACTION).
@@ -41,7 +41,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def splits(problem: Problem, h: float, dW: Array) -> list[tuple[str, float, Array]]:
-    """(name, h, dW) with the same Δ up to its rounding and |h| + Σ|c_jΔW_j| no larger: h keeps its sign."""
+    """Splits (name, h, dW) of the same Δ up to its rounding, with |h| + Σ|c_jΔW_j| no larger: h keeps its sign."""
     c = problem.c
     driven = np.flatnonzero(c)
     if not driven.size:

@@ -17,7 +17,7 @@ from sepv.verification._tolerance import DIGITS, state_error
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Distance from (2.2), or from the deterministic step, at 30 digits."""
+    """The distance from (2.2), or from the deterministic step, at 30 digits."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     if scheme.systems == Systems.SEVERAL and isinstance(case.problem, PolynomialSystem):
@@ -30,7 +30,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         exact = reference_step("averaged-vector-field", case.problem, case.y, h, case.dW, DIGITS)
         name = "(2.2)"
     elif problem.c.any():
-        # Constant B, s stages: the equations are those of any B, with one matrix at all stages.
+        # Constant B, s stages: the equations are the general ones, with one matrix at all stages.
         exact = reference_step(method, case.problem, case.y, h, case.dW, DIGITS)
         name = "the method for constant B"
     else:
@@ -46,7 +46,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def reduced(case: Case) -> Case | None:
-    """Constant B, or all G_j = B: as it is. Else the system without noise, h as long as the step was."""
+    """Keep a case with constant B, or all G_j = B; else remove the noise and make h as long as the step was."""
     if isinstance(case.problem, GivenProblem):
         return None
     problem, y, h, dW = case.build()

@@ -1,8 +1,8 @@
-"""The step is the solution of (2.1), as found in extended precision by code that owes nothing to the core.
+"""The step is the solution of (2.1) in extended precision, computed by code that shares nothing with the core.
 
-For s stages, of the collocation equations of Cohen and Hairer (2011) with the random step. First random systems, whose
-steps are solved anew, then the reference vectors: states of extreme size, steps next to a fold, separatrices,
-everything that a random search does not meet.
+With s stages it solves the collocation equations of Cohen and Hairer (2011) with the random step. Random systems come
+first, and their steps are solved anew. Then come the reference vectors: states of extreme size, steps next to a fold,
+separatrices, which a random search does not reach.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ from sepv.verification import (
 from sepv.verification._cases.commuting import critical_step
 from sepv.verification._tolerance import DIGITS, quadrature_rounding, state_error
 
-# A vector's `rounding` is what one evaluation of the equation in binary64 may be off by. As in
+# A vector's `rounding` bounds the error of one evaluation of the equation in binary64. As in
 # sepv.verification._tolerance, a factor of 4 covers implementations that order the same operations differently.
 ORDER_OF_OPERATIONS = 4.0
-# How the reference calls a step with several Hamiltonians from a critical point of the first
+# The reference's error for a step with several Hamiltonians from a critical point of the first
 # (`sepv.problem._structures`).
 UNDEFINED = "a structure is undefined"
 
-# Critical points of H_0 that are asked about.
+# The number of critical points of H_0 that are tried.
 CRITICAL = 16
 
 
@@ -59,19 +59,19 @@ def _vectors(name: str) -> dict[Case, ReferenceVector]:
 
 
 def vectors(scheme: Scheme) -> dict[Case, ReferenceVector]:
-    """The reference vectors of the equation that the scheme is compared with, by their case."""
+    """The reference vectors of the equation that the scheme is compared with, each under its case."""
     method = equation_for(scheme.systems, scheme.stages)
     return _vectors(method if isinstance(method, str) else method.name)
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Distance from the solution of (2.1), against the condition-scaled bound."""
+    """The distance from the solution of (2.1), against a bound scaled by the condition."""
     vector = vectors(scheme).get(case)
     return _against_mpmath(scheme, case) if vector is None else _against_vector(scheme, case, vector)
 
 
 def _against_mpmath(scheme: Scheme, case: Case, near: Array | None = None) -> Measurement:
-    """Against the equation solved anew; near a given state, where it has several solutions."""
+    """Compare with the equation solved anew, near a given state where it has several solutions."""
     problem, y, h, dW = case.build()
     try:
         y1 = ask(scheme, problem, y, h, dW)
@@ -81,7 +81,7 @@ def _against_mpmath(scheme: Scheme, case: Case, near: Array | None = None) -> Me
         raise
     start = None if near is None else near.tolist()
     method = equation_for(scheme.systems, scheme.stages)
-    # Stages are not to be told from y1: their equation is solved from y all the same.
+    # Stages cannot be computed from y1: their equation is solved from y.
     try:
         exact = reference_step(
             method, case.problem, case.y, h, case.dW, DIGITS, start=start if scheme.stages == 1 else None
@@ -97,7 +97,7 @@ def _against_mpmath(scheme: Scheme, case: Case, near: Array | None = None) -> Me
 
 
 def _undefined(scheme: Scheme, case: Case) -> bool:
-    """Whether the equation of the step does not exist, in exact numbers."""
+    """True if the equation of the step does not exist in exact numbers."""
     try:
         reference_step(equation_for(scheme.systems, scheme.stages), case.problem, case.y, case.h, case.dW)
     except StepFailure as failure:
@@ -117,9 +117,9 @@ def _against_vector(scheme: Scheme, case: Case, vector: ReferenceVector) -> Meas
     ctx, unit = context(60), state_ulp(y, y1)
     errors = [abs(float(ctx.mpf(exact) - float(value))) for exact, value in zip(vector.y1, y1, strict=True)]
     scale = max(map(abs, (*y, *y1)))
-    # An iteration may take a component of eps² of the largest for one that no longer moves.
+    # An iteration may take a component of eps² of the largest for one that has converged.
     floor = (scheme.solver_tolerance + EPS * EPS) * scale + TINY
-    # The vector's own quadrature has the fewest nodes that are exact; others may have more.
+    # The vector's quadrature has the fewest exact nodes; others may have more.
     other_nodes = vector.condition * float(np.max(quadrature_rounding(problem, y, y1, h, dW)))
     bounds = [ORDER_OF_OPERATIONS * r + other_nodes + floor for r in vector.rounding]
     k = max(range(len(errors)), key=lambda i: errors[i] / bounds[i])
@@ -127,7 +127,7 @@ def _against_vector(scheme: Scheme, case: Case, vector: ReferenceVector) -> Meas
     detail = f"y1 = {y1.tolist()}, {ulps:.3g} ulp from the answer of {name}: {', '.join(vector.y1)}"
     measured = Measurement(ulps, bounds[k] / unit, detail)
     if vector.hard and measured.violates:
-        # So long a step may have other solutions. One of them is no violation of (2.1); anything else is.
+        # So long a step may have other solutions. One of them is no violation of (2.1); any other state is.
         with suppress(StepFailure):
             other = _against_mpmath(scheme, case, near=y1)
             return measured if other.violates else other
@@ -135,7 +135,7 @@ def _against_vector(scheme: Scheme, case: Case, vector: ReferenceVector) -> Meas
 
 
 def _statistics(scheme: Scheme, seen: list[tuple[Case, Measurement]]) -> str:
-    """Errors as shares of their bounds: the largest, the median, where."""
+    """Summarise the errors as shares of their bounds: the largest with its place, and the median."""
     known = vectors(scheme)
     measured = [(m.ratio, case, m) for case, m in seen if m.bound > 0]
     if not measured:
@@ -154,7 +154,7 @@ def _statistics(scheme: Scheme, seen: list[tuple[Case, Measurement]]) -> str:
 
 @cache
 def _critical() -> tuple[Case, ...]:
-    """Steps that must be refused."""
+    """Steps from critical points, which must be refused."""
     return tuple(critical_step(Random(seed)) for seed in range(CRITICAL))
 
 

@@ -1,4 +1,4 @@
-"""The same bits for a state whatever is computed beside it: any batch size, any place in it, any chunking."""
+"""A state's bits do not depend on the states computed beside it: any batch size, any place, any chunking."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched, state_ulp
 from sepv.verification._cases.users_problems import may_ask
 
-# Sizes of the parts of a batch, around the widths of vector registers and unrolled loops, where libraries change their
-# code path, beside one of as many states as components. The cases of the design have further ones, up to thousands.
+# Sizes of the parts of a batch: libraries change their code path near the widths of vector registers and unrolled
+# loops, and one part has as many states as components. The cases of the design have further sizes, up to thousands.
 PARTS = (2, 7, 24)
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Batches of several sizes with the case's state in the middle: that one against it alone, all against its parts.
+    """Compare a state in the middle of batches with its result alone, and all states with those of parts of the batch.
 
-    Each state is asked about in the whole batch and in a part of it, where other vector registers and blocks end: what
-    happens to the first or the last of a batch happens to others in the parts.
+    Each state is stepped in the whole batch and in a part of it, where other vector registers and blocks end: the
+    first or last state of a part is an inner one of the whole.
     """
     problem, y, h, dW = case.build()
     alone = ask(scheme, problem, y, h, dW)
@@ -26,7 +26,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     for sizes in ((1,), (third, case.batch - third) if case.batch else (len(y), *PARTS)):
         size = sum(sizes)
         place = size // 2
-        # The others are nearer to 0 and their noise is smaller, so that they can be solved too.
+        # The others are nearer to 0 with smaller noise, so that their steps have solutions too.
         factors = 1 - np.abs(np.arange(size) - place) % 17 / 128
         states, noise = y[:, None] * factors, dW[:, None] * factors
         if not may_ask(scheme, problem, states):
@@ -48,7 +48,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def one_at_a_time(scheme: Scheme) -> str:
-    """Why the law does not apply."""
+    """The reason why the law does not apply, or ""."""
     return "" if scheme.batched else "the scheme takes one state at a time: there is no batch to depend on"
 
 
@@ -58,7 +58,7 @@ law = searched(
     source="contract",
     unit="ulp of y",
     cost=1.9,
-    # Not its 140 000 steps of batches: they are of polynomial systems, and of schemes that take batches.
+    # The 140 000 steps of batches are not counted: they are of polynomial systems, and of schemes that take batches.
     cases=Cases(where={"batch": ("2–9", "33–129", "500–2000", "4097–9000")}),
     check=check,
     not_applicable=one_at_a_time,

@@ -1,14 +1,14 @@
 """The scheme converges to the Stratonovich solution of (1.1), and not to another, such as the Itô one.
 
-The error is taken apart into shares that a wrong limit would have: so much too much drift, noise, Itô's correction.
-Each share is extrapolated to h = 0 from three step sizes, with its interval and the change by the coarsest of them.
+The error is decomposed into shares that a wrong limit would have: an excess of drift, of noise, of Itô's correction.
+Each share is extrapolated to h = 0 from three step sizes, with its interval and its change without the coarsest one.
 The law holds where drift and noise of the limit are right to RESOLUTION with the confidence of the run, and the rms
 error falls; it is violated where a share differs from zero by more than LEAST, or where neither the rms error nor a
 quantile of it falls.
 
-Over any time that paths resolve, a strong noise hides the drift: with L the slope of f, the drift moves y by 1/(c√L) of
-what the noise does, in every unit of time. So where the drift moves y by less than a HIDDEN-th of all, it is judged to
-RESOLUTION of a HIDDEN-th of all; "local-mean" judges the drift by itself. What moves y by rounding alone is not judged.
+A strong noise hides the drift, over any time that paths resolve: with L the slope of f, the drift moves y by 1/(c√L) of
+the noise's movement, in every unit of time. So where the drift moves y by less than a HIDDEN-th of all, it is judged to
+RESOLUTION of a HIDDEN-th of all; "local-mean" judges the drift by itself. Movements by rounding alone are not judged.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ from sepv.verification._orders.convergence import StrongErrors, above_floor, flo
 from sepv.verification._orders.means import leading, limit_errors
 from sepv.verification._sequential import Assess, Assessment, is_tilted, judge
 
-# A noise or a drift of the limit that is wrong by this much must not hold; by twice as much where steps are spared.
+# The law must not hold for a limit whose noise or drift is wrong by this much; twice as much where steps are spared.
 RESOLUTION, SPARED = 0.01, 0.02
-# Smaller shares than this accuse nobody: powers of h that the extrapolation leaves out could make them.
+# Smaller shares are no violation: powers of h that the extrapolation leaves out could cause them.
 LEAST = 0.001
-# The rms error falls like h^½ at least, or not at all where the limit is another: half-way.
+# The least fall of the rms error: half-way between order ½ and a wrong limit, whose error does not fall.
 FALL = 0.25
-# A quarter of the movement: no problem of the suite has so small a drift.
+# A quarter of the movement; no problem of the suite has so small a drift.
 HIDDEN = 4.0
 
 
 def assessing(tilted: bool, orders: tuple[float, ...] = (1.0,), resolution: float = RESOLUTION) -> Assess:
-    """The shares, with half of alpha, and the fall of the error with the other half.
+    """Make the test of the shares, with half of alpha, and of the error's fall, with the other half.
 
-    Means of a scheme of weak order 1 or more have an expansion in whole powers of h. One of less may have h^½
-    in them, as a difference over a length of √h has: they are extrapolated in powers of h^½, which takes more paths.
-    Where several orders are possible, a limit is wrong only if each of them says so.
+    Means of a scheme of weak order 1 or more expand in whole powers of h. Those of a lower order may have h^½, as a
+    difference over a length of √h has: they are extrapolated in powers of h^½, which takes more paths. Where several
+    orders are possible, a limit is wrong only if each of them shows it.
     """
 
     def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
@@ -71,7 +71,7 @@ def assessing(tilted: bool, orders: tuple[float, ...] = (1.0,), resolution: floa
             falls, stays = low > FALL, high < FALL
         else:
             falls = bool(above_floor(errors)[0])  # all finer steps are at the floor
-        # Of several, the one that moves y most.
+        # The worst share is the one that moves y most.
         k = int(np.argmax(np.where(sure > least, sure * sizes, -np.inf)))
         if sure[k] > least[k]:
             text = f"{names[k]} of the limit is wrong by {100 * limit.value[k]:.3g} ± {100 * half[k]:.2g} %"
@@ -85,7 +85,7 @@ def assessing(tilted: bool, orders: tuple[float, ...] = (1.0,), resolution: floa
         judged = [n for n, name in enumerate(names) if name in ("drift", "noise")]
         for n in [n for n in judged if hidden[n] > 1 or rounding[n] > resolution]:
             text += f" the {names[n]} moves y by {sizes[n] / np.max(sizes):.1e} of all,"
-        # The worst beside what it may be, in units of resolution.
+        # The worst share relative to its limit, in units of `resolution`.
         worst = max(float(most[n] / hidden[n]) if rounding[n] <= resolution else 0.0 for n in judged)
         if stays:
             text = f"the error does not fall; {text}"
@@ -97,27 +97,27 @@ def assessing(tilted: bool, orders: tuple[float, ...] = (1.0,), resolution: floa
 
 
 def _hidden(names: list[str], sizes: Array) -> Array:
-    """How many times coarser each share (K,) is judged: the noises, whose shares are covariances, as they are."""
+    """The factor (K,) by which each share is judged more coarsely: 1 for the noises, whose shares are covariances."""
     moved = np.sqrt(sum(sizes[n] ** 2 for n, name in enumerate(names) if name in ("drift", "noise")))
     alone = np.array([name.startswith("noise") for name in names])
     return np.where(alone, 1.0, np.maximum(1.0, moved / (HIDDEN * sizes)))
 
 
 def mean_orders(scheme: Scheme) -> tuple[float, ...]:
-    """The order that a scheme claims for its means, the weak one, else the mean-square one; 1 or ½ where none is."""
+    """The possible orders of the means: the claimed weak order, else the mean-square one; without a claim 1 or ½."""
     claimed = [order for order in (scheme.weak_order, scheme.mean_square_order) if order is not None]
     return tuple(claimed[:1]) or (1.0, 0.5)
 
 
 def run(law: Law, scheme: Scheme, own: Run) -> Finding:
-    """The extrapolated shares on every problem."""
+    """Extrapolate the shares on every problem."""
     resolution = SPARED if sparing(scheme, own.effort) else RESOLUTION
     assess = assessing(is_tilted(scheme), mean_orders(scheme), resolution)
     return judge(law, scheme, own, assess, at_least=False)
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
-    """The same paths again."""
+    """Run the same paths again."""
     return run(law, scheme, Run(Effort(seed=int(witness["seed"]), paths=int(witness["paths"]))))
 
 

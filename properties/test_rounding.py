@@ -2,8 +2,8 @@
 
 A solver stopped at a tolerance leaves a residual of one sign: its energy drifts linearly.
 
-Three quantities are judged, for D the defect of H after n steps in ulp of H, and w what the rounding of y0 + z alone
-does to H in a step (`sepv.verification._tolerance`, with a predicted walk w√n):
+Three quantities are judged, for D the defect of H after n steps in ulp of H, and w the change of H by the rounding of
+y0 + z alone in a step (`sepv.verification._tolerance`, with a predicted walk w√n):
 
 - size: the root mean square of D over paths is at most ALLOWED·w√n at every checkpoint;
 - drift: the mean of D over P paths is at most BIAS·w·n plus Student's t of level LEVEL times its standard error, the
@@ -45,33 +45,33 @@ from sepv.verification._tolerance import rounding_walk
 from sepv.verification._units import units_for, units_of
 
 PATHS = 60
-# (problem, h, steps): two long runs, and large steps, where a solver that stops early shows. How small a drift shows is
-# a matter of paths times steps alone: 38 400 in all, which is 8 s of a step of 200 µs for one state.
+# (problem, h, steps): two long runs, and large steps, which show a solver that stops early. The smallest visible drift
+# depends on paths times steps alone: 38 400 in all, which is 8 s of a step of 200 µs for one state.
 RUNS = (("rigid-body", 0.01, 256), ("pendulum", 0.01, 256), ("rigid-body", 0.125, 128))
-# The same for schemes for Nambu systems.
+# Runs of schemes for Nambu systems.
 NAMBU_RUNS = (RUNS[0], ("lotka-volterra", 2.0**-8, 256), RUNS[2])
-# And for several structures.
+# Runs for several structures.
 SEVERAL_RUNS = (("commuting-rotations", 0.01, 256), ("commuting-oscillators", 0.01, 256))
-# So many times as many steps with `--deep`.
+# The factor on the steps with `--deep`, and the examples there.
 DEEPER, DEEP_EXAMPLES = 8, 1000
-# Where steps are spared: fewer paths, half the steps, and of each problem the run with the largest ones. Paths times
-# steps fall from 38,400 to 6,144, and the smallest drift that shows doubles.
+# The number of paths where steps are spared, with half the steps, and for each problem the run with the largest ones.
+# Paths times steps fall from 38,400 to 6,144, and the smallest visible drift doubles.
 SPARED_PATHS = 32
-FIRST = 32  # the first checkpoint; then doubled
-# How many times √n of the predicted rounding of a step (`sepv.verification._tolerance`). The core is at 1,
-# where 60 paths measure a root mean square to 9 %; the rest is room for other orders of operations: a
-# hundred roundings of y a step.
+FIRST = 32  # the first checkpoint; each later one has twice the steps
+# The allowed multiple of √n of the predicted rounding of a step (`sepv.verification._tolerance`). The core is at 1,
+# where 60 paths measure a root mean square to 9 %; the rest is room for other orders of operations: a hundred
+# roundings of y a step.
 ALLOWED = 10.0
-# The mean that roundings of a correct scheme may have, as a share of w: rounding to nearest is not quite unbiased, and
-# an iteration leaves a little. Measured over 10⁸ steps: 7e-4 for the pendulum, less elsewhere (docs/hard-cases.md).
+# The mean that roundings of a correct scheme may have, as a share of w: rounding to nearest is slightly biased, and an
+# iteration leaves a little. Measured over 10⁸ steps: 7e-4 for the pendulum, less elsewhere (docs/hard-cases.md).
 BIAS = 2.0**-6
-# Of each test of drift and growth.
+# The level of each test of drift and growth.
 LEVEL = 1e-7
-# Noises take paths to all places of an orbit. Where they move the random time by less than this share of the drift,
-# paths start from places spread over the orbit: along one short piece of it roundings of a right scheme need not
-# average out (Kepler near its pericentre: 0.09 w a step), and without noise all paths were one.
+# Noises spread paths over an orbit. Where they move the random time by less than this share of the drift, paths start
+# from places spread over the orbit: along one short piece of it, roundings of a right scheme need not average out
+# (Kepler near its pericentre: 0.09 w a step), and without noise all paths would be one.
 ALIKE, SPREAD = 0.25, 256
-# Paths that explode: squares of defects must still be numbers, and no rounding is an excuse there.
+# Bounds for exploding paths: squares of defects must stay finite, and rounding does not excuse an explosion.
 BEYOND, EXPLODED = 1e150, 1e100
 
 
@@ -115,7 +115,7 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
 
 
 class Judged(NamedTuple):
-    """One quantity in ulp of H over √n, and what is allowed."""
+    """One quantity in ulp of H over √n, and its limit."""
 
     name: str
     size: float
@@ -124,7 +124,7 @@ class Judged(NamedTuple):
 
 
 def judge(defects: Array, predicted: float, solver_tolerance: float = 0.0) -> list[Judged]:
-    """Size, drift and growth (see above) of defects (checkpoints, paths), checkpoints doubled from FIRST.
+    """Judge size, drift and growth (see above) of defects (checkpoints, paths), checkpoints doubled from FIRST.
 
     A solver's stated tolerance, relative to |y|, moves H by as many eps of |∇H||y| in each step, all of one sign.
     """
@@ -160,7 +160,7 @@ def judge(defects: Array, predicted: float, solver_tolerance: float = 0.0) -> li
 
 
 def runs_for(scheme: Scheme) -> list[tuple[Problem, float, int]]:
-    """(problem, h, steps): the problems that the scheme is for, with steps that their slopes allow, or its class's."""
+    """Runs (problem, h, steps) on the scheme's problems, or its class's, with steps that their slopes allow."""
     own = problems_of(scheme)
     if own is not None:
         own = tuple(problem for problem in own if not isinstance(problem, HamiltoniansProblem))
@@ -170,7 +170,7 @@ def runs_for(scheme: Scheme) -> list[tuple[Problem, float, int]]:
         runs: dict[str, Any] = {Systems.NAMBU: NAMBU_RUNS, Systems.SEVERAL: SEVERAL_RUNS}
         return [(problems.by_name(name), h, steps) for name, h, steps in runs.get(scheme.systems, RUNS)]
     share = max(1, -(-len(own) // 2))
-    # Whole doublings of the first checkpoint.
+    # Numbers of steps are the first checkpoint, doubled.
     long, short = (FIRST * 2 ** max(1, int(np.log2(steps / FIRST / share))) for steps in (256, 128))
     times = [units_of(p).time for p in own]
     return [
@@ -201,7 +201,7 @@ def energy_walk(
 ) -> tuple[np.ndarray, float, str]:
     """Signed energy defects in ulp of H (checkpoints, paths), H in extended precision; NaN for failed paths.
 
-    And what rounding alone moves H by in a step, in the same unit; and the first step that failed, in words.
+    The others are the movement of H by rounding alone in a step, in the same unit, and the first failed step in words.
     """
     asked, exact = guarded(scheme), exact_problem(describe(problem), 30)
     raw = wiener.increments(seed, T=h * steps, steps=steps, noises=problem.noises, paths=paths)
@@ -224,7 +224,7 @@ def energy_walk(
         y[:, alive] = value[:, status == Status.CONVERGED]
         if n == checkpoint:
             if not rows and unit <= TINY and alive.size:
-                # From y0 = 0, or from a rest point of the drift: the unit is that of the states it leads to.
+                # From y0 = 0, or from a rest point of the drift, the unit is that of the states reached.
                 unit = float(np.median(energy_ulp(problem, y[:, alive], y[:, alive])))
             row = np.full(paths, np.nan)
             for k in alive:
@@ -240,7 +240,7 @@ def energy_walk(
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
-    """The same paths again."""
+    """Run the same paths again."""
     effort = Effort(
         seed=int(witness["seed"]), examples=int(witness.get("examples", 100)), paths=int(witness["paths"])
     )

@@ -1,6 +1,6 @@
-"""(2.1) is symmetric: exchanging y0 with y1, h with −h and ΔW with −ΔW gives the same equation, so that they lead back.
+"""(2.1) is symmetric: exchanging y0 with y1, h with −h and ΔW with −ΔW gives the same equation, so the step leads back.
 
-Whether the scheme sees h and ΔW through Δ alone is another question, that of the law "random-step".
+The dependence on h and ΔW through Δ alone is the law "random-step".
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     """|y0′ − y0| after a step with (h, ΔW) and one with (−h, −ΔW).
 
     With residuals r1 and r2 of the two steps, y0′ − y0 solves (I + Δ ∂R/∂y0)(y0′ − y0) = −(r1 + r2), whose inverse is
-    that of the way back. R is taken to be that of (2.1): that of another symmetric scheme differs from it by O(Δ²),
+    that of the way back. R is assumed to be that of (2.1): that of another symmetric scheme differs from it by O(Δ²),
     which is less than the factors of 4 in r inside the contraction radius.
     """
     problem, y, h, dW = case.build()
@@ -30,7 +30,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     returned = _back(scheme, problem, y1, h, dW)
     residual = step_residual(problem, y, y1, h, dW, scheme)
     residual = residual + step_residual(problem, y1, returned, -h, -dW, scheme)
-    if isinstance(problem, HamiltoniansProblem):  # whose equation the references do not have
+    if isinstance(problem, HamiltoniansProblem):  # its equation is not among the references
         bound = np.full(y.size, amplification(scheme, case) * float(residual.max()))
     else:
         method = equation_for(scheme.systems, scheme.stages)
@@ -49,7 +49,7 @@ def _back(scheme: Scheme, problem: Problem, y1: Array, h: float, dW: Array) -> A
     Raises
     ------
     Skipped
-        Where the scheme makes no step with h < 0 at all: neither this one nor a hundred thousandth of it.
+        Where the scheme refuses h < 0: this step and a hundred thousandth of it.
     """
     try:
         return ask(scheme, problem, y1, -h, -dW)
@@ -68,7 +68,7 @@ def _solves(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> 
 
 
 def _first_line(error: Exception) -> str:
-    """Where it is the same for every case, cases are counted together."""
+    """The first line of an error: equal lines are counted together."""
     cause = error.__cause__
     return f"{type(cause).__name__}: {cause}" if cause is not None else type(error).__name__
 

@@ -1,7 +1,7 @@
 """Φ′(y0) B Φ′(y0)ᵀ = B for constant B: symplecticity where B is canonical, as of the midpoint rule and Gauss methods.
 
 It is the law "poisson-map" for constant B alone: Runge-Kutta methods that keep all quadratic invariants are symplectic
-(J. M. Sanz-Serna, BIT 28, 1988), and so they are with the random step Δ, but no Poisson maps for other B.
+(J. M. Sanz-Serna, BIT 28, 1988), also with the random step Δ, but they are not Poisson maps for other B.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from sepv.verification._poisson_map import check
 
 
 def constant(case: Case) -> Case | None:
-    """B is constant; the step is at most half as long as the contraction radius."""
+    """Keep a case with constant B, with a step of at most half the contraction radius."""
     problem, y, _, _ = case.build()
     return None if np.any(derivative_of_structure(problem, y)) else shortened(case)
 

@@ -1,14 +1,13 @@
-"""Remark 2.1 and Lemma 3.1: |ζ| ≤ A_h exactly, the moment bounds by exact integrals, k large enough, and taken whole.
+"""Remark 2.1 and Lemma 3.1: |ζ| ≤ A_h exactly, the moment bounds by exact integrals, k large enough, no second clip.
 
 The bound of Remark 2.1 is printed with "=" in the paper; it is "≤", as here.
 
-The scheme itself is asked whether it takes the increments that it declares: at a small h its step must respond
-to each ΔW_j in every sixteenth of [−√h A_h, √h A_h]. A step y1 = y0 + f(y0)(h + S) + O((h + |S|)²) responds
-with c_j|f|, up to a part of the order of |f′| √h A_h, at most 0.03 |f′| for k = 2: half of its largest response
-is left everywhere. A scheme that clips at less than 31/32 of A_h, that is with k′ < 0.93 k, responds by less
-than half in the last sixteenth. On a user's problem h is in the problem's own time, and so is the h in A_h; a scheme
-that clips by itself, and reads h as it stands, is not asked for more than that lets through. A noise that moves y by
-less than a solver may leave is not asked about.
+The scheme must use the increments that it declares: at a small h its step must respond to each ΔW_j in every sixteenth
+of [−√h A_h, √h A_h]. A step y1 = y0 + f(y0)(h + S) + O((h + |S|)²) responds with c_j|f|, up to a part of the order
+of |f′| √h A_h, at most 0.03 |f′| for k = 2: half of its largest response is left everywhere. A scheme that clips at
+less than 31/32 of A_h, that is with k′ < 0.93 k, responds by less than half in the last sixteenth. On a user's problem
+h, also in A_h, is in the problem's own time; a scheme that clips by itself, by h alone, is judged to its own clip. A
+noise that moves y by less than a solver's possible error is not judged.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ from sepv.verification._orders.local_orders import CLEAR, FLOOR
 from sepv.verification._units import units_for
 
 STEPS = tuple(2.0**-n for n in range(1, 21))
-# Small enough for the step to be nearly linear in ΔW, also with k = 12.
+# Steps small enough to be nearly linear in ΔW, also with k = 12.
 SMALL = (2.0**-16, 2.0**-20, 2.0**-24)
 PARTS = 16
 
@@ -75,15 +74,15 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
 
 
 def _ratios(h: float, k: int, seed: int) -> list[tuple[float, str]]:
-    """Each quantity over its bound."""
+    """Each quantity divided by its bound, with its description."""
     raw = wiener.increments(seed, T=h, steps=1, noises=1, paths=512)
-    # Draws alone would hardly reach A_h: multiples of them do.
+    # Draws alone would hardly reach A_h: multiples of them are added.
     zeta = bounded.truncate(np.concatenate([raw, 8 * raw]), h, k) / math.sqrt(h)
     bound = bounded.truncation_bound(h, k)
     loss = float(lost_variance(h, k))
     allowed = (1 + 2 * math.sqrt(2 * k * abs(math.log(h)))) * h**k
     found = [
-        # One rounding each of √h, the product and the quotient.
+        # Roundings of √h, the product and the quotient, one each.
         (
             float(np.max(np.abs(zeta))) / (bound * (1 + 4 * 2.0**-53)),
             f"|ζ| exceeds A_h = {bound!r} at h = {h!r}",
@@ -112,14 +111,14 @@ def _responses(scheme: Scheme, k: int) -> Iterator[tuple[float, str]]:
                         f"as elsewhere, and k = {k} lets increments through up to {A:.3g} √h"
                     )
                     yield size, text
-        except Skipped as skip:  # a scheme need not take every problem
+        except Skipped as skip:  # schemes may refuse some problems
             skipped.append(skip)
     if len(skipped) == len(problems):
         raise skipped[0]
 
 
 def _weakest(scheme: Scheme, problem: Problem, h: float, A: float, j: int) -> tuple[float, float]:
-    """½ max/min of |∂y1/∂ΔW_j| over the parts of [−A, A], in √h, and where the smallest lies."""
+    """½ max/min of |∂y1/∂ΔW_j| over the parts of [−A, A], in √h, and the place of the minimum."""
     xi = A * np.arange(-PARTS, PARTS + 1) / PARTS
     y = np.repeat(np.asarray(problem.initial, dtype=np.float64)[:, None], xi.size, axis=1)
     dW = np.zeros((problem.noises, xi.size))
@@ -129,7 +128,7 @@ def _weakest(scheme: Scheme, problem: Problem, h: float, A: float, j: int) -> tu
     else:
         ends = np.stack([ask(scheme, problem, y[:, i], h, dW[:, i]) for i in range(xi.size)], axis=1)
     responses = np.linalg.norm(np.diff(ends, axis=1), axis=0)
-    # Beside what a solver may leave in a step, these differences say nothing.
+    # Differences below a solver's possible error in a step are not judged.
     if np.max(responses) < CLEAR * (FLOOR * EPS + scheme.solver_tolerance) * np.max(np.abs(ends)):
         return 0.0, 0.0
     least = int(np.argmin(responses))
@@ -139,7 +138,7 @@ def _weakest(scheme: Scheme, problem: Problem, h: float, A: float, j: int) -> tu
 
 
 def replay(law: Law, scheme: Scheme, _witness: dict[str, Any]) -> Finding:
-    """The law has no cases: it is the same again."""
+    """Run again; the law has no cases."""
     return run(law, scheme, Run())
 
 

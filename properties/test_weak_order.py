@@ -1,18 +1,19 @@
 """Weak order: E g(y_N) against E g(y(T)) for g = y_i and y_i y_j, coupled with the exact path.
 
-Of four statements the first three show that a weak order q holds, the last one with the second that it does not.
+There are four statements. The first three show that a weak order q holds; the fourth, with the second, that it does
+not.
 
 - |E g(y_N) − E g(y(T))| ≤ L (E|e|²)^½: a mean-square order of q implies it. Most schemes need no more.
 - The largest of the means falls from the coarsest step to the finest faster than h^(q − ½), an upper bound of the
   one against a lower bound of the other.
-- q ≥ 2, and the part of order h^(q − 1) in the means is at the coarsest step less than SMALL times the rms error: that
-  much is sure. Where the errors of paths are of a lower order than their means no sample sees the fall itself;
-  "local-weak" does, by quadrature.
+- q ≥ 2, and the part of order h^(q − 1) in the means is, at the coarsest step, less than SMALL times the rms error,
+with confidence. Where the errors of paths are of a lower order than their means no sample sees the fall itself;
+"local-weak" does, by quadrature.
 - The coefficient of h^(q − 1) in the means, extrapolated from three step sizes, is not zero.
 
-`violated` takes the fall and the coefficient: the coefficient, because a mean that happens to vanish at the coarsest
-step must not accuse; the fall, because a coefficient that is small beside the error proper does not show at these
-steps. Where the means are within the noise neither says anything: `inconclusive`, with the paths it would take.
+`violated` needs the fall and the coefficient. A mean that happens to vanish at the coarsest step must not be a
+violation, hence the coefficient. A coefficient that is small beside the error proper does not show at these steps,
+hence the fall. Where the means are within the noise, the verdict is `inconclusive`, with the number of paths needed.
 
 With increments of a few points nothing is sampled: E g(y_N) is a sum over all paths
 (`sepv.verification._orders.weak_trees`), and its error has a slope without noise.
@@ -36,20 +37,20 @@ from sepv.verification._orders.means import Coefficient, decay, leading, moment_
 from sepv.verification._orders.weak_trees import ENOUGH, tree_errors
 from sepv.verification._sequential import Assess, Assessment, hold_level, is_tilted, judge
 
-# Weak orders are integers (the expansion is in powers of h): half-way to the next lower one.
+# Weak orders are integers (the expansion is in powers of h): half the distance to the next lower one.
 MARGIN = 0.5
-# The means of the schemes of weak order 1 here are 0.2 to 0.5 of their rms errors.
+# Means relative to rms errors: 0.2 to 0.5 for the schemes of weak order 1 here.
 SMALL = 0.15
-# Of a mean-square slope, whose orders are multiples of ½.
+# The margin of a mean-square slope, whose orders are multiples of ½.
 STRONG_MARGIN = 0.25
-# A part of order q − 1 that is smaller beside the finest mean is none: where the part of order q happens to vanish,
-# the extrapolation leaves out more than its remainder says (0.009 with hardly any noise, when c h³ is left). Means that
-# fall more slowly than the order less MARGIN have 0.8.
+# The smallest part of order q − 1, relative to the finest mean, that counts. Where the part of order q happens to
+# vanish, the extrapolation leaves out more than its remainder says (0.009 with hardly any noise, when c h³ is left).
+# Means that fall more slowly than the order less MARGIN have 0.8.
 LEAST = 1 / 32
 
 
 def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
-    """The three statements, a third of alpha each; an rms error whose order is sure at the level `hold` will do."""
+    """Make the test of the three statements, a third of alpha each; `hold` is the level for the rms error's order."""
 
     def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
         order = order_of(claimed, column(problem))
@@ -92,7 +93,7 @@ def _small(samples: Array, h: Array, lower: Coefficient, alpha: float, more: flo
 
 
 def run(law: Law, scheme: Scheme, own: Run) -> Finding:
-    """The weak order against the claimed one, or against 1 where none is claimed."""
+    """Compare the weak order with the claimed one, or with 1 where none is claimed."""
     order = order_of(scheme.weak_order, "general")
     if point_law(scheme.increments) is not None:
         return local_orders.judge(
@@ -104,7 +105,7 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
-    """The same paths again, or the same sum over all of them."""
+    """Run the same paths again, or the same sum over all of them."""
     drawn: dict[str, Any] = {key: int(witness[key]) for key in ("seed", "paths") if key in witness}
     return run(law, scheme, Run(Effort(**drawn)))
 

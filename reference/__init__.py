@@ -1,1 +1,1 @@
-"""References in arbitrary precision. Imports mpmath and the problem description, and no scheme code."""
+"""References in arbitrary precision; they import mpmath and the problem description, and no scheme code."""

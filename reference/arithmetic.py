@@ -1,4 +1,4 @@
-"""One formula, several arithmetics: what the formulas of problems and schemes need of a number.
+"""Arithmetics in which one formula is evaluated: the numbers and functions that problems and schemes need.
 
 A formula is written once, with + − × ÷ and integer powers, and evaluated in binary64, in decimal digits
 (mpmath), in balls (`sepv.reference.balls`) or as a power series (`sepv.reference.series`). Derivatives are
@@ -25,7 +25,7 @@ Rule = Sequence[tuple[Number, Number]]
 
 @dataclass(frozen=True)
 class Arithmetic:
-    """Numbers, and the functions of them that the problems use.
+    """A kind of numbers, and the functions of them that the problems use.
 
     Attributes
     ----------
@@ -40,10 +40,10 @@ class Arithmetic:
     slope : number -> number
         The ε-part.
     dot : (numbers, numbers) -> number
-        Σ a_i b_i, where there is a quicker way than summing products.
+        Σ a_i b_i, by a faster way than summing products where there is one.
     tables : (arithmetic, convert), optional
-        Where to make the tables of methods with stages, and how each entry is taken from there: what is
-        made once and for all should not be made with the rounding errors of this arithmetic.
+        The arithmetic that makes the tables of methods with stages, and the conversion of an entry: tables made once
+        should not have the rounding errors of this arithmetic.
     """
 
     number: Callable[[float], Number]
@@ -60,9 +60,9 @@ class Arithmetic:
 
 
 def total(terms: Iterable[Number]) -> Number:
-    """The sum of at least one number, in order; no zero to start from, which would be a number of another kind.
+    """The sum of at least one number, in order; a starting zero would be a number of another kind.
 
-    Of floats the built-in `sum` compensates roundings, from Python 3.12 on: other digits than before.
+    The built-in `sum` of floats compensates roundings from Python 3.12 on, which changes the digits.
     """
     iterator = iter(terms)
     result = next(iterator)
@@ -81,7 +81,7 @@ def power(x: Number, k: int) -> Number:
 
 @lru_cache(maxsize=8)
 def context(digits: int) -> Any:
-    """An `MPContext` of this many decimal digits, made once for each: no global precision is touched."""
+    """An `MPContext` of this many decimal digits, made once for each number: the global precision is not touched."""
     ctx = mpmath.mp.clone()
     ctx.dps = digits
     return ctx
@@ -114,7 +114,7 @@ def _float_nodes(nodes: int) -> list[tuple[float, float]]:
 
 @lru_cache(maxsize=8)
 def decimal(digits: int) -> Arithmetic:
-    """mpmath with this many digits. ε = 10^−1000 i: exponents are unbounded there."""
+    """The arithmetic of mpmath with this many digits. ε = 10^−1000 i: exponents are unbounded there."""
     ctx = context(digits)
     epsilon = ctx.mpf(10) ** -1000
 
@@ -147,7 +147,7 @@ def decimal(digits: int) -> Arithmetic:
     )
 
 
-# Small enough that its square is lost, large enough for states down to 1e-180 not to underflow.
+# Small enough that the square is lost, large enough that states down to 1e-180 do not underflow.
 _EPSILON = 2.0**-400
 
 

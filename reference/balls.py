@@ -14,17 +14,17 @@ from sepv.errors import UsageError
 
 
 def available() -> bool:
-    """Whether python-flint is installed."""
+    """True if python-flint is installed."""
     return importlib.util.find_spec("flint") is not None
 
 
 def require_flint() -> Any:
-    """The module flint.
+    """Import the module flint.
 
     Raises
     ------
     UsageError
-        Where the extra is missing, with what works without it.
+        Where the extra is missing; the message says what works without it.
     """
     if not available():
         raise UsageError(
@@ -39,21 +39,21 @@ def require_flint() -> Any:
 
 @contextmanager
 def precision(bits: int) -> Iterator[Any]:
-    """Within it Arb works with this many bits; flint's own setting is put back afterwards."""
+    """A context in which Arb works with this many bits; flint's setting is restored at its end."""
     flint = require_flint()
     with flint.ctx.workprec(bits):
         yield flint
 
 
 def from_mpf(x: Any) -> Any:
-    """An mpf as a ball of radius 0, if the precision holds its bits."""
+    """Convert an mpf to a ball, of radius 0 if the precision holds its bits."""
     flint = require_flint()
     sign, man, exp, _ = x._mpf_
     return flint.arb(flint.fmpz(-int(man) if sign else int(man))) * flint.arb(2) ** int(exp)
 
 
 def ball(radius: Any) -> Any:
-    """[−radius, radius]; the radius may be a ball itself."""
+    """The ball [−radius, radius]; the radius may be a ball itself."""
     flint = require_flint()
     return flint.arb(0).union(abs(radius).upper()).union(-abs(radius).upper())
 
@@ -62,7 +62,7 @@ def ball(radius: Any) -> Any:
 def real_balls(bits: int) -> Arithmetic:
     """Real balls, for use within `precision(bits)`. ε is the variable of a power series cut after it.
 
-    One for each precision: tables of nodes are kept with it.
+    There is one for each precision, which keeps its tables of nodes.
     """
     del bits
     flint = require_flint()
@@ -77,7 +77,7 @@ def real_balls(bits: int) -> Arithmetic:
         return of
 
     def log1p_ratio(x: Number) -> Number:
-        """log(1 + x)/x falls: its values at the ends of x enclose it."""
+        """log(1 + x)/x decreases: its values at the ends of x enclose it."""
         ends = [e.log1p() / e if e != 0 else arb(1) for e in (x.lower(), x.upper())]
         return ends[0].union(ends[1])
 
@@ -100,7 +100,7 @@ def real_balls(bits: int) -> Arithmetic:
 
 @lru_cache(maxsize=8)
 def complex_balls(bits: int) -> Arithmetic:
-    """Complex balls, to bound ∇H and B off the real axis; of the functions only those that ∇H and B have."""
+    """Complex balls, to bound ∇H and B off the real axis; only the functions in ∇H and B are there."""
     acb = require_flint().acb
     nodes = real_balls(bits).gauss
 

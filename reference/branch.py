@@ -1,4 +1,4 @@
-"""The branch of solutions that starts at y0 for Δ = 0, followed as the step grows: where does it end?
+"""The branch of solutions that starts at y0 for Δ = 0, followed to its end as the step grows.
 
 The equation of an implicit scheme has one solution near y0 for small Δ. With the step t(h, ΔW), t from 0 to 1, that
 solution moves until it meets another and both vanish: a fold, where the Jacobian is singular. The curve of solutions
@@ -18,26 +18,26 @@ from sepv.reference.problem import Description, ExactProblem, binary64_problem
 from sepv.reference.solve import BROKEN, Root, largest, newton
 
 _FIRST, _LEAST = 1 / 16, 1e-14
-# A solution that moves by more than this share of its size at once may be another one.
+# A solution that moves by more than this share of its size in one step may lie on another branch.
 _JUMP = 0.05
 
 
 class Branch(NamedTuple):
-    """t, the largest share of the step that was reached (1: all of it), and the unknowns there, in floats."""
+    """The largest reached share t of the step (1: all of it), and the unknowns there, in floats."""
 
     reached: float
     x: Vector
 
     @property
     def whole(self) -> bool:
-        """Whether the solution exists for the step asked for."""
+        """True if the solution exists for the whole step."""
         return self.reached == 1.0
 
 
 def follow(
     equation: Equation, data: Description, y: Sequence[float], h: float, dW: Sequence[float]
 ) -> Branch:
-    """Continuation in binary64: the end of a branch is found to about 13 digits of t."""
+    """Follow a branch in binary64: its end is found to about 13 digits of t."""
     problem = binary64_problem(data)
     y0, whole = problem.state(y), make_step(problem, h, tuple(dW))
     x = [0.0] * (len(y0) * equation.blocks) if equation.of_increments else list(y0)
@@ -58,7 +58,7 @@ def follow(
 def _at(
     equation: Equation, problem: ExactProblem, y0: Vector, step: Step, x: Vector, scale: float
 ) -> Vector | None:
-    """The solution near x, if Newton finds one without a jump."""
+    """The solution near x, if Newton's method finds one without a jump."""
     assert equation.residual is not None
     residual = equation.residual
     try:

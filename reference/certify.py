@@ -25,24 +25,24 @@ from sepv.reference.steps import ReferenceStep
 from sepv.errors import SepvError
 
 BITS = 500
-# The box, relative to the largest component: what the vectors promise.
+# The radius of the box relative to the largest component; reference vectors promise it.
 RADIUS = 1e-46
 
 
 class NotCertified(SepvError, ArithmeticError):
-    """The proof did not go through: the message says what was enclosed where."""
+    """The proof failed; the message gives the enclosure and its place."""
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """What was proved of one reference step. Numbers are balls of python-flint.
+    """The proved facts of one reference step. Numbers are balls of python-flint.
 
     Attributes
     ----------
     radius : ball
         r: the equation has exactly one solution with every unknown within r of the reference.
     y1 : d balls
-        It is in there.
+        Balls that contain the solution.
     energy : ball
         H(y1) − H(y0).
     casimirs : balls
@@ -60,7 +60,7 @@ class Certificate:
     method: str
 
     def describe(self) -> str:
-        """The proof for a reader."""
+        """Describe the proof for a reader."""
         lines = []
         if self.equation.residual is None:
             lines.append(f"{self.equation.name} is explicit: evaluated in balls, rounding and all,")
@@ -92,7 +92,7 @@ def certify(
     bits: int = BITS,
     radius: float = RADIUS,
 ) -> Certificate:
-    """Prove that the reference step is one.
+    """Prove that the reference step encloses exactly one solution.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def certify(
 def _krawczyk(
     problem: ExactProblem, y0: Vector, parts: Step, step: ReferenceStep, radius: float
 ) -> tuple[Vector, Any, Any]:
-    """(K(K(…X)), r, ‖I − YF′(X)‖), or NotCertified."""
+    """K(K(…X)), r and ‖I − YF′(X)‖, or NotCertified."""
     flint = require_flint()
     arb, matrix = flint.arb, flint.arb_mat
     reference = [from_mpf(v) for v in step.x]
@@ -152,12 +152,12 @@ def _krawczyk(
         raise NotCertified("The Jacobian at the reference is singular.") from broken
     defect = matrix(n, n, [int(i == j) for i in range(n) for j in range(n)]) - Y * slopes
     contraction = max((sum(map(abs, row), arb(0)).upper() for row in defect.tolist()), key=float)
-    # A Newton step moves the centre from the precision of the reference to that of the balls.
+    # A Newton step moves the centre from the reference's precision to that of the balls.
     start = matrix([[v] for v in residual(reference)])
     centre = [(v - c).mid() for v, c in zip(reference, (Y * start).entries(), strict=True)]
     moved = (Y * matrix([[v + ball(error)] for v in residual(centre)])).entries()
     inner = krawczyk_image(defect, moved, centre, box)
-    # The zero is in K(X), and so in K(K(X)), and so on, each smaller by the contraction, down to rounding.
+    # The zero is in K(X), so in K(K(X)), and so on; each is smaller by the contraction, down to rounding.
     widest, least = max(v.rad() for v in inner), size * arb(2) ** -flint.ctx.prec
     while widest > least:
         inner = _image(defect, moved, centre, inner)
@@ -169,7 +169,7 @@ def _krawczyk(
 
 
 def krawczyk_image(defect: Any, moved: Vector, centre: Vector, box: Vector) -> Vector:
-    """K(X) for the box X, if that is a proof: x̃ in X and K(X) in the interior of X.
+    """K(X) for the box X, if it is a proof: x̃ lies in X and K(X) in the interior of X.
 
     The theorem expands F about x̃ by the mean value theorem, with F′(X) for the slope between x̃ and any x in X: for x̃
     outside X that slope is not among F′(X), and K(X) may lie in X though F has no zero there.

@@ -51,7 +51,7 @@ def closed_form(data: Description, y: Sequence[float], theta: float, digits: int
 
 
 def has_closed_form(data: Description) -> bool:
-    """Whether `closed_form` knows this problem."""
+    """True if the problem has a closed form."""
     if not isinstance(data, NamedProblem) or data.name not in _FORMS:
         return False
     inertia = dict(data.parameters).get("inertia", (1.0, 2.0, 3.0))
@@ -59,7 +59,7 @@ def has_closed_form(data: Description) -> bool:
 
 
 def _to_separatrix(ctx: Any, data: NamedProblem, y: Sequence[float]) -> Number:
-    """|1 − m|, 0 on the separatrix itself, where the formulas hold as well."""
+    """The distance |1 − m| from the separatrix; the formulas hold on it as well."""
     state, parameters = [ctx.mpf(float(v)) for v in y], dict(data.parameters)
     if data.name == "pendulum":
         return abs(1 - _pendulum_modulus(ctx, state[0], state[1]))
@@ -70,7 +70,7 @@ def _to_separatrix(ctx: Any, data: NamedProblem, y: Sequence[float]) -> Number:
 
 
 def _oscillator(ctx: Any, _: Parameters, y: Vector, theta: Number) -> Vector:
-    """dp = −x dθ, dx = p dθ."""
+    """The oscillator, dp = −x dθ, dx = p dθ."""
     cos, sin = ctx.cos(theta), ctx.sin(theta)
     return [y[0] * cos - y[1] * sin, y[0] * sin + y[1] * cos]
 
@@ -88,7 +88,9 @@ def _pendulum_modulus(ctx: Any, p: Number, q: Number) -> Number:
 
 
 def _pendulum(ctx: Any, _: Parameters, y: Vector, theta: Number) -> Vector:
-    """Libration, k ≤ 1: sin(q/2) = k sn(θ + u0, k²), p = 2k cn. Rotation, k > 1, with s the sign of p:
+    """The pendulum by elliptic functions.
+
+    Libration, k ≤ 1: sin(q/2) = k sn(θ + u0, k²), p = 2k cn. Rotation, k > 1, with s the sign of p:
     q = 2s am(kθ + u0, 1/k²), p = 2sk dn.
     """
     p, q = y
@@ -108,7 +110,7 @@ def _pendulum(ctx: Any, _: Parameters, y: Vector, theta: Number) -> Vector:
 
 
 class _Body:
-    """Euler's equations with the axes sorted so that I_a < I_b < I_c, and what their motion conserves.
+    """A rigid body with the axes sorted so that I_a < I_b < I_c, and the invariants of its motion.
 
     y_a′ = −σA_a y_b y_c, y_b′ = σA_b y_a y_c, y_c′ = −σA_c y_a y_b with A_a = 1/I_b − 1/I_c, A_b = 1/I_a − 1/I_c,
     A_c = 1/I_a − 1/I_b, σ the sign of the permutation. K_a = y_a²/A_a + y_b²/A_b and K_c = y_c²/A_c + y_b²/A_b
@@ -133,7 +135,7 @@ class _Body:
 
 
 def _rigid_body(ctx: Any, parameters: Parameters, y: Vector, theta: Number) -> Vector:
-    """y_c = s√(A_cK_c) dn, y_a = √(A_aK_a) cn, y_b = σs√(A_bK_a) sn of (λθ + u0, m).
+    """The rigid body: y_c = s√(A_cK_c) dn, y_a = √(A_aK_a) cn, y_b = σs√(A_bK_a) sn of (λθ + u0, m).
 
     λ² = A_aA_bA_cK_c, and s is the sign of y_c.
     """
@@ -143,7 +145,7 @@ def _rigid_body(ctx: Any, parameters: Parameters, y: Vector, theta: Number) -> V
         return y
     s = 1 if y[c] > 0 else -1
     rate = ctx.sqrt(A[a] * A[b] * A[c] * K[c])
-    # The phase has its sign from σ; A_aA_bA_c > 0 whichever of a and c comes first.
+    # The phase takes its sign from σ; A_aA_bA_c > 0 whichever of a and c comes first.
     phase = ctx.atan2(body.sigma * s * y[b] / ctx.sqrt(A[b]), y[a] / ctx.sqrt(A[a]))
     sn, cn, dn, _angle = _amplitude(ctx, rate * theta + ctx.ellipf(phase, m), m)
     found = list(y)

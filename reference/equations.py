@@ -1,4 +1,4 @@
-"""The schemes as equations, each written as it is printed, for numbers of any arithmetic.
+"""The schemes as equations in their printed form, for numbers of any arithmetic.
 
 An implicit scheme is residual(x) = 0 in its unknown x, and y1 = result(x); an explicit one has no unknown.
 None of this is taken from the core's code: `sepv.reference` imports no scheme.
@@ -25,7 +25,7 @@ class Step(NamedTuple):
     dW: tuple[Number, ...] = ()
 
 
-# Where H is not polynomial and nobody asked for more: good for a first guess.
+# The default number of nodes where H is not a polynomial: enough for a first guess.
 FEWEST_NODES = 24
 
 Residual = Callable[[ExactProblem, Vector, Step, Vector], Vector]
@@ -43,9 +43,9 @@ class Equation:
     blocks : int
         x has blocks · d components: 1, or the stages; 0 for an explicit method.
     of_increments : bool
-        Whether x holds increments, which vanish with Δ, rather than y1 itself.
+        True if x holds increments, which vanish with Δ; False if it is y1.
     nodes : int
-        For stages with H not polynomial: the quadrature that this equation stands for. 0 where exact.
+        For stages with H not polynomial: the nodes of the quadrature in this equation. 0 where exact.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Equation:
 
 
 def make_step(problem: ExactProblem, h: float, dW: tuple[float, ...]) -> Step:
-    """The step of these increments, each taken as the binary64 number that it is."""
+    """The step with these increments, each converted exactly from binary64."""
     exact = problem.number(h)
     S = total([problem.number(0.0), *(c * problem.number(w) for c, w in zip(problem.noise, dW, strict=True))])
     return Step(exact, S, exact + S, tuple(problem.number(w) for w in dW))
@@ -85,29 +85,29 @@ def _plus(*vectors: Vector) -> Vector:
 
 
 def _energy_preserving(problem: ExactProblem, y0: Vector, step: Step, y1: Vector) -> Vector:
-    """(2.1): Δ B((y0 + y1)/2) ∫₀¹∇H(y0 + τ(y1 − y0))dτ."""
+    """Scheme (2.1): Δ B((y0 + y1)/2) ∫₀¹∇H(y0 + τ(y1 − y0))dτ."""
     B = problem.structure(_middle(problem, y0, y1))
     return _times(step.delta, problem.turned(B, problem.mean_gradient(y0, y1)))
 
 
 def _averaged_vector_field(problem: ExactProblem, y0: Vector, step: Step, y1: Vector) -> Vector:
-    """(2.2), for constant B: Δ B ∫₀¹∇H(y0 + τ(y1 − y0))dτ, B taken once, at y0."""
+    """Scheme (2.2) for constant B: Δ B ∫₀¹∇H(y0 + τ(y1 − y0))dτ, B taken once, at y0."""
     return _times(step.delta, problem.turned(problem.structure(y0), problem.mean_gradient(y0, y1)))
 
 
 def _midpoint(problem: ExactProblem, y0: Vector, step: Step, y1: Vector) -> Vector:
-    """(3.4): Δ f((y0 + y1)/2)."""
+    """The midpoint rule (3.4): Δ f((y0 + y1)/2)."""
     return _times(step.delta, problem.field(_middle(problem, y0, y1)))
 
 
 def coordinate_increments(problem: ExactProblem, y0: Vector, y1: Vector) -> Vector:
-    """∇̄₁H(y0, y1): component i is the mean of ∂_iH on the edge that moves y_i, those before it moved."""
+    """∇̄₁H(y0, y1): component i is the mean of ∂_iH on the edge where y_i moves, after the components before it."""
     corners = [[*y1[:i], *y0[i:]] for i in range(len(y0) + 1)]
     return [problem.mean_gradient(corners[i], corners[i + 1])[i] for i in range(len(y0))]
 
 
 def _discrete_gradient(problem: ExactProblem, y0: Vector, step: Step, y1: Vector) -> Vector:
-    """§4: (h B(y0) + S B((y0 + y1)/2)) ½(∇̄₁H(y0, y1) + ∇̄₁H(y1, y0))."""
+    """The discrete-gradient scheme of §4: (h B(y0) + S B((y0 + y1)/2)) ½(∇̄₁H(y0, y1) + ∇̄₁H(y1, y0))."""
     mean = _middle(problem, coordinate_increments(problem, y0, y1), coordinate_increments(problem, y1, y0))
     drift = problem.turned(problem.structure(y0), mean)
     noise = problem.turned(problem.structure(_middle(problem, y0, y1)), mean)
@@ -115,27 +115,28 @@ def _discrete_gradient(problem: ExactProblem, y0: Vector, step: Step, y1: Vector
 
 
 def _euler_heun(problem: ExactProblem, y0: Vector, step: Step, _: Vector) -> Vector:
-    """§4: y0 + h f(y0) + ½ S (f(ŷ) + f(y0)), ŷ = y0 + (h + S) f(y0)."""
+    """Euler-Heun, §4: y0 + h f(y0) + ½ S (f(ŷ) + f(y0)), ŷ = y0 + (h + S) f(y0)."""
     f0 = problem.field(y0)
     predicted = _plus(y0, _times(step.delta, f0))
     return _plus(y0, _times(step.h, f0), _times(step.S, _middle(problem, problem.field(predicted), f0)))
 
 
 def _milstein(problem: ExactProblem, y0: Vector, step: Step, _: Vector) -> Vector:
-    """§4, on the Itô form: y0 + (f + ½Σc_j² f′f)h + f S + ½ f′f (S² − Σc_j² h), that is y0 + f Δ + ½ f′f S²."""
+    """Milstein, §4, Itô form: y0 + (f + ½Σc_j² f′f)h + f S + ½ f′f (S² − Σc_j² h), that is y0 + f Δ + ½ f′f S²."""
     f0 = problem.field(y0)
     half_S2 = problem.number(0.5) * step.S * step.S
     return _plus(y0, _times(step.delta, f0), _times(half_S2, problem.field_slope(y0, f0)))
 
 
 def _euler_maruyama(problem: ExactProblem, y0: Vector, step: Step, _: Vector) -> Vector:
-    """§4, on the Itô form: y0 + (f + ½Σc_j² f′f)h + f S."""
+    """Euler-Maruyama, §4, Itô form: y0 + (f + ½Σc_j² f′f)h + f S."""
     f0 = problem.field(y0)
     correction = problem.number(0.5) * total([problem.number(0.0), *(c * c for c in problem.noise)]) * step.h
     return _plus(y0, _times(step.delta, f0), _times(correction, problem.field_slope(y0, f0)))
 
 
 def in_blocks(x: Vector, stages: int) -> list[Vector]:
+    """Cut a vector of unknowns into one block of d for each stage."""
     d = len(x) // stages
     return [x[i * d : (i + 1) * d] for i in range(stages)]
 
@@ -168,7 +169,7 @@ def collocation(stages: int, nodes: int = 0) -> Equation:
 
     Cohen and Hairer (BIT 51, 2011): u of degree s with u(0) = y0 and, at τ = c_i,
     u′ = Δ B(u(c_i)) ∫₀¹ (ℓ_i(τ)/b_i) ∇H(u(τ))dτ; y1 = u(1). The unknowns are K_i = u′(c_i).
-    For H of degree ν the integrand has degree sν − 1; `nodes` says how many where H is not polynomial.
+    For H of degree ν the integrand has degree sν − 1; `nodes` is the number of nodes for other H.
     """
 
     def residual(problem: ExactProblem, y0: Vector, step: Step, x: Vector) -> Vector:
@@ -201,7 +202,7 @@ def collocation(stages: int, nodes: int = 0) -> Equation:
 
 
 def _one_stage(problem: ExactProblem, y0: Vector, step: Step, K: Vector) -> Vector:
-    """For s = 1 the average is that of (2.1), with y1 = y0 + K, and known in closed form."""
+    """The case s = 1: the average is that of (2.1), with y1 = y0 + K, and has a closed form."""
     right = _energy_preserving(problem, y0, step, _plus(y0, K))
     return [k - r for k, r in zip(K, right, strict=True)]
 

@@ -41,7 +41,7 @@ def _several_structures(problem: ExactProblem, y0: Vector, step: Step, y1: Vecto
 
 
 def equation_for(systems: Systems, stages: int = 1) -> str | Equation:
-    """What a scheme for this class of systems, with so many stages, is compared with."""
+    """The equation that a scheme for this class of systems, with this many stages, is compared with."""
     if systems is Systems.NAMBU:
         return BOTH_INVARIANTS
     if systems is Systems.SEVERAL:

@@ -1,4 +1,4 @@
-"""H in extended precision for every description, also those that only the hard cases use."""
+"""H in extended precision for every description, those of the hard cases included."""
 
 from __future__ import annotations
 

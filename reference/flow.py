@@ -1,7 +1,7 @@
 """The exact flow y(θ) of y′ = B(y)∇H(y), which is the solution of (1.1) at the random time θ(t) = t + Σ_j c_j W_j(t).
 
-Three ways that share only the problem's formulas, or not even those: Taylor series in mpmath (`taylor`), the
-same with every error enclosed in balls (`enclosed`), and closed forms (`sepv.reference.elliptic`).
+There are three ways. Taylor series in mpmath (`taylor`) and the same with every error enclosed in balls (`enclosed`)
+share only the problem's formulas; closed forms (`sepv.reference.elliptic`) do not share even those.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _MOST_STEPS = 20_000
 
 
 class FlowNotReached(SepvError, ArithmeticError):
-    """The flow could not be followed to the time asked for: it leaves the domain, or blows up."""
+    """The flow cannot be followed to the given time: it leaves the domain, or blows up."""
 
 
 def taylor(data: Description, y: Sequence[float], theta: float, digits: int = 50) -> Vector:
@@ -69,7 +69,7 @@ def taylor(data: Description, y: Sequence[float], theta: float, digits: int = 50
 
 
 def _step(ctx: Any, coefficients: list[Vector], order: int) -> Any:
-    """e⁻² times the radius of convergence; None where the series ends."""
+    """The step e⁻² times the radius of convergence; None where the series ends."""
     size = max(abs(row[0]) for row in coefficients) or ctx.one
     radii = []
     for k in (order - 1, order):
@@ -100,7 +100,7 @@ def enclosed(data: Description, y: Sequence[float], theta: float, digits: int = 
     FlowNotReached
     """
     require_digits(digits)
-    # What a step leaves grows with the balls: by two digits a unit of θ for Lotka-Volterra, less elsewhere.
+    # The remainder of a step grows with the balls: by two digits a unit of θ for Lotka-Volterra, less elsewhere.
     working = digits + 15 + int(4 * abs(theta))
     bits = bits or int(3.33 * working) + 200
     order = int(working * math.log(10) / 2) + 20
@@ -121,7 +121,7 @@ def enclosed(data: Description, y: Sequence[float], theta: float, digits: int = 
 def _enclosed_step(
     problem: ExactProblem, state: Vector, left: Any, order: int, digits: int
 ) -> tuple[Any, Vector]:
-    """A step towards `left`, and balls that contain the solution after it."""
+    """Take a step towards `left`, and return it with balls that contain the solution after it."""
     series = solution_series(problem.data, problem.arithmetic, state, order - 1)
     size = max(abs(v).upper() for v in state)
     last = max(abs(row[-1]).upper() for row in series)
@@ -130,7 +130,7 @@ def _enclosed_step(
     if abs(left) > math.exp(-2) * radius:
         step = problem.number(math.copysign(math.exp(-2) * radius, float(left)))
     speed = max(abs(v).upper() for v in problem.field(state))
-    # Where hardly anything moves, the rounding of the balls is wider than the way.
+    # Where hardly anything moves, the rounding of the balls exceeds the movement.
     rounding = size * problem.number(2.0) ** (30 - require_flint().ctx.prec)
     for _ in range(60):
         box = [v + ball(2 * abs(step) * speed + rounding) for v in state]

@@ -62,7 +62,7 @@ def _shifted(p: Polynomial, y0: Sequence[Fraction]) -> Rational:
 def _field(
     structure: Sequence[tuple[int, int, Polynomial]], H: Polynomial, c: Fraction, y0: Sequence[Fraction]
 ) -> list[Rational]:
-    """c B∇H about y0."""
+    """The field c B∇H expanded about y0."""
     h = _shifted(H, y0)
     gradient = [_slope(h, i) for i in range(len(y0))]
     found: list[Rational] = [{} for _ in y0]
@@ -89,7 +89,7 @@ def fields(data: PolynomialSystem, y0: Sequence[float]) -> list[list[Rational]]:
 
 
 def is_linear(data: PolynomialSystem) -> bool:
-    """Whether all fields are polynomials of degree 1: L then keeps the degree of a polynomial."""
+    """True if all fields are polynomials of degree 1: L then keeps the degree of a polynomial."""
     return all(
         sum(a) <= 1
         for field in fields(data, (0.0,) * data.dimension)
@@ -118,7 +118,7 @@ def moments(
     known: dict[tuple[int, Exponents], Fraction] = {}
 
     def image(alpha: Exponents) -> Rational:
-        """L x^α."""
+        """L x^α as a polynomial."""
         if alpha not in images:
             g: Rational = {alpha: Fraction(1)}
             second = _sum(*(along(field, along(field, g)) for field in F[1:]))

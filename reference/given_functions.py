@@ -1,7 +1,7 @@
 """A problem made of Python functions: H as exactly as its own code allows, Casimirs exactly.
 
-There is no second source to evaluate such an H from, so that it is asked itself, in the platform's longest float where
-its code passes that on, else in binary64. How far its value may be off is stated and goes into the bounds.
+Such an H has no second source, so its own code is evaluated: in the platform's longest float where the code keeps that
+type, else in binary64. The possible error of its values is stated and enters the bounds.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from sepv.reference.arithmetic import Vector, context
 
 from sepv.problem import GivenProblem
 
-# A well-written H of d variables is off by what a few roundings of y and of its value do; 16 is a heuristic: it covers
-# a sum of some ten terms, each the product of a few factors, whatever order they are taken in.
+# A well-written H of d variables is off by a few roundings of y and of its value. 16 is a heuristic: it covers a sum of
+# some ten terms, each a product of a few factors, in any order.
 ROUNDINGS = 16.0
 
 
 class GivenFunctions:
-    """The evaluations that laws ask of an `ExactProblem`, for a `GivenProblem`."""
+    """The methods of an `ExactProblem` that laws need, for a `GivenProblem`."""
 
     def __init__(self, given: GivenProblem, digits: int) -> None:
         self.problem = given.problem
@@ -44,10 +44,10 @@ class GivenFunctions:
             return self.ctx.mpf(float(self.problem.hamiltonian(np.array(values))))
 
     def uncertainty(self, *states: Any) -> Any:
-        """What H(y1) − H(y0) may be off by: ROUNDINGS half-ulps of |∇H|·|y| + |H| at each state.
+        """A bound of the error of H(y1) − H(y0): ROUNDINGS half-ulps of |∇H|·|y| + |H| at each state.
 
-        In longest floats it is less by their further bits; but a function that computes a part of H in binary64 and the
-        rest in more cannot be told from one that does not, so that the bound is that of binary64 in either case.
+        Longest floats reduce it by their further bits. But a function that computes a part of H in binary64 cannot be
+        told from one that does not, so the bound is that of binary64 in either case.
         """
         slopes = [
             np.sum(np.abs(self.problem.gradient(y)) * np.abs(y), axis=0) + np.abs(self.problem.hamiltonian(y))

@@ -1,4 +1,4 @@
-"""Moments of Wiener increments, truncated and not, in closed form (Remark 2.1, Lemma 3.1)."""
+"""Moments of Wiener increments, with and without truncation, in closed form (Remark 2.1, Lemma 3.1)."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from sepv.reference.arithmetic import context
 
 
 def bound(h: float, k: int, digits: int = 30) -> Any:
-    """A_h = √(2k|ln h|)."""
+    """The truncation bound A_h = √(2k|ln h|)."""
     ctx = context(digits)
     return ctx.sqrt(2 * k * abs(ctx.ln(ctx.mpf(h))))
 
 
 def tail(a: Any, digits: int = 30) -> Any:
-    """P(ξ > a) for ξ ~ N(0, 1)."""
+    """The tail probability P(ξ > a) for ξ ~ N(0, 1)."""
     ctx = context(digits)
     return ctx.erfc(a / ctx.sqrt(2)) / 2
 

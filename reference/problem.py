@@ -29,7 +29,7 @@ from sepv.record._polynomial import Exponents
 
 Matrix = list[Vector]
 Description = PolynomialSystem | NamedProblem
-# B above the diagonal: (i, j, B_ij) with i < j, entries that vanish left out; B_ji = −B_ij.
+# Entries (i, j, B_ij) of B with i < j; zeros are left out, and B_ji = −B_ij.
 Skew = list[tuple[int, int, Number]]
 Monomials = list[tuple[Number, list[tuple[int, int]]]]
 
@@ -59,9 +59,9 @@ class ExactProblem:
     factor: Callable[[Vector], Number] | None = None
     casimir: Callable[[Vector], Number] | None = None
     mean_casimir_gradient: Callable[[Vector, Vector], Vector] | None = None
-    # Where H and B are defined.
+    # The domain of H and B.
     inside: Callable[[Vector], bool] = staticmethod(lambda _: True)
-    # Several structures, or several Hamiltonians as structures: [c_1 G_1, …, c_m G_m](y).
+    # Structures of several noises, [c_1 G_1, …, c_m G_m](y); several Hamiltonians are written as structures.
     noise_structures: Callable[[Vector], list[Skew]] | None = None
 
     def state(self, y: Sequence[float]) -> Vector:
@@ -73,7 +73,7 @@ class ExactProblem:
         return self.turned(self.structure(y), self.gradient(y))
 
     def turned(self, B: Skew, v: Vector) -> Vector:
-        """B v."""
+        """The product B v."""
         rows: Vector = [None] * len(v)
         for i, j, entry in B:
             up, down = entry * v[j], entry * v[i]
@@ -95,7 +95,7 @@ class ExactProblem:
         return [total(weight * g[i] for weight, g in slopes) for i in range(self.dimension)]
 
     def uncertainty(self, *_states: Any) -> float:
-        """What H(y1) − H(y0) may be off by, beside a bound of rounding in binary64: nothing."""
+        """The error of H(y1) − H(y0) beyond a bound of rounding in binary64: zero."""
         return 0.0
 
     def casimir_values(self, y: Vector) -> Vector:
@@ -204,7 +204,7 @@ def _commuting_structure(self: ExactProblem, y: Vector, c: Number, slope: Vector
 
 
 def _without(v: Vector, orthogonal: list[Vector]) -> Vector:
-    """v less its parts along vectors that are orthogonal to each other."""
+    """Remove from v its parts along vectors that are orthogonal to each other."""
     for n in orthogonal:
         share = total(a * b for a, b in zip(v, n, strict=True)) / total(a * a for a in n)
         v = [a - share * b for a, b in zip(v, n, strict=True)]
@@ -231,7 +231,7 @@ def _monomials(self: ExactProblem, terms: tuple[tuple[Exponents, float], ...]) -
 
 
 def _partial(terms: Monomials, i: int) -> Monomials:
-    """∂/∂y_i term by term."""
+    """∂/∂y_i of each term."""
     found = []
     for c, powers in terms:
         k = dict(powers).get(i, 0)
@@ -245,7 +245,7 @@ def _value(terms: Monomials, y: Vector, zero: Number) -> Number:
 
 
 def _values(rows: Sequence[Monomials], y: Vector, zero: Number) -> Vector:
-    """Several polynomials at one point, where they have powers in common."""
+    """Values of several polynomials at one point; they share the powers."""
     known: dict[tuple[int, int], Number] = {}
     found = []
     for terms in rows:
@@ -263,7 +263,7 @@ def _values(rows: Sequence[Monomials], y: Vector, zero: Number) -> Vector:
 
 
 def _oscillator(self: ExactProblem, parameters: dict[str, Vector]) -> None:
-    """§4.1, y = (p, x)."""
+    """Define the oscillator of §4.1, y = (p, x)."""
     _canonical(self, parameters)
     half, self.degree = self.number(0.5), 2
     self.hamiltonian = lambda y: half * (y[0] * y[0] + y[1] * y[1])
@@ -272,7 +272,7 @@ def _oscillator(self: ExactProblem, parameters: dict[str, Vector]) -> None:
 
 
 def _pendulum(self: ExactProblem, parameters: dict[str, Vector]) -> None:
-    """§4.3, y = (p, q)."""
+    """Define the pendulum of §4.3, y = (p, q)."""
     _canonical(self, parameters)
     half, sin, cos, sinc = self.number(0.5), self.arithmetic.sin, self.arithmetic.cos, self.arithmetic.sinc
     self.hamiltonian = lambda y: half * y[0] * y[0] - cos(y[1])
@@ -287,14 +287,14 @@ def _pendulum(self: ExactProblem, parameters: dict[str, Vector]) -> None:
 
 
 def _canonical(self: ExactProblem, parameters: dict[str, Vector]) -> None:
-    """Equation (1.3)."""
+    """Define the canonical structure, equation (1.3)."""
     entry = self.number(-1.0)
     self.dimension, self.noise, self.casimirs, self.linear_casimirs = 2, parameters["noise"], [], []
     self.structure = lambda _: [(0, 1, entry)]
 
 
 def _rigid_body(self: ExactProblem, parameters: dict[str, Vector]) -> None:
-    """§4.2."""
+    """Define the rigid body of §4.2."""
     I1, I2, I3 = parameters["inertia"]
     half, one, zero = (self.number(v) for v in (0.5, 1.0, 0.0))
     self.dimension, self.degree, self.noise, self.linear_casimirs = 3, 2, parameters["noise"], []
@@ -311,13 +311,13 @@ def _rigid_body(self: ExactProblem, parameters: dict[str, Vector]) -> None:
 
 
 def _lotka_volterra(self: ExactProblem, parameters: dict[str, Vector]) -> None:
-    """§4.4."""
+    """Define the Lotka-Volterra system of §4.4."""
     a, b, d, nu, mu = (parameters[k][0] for k in ("a", "b", "d", "nu", "mu"))
     log, log1p_ratio = self.arithmetic.log, self.arithmetic.log1p_ratio
     self.inside = lambda y: all(v > 0 for v in y)
     self.dimension, self.noise, self.casimirs, self.linear_casimirs = 3, parameters["noise"], [], []
     self.hamiltonian = lambda y: a * b * y[0] + y[1] - a * y[2] + nu * log(y[1]) - mu * log(y[2])
-    # 0·y1 makes the constant a number of the same kind as the others.
+    # The term 0·y1 makes the constant a number of the same kind as the others.
     self.gradient = lambda y: [a * b + 0 * y[0], 1 + nu / y[1], -a - mu / y[2]]
     self.structure = lambda y: [(0, 1, d * y[0] * y[1]), (0, 2, b * d * y[0] * y[2]), (1, 2, -y[1] * y[2])]
 

@@ -1,4 +1,4 @@
-"""How far a Gauss rule is from the integral it stands for, rigorously: needed where H is not polynomial.
+"""Rigorous error of a Gauss rule in an equation, needed where H is not polynomial.
 
 For g analytic in the Bernstein ellipse of parameter ρ around [−1, 1] and |g| ≤ M there, the N-point Gauss rule
 is off by at most (64/15) M ρ^(−2(N−1))/(1 − ρ⁻²) (Trefethen, *Approximation Theory and Approximation
@@ -23,14 +23,14 @@ _CELLS = 10
 
 
 def with_more_nodes(equation: Equation) -> Equation:
-    """The same equation with a rule that can be proved to be good enough."""
+    """An equation with enough nodes for a proof."""
     return collocation(equation.blocks, max(equation.nodes, _NODES)) if equation.nodes else equation
 
 
 def quadrature_error(
     problem: ExactProblem, y0: Vector, parts: Step, equation: Equation, x: Vector
 ) -> tuple[Any, Any]:
-    """(bound of the residual's error, bound of the error of its derivatives) near x; (0, 0) for exact rules."""
+    """Bounds of the residual's error and of its derivatives' error near x; (0, 0) for exact rules."""
     flint = require_flint()
     if not equation.nodes:
         return flint.arb(0), flint.arb(0)
@@ -47,7 +47,7 @@ def _bound(
     table = stage_table(equation.blocks, problem.arithmetic)
     size = max(abs(v).upper() for v in y0)
     size = size if size > 0 else arb(1)
-    # Small: it is spread by the coefficients of the basis, and divides a bound that is tiny anyway.
+    # A small radius: the coefficients of the basis spread it, and it divides a tiny bound.
     R = size / 2**40
 
     def around(centre: Any, radius: Any) -> Any:
@@ -56,7 +56,7 @@ def _bound(
 
     K = in_blocks([around(v, R) for v in x], equation.blocks)
     start = [acb(v) for v in y0]
-    # u′ by powers of τ: summed over the stages first, its higher coefficients are small.
+    # u′ by powers of τ. Summing over the stages first makes its higher coefficients small.
     slopes = [
         [
             total(k[c] * row[p] for k, row in zip(K, table.coefficients, strict=True)) / (p + 1)
@@ -89,7 +89,7 @@ def _bound(
             rows[i], rows[j] = rows[i] + abs(entry).upper(), rows[j] + abs(entry).upper()
         for v in rows:
             B_size = B_size.max(v.upper())
-    # The interval [0, 1] has half the length of [−1, 1]; the rule is exact to that factor.
+    # The factor is the half length of [0, 1] relative to [−1, 1].
     rule = largest * 32 / 15 * r ** (-2 * (equation.nodes - 1)) / (1 - 1 / (r * r))
     error = (abs(parts.delta).upper() * B_size * rule).upper()
     return error, (2 * error / R).upper()

@@ -1,9 +1,9 @@
-"""Running error analysis: how far a plain binary64 evaluation of a formula may be from its exact value.
+"""Running error analysis: a bound of the rounding error of a formula in plain binary64.
 
 A number carries a bound of its rounding error in units of u = 2⁻⁵³, which every operation adds to: for
 a ∘ b the errors of a and b as they propagate, and |a ∘ b| for the operation's own rounding (Higham,
 *Accuracy and Stability of Numerical Algorithms*, §3.3). Second-order terms are left out. Values are of
-mpmath, so that nothing overflows here where it would not there.
+mpmath, so they do not overflow.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from sepv.reference.steps import ReferenceStep
 _DIGITS = 30
 _CTX, _DECIMAL = context(_DIGITS), decimal(_DIGITS)
 UNIT = 2.0**-53
-# Half of the least number above zero: what an operation that underflows may lose.
+# Half of the least positive number: the loss of an operation that underflows.
 UNDERFLOW = _CTX.mpf(2) ** -1075
 
 
 class Rounded:
-    """value, and a bound of its error in units of u."""
+    """A value, and a bound of its error in units of u."""
 
     __slots__ = ("error", "value")
 
@@ -80,7 +80,7 @@ class Rounded:
 
 
 class Dual:
-    """value + ε slope with ε² = 0, for parts of any kind that add, multiply and divide."""
+    """A dual number value + ε slope with ε² = 0, for parts of any kind that add, multiply and divide."""
 
     __slots__ = ("slope", "value")
 
@@ -124,12 +124,12 @@ def _lift(x: Any) -> Rounded:
 
 
 def _own(value: Any) -> Any:
-    """The rounding of an operation's own result, underflow included."""
+    """The rounding error of an operation's result, underflow included."""
     return abs(value) + UNDERFLOW / UNIT if value else _CTX.zero
 
 
 def _function(f: Function, slope: Callable[[Number], Number]) -> Function:
-    """A function of the mathematical library, taken to be right within one unit in the last place, 2u."""
+    """A function of the mathematical library, assumed right within one unit in the last place, 2u."""
 
     def of(x: Any) -> Any:
         if isinstance(x, Dual):
@@ -155,10 +155,10 @@ ROUNDED = Arithmetic(
 
 
 def error_units(data: Description, y: Vector, h: float, dW: Vector, step: ReferenceStep) -> list[float]:
-    """For each component of y1, the error that binary64 may bring to a step solved to rounding.
+    """The rounding error that binary64 may bring to each component of y1, in a step solved to rounding.
 
-    That is u(|∂y1/∂residual| r + |y1|) with r the running error bound of one evaluation of the residual at
-    the solution, or of the explicit formula. Another order of operations has another r of the same size.
+    It is u(|∂y1/∂residual| r + |y1|) with r the running error bound of one evaluation of the residual at the
+    solution, or of the explicit formula. Another order of operations has another r of the same size.
     """
     problem = in_arithmetic(data, ROUNDED)
     equation = step.equation

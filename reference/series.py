@@ -1,4 +1,4 @@
-"""Power series whose coefficients are computed as they are asked for, in the numbers of any arithmetic.
+"""Power series whose coefficients are computed on demand, in the numbers of any arithmetic.
 
 The Taylor coefficients of the solution of y′ = f(y) follow from (k + 1) y_{k+1} = [f(y)]_k, where f is the very
 formula of the problem, evaluated once on series; every further coefficient costs one convolution an operation.
@@ -17,7 +17,7 @@ Dot = Callable[[Iterable[Number], Iterable[Number]], Number]
 
 
 class Series:
-    """Σ_k a_k t^k; `rule(k)` gives a_k when a_0 … a_{k−1} are known; `dot` sums products."""
+    """A power series Σ_k a_k t^k; `rule(k)` gives a_k from a_0 … a_{k−1}; `dot` sums products."""
 
     __slots__ = ("coefficients", "dot", "rule")
 
@@ -30,7 +30,7 @@ class Series:
         return self.coefficients[k]
 
     def upto(self, k: int) -> Vector:
-        """[a_0, …, a_k]."""
+        """The coefficients [a_0, …, a_k]."""
         self[k]
         return self.coefficients[: k + 1]
 
@@ -54,7 +54,7 @@ class Series:
         return Series(self.dot, lambda k: self[k] * other)
 
     def __truediv__(self, other: Any) -> Series:
-        """q = a/b from b q = a: q_k = (a_k − Σ_{i<k} q_i b_{k−i})/b_0."""
+        """The quotient q = a/b from b q = a: q_k = (a_k − Σ_{i<k} q_i b_{k−i})/b_0."""
         if not isinstance(other, Series):
             return Series(self.dot, lambda k: self[k] / other)
 
@@ -76,7 +76,7 @@ class Series:
 
 
 def _derivative(a: Series, k: int) -> Vector:
-    """[1 a_1, …, k a_k]."""
+    """The coefficients [1 a_1, …, k a_k] of t a′(t)."""
     return [i * v for i, v in enumerate(a.upto(k)) if i]
 
 
@@ -84,7 +84,7 @@ def series_over(base: Arithmetic) -> Arithmetic:
     """The arithmetic of series with coefficients in `base`; constants stay numbers."""
 
     def sine_and_cosine(x: Series) -> tuple[Series, Series]:
-        """k s_k = Σ i x_i c_{k−i}, k c_k = −Σ i x_i s_{k−i}."""
+        """Sine and cosine: k s_k = Σ i x_i c_{k−i}, k c_k = −Σ i x_i s_{k−i}."""
 
         def sine_rule(k: int) -> Number:
             return x.convolved(_derivative(x, k), cosine.upto(k - 1)) / k if k else base.sin(x[0])
@@ -96,7 +96,7 @@ def series_over(base: Arithmetic) -> Arithmetic:
         return sine, cosine
 
     def log(x: Series) -> Series:
-        """x l′ = x′, coefficient by coefficient."""
+        """The logarithm l from x l′ = x′, coefficient by coefficient."""
         slope = Series(base.dot, lambda k: (k + 1) * x[k + 1]) / x
         return Series(base.dot, lambda k: slope[k - 1] / k if k else base.log(x[0]))
 
@@ -122,7 +122,7 @@ def solution_series(data: Description, base: Arithmetic, y0: Vector, order: int)
 
 
 def _coefficient(a: Any, k: int) -> Number:
-    """a_k; a number is a series that ends at once."""
+    """The coefficient a_k; a number is a constant series."""
     return a[k] if isinstance(a, Series) else a if k == 0 else 0 * a
 
 

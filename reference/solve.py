@@ -21,12 +21,12 @@ Matrix = list[Vector]
 _NEWTON = 60
 _CHORD = 40
 _LEAST_DAMPING = 2.0**-40
-# What a float computation may raise: overflow, division by zero, a logarithm out of its domain.
+# Exceptions of a float computation: overflow, division by zero, a logarithm out of its domain.
 BROKEN = (ArithmeticError, ValueError)
 
 
 class Failure(NamedTuple):
-    """Where an iteration ended without a solution: the smallest residual met, and why."""
+    """The end of an iteration without a solution: the smallest residual, and the reason."""
 
     residual: float
     iterations: int
@@ -34,7 +34,7 @@ class Failure(NamedTuple):
 
 
 class Root(NamedTuple):
-    """x with residual(x) = 0 to the digits asked for, and (∂residual/∂x)⁻¹ there, to about 15 digits."""
+    """A root x with residual(x) = 0 to the requested digits, and (∂residual/∂x)⁻¹ there, to about 15 digits."""
 
     x: Vector
     inverse: Matrix
@@ -42,14 +42,14 @@ class Root(NamedTuple):
 
 
 def jacobian(residual: Residual, x: Vector, arithmetic: Arithmetic) -> Matrix:
-    """∂residual/∂x, a column from each direction."""
+    """∂residual/∂x, one column for each direction."""
     one, slope, nudged = arithmetic.number(1.0), arithmetic.slope, arithmetic.nudged
     columns = [residual([*x[:k], nudged(v, one), *x[k + 1 :]]) for k, v in enumerate(x)]
     return [[slope(v) for v in row] for row in zip(*columns, strict=True)]
 
 
 def inverse(A: Matrix) -> Matrix:
-    """A⁻¹ in the numbers of A: by cofactors up to d = 3, where that is quickest, else by Gauss-Jordan elimination.
+    """A⁻¹ in the numbers of A: by cofactors up to d = 3, where that is faster, else by Gauss-Jordan elimination.
 
     Raises
     ------
@@ -80,12 +80,12 @@ def inverse(A: Matrix) -> Matrix:
 
 
 def times(A: Matrix, v: Vector) -> Vector:
-    """A v."""
+    """The product A v."""
     return [total(map(mul, row, v)) for row in A]
 
 
 def largest(v: Vector) -> Number:
-    """|v|_∞."""
+    """The largest component |v|_∞."""
     return max(map(abs, v))
 
 
@@ -129,11 +129,11 @@ def newton(
 
 
 def refine(residual: Residual, root: Root, scale: Number, ctx: Any, digits: int) -> Root | Failure:
-    """The root to 10^−digits of the scale, by the chord iteration with the inverse Jacobian that is there.
+    """Refine a root to 10^−digits of the scale, by the chord iteration with its inverse Jacobian.
 
-    Corrections c_1, c_2, … shrink by a constant factor, so that c_n²/c_{n−1} is what a next one would be: the
-    iteration ends where that is below the goal. Corrections are made in floats; where these could
-    underflow, for many digits or states of extreme size, the residual is brought to the size of 1 first.
+    Corrections c_1, c_2, … shrink by a constant factor, so c_n²/c_{n−1} estimates the next one: the iteration ends
+    where that is below the goal. Corrections are made in floats; where these could underflow, for many digits or
+    states of extreme size, the residual is first scaled to the size of 1.
     """
     x, inverted = [ctx.mpf(v) for v in root.x], root.inverse
     size = float(scale)

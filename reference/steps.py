@@ -1,4 +1,4 @@
-"""One step of a scheme to any number of digits: `reference_step`, and how trustworthy it is.
+"""One step of a scheme to any number of digits (`reference_step`), with its condition.
 
 The equations are in `sepv.reference.equations`, the solver in `sepv.reference.solve`. A value is proved by
 `sepv.reference.certify`, not here.
@@ -22,12 +22,12 @@ from sepv.problem import GivenProblem
 # Guard digits: three for the conversion and the sums, the rest for the condition of the equation.
 GUARD = 15
 MOST_DIGITS = 2000
-# Quadratures for stages with H not polynomial, until two of them agree.
+# Numbers of quadrature nodes for stages with H not polynomial, tried until two of them agree.
 _NODES = (FEWEST_NODES, 36, 54, 81, 122, 183, 275)
 
 
 class ReferenceStep(NamedTuple):
-    """What a reference step found.
+    """A reference step and the condition of its equation.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ def find_equation(scheme: str) -> Equation:
 
 
 def require_digits(digits: int) -> None:
-    """Complain about a number of digits that cannot be meant."""
+    """Raise UsageError for a number of digits out of range."""
     if not isinstance(digits, int) or isinstance(digits, bool) or not 1 <= digits <= MOST_DIGITS:
         raise UsageError(
             expected=f"digits, an integer between 1 and {MOST_DIGITS}",
@@ -76,10 +76,10 @@ def require_digits(digits: int) -> None:
 def step_condition(
     scheme: str | Equation, data: Any, y: Sequence[float], h: float, dW: Sequence[float], contraction: float
 ) -> list[list[float]]:
-    """|(I − ∂R/∂y1)⁻¹| at the step's solution, which turns residuals into errors of y1.
+    """|(I − ∂R/∂y1)⁻¹| at the step's solution, the factor from residuals to errors of y1.
 
-    A problem made of functions has no such solution here. Its steps are drawn where R is a contraction with the factor
-    κ = `contraction` in the largest component, so that no error of y1 is larger than Σ_i r_i/(1 − κ).
+    For a problem made of functions there is no such solution. Its steps are drawn where R is a contraction with factor
+    κ = `contraction` in the largest component, so no error of y1 is larger than Σ_i r_i/(1 − κ).
     """
     if isinstance(data, GivenProblem):
         return [[1 / (1 - contraction)] * len(y)] * len(y)
@@ -87,7 +87,7 @@ def step_condition(
     problem = binary64_problem(data)
     scale = max(map(abs, y), default=0.0)
     if equation.residual is not None and not equation.nodes and scale and all(map(isfinite, (*y, h, *dW))):
-        # The inverse matrix is that of the root in binary64, also where the root itself is wanted to more digits.
+        # The inverse matrix is that of the root in binary64, also where the root needs more digits.
         root = _guess(equation, data, y, h, dW, scale, None)
         y0, step = problem.state(y), make_step(problem, h, dW)
         if isinstance(root, Root) and problem.inside(equation.result(problem, y0, step, root.x)):
@@ -104,26 +104,26 @@ def reference_step(
     digits: int = 50,
     start: Vector | None = None,
 ) -> ReferenceStep:
-    """One step from y to `digits` digits of the largest component.
+    """Solve one step from y to `digits` digits of the largest component.
 
-    Where the equation has several solutions it is the one that Newton's method finds from y, or from `start`;
-    where Newton's method finds none, the one that following the solutions from y in small steps leads to.
+    If the equation has several solutions, it is the one that Newton's method finds from y, or from `start`; where
+    Newton's method finds none, the one reached by following the solutions from y in small steps.
 
     Parameters
     ----------
     scheme : str or Equation
-        A name of `EQUATIONS`, or an equation of one's own.
+        A name of `EQUATIONS`, or any equation.
     y, h, dW : binary64 numbers
-        Each is taken exactly as it is.
+        Each is taken exactly.
     start : floats, optional
-        Where Newton's iteration for the unknowns of the equation begins.
+        The start of Newton's iteration for the unknowns of the equation.
 
     Raises
     ------
     UsageError
         For an unknown scheme or problem, digits out of range.
     StepFailure
-        Where no solution was found, with the smallest residual that was met.
+        Where no solution was found; the message has the smallest residual.
     """
     if digits != 50:
         require_digits(digits)
@@ -157,7 +157,7 @@ def reference_step(
     if isinstance(root, Root) and not exact.inside(equation.result(exact, y0, step, root.x)):
         root = Failure(0.0, root.iterations, "only a solution outside the domain was found")
     if isinstance(root, Failure):
-        # Newton's iteration from y failed, or led out of the domain: the branch of solutions from y may be there.
+        # Newton's iteration from y failed or left the domain: the branch of solutions from y may still reach the step.
         branch = None if start else _branch(equation, data, y, h, dW)
         if branch is not None and branch.whole:
             return reference_step(equation, data, y, h, dW, digits, branch.x)
@@ -195,7 +195,7 @@ def _bound(equation: Equation, problem: ExactProblem, y0: Vector, step: Step) ->
 
 
 def _start(equation: Equation, problem: ExactProblem, y0: Vector, step: Step) -> Vector:
-    """Where Newton begins: K = 0, or the explicit midpoint rule's y1 where that is near y0."""
+    """The start of Newton's method: K = 0, or the explicit midpoint rule's y1 where that is near y0."""
     if equation.of_increments:
         return [0 * v for v in y0] * equation.blocks
     half = [a + step.delta * b / 2 for a, b in zip(y0, problem.field(y0), strict=True)]
@@ -216,7 +216,7 @@ def _guess(
     scale: float,
     start: Vector | None,
 ) -> Root | Failure:
-    """The root in binary64, where binary64 can hold it."""
+    """The root in binary64; a Failure where binary64 cannot hold it."""
     problem = binary64_problem(data)
     try:
         y0, step = problem.state(y), make_step(problem, h, dW)
@@ -235,7 +235,7 @@ def _in_digits(
     digits: int,
     start: Vector | None,
 ) -> Root | Failure:
-    """The root by mpmath alone, whose exponents have no end."""
+    """The root by mpmath alone, whose exponents are unbounded."""
     residual = _bound(equation, exact, y0, step)
     try:
         first = [exact.ctx.mpf(v) for v in start] if start else _start(equation, exact, y0, step)
@@ -246,14 +246,14 @@ def _in_digits(
 
 
 def _with_nodes(equation: Equation, nodes: int) -> Equation:
-    """The same equation, with this quadrature if it has one."""
+    """The equation with this number of nodes, if it has a quadrature."""
     return collocation(equation.blocks, nodes) if equation.name.startswith("collocation") else equation
 
 
 def _enough_nodes(
     equation: Equation, exact: ExactProblem, y0: Vector, step: Step, scale: Any, digits: int, root: Root
 ) -> tuple[Equation, Root | Failure]:
-    """The equation with so many nodes that two quadratures lead to the same root."""
+    """The equation with enough nodes that two quadratures have the same root."""
     goal = scale * exact.ctx.mpf(10) ** (-digits - 3)
     for nodes in _NODES[1:]:
         finer = _with_nodes(equation, nodes)

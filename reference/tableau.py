@@ -37,7 +37,7 @@ class StageTable:
 
 @lru_cache(maxsize=64)
 def stage_table(stages: int, arithmetic: Arithmetic) -> StageTable:
-    """The table in the numbers of this arithmetic."""
+    """The table of the s-stage method in the numbers of this arithmetic."""
     if arithmetic.tables:
         maker, convert = arithmetic.tables
         made = stage_table(stages, maker)
@@ -66,6 +66,7 @@ def stage_table(stages: int, arithmetic: Arithmetic) -> StageTable:
 
 
 def horner(row: Vector, tau: Number) -> Number:
+    """Σ_k row_k τ^k."""
     value = row[-1]
     for coefficient in reversed(row[:-1]):
         value = value * tau + coefficient

@@ -17,9 +17,9 @@ Series = list[Any]
 def flow_series(
     system: PolynomialSystem, y: Sequence[float], order: int, digits: int = 40
 ) -> list[list[Any]]:
-    """c_0, …, c_order with φ_θ(y) = Σ c_k θ^k + O(θ^{order+1}); each c_k a list of d numbers.
+    """Coefficients c_0, …, c_order with φ_θ(y) = Σ c_k θ^k + O(θ^{order+1}); each c_k a list of d numbers.
 
-    From y′ = B(y)∇H(y): the coefficients up to k of the right side give coefficient k + 1 of y.
+    By y′ = B(y)∇H(y), the coefficients up to k of the right side give coefficient k + 1 of y.
     """
     ctx, d = context(digits), system.dimension
     slopes = gradient(system.hamiltonian)

@@ -1,4 +1,4 @@
-"""Reference vectors: one step, or one exact flow, with its answer to 50 digits, as a record and as JSON.
+"""Reference vectors: one step, or one exact flow, with its result to 50 digits, as a record and as JSON.
 
 The files are made by `python -m benchmarks.vectors` only; docs/vectors.md explains them to readers in any language.
 """
@@ -23,7 +23,7 @@ FOLDER = Path(__file__).parent / "vectors"
 FORMAT = "sepv-vectors-1"
 FLOW = "exact-flow"
 DIGITS = 50
-# A solver may say that it does not solve these; it may not return something else.
+# Flags of cases that a solver may refuse; a wrong answer is an error there too.
 HARD = frozenset({"large-step", "near-fold", "subnormal", "huge", "overflow"})
 
 _KEYS = {"id", "hash", "problem", "y", "y1", "y1_hex", "condition", "rounding", "flags", "proof", "note"}
@@ -32,7 +32,7 @@ _REMEDY = "install sepv again; in a checkout, `python -m benchmarks.vectors` mak
 
 @dataclass(frozen=True)
 class ReferenceVector:
-    """One case and its answer.
+    """One reference case and its result.
 
     Attributes
     ----------
@@ -44,12 +44,12 @@ class ReferenceVector:
     condition : float
         ‖∂y1/∂residual‖_∞.
     rounding : d floats
-        What plain binary64 arithmetic may be off by, see `sepv.reference.rounding`.
+        The possible error of plain binary64 arithmetic, see `sepv.reference.rounding`.
     flags : words that classify it
     proof : str
-        How the answer is known: "krawczyk", "balls", or "two methods".
+        The kind of proof: "krawczyk", "balls", or "two methods".
     note : str
-        Why it is there.
+        The purpose of the case.
     """
 
     id: str
@@ -68,7 +68,7 @@ class ReferenceVector:
 
     @property
     def hard(self) -> bool:
-        """Whether a solver may honestly refuse it."""
+        """True if a solver may refuse the case."""
         return bool(HARD & set(self.flags))
 
 
@@ -107,25 +107,25 @@ def digest(data: dict[str, Any]) -> str:
 
 
 def to_text(scheme: str, source: str, vectors: Iterable[ReferenceVector]) -> str:
-    """A whole file: a head, then one case a line."""
+    """The text of a whole file: a head, then one case a line."""
     head = {"format": FORMAT, "scheme": scheme, "source": source, "digits": DIGITS}
     lines = ",\n".join(json.dumps(to_json(v), separators=(",", ":"), ensure_ascii=True) for v in vectors)
     return json.dumps(head, ensure_ascii=True, indent=1)[:-2] + ',\n "cases": [\n' + lines + "\n ]\n}\n"
 
 
 def schemes_with_vectors(folder: Path = FOLDER) -> list[str]:
-    """The schemes that have a file."""
+    """The names of the schemes that have a file."""
     return sorted(p.stem for p in folder.glob("*.json") if not p.stem.endswith(".schema"))
 
 
 @lru_cache(maxsize=64)
 def load(scheme: str, folder: Path = FOLDER) -> tuple[ReferenceVector, ...]:
-    """The vectors of one scheme, checked: format, keys, hashes, no id twice.
+    """The checked vectors of one scheme: format, keys, hashes, no id twice.
 
     Raises
     ------
     UsageError
-        Naming the file, the case and what is wrong with it.
+        The message names the file, the case and its defect.
     """
     path = folder / f"{scheme}.json"
     try:

@@ -32,7 +32,7 @@ def require_one_of(
 
 
 class ProblemError(UsageError):
-    """A problem whose parts contradict each other: B not skew, a gradient that is not that of H, …"""
+    """A problem whose parts contradict each other, such as a gradient that is not that of H."""
 
 
 class SystemsError(UsageError):
@@ -44,7 +44,7 @@ class TargetError(UsageError):
 
 
 class SchemeFault(UsageError):
-    """An answer of a scheme that breaks the contract of ``step``: wrong shape, type, NaN, mutation, …"""
+    """A result of a scheme that breaks the contract of ``step``, by its shape, type, NaN or mutation."""
 
 
 class Skipped(SepvError):

@@ -79,7 +79,7 @@ class _Commands(click.Group):
 @click.group(cls=_Commands, context_settings=_SETTINGS, epilog=EXIT_CODES)
 @click.version_option(__version__, prog_name="sepv")
 def main() -> None:
-    """Which structural properties does an integrator for dy = B(y)∇H(y)(dt + Σ c_j∘dW_j) really have?
+    """Test which structural properties an integrator for dy = B(y)∇H(y)(dt + Σ c_j∘dW_j) really has.
 
     \b
     sepv verify energy-preserving            a built-in scheme

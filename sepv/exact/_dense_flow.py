@@ -1,8 +1,8 @@
 """One dense solution of y′ = f(y), accurate to rounding at every point: Gauss collocation in panels.
 
-On each panel the collocation polynomial is kept as its Legendre series, whose last coefficients say
-whether the panel is short enough. Every θ then costs one short sum. Continuous extensions of explicit
-Runge-Kutta pairs are an order of magnitude less accurate between their steps than at them.
+On each panel the collocation polynomial is kept as its Legendre series, whose last coefficients measure whether the
+panel is short enough. Every θ then costs one short sum. Continuous extensions of explicit Runge-Kutta pairs are less
+accurate between their steps, by an order of magnitude.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class DenseSolution:
 
 
 class FlowFailure(SepvError, ArithmeticError):
-    """The flow could not be followed to the time asked for (it leaves the domain, or blows up)."""
+    """The flow cannot be followed to the given time: it leaves the domain, or blows up."""
 
 
 @lru_cache(maxsize=8)
@@ -95,7 +95,7 @@ def solve_dense(
             continue
         starts.append(y)
         series.append(F @ to_series.T)
-        # Compensated: hundreds of panels then cost no more rounding than one.
+        # Compensated summation: hundreds of panels then cost no more rounding than one.
         low = low + H * (F @ w)
         y, low = y + low, low - ((y + low) - y)
         t = end if abs(H) < width else t + H
@@ -110,7 +110,7 @@ def solve_dense(
 
 
 def _panel(f: Callable[[Array], Array], y: Array, H: float, A: Array, to_series: Array) -> tuple[Array, int]:
-    """Stage slopes by Picard iteration; 0 if it failed or is unresolved, 1 if resolved, 2 with room."""
+    """Stage slopes by Picard iteration, and a grade: 0 if it failed or is unresolved, 1 if resolved, 2 with room."""
     F = np.repeat(f(y[:, None]), len(A), axis=1)
     previous = np.inf
     with np.errstate(all="ignore"):
@@ -126,10 +126,10 @@ def _panel(f: Callable[[Array], Array], y: Array, H: float, A: Array, to_series:
             previous = change
         else:
             return F, 0
-    # What the last coefficients add to y: the integral of P_k brings a factor 1/(2(2k + 1)).
+    # Contributions of the last coefficients to y: the integral of P_k brings a factor 1/(2(2k + 1)).
     weights = 1 / (2 * (2 * np.arange(len(A))[-3:] + 1))
     tail = np.max(np.abs(F @ to_series[-3:].T) * weights) * abs(H)
-    # The largest component on the panel, also where y starts at the origin and the flow leaves it.
+    # The largest component on the panel; it is not zero where the flow starts at the origin and leaves it.
     scale = max(float(np.max(np.abs(y))), abs(H) * size)
     if tail <= 1e-3 * EPS * scale:
         return F, 2
@@ -137,7 +137,7 @@ def _panel(f: Callable[[Array], Array], y: Array, H: float, A: Array, to_series:
 
 
 def _oriented(edges: Array, starts: Array, series: Array, end_state: Array, sign: float) -> DenseSolution:
-    """Panels run towards +∞: a backward solution is turned around, each panel starting at its left end."""
+    """Panels in direction +∞: those of a backward solution are reversed, each starting at its left end."""
     if sign > 0:
         return DenseSolution(edges, starts, series)
     lefts = np.concatenate([starts[:, 1:], end_state[:, None]], axis=1)

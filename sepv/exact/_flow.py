@@ -2,7 +2,7 @@
 
 By the Stratonovich chain rule y(t) = φ_θ(t)(y0), where φ is the flow of y′ = B(y)∇H(y). Closed forms serve
 the oscillator (rotation), the rigid body and the pendulum (Jacobi elliptic functions); one dense solve
-over [min θ, max θ] serves everything else. No step size, no bias towards a scheme.
+over [min θ, max θ] serves everything else. The result has no step size and favours no scheme.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from sepv.simulate._run_arguments import initial_state
 
 @dataclass(frozen=True)
 class ExactFlow:
-    """φ_θ(y0): y (d, M), the error of it (largest over θ, absolute), and the method."""
+    """φ_θ(y0): y (d, M), its error (absolute, the largest over θ), and the method."""
 
     y: Array
     error: float
@@ -36,7 +36,7 @@ class ExactFlow:
 def exact_flow(
     problem: str | Problem, theta: ArrayLike, y0: ArrayLike | None = None, *, dense: bool = False
 ) -> ExactFlow:
-    """The exact solution at M random times at once.
+    """The exact solution at M random times.
 
     Parameters
     ----------
@@ -52,10 +52,10 @@ def exact_flow(
     Returns
     -------
     ExactFlow
-        Its `error` is an estimate. For the dense solve: four times the largest difference between two
-        solves with different orders and panels, whose errors are of one size, plus 8 roundings; for
-        closed forms, eps times the condition of the formula in θ, with a factor of 16 for the special
-        functions (measured: below 4).
+        An estimate of the error is in `error`. For the dense solve: four times the largest difference between two
+        solves with different orders and panels, whose errors are of one size, plus 8 roundings; for closed forms,
+        eps times the condition of the formula in θ, with a factor of 16 for the special functions (measured: below
+        4).
 
     Raises
     ------

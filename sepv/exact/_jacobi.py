@@ -1,7 +1,7 @@
 """Jacobi's elliptic functions of many arguments.
 
-`scipy.special.ellipj` has five more roundings in dn where m is near 1, takes half as long again, and a third of a
-second to import: a twentieth of what all laws take.
+`scipy.special.ellipj` has five more roundings in dn where m is near 1, takes half as long again, and its import takes a
+third of a second: a twentieth of the time of all laws.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ def jacobi(u: Array, m: float) -> tuple[Array, Array, Array, Array]:
     for share in reversed(shares):
         phi = 0.5 * (phi + np.arcsin(share * np.sin(phi)))
     sn, cn = np.sin(phi), np.cos(phi)
-    # 1 − m sn² without its cancellation.
+    # dn² = 1 − m sn², without cancellation.
     return sn, cn, np.sqrt(cn * cn + (1 - m) * (sn * sn)), phi
 
 
 def argument(amplitude: float, m: float) -> float:
-    """u with this amplitude: Legendre's incomplete integral of the first kind."""
+    """The argument u with this amplitude: Legendre's incomplete integral of the first kind."""
     return float(mpmath.ellipf(float(amplitude), float(m)))

@@ -4,7 +4,7 @@ Where all fields commute it is the exact solution, and the areas are multiplied 
 of step two (F. Castell and J. Gaines, Stochastic Process. Appl. 60, 1995; T. Lyons, in: ICIAM 2014): the logarithm of
 the flow has further brackets of three fields, whose integrals are of the order of h^{3/2} with mean O(h²), so that y(1)
 is the exact solution up to these, and steps of it one after the other converge with mean-square order 1. It is a
-reference and no scheme: nothing that is verified is used in it.
+reference and no scheme: nothing under verification uses it.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from sepv.problem._structures import each_noise
 from sepv.record._binary64 import EPS
 from sepv.schemes._explicit_tableaux import CLASSICAL, DORMAND_PRINCE_8, ExplicitTableau
 
-# The steps of an explicit method in s are doubled until nothing changes by more than roundings.
+# The number of steps of an explicit method is doubled until the result changes by roundings only.
 FEWEST, MOST = 4, 64
 
 
 def field(problem: Problem, y: Array, parts: Array, areas: Array, bridges: Array | None = None) -> Array:
     """The right side at y (d, M), for parts (1 + m, M) of h and c_j ΔW_j, and areas (k, M) with i < j.
 
-    With space-time areas H (m, M) it has the brackets with the drift too, Σ c_j A_0j [f_0, f_j] with A_0j = −hH_j. What
-    is left out where the noises commute has integrals of the order of h².
+    Space-time areas H (m, M) add the brackets with the drift, Σ c_j A_0j [f_0, f_j] with A_0j = −hH_j. Where the noises
+    commute, the integrals of the omitted terms are of the order of h².
     """
     total = combined_field(problem, y, parts)
     for area, (i, j) in zip(areas, combinations(range(problem.noises), 2), strict=False):
@@ -42,7 +42,7 @@ def field(problem: Problem, y: Array, parts: Array, areas: Array, bridges: Array
 
 
 def runge_kutta(field: Callable[[Array], Array], y: Array, steps: int, tableau: ExplicitTableau) -> Array:
-    """z(1) of ż = field(z) from y by so many steps."""
+    """Solve ż = field(z) from y and return z(1), by this many steps."""
     for _ in range(steps):
         slopes: list[Array] = []
         for row in tableau.A:
@@ -56,7 +56,7 @@ def runge_kutta(field: Callable[[Array], Array], y: Array, steps: int, tableau: 
 
 
 def log_flow(problem: Problem, y: Array, parts: Array, areas: Array) -> tuple[Array, float]:
-    """y(1) from y (d, M), and its error: to rounding, by steps of order 8 that are doubled until they agree."""
+    """y(1) from y (d, M), and its error: steps of order 8 are doubled until two results agree to rounding."""
     right_side = partial(field, problem, parts=parts, areas=areas)
     steps, found = FEWEST, runge_kutta(right_side, y, FEWEST, DORMAND_PRINCE_8)
     while True:
@@ -64,7 +64,7 @@ def log_flow(problem: Problem, y: Array, parts: Array, areas: Array) -> tuple[Ar
         finer = runge_kutta(right_side, y, steps, DORMAND_PRINCE_8)
         apart, scale = float(np.max(np.abs(finer - found))), float(np.max(np.abs(finer)))
         found = finer
-        # The error of the finer ones is a 256th of what they are apart, until roundings are more.
+        # The finer result's error is a 256th of the difference, until roundings exceed that.
         error = apart / 128 + 16 * EPS * scale
         if apart <= 128 * EPS * scale or steps >= MOST:
             return found, error
@@ -73,9 +73,9 @@ def log_flow(problem: Problem, y: Array, parts: Array, areas: Array) -> tuple[Ar
 def path(problem: Problem, y0: Array, h: float, dW: Array, areas: Array) -> Array:
     """y(T) (d, M) over N steps h with increments (N, m, M) and areas (N, k, M).
 
-    A step is one of the classical method for the increments, and then the brackets at its start: E[A_ij ΔW_k] = 0, so
-    that what is left out by not mixing them is O(h^{3/2}) with mean O(h²) too. It takes half of the time, for errors
-    that are a twentieth larger.
+    A step takes a classical step for the increments, and then adds the brackets at its start: E[A_ij ΔW_k] = 0, so this
+    splitting leaves out terms of O(h^{3/2}) with mean O(h²). It takes half of the time, for errors that are a twentieth
+    larger.
     """
     y = np.repeat(y0[:, None], dW.shape[2], axis=1)
     none = np.zeros((0, dW.shape[2]))

@@ -1,17 +1,17 @@
 """The exact solution with several structures or Hamiltonians: by a formula where the flows commute, else finer steps.
 
 **Several structures.**
-Where they do not commute there is no formula, and the reference is Heun's method for the Stratonovich equation on the
-increments of a path refined 16 times: another method than the one under test, of the same order, with an error
-four times smaller at least, which is estimated from the same path with half as many steps. It is independent of the
-error of the finest step and adds 3 % to its rms at most, 0.01 to a slope over step sizes that differ by 16.
+Where they do not commute there is no formula. The reference is then Heun's method for the Stratonovich equation on the
+increments of a path refined 16 times: another method of the same order, with an error at most a quarter of the tested
+scheme's. That error is estimated from the same path with half as many steps. It is independent of the error of the
+finest step and adds at most 3 % to its rms, 0.01 to a slope over step sizes that differ by 16.
 
 **Several Hamiltonians.** Where all fields commute y(T) is the flow of T f_0 + Σ c_j W_j(T) f_j at the time 1. Else the
 reference is the log-ODE of step two (`sepv.exact._log_flow`) over a rough path, increments and Lévy areas,
 refined FINER times: of mean-square order 1 whether or not the noises commute, so that against a scheme of
 order 1 its error is smaller by FINER, and far smaller against one of order ½. It is estimated by the
-distance from twice as long steps. Twice the one less the other is the reference: errors of paths are hardly
-changed by that, and their mean is O(δ²), for weak order 2.
+distance from twice as long steps. The reference is twice the one less the other: this extrapolation hardly changes
+errors of paths, and their mean is O(δ²), for weak order 2.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from sepv.simulate import _areas as areas
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._areas import RoughPath
 
-# Levels of refinement beyond the finest steps of a scheme.
+# Refinement of a reference path beyond the finest steps of a scheme.
 REFINEMENT = 16
 FINER = 8
 
 
 def ends(problem: Problem, y0: Array, T: float, W: Array) -> Array | None:
-    """y(T) (d, M) for W(T) (m, M), or None where only a finer reference serves."""
+    """y(T) (d, M) for W(T) (m, M); None where there is no formula."""
     if not is_several(problem):
         return exact_flow(problem, problem.random_step(T, W), y0).y
     form = getattr(problem, "closed_form", None)
@@ -46,7 +46,7 @@ def ends(problem: Problem, y0: Array, T: float, W: Array) -> Array | None:
 def refined(
     problem: Problem, y0: Array, T: float, steps: int, paths: range, seed: int
 ) -> tuple[RoughPath, Array, float]:
-    """A rough path of FINER times `steps` steps, the reference y(T) (d, M) over it, and the rms of its own error."""
+    """A rough path of FINER times `steps` steps, the reference y(T) (d, M) over it, and the rms of its error."""
     fine = areas.drawn(seed, T=T, steps=FINER * steps, noises=problem.noises, paths=paths)
     half = fine.coarse(FINER * steps // 2)
     y, coarse = (path(problem, y0, rough.h, rough.dW, rough.areas) for rough in (fine, half))
@@ -56,7 +56,7 @@ def refined(
 def finer(
     problem: Problem, y0: Array, T: float, steps: int, paths: range, seed: int
 ) -> tuple[Array, Array, float]:
-    """Increments of `steps` steps (N, m, M), the reference y(T) (d, M), and the rms of its own error.
+    """Increments of `steps` steps (N, m, M), the reference y(T) (d, M), and the rms of its error.
 
     The error of order ½ at step h is estimated by |y_h − y_2h|/(√2 − 1).
     """
@@ -68,7 +68,7 @@ def finer(
 
 
 def heun(problem: Problem, y0: Array, T: float, dW: Array) -> Array:
-    """ŷ = y + F(y), y ← y + ½(F(y) + F(ŷ)), F = [h B + Σ c_j ΔW_j G_j]∇H: converges to the Stratonovich solution."""
+    """Heun's method, Stratonovich: ŷ = y + F(y), y ← y + ½(F(y) + F(ŷ)), F = [h B + Σ c_j ΔW_j G_j]∇H."""
     h = T / dW.shape[0]
     y = np.repeat(y0[:, None], dW.shape[2], axis=1)
     for increment in dW:

@@ -1,17 +1,17 @@
-"""What the clipped increments of Remark 2.1 cost: the share of the rms error that no sample of usual size sees.
+"""The error of the clipped increments of Remark 2.1: the share of the rms error that ordinary samples do not show.
 
 A step with ζ = clip(ξ, ±A_h) in place of ξ ends on the exact flow at θ + c√h(ζ − ξ). Over a path these shifts have the
 mean 0 and the variance T|c|²E(ξ − ζ)², with Q(A) = P(ξ > A) and the normal density φ,
 
     E(ξ − ζ)² = 2∫_A^∞ (x − A)² φ(x) dx = 2((1 + A²)Q(A) − Aφ(A)) ≈ 4φ(A)/A³ = O(h^k |ln h|^(−3/2)),
 
-so that an rms error of |f| |c| √(T E(ξ − ζ)²) = O(h^{k/2}|ln h|^(−3/4)) is added, in squares, to that of the scheme on
-unclipped paths. For k = 2p it has the order p of the scheme, with a constant that knows nothing of the scheme: of
-collocation with three stages and more it is the larger part of the error. With k = 4p it is O(h^{2p}), a few per cent
+so an rms error of |f| |c| √(T E(ξ − ζ)²) = O(h^{k/2}|ln h|^(−3/4)) is added, in squares, to that of the scheme on
+unclipped paths. For k = 2p it has the order p of the scheme, with a constant independent of the scheme: for
+collocation with three or more stages it is the larger part of the error. With k = 4p it is O(h^{2p}), a few per cent
 from h = ¼ on (`sepv.schemes._scheme.truncation_for`).
 
-The probability of a clipped increment on a path is 2NQ(A_h), below 10⁻⁶ for k ≥ 4 and N = 64: the error of a sample is
-that of the unclipped paths, and this has to be added by itself.
+The probability of a clipped increment on a path is 2NQ(A_h), below 10⁻⁶ for k ≥ 4 and N = 64: a sample shows the error
+of unclipped paths, and this error must be added to it.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def lost_mean_square(A: float) -> float:
     from scipy.special import erfcx
 
     density = math.exp(-0.5 * A * A)
-    # Q(A) = ½ e^{−A²/2} erfcx(A/√2)
+    # Q(A) = ½ e^{−A²/2} erfcx(A/√2) here.
     return density * ((1 + A * A) * float(erfcx(A / math.sqrt(2))) - A * math.sqrt(2 / math.pi))
 
 
@@ -50,7 +50,7 @@ def clipping_error(
     problem : a system (1.1)
     steps : int
         N = T/h.
-    k : int or None
+    As in Remark 2.1; None for increments without truncation, whose error is zero.
         As in Remark 2.1; None for untruncated increments, which cost nothing.
     y0 : (d,), optional
         By default the problem's initial state.

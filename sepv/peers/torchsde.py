@@ -55,12 +55,14 @@ class Given(torchsde.BaseBrownian):
 
     @property
     def shape(self) -> Any:
+        """The shape of one increment, which torchsde asks for."""
         return self.increments.shape[1:]
 
     def __repr__(self) -> str:
         return f"given increments of shape {tuple(self.increments.shape)}"
 
     def __call__(self, ta: Any, tb: Any = None, return_U: bool = False, return_A: bool = False) -> Any:
+        """The increment of the step at time ta, with Lévy areas of zero where they are wanted."""
         del tb, return_U
         dW = self.increments[round(float(ta) / self.h)]
         return (dW, dW.new_zeros((*dW.shape, dW.shape[-1]))) if return_A else dW

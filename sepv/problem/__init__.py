@@ -1,7 +1,7 @@
-"""What a problem is: a structure matrix B, a Hamiltonian H, noises c, and what is derived from them.
+"""Problems: a structure matrix B, a Hamiltonian H, noises c, and everything derived from them.
 
 Read `_problem` first (the records and the classes of systems), then `_derived` (gradient, Hessian, B′ and averages,
-from the record of B and H), `_checks` (what is held against what), `_averaged_gradient` and `_fields` (formulas of B
+from the record of B and H), `_checks` (consistency of the parts), `_averaged_gradient` and `_fields` (formulas of B
 and H for batches). Wider classes than (1.1) are `_structures` (a structure for each noise) and `_hamiltonians` (a
 Hamiltonian for each noise), a narrower one `_nambu`. `_poisson` has Jacobi's identity, `_json` what is written.
 """

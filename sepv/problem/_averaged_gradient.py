@@ -2,7 +2,7 @@
 
 Three ways, in this order: the problem's closed form; Gauss-Legendre quadrature with ⌈ν/2⌉ nodes for a
 polynomial H of degree ν (the integrand has degree ν − 1 in τ); adaptive quadrature with its error.
-A rule of fixed size is not among them: eight nodes leave 8e-5 in a logarithmic energy.
+A fixed rule is not among them: eight nodes leave 8e-5 in a logarithmic energy.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from sepv.problem._problem import Array, Problem
 from sepv.record import gauss_legendre, mean_nodes
 from sepv.record._binary64 import EPS
 
-# Adaptive rule: doubled until two rules agree. 128 nodes resolve integrands analytic within about a
-# tenth of the segment's length of it; what is rougher is reported, not returned as if it were right.
+# Nodes of the adaptive rule: the next is tried until two agree. 128 nodes resolve integrands that are analytic within
+# about a tenth of the segment's length; the error of rougher ones is reported.
 _LADDER = (4, 8, 16, 32, 64, 128)
-# Numbers in a batch of states up to which H″ at all nodes is one call: beyond, memory grows and nothing is gained.
+# The largest y.size for which one call evaluates H″ at all nodes: beyond, memory grows and nothing is gained.
 FEW = 512
 
 
@@ -49,8 +49,8 @@ def average_gradient(problem: Problem, y0: Array, y1: Array) -> Average:
 def average_hessian(problem: Problem, y0: Array, y1: Array) -> Array | None:
     """∫₀¹ τ H″(y0 + τ(y1 − y0)) dτ, the derivative of the averaged gradient by y1.
 
-    It serves Newton's Jacobian only, so that three nodes are enough where H is not a polynomial: they
-    change the speed of convergence, not its limit.
+    It serves Newton's Jacobian only. So three nodes suffice where H is not a polynomial: they change the speed of
+    convergence, not its limit.
     """
     if problem.hessian is None:
         return None
@@ -73,7 +73,7 @@ def _on_segment(y0: Array, y1: Array, points: Array) -> Array:
 
 
 def _quadratures(problem: Problem, y0: Array, y1: Array, *rules: int) -> list[tuple[Array, Array]]:
-    """Each rule's value (d, ...), and its terms (d, nodes, ...); ∇H is asked for at all nodes of all rules at once."""
+    """Each rule's value (d, ...) and terms (d, nodes, ...); one call evaluates ∇H at the nodes of all rules."""
     tabulated = [gauss_legendre(nodes) for nodes in rules]
     asked = tabulated[0][0] if len(rules) == 1 else np.concatenate([points for points, _ in tabulated])
     gradients = problem.gradient(_on_segment(y0, y1, asked))
@@ -91,10 +91,10 @@ def _size(terms: Array) -> Array:
 
 
 def argument_rounding(problem: Problem, *states: Array) -> Array:
-    """What one rounding of y does to ∇H(y), eps |H″(y) y|: the largest of the given states, (M,).
+    """The change of ∇H(y) by one rounding of y, eps |H″(y) y|: the largest over the given states, (M,).
 
-    Where ∇H turns fast beside |y|, as sin q does at q = 10⁸, two rules of quadrature agree no better than a few of
-    these: each rounds its points in its own way.
+    Where ∇H varies fast beside |y|, as sin q does at q = 10⁸, two quadrature rules agree only to a few of these,
+    because each rounds its nodes differently.
     """
     worst = np.zeros(states[0].shape[1:])
     with np.errstate(all="ignore"):
@@ -107,7 +107,7 @@ def argument_rounding(problem: Problem, *states: Array) -> Array:
 def _adaptive(problem: Problem, y0: Array, y1: Array) -> Average:
     shape = y0.shape[1:]
     a, b = y0.reshape(y0.shape[0], -1), y1.reshape(y1.shape[0], -1)
-    # Two rules are always needed: in one call.
+    # The first two rules are always needed, so one call evaluates both.
     (coarse, _), (value, terms) = _quadratures(problem, a, b, *_LADDER[:2])
     error = np.max(np.abs(value - coarse), axis=0)
     evaluations = np.full(value.shape[1], sum(_LADDER[:2]))
@@ -130,6 +130,6 @@ def _adaptive(problem: Problem, y0: Array, y1: Array) -> Average:
 
 
 def _agree(difference: Array, terms: Array) -> NDArray[np.bool_]:
-    """Whether two rules agree: each sums so many terms with a rounding error each, and no more can be asked."""
+    """True where two rules agree to the rounding errors of their sums."""
     agree: NDArray[np.bool_] = difference <= terms.shape[1] * EPS * _size(terms)
     return agree

@@ -1,4 +1,4 @@
-"""Whether the parts of a problem made by hand agree: ∇H against H, B for skewness, Casimirs for ∇CᵀB = 0."""
+"""Consistency of a problem's parts: ∇H against H, skewness of B, and ∇CᵀB = 0 for each Casimir."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from sepv.record._binary64 import EPS, TINY
 if TYPE_CHECKING:
     from sepv.problem._problem import Problem
 
-# Rounding only separates a right gradient from its complex step, by eps times the cancellation inside
-# H. 1e-9 is a heuristic that leaves room for a loss of seven digits there and still sees any wrong term.
+# A right gradient differs from the complex step by rounding alone: eps times the cancellation inside H. 1e-9 is a
+# heuristic: it leaves room for a loss of seven digits and still sees any wrong term.
 GRADIENT_TOLERANCE = 1e-9
-# B is used as it is, so that a defect of skewness goes into the energy at its full size: a few eps only.
+# A defect of skewness enters the energy at its full size, so only a few eps are allowed.
 SKEW_TOLERANCE = 8 * EPS
-# ∇CᵀB is a sum of d products, each with a few rounding errors of its own.
+# ∇CᵀB is a sum of d products with a few rounding errors each.
 CASIMIR_TOLERANCE = 1e-12
 SAMPLES = 5
 
@@ -44,9 +44,9 @@ def check_problem(problem: Problem) -> None:
 
 
 def sample_states(problem: Problem, length: float = 1.0) -> Iterator[Array]:
-    """A few states of the domain, the same ones in every run: the initial state and others about it.
+    """A few states of the domain about the initial one, the same in every run.
 
-    They are apart by a quarter of |y_i| + `length`.
+    Their components differ by a quarter of |y_i| + `length`.
     """
     rng = np.random.default_rng(20140203)
     d = problem.dimension
@@ -65,7 +65,7 @@ def sample_states(problem: Problem, length: float = 1.0) -> Iterator[Array]:
 
 
 def inside(problem: Problem, y: Array) -> bool:
-    """Whether a state (d,) lies in the domain, if there is one."""
+    """True if a state (d,) lies in the domain, or there is none."""
     return problem.domain is None or bool(np.all(_call(problem, "domain", y)))
 
 
@@ -109,7 +109,7 @@ def _check_gradient(problem: Problem, y: Array) -> None:
 def _mistaken(
     given: Any, of: Callable[[Any], Any], y: Array
 ) -> Iterator[tuple[tuple[int, ...], float, float]]:
-    """Entries of what is given for the derivative of a function that are not, with the derivative."""
+    """Entries of a given derivative that are wrong, each with its index, its value and the right value."""
     scale = max(float(np.abs(given).max()), 1e-3)
     for index in np.ndindex(*np.shape(given)):
         value = float(given[index])
@@ -119,10 +119,10 @@ def _mistaken(
 
 
 def _check_mean_gradient(problem: Problem, y: Array) -> None:
-    """(y1 − y0)ᵀ∇̄H = H(y1) − H(y0) by `mean_gradient` or `degree`: the one property that the energy rests on.
+    """Check (y1 − y0)ᵀ∇̄H = H(y1) − H(y0), which energy preservation rests on, for `mean_gradient` or `degree`.
 
-    To GRADIENT_TOLERANCE of the terms: another rule, such as the midpoint's, is off by the cube of the distance, of
-    order 1e-5 here.
+    The tolerance is GRADIENT_TOLERANCE of the terms. Another rule, such as the midpoint's, is off by the cube of the
+    distance, of order 1e-5 here.
     """
     end = y * (1 + 2.0**-4) + 2.0**-6
     if (problem.mean_gradient is None and problem.degree is None) or not inside(problem, end):
@@ -134,7 +134,7 @@ def _check_mean_gradient(problem: Problem, y: Array) -> None:
         average = problem.gradient(y[:, None] + points * (end - y)[:, None]) @ weights
     terms = (end - y) * np.asarray(average, dtype=np.float64)
     difference = float(problem.hamiltonian(end) - problem.hamiltonian(y))
-    # The rounding of two energies, and ten roundings of each term.
+    # Two energies round once each, and each term ten times.
     rounding = 2.0**-50 * (abs(float(problem.hamiltonian(end))) + abs(float(problem.hamiltonian(y))))
     if not abs(terms.sum() - difference) <= GRADIENT_TOLERANCE * np.abs(terms).sum() + rounding:
         if problem.mean_gradient is None:
@@ -187,10 +187,10 @@ def _check_derivatives(problem: Problem, y: Array) -> None:
 
 
 def closest_derivative(function: Callable[[Any], Any], y: Array, k: int, claimed: float) -> float:
-    """∂function/∂y_k, by the complex step and by extended-precision differences: whichever is closer.
+    """∂function/∂y_k, by the complex step or by extended-precision differences: the one closer to `claimed`.
 
-    The complex step is exact to rounding but wrong for functions that are not analytic in their code
-    (abs, comparisons, conversions to float); the differences need no such thing but lose digits.
+    The complex step is exact to rounding but wrong for code that is not analytic (abs, comparisons, conversions to
+    float); differences work for any code but lose digits.
     """
     found = []
     with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -212,7 +212,7 @@ def _complex_step(function: Callable[[Any], Any], y: Array, k: int) -> float:
 
 
 def _extended_difference(function: Callable[[Any], Any], y: Array, k: int) -> float:
-    """Sixth-order central difference in the platform's longest float; error about h⁶ + eps_long/h."""
+    """Sixth-order central difference in the platform's longest float; its error is about h⁶ + eps_long/h."""
     z = y.astype(np.longdouble)
     h = np.longdouble(2.0**-8) * (1 + abs(z[k]))
     total = np.longdouble(0)

@@ -1,4 +1,4 @@
-"""What a problem need not give: ∇H, H″, B′, the mean of ∇H and flows of parts, derived from records of H and B."""
+"""Parts of a problem that are derived from records of H and B: ∇H, H″, B′, the mean of ∇H, flows."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ Function = Callable[[Array], Array]
 
 
 def to_be_derived(y: Array) -> Array:
-    """Stands for what was not given, until it is derived: never called."""
+    """Placeholder for a part that will be derived; never called."""
     raise NotImplementedError("a mark for what was not given")
 
 
 @dataclass(frozen=True)
 class MeanGradient:
-    """(y0, y1) -> ∫₀¹∇H(y0 + τ(y1 − y0))dτ."""
+    """The mean gradient (y0, y1) -> ∫₀¹∇H(y0 + τ(y1 − y0))dτ from its record."""
 
     of_segment: Evaluator
 
     def __call__(self, y0: Array, y1: Array) -> Array:
-        """Of shape (d, ...)."""
+        """The mean gradient, of shape (d, ...)."""
         return self.of_segment(y0, y1 - y0)
 
 
@@ -51,13 +51,13 @@ class Derivatives:
 
 @dataclass(frozen=True)
 class Derived(Derivatives):
-    """The same with B′, of shape (d, d, d, ...)."""
+    """The derivatives of H, and B′ of shape (d, d, d, ...)."""
 
     structure_derivative: Evaluator
 
 
 def derive(dimension: int, structure: Function, hamiltonian: Function) -> Derived:
-    """What follows from B and H. Raises ProblemError where one of them cannot be recorded; it says why."""
+    """Derive all missing parts from B and H. Raises ProblemError where one cannot be recorded, with the reason."""
     tape = Tape()
     y = tape.vector(dimension)
     B = _recorded(tape, "structure", structure, y, (dimension, dimension))
@@ -68,7 +68,7 @@ def derive(dimension: int, structure: Function, hamiltonian: Function) -> Derive
 
 
 def derivatives(dimension: int, hamiltonian: Function, name: str = "hamiltonian") -> Derivatives:
-    """What follows from H alone; a ProblemError as for `derive`."""
+    """Derive ∇H, H″ and their mean from H alone. Raises ProblemError as `derive` does."""
     tape = Tape()
     y, z = tape.vector(dimension), tape.vector(dimension)
     H = _recorded(tape, name, hamiltonian, y, ())
@@ -111,7 +111,7 @@ class PartFlow:
 
 
 def _recorded(tape: Tape, key: str, function: Function, y: Any, shape: tuple[int, ...]) -> Any:
-    """The function's result, of this shape; whatever it makes of symbols is its author's."""
+    """The record of a function's result, of this shape; errors of the function are reported as its author's."""
     try:
         found = tape.symbols(function(y))
     except Exception as error:

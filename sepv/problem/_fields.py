@@ -1,7 +1,7 @@
 """The Poisson vector field f = B∇H, its derivative, and the small dense algebra of batches.
 
-Sums over components run in the order of the components, one vectorised operation each, never through
-BLAS: the bits of one path then do not depend on how many paths are computed beside it.
+Sums over components run in order, one vectorised operation each, never through BLAS: so the bits of one path do not
+depend on the number of paths computed beside it.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from sepv.problem._problem import Array, Problem
 from sepv.record._binary64 import EPS, TINY
 
 _ROOT = float(np.sqrt(EPS))
-# Differences are taken for so many states at a time: beyond, memory grows and nothing is gained.
+# The largest number of states for one batch of differences: beyond, memory grows and nothing is gained.
 LANES = 256
-# What is told the numbers of the states (d, M) too.
+# A function of states (d, M) and of their numbers (M,).
 OfLanes = Callable[[Array, NDArray[np.intp]], Any]
-# Up to so many numbers for each term of a sum all terms are added in one call: measured, for speed alone.
+# The largest size of a term for which one call adds all terms: measured, for speed alone.
 FEW = 96
 
 
 def _is_small(A: Array, products: int) -> bool:
-    """Whether to form so many products with A at once; symbols are recorded one by one."""
+    """True if one operation should form all these products with A; symbols are recorded one by one."""
     return products <= FEW * A.shape[1] and isinstance(A, np.ndarray) and A.dtype != object
 
 
 def summed(terms: Array) -> Array:
-    """Σ_j terms[:, j] in the order of j, of shape (n, ...): in one call where a call costs more than the sums."""
+    """Σ_j terms[:, j] in the order of j, (n, ...). Small sums take one call, which costs less."""
     if _is_small(terms, terms.size):
         totals: Array = np.add.accumulate(terms, axis=1)
         return totals[:, -1]
@@ -43,7 +43,7 @@ def summed(terms: Array) -> Array:
 
 
 def matvec(A: Array, v: Array) -> Array:
-    """A v for A of shape (n, d, ...) and v of shape (d, ...); of ∂B_ij/∂y_k it is the derivative of B(y)v, v fixed."""
+    """A v for A (n, d, ...) and v (d, ...); for ∂B_ij/∂y_k as A, the derivative of B(y)v with v fixed."""
     if _is_small(A, A.size):
         return summed(A * v.reshape(len(v), *(1,) * (A.ndim - 1 - v.ndim), *v.shape[1:]))
     total = A[:, 0] * v[0]
@@ -53,7 +53,7 @@ def matvec(A: Array, v: Array) -> Array:
 
 
 def dot(u: Array, v: Array) -> Array:
-    """uᵀv, of shape (...): `np.sum` adds eight and more components of a single path in another order than a batch's."""
+    """uᵀv, (...). `np.sum` would add eight and more components of one path in another order than a batch's."""
     return matvec(u[None], v)[0]
 
 
@@ -75,7 +75,7 @@ def vector_field(problem: Problem, y: Array) -> Array:
 def invariants(problem: Problem, y: Array) -> Array:
     """H and the quadratic and linear Casimirs that the problem names, (1 + n, ...), at y of shape (d, ...).
 
-    Sums are written out: each state has the bits that it has alone.
+    Sums are written out, so that the bits of a state do not depend on the others.
     """
     none = np.zeros(y.shape[1:])
     rows = [problem.hamiltonian(y)]
@@ -112,7 +112,7 @@ def field_jacobian(problem: Problem, y: Array) -> Array | None:
 
 
 def structure_slope(problem: Problem, y: Array, v: Array) -> Array:
-    """The derivative of B(y)v with v held fixed, (d, d, ...): analytic, else by differences for Newton's use."""
+    """The derivative of B(y)v for fixed v, (d, d, ...): analytic, else by differences for Newton's use."""
     if problem.structure_derivative is not None:
         return matvec(problem.structure_derivative(y), v)
     flat = v.reshape(len(v), -1)
@@ -127,7 +127,7 @@ def hessian(problem: Problem, y: Array) -> Array:
 
 
 def differences(problem: Problem, function: OfLanes, y: Array) -> Array:
-    """function′(y), (n, d, ...), by differences; the function is told the numbers of the states, flattened."""
+    """function′(y), (n, d, ...), by differences; the function also takes the numbers of the states, flattened."""
     flat, domain = y.reshape(len(y), -1), problem.domain
     inside = None if domain is None else lambda at, _: domain(at)
     base = function(flat, np.arange(flat.shape[1]))
@@ -138,7 +138,7 @@ def differences(problem: Problem, function: OfLanes, y: Array) -> Array:
 def forward_differences(R: OfLanes, inside: OfLanes | None, z: Array, base: Array, reach: Array) -> Array:
     """∂R/∂z by forward differences, backward ones where those leave the domain; `reach` (M,) is the size of z.
 
-    R and `inside` are asked for several components at once, as lanes, for few lanes; they are told the lanes' numbers.
+    For few lanes, R and `inside` take several components at once, as lanes, with the lanes' numbers.
     """
     n, M = z.shape
     width = _ROOT * np.maximum(reach, TINY)
@@ -158,18 +158,18 @@ def forward_differences(R: OfLanes, inside: OfLanes | None, z: Array, base: Arra
     return found
 
 
-# Widths of differences, as powers of |y|: whether |y| is the scale of f near y, or 1, only f can tell.
+# Widths of differences, as powers of |y|: the scale of f near y may be |y| or 1, which only f can tell.
 _SCALES = (1.0, 2 / 3, 1 / 3, 0.0)
 
 
 def derivative_along(problem: Problem, y: Array, v: Array) -> Array:
     """f′(y) v, of shape (d, ...): analytic where the problem gives derivatives, else by differences.
 
-    The differences are central and of order six along v, of several widths, from which each state takes the one
-    with the smallest estimate of its error: the distance of orders four and six, and the rounding of f. Where the
-    problem's functions keep the type of their argument, they are taken in long double, with an error below a
-    rounding of f where that has 64 bits of mantissa; else in binary64, with about 1e-13 of the scale of f. The Itô
-    correction and Milstein's term, which use it, can be larger than f times the step: that much would show in y1.
+    The differences are central and of order six along v. Several widths are tried, and each state takes the one with
+    the smallest estimate of its error: the distance of orders four and six, and the rounding of f. Functions that keep
+    the type of their argument are differenced in long double, with an error below a rounding of f if that has 64 bits
+    of mantissa; others in binary64, with about 1e-13 of the scale of f. The Itô correction and Milstein's term use the
+    derivative and can be larger than f times the step: an error of 1e-13 would then show in y1.
     """
     jacobian = field_jacobian(problem, y)
     if jacobian is not None:
@@ -183,7 +183,7 @@ def derivative_along(problem: Problem, y: Array, v: Array) -> Array:
     share = 2.0**-7 if at is y else 2.0**-9
     rounding = np.finfo(at.dtype).eps
     best, error = np.zeros_like(at), np.full(reach.shape, np.inf)
-    with np.errstate(all="ignore"):  # a width that overflows is not taken
+    with np.errstate(all="ignore"):  # a width that overflows is not used
         for scale in _SCALES:
             step = share * np.where(reach > 0, reach**scale, 1.0)
             odd, largest = [], np.zeros_like(reach)
@@ -212,12 +212,11 @@ def slope_along(function: Callable[[Array], Any], y: Array, direction: Array, wi
 def linear_solve(A: Array, b: Array) -> Array:
     """x with A x = b for A of shape (d, d, M), b of shape (d, M); not finite where A is singular.
 
-    Cramer's rule up to d = 3, elementwise and several times faster for batches than a LAPACK call a
-    matrix; it is not backward stable, which Newton's iteration does not need: the next residual is
-    computed afresh.
+    Cramer's rule is used up to d = 3, elementwise: for batches it is several times faster than a LAPACK call a matrix.
+    It is not backward stable, which Newton's iteration does not need: the next residual is computed afresh.
     """
     if len(b) <= 3:
-        if b.shape[1] == 1:  # over numbers: an operation of arrays of a few takes ten times as long
+        if b.shape[1] == 1:  # over numbers: operations on arrays of a few elements take ten times as long
             numerators, determinant = cramer(A[..., 0].tolist(), b[:, 0].tolist())
             return np.array([[v / determinant if determinant else math.nan] for v in numerators])
         numerators, determinant = cramer(A, b)
@@ -230,7 +229,7 @@ def linear_solve(A: Array, b: Array) -> Array:
 
 
 def cramer(A: Any, b: Any) -> tuple[list[Any], Any]:
-    """The numerators and the determinant of Cramer's rule for d ≤ 3, over numbers or arrays of them alike."""
+    """The numerators and the determinant of Cramer's rule for d ≤ 3; entries are numbers or arrays."""
     if len(b) == 1:
         return [b[0]], A[0][0]
     if len(b) == 2:
@@ -243,11 +242,11 @@ def cramer(A: Any, b: Any) -> tuple[list[Any], Any]:
 
 
 class Algebra(NamedTuple):
-    """What Newton's iteration does with K = ∂R/∂z, however it is stored."""
+    """The operations of Newton's iteration on K = ∂R/∂z, for one way to store K."""
 
     # (K, F) -> (1 − K)⁻¹F, (n, M), not finite where 1 − K is singular.
     correction: Callable[[Any, Array], Array]
-    # K -> (M,): whether all entries of a lane are finite.
+    # K -> (M,): True where all entries of a lane are finite.
     finite: Callable[[Any], Any]
     # (K, size (n, M)) -> |K| size, (n, M).
     through: Callable[[Any, Array], Array]
@@ -258,7 +257,7 @@ def _identity(n: int) -> Array:
     return np.eye(n)[..., None]
 
 
-# K of shape (n, n, M).
+# The operations for K of shape (n, n, M).
 DENSE = Algebra(
     lambda K, F: linear_solve(_identity(len(F)) - K, F),
     lambda K: np.isfinite(K).all(axis=(0, 1)),

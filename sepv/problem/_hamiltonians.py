@@ -1,4 +1,4 @@
-"""The whole class: dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j), whether or not the brackets {H_0, H_j} vanish.
+"""Systems with several Hamiltonians, dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j), for any brackets {H_0, H_j}.
 
 Every f_j = B∇H_j is a Hamiltonian vector field of one structure. The exact flow keeps the Casimirs of B and, where B
 satisfies Jacobi's identity, is a Poisson map (J. Hong, J. Ruan, L. Sun and L. Wang, Structure-preserving numerical
@@ -29,7 +29,7 @@ from sepv.problem._fields import differences, hessian, matmul, matvec, structure
 from sepv.problem._problem import Array, Flow, Function, Problem, require_one_for_each_noise
 from sepv.problem._structures import ClosedForm, CommutingStructure, StructuresProblem, combined
 
-# Differences may leave 1e-8 of a slope; what does not vanish is larger by far at some of the sample states.
+# Differences may leave 1e-8 of a slope; a bracket that does not vanish is far larger at some sample state.
 VANISHES = 1e-6
 
 
@@ -97,7 +97,7 @@ class HamiltoniansProblem(Problem):
                 )  # fmt: skip
 
     def random_step(self, h: float, dW: Array) -> Array:  # noqa: ARG002  (the signature of `Problem`)
-        """There is none: a scheme that asks for Δ = h + Σ c_j ΔW_j is for a single Hamiltonian. Raises SystemsError."""
+        """Raise SystemsError: Δ = h + Σ c_j ΔW_j exists for a single Hamiltonian only."""
         raise SystemsError(
             expected="a scheme for several Hamiltonians, such as stochastic-midpoint",
             received=f"a scheme that reduces the noise of {self.name} to one random step",
@@ -106,14 +106,14 @@ class HamiltoniansProblem(Problem):
 
 
 def is_several(problem: Problem) -> bool:
-    """Whether its noises are not those of (1.1), so that there is no random step."""
+    """True if the noises are not those of (1.1), so that there is no random step."""
     return isinstance(problem, (StructuresProblem, HamiltoniansProblem))
 
 
 def noise_gradients(problem: Problem) -> Sequence[Function]:
-    """∇H_1, …, ∇H_m; of (1.1) ∇H itself, m times.
+    """∇H_1, …, ∇H_m; for (1.1), m times ∇H.
 
-    Raises Skipped for several structures that are not those of several Hamiltonians.
+    Raises Skipped for several structures that do not come from several Hamiltonians.
     """
     if isinstance(problem, HamiltoniansProblem):
         return problem.noise_gradients
@@ -133,7 +133,7 @@ def combined_field(problem: Problem, y: Array, parts: Array) -> Array:
 
 
 def hamiltonian_field(problem: Problem, y: Array, parts: Array) -> Array:
-    """The same by one structure: B(y)(h∇H_0 + Σ c_j ΔW_j ∇H_j), for all problems that `noise_gradients` takes."""
+    """`combined_field` as B(y)(h∇H_0 + Σ c_j ΔW_j ∇H_j), for all problems that `noise_gradients` takes."""
     return matvec(problem.structure(y), combined_gradient(problem, y, parts))
 
 
@@ -146,7 +146,7 @@ def combined_gradient(problem: Problem, y: Array, parts: Array) -> Array:
 
 
 def combined_hessian(problem: Problem, y: Array, parts: Array) -> Array:
-    """Its derivative (d, d, M), by differences where the problem does not give second derivatives."""
+    """The derivative of `combined_gradient`, (d, d, M), by differences where second derivatives are not given."""
     total = parts[0] * hessian(problem, y)
     for j, part in enumerate(parts[1:]):
         total = total + part * noise_hessian(problem, j, y)
@@ -154,7 +154,7 @@ def combined_hessian(problem: Problem, y: Array, parts: Array) -> Array:
 
 
 def noise_hessian(problem: Problem, j: int, y: Array) -> Array:
-    """H_j″(y) for j = 0, 1, …, m − 1 of the noises, (d, d, ...): as given, else by differences."""
+    """H_j″(y) of noise j = 0, …, m − 1, (d, d, ...): as given, else by differences."""
     if not isinstance(problem, (HamiltoniansProblem, StructuresProblem)):
         return hessian(problem, y)
     if isinstance(problem, HamiltoniansProblem) and problem.noise_hessians:
@@ -174,13 +174,13 @@ def noise_slope(problem: Problem, j: int, y: Array) -> Array:
 
 
 def bracket(problem: Problem, i: int, j: int, y: Array) -> Array:
-    """[f_i, f_j] = f_j′f_i − f_i′f_j of two noises, without their c, (d, ...): what a Lévy area A_ij multiplies."""
+    """[f_i, f_j] = f_j′f_i − f_i′f_j of two noises, without their c, (d, ...): the factor of a Lévy area A_ij."""
     first = matvec(noise_slope(problem, j, y), noise_field(problem, i, y))
     return first - matvec(noise_slope(problem, i, y), noise_field(problem, j, y))
 
 
 def drift_bracket(problem: Problem, j: int, y: Array) -> Array:
-    """[f_0, f_j] of the drift and a noise, without its c: what A_0j = ½∫(s dW_j − W_j ds) multiplies."""
+    """[f_0, f_j] of the drift and a noise, without its c: the factor of A_0j = ½∫(s dW_j − W_j ds)."""
     turned = structure_slope(problem, y, problem.gradient(y))
     drift_slope = turned + matmul(problem.structure(y), hessian(problem, y))
     pushed = matvec(noise_slope(problem, j, y), vector_field(problem, y))
@@ -196,10 +196,10 @@ def ito_drift(problem: Problem, y: Array) -> Array:
 
 
 def column(problem: Problem) -> str:
-    """Which order a claim speaks of: "one" noise (or several that act as one), "additive", "commutative", "general".
+    """The kind of noise, for claims of order: "one" (or equivalent to one), "additive", "commutative", "general".
 
-    Additive noises have constant fields, commutative ones vanishing brackets. Both are asked at the problem's sample
-    states: what is analytic and vanishes at all of them but not between them is not told.
+    Additive noises have constant fields, commutative ones vanishing brackets. Both are tested at the sample states,
+    which cannot detect an analytic function that vanishes at all of them but not between.
     """
     if not is_several(problem):
         return "one"
@@ -217,7 +217,7 @@ def column(problem: Problem) -> str:
 
 
 def commutes(problem: Problem) -> bool:
-    """Whether all fields commute, f_0 among them: y(T) is then the flow of T f_0 + Σ c_j W_j(T) f_j at the time 1."""
+    """True if all fields commute, f_0 included: y(T) is then the flow of T f_0 + Σ c_j W_j(T) f_j at time 1."""
 
     def brackets(y: Array) -> list[Array]:
         return [drift_bracket(problem, int(j), y) for j in np.flatnonzero(problem.c)]
@@ -226,9 +226,9 @@ def commutes(problem: Problem) -> bool:
 
 
 def _vanish(problem: Problem, values: Callable[[Array], list[Any]], *, per_field: bool = False) -> bool:
-    """Whether these products of a field and a slope, or with `per_field` slopes alone, vanish at all sample states.
+    """True if these products of a field and a slope (with `per_field`: slopes alone) vanish at all sample states.
 
-    They do beside the sizes of the fields and their slopes there.
+    Vanishing is relative to the sizes of the fields and their slopes there.
     """
     acting = [int(j) for j in np.flatnonzero(problem.c)]
     for y in sample_states(problem):

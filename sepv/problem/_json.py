@@ -1,7 +1,7 @@
 """Problem descriptions as JSON with hex floats: a round trip keeps every bit.
 
-``sepv/schemas/problem.schema.json`` says what a problem file may hold. `from_json` holds data to it;
-`problem_from_json` builds what obeys it.
+``sepv/schemas/problem.schema.json`` says what a problem file may hold. `from_json` validates data against it;
+`problem_from_json` expects valid data.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from sepv.record import _polynomial as poly
 
 
 def to_json(problem: Problem | PolynomialSystem | NamedProblem) -> dict[str, Any]:
-    """A JSON object with hex floats, as a problem file holds it; of a `Problem` with its initial state.
+    """A problem as a JSON object with hex floats, as a problem file holds it; a `Problem` includes its initial state.
 
     Raises
     ------
     ProblemError
-        For a `Problem` that is given by Python functions only.
+        For a `Problem` given by Python functions only.
     """
     if isinstance(problem, (PolynomialSystem, NamedProblem)):
         return problem_to_json(problem)
@@ -66,7 +66,7 @@ def from_json(data: Any) -> PolynomialSystem | NamedProblem:
 def problem_to_json(data: Description) -> dict[str, Any]:
     """{"name", "parameters"} or polynomial data, floats in hex; {"given"} for functions, with the noise they have.
 
-    "given" is the words that name the problem. It is empty where there are none; then "object" is its own name.
+    "given" names the problem in words. Where it is empty, "object" is the problem's own name.
     """
     if isinstance(data, GivenProblem):
         found = {"given": data.target, "noise": _row(data.problem.c)}

@@ -16,7 +16,7 @@ from sepv.problem._derived import Array, Function, derivatives, to_be_derived
 
 @dataclass(frozen=True)
 class Nambu:
-    """What a problem in dimension three knows of its Casimir C and factor g.
+    """The Casimir C and the factor g of a problem in dimension three.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Poisson structure: Jacobi's identity for B, and how far a step is from a Poisson map.
+"""Poisson structure: Jacobi's identity for B, and the distance of a step from a Poisson map.
 
 B(y) is a Poisson structure if it is skew and satisfies Jacobi's identity. The flow φ of B∇H is then a Poisson map,
 
@@ -26,13 +26,13 @@ import numpy as np
 from sepv.problem._problem import Array, Problem
 
 _WEIGHTS = (3 / 4, -3 / 20, 1 / 60)
-# A formula of order four at the same points: its distance from that of order six is more than the error of the latter.
+# The formula of order four on the same points: its distance from order six bounds the error of order six.
 _FOURTH = (2 / 3, -1 / 12, 0.0)
 POINTS = len(_WEIGHTS)
 TRUNCATION, ROUNDING = 37.0, 2 * sum(abs(a) for a in _WEIGHTS)
-# w/ρ: truncation is then 37 · 2⁻⁴² of M/ρ, less than what roundings leave for most ρ.
+# w/ρ, with a truncation error of 37 · 2⁻⁴² of M/ρ: below that of rounding for most ρ.
 WIDTH = 2.0**-7
-# Widths as a part of the scale of y where no ρ is known.
+# Width relative to the scale of y where no ρ is known.
 BLIND_WIDTH = 2.0**-9
 
 
@@ -49,8 +49,8 @@ def shifted(y: Array, widths: Array) -> Array:
 
 
 def derivative(answers: Array, widths: Array) -> tuple[Array, Array]:
-    """∂Φ/∂y (n, d) from Φ (n, …) at the states of `shifted`, and how far order four is from it, entry by entry."""
-    # For j: k = 1, 2, 3, each with both signs.
+    """∂Φ/∂y (n, d) from Φ (n, …) at the states of `shifted`, and its entrywise distance from order four."""
+    # Columns of direction j: k = 1, 2, 3, each with both signs.
     sides = answers[:, 1:].reshape(-1, widths.size, POINTS, 2)
     rises = sides[..., 0] - sides[..., 1]
     sixth, fourth = (rises @ np.array(weights) / widths for weights in (_WEIGHTS, _FOURTH))
@@ -58,7 +58,7 @@ def derivative(answers: Array, widths: Array) -> tuple[Array, Array]:
 
 
 def derivative_of_structure(problem: Problem, y: Array) -> Array:
-    """∂B_ij/∂y_k at [i, j, k] for one state y (d,): as the problem gives it, else by differences of order six."""
+    """∂B_ij/∂y_k at [i, j, k] for one state y (d,): as given, else by differences of order six."""
     if problem.structure_derivative is not None:
         return np.asarray(problem.structure_derivative(y))
     d = problem.dimension
@@ -76,7 +76,7 @@ def scales(problem: Problem, y: Array) -> Array:
 
 
 def jacobi_defect(problem: Problem, y: Array) -> Array:
-    """How far B is from Jacobi's identity at a state y (d,): zero for a Poisson structure.
+    """Evaluate the defect of Jacobi's identity at a state y (d,): zero for a Poisson structure.
 
     Returns
     -------
@@ -97,9 +97,9 @@ def jacobi_defect(problem: Problem, y: Array) -> Array:
 
 
 def is_poisson(problem: Problem, y: Array) -> bool:
-    """Whether B satisfies Jacobi's identity at y (d,), to 1e-8 of the largest term.
+    """True if B satisfies Jacobi's identity at y (d,), to 1e-8 of the largest term.
 
-    That is a thousand times what differences leave, and far below what a structure without the identity shows.
+    That is a thousand times the error of differences, and far below the defect of a structure without the identity.
     """
     terms = np.einsum(
         "il,jkl->ijk", np.abs(problem.structure(y)), np.abs(derivative_of_structure(problem, y))

@@ -24,17 +24,17 @@ from sepv.record import Polynomial
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
 Flow = Callable[[Array, Array], Array]
-# What a problem is made of; the first three are always there, `gradient` as a mark where it is derived.
+# The functions that make up a problem; the first three are always set, `gradient` to a mark where it is derived.
 _FUNCTIONS = (
     "structure", "hamiltonian", "gradient", "hessian", "structure_derivative", "mean_gradient", "domain",
 )  # fmt: skip
-# Of polynomial data: the entries (i, j, B_ij) with i < j, and a matrix row by row.
+# The structure of polynomial data: entries (i, j, B_ij) with i < j.
 Structure = tuple[tuple[int, int, Polynomial], ...]
 Matrix = tuple[tuple[float, ...], ...]
 
 
 class Systems(StrEnum):
-    """A class of systems; its text is what users type, and is taken in its place.
+    """A class of systems; users may type its text in its place.
 
     single
         (1.1): dy = B(y)∇H(y)(dt + Σ c_j∘dW_j).
@@ -104,7 +104,7 @@ class PolynomialSystem:
 
 @dataclass(frozen=True)
 class NamedProblem:
-    """A problem that goes by its name and parameters, such as the paper's four."""
+    """A problem given by its name and parameters, such as the paper's four."""
 
     name: str
     parameters: tuple[tuple[str, tuple[float, ...]], ...] = ()
@@ -147,7 +147,7 @@ class Problem:
     name : str
         In tables and messages.
     data : PolynomialSystem or NamedProblem, optional
-        All that the functions say, as numbers: made by `sepv.problems`, not by hand.
+        All that the functions say, as numbers. `sepv.problems` makes it; do not make it by hand.
     nambu : Nambu, optional
         For d = 3: the Casimir C and the factor g with B(y)v = g(y)(v × ∇C(y)).
     longest_step : float, optional
@@ -220,7 +220,7 @@ class Problem:
             _check_kinds(self)
             object.__setattr__(self, "dimension", int(d))
         c = coefficients(self.noise)
-        # Over bytes, so that no scheme can make it writable again.
+        # The array is made from bytes, so that no scheme can make it writable again.
         object.__setattr__(self, "c", np.frombuffer(c.tobytes(), dtype=np.float64))
         for key, shape in (("casimirs", (d, d)), ("linear_casimirs", (d,))):
             arrays = tuple(_constant(key, value, shape) for value in getattr(self, key))
@@ -254,7 +254,7 @@ class Problem:
 
 
 def require_one_for_each_noise(problem: Problem, key: str, each: str) -> None:
-    """Raise a ProblemError where there are not as many of these as coefficients in noise."""
+    """Raise a ProblemError unless there are as many of these as coefficients in noise."""
     count = len(getattr(problem, key))
     if count != problem.noises:
         raise ProblemError(
@@ -265,7 +265,7 @@ def require_one_for_each_noise(problem: Problem, key: str, each: str) -> None:
 
 
 def _check_kinds(problem: Problem) -> None:
-    """Functions that take what they are called with, and sequences, numbers and names that are such."""
+    """Check that functions take the arguments they are called with, and that sequences, numbers and names are such."""
     for key in _FUNCTIONS:
         function, arguments = getattr(problem, key), "y0, y1" if key == "mean_gradient" else "y"
         if function is None and key not in _FUNCTIONS[:3]:
@@ -277,7 +277,7 @@ def _check_kinds(problem: Problem) -> None:
             except TypeError as error:
                 received = f"one that does not: {error}"
             except ValueError:
-                pass  # a compiled function, which says nothing of its arguments
+                pass  # a compiled function has no signature to check
         if received:
             raise ProblemError(
                 expected=f"{key}: a function that takes ({arguments}), each of shape (d,) or (d, M)",
@@ -308,7 +308,7 @@ def _check_kinds(problem: Problem) -> None:
 
 
 def coefficients(noise: ArrayLike) -> Array:
-    """The c_j, (m,); a ProblemError for anything that is not a row of finite numbers ≥ 0, or one such number."""
+    """Convert `noise` to the c_j, (m,). Raises ProblemError unless it is a number ≥ 0 or a row of them, all finite."""
     c = _numbers("noise", noise)
     if not np.all(np.isfinite(c)):
         raise ProblemError(
@@ -333,7 +333,7 @@ def coefficients(noise: ArrayLike) -> Array:
 
 
 def _numbers(key: str, value: ArrayLike) -> Array:
-    """A copy of the value as numbers."""
+    """Copy the value as an array of numbers."""
     try:
         return floats(key, value).copy()
     except UsageError as error:
@@ -364,7 +364,7 @@ def _constant(key: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 @dataclass(frozen=True)
 class GivenProblem:
-    """A user's problem made of functions, where a case holds data otherwise; `target` names it, where it has a name."""
+    """A user's problem made of functions, in the place of a case's data; `target` is its name, if it has one."""
 
     problem: Problem
     target: str = ""

@@ -16,8 +16,8 @@ sees S_j(ȳ)m with an average m = w(ȳ) + e, and for vᵀw = 0
 For smooth H_0, |e| ≤ |H_0‴| |y1 − y0|²/24, or a rounding of ∇H_0 where H_0 is quadratic: S_j m stands for B∇H_j as
 long as |w| is larger than that. Near a curved set of critical points it is not, however small the step. In polar
 coordinates, H_0 = ½(I − 1)² and H_1 = I: along the chord, m is (I_0 − 1 − |y1 − y0|²/12)ȳ and w is (I_0 − 1 −
-|y1 − y0|²/8)ȳ, so that with I_0 = 1 the step turns by two thirds of its angle for every h. So a solved step is asked
-how far S_j m is from v (`CommutingStructure.missed`), and refused from a quarter of |v| on.
+|y1 − y0|²/8)ȳ, so that with I_0 = 1 the step turns by two thirds of its angle for every h. So each solved step measures
+the distance of S_j m from v (`CommutingStructure.missed`) and is refused if that is a quarter of |v| or more.
 """
 
 from __future__ import annotations
@@ -35,16 +35,16 @@ from sepv.problem._problem import Array, Function, Problem, require_one_for_each
 from sepv.record._binary64 import EPS, TINY
 from sepv.record._polynomial import majorant
 
-# y(T) from y0 (d,), T and W(T) (m, M), where the flows commute.
+# The function of y0 (d,), T and W(T) (m, M) that gives y(T), where the flows commute.
 ClosedForm = Callable[[Array, float, Array], Array]
-# What {H_0, H_j} may be beside |∇H_0||B∇H_j|: a few hundred roundings.
+# The largest {H_0, H_j} relative to |∇H_0||B∇H_j| that counts as zero: a few hundred roundings.
 BRACKET_TOLERANCE = 1e-12
 # S_j∇̄H_0 may miss B∇H_j by this share. Next to a curved set of nondegenerate critical points it misses by a third for
-# every h: m and w are then the means of a parabola over a chord and its middle, 1/12 and 1/8. Elsewhere the share is of
-# the order of |y1 − y0|², and a step with a quarter is worth nothing anyway.
+# every h: m and w are then the mean of a parabola over a chord and its value in the middle, 1/12 and 1/8. Elsewhere the
+# share is of the order of |y1 − y0|², and a step with a quarter is useless anyway.
 MISSED = 0.25
-# w is no more than its own rounding, and v is more than that: some sums of a dozen terms, and a wide margin, since
-# next to an isolated critical point both vanish alike.
+# w is below its own rounding while v is above this: some sums of a dozen terms. The margin is wide because both vanish
+# alike next to an isolated critical point.
 ROUNDING_OF_W, ROUNDING_OF_V = 16 * EPS, 1024 * EPS
 
 
@@ -61,7 +61,7 @@ class StructuresProblem(Problem):
     closed_form : callable (y0, T, W) -> (d, M), optional
         The exact solution, where the flows commute.
     casimirs, linear_casimirs
-        Those common to B and all G_j.
+        Casimirs common to B and all G_j.
 
     Raises
     ------
@@ -86,14 +86,14 @@ class StructuresProblem(Problem):
 
     @property
     def noise_gradients(self) -> tuple[Function, ...]:
-        """∇H_1, …, ∇H_m where every G_j stands for a Hamiltonian (`commuting_hamiltonians`), else an AttributeError."""
+        """∇H_1, …, ∇H_m if every G_j comes from a Hamiltonian (`commuting_hamiltonians`), else an AttributeError."""
         found = [G.noise_gradient for G in self.noise_structures if isinstance(G, CommutingStructure)]
         if len(found) < self.noises:
             raise AttributeError(f"{self.name} has several structures, and not several Hamiltonians")
         return tuple(found)
 
     def random_step(self, h: float, dW: Array) -> Array:  # noqa: ARG002  (the signature of `Problem`)
-        """There is none: a scheme that asks for Δ = h + Σ c_j ΔW_j is for a single structure. Raises UsageError."""
+        """Raise UsageError: Δ = h + Σ c_j ΔW_j exists for a single structure only."""
         raise UsageError(
             expected="a scheme for several structures, such as several-structures",
             received=f"a scheme that reduces the noise of {self.name} to one random step",
@@ -102,7 +102,7 @@ class StructuresProblem(Problem):
 
 
 def each_noise(problem: Problem, h: float, noise: Array) -> Array:
-    """h and the c_j ΔW_j, (1 + m, M)."""
+    """The parts h and c_j ΔW_j of a step, (1 + m, M)."""
     return np.concatenate([np.full((1, noise.shape[1]), float(h)), problem.c[:, None] * noise])
 
 
@@ -110,13 +110,13 @@ def combined(problem: Problem, y: Array, parts: Array) -> Array:
     """h B(y) + Σ_j c_j ΔW_j G_j(y), (d, d, M), for parts (1 + m, M) holding h and the c_j ΔW_j."""
     total = parts[0] * problem.structure(y)
     for part, G in zip(parts[1:], noise_structures(problem), strict=True):
-        # A noise that does not act needs no structure: it may be undefined there.
+        # A noise with increment zero needs no structure, which may be undefined there.
         total = total + np.where(part != 0, part * G(y), 0.0)
     return total
 
 
 def undefined(problem: Problem, y0: Array, y1: Array, mean: Array, parts: Array) -> np.ndarray:
-    """Where a structure that stands for B∇H_j does not do so in the step from y0 to y1, (M,).
+    """True where a structure that stands for B∇H_j misses it in the step from y0 to y1, (M,).
 
     `mean` (d, M) is the averaged gradient of H_0 of the step, `parts` (1 + m, M) are h and the c_j ΔW_j.
     """
@@ -125,14 +125,14 @@ def undefined(problem: Problem, y0: Array, y1: Array, mean: Array, parts: Array)
     for part, G in zip(parts[1:], noise_structures(problem), strict=True):
         if isinstance(G, CommutingStructure):
             missed, field, rounding = G.missed(y0 + 0.5 * (y1 - y0), mean)
-            # What is below a rounding of y moves nothing.
+            # A contribution below a rounding of y does not move y.
             allowed = np.abs(part) * (MISSED * field + rounding) + EPS * size
             found |= (part != 0) & ~(np.abs(part) * missed <= allowed)
     return found
 
 
 def combined_slope(problem: Problem, y: Array, parts: Array) -> Array | None:
-    """The derivative of `combined`, (d, d, d, M), or None where the problem does not give it."""
+    """The derivative of `combined`, (d, d, d, M); None where the problem does not give it."""
     if problem.structure_derivative is None:
         return None
     if isinstance(problem, StructuresProblem):
@@ -148,7 +148,7 @@ def combined_slope(problem: Problem, y: Array, parts: Array) -> Array | None:
 
 
 def noise_structures(problem: Problem) -> Sequence[Function]:
-    """G_1, …, G_m; for a single structure B itself, m times.
+    """G_1, …, G_m; for a single structure, m times B.
 
     Raises UsageError for several Hamiltonians that do not commute with H_0: they have no such structures.
     """
@@ -179,7 +179,7 @@ class CommutingStructure:
     def __call__(self, y: Array) -> Array:
         v, slope = self.field(y), self.gradient(y)
         w = self.tangent(y, slope)
-        # In units of the largest component: the square of w itself may underflow.
+        # Scaled by the largest component: the square of w itself may underflow.
         size = np.abs(w).max(axis=0)
         unit = w / np.where(size > 0, size, 1.0)
         square = dot(unit, unit)
@@ -220,7 +220,7 @@ class CommutingStructure:
         return w
 
     def majorant(self, y: Array) -> Array:
-        """What rounding errors of S are relative to, (d, d): 2 M_v M_w/|w|², sums of absolute values of terms."""
+        """The scale of rounding errors of S, (d, d): 2 M_v M_w/|w|² with sums of absolute values of terms."""
         B, g, G = (majorant(f, y) for f in (self.structure, self.gradient, self.noise_gradient))
         w = self.tangent(y, self.gradient(y))
         square, v = dot(w, w), matvec(B, G)
@@ -238,7 +238,7 @@ def commuting_hamiltonians(
     data: Any = None,
     check: bool = True,
 ) -> StructuresProblem:
-    """dy = B∇H_0 dt + Σ_j c_j B∇H_j ∘dW_j from the problem of the drift (its own noise is not used).
+    """The problem dy = B∇H_0 dt + Σ_j c_j B∇H_j ∘dW_j from that of its drift, whose noise is not used.
 
     Parameters
     ----------
@@ -247,7 +247,7 @@ def commuting_hamiltonians(
     closed_form : callable (y0, T, W), optional
         As for `StructuresProblem`.
     check : bool
-        Whether to look at the brackets; those of polynomials are known from their coefficients.
+        Check the brackets. Those of polynomials are known from their coefficients.
 
     Raises
     ------

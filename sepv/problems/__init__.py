@@ -42,17 +42,17 @@ def _listed(*factories: Callable[..., Problem]) -> dict[str, Callable[..., Probl
 
 
 PAPER = _listed(harmonic_oscillator, rigid_body, pendulum, lotka_volterra)
-# Not of the paper: two of them serve the hard cases.
+# Problems beyond the paper; two of them serve the hard cases.
 EXTENSIONS = _listed(
     kepler,
     maxwell_bloch,
     toda,
 )
-# With several structures or Hamiltonians.
+# Problems with several structures or Hamiltonians.
 SEVERAL = _listed(
     commuting_rotations, commuting_oscillators, noncommuting_drift, noncommuting_tops, kubo_oscillator
 )
-# With several Hamiltonians that do not commute.
+# Problems with several Hamiltonians that do not commute.
 HAMILTONIANS = _listed(
     commuting_twists, noisy_henon_heiles, point_vortices, pushed_henon_heiles, random_inertia,
     random_lotka_volterra, random_maxwell_bloch, twisted_top, two_spins,
@@ -61,7 +61,7 @@ HAMILTONIANS = _listed(
 
 @lru_cache(maxsize=64)
 def by_name(name: str) -> Problem:
-    """A problem with its default parameters, the paper's for the paper's; hyphens and underscores are the same."""
+    """The named problem with its default parameters; hyphens and underscores are the same."""
     known = PAPER | EXTENSIONS | SEVERAL | HAMILTONIANS
     factory = known.get(str(name).replace("_", "-"))
     if factory is None:
@@ -74,7 +74,7 @@ def by_name(name: str) -> Problem:
 
 
 def build(data: Description) -> Problem:
-    """The problem that a description means."""
+    """Build the problem of a description."""
     if isinstance(data, GivenProblem):
         return data.problem
     if isinstance(data, PolynomialSystem):
@@ -84,7 +84,7 @@ def build(data: Description) -> Problem:
 
 @lru_cache(maxsize=128)
 def _named(data: NamedProblem) -> Problem:
-    """Recording takes as long as a few steps: once for a name and parameters."""
+    """A named problem, built once for a name and parameters: recording takes as long as a few steps."""
     known = PAPER | EXTENSIONS | HAMILTONIANS
     require_one_of(
         "a problem's name", data.name, known, "correct the name, or give the problem as polynomial data"
@@ -92,7 +92,9 @@ def _named(data: NamedProblem) -> Problem:
     factory = known[data.name]
     given = {key: value[0] if len(value) == 1 else value for key, value in data.parameters}
     usual = {p.name: p.default for p in signature(factory).parameters.values() if p.kind is not p.VAR_KEYWORD}
-    open_ended = len(usual) < len(signature(factory).parameters)  # some hand parameters on to another factory
+    open_ended = len(usual) < len(
+        signature(factory).parameters
+    )  # some factories pass their parameters on to another
     for key in given if not open_ended else ():
         require_one_of(f"a parameter of {data.name}", key, usual)
     try:

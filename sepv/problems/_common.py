@@ -1,4 +1,4 @@
-"""What many problems have in common: their structures, a name and parameters, H as a sum of parts with known flows.
+"""Parts that many problems share: structures, a name and parameters, H as a sum of parts with known flows.
 
 The structures are the canonical ones, equations (1.2) and (1.3), and those of so(3)*.
 """
@@ -15,7 +15,7 @@ from sepv.problem._derived import PartFlow
 from sepv.problem._problem import Array, Flow, Function, NamedProblem, Problem, Structure, coefficients
 from sepv.record import _polynomial as poly
 
-# (i, j, k, sign) with B_ij = sign · y_k: B(y)v = y × v.
+# Entries (i, j, k, sign) of hat(y), B_ij = sign · y_k: B(y)v = y × v.
 HAT = ((0, 1, 2, -1.0), (0, 2, 1, 1.0), (1, 2, 0, -1.0))
 
 
@@ -28,13 +28,13 @@ def skew(y: Array, entries: Iterable[tuple[int, int, Any]]) -> Array:
 
 
 def structure(y: Array) -> Array:
-    """B = ((0, −I), (I, 0)) for y = (p, q) with as many of each, (d, d, ...)."""
+    """The canonical B = ((0, −I), (I, 0)) for y = (p, q), (d, d, ...)."""
     n = len(y) // 2
     return skew(y, ((i, n + i, -1.0) for i in range(n)))
 
 
 def canonical(dimension: int) -> Structure:
-    """The same as data."""
+    """The canonical structure as data."""
     n = dimension // 2
     return tuple((k, n + k, poly.constant(dimension, -1.0)) for k in range(n))
 
@@ -72,5 +72,5 @@ def total(parts: Sequence[Function]) -> Function:
 
 
 def flows(dimension: int, structure: Function, parts: Sequence[Function]) -> tuple[Flow, ...]:
-    """The exact flows of the B∇H_k."""
+    """The exact flows of B∇H_k, one for each part."""
     return tuple(PartFlow(dimension, structure, part) for part in parts)

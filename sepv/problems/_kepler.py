@@ -12,7 +12,7 @@ from sepv.problems._common import named, structure
 
 
 def kepler(eccentricity: float = 0.6, noise: ArrayLike = 1.0) -> Problem:
-    """y = (p1, p2, q1, q2), from the pericentre of the orbit with major semi-axis 1; |q| > 0.
+    """The planar Kepler problem, y = (p1, p2, q1, q2), from the pericentre of an orbit with semi-major axis 1; |q| > 0.
 
     The averaged gradient is the field of a uniformly charged segment from q0 to q1, seen from the origin: it
     points along the bisector u = q0/|q0| + q1/|q1|, and ∫₀¹ q/|q|³ dτ = 2u/(|q0||q1||u|²). Nothing cancels as
@@ -33,7 +33,7 @@ def kepler(eccentricity: float = 0.6, noise: ArrayLike = 1.0) -> Problem:
         dimension=4,
         structure=structure,
         hamiltonian=lambda y: 0.5 * (y[0] * y[0] + y[1] * y[1]) - 1 / _radius(y),
-        # |q| is not affine in y: no rule derives it.
+        # |q| is not affine in y, so no rule derives the mean.
         mean_gradient=_mean_gradient,
         domain=lambda y: _radius(y) > 0,
         initial=(0.0, np.sqrt((1 + e) / (1 - e)), 1 - e, 0.0),
@@ -50,8 +50,8 @@ def _mean_gradient(y0: Array, y1: Array) -> Array:
     u = np.stack([y0[2] / r0 + y1[2] / r1, y0[3] / r0 + y1[3] / r1])
     opening = u[0] * u[0] + u[1] * u[1]  # 2(1 + cos φ) for the angle φ between q0 and q1
     force = 2 * u / (r0 * r1 * opening)
-    # Past a right angle and a half u cancels: the part along b = q1 − q0 comes from 1/r0 − 1/r1 instead, and the
-    # rest is perpendicular to b in every digit, so that it does no work however badly it is known.
+    # Beyond a right angle and a half u cancels. The part along b = q1 − q0 then comes from 1/r0 − 1/r1, and the rest is
+    # perpendicular to b in every digit: it does no work however inaccurate it is.
     b, middle = y1[2:] - y0[2:], y1[2:] + y0[2:]
     square = np.where(opening < 1, b[0] * b[0] + b[1] * b[1], 1.0)
     along = (b[0] * middle[0] + b[1] * middle[1]) / (r0 * r1 * (r0 + r1)) / square

@@ -1,4 +1,4 @@
-"""The Maxwell-Bloch equations, with one noise and with Hamiltonians of their own for the noises.
+"""The Maxwell-Bloch equations, with one noise or with a Hamiltonian for each noise.
 
 y1′ = y2, y2′ = y1y3, y3′ = −y1y2 is ∇C × ∇H with H = ½y1² + y3 and C = ½(y2² + y3²): B(y)v = −v × ∇C(y). D. David
 and D. Holm, Multiple Lie-Poisson structures, reductions, and geometric phases for the Maxwell-Bloch travelling wave
@@ -28,7 +28,7 @@ def maxwell_bloch(noise: Sequence[float] = (0.5,)) -> Problem:
 
 
 def random_maxwell_bloch(noise: Sequence[float] = (0.5,)) -> Problem:
-    """Maxwell-Bloch with a Hamiltonian of its own for the noise, and with two whose fields do not commute.
+    """Maxwell-Bloch with a Hamiltonian for each noise; the fields of two such noises do not commute.
 
     From (1, 0.5, 0.5), with one noise or two. H_1 = ½y_1² and H_2 = y_3 are the two parts of H_0: C.-E. Bréhier, D.
     Cohen and T. Jahnke (Math. Comp. 92, 2023) disturb the system in this way. Their flows are linear.
@@ -37,7 +37,7 @@ def random_maxwell_bloch(noise: Sequence[float] = (0.5,)) -> Problem:
     assert isinstance(base.data, PolynomialSystem)
     halves = (poly.squares((1, 0, 0)), poly.variable(3, 2))
     parts = halves[: len(tuple(noise))]
-    # Of (y2² + y3²)/2 alone a factor is known to be a Casimir as a matrix.
+    # The Casimir 2C = y2² + y3² as a matrix.
     casimir = ((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     data = replace(base.data, noise=tuple(noise), nambu=None, casimirs=(casimir,), noise_hamiltonians=parts)
     own = flows(3, base.structure, [poly.PolynomialMap((), (p,)) for p in halves])

@@ -13,7 +13,7 @@ def nambu_system(
     casimir: poly.Polynomial,
     noise: tuple[float, ...] = (1.0,),
 ) -> PolynomialSystem:
-    """dy = g ∇H × ∇C (dt + Σ c_j∘dW_j).
+    """The polynomial system dy = g ∇H × ∇C (dt + Σ c_j∘dW_j) as data.
 
     A homogeneous C of degree 2 is listed among the quadratic Casimirs too, of degree 1 among the linear ones.
 
@@ -40,7 +40,7 @@ def nambu_system(
 
 
 def _value(p: poly.Polynomial) -> float:
-    """Of a constant."""
+    """The value of a constant polynomial."""
     return sum((c for _, c in p.terms), 0.0)
 
 
@@ -54,7 +54,7 @@ def _structure(factor: poly.Polynomial, casimir: poly.Polynomial) -> Structure:
 
 
 def check_nambu(data: PolynomialSystem) -> None:
-    """Complain where `structure` is not that of (g, C)."""
+    """Raise ProblemError where `structure` does not agree with (g, C)."""
     if data.nambu is None:
         return
     if data.dimension != 3 or sorted(data.structure) != sorted(_structure(*data.nambu)):

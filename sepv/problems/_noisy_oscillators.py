@@ -1,4 +1,4 @@
-"""Additive noise: a separable Hamiltonian of Hénon and Heiles whose momenta are pushed.
+"""Additive noise: the separable Hamiltonian of Hénon and Heiles with noise in its momenta.
 
 H_0 = ½|p|² + ½|q|² + κ(q_1²q_2 − q_2³/3) with y = (p, q), and H_j = −q_j, so that c_j B∇H_j ∘dW_j is c_j dW_j in p_j.
 E[H_0] then grows at the constant rate ½Σc_j² (trace formula: D. Cohen and G. Vilmart, Int. J. Comput. Math. 99, 2022,
@@ -29,8 +29,8 @@ def pushed_henon_heiles(coupling: float = 0.5, noise: Sequence[float] = (0.5, 0.
 
     H_1 = p_1 − ½q_1 and H_2 = ½p_2 − q_2.
 
-    Where momenta alone are pushed f″(g, g) vanishes for the drift f and a push g: errors of methods then vanish that
-    other additive noise shows, such as that of the explicit midpoint rule's weak order 2.
+    With noise in the momenta alone, f″(g, g) vanishes for the drift f and a noise g. It does not here, and shows
+    errors of methods such as that of the explicit midpoint rule's weak order 2.
     """
     others = [poly.linear((1, 0, -0.5, 0)), poly.linear((0, 0.5, 0, -1))]
     return _oscillators(coupling, noise, others, "pushed-henon-heiles")

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from sepv.problem._problem import Function, Problem
 from sepv.problems._common import flows, named, structure, total
 
-# ½p² and ½x², ½p² and −cos q.
+# The parts ½p² and ½x² of the oscillator, ½p² and −cos q of the pendulum.
 _OSCILLATOR = (lambda y: 0.5 * y[0] * y[0], lambda y: 0.5 * y[1] * y[1])
 _PENDULUM = (lambda y: 0.5 * y[0] * y[0], lambda y: -np.cos(y[1]))
 
@@ -39,6 +39,6 @@ def _of_parts(
     return named(
         name, noise, {}, dimension=2, structure=structure, hamiltonian=total(parts), initial=initial,
         flows=flows(2, structure, parts),
-        # Solved from 10⁵ states near the initial one, and led back by −Δ.
+        # Steps of this size were solved from 10⁵ states near the initial one, and −Δ led back.
         longest_step=0.5,
     )  # fmt: skip

@@ -24,7 +24,7 @@ from sepv.record import Polynomial, PolynomialMap
 from sepv.record import _polynomial as poly
 from sepv.record._binary64 import EPS
 
-# d³ polynomials are the derivatives of B.
+# The derivatives of B are d³ polynomials.
 MAX_DIMENSION = 64
 
 
@@ -72,12 +72,12 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
 
 
 def started(data: PolynomialSystem, name: str, initial: Sequence[float], **more: Any) -> Any:
-    """The problem of this data under a name, with an initial state and what is known of it besides."""
+    """The problem of this data with a name, an initial state and further known facts."""
     return replace(polynomial_problem(data), name=name, initial=tuple(initial), check=False, **more)
 
 
 def _hessian(gradient: tuple[Polynomial, ...]) -> tuple[Polynomial, ...]:
-    """∂²H/∂y_i∂y_k row by row; the half below the diagonal is the one above it."""
+    """∂²H/∂y_i∂y_k row by row; the lower triangle repeats the upper one."""
     above = [poly.gradient(slope, i) for i, slope in enumerate(gradient)]
     numbers = range(len(gradient))
     return tuple(above[min(i, k)][abs(i - k)] for i in numbers for k in numbers)
@@ -85,7 +85,7 @@ def _hessian(gradient: tuple[Polynomial, ...]) -> tuple[Polynomial, ...]:
 
 @lru_cache(maxsize=512)
 def _structure_maps(d: int, structure: Structure) -> tuple[PolynomialMap, PolynomialMap]:
-    """B (d, d) and its derivatives (d, d, d): tables that systems which differ in H have in common."""
+    """B (d, d) and its derivatives (d, d, d), as tables that systems with the same B share."""
     zero = poly.polynomial(d, {})
     above = {(i, j): entry for i, j, entry in structure}
     below = {(j, i): poly.scale(-1.0, entry) for i, j, entry in structure}
@@ -99,9 +99,9 @@ def _structure_maps(d: int, structure: Structure) -> tuple[PolynomialMap, Polyno
 
 
 def _with_more_noise(drift: Problem, data: PolynomialSystem) -> Problem:
-    """Several structures, or several Hamiltonians, over the system of the drift.
+    """Add several structures or several Hamiltonians to the system of the drift.
 
-    Hamiltonians all of whose brackets {H, H_j} vanish keep H: they are posed by structures, which say so.
+    Hamiltonians whose brackets {H, H_j} all vanish keep H, so they are posed as structures.
     """
     d, count = data.dimension, len(data.noise_structures or data.noise_hamiltonians)
     if (data.noise_structures and data.noise_hamiltonians) or len(data.noise) != count:
@@ -139,12 +139,12 @@ def _with_more_noise(drift: Problem, data: PolynomialSystem) -> Problem:
 
 
 def _shared(drift: Problem) -> dict[str, Any]:
-    """What the drift's record gives to one of more noise."""
+    """Parts of the drift's problem that hold for any noise."""
     return {f.name: getattr(drift, f.name) for f in fields(Problem) if f.init}
 
 
 def bracket(data: PolynomialSystem, F: Polynomial, G: Polynomial) -> tuple[Polynomial, list[Polynomial]]:
-    """{F, G} = ∇FᵀB∇G, and the products that it is the sum of."""
+    """{F, G} = ∇FᵀB∇G, and the products whose sum it is."""
     left, right = poly.gradient(F), poly.gradient(G)
     terms = []
     for i, j, entry in data.structure:
@@ -154,14 +154,14 @@ def bracket(data: PolynomialSystem, F: Polynomial, G: Polynomial) -> tuple[Polyn
 
 
 def vanishes(found: tuple[Polynomial, list[Polynomial]]) -> bool:
-    """Whether all coefficients are rounding beside those of the products."""
+    """True if every coefficient is rounding beside those of the products."""
     total, terms = found
     size = max((abs(c) for p in terms for _, c in p.terms), default=0.0)
     return all(abs(c) <= 64 * EPS * size for _, c in total.terms)
 
 
 def drift_of_energy(data: PolynomialSystem) -> float | None:
-    """σ with LH_0 = ½ Σ_j c_j² {{H_0, H_j}, H_j} = σ for all y, L the generator; None where it is not constant."""
+    """The constant σ with LH_0 = ½ Σ_j c_j² {{H_0, H_j}, H_j} = σ, L the generator; None where LH_0 is not constant."""
     parts = []
     for c, H in zip(data.noise, data.noise_hamiltonians, strict=True):
         once, _ = bracket(data, data.hamiltonian, H)
@@ -205,7 +205,7 @@ def _check_indices(data: PolynomialSystem) -> None:
 
 
 def _check_shapes(data: PolynomialSystem) -> None:
-    """Rows of matrices and vectors, and variables of polynomials: as many as the dimension."""
+    """Check rows of matrices and vectors, and variables of polynomials, against the dimension."""
     d = data.dimension
     for n, A in enumerate(data.casimirs):
         if [len(row) for row in A] != [d] * d:
@@ -226,9 +226,9 @@ def _of_another_dimension(expected: str, received: str) -> ProblemError:
 def _check_casimirs(
     d: int, structure: Structure, casimirs: tuple[Matrix, ...], linear_casimirs: Matrix
 ) -> None:
-    """All coefficients of ∇CᵀB vanish, to the rounding of their own sums.
+    """Check that all coefficients of ∇CᵀB vanish, to the rounding of their own sums.
 
-    They depend on B and the Casimirs alone: systems that differ in H have them in common.
+    They depend on B and the Casimirs alone, so systems that differ only in H share the check.
     """
     zero = poly.polynomial(d, {})
     # ∇C up to a factor: Ay for yᵀAy, b for bᵀy.

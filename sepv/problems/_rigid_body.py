@@ -14,7 +14,7 @@ from sepv.problems._common import HAT, flows, named, skew, total
 
 
 def rigid_body(inertia: ArrayLike = (0.345, 0.653, 1.0), noise: ArrayLike = 1.0) -> Problem:
-    """B(y) = hat(y), H = ½ Σ y_i²/I_i, Casimir |y|², from y = (0.8, 0.6, 0).
+    """The rigid body: B(y) = hat(y), H = ½ Σ y_i²/I_i, Casimir |y|², from y = (0.8, 0.6, 0).
 
     The defaults are those of §4.2: I = (0.345, 0.653, 1), c = 1.
     """
@@ -37,7 +37,7 @@ def rigid_body(inertia: ArrayLike = (0.345, 0.653, 1.0), noise: ArrayLike = 1.0)
         casimirs=(np.eye(3),),
         initial=(0.8, 0.6, 0.0),
         flows=flows(3, _structure, parts),
-        # Solved from 10⁵ states near the initial one, and led back by −Δ.
+        # Steps of this size were solved from 10⁵ states near the initial one, and −Δ led back.
         longest_step=0.5,
         nambu=_NAMBU,
     )

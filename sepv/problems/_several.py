@@ -20,12 +20,12 @@ _IN_PLANES = (0.8, 0.3, 0.2, 0.5)
 
 
 def action(dimension: int, k: int) -> Polynomial:
-    """I_k = ½(y_{2k−1}² + y_{2k}²), k = 0, 1, …"""
+    """The action I_k = ½(y_{2k−1}² + y_{2k}²) for k = 0, 1, … as a polynomial."""
     return poly.squares([int(i // 2 == k) for i in range(dimension)])
 
 
 def in_actions(p: Polynomial) -> Polynomial:
-    """A polynomial in n actions as one in 2n variables."""
+    """Convert a polynomial in n actions to one in 2n variables."""
     d = 2 * p.dimension
     terms = []
     for exponents, coefficient in p.terms:
@@ -59,7 +59,7 @@ def rotating_planes(
 def commuting_actions(
     hamiltonian: Polynomial, others: Sequence[Polynomial], noise: tuple[float, ...] | None = None
 ) -> PolynomialSystem:
-    """Several Hamiltonians H_j(I_1, …, I_n) in n planes: plane k turns by ∂H/∂I_k T + Σ_j c_j ∂H_j/∂I_k W_j."""
+    """n planes with Hamiltonians H_j(I_1, …, I_n): plane k turns by ∂H/∂I_k T + Σ_j c_j ∂H_j/∂I_k W_j."""
     d, c = 2 * hamiltonian.dimension, noise or (1.0,) * len(others)
     posed = tuple(in_actions(H) for H in others)
     return PolynomialSystem(d, in_actions(hamiltonian), planes(d), c, noise_hamiltonians=posed)
@@ -110,7 +110,7 @@ def commuting_oscillators() -> StructuresProblem:
 
 
 def kubo_oscillator(a: float = 2.0, sigma: float = 0.5) -> Problem:
-    """Kubo's oscillator: H_0 = ½a(p² + q²) and σH_1 = ½σ(p² + q²), and the exact solution is a rotation by aT + σW(T).
+    """Kubo's oscillator: H_0 = ½a(p² + q²) and σH_1 = ½σ(p² + q²); the exact solution is a rotation by aT + σW(T).
 
     From (1, 0). R. Kubo, M. Toda and N. Hashitsume, Statistical Physics II (1991),
     §2.1; G. N. Milstein, Yu. M. Repin and M. V. Tretyakov (SIAM J. Numer. Anal. 40, 2002), §5.1, use it for symplectic
@@ -124,7 +124,7 @@ def kubo_oscillator(a: float = 2.0, sigma: float = 0.5) -> Problem:
 
 @lru_cache(maxsize=1)
 def kubo_by_hamiltonians() -> Problem:
-    """The oscillator as a record with H_1, for schemes that ask for its gradient: H_0 and H_1 commute."""
+    """Kubo's oscillator posed by H_0 and H_1, which commute, for schemes that need ∇H_1."""
     problem = kubo_oscillator()
     H = poly.polynomial(2, [((2, 0), 0.5), ((0, 2), 0.5)])
     assert isinstance(problem, StructuresProblem)
@@ -137,7 +137,7 @@ def kubo_by_hamiltonians() -> Problem:
 
 
 def noncommuting_tops() -> StructuresProblem:
-    """H = ½(y1² + 2 y2² + 3 y3²) with B = hat(e3), G_1 = hat(e1) and G_2 = hat(e2): noises that do not commute."""
+    """Noises that do not commute: H = ½(y1² + 2 y2² + 3 y3²) with B = hat(e3), G_1 = hat(e1) and G_2 = hat(e2)."""
     H = poly.squares((1, 2, 3))
     B, G2, G1 = (((i, j, poly.constant(3, sign)),) for i, j, _, sign in HAT)
     system = PolynomialSystem(3, H, B, (0.5, 0.5), noise_structures=(G1, G2))
@@ -145,7 +145,7 @@ def noncommuting_tops() -> StructuresProblem:
 
 
 def noncommuting_drift() -> StructuresProblem:
-    """Rotations of two planes as noises, which commute, and a drift that turns one plane into the other.
+    """Rotations of two planes as noises, which commute, with a drift that turns one plane into the other.
 
     B has the entry −7/10 between the planes, so that B∇H keeps neither I1 nor I2 and commutes with neither noise.
     """

@@ -1,7 +1,7 @@
-"""A problem as the scheme sees it: with its data, as functions, or as bare functions that say nothing of themselves.
+"""The view of a problem that a scheme gets: with its data, as functions, or as functions without any attributes.
 
-A scheme must not be able to tell the suite's problems from a user's. Laws keep the whole problem, for their bounds
-and references; `shown` is what a step is given of it.
+A scheme must not be able to tell the suite's problems from a user's. Laws keep the whole problem for their bounds and
+references; steps get `shown(problem)`.
 """
 
 from __future__ import annotations
@@ -20,36 +20,36 @@ GIVEN = {
     "functions": "Python functions, with derivatives and the degree of H",
     "bare functions": "Python functions of B, H and ∇H, without derivatives, degree or closed forms",
 }
-# What no view has, and what bare functions are without.
+# Attributes that no view has, and those that bare functions lack.
 _NEVER = {"data", "name", "closed_form"}
 _DERIVED = {
     "hessian", "structure_derivative", "mean_gradient", "degree", "flows",
     "noise_structure_derivatives", "noise_hessians", "noise_flows",
 }  # fmt: skip
 _DERIVED_OF_CASIMIR = {"mean_gradient", "degree"}
-# What a problem is shown as; those that are shown as they are have no entry.
+# The view of each problem; a problem without an entry is its own view.
 _VIEWS: WeakKeyDictionary[Problem, Problem] = WeakKeyDictionary()
 
 
 def shown(problem: Problem) -> Problem:
-    """What a scheme is given of a problem."""
+    """The view of a problem that a scheme gets."""
     return _VIEWS.get(problem, problem)
 
 
 @lru_cache(maxsize=1024)
 def as_given(data: Description, given: str) -> Problem:
-    """The problem that a description means, which `shown` shows in the given way."""
+    """Build the problem of a description, whose `shown` view is of the kind `given`."""
     whole = problems.build(data)
     if given == "data":
         return whole
-    # A copy of its own: one description may be given in several ways at once.
+    # A copy, because one description may be given in several ways at once.
     problem = replace(whole, check=False)
     _VIEWS[problem] = _view(whole, bare=given == "bare functions")
     return problem
 
 
 def _view(problem: Problem, *, bare: bool) -> Problem:
-    """The same functions behind plain ones, under another name."""
+    """A problem with its functions wrapped and another name."""
     hidden = _NEVER | _DERIVED if bare else _NEVER
     names = [f.name for f in fields(problem) if f.init and f.name not in hidden]
     shown = {name: _plain(getattr(problem, name), bare) for name in names}
@@ -57,7 +57,7 @@ def _view(problem: Problem, *, bare: bool) -> Problem:
 
 
 def _plain(value: Any, bare: bool) -> Any:
-    """A Python function that does the same; of a tuple or a record each function so; anything else as it is."""
+    """Wrap a function, or each function of a tuple or a record, in a plain one; anything else is returned unchanged."""
     if isinstance(value, tuple):
         return tuple(_plain(v, bare) for v in value)
     if isinstance(value, Nambu):

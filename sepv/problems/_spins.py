@@ -25,7 +25,7 @@ from sepv.record import _polynomial as poly
 def spin_system(
     spins: int, hamiltonian: poly.Polynomial, noise: Sequence[float], others: Sequence[poly.Polynomial]
 ) -> PolynomialSystem:
-    """n spins with H_0 and H_1, …, H_m, polynomials in the 3n components."""
+    """The system of n spins with H_0, H_1, …, H_m, polynomials in the 3n components."""
     blocks = np.eye(spins).repeat(3, axis=1)
     casimirs = tuple(tuple(map(tuple, np.diag(block).tolist())) for block in blocks)
     B, H = hat(spins=spins), tuple(others)
@@ -81,7 +81,7 @@ def commuting_twists(noise: Sequence[float] = (0.5, 0.5)) -> Problem:
 
     From (0.8, 0.6, 0.3). The rates of the rotations depend on y_3.
 
-    They commute and g_2′g_1 ≠ 0, where it vanishes for two spins, each of which has a noise of its own.
+    Here g_2′g_1 ≠ 0, unlike two spins, each of which has a noise of its own.
     """
     second = poly.polynomial(3, [((0, 0, 1), 1.0), ((0, 0, 3), 1 / 6)])
     return _twisted((poly.squares((0, 0, 1)), second), noise, "commuting-twists")

@@ -11,12 +11,12 @@ from sepv.problem import Array, Problem
 from sepv.problem._fields import dot
 from sepv.problems._common import named, structure
 
-# Its B and H″ are dense.
+# The largest number of particles: B and H″ are dense.
 MOST = 64
 
 
 def toda(particles: float = 3, noise: ArrayLike = 1.0) -> Problem:
-    """y = (p_1 … p_n, q_1 … q_n), from p = 0 and q = 0."""
+    """The open Toda chain, y = (p_1 … p_n, q_1 … q_n), from p = 0 and q = 0."""
     if not is_number(particles) or particles != int(particles) or not 2 <= particles <= MOST:
         raise ProblemError(
             expected=f"an integer number of particles from 2 to {MOST}",

@@ -35,7 +35,7 @@ _TEXTS = {
 
 
 def number_or_array(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function, which gives a number of Python's for one: sums and products of those are the quickest."""
+    """Decorate a function to return a Python number for a Python number: their sums and products are the fastest."""
     return lambda x, *more: float(function(x, *more)) if isinstance(x, float) else function(x, *more)
 
 
@@ -50,24 +50,24 @@ _NAMES: dict[str, Any] = {
 }
 
 
-# Constants that are written into the text; others are parameters: functions that differ in them alone share one text.
+# Constants written into the text. Others are parameters: functions that differ only in them share one text.
 _WRITTEN = {0.0, 0.5, 1.0, 2.0, 3.0, -0.5, -1.0, -2.0, -3.0, math.inf, -math.inf}
 
 
 class Source(NamedTuple):
-    """A function's text and the parameters that it takes last."""
+    """The text of a function, and the parameters that it takes last."""
 
     text: str
     parameters: tuple[float, ...]
 
     @property
     def function(self) -> Callable[..., tuple[Any, ...]]:
-        """The function itself, of a sequence for each vector of inputs and one of parameters."""
+        """Compile the text to a function of a sequence for each vector of inputs and one of parameters."""
         return _compiled(self.text)
 
 
 def source(inputs: Sequence[Any], outputs: Any) -> Source:
-    """A function with an argument for each vector of inputs, which returns the components of the outputs in a tuple."""
+    """Write a function with an argument for each vector of inputs, which returns the outputs' components as a tuple."""
     tape = inputs[0][0].tape
     wanted = [tape.symbol(v) for v in np.asarray(outputs, dtype=object).ravel()]
     places = {x.index: f"x{n}[{i}]" for n, vector in enumerate(inputs) for i, x in enumerate(vector)}
@@ -91,7 +91,7 @@ def source(inputs: Sequence[Any], outputs: Any) -> Source:
             text = f"power({arguments[0]}, {line.value!r})"
         else:
             text = _TEXTS.get(line.name, f"{line.name}({{}})").format(*arguments)
-        # A name that is used no more is given anew: what is kept alive without need leaves the cache.
+        # The name of a dead value is used again: values kept alive without need leave the cache.
         free += sorted({shown[i] for i in line.arguments if last[i] == index and shown[i][0] == "t"})
         shown[index] = free.pop() if free else f"t{index}"
         lines.append(f"    {shown[index]} = {text}")
@@ -111,7 +111,7 @@ def _compiled(text: str) -> Callable[..., tuple[Any, ...]]:
 class Evaluator:
     """Outputs of a shape as a function of arrays (d, ...): their text, so that it travels to other processes.
 
-    `places` are those of the outputs that are not zero whatever the arguments.
+    `places` are the outputs that are not identically zero.
     """
 
     source: Source
@@ -123,7 +123,7 @@ class Evaluator:
         given = [np.asarray(a) for a in arguments]
         try:
             values = self.source.function(*given, self.source.parameters)
-        except ZeroDivisionError:  # of a number of Python's, which functions of a single state are made of
+        except ZeroDivisionError:  # a Python number divided: functions of a single state run on these
             return np.asarray(self(*(a[..., None] for a in given))[..., 0])
         batch = given[0].shape[1:]
         found = np.zeros((prod(self.shape), *batch), dtype=np.result_type(*given, np.float64))
@@ -133,7 +133,7 @@ class Evaluator:
 
 
 def evaluator(inputs: Sequence[Any], outputs: Any) -> Evaluator:
-    """The outputs, an array of symbols, as a function of arrays, one for each vector of inputs."""
+    """Compile an array of symbols to a function of arrays, one for each vector of inputs."""
     flat = np.asarray(outputs, dtype=object).ravel()
     tape = inputs[0][0].tape
     places = tuple(i for i, v in enumerate(flat) if tape.symbol(v).number != 0)

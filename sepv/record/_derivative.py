@@ -1,4 +1,4 @@
-"""Exact derivatives of records, written on the tape of what they differentiate and sharing everything with it."""
+"""Exact derivatives of records, written on the same tape and sharing its lines."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from sepv.record._functions import FUNCTIONS
 from sepv.record._numpy_protocol import CannotRecord, select
 from sepv.record._symbols import Symbol, array
 
-# What does not change with its arguments, or where it does not change where it changes smoothly.
+# Operations that pass no derivative on: inputs, constants, and comparisons, which are piecewise constant.
 _CONSTANT = {"input", "constant", "greater", "greater_equal", "equal", "and", "or", "not"}
 
 
 def reachable(outputs: Iterable[Symbol], given: Container[int] = ()) -> list[Symbol]:
-    """The symbols that the outputs are made of, they themselves included, in the order of evaluation.
+    """The symbols that the outputs depend on, themselves included, in the order of evaluation.
 
-    Nothing of what `given` lines are made of.
+    The search stops at the lines in `given`.
     """
     outputs, seen = list(outputs), set()
     waiting = [symbol.index for symbol in outputs]
@@ -47,7 +47,7 @@ _RULES: dict[str, Callable[..., tuple[Any, ...]]] = {
     "subtract": lambda *_: (1.0, -1.0),
     "negative": lambda *_: (-1.0,),
     "multiply": lambda _, a, b: (b, a),
-    # The lower power, its first argument, is differentiated with it.
+    # The lower power x^(n−1), its first argument, is differentiated with it.
     "whole": lambda s, lower, _: (0.0, s.line.value * lower),
     "divide": lambda s, _, b: (1 / b, -(s / b)),
     "power": lambda s, a: (s.line.value * a ** (s.line.value - 1),),
@@ -87,7 +87,7 @@ def _chain(partials: Iterable[tuple[int, Any]], slopes: dict[int, dict[int, Symb
 
 
 def gradient(output: Any, inputs: Any) -> Any:
-    """∇output, (d,): backwards, at a few times the operations of the output whatever d is."""
+    """∇output, (d,), in reverse mode: it costs a few times the operations of the output for every d."""
     inputs = np.asarray(inputs, dtype=object)
     tape = inputs[0].tape
     last = tape.symbol(output)
@@ -106,7 +106,7 @@ def gradient(output: Any, inputs: Any) -> Any:
 
 
 def hessian(slope: Any, inputs: Any) -> Any:
-    """The derivative (d, d) of a gradient, symmetric to the line."""
+    """The derivative (d, d) of a gradient; its entries (i, j) and (j, i) are the same line."""
     found = jacobian(slope, inputs)
     d = len(found)
     return array((found[min(i, k), max(i, k)] for i in range(d) for k in range(d)), (d, d))

@@ -1,4 +1,4 @@
-"""A record multiplied out: sums of monomials, where it has no other operations than those of monomials."""
+"""Expansion of a record into sums of monomials, where no operation leads out of them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class NotMonomials(Exception):
 
 
 class _Sum:
-    """Σ c_e y^e with whole exponents of either sign: what a division by y_i is followed by may cancel it."""
+    """Σ c_e y^e with whole exponents of either sign: a later factor may cancel a division by y_i."""
 
     def __init__(self, terms: Monomials) -> None:
         self.terms = terms
@@ -55,13 +55,13 @@ def _refused(*_: Any) -> Any:
 
 
 def expand(outputs: Sequence[Symbol], inputs: Sequence[Symbol], most: int) -> list[Monomials] | None:
-    """The outputs as polynomials; None where they are none, or have more than so many terms."""
+    """The outputs as polynomials; None where one is none, or has more than `most` terms."""
     d = len(inputs)
     start = {x.index: _Sum({tuple(int(i == k) for i in range(d)): 1.0}) for k, x in enumerate(inputs)}
     zero = (0,) * d
     try:
         sums = replay(outputs, start, _refused, lambda c: _Sum({zero: c} if c else {}), _refused)
-    except (NotMonomials, KeyError, TypeError):  # sums are not compared
+    except (NotMonomials, KeyError, TypeError):  # a sum cannot be compared
         return None
     found = [s.terms for s in sums]
     if sum(map(len, found)) > most or any(k < 0 for terms in found for e in terms for k in e):

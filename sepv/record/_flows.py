@@ -1,4 +1,4 @@
-"""The flow of y′ = f(y) in closed form, as the record of f shows how.
+"""The flow of y′ = f(y) in closed form, recognised from the record of f.
 
 - f′f = 0: f does not change along its own flow, which is y + t f(y).
 - f is linear in the components that move, with a matrix that does not change along the flow: y_i e^{t M_ii} where a

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-# Below these the quotients of the slopes cancel, and their series converge fast.
+# Below these arguments the quotients of the slopes cancel; their series converge fast there.
 _SINC, _LOG, _EXP = 0.5, 0.1, 0.5
 _TERMS = 18
 
@@ -81,7 +81,7 @@ def _slope(
     return np.where(near, series(np.where(near, x, 0.0)), quotient(np.where(near, 1.0, x)))[()]
 
 
-# Factorials.
+# The factorials n! in binary64.
 _F = [float(f) for f in np.cumprod([1.0, *range(1, 2 * _TERMS + 2)])]
 _SINC_SERIES = [(-1) ** n * 2 * n / _F[2 * n + 1] for n in range(_TERMS // 2, 0, -1)]
 _LOG_SERIES = [(-1) ** n * n / (n + 1) for n in range(_TERMS, 0, -1)]
@@ -112,7 +112,7 @@ FUNCTIONS: dict[str, Function] = {
     "sinc": Function(sinc, lambda x, _: x.apply("sinc_slope")),
     "log1p_ratio": Function(log1p_ratio, lambda x, _: x.apply("log1p_ratio_slope")),
     "expm1_ratio": Function(expm1_ratio, lambda x, _: x.apply("expm1_ratio_slope")),
-    # What Newton's matrix needs is differentiated no further.
+    # Derivatives that only Newton's matrix needs have none of their own.
     "sinc_slope": Function(sinc_slope, None),
     "log1p_ratio_slope": Function(log1p_ratio_slope, None),
     "expm1_ratio_slope": Function(expm1_ratio_slope, None),

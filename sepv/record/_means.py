@@ -1,4 +1,4 @@
-"""The mean of a gradient along a segment, ∫₀¹∇H(y + τz)dτ, exact to rounding, as H's record shows how.
+"""The mean of a gradient along a segment, ∫₀¹∇H(y + τz)dτ, exact to rounding, from the record of H.
 
 A polynomial of degree ν is averaged by ⌈ν/2⌉ Gauss nodes, which are exact for its gradient. A term c·G(ℓ(y)) with ℓ
 affine and G one of sin, cos, exp, log, 1/x, √, xᵃ, sinh, cosh has the mean ∇ℓ (G(ℓ₁) − G(ℓ₀))/(ℓ₁ − ℓ₀), in forms
@@ -8,7 +8,7 @@ that lose nothing as z → 0: with δ = ℓ₁ − ℓ₀ and m = ℓ₀ + δ/2
     cos: −sin(m) sinc(δ/2)         log: log1p(δ/ℓ₀)/δ                √: 1/(√ℓ₀ + √ℓ₁)
     xᵃ: a ℓ₀ᵃ⁻¹ L E(aL δ/ℓ₀) with L = log1p(δ/ℓ₀)/(δ/ℓ₀) and E(x) = expm1(x)/x.
 
-A sum of such terms is averaged term by term. Nothing else has a closed form here.
+A sum of such terms is averaged term by term. Other terms have no closed form here.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from sepv.record._quadrature import gauss_legendre, mean_nodes
 from sepv.record._replay import substitute
 from sepv.record._symbols import Symbol
 
-# Beyond so many nodes a rule written out is longer than the adaptive quadrature of most steps.
+# With more nodes the rule written out is longer than the adaptive quadrature of most steps.
 MOST_NODES = 16
 
 
 class NoClosedForm(Exception):
-    """Why a gradient has no exact mean."""
+    """A gradient has no exact mean; the message says why."""
 
 
 def degrees(output: Symbol, inputs: Any) -> dict[int, int | None]:
-    """The degree in the inputs of each symbol that the output is made of; None for what is no polynomial."""
+    """The degree in the inputs of each symbol that the output is made of; None where it is not a polynomial."""
     wanted = {x.index for x in inputs}
     found: dict[int, int | None] = {}
     for symbol in reachable([output]):
@@ -56,13 +56,13 @@ def _degree(name: str, below: list[int | None]) -> int | None:
 
 
 def degree(output: Any, inputs: Any) -> int | None:
-    """The degree of a polynomial in the inputs, None for what is none."""
+    """The degree of a polynomial in the inputs; None where the output is not one."""
     symbol = inputs[0].tape.symbol(output)
     return degrees(symbol, inputs)[symbol.index]
 
 
 class Mean(NamedTuple):
-    """∫₀¹∇H(y + τz)dτ, (d,), and how many nodes its polynomial part is evaluated at."""
+    """∫₀¹∇H(y + τz)dτ, (d,), and the number of nodes for its polynomial part."""
 
     value: Any
     nodes: int
@@ -86,7 +86,7 @@ def mean(output: Any, inputs: Any, z: Any) -> Mean:
     nodes = mean_nodes(degree(polynomial, inputs) or 0)
     if nodes > MOST_NODES:
         raise NoClosedForm(f"a polynomial H whose mean takes {nodes} Gauss nodes")
-    # The derivative of a rule is one of H″, and symmetric, which the chain rule does not see.
+    # The rule's derivative is a mean of H″ and so symmetric; the chain rule does not know that.
     slope = gradient(polynomial, inputs)
     bend = hessian(slope, inputs)
     turn = jacobian(total, z)
@@ -100,12 +100,12 @@ def mean(output: Any, inputs: Any, z: Any) -> Mean:
 
 
 def mean_gradient(output: Any, inputs: Any, z: Any) -> Any:
-    """The value of `mean`."""
+    """The vector that `mean` finds, without its count of nodes."""
     return mean(output, inputs, z).value
 
 
 def _terms(symbol: Symbol, factor: Any) -> list[tuple[Any, Symbol]]:
-    """A sum as its terms with constant factors."""
+    """The terms of a sum, each with its constant factor."""
     name, arguments = symbol.line.name, symbol.arguments
     if name in ("add", "subtract"):
         second = factor if name == "add" else -factor
@@ -144,7 +144,7 @@ def _logarithm(x: Any, delta: Any) -> Any:
 
 
 def _exponential(x: Any, delta: Any) -> Any:
-    """From the larger end, down: what overflows is the mean, and no factor of it."""
+    """The mean of exp, computed from the larger end: it overflows only where the mean itself does."""
     up = delta > 0
     return (x + select(up, delta, 0.0)).exp() * select(up, -delta, delta).expm1_ratio()
 

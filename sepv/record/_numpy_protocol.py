@@ -1,7 +1,7 @@
-"""NumPy's functions on symbols: NumPy asks the arguments of a call, and these answer.
+"""NumPy's functions on symbols, by the protocols through which NumPy asks the arguments of a call.
 
-On arrays of plain objects NumPy's arithmetic calls the elements' own; its comparisons and `np.where`, though, want
-values at once. An array that answers for itself has these recorded as well.
+NumPy's arithmetic on arrays of plain objects calls the elements' own; its comparisons and `np.where` want values at
+once. `SymbolArray` records these as well.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from sepv.record._functions import FUNCTIONS
 
 
 class CannotRecord(TypeError):
-    """Why a function cannot be recorded: it wants to know the value of a symbol, or calls what is no such function."""
+    """A function cannot be recorded: it needs the value of a symbol, or calls an unknown function."""
 
     def __init__(self, what: str) -> None:
         super().__init__(
@@ -26,14 +26,14 @@ class CannotRecord(TypeError):
 
 
 class Element:
-    """What these functions must know of a `Symbol`, which is made of them."""
+    """The part of `Symbol` that the functions of this module use."""
 
     __slots__ = ()
     tape: Any
 
     @property
     def number(self) -> float | None:
-        """The value of a constant."""
+        """The value of a constant; None for any other symbol."""
         raise NotImplementedError
 
 
@@ -84,7 +84,7 @@ _UFUNCS: dict[Any, Callable[..., Any]] = {
         if isinstance(getattr(np, name, None), np.ufunc)
     },
 }
-# Products of matrices run through the elements' own products and sums.
+# Products of matrices need no hook: they use the elements' own products and sums.
 _AS_THEY_ARE = {np.matmul}
 _REDUCTIONS: dict[Any, Any] = {
     np.all: np.logical_and, np.any: np.logical_or, np.max: np.maximum, np.min: np.minimum
@@ -92,7 +92,7 @@ _REDUCTIONS: dict[Any, Any] = {
 
 
 def _plain(value: Any) -> Any:
-    """Anything as an array of objects."""
+    """Convert anything to an array of objects."""
     if isinstance(value, SymbolArray):
         return value.view(np.ndarray)
     if isinstance(value, np.ndarray):
@@ -100,13 +100,13 @@ def _plain(value: Any) -> Any:
     found = np.empty((), dtype=object)
     if isinstance(value, (list, tuple)):
         return np.array(value, dtype=object)
-    # A number of NumPy's would ask this function again.
+    # A NumPy scalar would call this function again.
     found[()] = value.item() if isinstance(value, np.generic) else value
     return found
 
 
 def _wrapped(value: Any) -> Any:
-    """A result as an array that answers for itself, or its only element."""
+    """The result as a `SymbolArray`, or its only element."""
     if isinstance(value, np.ndarray):
         return value.view(SymbolArray) if value.ndim else value[()]
     return value
@@ -146,7 +146,7 @@ def array_function(self: Any, function: Any, types: Any, arguments: Any, options
 
 
 def _unwrapped(value: Any) -> Any:
-    """Arguments in which no array and no symbol answers for itself."""
+    """The arguments with each `SymbolArray` as a plain array of objects."""
     if isinstance(value, (SymbolArray, Element)):
         return _plain(value)
     if isinstance(value, (list, tuple)):

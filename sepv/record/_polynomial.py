@@ -22,7 +22,7 @@ from sepv._arguments import double
 from sepv.errors import UsageError
 
 Exponents = tuple[int, ...]
-# Beyond it x^k is 0 or infinite for nearly every binary64 number x.
+# For larger k, x^k is 0 or infinite for nearly every binary64 number x.
 MAX_DEGREE = 1024
 
 
@@ -51,15 +51,14 @@ def polynomial(dimension: int, terms: Mapping[Any, float] | Iterable[tuple[Expon
     Raises
     ------
     UsageError
-        Where an exponent tuple does not have `dimension` non-negative integers, or a coefficient is
-        not finite.
+        Where an exponent tuple does not have `dimension` non-negative integers, or a coefficient is not finite.
     """
     merged: dict[Exponents, float] = {}
     for exponents, coefficient in terms.items() if isinstance(terms, Mapping) else terms:
         try:
             key = tuple(map(operator.index, exponents))
         except TypeError:
-            key = (-1,)  # 2.5 is no exponent, and not 2
+            key = (-1,)  # 2.5 is refused, not rounded to 2
         if len(key) != dimension or min(key, default=0) < 0:
             raise UsageError(
                 expected=f"{dimension} exponents ≥ 0 for each term",
@@ -128,9 +127,9 @@ def multiply(p: Polynomial, q: Polynomial) -> Polynomial:
     """The product; exact where the coefficients' products and sums are (small dyadic rationals)."""
     terms = [(tuple(map(operator.add, e, f)), c * g) for e, c in p.terms for f, g in q.terms]
     if p.degree + q.degree > MAX_DEGREE or not all(isfinite(c) for _, c in terms):
-        return polynomial(p.dimension, terms)  # which says what is wrong
+        return polynomial(p.dimension, terms)  # which reports the error
     if len(q.terms) == 1 and all(c for _, c in terms):
-        return Polynomial(p.dimension, tuple(terms))  # the same exponents more in each term keep the order
+        return Polynomial(p.dimension, tuple(terms))  # the same factor in each term keeps the order
     merged: dict[Exponents, float] = {}
     for e, c in terms:
         merged[e] = merged.get(e, 0.0) + c
@@ -154,7 +153,7 @@ def differentiate(p: Polynomial, index: int) -> Polynomial:
 
 def gradient(p: Polynomial, first: int = 0) -> tuple[Polynomial, ...]:
     """(∂p/∂y_first, …, ∂p/∂y_d)."""
-    # One exponent less in each term keeps the canonical order.
+    # Lowering one exponent in each term keeps the canonical order.
     partials: list[list[tuple[Exponents, float]]] = [[] for _ in range(first, p.dimension)]
     for e, c in p.terms:
         for i, terms in enumerate(partials, first):
@@ -166,34 +165,34 @@ def gradient(p: Polynomial, first: int = 0) -> tuple[Polynomial, ...]:
 
 
 def _of_sorted(dimension: int, terms: list[tuple[Exponents, float]]) -> Polynomial:
-    """Of terms in canonical order; `polynomial` says which are not finite."""
+    """A polynomial from terms in canonical order; `polynomial` reports coefficients that are not finite."""
     if all(map(isfinite, [c for _, c in terms])):
         return Polynomial(dimension, tuple(terms))
     return polynomial(dimension, terms)
 
 
-# Up to so many terms times states one reduction over all of them is quicker than a loop over layers of terms: calls of
-# NumPy cost more than what it adds in vain. Measured, for speed alone.
+# Up to this many terms times states, one reduction over all terms is faster than a loop over layers of terms, which
+# saves additions but calls NumPy more often. Measured, for speed alone.
 FEW = 8192
 
 
 @dataclass(frozen=True, eq=False)
 class _Sums:
-    """The sums of some monomials, as they are computed.
+    """The sums of some monomials, as index tables for their evaluation.
 
-    Products and sums run strictly in order: not by a BLAS product, nor by NumPy's pairwise sum. So the bits of one
-    state do not depend on those beside it.
+    Products and sums run strictly in order: a BLAS product and NumPy's pairwise sum do not, and the bits of one state
+    would depend on the states beside it.
 
     Attributes
     ----------
     top : the largest exponent of one variable
     factors : (most factors of a monomial, monomials)
-        The powers to multiply: y_i^k has the number i + d·k, and y_1⁰ = 1 stands where a monomial has no more factors.
+        The powers to multiply: y_i^k has the number i + d·k, and y_1⁰ = 1 fills up short monomials.
     places, coefficients : (1 + most terms of a sum, sums), and (…, 1)
-        Which monomial times which number. The first row is 0, and 0 · 1 stands where a sum has no more terms.
+        The monomials and their coefficients. The first row is 0, and 0 · 1 fills up short sums.
     rows : (rows,) or None
-        Which sum each row is, where some are equal: of B and its derivatives most rows are 0, and of a Hessian half of
-        them stand twice. None where each row is a sum of its own.
+        The sum of each row, where some are equal: most rows of B and its derivatives are 0, and those of a Hessian
+        come in pairs. None where each row is a sum of its own.
     """
 
     top: int
@@ -208,7 +207,7 @@ class _Sums:
         return values if self.rows is None else values[self.rows]
 
     def _values(self, y: NDArray[Any]) -> NDArray[Any]:
-        """(sums, M)."""
+        """The values (sums, M) of the distinct sums."""
         terms, sums = self.places.shape
         if terms == 1:
             return np.zeros((sums, y.shape[1]), dtype=np.result_type(y, np.float64))
@@ -228,7 +227,7 @@ class _Sums:
         return values
 
     def _in_layers(self, powers: NDArray[Any]) -> NDArray[Any]:
-        """The n-th terms of all sums that have so many, one n after the other."""
+        """Add the n-th terms of all sums that have one, for each n in turn."""
         monomials = powers[self.factors[0]]
         for numbers in self.factors[1:]:
             monomials *= powers[numbers]
@@ -242,7 +241,7 @@ class _Sums:
 
     @cached_property
     def _layers(self) -> tuple[NDArray[np.intp], list[tuple[NDArray[np.intp], NDArray[np.float64]]]]:
-        """The sums in decreasing number of terms, and the n-th terms of those that have as many."""
+        """The sums in decreasing number of terms, and for each n the n-th terms of those that have one."""
         one = self.factors.shape[1] - 1
         lengths = np.count_nonzero(self.places != one, axis=0)
         order = np.argsort(-lengths, kind="stable")
@@ -263,12 +262,12 @@ class PolynomialMap:
     @cached_property
     def _sums(self) -> _Sums:
         d = self.rows[0].dimension
-        # Each polynomial once: records that share one are told by their identity, and all zeros are one.
+        # Each distinct polynomial once: shared records are found by identity, and all zeros are one.
         distinct = {id(p) if p.terms else 0: p.terms for p in self.rows}
         monomials = sorted({e for terms in distinct.values() for e, _ in terms})
         index = {e: t for t, e in enumerate(monomials)}
         factors = [[i + d * k for i, k in enumerate(e) if k] for e in monomials]
-        # In the order of the monomials, not of the terms.
+        # Terms in the order of the monomials, for every polynomial.
         sums = [sorted([(index[e], c) for e, c in terms]) for terms in distinct.values()]
         nothing = (len(monomials), 0.0)  # the last monomial is 1
         entries = np.array([[nothing] * len(sums), *zip_longest(*sums, fillvalue=nothing)])
@@ -292,7 +291,7 @@ class PolynomialMap:
         return self._evaluate(np.asarray(y), self._sums)
 
     def majorant(self, y: ArrayLike) -> NDArray[Any]:
-        """Σ |c_t| Π |y_i|^e_i: what rounding errors of the sum are relative to."""
+        """Σ |c_t| Π |y_i|^e_i, the scale of the sum's rounding errors."""
         return self._evaluate(np.abs(np.asarray(y)), self._majorants)
 
     def _evaluate(self, y: NDArray[Any], sums: _Sums) -> NDArray[Any]:
@@ -300,7 +299,7 @@ class PolynomialMap:
 
 
 def majorant(function: Any, y: NDArray[Any]) -> NDArray[Any]:
-    """What rounding errors of a function of y are relative to: its own `majorant`, else |value|."""
+    """The scale of rounding errors of a function at y: its own `majorant`, else |value|."""
     own = getattr(function, "majorant", None)
     return np.asarray(np.abs(function(y)) if own is None else own(y))
 

@@ -15,8 +15,8 @@ Array = NDArray[np.float64]
 def gauss_legendre(nodes: int) -> tuple[Array, Array]:
     """Nodes and weights of Gauss-Legendre quadrature on [0, 1], correctly rounded.
 
-    NumPy's weights are off by 40 eps for 12 nodes and by 60000 eps for 128, at the ends. Its nodes are good: they
-    are polished by Newton's method in decimal arithmetic, which is the same on every platform.
+    NumPy's weights are off by 40 eps for 12 nodes and by 60000 eps for 128, at the ends. Its nodes are good guesses:
+    Newton's method polishes them in decimal arithmetic, which is the same on every platform.
     """
     with localcontext() as context:
         context.prec = 40
@@ -45,5 +45,5 @@ def legendre_values(x: Array, degree: int) -> list[Array]:
 
 
 def mean_nodes(degree: int) -> int:
-    """⌈ν/2⌉: nodes that average the gradient of a polynomial H of degree ν along a segment exactly."""
+    """The number ⌈ν/2⌉ of nodes that average the gradient of a polynomial H of degree ν along a segment exactly."""
     return max(1, -(-degree // 2))

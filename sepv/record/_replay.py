@@ -1,4 +1,4 @@
-"""The operations of a record once more, on anything that has arithmetic: other symbols, numbers of any precision."""
+"""Evaluation of a record on anything that has arithmetic: other symbols, numbers of any precision."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def replay(
     constant: Callable[[float], Any] = float,
     power: Callable[[Any, float], Any] = operator.pow,
 ) -> list[Any]:
-    """The outputs with the values of these lines as given; `function` takes the name and the argument.
+    """The outputs for these values of given lines; `function` takes a function's name and its argument.
 
     Raises KeyError where an input has no value.
     """

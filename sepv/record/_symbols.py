@@ -3,8 +3,8 @@
 An operation on symbols is a line of the tape. The same operation on the same arguments is one line, constants fold, 0
 and ±1 vanish, a division by a constant is a product with its reciprocal, and signs move outward, so that −a + b, b − a
 and b + (−1)a are one line too. Beyond 0, ±1 and powers of two no rule looks at the value of a constant: systems that
-differ in their coefficients have the same lines, and share one compiled kernel. What folds away a factor 0 takes the
-other factor for finite.
+differ in their coefficients have the same lines, and share one compiled kernel. Folding 0·x to 0 assumes that
+x is finite.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from sepv.record._numpy_protocol import (
     select,
 )
 
-# Whole powers up to this one are products, as NumPy's square is. They are lines "whole", which multiply like any
-# product, but are known for what they are: xⁿ⁻¹·x is xⁿ, with the derivative n xⁿ⁻¹.
+# Whole powers up to this one are products, as NumPy's square is. They are lines "whole": xⁿ⁻¹·x evaluates like any
+# product, but is known as xⁿ, with the derivative n xⁿ⁻¹.
 LARGEST_POWER = 32
 
 
@@ -41,16 +41,16 @@ class Operation(NamedTuple):
 
 
 class Tape:
-    """Lines of straight-line code, each the same operation never twice; the arguments of a line stand above it."""
+    """Lines of straight-line code: no operation stands twice, and arguments come before their use."""
 
     def __init__(self) -> None:
         self.lines: list[Operation] = []
-        # Derivatives that are known to be shorter than what the chain rule makes of the lines.
+        # Derivatives known to be shorter than those of the chain rule.
         self.declared: dict[int, tuple[set[int], dict[int, Symbol]]] = {}
         self._known: dict[Any, Symbol] = {}
 
     def write(self, name: str, *arguments: Symbol, value: float = 0.0) -> Symbol:
-        """The symbol of this operation."""
+        """Add the operation unless it is there, and return its symbol."""
         line = Operation(name, tuple(a.index for a in arguments), value)
         found = self._known.get(line)
         if found is None:
@@ -59,29 +59,29 @@ class Tape:
         return found
 
     def constant(self, value: float) -> Symbol:
-        """A number. NaN is refused: it would be a line of its own each time."""
+        """Record a number. NaN is refused: it equals nothing, so each would be a new line."""
         if math.isnan(value):
             raise CannotRecord("a constant is NaN")
         return self.write("constant", value=float(value) + 0.0)
 
     def declare(self, value: Symbol, fixed: Iterable[Symbol], slopes: Mapping[Symbol, Symbol]) -> None:
-        """The derivatives of a value by symbols, for when those that are `fixed` do not change with them."""
+        """Declare the derivatives of a value by symbols, valid while the symbols in `fixed` do not depend on them."""
         if value.line.arguments:
             by = {x.index: slope for x, slope in slopes.items()}
             self.declared[value.index] = ({x.index for x in fixed}, by)
 
     def vector(self, size: int) -> Any:
-        """A new input of so many components, as an array of symbols."""
+        """Create a new input with `size` components, as an array of symbols."""
         first = len(self.lines)
         return array(self.write("input", value=float(first + i)) for i in range(size))
 
     def symbols(self, values: Any) -> Any:
-        """An array of symbols of this tape from one of symbols and numbers."""
+        """Convert an array of symbols and numbers to symbols of this tape."""
         values = np.asarray(values, dtype=object)
         return array((self.symbol(v) for v in values.ravel()), values.shape)
 
     def symbol(self, value: Any) -> Symbol:
-        """A symbol as it is, a number as a constant."""
+        """Convert a number to a constant; a symbol is returned unchanged."""
         found = _as_symbol(self, value)
         if found is None:
             raise CannotRecord(f"{type(value).__name__} is neither a symbol nor a number: {value!r:.60}")
@@ -166,7 +166,7 @@ def _multiply(a: Symbol, b: Symbol) -> Symbol:  # noqa: PLR0911 - a rule a line
     if minus_b is not None:
         return -_multiply(a, minus_b)
     if x is not None and b.line.name == "multiply":
-        # A product with a power of two loses nothing.
+        # A product with a power of two is exact.
         first, second = b.arguments
         inner = first.number
         if inner is not None and (math.frexp(x)[0] == 0.5 or math.frexp(inner)[0] == 0.5):
@@ -213,7 +213,7 @@ def _power(a: Symbol, b: Symbol) -> Symbol:
 
 
 def _whole_power(base: Symbol, n: int) -> Symbol:
-    """By n − 1 products, whose lower powers the derivative shares."""
+    """xⁿ by n − 1 products, whose lower powers the derivative shares."""
     found = base if n else base.tape.constant(1.0)
     for k in range(2, n + 1):
         found = base.tape.write("whole", found, base, value=float(k))
@@ -221,7 +221,7 @@ def _whole_power(base: Symbol, n: int) -> Symbol:
 
 
 def _as_power(a: Symbol) -> tuple[Symbol, int]:
-    """The base and the exponent of a whole power; itself and 1 of anything else."""
+    """The base and the exponent of a whole power; the symbol itself and 1 for anything else."""
     return (a.arguments[1], int(a.line.value)) if a.line.name == "whole" else (a, 1)
 
 
@@ -247,7 +247,7 @@ def _logical(name: str, a: Symbol, b: Symbol) -> Symbol:
 
 
 def _operator(rule: Callable[[Symbol, Symbol], Any], *, swapped: bool = False) -> Any:
-    """The method of `Symbol` for a rule of two symbols, of which one may be a number."""
+    """Make a method of `Symbol` from a rule for two symbols, of which one may be a number."""
 
     def method(self: Symbol, other: Any) -> Any:
         found = None if isinstance(other, np.ndarray) and other.ndim else _as_symbol(self.tape, other)
@@ -274,17 +274,17 @@ class Symbol(Element):
 
     @property
     def line(self) -> Operation:
-        """The operation."""
+        """Look up the operation on the tape."""
         return self.tape.lines[self.index]
 
     @property
     def arguments(self) -> tuple[Symbol, ...]:
-        """What it is made of."""
+        """The symbols that the operation takes."""
         return tuple(Symbol(self.tape, i) for i in self.line.arguments)
 
     @property
     def number(self) -> float | None:
-        """The value of a constant."""
+        """The value of a constant; None for any other symbol."""
         return self.line.value if self.line.name == "constant" else None
 
     __array_ufunc__ = array_ufunc
@@ -335,13 +335,13 @@ class Symbol(Element):
         )
 
     def apply(self, name: str) -> Symbol:
-        """An elementary function of it: see `sepv.record._functions`."""
+        """Apply an elementary function of `sepv.record._functions`."""
         if self.number is not None:
             with np.errstate(all="ignore"):
                 return self.tape.constant(float(FUNCTIONS[name].value(self.number)))
         return self.tape.write(name, self)
 
 
-# np.sin calls the method sin of every element of an array of objects.
+# np.sin on an array of objects calls each element's method sin.
 for _name in FUNCTIONS:
     setattr(Symbol, _name, partialmethod(Symbol.apply, _name))

@@ -1,4 +1,4 @@
-"""The stochastic discrete gradient scheme of §4, as printed there:
+"""The stochastic discrete gradient scheme of §4, as printed there.
 
 y1 = y0 + h B(y0) ∇̄H(y0, y1) + B((y0 + y1)/2) ∇̄H(y0, y1) Σ_j c_j ΔŴ_j,
 

@@ -1,4 +1,4 @@
-"""Hard cases: where schemes, solvers and suites break, each with its reason and what is expected there.
+"""Hard cases: steps at which schemes, solvers and suites break, each with its reason and the expected behaviour.
 
 `CATALOGUE` lists them all; `sepv hard` runs a scheme on them.
 """
@@ -14,7 +14,7 @@ CATALOGUE: tuple[HardCase, ...] = (*_steps.CASES, *_mechanics.CASES, *_scales.CA
 
 
 def by_name(name: str) -> HardCase:
-    """A case of the catalogue; hyphens and underscores are the same. Raises UsageError."""
+    """The case of this name; hyphens and underscores are the same. Raises UsageError."""
     for case in CATALOGUE:
         if case.name == name.replace("_", "-"):
             return case

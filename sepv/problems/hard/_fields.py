@@ -34,7 +34,7 @@ _VANISHING = PolynomialSystem(
 
 
 def _resting(rng: np.random.Generator, lanes: int) -> Array:
-    """A quarter of the components is exactly zero."""
+    """States with a quarter of their components exactly zero."""
     return np.where(rng.random((4, lanes)) < 0.25, 0.0, rng.uniform(-1.5, 1.5, (4, lanes)))
 
 

@@ -1,4 +1,4 @@
-"""The record of a hard case, and what several of them use."""
+"""The record of a hard case, and its helpers."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy as np
 
 from sepv.problem import Array, Description, Problem
 
-# Names of `sepv.solve.Status`: the ways in which a step without a solution may be refused. Which of them
-# it is depends on where the iteration happens to be when it gives up.
+# Names of `sepv.solve.Status`: the possible refusals of a step without a solution. Which one it is depends on where the
+# iteration gives up.
 REFUSALS = ("NO_CONVERGENCE", "LEFT_DOMAIN", "OVERFLOW", "SINGULAR")
 
 
@@ -32,9 +32,9 @@ class HardCase:
     ----------
     name : str
     reason : str
-        What is hard.
+        The difficulty.
     expected : str
-        What a right solver does there, and why.
+        The behaviour of a right solver, and why.
     data : PolynomialSystem or NamedProblem
         The problem as data: it travels, and its H is evaluated in extended precision.
     sample : (rng, lanes) -> Sample
@@ -80,9 +80,9 @@ def sizes(rng: np.random.Generator, low: float, high: float, shape: int | tuple[
 def split(
     rng: np.random.Generator, low: float, high: float, lanes: int, c: float = 1.0
 ) -> tuple[float, Array]:
-    """h and dW (1, lanes) so that Δ = h + c dW has either sign and a size between `low` and `high`.
+    """h and dW (1, lanes) such that Δ = h + c dW has either sign and a size between `low` and `high`.
 
-    h is `low`/2: what is given is Δ, as for a step far out in the tail of the noise.
+    h is `low`/2, because Δ is given: it is a step far out in the tail of the noise.
     """
     h = 0.5 * low
     return h, (sizes(rng, low, high, (1, lanes)) - h) / c
@@ -94,12 +94,12 @@ Sampler = Callable[[np.random.Generator, int], Sample]
 def steps(
     low: float, high: float, states: Callable[[np.random.Generator, int], Array], c: float = 1.0
 ) -> Sampler:
-    """Steps from random states (d, lanes), with Δ as in `split`."""
+    """Sampler of steps from random states (d, lanes), with Δ as in `split`."""
     return lambda rng, lanes: Sample(states(rng, lanes), *split(rng, low, high, lanes, c))
 
 
 def box(d: int, low: float, high: float) -> Sampler:
-    """States in ±1.5, and Δ as in `split`."""
+    """Sampler of steps from states in ±1.5, with Δ as in `split`."""
     return steps(low, high, lambda rng, lanes: rng.uniform(-1.5, 1.5, (d, lanes)))
 
 

@@ -1,6 +1,6 @@
 """Hard states: separatrices, extreme inertia, large angles, chaos, collisions, steep walls.
 
-Lotka-Volterra (§4.4) next to the axes, and at steps for which no solution exists.
+The last ones are Lotka-Volterra (§4.4) next to the axes, and steps for which no solution exists.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ def _spread_inertia(rng: np.random.Generator, lanes: int) -> Array:
 
 
 def _separatrix(rng: np.random.Generator, lanes: int) -> Array:
-    """H = 1: p = ±2 cos(q/2), with q down to 1e-16 from the upper equilibrium."""
+    """States on the separatrix H = 1: p = ±2 cos(q/2), with q down to 1e-16 from the upper equilibrium."""
     q = rng.choice([-1.0, 1.0], lanes) * (np.pi - np.abs(sizes(rng, 1e-16, np.pi, lanes)))
     p = 2 * np.cos(q / 2) * rng.choice([-1.0, 1.0], lanes)
     return np.stack([p, q])
 
 
 def _chaos(rng: np.random.Generator, lanes: int) -> Array:
-    """H between 1/8 and 1/6, inside the triangle that bounds the motion: the chaotic range."""
+    """States of the chaotic range: H between 1/8 and 1/6, inside the triangle that bounds the motion."""
     radius, angle = 0.3 * np.sqrt(rng.random(lanes)), rng.uniform(0, 2 * np.pi, lanes)
     q = np.stack([radius * np.cos(angle), radius * np.sin(angle)])
     potential = 0.5 * (q * q).sum(axis=0) + q[0] * q[0] * q[1] - q[1] ** 3 / 3
@@ -53,7 +53,7 @@ def _chaos(rng: np.random.Generator, lanes: int) -> Array:
 
 
 def _eccentric(rng: np.random.Generator, lanes: int) -> Array:
-    """All of an orbit of eccentricity 0.99, half of the states next to the pericentre."""
+    """States of an orbit of eccentricity 0.99, half of them next to the pericentre."""
     e = 0.99
     anywhere, angle = rng.random(lanes) < 0.5, rng.uniform(-np.pi, np.pi, lanes)
     anomaly = np.where(anywhere, angle, sizes(rng, 1e-6, 0.3, lanes))
@@ -64,7 +64,7 @@ def _eccentric(rng: np.random.Generator, lanes: int) -> Array:
 
 
 def _collision(rng: np.random.Generator, lanes: int) -> Array:
-    """Straight at the centre, missing it by 1e-12 to 1e-2: the segment from q0 to q1 passes next to it."""
+    """States aimed at the centre, missing it by 1e-12 to 1e-2: the segment from q0 to q1 passes next to it."""
     y = np.zeros((4, lanes))
     y[2], y[3] = rng.uniform(0.05, 0.5, lanes), sizes(rng, 1e-12, 1e-2, lanes)
     y[0] = -np.sqrt(2 / y[2])
@@ -72,7 +72,7 @@ def _collision(rng: np.random.Generator, lanes: int) -> Array:
 
 
 def _steep(rng: np.random.Generator, lanes: int) -> Array:
-    """Links exp(q_i − q_{i+1}) from e^−300 to e^300, and momenta that shoot Newton's first step far up the wall."""
+    """Links exp(q_i − q_{i+1}) from e^−300 to e^300, and momenta that throw Newton's first step far up the wall."""
     y = np.zeros((6, lanes))
     y[:3] = sizes(rng, 1e-2, 1e3, (3, lanes))
     gaps = rng.uniform(-300, 10, (2, lanes))
@@ -83,7 +83,7 @@ def _steep(rng: np.random.Generator, lanes: int) -> Array:
 
 
 def _axes(rng: np.random.Generator, lanes: int) -> Array:
-    """Each component 1 or so, or down to 1e-150."""
+    """States with each component about 1, or down to 1e-150."""
     small, size = rng.random((3, lanes)) < 0.5, np.abs(sizes(rng, 1e-150, 1e-3, (3, lanes)))
     return np.where(small, size, rng.uniform(0.3, 2, (3, lanes)))
 

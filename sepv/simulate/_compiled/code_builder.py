@@ -38,7 +38,7 @@ class CodeBuilder:
         return name
 
     def number(self, value: float) -> str:
-        """A coefficient: plain ones as they are, others as a parameter p0, p1, …"""
+        """The text of a coefficient: its value if that is plain, else a parameter p0, p1, and so on."""
         if value in _PLAIN:
             return f"({value!r})"
         if value not in self.parameters:

@@ -74,8 +74,10 @@ def sublinear_step() -> list[float]:
 
 
 def casimir_loss(h: float, steps: int, paths: int, seed: int, engine: str) -> dict[str, Any]:
-    """Mean of C(y) − C(y0) over the paths still alive at `TIMES`, the times at which the others had a step refused, and
-    how many of these steps have a solution that `sepv.schemes.continued` finds.
+    """Measure the loss of the Casimir C, and the refused steps.
+
+    Mean of C(y) − C(y0) over the paths still alive at `TIMES`, the times at which the others had a step refused, and
+    the number of these steps with a solution that `sepv.schemes.continued` finds.
     """
     problem = problems.lotka_volterra()
     assert problem.nambu is not None

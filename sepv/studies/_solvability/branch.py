@@ -116,8 +116,9 @@ class _Follower:
         return F, J
 
     def slope(self, y0: Array, y1: Array, one: Array, k: int) -> Array:
-        """∂G/∂y1_k by central differences, to about 1e-10: a fold is where these derivatives say, and analytic ones
-        of some H are averaged with a few nodes only.
+        """∂G/∂y1_k by central differences, to about 1e-10.
+
+        These derivatives locate the fold. Analytic ones of some H are averaged with a few nodes only.
         """
         size = np.abs(y1[k])
         width = WIDTH * np.where(size > 1e-3 * self.scale_of(y1), size, 1e-3 * self.scale_of(y1))

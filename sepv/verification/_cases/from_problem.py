@@ -147,11 +147,11 @@ USUAL, NARROWEST = 5, 20
 
 
 def measured_radius(problem: Problem, y: Array) -> float:
-    """As `sepv.verification._contraction.contraction_radius`, with maxima over some states of the ball in
-    place of majorants, halved.
+    """Half of an estimated contraction radius, from maxima over some states of the ball.
 
-    The maxima are no bounds: between the states looked at the slopes may be larger. The half is a heuristic for that.
-    A step that is refused inside it says more of the radius than of the scheme, and is reported as not solved.
+    `sepv.verification._contraction.contraction_radius` has majorants in their place. Maxima are no bounds: between the
+    states the slopes may be larger, and the half is a heuristic for that. A step refused inside this radius says more
+    of the radius than of the scheme, and is reported as not solved.
     """
     rng = np.random.default_rng(0)
     d = problem.dimension

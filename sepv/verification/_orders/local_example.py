@@ -46,7 +46,7 @@ def weak_example(scheme: Scheme, problem: Problem, h: float) -> str:
 
 
 def _means(scheme: Scheme, problem: Problem, h: float) -> tuple[Array, Array, Array]:
-    """States (d, S), and the means (A, S) of monomials in y1 − y0 and in φ − y0: y_1, …, y_d, y_1², y_1y_2, …"""
+    """States (d, S), and the means (A, S) of monomials of degree 1 and 2 in y1 − y0 and in φ − y0."""
     states, m, law = local.local_states(scheme, problem), problem.noises, point_law(scheme.increments)
     nodes = local.step_rule(scheme, problem, h)
     taken = nodes if law is None else point_rule(m, law)

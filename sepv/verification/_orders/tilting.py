@@ -62,10 +62,10 @@ def tilted_errors(
     scheme: Scheme, problem: Problem, *, T: float, steps: Sequence[int], paths: range, seed: int, order: float,
     unit: float = 1.0,
 ) -> StrongErrors:  # fmt: skip
-    """As `sepv.verification._orders.convergence.strong_errors`, tilted for a scheme of this mean-square
-    order; errors carry their weights.
+    """Strong errors from samples tilted for a scheme of this mean-square order; errors carry their weights.
 
-    Its `squared` is w|e|² and its `errors` are w·e, so that means over paths estimate E|e|² and E e.
+    Otherwise as `sepv.verification._orders.convergence.strong_errors`. Its `squared` is w|e|² and its `errors` are
+    w·e, so that means over paths estimate E|e|² and E e.
     """
     powers = (2 * round(2 * order + 1), 2 * round(order + 1))
 
