@@ -14,5 +14,4 @@ _MODULES = (
     "formula", "noise", "solver", "arithmetic", "interface", "higher_order", "structure", "historical", "hamiltonians",
 )  # fmt: skip
 _BY_FAMILY = [import_module(f"{__name__}.{name}").SABOTEURS for name in _MODULES]
-FAMILIES = tuple(family.name for family in _BY_FAMILY)
 SABOTEURS: dict[str, Saboteur] = {s.name: s for family in _BY_FAMILY for s in family}

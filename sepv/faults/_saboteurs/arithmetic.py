@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from sepv.faults._saboteurs.formula import quadrature, with_average
-from sepv.faults._saboteurs.record import Family, middle, right_side
+from sepv.faults._saboteurs.formula import of_degree, quadrature, with_average, with_structure
+from sepv.faults._saboteurs.record import Family, answering, implicit, middle, right_side
 from sepv.problem import Array, Problem
-from sepv.problem._fields import matvec
 from sepv.schemes._energy_preserving import formula, jacobian
 from sepv.schemes._one_step import random_step
 from sepv.schemes._scheme import Step
@@ -25,47 +24,23 @@ def _single(values: Array) -> Array:
     return values.astype(np.float32).astype(np.float64)
 
 
-@SABOTEURS.around("y1 has a relative error of 1e-10", ("identity", *_SEEN, "rounding"))
-def relative_error_1e_10(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    return step(problem, y, h, dW) * (1 + 1e-10)
-
-
-@SABOTEURS.formula("Δ has a relative error of 1e-10", ("midpoint", "reference", "reduction"))
-def step_off_by_1e_10(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    return (1 + 1e-10) * formula(fields, y, z, step)
-
-
-@SABOTEURS.around("y1 passes through single precision", ("identity", *_SEEN, "equivariance", "rounding"))
-def float32(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    return _single(step(problem, y, h, dW))
-
-
-@SABOTEURS.around("y1 − y0 passes through single precision", (*_SEEN, "rounding"))
-def float32_increment(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    return y + _single(step(problem, y, h, dW) - y)
-
-
-@SABOTEURS.formula(
-    "B passes through single precision", ("casimir", "midpoint", "reference"), jacobian=jacobian
-)
-def float32_structure(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    return step[0] * matvec(_single(fields.structure(middle(y, z))), fields.mean_gradient(y, z))
-
-
-@SABOTEURS.formula(
-    "B is off skew by 1e-9",
-    ("energy", "casimir", "midpoint", "reference", "reduction", "equivariance", "rounding"),
-)
-def off_skew(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    return formula(fields, y, z, step) + 1e-9 * step[0] * fields.mean_gradient(y, z)
-
-
-@SABOTEURS.formula("the quadrature's nodes have eight digits", ("energy", "reference", "reduction"))
-def short_nodes(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    if fields.problem.degree is None:
-        return formula(fields, y, z, step)
-    nodes = max(1, -(-fields.problem.degree // 2))
-    return with_average(fields, y, z, step, quadrature(fields, y, z, nodes, digits=8))
+SABOTEURS.rows(
+    ("relative-error-1e-10", "y1 has a relative error of 1e-10", ("identity", *_SEEN, "rounding"),
+     answering(lambda _, y1: y1 * (1 + 1e-10))),
+    ("step-off-by-1e-10", "Δ has a relative error of 1e-10", ("midpoint", "reference", "reduction"),
+     implicit(lambda fields, y, z, step: (1 + 1e-10) * formula(fields, y, z, step))),
+    ("float32", "y1 passes through single precision", ("identity", *_SEEN, "equivariance", "rounding"),
+     answering(lambda _, y1: _single(y1))),
+    ("float32-increment", "y1 − y0 passes through single precision", (*_SEEN, "rounding"),
+     answering(lambda y, y1: y + _single(y1 - y))),
+    ("float32-structure", "B passes through single precision", ("casimir", "midpoint", "reference"),
+     implicit(with_structure(lambda fields, y, z: _single(fields.structure(middle(y, z)))), jacobian=jacobian)),
+    ("off-skew", "B is off skew by 1e-9",
+     ("energy", "casimir", "midpoint", "reference", "reduction", "equivariance", "rounding"),
+     implicit(lambda fields, y, z, step: formula(fields, y, z, step) + 1e-9 * step[0] * fields.mean_gradient(y, z))),
+    ("short-nodes", "the quadrature's nodes have eight digits", ("energy", "reference", "reduction"),
+     implicit(quadrature(of_degree(lambda degree: -(-degree // 2)), digits=8))),
+)  # fmt: skip
 
 
 @SABOTEURS.formula("∇H is formed from differences of H", ("energy", "symmetry", "reference", "reduction"))
@@ -80,24 +55,19 @@ def differenced_gradient(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     return counted(formula, changed, y, y + z, step).value
 
 
-@SABOTEURS.around("1e4 is added to y1 and taken away", ("identity", *_SEEN, "equivariance", "rounding"))
-def large_constant(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    return (step(problem, y, h, dW) + 1e4) - 1e4
-
-
-@SABOTEURS.formula(
-    "∇H is not averaged where y moves by less than 1e-4 of its size",
-    ("energy", "midpoint", "symmetry", "reference"),
-)
-def short_step_shortcut(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+def _shortcut(fields: Fields, y: Any, z: Any) -> Any:
     short = np.max(np.abs(z), axis=0) < 1e-4 * np.max(np.abs(y), axis=0)
-    return with_average(fields, y, z, step, np.where(short, fields.gradient(y), fields.mean_gradient(y, z)))
+    return np.where(short, fields.gradient(y), fields.mean_gradient(y, z))
 
 
-@SABOTEURS.around("y1 has a relative error of 1e-10 where |y| exceeds 1e40", ("reference",))
-def off_at_huge_states(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    y1 = step(problem, y, h, dW)
-    return np.where(np.max(np.abs(y), axis=0) > 1e40, y1 * (1 + 1e-10), y1)
+SABOTEURS.rows(
+    ("large-constant", "1e4 is added to y1 and taken away", ("identity", *_SEEN, "equivariance", "rounding"),
+     answering(lambda _, y1: (y1 + 1e4) - 1e4)),
+    ("short-step-shortcut", "∇H is not averaged where y moves by less than 1e-4 of its size",
+     ("energy", "midpoint", "symmetry", "reference"), implicit(with_average(_shortcut))),
+    ("off-at-huge-states", "y1 has a relative error of 1e-10 where |y| exceeds 1e40", ("reference",),
+     answering(lambda y, y1: np.where(np.max(np.abs(y), axis=0) > 1e40, y1 * (1 + 1e-10), y1))),
+)  # fmt: skip
 
 
 @SABOTEURS.around("in one step of twenty a component is moved by one ulp to where H is larger", ("rounding",))

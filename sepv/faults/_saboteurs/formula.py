@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sepv import schemes
-from sepv.faults._saboteurs.record import Family, claiming, explicit, explicit_step, middle
+from sepv.faults._saboteurs.record import Family, claiming, explicit, explicit_step, implicit, middle
 from sepv.problem import Array, Problem, vector_field
 from sepv.problem._fields import matvec
 from sepv.record import gauss_legendre
@@ -19,6 +20,10 @@ from sepv.schemes._discrete_gradient import coordinate_increments, symmetrised
 from sepv.schemes._energy_preserving import formula
 from sepv.schemes._scheme import Step
 from sepv.solve import Fields
+from sepv.solve._formula import Formula
+
+# (fields, y, z) -> B or an averaged gradient
+Part = Callable[[Fields, Any, Any], Any]
 
 SABOTEURS = Family("formula")
 _LOCAL = ("local-mean", "local-mean-square", "local-weak")
@@ -28,133 +33,96 @@ _NODES = ("energy", "reference", "reduction")
 _EXPLICIT = ("energy", *_TURNED, "reduction", "rounding")
 
 
-@SABOTEURS.formula("B is taken at y0 and not at the midpoint", _TURNED + _WRONG_LIMIT)
-def b_at_y0(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    return step[0] * matvec(fields.structure(y), fields.mean_gradient(y, z))
+def with_structure(structure: Part) -> Formula:
+    """Δ times something in the place of B(ȳ), a function of (fields, y, z), times the averaged gradient."""
+    return lambda fields, y, z, step: step[0] * matvec(structure(fields, y, z), fields.mean_gradient(y, z))
 
 
-@SABOTEURS.formula("B is taken at y1 and not at the midpoint", _TURNED + _WRONG_LIMIT)
-def b_at_y1(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    return step[0] * matvec(fields.structure(y + z), fields.mean_gradient(y, z))
+def with_average(average: Part) -> Formula:
+    """Δ B(ȳ) times something in the place of the averaged gradient, a function of (fields, y, z)."""
+    return lambda fields, y, z, step: step[0] * matvec(fields.structure(middle(y, z)), average(fields, y, z))
 
 
-@SABOTEURS.formula(
-    "B is the average of B(y0) and B(y1): right only where B is linear", ("casimir", "midpoint", "reference")
-)
-def linear_b_only(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    return step[0] * matvec(0.5 * (fields.structure(y) + fields.structure(y + z)), fields.mean_gradient(y, z))
+def quadrature(nodes: Callable[[Problem], int | None], digits: int = 17) -> Formula:
+    """(2.1) whose average has nodes(problem) Gauss nodes of so many digits; where that is None, the right average."""
+
+    def average(fields: Fields, y: Any, z: Any) -> Any:
+        count = nodes(fields.problem)
+        if count is None:
+            return fields.mean_gradient(y, z)
+        points, weights = gauss_legendre(count)
+        rounded = [round(float(t), digits) for t in points]
+        terms = [w * fields.gradient(y + t * z) for t, w in zip(rounded, weights, strict=True)]
+        return np.sum(terms, axis=0)
+
+    return with_average(average)
 
 
-@SABOTEURS.formula("B is taken at an explicitly predicted midpoint: right only where B is constant", _TURNED)
-def constant_b_only(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+def of_degree(nodes: Callable[[int], int]) -> Callable[[Problem], int | None]:
+    """So many nodes for a polynomial H of a degree."""
+    return lambda problem: None if problem.degree is None else max(1, nodes(problem.degree))
+
+
+b_at_y0 = with_structure(lambda fields, y, _z: fields.structure(y))
+
+
+def one_point_quadrature(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    """Δ f(ȳ): the midpoint rule."""
+    return step[0] * fields.field(middle(y, z))
+
+
+def _constant_b_only(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     predicted = y + 0.5 * step[0] * fields.field(y)
     return step[0] * matvec(fields.structure(predicted), fields.mean_gradient(y, z))
 
 
-@SABOTEURS.formula("B is transposed", ("midpoint", "reference", "reduction", *_WRONG_LIMIT))
-def b_transposed(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    return -formula(fields, y, z, step)
-
-
-@SABOTEURS.formula("B is doubled", ("midpoint", "reference", "reduction", *_WRONG_LIMIT))
-def b_doubled(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    return 2 * formula(fields, y, z, step)
-
-
-@SABOTEURS.formula("∇H is taken at the midpoint and not averaged", (*_NODES, "rounding"))
-def one_point_quadrature(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    return step[0] * fields.field(middle(y, z))
-
-
-@SABOTEURS.formula("∇H is averaged over the two ends: right only where H is quadratic", (*_NODES, "rounding"))
-def quadratic_h_only(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    return with_average(fields, y, z, step, 0.5 * (fields.gradient(y) + fields.gradient(y + z)))
-
-
-def with_average(fields: Fields, y: Any, z: Any, step: Any, average: Any) -> Any:
-    """Δ B(ȳ) times something in the place of the averaged gradient."""
-    return step[0] * matvec(fields.structure(middle(y, z)), average)
-
-
-def quadrature(fields: Fields, y: Any, z: Any, nodes: int, digits: int = 17) -> Any:
-    """The averaged gradient by so many Gauss nodes, written with so many digits."""
-    points, weights = gauss_legendre(nodes)
-    terms = [
-        w * fields.gradient(y + round(float(t), digits) * z) for t, w in zip(points, weights, strict=True)
-    ]
-    return np.sum(terms, axis=0)
-
-
-@SABOTEURS.formula("two quadrature nodes for every polynomial: right only up to degree 4", _NODES)
-def degree_four_only(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    if fields.problem.degree is None:
-        return formula(fields, y, z, step)
-    return with_average(fields, y, z, step, quadrature(fields, y, z, 2))
-
-
-@SABOTEURS.formula("the quadrature has one node less than the degree of H needs", _NODES)
-def one_node_short(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    if fields.problem.degree is None:
-        return formula(fields, y, z, step)
-    nodes = max(1, -(-fields.problem.degree // 2) - 1)
-    return with_average(fields, y, z, step, quadrature(fields, y, z, nodes))
-
-
-@SABOTEURS.formula("four quadrature nodes for every H: right only up to degree 8", ("energy",))
-def four_nodes(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    if fields.problem.mean_gradient is not None:
-        return formula(fields, y, z, step)
-    return with_average(fields, y, z, step, quadrature(fields, y, z, 4))
-
-
-@SABOTEURS.formula(
-    "one quadrature node where H has degree three, and as many as it takes elsewhere", ("energy", "reference")
-)
-def cubic_as_quadratic(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    return (one_point_quadrature if fields.problem.degree == 3 else formula)(fields, y, z, step)
-
-
-@SABOTEURS.formula("∇H is taken at y0", (*_NODES, "midpoint", "symmetry", "rounding", *_WRONG_LIMIT))
-def gradient_at_y0(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    return with_average(fields, y, z, step, fields.gradient(y))
-
-
-@SABOTEURS.formula(
-    "coordinate increments in one order instead of the averaged gradient",
-    ("midpoint", "symmetry", "reference", "reduction", "expansion", "equivariance"),
-)
-def asymmetric_gradient(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    return with_average(fields, y, z, step, coordinate_increments(fields, y, z))
-
-
-@SABOTEURS.formula(
-    "symmetrised coordinate increments instead of the averaged gradient",
-    ("reference", "reduction", "equivariance"),
-)
-def symmetrised_gradient(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    return with_average(fields, y, z, step, symmetrised(fields, y, z))
-
-
-@SABOTEURS.formula(
-    "a term 1e-9 Δ² y is added, which linear changes of coordinates keep and translations do not",
-    ("energy", "casimir", "midpoint", "reference", "reduction", "equivariance"),
-)
-def term_in_y(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    return formula(fields, y, z, step) + 1e-9 * step[0] ** 2 * middle(y, z)
-
-
-@SABOTEURS.formula("B is taken at y0 unless d = 2", _TURNED + _WRONG_LIMIT)
-def two_dimensions_only(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    return (formula if fields.problem.dimension == 2 else b_at_y0)(fields, y, z, step)
-
-
-@SABOTEURS.formula(
-    "the product B∇̄H stops at the third component",
-    ("energy", "midpoint", "reference", "expansion", "equivariance"),
-)
-def three_components_only(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+def _three_components_only(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     B, g = fields.structure(middle(y, z)), fields.mean_gradient(y, z)
     return step[0] * matvec(B[:, :3], g[:3])
+
+
+SABOTEURS.rows(
+    ("b-at-y0", "B is taken at y0 and not at the midpoint", _TURNED + _WRONG_LIMIT, b_at_y0),
+    ("b-at-y1", "B is taken at y1 and not at the midpoint", _TURNED + _WRONG_LIMIT,
+     with_structure(lambda fields, y, z: fields.structure(y + z))),
+    ("linear-b-only", "B is the average of B(y0) and B(y1): right only where B is linear",
+     ("casimir", "midpoint", "reference"),
+     with_structure(lambda fields, y, z: 0.5 * (fields.structure(y) + fields.structure(y + z)))),
+    ("constant-b-only", "B is taken at an explicitly predicted midpoint: right only where B is constant", _TURNED,
+     _constant_b_only),
+    ("b-transposed", "B is transposed", ("midpoint", "reference", "reduction", *_WRONG_LIMIT),
+     lambda fields, y, z, step: -formula(fields, y, z, step)),
+    ("b-doubled", "B is doubled", ("midpoint", "reference", "reduction", *_WRONG_LIMIT),
+     lambda fields, y, z, step: 2 * formula(fields, y, z, step)),
+    ("one-point-quadrature", "∇H is taken at the midpoint and not averaged", (*_NODES, "rounding"),
+     one_point_quadrature),
+    ("quadratic-h-only", "∇H is averaged over the two ends: right only where H is quadratic", (*_NODES, "rounding"),
+     with_average(lambda fields, y, z: 0.5 * (fields.gradient(y) + fields.gradient(y + z)))),
+    ("degree-four-only", "two quadrature nodes for every polynomial: right only up to degree 4", _NODES,
+     quadrature(of_degree(lambda _: 2))),
+    ("one-node-short", "the quadrature has one node less than the degree of H needs", _NODES,
+     quadrature(of_degree(lambda degree: -(-degree // 2) - 1))),
+    ("four-nodes", "four quadrature nodes for every H: right only up to degree 8", ("energy",),
+     quadrature(lambda problem: 4 if problem.mean_gradient is None else None)),
+    ("cubic-as-quadratic", "one quadrature node where H has degree three, and as many as it takes elsewhere",
+     ("energy", "reference"),
+     lambda fields, *more: (one_point_quadrature if fields.problem.degree == 3 else formula)(fields, *more)),
+    ("gradient-at-y0", "∇H is taken at y0", (*_NODES, "midpoint", "symmetry", "rounding", *_WRONG_LIMIT),
+     with_average(lambda fields, y, _z: fields.gradient(y))),
+    ("asymmetric-gradient", "coordinate increments in one order instead of the averaged gradient",
+     ("midpoint", "symmetry", "reference", "reduction", "expansion", "equivariance"),
+     with_average(coordinate_increments)),
+    ("symmetrised-gradient", "symmetrised coordinate increments instead of the averaged gradient",
+     ("reference", "reduction", "equivariance"), with_average(symmetrised)),
+    ("term-in-y", "a term 1e-9 Δ² y is added, which linear changes of coordinates keep and translations do not",
+     ("energy", "casimir", "midpoint", "reference", "reduction", "equivariance"),
+     lambda fields, y, z, step: formula(fields, y, z, step) + 1e-9 * step[0] ** 2 * middle(y, z)),
+    ("two-dimensions-only", "B is taken at y0 unless d = 2", _TURNED + _WRONG_LIMIT,
+     lambda fields, *more: (formula if fields.problem.dimension == 2 else b_at_y0)(fields, *more)),
+    ("three-components-only", "the product B∇̄H stops at the third component",
+     ("energy", "midpoint", "reference", "expansion", "equivariance"), _three_components_only),
+    by=implicit,
+)  # fmt: skip
 
 
 @SABOTEURS.around("every step is made as two half steps", ("midpoint", "reference", "reduction"))
@@ -193,18 +161,20 @@ def _euler(problem: Problem, y0: Array, step: Array) -> Array:
 
 
 SABOTEURS.rows(
-    ("heun-projected", "Heun's method, then a projection on H",
-     lambda: claiming(partial(_projected, explicit_step(explicit_heun))), (*_TURNED, "equivariance")),
+    ("heun-projected", "Heun's method, then a projection on H", (*_TURNED, "equivariance"),
+     lambda: claiming(partial(_projected, explicit_step(explicit_heun)))),
     ("midpoint-projected", "the midpoint rule, then a projection on H",
-     lambda: claiming(partial(_projected, one_step.implicit(one_point_quadrature))),
-     ("casimir", "symmetry", "reference", "equivariance")),
+     ("casimir", "symmetry", "reference", "equivariance"),
+     lambda: claiming(partial(_projected, one_step.implicit(one_point_quadrature)))),
     ("ito-limit", "Euler's method, which converges to the Itô solution, claims order ½",
-     lambda: replace(explicit(_euler)(), claims=("contract",), mean_square_order=0.5, weak_order=None),
-     ("local-mean", "right-limit", "mean-square-order")),
+     ("local-mean", "right-limit", "mean-square-order"),
+     lambda: replace(explicit(_euler)(), claims=("contract",), mean_square_order=0.5, weak_order=None)),
     ("half-claimed-as-one", "the Euler-Maruyama scheme, of order ½, claims order 1",
-     lambda: replace(schemes.euler_maruyama, mean_square_order=1.0), ("local-mean-square", "mean-square-order")),
-    ("one-claimed-as-two", "(2.1), of order 1, claims order 2", lambda: replace(original, mean_square_order=2.0),
-     ("truncation", "local-mean", "local-mean-square", "mean-square-order")),
-    ("weak-one-claimed-as-two", "(2.1), of weak order 1, claims weak order 2",
-     lambda: replace(original, weak_order=2.0), ("local-weak", "weak-order")),
+     ("local-mean-square", "mean-square-order"),
+     lambda: replace(schemes.euler_maruyama, mean_square_order=1.0)),
+    ("one-claimed-as-two", "(2.1), of order 1, claims order 2",
+     ("truncation", "local-mean", "local-mean-square", "mean-square-order"),
+     lambda: replace(original, mean_square_order=2.0)),
+    ("weak-one-claimed-as-two", "(2.1), of weak order 1, claims weak order 2", ("local-weak", "weak-order"),
+     lambda: replace(original, weak_order=2.0)),
 )  # fmt: skip

@@ -63,31 +63,23 @@ def _staged(tables: Tables) -> Callable[[], Scheme]:
     return imitating(schemes.collocation(2), staged(2, tables), batched=False)
 
 
-@SABOTEURS.made(
-    "the first Lagrange weight of two stages is too large by 1e-6",
-    ("midpoint", "reference", "expansion"),
-    _staged,
-)
-def lagrange_weight(stages: int, nodes: int) -> tuple[Array, Array]:
+def _lagrange_weight(stages: int, nodes: int) -> tuple[Array, Array]:
     W, P = moments(stages, nodes)
     return W * (1 + 1e-6 * np.eye(stages)[:, :1]), P
 
 
-@SABOTEURS.made(
-    "the averages of two stages have one node less than the degree of H needs",
-    ("energy", "reference"),
-    _staged,
-)
-def stages_one_node_short(stages: int, nodes: int) -> tuple[Array, Array]:
-    return moments(stages, max(1, nodes - 1))
-
-
-SABOTEURS.add(
-    "three-stages-k-2",
-    "increments of a scheme of order 3 are truncated with the paper's k = 2",
-    lambda: replace(schemes.collocation(3), truncation=2),
-    ("truncation", "local-mean-square"),  # the clip is no error of the stages
-)
+SABOTEURS.rows(
+    ("lagrange-weight", "the first Lagrange weight of two stages is too large by 1e-6",
+     ("midpoint", "reference", "expansion"), _lagrange_weight),
+    ("stages-one-node-short", "the averages of two stages have one node less than the degree of H needs",
+     ("energy", "reference"), lambda stages, nodes: moments(stages, max(1, nodes - 1))),
+    by=_staged,
+)  # fmt: skip
+SABOTEURS.rows(
+    ("three-stages-k-2", "increments of a scheme of order 3 are truncated with the paper's k = 2",
+     ("truncation", "local-mean-square"),  # the clip is no error of the stages
+     lambda: replace(schemes.collocation(3), truncation=2)),
+)  # fmt: skip
 
 
 def _as_both(step: Step) -> Step:
@@ -100,12 +92,11 @@ def _as_both(step: Step) -> Step:
     return restricted
 
 
-SABOTEURS.add(
-    "casimir-at-midpoint",
-    "∇C is taken at the midpoint and not averaged: (2.1), which keeps quadratic Casimirs only",
-    imitating(schemes.both_invariants, _as_both(schemes.energy_preserving.step), batched=False),
-    ("any-casimir", "reference"),
-)
+SABOTEURS.rows(
+    ("casimir-at-midpoint", "∇C is taken at the midpoint and not averaged: (2.1), which keeps quadratic Casimirs only",
+     ("any-casimir", "reference"),
+     imitating(schemes.both_invariants, _as_both(schemes.energy_preserving.step), batched=False)),
+)  # fmt: skip
 
 
 @SABOTEURS.made(
@@ -172,9 +163,9 @@ _WEAK = ("local-weak", "weak-order")
 SABOTEURS.rows(
     ("two-points-for-three",
      "increments of two points are taken where weak order 2 needs three: E ΔW⁴ is h² and not 3h²",
-     _with("two-point"), _WEAK),
+     _WEAK, _with("two-point")),
     ("three-points-too-likely", "the outer points ±√(3h) have probability 1/5 and not 1/6: E ΔW² is 1.2 h",
-     _three(1 / 5, math.sqrt(3.0)), _WEAK),
+     _WEAK, _three(1 / 5, math.sqrt(3.0))),
     ("three-points-second-moment-only", "±√(2h) with probability ¼: E ΔW² is h, E ΔW⁴ is 2h² and not 3h²",
-     _three(1 / 4, math.sqrt(2.0)), _WEAK),
+     _WEAK, _three(1 / 4, math.sqrt(2.0))),
 )  # fmt: skip

@@ -12,7 +12,7 @@ import numpy as np
 
 from sepv.errors import StepFailure
 from sepv.faults._saboteurs.formula import b_at_y0
-from sepv.faults._saboteurs.record import Family, right_side
+from sepv.faults._saboteurs.record import Family, answering, right_side
 from sepv.problem import Array, Problem
 from sepv.schemes import implicit
 from sepv.schemes._scheme import Step, as_lanes
@@ -180,13 +180,12 @@ def column_without_noise(step: Step, problem: Problem, y: Array, h: float, dW: A
     return y1 if problem.noises else y1.reshape(*y1.shape, 1)
 
 
-SABOTEURS.answer(
-    "returns-float32", "the answer is of single precision", _CONTRACT, lambda _, y1: y1.astype(np.float32)
-)
-SABOTEURS.answer(
-    "returns-complex", "the answer is complex", _CONTRACT, lambda _, y1: y1.astype(np.complex128)
-)
-SABOTEURS.answer("returns-a-list", "the answer is a list", _CONTRACT, lambda _, y1: y1.tolist())
+SABOTEURS.rows(
+    ("returns-float32", "the answer is of single precision", _CONTRACT, lambda _, y1: y1.astype(np.float32)),
+    ("returns-complex", "the answer is complex", _CONTRACT, lambda _, y1: y1.astype(np.complex128)),
+    ("returns-a-list", "the answer is a list", _CONTRACT, lambda _, y1: y1.tolist()),
+    by=answering,
+)  # fmt: skip
 
 
 @SABOTEURS.around("the step is not made where Δ < 0", ("energy", "reference"))

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from sepv.faults._saboteurs.formula import one_point_quadrature
-from sepv.faults._saboteurs.record import Family, Laws, implicit, middle
+from sepv.faults._saboteurs.record import Family, implicit, middle
 from sepv.problem import Array, Problem
 from sepv.problem._fields import matvec
+from sepv.schemes import Scheme
 from sepv.schemes import energy_preserving as original
 from sepv.schemes._energy_preserving import formula
-from sepv.schemes._one_step import Parts, drift_and_noise
+from sepv.schemes._one_step import drift_and_noise
 from sepv.schemes._scheme import Step
 from sepv.solve import Fields
 
@@ -32,21 +33,12 @@ _SIZES = (
 )
 
 
-# Name, what is broken, its laws, and Δ (M,) of c as a column (m, 1), h and the increments w (m, M).
-Wrong = tuple[str, str, Laws, Callable[[Any, Any, Any], Any]]
+def _with(delta: Callable[[Any, Any, Any], Any]) -> Callable[[], Scheme]:
+    """(2.1) with another Δ, (M,): of c as a column (m, 1), h and the increments w (m, M)."""
+    return implicit(formula, lambda problem, h, noise: delta(problem.c[:, None], h, noise)[None])
 
 
-def _stepping(*rows: Wrong) -> None:
-    """(2.1) with another Δ."""
-
-    def parts(delta: Callable[[Any, Any, Any], Any]) -> Parts:
-        return lambda problem, h, noise: delta(problem.c[:, None], h, noise)[None]
-
-    for name, broken, laws, delta in rows:
-        SABOTEURS.add(name, broken, implicit(formula, parts(delta)), laws)
-
-
-_stepping(
+SABOTEURS.rows(
     ("drift-dropped", "Δ has no h", ("identity", "random-step", *_MEAN), lambda c, _h, w: np.sum(c * w, axis=0)),
     ("noise-dropped", "Δ has no noise", ("identity", "random-step", *_MEAN), lambda _c, h, w: np.full(w.shape[1], h)),
     ("noise-sign", "the noise has the wrong sign", ("identity", "random-step", *_STEP, *_LIMIT),
@@ -58,6 +50,7 @@ _stepping(
     ("absolute-increments", "|ΔW| stands for ΔW", ("identity", "symmetry", "random-step", "noise-sum", *_MEAN),
      lambda c, h, w: h + np.sum(c * np.abs(w), axis=0)),
     ("absolute-step", "|Δ| stands for Δ", ("symmetry", *_MEAN), lambda c, h, w: np.abs(h + np.sum(c * w, axis=0))),
+    by=_with,
 )  # fmt: skip
 
 
@@ -70,13 +63,14 @@ def positive_step_only(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     return np.where(step[0] > 0, right, wrong)
 
 
-_stepping(
+SABOTEURS.rows(
     ("first-noise-only", "only the first noise is seen", _SEVERAL + _LOCAL,
      lambda c, h, w: h + np.sum((c * w)[:1], axis=0)),
     ("one-noise-in-law", "several noises are replaced by one of the same variance", _SEVERAL,
      lambda c, h, w: h + np.linalg.norm(c) * np.sum(w[:1], axis=0)),
     ("noises-reversed", "the c_j are taken in the wrong order", _SEVERAL,
      lambda c, h, w: h + np.sum(c[::-1] * w, axis=0)),
+    by=_with,
 )  # fmt: skip
 
 
@@ -95,13 +89,11 @@ def clipped_with_k_one(step: Step, problem: Problem, y: Array, h: float, dW: Arr
     return clipped_at_one(step, problem, y, h, dW, widths)
 
 
-SABOTEURS.add(
-    "k-too-small",
-    "the scheme asks for increments truncated with k = 1, which costs order 1",
-    lambda: replace(original, truncation=1),
-    ("truncation", "local-mean-square"),
-)
-_stepping(
+SABOTEURS.rows(
+    ("k-too-small", "the scheme asks for increments truncated with k = 1, which costs order 1",
+     ("truncation", "local-mean-square"), lambda: replace(original, truncation=1)),
+)  # fmt: skip
+SABOTEURS.rows(
     # Not noise-sum: one noise of the same sum is too large by the same share.
     ("noise-too-large", "every increment is too large by a factor of 1.0001",
      ("identity", "random-step", *_STEP, *_LOCAL), lambda c, h, w: h + 1.0001 * np.sum(c * w, axis=0)),
@@ -109,6 +101,7 @@ _stepping(
      lambda c, h, w: 1.001 * h + np.sum(c * w, axis=0)),
     ("fifth-noise-dropped", "four noises are seen, and no more", _LOCAL,
      lambda c, h, w: h + np.sum((c * w)[:4], axis=0)),
+    by=_with,
 )  # fmt: skip
 
 
@@ -151,9 +144,10 @@ def trapezoidal_drift(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     return step[0] * drift + step[1] * fields.field(middle(y, z))
 
 
-_stepping(
+SABOTEURS.rows(
     ("absolute-h", "|h| stands for h, so that no step leads back", ("symmetry",),
      lambda c, h, w: abs(h) + np.sum(c * w, axis=0)),
+    by=_with,
 )  # fmt: skip
 
 

@@ -22,6 +22,9 @@ Laws = tuple[str, ...]
 # (problem, y0 (d, M), Δ (1, M)) -> y1
 Update = Callable[[Problem, Array, Array], Array]
 Fault = TypeVar("Fault", bound=Callable[..., Any])
+# Name, what is broken, the laws, and what `By` turns into `make` of a `Saboteur`.
+Row = tuple[Any, ...]
+By = Callable[[Any], Callable[[], Scheme]]
 
 
 @dataclass(frozen=True)
@@ -91,47 +94,48 @@ def imitating(original: Scheme, step: Step, **changes: Any) -> Callable[[], Sche
     return lambda: replace(original, step=step, solve=None, **changes)
 
 
+def answering(change: Callable[[Array, Array], Any]) -> Callable[[], Scheme]:
+    """`make` of a saboteur that gives change(y, y1) for the right y1."""
+    return around(lambda step, problem, y, h, dW: change(y, step(problem, y, h, dW)))
+
+
+def as_it_is(make: Callable[[], Scheme]) -> Callable[[], Scheme]:
+    """`make` itself."""
+    return make
+
+
 class Family(list[Saboteur]):
-    """Saboteurs in the order of their definition: each decorates its fault, and has the function's name."""
+    """Saboteurs in the order of their definition, as rows or as decorated functions.
+
+    `by` turns the fault of a row, or the function that it decorates, into `make`; a function's name is its saboteur's.
+    """
 
     def __init__(self, name: str) -> None:
         super().__init__()
         self.name = name
 
-    def add(self, name: str, broken: str, make: Callable[[], Scheme], laws: Laws, thread: str = "") -> None:
-        """One more."""
-        self.append(Saboteur(name, self.name, broken, make, laws, thread))
+    def rows(self, *rows: Row, by: By = as_it_is) -> None:
+        """Saboteurs as rows: name, what is broken, the laws, the fault, and the thread where there is one."""
+        for name, broken, laws, fault, *thread in rows:
+            self.append(Saboteur(name, self.name, broken, by(fault), laws, *thread))
 
-    def rows(self, *rows: tuple[str, str, Callable[[], Scheme], Laws]) -> None:
-        """More of them: name, what is broken, `make` and the laws."""
-        for row in rows:
-            self.add(*row)
+    def made(self, broken: str, laws: Laws, by: By) -> Callable[[Fault], Fault]:
+        """Decorates what `by` turns into `make`."""
+
+        def added(fault: Fault) -> Fault:
+            self.rows((fault.__name__.replace("_", "-"), broken, laws, fault), by=by)
+            return fault
+
+        return added
 
     def like(self, right: Scheme, broken: str, laws: Laws) -> Callable[[Fault], Fault]:
         """Decorates another step for a scheme, whose claims it keeps."""
         return self.made(broken, laws, partial(imitating, right))
 
-    def made(
-        self, broken: str, laws: Laws, by: Callable[[Any], Callable[[], Scheme]]
-    ) -> Callable[[Fault], Fault]:
-        """Decorates what `by` turns into `make`."""
-
-        def added(fault: Fault) -> Fault:
-            self.add(fault.__name__.replace("_", "-"), broken, by(fault), laws)
-            return fault
-
-        return added
-
     def formula(self, broken: str, laws: Laws, **more: Any) -> Callable[[Fault], Fault]:
         """Decorates another right side."""
-        return self.made(broken, laws, lambda R: implicit(R, **more))
-
-    def answer(self, name: str, broken: str, laws: Laws, change: Callable[[Array, Array], Any]) -> None:
-        """One more, which gives change(y, y1) for the right y1."""
-        self.add(
-            name, broken, around(lambda step, problem, y, h, dW: change(y, step(problem, y, h, dW))), laws
-        )
+        return self.made(broken, laws, partial(implicit, **more))
 
     def around(self, broken: str, laws: Laws, memory: Any = None) -> Callable[[Fault], Fault]:
         """Decorates what is put around the right step."""
-        return self.made(broken, laws, lambda change: around(change, memory))
+        return self.made(broken, laws, partial(around, memory=memory))

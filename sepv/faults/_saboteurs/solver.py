@@ -74,9 +74,10 @@ def _iterated(
     return explicit(update)
 
 
-for _size in ("1e-8", "1e-12"):
-    _broken = f"the fixed-point iteration stops at a relative correction of {_size}"
-    SABOTEURS.add(f"stopped-at-{_size}", _broken, _iterated(_fixed_point, 60, float(_size)), _SEEN)
+SABOTEURS.rows(
+    *((f"stopped-at-{size}", f"the fixed-point iteration stops at a relative correction of {size}", _SEEN,
+       _iterated(_fixed_point, 60, float(size))) for size in ("1e-8", "1e-12"))
+)  # fmt: skip
 
 
 @SABOTEURS.made("Newton's iteration stops at a residual of 1e-10", _SEEN, explicit)
@@ -91,15 +92,15 @@ def residual_of_1e_10(problem: Problem, y0: Array, step: Array) -> Array:
 
 
 SABOTEURS.rows(
-    ("understated-tolerance", "the solver stops at 1e-8 and states a tolerance of 1e-13",
-     lambda: replace(_iterated(_fixed_point, 60, 1e-8)(), solver_tolerance=1e-13), _SEEN),
-    ("newton-once", "one iteration of Newton, whatever it leaves", _iterated(_newton, 1), _SEEN),
-    ("newton-twice", "two iterations of Newton, whatever they leave", _iterated(_newton, 2), _SEEN),
+    ("understated-tolerance", "the solver stops at 1e-8 and states a tolerance of 1e-13", _SEEN,
+     lambda: replace(_iterated(_fixed_point, 60, 1e-8)(), solver_tolerance=1e-13)),
+    ("newton-once", "one iteration of Newton, whatever it leaves", _SEEN, _iterated(_newton, 1)),
+    ("newton-twice", "two iterations of Newton, whatever they leave", _SEEN, _iterated(_newton, 2)),
     # A Casimir and the midpoint rule are met to rounding inside the contraction radius.
-    ("newton-thrice", "three iterations of Newton, whatever they leave", _iterated(_newton, 3),
-     tuple(law for law in _SEEN if law not in ("casimir", "midpoint"))),
-    ("newton-four-times", "four iterations of Newton: right for all but long steps", _iterated(_newton, 4),
-     ("energy",)),
+    ("newton-thrice", "three iterations of Newton, whatever they leave",
+     tuple(law for law in _SEEN if law not in ("casimir", "midpoint")), _iterated(_newton, 3)),
+    ("newton-four-times", "four iterations of Newton: right for all but long steps", ("energy",),
+     _iterated(_newton, 4)),
 )  # fmt: skip
 
 
@@ -113,12 +114,12 @@ def one_evaluation_more(step: Step, problem: Problem, y: Array, h: float, dW: Ar
 
 
 SABOTEURS.rows(
-    ("frozen-jacobian", "six iterations of Newton with the Jacobian of the first", _iterated(_frozen_newton, 6), _SEEN),
-    ("fixed-point-thrice", "the fixed-point iteration stops silently after three times", _iterated(_fixed_point, 3),
-     _SEEN),
+    ("frozen-jacobian", "six iterations of Newton with the Jacobian of the first", _SEEN, _iterated(_frozen_newton, 6)),
+    ("fixed-point-thrice", "the fixed-point iteration stops silently after three times", _SEEN,
+     _iterated(_fixed_point, 3)),
     # Not energy: long steps overflow, which is an error of that law.
     ("silent-cap", "the fixed-point iteration stops silently after 60 times, converged or not",
-     _iterated(_fixed_point, 60, 0.5 * EPS), ("rounding",)),
+     ("rounding",), _iterated(_fixed_point, 60, 0.5 * EPS)),
     ("lanes-stop-together", "all states of a batch stop iterating when the first of them has converged",
-     _iterated(_newton, 20, 1e-9, together=True), ("reproducibility",)),
+     ("reproducibility",), _iterated(_newton, 20, 1e-9, together=True)),
 )  # fmt: skip

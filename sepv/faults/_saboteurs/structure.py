@@ -27,12 +27,12 @@ def off_the_middle(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     return step[0] * fields.field(y + (0.5 + 2.0**-12) * z)
 
 
-SABOTEURS.add(
-    "averaged-and-symplectic",
-    "(2.1) claims to be symplectic and a Poisson map besides: it keeps H and quadratic Casimirs, and no structure",
-    lambda: replace(energy_preserving, claims={*energy_preserving.claims, "symplecticity", "poisson-map"}),
-    ("symplecticity", "poisson-map"),
-)
+SABOTEURS.rows(
+    ("averaged-and-symplectic",
+     "(2.1) claims to be symplectic and a Poisson map besides: it keeps H and quadratic Casimirs, and no structure",
+     ("symplecticity", "poisson-map"),
+     lambda: replace(energy_preserving, claims={*energy_preserving.claims, "symplecticity", "poisson-map"})),
+)  # fmt: skip
 
 
 def _split(problem: Problem, y: Array, delta: Array) -> Array:
