@@ -9,9 +9,10 @@ import pytest
 
 from sepv import StepFailure, UsageError, problems, schemes
 from sepv.problem import PolynomialSystem, Problem, casimir_gradients
+from sepv.problem._directions import directions
 from sepv.record import polynomial
 from sepv.record._polynomial import constant
-from sepv.schemes._projected import Directions, solve_projection
+from sepv.schemes._projected import solve_projection
 from sepv.solve import Status
 from sepv.solve._stop_rule import ROUNDING
 from sepv.verification import Effort, Verdict, verify
@@ -172,16 +173,14 @@ def test_corrections_solve_their_equations_in_the_span_of_the_gradients(unit: fl
     angles = np.array([1.0, 1e-3, 1e-9, 1e-14])
     N[2] = N[0] - N[1] + angles * turn
     r[2, 2] = r[0, 2] - r[1, 2] + 1e-9  # as right sides of invariants are, near each other too
-    lanes = np.arange(4)
-    found = Directions(list(unit * N)).correction(list(unit * r), lanes)
+    found = directions(list(unit * N)).correction(list(unit * r))
     for k in range(3):
         exact = np.linalg.lstsq(N[:, :, k], r[:, k], rcond=None)[0]
         assert np.max(np.abs(found[:, k] - exact)) <= 1e-14 / angles[k] * np.max(np.abs(exact))
-    without = Directions(list(unit * N[:2])).correction(list(unit * r[:2]), lanes)
+    without = directions(list(unit * N[:2])).correction(list(unit * r[:2]))
     assert np.array_equal(found[:, 3], without[:, 3])
-    assert np.array_equal(
-        Directions(list(unit * N)).correction(list(unit * r[:, 1:3]), lanes[1:3]), found[:, 1:3]
-    )
+    some = directions(list(unit * N)).of(np.array([1, 2]))
+    assert np.array_equal(some.correction(list(unit * r[:, 1:3])), found[:, 1:3])
 
 
 def counted(problem: Problem) -> tuple[Problem, list[int]]:

@@ -30,6 +30,7 @@ import numpy as np
 
 from sepv.errors import ProblemError, UsageError
 from sepv.problem._checks import sample_states
+from sepv.problem._directions import directions
 from sepv.problem._fields import casimir_gradients, dot, matvec
 from sepv.problem._problem import Array, Function, Problem, require_one_for_each_noise
 from sepv.record._binary64 import EPS, TINY
@@ -207,17 +208,8 @@ class CommutingStructure:
 
     def tangent(self, y: Array, w: Array) -> Array:
         """w from ∇H_0, by Gram-Schmidt against ∇C of each Casimir."""
-        basis: list[Array] = []
-        for slope in casimir_gradients(self.casimirs, self.linear_casimirs, 2 * y):
-            for _ in range(2):  # twice is enough
-                for unit in basis:
-                    slope = slope - dot(unit, slope) * unit  # noqa: PLW2901
-            length = np.sqrt(dot(slope, slope))
-            basis.append(slope / np.where(length > 0, length, 1.0))
-        for _ in range(2):
-            for unit in basis:
-                w = w - dot(unit, w) * unit
-        return w
+        found: Array = directions(casimir_gradients(self.casimirs, self.linear_casimirs, 2 * y)).without(w)
+        return found
 
     def majorant(self, y: Array) -> Array:
         """The scale of rounding errors of S, (d, d): 2 M_v M_w/|w|² with sums of absolute values of terms."""

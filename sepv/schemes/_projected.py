@@ -20,6 +20,7 @@ from functools import lru_cache
 import numpy as np
 
 from sepv.problem import Array, Problem, average_gradient, casimir_gradients
+from sepv.problem._directions import directions
 from sepv.problem._fields import Algebra, dot
 from sepv.schemes._explicit import end, explicit
 from sepv.schemes._explicit_tableaux import TABLEAUX
@@ -29,39 +30,8 @@ from sepv.solve._formula import Asked
 from sepv.solve._newton import newton
 from sepv.solve._solution import Equations, Evaluation, Increment, Lanes, Solution, Status
 
-# Gradients closer to those before them than this, relative to their length, are the same to rounding: they add nothing.
-DEPENDENT = 2.0**-40
 # The correction is z − R itself: its matrix is in R.
 SIMPLIFIED = Algebra(lambda _, F: F, lambda K: np.ones(K.shape[-1], dtype=bool), lambda _, size: 0 * size)
-
-
-class Directions:
-    """Gradients N_k (d, M) at y* and Gram and Schmidt's vectors q_k, each made orthogonal twice."""
-
-    def __init__(self, gradients: list[Array]) -> None:
-        self.q: list[Array] = []
-        self.inverse: list[Array] = []
-        self.products: list[list[Array]] = []
-        for N in gradients:
-            q = N
-            for _ in range(2):
-                for b, inverse in zip(self.q, self.inverse, strict=True):
-                    q = q - b * (dot(b, q) * inverse)
-            left, length = dot(q, q), dot(N, N)
-            new = left > DEPENDENT**2 * length
-            self.products.append([dot(b, N) for b in self.q])
-            self.q.append(q)
-            self.inverse.append(np.where(new, 1.0 / np.where(new, left, 1.0), 0.0))
-
-    def correction(self, r: list[Array], lanes: np.ndarray) -> Array:
-        """u in the span of the N_k with N_kᵀu = r_k, where they are independent."""
-        weights: list[Array] = []
-        for k, moved in enumerate(r):
-            value = moved
-            for w, product in zip(weights, self.products[k], strict=True):
-                value = value - product[lanes] * w
-            weights.append(value * self.inverse[k][lanes])
-        return np.asarray(sum(q[:, lanes] * w for q, w in zip(self.q, weights, strict=True)))
 
 
 def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> Solution:
@@ -74,14 +44,14 @@ def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> S
         start = y0[:, lanes]
         mean = average_gradient(problem, start, start + z)
         averages = [mean.value, *casimir_gradients(*casimirs, 2.0 * start + z)]
-        moved = directions.correction([dot(g, z) for g in averages], lanes)
+        moved = along.of(lanes).correction([dot(g, z) for g in averages])
         none = np.zeros((0, 0, lanes.size))
         return Evaluation(Increment(z - moved, mean.evaluations, lanes * 0, mean.reliable), lambda: (none, 0))
 
     with np.errstate(all="ignore"):
         full = end(tableau, Asked(problem, y0, y0), y0, None, delta[None])
         far = y0 + full
-        directions = Directions([problem.gradient(far), *casimir_gradients(*casimirs, 2.0 * far)])
+        along = directions([problem.gradient(far), *casimir_gradients(*casimirs, 2.0 * far)])
         equations = Equations(np.abs(y0), evaluate, algebra=SIMPLIFIED)
         found = newton(equations, full, np.arange(M), differences=False)
         y1, status = y0 + found.value, found.status

@@ -6,10 +6,16 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property
+from itertools import chain
 from typing import Any
 
-from sepv.record import NoClosedForm, Symbol, Tape, gradient, jacobian
+import numpy as np
+
+from sepv.problem._directions import Directions, directions
+from sepv.problem._fields import casimir_gradients, dot
+from sepv.record import NoClosedForm, Symbol, Tape, jacobian
 from sepv.record._derivative import reachable
+from sepv.record._symbols import array
 from sepv.simulate._compiled.code_builder import CodeBuilder, Expression, Table, shown
 from sepv.solve._formula import Formula
 from sepv.solve._recorded import Recorded
@@ -207,12 +213,33 @@ class RecordedProblem(Recorded):
         values = [y @ (A @ y) for A in self.problem.casimirs] + [b @ y for b in self.problem.linear_casimirs]
         return [self.tape.symbol(v) for v in values]
 
-    def casimir_gradients(self, code: CodeBuilder, ends: Sequence[str]) -> Table:
-        """Their gradients averaged along a segment, whose ends have the sum `ends`: ∇C at half of it."""
-        slopes = [self._printed(code, ends, gradient(C, self.y)) for C in self._casimirs]
-        # A quadratic C has a gradient linear in y.
-        quadratic = len(self.problem.casimirs)
-        return [[code.product("(0.5)", v) for v in row] for row in slopes[:quadratic]] + slopes[quadratic:]
+    @cached_property
+    def directions(self) -> tuple[list[Symbol], list[Symbol], Any]:
+        """Of a projection: those of the invariants at y, symbols for them, and with these what they move z by from y.
+
+        See `sepv.schemes._projected`; the first two in one order.
+        """
+        casimirs = self.problem.casimirs, self.problem.linear_casimirs
+        found = directions([self.slope, *casimir_gradients(*casimirs, 2.0 * self.y)])
+        values = [self.tape.symbol(v) for v in (*np.ravel(found.q), *found.inverse, *chain(*found.products))]
+        known = self.tape.vector(len(values))
+        symbols, K = iter(known), len(found.q)
+        q = [array([next(symbols) for _ in self.y], (self.dimension,)) for _ in range(K)]
+        inverse = [next(symbols) for _ in range(K)]
+        again = Directions(q, inverse, [[next(symbols) for _ in range(k)] for k in range(K)])
+        averages = [self.mean.value, *casimir_gradients(*casimirs, 2.0 * self.y + self.z)]
+        return values, list(known), again.correction([dot(g, self.z) for g in averages])
+
+    def printed_directions(self, code: CodeBuilder, end: Sequence[str]) -> list[Expression]:
+        """The directions at y*."""
+        return self._printed(code, end, self.directions[0])
+
+    def moved_back(
+        self, code: CodeBuilder, y: Sequence[str], z: Sequence[str], known: Sequence[Expression]
+    ) -> list[Expression]:
+        """What the invariants move z by, along these directions."""
+        _, symbols, correction = self.directions
+        return printed(code, [(self.y, y), (self.z, z), (symbols, [shown(v) for v in known])], correction)
 
     def _printed(
         self, code: CodeBuilder, y: Sequence[str], outputs: Any, z: Sequence[str] = ()
