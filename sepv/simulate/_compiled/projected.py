@@ -59,7 +59,8 @@ class ProjectedWriter(Writer):
         code.lines += [f"{self.at('Z', i)} = {v}" for i, v in enumerate(z)]
         code.lines += [f"{self.at('P')} = m", f"{self.at('X')} = scale"]
         code.lines += [f"{self.at('Q', i)} = {v}" for i, v in enumerate(found) if v is not None]
-        return [*code.lines, *self.ending(code, y, z, "0")]
+        end = self.ending(code, y, z, "0")
+        return [*code.lines, *end]
 
     def iteration(self) -> list[str]:
         """An iteration of a group."""
