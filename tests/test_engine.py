@@ -99,20 +99,20 @@ def test_steps_of_stages_and_projections_are_refused_alike(scheme: str) -> None:
 
 
 def test_what_is_raised_while_a_lane_is_solved_is_raised_when_the_compiled_loop_is_back(monkeypatch) -> None:
-    from sepv.schemes import _one_step
+    from sepv.solve import _newton
 
     arguments = {"h": 0.1, "steps": 40, "engine": "compiled", "truncation": None, "seed": 2}
     whole = sepv.long_path(EP, "lotka-volterra", **arguments)
     assert whole.failed_step > 0
-    solve, asked = _one_step.solve_implicit, []
+    approach, asked = _newton.approach, []
 
     def interrupted(*given):
         asked.append(given)
         if len(asked) == 1:
             raise KeyboardInterrupt
-        return solve(*given)
+        return approach(*given)
 
-    monkeypatch.setattr(_one_step, "solve_implicit", interrupted)
+    monkeypatch.setattr(_newton, "approach", interrupted)
     path = sepv.long_path(EP, "lotka-volterra", **arguments)
     assert path.interrupted
     assert len(asked) > 1
@@ -126,7 +126,7 @@ def test_what_is_raised_while_a_lane_is_solved_is_raised_when_the_compiled_loop_
     def broken(*given):
         raise ArithmeticError("no such thing")
 
-    monkeypatch.setattr(_one_step, "solve_implicit", broken)
+    monkeypatch.setattr(_newton, "approach", broken)
     with pytest.raises(sepv.errors.ChunkFailure, match="no such thing"):
         sepv.ensemble(EP, "lotka-volterra", paths=20, **arguments)
 
@@ -634,7 +634,7 @@ def test_any_constant_that_reaches_compiled_code_changes_its_name(monkeypatch) -
         ("_wiener", "MIXING"),
         ("_wiener", "STREAMS"),
         ("functions", "_PART_1"),
-        ("module", "LANES"),
+        ("layout", "LANES"),
     } <= changed
     assert [store.name_of(text) for text in texts] == known
     for package in ("numba", "llvmlite"):
