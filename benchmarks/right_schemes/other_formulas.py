@@ -20,7 +20,7 @@ from sepv.solve import Fields
 from sepv.solve._formula import Asked
 
 # Of a scheme that is not (2.1) itself but shares its structure.
-_NOT_ITSELF = {"midpoint", "reduction", "reference"}
+_NOT_ITSELF = {"midpoint", "reduction", "reference", "refusal"}
 _TRIPLE = 1 / (2 - 2 ** (1 / 3))
 
 

@@ -50,7 +50,8 @@ class Scheme:
         y of shape (d,) with dW of shape (m,); a step that sets `batched` also takes a batch, (d, M) with
         (m, M). Pure: the same bits for the same arguments, nothing changed in place.
     claims : iterable of law names
-        The laws it says it obeys. Laws that are not claimed are measured and printed all the same.
+        The laws it says it obeys. Laws that are not claimed are measured and printed all the same. With "reference"
+        the law "refusal" is claimed.
     source : str
         Where the formula comes from.
     mean_square_order, weak_order : float or `sepv.schemes.Orders`, optional
@@ -171,7 +172,11 @@ class Scheme:
             )
         listed = isinstance(self.problems, Iterable) and not isinstance(self.problems, str)
         object.__setattr__(self, "problems", tuple(self.problems) if listed else (self.problems,))
-        object.__setattr__(self, "claims", frozenset(c.strip().replace("_", "-") for c in claims))
+        claims = {c.strip().replace("_", "-") for c in claims}
+        # Whoever solves (2.1) has nothing to return where it has no solution.
+        object.__setattr__(
+            self, "claims", frozenset(claims | ({"refusal"} if "reference" in claims else set()))
+        )
         if not callable(self.step):
             raise UsageError(
                 expected="Scheme(step=…), a function step(problem, y, h, dW) -> y_next",

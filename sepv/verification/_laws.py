@@ -30,6 +30,7 @@ LAWS = (
     "symmetry",
     "equivariance",
     "reference",
+    "refusal",
     "rounding",
     "truncation",
     "local-mean",

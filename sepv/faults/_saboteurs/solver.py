@@ -7,14 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from sepv.faults._saboteurs.record import Family, explicit, right_side
-from sepv.problem import Array, Problem
+from sepv.errors import StepFailure
+from sepv.faults._saboteurs.record import Family, claiming, explicit, right_side
+from sepv.problem import Array, Problem, vector_field
 from sepv.problem._fields import linear_solve
 from sepv.record._binary64 import EPS, TINY
-from sepv.schemes import Scheme
+from sepv.schemes import Scheme, energy_preserving
 from sepv.schemes._energy_preserving import jacobian
 from sepv.schemes._one_step import random_step
-from sepv.schemes._scheme import Step
+from sepv.schemes._scheme import Step, as_lanes
 
 SABOTEURS = Family("solver")
 _SEEN = ("energy", "casimir", "midpoint", "symmetry", "reference", "rounding")
@@ -123,3 +124,37 @@ SABOTEURS.rows(
     ("lanes-stop-together", "all states of a batch stop iterating when the first of them has converged",
      ("reproducibility",), _iterated(_newton, 20, 1e-9, together=True)),
 )  # fmt: skip
+
+
+@SABOTEURS.around("a step that is not solved returns y0", ("refusal",))
+def unmoved_where_unsolved(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    try:
+        return step(problem, y, h, dW)
+    except StepFailure:
+        return y.copy()
+
+
+@SABOTEURS.around("a step that is not solved is the explicit one", ("refusal",))
+def explicit_where_unsolved(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    try:
+        return step(problem, y, h, dW)
+    except StepFailure:
+        return y + problem.random_step(h, dW) * vector_field(problem, y)
+
+
+@SABOTEURS.around("a step that is not solved is two half steps, where these are solved", ("refusal",))
+def halved_where_unsolved(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    try:
+        return step(problem, y, h, dW)
+    except StepFailure:
+        middle = step(problem, y, h / 2, dW / 2)
+        return step(problem, middle, h / 2, dW / 2)
+
+
+@SABOTEURS.made(
+    "a step that is not solved returns the last iterate", ("refusal",), lambda step: lambda: claiming(step)
+)
+def last_iterate_where_unsolved(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    states, noise = as_lanes(problem, y, h, dW)
+    assert energy_preserving.solve is not None
+    return energy_preserving.solve(problem, states, h, noise).value.reshape(y.shape)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from random import Random
 
 from hypothesis import strategies as st
 
@@ -72,6 +73,8 @@ class Cases:
         Other cases for a scheme of this class: a narrower class, or a strategy of the law's own.
     fixed : class -> (() -> cases)
         Asked with every seed, beside those of the class.
+    made : class -> (count, Random -> case)
+        For a law with cases of its own: so many in the place of a design, and more for the random search.
     """
 
     adapt: Adapt = unchanged
@@ -82,6 +85,7 @@ class Cases:
     stays: bool = True
     instead: Mapping[Systems, Systems | Callable[[], Strategy]] = field(default_factory=dict)
     fixed: Mapping[Systems, Callable[[], Iterable[Case]]] = field(default_factory=dict)
+    made: Mapping[Systems, tuple[int, Callable[[Random], Case]]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         known = {axis.name: axis for own in CLASSES.values() for axis in own.space.axes}
@@ -99,7 +103,7 @@ class Cases:
 
     def space(self, systems: Systems) -> Space | None:
         """The space of the law's design for a class; None where it has none."""
-        if self.not_of.get(systems):
+        if self.not_of.get(systems) or systems in self.made:
             return None
         source = self.instead.get(systems, systems)
         return CLASSES[source].space.part(self.where, self.blind) if isinstance(source, Systems) else None
@@ -118,6 +122,12 @@ class Cases:
         """The cases for a scheme that is for all of a class, or why there are none."""
         if why := self.not_of.get(systems):
             return why
+        if systems in self.made:
+            count, make = self.made[systems]
+            drawn_alone = st.randoms(use_true_random=False).map(make)
+            return Question(
+                lambda seed: [make(Random(f"{seed} {n}")) for n in range(count)], drawn_alone, self.admits
+            )
         source = self.instead.get(systems, systems)
         if not isinstance(source, Systems):
             return Question(lambda _: [], self._adapting(source()), self.admits)

@@ -1,0 +1,173 @@
+"""A step of (2.1) that is proved to have no solution is refused: by an ArithmeticError, or by the status of its lane.
+
+Any state that is returned is wrong, y0 and the explicit step among them. The proof is in
+`sepv.verification._cases.without_solution`: one component of (2.1) is a quadratic equation without real root, in exact
+numbers. The residual that a returned state leaves in that component is compared with what a solved step may leave.
+Whoever does not claim *reference* solves another equation: the report says what the scheme returns, and judges nothing.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections import Counter
+from functools import cache, partial
+from random import Random
+from typing import Any
+
+import numpy as np
+
+from sepv.errors import SepvError, Skipped, StepFailure
+from sepv.problem import Array, Problem, Systems, vector_field
+from sepv.schemes import Scheme, ask
+from sepv.solve import Status
+from sepv.verification import (
+    Case,
+    Cases,
+    Effort,
+    Finding,
+    Law,
+    Measurement,
+    Run,
+    Verdict,
+    require,
+    searched,
+    state_ulp,
+    step_residual,
+)
+from sepv.verification._cases.without_solution import NoSolution, made, proof
+
+# Steps of a run before its random search, and those that a scheme is asked about which claims another equation. Few: an
+# iteration that finds nothing takes fifty times as long as one that converges.
+STEPS, SHOWN = 8, 8
+_MADE = (Systems.SINGLE, Systems.NAMBU, Systems.SEVERAL)
+
+
+def check(scheme: Scheme, case: Case) -> Measurement:
+    """The state by itself; in cases of batches, where the scheme takes them, also between two that do not move."""
+    why = proof(case, scheme.stages)
+    if why is None:
+        raise Skipped("nothing proves that the step has no solution")
+    problem, y, h, dW = case.build()
+    alone = _judged(scheme, case, why, partial(ask, scheme, problem, y, h, dW), "y1")
+    if alone.violates or not (scheme.batched and case.batch):
+        return alone
+    states, noises = np.repeat(y[:, None], 3, axis=1), np.repeat(dW[:, None], 3, axis=1)
+    if problem.noises and problem.c[0]:
+        # Δ = 0 of the states beside it, but for several structures.
+        noises[0, ::2] -= (h + float(problem.c @ dW)) / problem.c[0]
+    among = _judged(scheme, case, why, lambda: ask(scheme, problem, states, h, noises)[:, 1], "y1 in a batch")
+    if among.violates or scheme.solve is None:
+        return among
+    solve = scheme.solve
+
+    def lane() -> Array | None:
+        solution = solve(problem, states.copy(), h, noises.copy())
+        return solution.value[:, 1] if solution.status[1] == Status.CONVERGED else None
+
+    return _judged(scheme, case, why, lane, "y1 of solve, of which the status says that it is solved,")
+
+
+def _judged(scheme: Scheme, case: Case, why: NoSolution, answer: Any, name: str) -> Measurement:
+    """The residual in the component that has no solution, in ulp of y; nothing where the step is refused."""
+    problem, y, h, dW = case.build()
+    try:
+        y1 = answer()
+    except StepFailure:
+        y1 = None
+    if y1 is None:
+        return Measurement(0.0, 0.0, "refused, as is right")
+    k = why.place
+    with np.errstate(all="ignore"):
+        allowed = float(step_residual(problem, y, y1, h, dW, scheme)[k])
+    unit = state_ulp(y, y1)
+    left = _float(why.residual(y[k], y1[k])) / unit
+    detail = (
+        f"{name} = {y1.tolist()} came, and (2.1) has no solution: for z = y1_{k + 1} − y_{k + 1} it says "
+        f"{float(why.a):.6g} z² {float(why.b):+.6g} z {float(why.c):+.6g} {'≤' if why.stages > 1 else '='} 0, "
+        f"which no real z obeys; each state leaves a residual of {float(why.least):.3g} at least\n"
+        "Remedy: raise sepv.StepFailure, or an ArithmeticError, where the iteration does not converge"
+    )
+    return Measurement(left, allowed / unit if math.isfinite(allowed) else 0.0, detail)
+
+
+def _float(value: Any) -> float:
+    """A Fraction as a binary64 number, infinite where it is too large."""
+    return math.inf if value > 2**1000 else float(value)
+
+
+@cache
+def _law(stages: int = 1) -> Law:
+    return searched(
+        name="refusal",
+        statement="a step of (2.1) that has no solution is refused, and nothing is returned for it",
+        source="(2.1)",
+        unit="ulp of y",
+        cost=0.4,
+        steps=24,
+        cases=Cases(
+            adapt=lambda case: case if proof(case, stages) is not None else None,
+            why="nothing proves of the problems that a step has no solution",
+            not_of={
+                systems: "no steps are known by a formula to have no solution"
+                for systems in Systems
+                if systems not in _MADE
+            },
+            made={systems: (STEPS, partial(made, systems=systems, stages=stages)) for systems in _MADE},
+        ),
+        check=check,
+    )
+
+
+def _run(_: Law, scheme: Scheme, own: Run) -> Finding:
+    inner = _law(scheme.stages)
+    if "reference" in scheme.claims:
+        return inner.run(inner, scheme, own)
+    text = "the scheme does not claim reference, and may solve another equation"
+    if scheme.systems in _MADE and not scheme.problems:
+        text += f"\n{_returned(scheme, own.effort.seed)}"
+    return inner.finding(Verdict.NOT_APPLICABLE, message=text)
+
+
+def _returned(scheme: Scheme, seed: int) -> str:
+    """A sentence: what a scheme makes of steps at which (2.1) has no solution."""
+    seen: Counter[str] = Counter()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the scheme's own warnings are not findings
+        for n in range(SHOWN):
+            problem, y, h, dW = made(Random(f"{seed} {n}"), scheme.systems).build()
+            try:
+                seen[_named(problem, y, h, dW, ask(scheme, problem, y, h, dW))] += 1
+            except StepFailure:
+                seen["a refusal"] += 1
+            except SepvError as error:
+                seen[type(error).__name__] += 1
+    return f"at {SHOWN} steps without a solution of (2.1) came: " + ", ".join(
+        f"{what} ({n})" for what, n in seen.most_common()
+    )
+
+
+def _named(problem: Problem, y: Array, h: float, dW: Array, y1: Array) -> str:
+    """y0, the explicit step, or a state."""
+    if np.array_equal(y1, y):
+        return "y0"
+    explicit = y + problem.random_step(h, dW) * vector_field(problem, y)
+    return "the explicit step" if np.allclose(y1, explicit, rtol=1e-12, atol=0.0) else "another state"
+
+
+def _replay(_: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
+    inner = _law(scheme.stages)
+    return inner.replay(inner, scheme, witness)
+
+
+law = Law(
+    **{
+        key: getattr(_law(), key) for key in ("name", "statement", "source", "unit", "cost", "steps", "cases")
+    },
+    run=_run,
+    replay=_replay,
+)
+
+
+def test_refusal(scheme: Scheme, effort: Effort) -> None:
+    require(law, scheme, effort)
