@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections import Counter
+from dataclasses import replace
 from functools import cache, partial
 from random import Random
 from typing import Any
@@ -122,7 +123,15 @@ def _law(stages: int = 1) -> Law:
 def _run(_: Law, scheme: Scheme, own: Run) -> Finding:
     inner = _law(scheme.stages)
     if "reference" in scheme.claims:
-        return inner.run(inner, scheme, own)
+        found = inner.run(inner, scheme, own)
+        # Steps that the scheme does not take (`longest_step`) are none that it fails to refuse.
+        if (
+            found.verdict in (Verdict.INCONCLUSIVE, Verdict.NOT_APPLICABLE)
+            and scheme.longest_step is not None
+        ):
+            left = Verdict.HOLDS if found.checks else Verdict.NOT_APPLICABLE
+            return replace(found, verdict=left, skipped=found.skipped if found.checks else 0)
+        return found
     text = "the scheme does not claim reference, and may solve another equation"
     if scheme.systems in _MADE and not scheme.problems:
         text += f"\n{_returned(scheme, own.effort.seed)}"

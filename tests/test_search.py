@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
 import pytest
 from hypothesis import strategies as st
 
 from sepv import problems, schemes
-from sepv.problem import Systems
+from sepv.errors import UsageError
+from sepv.problem import Array, Problem, Systems
 from sepv.schemes import Scheme
 from sepv.verification import (
     Case,
@@ -84,3 +89,35 @@ def test_a_defect_is_that_of_the_witness_wherever_simplifying_ends(checks: int) 
     again = replay("midpoint", "energy", found.witness)
     assert found.verdict is again.verdict is Verdict.VIOLATED
     assert (found.defect, found.bound) == (again.defect, again.bound)
+
+
+def test_steps_longer_than_a_scheme_takes_are_left_out_and_their_share_is_said() -> None:
+    refused = []
+
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        if abs(h) + np.abs(problem.c * dW).sum() > 1.0:
+            refused.append(h)
+        return schemes.energy_preserving.step(problem, y, h, dW)
+
+    limited = Scheme("limited", step, claims=["energy"], longest_step=1.0)
+    report = verify(limited, laws="energy")
+    found = report.finding("energy")
+    assert not refused
+    assert found.share is not None
+    assert 0.7 < found.share < 0.9
+    assert f"holds on {int(100 * found.share)} %" in str(report)
+    assert report.exit_code == 0
+
+
+def test_a_law_of_which_few_cases_are_left_does_not_hold() -> None:
+    some = replace(schemes.energy_preserving, longest_step=lambda problem, y, h, dW: len(y) == 7)
+    report = verify(some, laws="energy")
+    assert report.finding("energy").verdict is Verdict.INCONCLUSIVE
+    assert "% of the cases were measured: a law holds on 25 % at least" in report.finding("energy").message
+    assert report.exit_code == 1
+
+
+@pytest.mark.parametrize("limit", [0.0, -1.0, float("nan"), "1"])
+def test_a_longest_step_is_a_positive_number_or_a_function(limit: Any) -> None:
+    with pytest.raises(UsageError, match="longest_step, a number > 0"):
+        replace(schemes.energy_preserving, longest_step=limit)

@@ -235,9 +235,12 @@ def summary(detections: Sequence[Detection]) -> Text:
 
 
 def abbreviation(law: str) -> str:
-    """The initials of a name of several words, else three letters."""
+    """The initials of a name of several words, else the letters that no other law begins with, three at least."""
     words = law.split("-")
-    return "".join(w[0] for w in words) if len(words) > 1 else law[:3]
+    if len(words) > 1:
+        return "".join(w[0] for w in words)
+    lengths = range(3, len(law) + 1)
+    return next(law[:n] for n in lengths if n == len(law) or sum(o.startswith(law[:n]) for o in LAWS) < 2)
 
 
 # The sign and its style; the first of them that was seen stands.

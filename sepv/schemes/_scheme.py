@@ -83,6 +83,9 @@ class Scheme:
     stages : int
         s of the collocation family: laws that compare with (2.1) compare with its s-stage method
         (Cohen and Hairer), those that compare with the midpoint rule with the s-stage Gauss method.
+    longest_step : float or callable (problem, y, h, dW) -> bool, optional
+        The steps that it takes: |h| + Σ|c_j ΔW_j| up to a number, or those of which a function says so. Laws about
+        single steps leave out the others; one of which less than a quarter of the cases are left does not hold.
     look : Look, optional
         Its colours, marker and dashes in pictures; without one it is given a look that no other has there.
 
@@ -116,6 +119,7 @@ class Scheme:
     asks: str = ""
     problems: Iterable[Any] = ()
     look: Look | None = None
+    longest_step: float | Callable[..., bool] | None = None
 
     def __post_init__(self) -> None:
         several = isinstance(self.claims, Iterable) and not isinstance(self.claims, str)
@@ -141,6 +145,11 @@ class Scheme:
             ),
             (k is None or (is_whole(k) and k >= 1), "truncation, the integer k ≥ 1 of Remark 2.1", k),
             (is_whole(self.stages) and self.stages >= 1, "stages, an integer ≥ 1", self.stages),
+            (
+                self.longest_step is None or callable(self.longest_step) or _is_positive(self.longest_step),
+                "longest_step, a number > 0 or a function (problem, y, h, dW) -> bool",
+                self.longest_step,
+            ),
         ):
             if not right:
                 raise UsageError(
@@ -183,6 +192,20 @@ class Scheme:
                 received=f"{type(self.step).__name__}: {self.step!r:.80}",
                 remedy="hand over the function itself",
             )
+
+
+def _is_positive(value: Any) -> bool:
+    return is_number(value) and value > 0
+
+
+def takes(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> bool:
+    """Whether the step is one of those that the scheme says it takes (`Scheme.longest_step`)."""
+    limit = scheme.longest_step
+    if limit is None:
+        return True
+    if callable(limit):
+        return bool(limit(problem, y, h, dW))
+    return abs(h) + float(np.abs(problem.c * dW).sum()) <= limit
 
 
 def weakly(scheme: Scheme, increments: str | PointLaw | None) -> Scheme:

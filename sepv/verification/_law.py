@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -85,6 +86,8 @@ class Finding:
         The reason of an expected failure, which was checked by its witness.
     skipped : int
         Cases that the scheme does not take (`sepv.errors.Skipped`).
+    share : float or None
+        Of a law that skipped cases it must ask: the share of its design that was measured.
     step_seconds : float or None
         What a state took in a step, where the law timed it: for the seconds that a run has left.
     """
@@ -106,6 +109,13 @@ class Finding:
     expected: str | None = None
     skipped: int = 0
     step_seconds: float | None = None
+    share: float | None = None
+
+    @property
+    def verdict_text(self) -> str:
+        """The verdict in words; holds on 71 %, where the other cases were skipped."""
+        partly = self.share is not None and self.verdict is Verdict.HOLDS
+        return f"holds on {math.floor(100 * self.share)} %" if partly and self.share else self.verdict.text
 
     @property
     def words(self) -> str:
@@ -113,7 +123,7 @@ class Finding:
         size = ""
         if self.defect is not None and self.bound is not None:
             size = f": {self.defect:.3g} against {self.bound:.3g} {self.unit}"
-        return f"{self.law} ({self.source}) {self.verdict.text}{size}"
+        return f"{self.law} ({self.source}) {self.verdict_text}{size}"
 
 
 @dataclass(frozen=True)

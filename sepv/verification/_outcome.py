@@ -206,7 +206,7 @@ def fails(f: Finding, pinned: frozenset[str] | None = None) -> bool:
 
 _TOLD = (
     "law", "claimed", "verdict", "defect", "bound", "at_least", "unit", "source", "witness", "replay", "checks",
-    "skipped", "message", "expected", "seconds",
+    "skipped", "share", "message", "expected", "seconds",
 )  # fmt: skip
 
 

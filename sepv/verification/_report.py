@@ -133,7 +133,7 @@ def law_table(report: Report) -> Table:
 
 
 def _law_row(report: Report, f: Finding) -> tuple[str | Text, ...]:
-    text = "n/a" if f.verdict is Verdict.NOT_APPLICABLE else f.verdict.text
+    text = "n/a" if f.verdict is Verdict.NOT_APPLICABLE else f.verdict_text
     own = "yes" if f.law in report.scheme.claims else "always"
     claimed = "fails" if f.expected is not None else own if f.claimed else ""
     bound = "" if f.bound is None else f"{'≥' if f.at_least else '≤'} {_number(f.bound)}"
@@ -247,7 +247,7 @@ def show_finding(finding: Finding, out: Console, *, debug: bool = False) -> None
 
 
 def _headed(finding: Finding, source: str) -> Text:
-    return Text.assemble((finding.law, "bold"), " ", (finding.verdict.text, _STYLES[finding.verdict]), source)
+    return Text.assemble((finding.law, "bold"), " ", (finding.verdict_text, _STYLES[finding.verdict]), source)
 
 
 def _details(finding: Finding, report: Report, out: Console, *, debug: bool) -> None:

@@ -27,6 +27,7 @@ from sepv._terminal import counted
 from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure, UsageError
 from sepv.record._binary64 import EPS
 from sepv.schemes import Scheme
+from sepv.schemes._scheme import takes
 from sepv.verification import _corpus as corpus
 from sepv.verification._cases import case as cases_of
 from sepv.verification._cases.case import Case
@@ -48,6 +49,8 @@ MOST_SKIPPED = 20
 MOST_SECONDS = 100.0
 # Cases of a design that cannot be measured, until it is given up: each may take as long as a call may.
 MOST_FAULTS = 4
+# The share of a law's cases that must be measured for it to hold.
+LEAST_SHARE = 0.25
 # Relative defects below may come from a solver's tolerance: eight times √eps, the default of many.
 MOST_TOLERANCE = 2.0**-23
 
@@ -75,6 +78,8 @@ class _Log:
         self.fault: tuple[Case, Exception] | None = None
         self.crash: tuple[Case, Exception] | None = None  # a fault that no violation may hide
         self.skipped: dict[str, int] = {}
+        self.lacking = 0  # skipped cases that every scheme for the class is to take
+        self.share: float | None = None  # of the design that was measured, where cases were lacking
 
     @property
     def failed(self) -> bool:
@@ -86,9 +91,10 @@ class _Log:
         """How many cases the scheme did not take."""
         return sum(self.skipped.values())
 
-    def skip(self, reason: str) -> None:
-        """A case that was not taken is no check."""
+    def skip(self, reason: str, *, may: bool = False) -> None:
+        """A case that was not taken is no check; `may` where a right scheme may refuse it."""
         self.checks -= 1
+        self.lacking += not may
         self.skipped[reason] = self.skipped.get(reason, 0) + 1
 
 
@@ -174,6 +180,8 @@ def _search(law: Law, scheme: Scheme, effort: Effort, asked: _Asked) -> Finding:
     fixed = asked.where.fixed
     visited = chain.from_iterable(_designed(asked.where, effort.seed, n) for n in range(effort.designs))
     _visit(log, scheme, chain(known, visited, fixed), asked)
+    if log.lacking and log.checks:
+        log.share = log.checks / (log.checks + log.lacking)
     if not (log.failed and effort.shrink_checks == 0):
         violation, fault = log.violation, log.fault
         # A witness was shrunk when it was found, and what is fixed is simple: a search would find nothing simpler.
@@ -293,18 +301,20 @@ def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate
     log.checks += 1
     note_case(lambda: cases_of.to_json(case))
     try:
+        if scheme.longest_step is not None and not takes(scheme, *case.build()):
+            raise Skipped("a longer step than the scheme says it takes (longest_step)")
         measured = check(scheme, case)
     except Skipped as skipped:
         if case.given != "data":
             # A scheme that cannot run functions is asked about the same system as data: the design stays whole.
             log.checks -= 1
             return _measure(log, scheme, replace(case, given="data"), check, faults_violate)
-        log.skip(skipped.reason)
+        log.skip(skipped.reason, may=may_be_refused(case))
         raise
     except (SepvError, ArithmeticError) as error:
         if isinstance(error, StepFailure) and may_be_refused(case):
             reason = "a longer step than every scheme must take was refused"
-            log.skip(reason)
+            log.skip(reason, may=True)
             raise Skipped(reason) from error
         if case.h < 0:
             # Time runs backwards in some of the cases. Who does not solve for it is told, and accused of nothing.
@@ -398,7 +408,12 @@ def _conclude(law: Law, scheme: Scheme, log: _Log, check: Check) -> Finding:
     if not log.checks:
         verdict = Verdict.NOT_APPLICABLE if skipped else Verdict.ERROR
         return law.finding(verdict, message=skipped or "no case was measured", skipped=log.refused)
-    return law.finding(Verdict.HOLDS, message=skipped, skipped=log.refused, **seen)
+    verdict = Verdict.HOLDS
+    if log.share is not None and log.share < LEAST_SHARE:
+        verdict = Verdict.INCONCLUSIVE
+        few = f"only {100 * log.share:.0f} % of the cases were measured"
+        skipped = f"{few}: a law holds on {100 * LEAST_SHARE:.0f} % at least\n{skipped}"
+    return law.finding(verdict, message=skipped, skipped=log.refused, share=log.share, **seen)
 
 
 def _witness(law: Law, case: Case) -> dict[str, Any]:
