@@ -36,8 +36,8 @@ def pinned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Little effort; above all no seconds for simplifying counterexamples."""
-    monkeypatch.setattr("sepv.commands._verify._effort", lambda **_: Effort(8, 64, 0, 0.1))
+    """Little effort; above all few checks for simplifying counterexamples."""
+    monkeypatch.setattr("sepv.commands._verify._effort", lambda **_: Effort(8, 64, 0, 10))
 
 
 def call(target: str, *options: str):
@@ -110,7 +110,7 @@ def choosy(problem, y, h, dW):
 
 def test_a_claim_whose_cases_are_all_skipped_is_a_failure() -> None:
     scheme = Scheme("choosy", choosy, claims=["mean-square-order"])
-    report = verify(scheme, laws=["mean-square-order", "weak-order"], effort=Effort(5, 64, 0, 0.1))
+    report = verify(scheme, laws=["mean-square-order", "weak-order"], effort=Effort(5, 64, 0, 10))
     claimed, other = report.findings
     assert claimed.verdict is other.verdict is Verdict.NOT_APPLICABLE
     assert claimed.skipped
@@ -123,11 +123,10 @@ def test_a_claim_whose_cases_are_all_skipped_is_a_failure() -> None:
 
 def test_a_claim_about_something_else_is_named_and_no_failure() -> None:
     scheme = Scheme("one", midpoint, claims=["casimir", "reproducibility"])
-    report = verify(scheme, laws=["casimir", "reproducibility"], effort=Effort(5, 64, 0, 0.1))
+    report = verify(scheme, laws=["casimir", "reproducibility"], effort=Effort(5, 64, 0, 10))
     assert report.exit_code == 0
-    assert summary(report).plain.endswith(
-        "The claimed law holds. Claimed, but not about this scheme: reproducibility."
-    )
+    said = "The claimed law holds. Claimed, but not about this scheme: reproducibility."
+    assert said in summary(report).plain
 
 
 def test_laws_side_by_side_find_the_same_to_the_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -168,7 +167,7 @@ def test_a_worker_that_dies_is_an_error_of_its_law(tmp_path: Path, monkeypatch: 
     (tmp_path / "falls.py").write_text(
         "import os, sepv\nscheme = sepv.Scheme('falls', lambda problem, y, h, dW: os._exit(9))\n"
     )
-    report = verify("falls:scheme", laws=["contract", "energy"], effort=Effort(8, 64, 0, 0.1), jobs=2)
+    report = verify("falls:scheme", laws=["contract", "energy"], effort=Effort(8, 64, 0, 10), jobs=2)
     assert [f.verdict for f in report.findings] == [Verdict.ERROR] * 2
     assert "exit code 9" in report.findings[0].message
     assert report.exit_code == 3
