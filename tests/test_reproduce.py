@@ -16,7 +16,9 @@ from click.testing import CliRunner
 from sepv import problems, schemes
 from sepv.commands._cli import main
 from sepv.errors import UsageError
+from sepv.exact import exact_flow
 from sepv.files import schema
+from sepv.simulate import ensemble
 from sepv.studies._energy_diffusion import energy_diffusion
 from sepv.studies._energy_growth import judged
 from sepv.studies._reproduce import (
@@ -25,14 +27,13 @@ from sepv.studies._reproduce import (
     figure_4_6,
     figures_4_1_and_4_2,
     figures_4_4_and_4_5,
+    judge,
     order,
-    record,
     runs,
 )
 from sepv.studies._reproduce.record import Size, draw
 from sepv.studies._reproduce.suite import Reproduction, reproduce
 from sepv.studies._reproduce.suite import _run as run_jobs
-from sepv.verification._orders.convergence import strong_errors
 
 # The compiled engine has its own tests, and compiles longer than this computes.
 TINY = Size(share=1e-3, engine="numpy")
@@ -135,13 +136,15 @@ def test_a_fine_step_reference_sees_no_error_at_its_own_step() -> None:
     results = {
         job.key: job.function(**job.arguments) for job in order.fine_jobs(setting, Size(engine="numpy"))
     }
-    panel = order.fine_panel(setting, results, "", "")
+    panel = order.fine_panel(setting, results)
     seen = panel.numbers["midpoint"]["fine-step reference"]
-    truth = strong_errors(
-        schemes.midpoint, problems.pendulum(), T=1.0, steps=(8, 32, 128), paths=range(128)
-    ).rms()
+    truth, problem = [], problems.pendulum()
+    for steps in setting.steps:
+        ends = ensemble("midpoint", problem, h=1.0 / steps, steps=steps, paths=128)
+        exact = exact_flow(problem, problem.random_step(1.0, ends.W)).y
+        truth.append(np.sqrt(np.mean(np.sum((ends.y - exact) ** 2, axis=0))))
     assert seen[-1] == 0
-    assert panel.numbers["midpoint"]["exact reference"] == pytest.approx(truth.tolist())
+    assert panel.numbers["midpoint"]["exact reference"] == pytest.approx(truth)
     assert panel.statements[0].verdict == "fails"
     assert all(v > 0 for s in panel.series for v in s.y)  # what a logarithmic axis can show
 
@@ -200,14 +203,24 @@ def test_the_command_writes_numbers_and_prints_verdicts(
     assert "Remedy: sepv reproduce 4.3" in wrong.stderr
 
 
-def test_verdicts_exclude_each_other() -> None:
-    assert [record.decide(*v) for v in ((True, False), (False, True), (False, False))] == [
+def test_verdicts_exclude_each_other_and_leave_room_between() -> None:
+    assert [judge.decide(*v) for v in ((True, False), (False, True), (False, False))] == [
         "holds",
         "fails",
         "open",
     ]
     with pytest.raises(AssertionError):
-        record.decide(True, True)
+        judge.decide(True, True)
+    three = ["holds", "open", "fails"]
+    assert [judge.at_most(v, 1, 3) for v in (1, 2, 4)] == three
+    assert [judge.above(v, 3, 1) for v in (4, 2, 0)] == three
+    assert [judge.near(v, 2, 0.25, 0.5) for v in (1.8, 2.4, 1.4)] == three
+    assert [judge.interval_near(*v, 1, 0.25) for v in ((0.9, 1.2), (0.7, 1.2), (0.4, 0.7))] == three
+    assert [judge.every("holds", v) for v in ("holds", "open", "fails")] == three
+    assert judge.every("open", "fails") == "fails"
+    unknown = float("nan")
+    undecided = judge.at_most(unknown, 1, 3), judge.above(unknown, 3, 1), judge.near(unknown, 2, 0.25, 0.5)
+    assert set(undecided) == {"open"}
 
 
 def test_the_compiled_engine_shows_the_same_panel(rigid: Reproduction) -> None:

@@ -21,7 +21,8 @@ from sepv.problems._common import structure
 from sepv.record._binary64 import EPS
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import ensemble
-from sepv.studies._reproduce.record import Statement, decide
+from sepv.studies._reproduce.judge import decide
+from sepv.studies._reproduce.record import Statement
 
 
 class Evidence(NamedTuple):

@@ -13,7 +13,8 @@ from sepv.schemes._several_stages import step_with_stages
 from sepv.schemes._several_with_areas import step_with_areas
 from sepv.simulate import _wiener as wiener
 from sepv.studies._picture import Axis
-from sepv.studies._reproduce.record import Job, Panel, Results, Size, Statement, decide, series
+from sepv.studies._reproduce import judge
+from sepv.studies._reproduce.record import Job, Panel, Results, Size, Statement, points
 from sepv.verification import Run
 from sepv.verification._orders.local_errors import local_errors
 
@@ -93,130 +94,86 @@ def jobs(size: Size) -> list[Job]:
 
 
 def panels(results: Results) -> list[Panel]:
-    """One panel for each of the two."""
-    stages = {s: results["theory", "stages", str(s)] for s in STAGES}
+    """Areas, stages, and the weak order."""
     return [
         _areas(results["theory", "areas"]),
-        _staged(stages),
+        _staged({s: results["theory", "stages", str(s)] for s in STAGES}),
         _weak({n: results["theory", "weak", n] for n in (*WEAK, *(f"{n}, {law}" for n, law, _ in POINTS))}),
     ]
 
 
 def _areas(found: dict[str, list[float]]) -> Panel:
     h = T / np.array(STEPS)
-    slopes = {key: float(np.polyfit(np.log(h), np.log(found[key]), 1)[0]) for key in ("without", "with")}
-    energy = max(found["energy"])
-    limit = 64 * EPS
+    slopes = {key: judge.slope(h, found[key]) for key in ("without", "with")}
+    energy, limit = max(found["energy"]), 64 * EPS
+    without = judge.near(slopes["without"], 0.5, 0.25, np.inf)
     statement = Statement(
-        text="(ours) With Lévy areas the energy-preserving scheme for several structures has mean-square order 1 "
+        "(ours) With Lévy areas the energy-preserving scheme for several structures has mean-square order 1 "
         "where the noises do not commute, and ½ without; H is kept",
-        source="§1: energy-preserving schemes for several structures",
-        verdict=decide(
-            abs(slopes["with"] - 1) < 0.25 and abs(slopes["without"] - 0.5) < 0.25 and energy < limit,
-            abs(slopes["with"] - 1) > 0.5 or energy > 1e3 * limit,
-        ),
-        measured=f"slopes {slopes['with']:.2f} and {slopes['without']:.2f}, largest energy defect {energy:.1e}",
-        criterion=f"slopes within ¼ of 1 and ½; energy within {limit:.0e}, a rounding for each of 64 steps",
-    )
+        "§1: energy-preserving schemes for several structures",
+        judge.every(judge.near(slopes["with"], 1, 0.25, 0.5), without, judge.at_most(energy, limit, 1e3 * limit)),
+        f"slopes {slopes['with']:.2f} and {slopes['without']:.2f}, largest energy defect {energy:.1e}",
+        f"slopes within ¼ of 1 and ½; energy within {limit:.0e}, a rounding for each of 64 steps",
+    )  # fmt: skip
     return Panel(
-        key="theory-areas",
-        title="Noises that do not commute, with and without areas",
-        source="§1",
-        series=tuple(
-            series(label, h, found[key], style="both")
-            for key, label in (("without", "increments only"), ("with", "increments and areas"))
-        ),
-        parameters={"problem": TOPS, "T": T, "N": list(STEPS)},
+        key="theory-areas", title="Noises that do not commute, with and without areas", source="§1",
+        series=(points("increments only", h, found["without"]), points("increments and areas", h, found["with"])),
+        parameters={"problem": TOPS, "T": T, "N": list(STEPS)}, slopes=(0.5, 1.0),
         chosen=(f"areas of the polygon with {FINE} steps, on which Heun's method serves as the reference",),
-        slopes=(0.5, 1.0),
-        statements=(statement,),
+        statements=(statement,), numbers={**found, "slopes": slopes},
         description="Without areas the errors fall along slope one half, with areas along slope one.",
-        numbers={**found, "slopes": slopes},
-    )
+    )  # fmt: skip
 
 
 def _staged(found: dict[int, list[float]]) -> Panel:
     h = T / np.array(STAGED)
-    slopes = {s: float(np.polyfit(np.log(h), np.log(e), 1)[0]) for s, e in found.items()}
+    slopes = {s: judge.slope(h, e) for s, e in found.items()}
     statement = Statement(
-        text="(ours) The order can be raised with several structures too, where all flows commute: s stages, order s",
-        source="§5; §1: energy-preserving schemes for several structures",
-        verdict=decide(
-            all(abs(v - s) < 0.35 for s, v in slopes.items()), any(v < s - 0.5 for s, v in slopes.items())
-        ),
-        measured=", ".join(f"s = {s}: slope {v:.2f}" for s, v in slopes.items()),
-        criterion=f"within 0.35 of s: {STAGED_SAMPLES} samples give a slope over a factor of 8 in h to about 0.2",
-    )
+        "(ours) The order can be raised with several structures too, where all flows commute: s stages, order s",
+        "§5; §1: energy-preserving schemes for several structures",
+        judge.decide(all(abs(v - s) < 0.35 for s, v in slopes.items()), any(v < s - 0.5 for s, v in slopes.items())),
+        ", ".join(f"s = {s}: slope {v:.2f}" for s, v in slopes.items()),
+        f"within 0.35 of s: {STAGED_SAMPLES} samples give a slope over a factor of 8 in h to about 0.2",
+    )  # fmt: skip
     return Panel(
-        key="theory-several-stages",
-        title="Several structures, commuting flows, s stages",
-        source="§1, §5",
-        series=tuple(series(f"s = {s}", h, e, style="both") for s, e in found.items()),
-        parameters={"problem": "commuting-rotations", "T": T, "N": list(STAGED)},
-        chosen=("increments are not truncated",),
-        slopes=(1.0, 2.0, 3.0),
-        statements=(statement,),
+        key="theory-several-stages", title="Several structures, commuting flows, s stages", source="§1, §5",
+        series=tuple(points(f"s = {s}", h, e) for s, e in found.items()),
+        parameters={"problem": "commuting-rotations", "T": T, "N": list(STAGED)}, slopes=(1.0, 2.0, 3.0),
+        chosen=("increments are not truncated",), statements=(statement,),
         description="Errors fall with a slope that is the number of stages.",
         numbers={f"s = {s}": {"errors": e, "slope": slopes[s]} for s, e in found.items()},
-    )
+    )  # fmt: skip
 
 
 def _weak(found: dict[str, dict[str, list[float]]]) -> Panel:
-    slopes = {}
-    for name, e in found.items():
-        kept = [n for n, v in enumerate(e["weak"]) if v > 1e4 * EPS][-2:]
-        rise = np.log(e["weak"][kept[0]] / e["weak"][kept[1]])
-        slopes[name] = float(rise / np.log(e["h"][kept[0]] / e["h"][kept[1]]))
-    same = abs(slopes["energy-preserving"] - slopes["midpoint"])
+    slopes = {name: judge.finest_slope(e["h"], e["weak"]) for name, e in found.items()}
+    ours, theirs, modified = (slopes[name] for name in WEAK)
+    few = {(name, law): slopes[f"{name}, {law}"] for name, law, _ in POINTS}
+    enough = (judge.above(v, q + 0.75, q + 0.5) for v, (*_, q) in zip(few.values(), POINTS, strict=True))
+    too_few = judge.decide(few["modified-weak-2", "two-point"] < 2.25, False)
     statements = (
-        Statement(
-            text="The weak order of the scheme is the same as that of the midpoint method",
-            source="§5",
-            verdict=decide(same < 0.25, same > 0.5),
-            measured=f"errors of E g after one step fall with slopes {slopes['energy-preserving']:.2f} and "
-            f"{slopes['midpoint']:.2f}: weak order 1 for both",
-            criterion="slopes that differ by less than ¼, by quadrature over ΔŴ",
-        ),
-        Statement(
-            text="The techniques of [1] may be used to construct high weak order based on the scheme (2.1)",
-            source="§5",
-            verdict=decide(slopes["modified-weak-2"] > 2.75, slopes["modified-weak-2"] < 2.5),
-            measured=f"(2.1) with a modified structure matrix, which keeps H and quadratic Casimirs: slope "
-            f"{slopes['modified-weak-2']:.2f}, weak order 2",
-            criterion="above 2¾",
-        ),
-        Statement(
-            text="(ours) Two-point increments do for weak order 1, three-point ones for weak order 2, for which two "
-            "points are too few",
-            source="§5; [1]",
-            verdict=decide(
-                all(slopes[f"{n}, {law}"] > q + 0.75 for n, law, q in POINTS)
-                and slopes["modified-weak-2, two-point"] < 2.25,
-                any(slopes[f"{n}, {law}"] < q + 0.5 for n, law, q in POINTS),
-            ),
-            measured=", ".join(
-                f"{n} with {law} increments: slope {slopes[f'{n}, {law}']:.2f}" for n, law, _ in POINTS
-            ),
-            criterion="above q + ¾, and below 2¼ where two points are too few; sums over the points, exact",
-        ),
-    )
+        Statement("The weak order of the scheme is the same as that of the midpoint method", "§5",
+                  judge.near(ours, theirs, 0.25, 0.5),
+                  f"errors of E g after one step fall with slopes {ours:.2f} and {theirs:.2f}: weak order 1 for both",
+                  "slopes that differ by less than ¼, by quadrature over ΔŴ"),
+        Statement("The techniques of [1] may be used to construct high weak order based on the scheme (2.1)", "§5",
+                  judge.above(modified, 2.75, 2.5),
+                  "(2.1) with a modified structure matrix, which keeps H and quadratic Casimirs: slope "
+                  f"{modified:.2f}, weak order 2", "above 2¾"),
+        Statement("(ours) Two-point increments do for weak order 1, three-point ones for weak order 2, for which two "
+                  "points are too few", "§5; [1]", judge.every(*enough, too_few),
+                  ", ".join(f"{n} with {law} increments: slope {v:.2f}" for (n, law), v in few.items()),
+                  "above q + ¾, and below 2¼ where two points are too few; sums over the points, exact"),
+    )  # fmt: skip
     return Panel(
-        key="theory-weak-order",
-        title="One step: errors of expectations",
-        source="§5",
+        key="theory-weak-order", title="One step: errors of expectations", source="§5",
         y=Axis("largest error of E g after one step", log=True),
-        series=tuple(
-            series(n, e["h"], e["weak"], scheme=n, style="both") for n, e in found.items() if n in WEAK
-        ),
-        parameters={"problem": "pendulum", "k": 2},
-        chosen=(
-            "g: all monomials up to degree 3, powers of linear forms up to twice the weak order plus one",
-        ),
-        slopes=(2.0, 3.0),
-        statements=statements,
+        series=tuple(points(n, found[n]["h"], found[n]["weak"], n) for n in WEAK),
+        parameters={"problem": "pendulum", "k": 2}, slopes=(2.0, 3.0), statements=statements,
+        chosen=("g: all monomials up to degree 3, powers of linear forms up to twice the weak order plus one",),
         description="Energy-preserving and midpoint scheme fall along slope two, the modified one along slope three.",
         numbers={n: {**e, "slope": slopes[n]} for n, e in found.items()},
-    )
+    )  # fmt: skip
 
 
 PANELS = {"theory": panels}

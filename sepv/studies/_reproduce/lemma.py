@@ -23,7 +23,8 @@ from sepv.problem import Array, NamedProblem, Problem, vector_field
 from sepv.problem._fields import derivative_along, matvec, slope_along
 from sepv.schemes._modified_weak_two import structure_curvature, structure_slope
 from sepv.studies._picture import Axis
-from sepv.studies._reproduce.record import Job, Panel, Results, Size, Statement, decide, series
+from sepv.studies._reproduce import judge
+from sepv.studies._reproduce.record import Job, Panel, Results, Size, Statement, points
 from sepv.verification._orders.gaussian import rule
 
 SCHEMES = ("energy-preserving", "midpoint")
@@ -72,7 +73,7 @@ def expanded(scheme: str, data: NamedProblem, y: Array) -> Array:
 
 
 def measured(problem: str) -> dict[str, dict[str, Any]]:
-    """Of both schemes: the coefficient by both ways at a state, and the moments of the rest by quadrature over ΔŴ."""
+    """Each scheme's coefficient by both ways at a state, and the moments of the rest by quadrature over ΔŴ."""
     system = problems.by_name(problem)
     assert isinstance(system.data, NamedProblem)
     y = (1.1 * np.array(system.initial) + 0.05)[:, None]
@@ -103,64 +104,53 @@ def jobs(_size: Size) -> list[Job]:
 def panels(results: Results) -> list[Panel]:
     """Moments of R_n and R̃_n against h."""
     found = {name: results["theory", "lemma", name] for name in NAMES}
-    return [
-        Panel(
-            key="theory-lemma-3.2",
-            title="What the expansions (3.1) and (3.5) leave",
-            source="Lemma 3.2, (3.2), (3.5)",
-            y=Axis("moments of R_n", log=True),
-            series=tuple(
-                series(f"{name}, {label}", H_STEPS, one[SCHEMES[0]][kind], style="both")
-                for name, one in found.items()
-                for kind, label in (("mean", "E‖R‖"), ("rms", "(E‖R‖²)^½"))
-            ),
-            parameters={"k": 2, "h": list(H_STEPS)},
-            chosen=("one step from 1.1 y0 + 0.05",),
-            slopes=(2.0,),
-            statements=tuple(s for name, one in found.items() for s in _statements(name, one)),
-            description="Both moments fall along slope two.",
-            numbers=found,
-        )
-    ]
+    return [Panel(
+        key="theory-lemma-3.2", title="What the expansions (3.1) and (3.5) leave", source="Lemma 3.2, (3.2), (3.5)",
+        y=Axis("moments of R_n", log=True),
+        series=tuple(
+            points(f"{name}, {label}", H_STEPS, one[SCHEMES[0]][kind])
+            for name, one in found.items() for kind, label in (("mean", "E‖R‖"), ("rms", "(E‖R‖²)^½"))
+        ),
+        parameters={"k": 2, "h": list(H_STEPS)}, chosen=("one step from 1.1 y0 + 0.05",), slopes=(2.0,),
+        statements=tuple(s for name, one in found.items() for s in _statements(name, one)),
+        description="Both moments fall along slope two.", numbers=found,
+    )]  # fmt: skip
 
 
 def _statements(name: str, found: dict[str, dict[str, Any]]) -> Iterator[Statement]:
     """The coefficients by formula and by expansion, their difference, and the orders of the rest."""
-    ours, theirs = (found[scheme] for scheme in SCHEMES)
-    size = max(np.max(np.abs(one["expansion"])) for one in (ours, theirs))
-
-    def gap(formula: Array, expansion: Array) -> float:
-        return float(np.max(np.abs(formula - expansion)) / size)
-
-    by_formula, by_expansion = (
-        {n: np.array(found[n][kind]) for n in SCHEMES} for kind in ("formula", "expansion")
-    )
-    differences = (values[SCHEMES[0]] - values[SCHEMES[1]] for values in (by_formula, by_expansion))
+    values = {kind: [np.array(found[n][kind]) for n in SCHEMES] for kind in ("formula", "expansion")}
+    size = max(np.max(np.abs(one)) for one in values["expansion"])
+    ours, theirs = (a - b for a, b in zip(*values.values(), strict=True))
+    both = np.subtract(*values["formula"]) - np.subtract(*values["expansion"])
     cases = (
-        ("c(y_n) in (3.1) depends on y_n only", "Lemma 3.2", "⅛B″(f,f)g + ¼B′(f)g′f + ⅙Bg″(f,f) + ¼f′f′f",
-         gap(by_formula[SCHEMES[0]], by_expansion[SCHEMES[0]])),
-        ("c̃(y_n) in (3.5) depends on y_n only", "(3.5)", "⅛f″(f,f) + ¼f′f′f",
-         gap(by_formula[SCHEMES[1]], by_expansion[SCHEMES[1]])),
-        ("(ours) c − c̃ in (3.6) is Bg″(f,f)/24", "(3.6)", "Bg″(f,f)/24", gap(*differences)),
-    )  # fmt: skip
-    for text, source, formula, apart in cases:
+        (
+            "c(y_n) in (3.1) depends on y_n only",
+            "Lemma 3.2",
+            "⅛B″(f,f)g + ¼B′(f)g′f + ⅙Bg″(f,f) + ¼f′f′f",
+            ours,
+        ),
+        ("c̃(y_n) in (3.5) depends on y_n only", "(3.5)", "⅛f″(f,f) + ¼f′f′f", theirs),
+        ("(ours) c − c̃ in (3.6) is Bg″(f,f)/24", "(3.6)", "Bg″(f,f)/24", both),
+    )
+    for text, source, formula, gap in cases:
+        apart = float(np.max(np.abs(gap)) / size)
         yield Statement(
-            text=f"{text} ({name})",
-            source=source,
-            verdict=decide(apart < AGREES, apart > 1e3 * AGREES),
-            measured=f"{formula} and the expansion at 60 digits differ by {apart:.1e}",
-            criterion=f"a difference of at most {AGREES:g} of c: differences of B and H″ in binary64",
-        )
-    for one, letter, source in ((ours, "R_n", "(3.2)"), (theirs, "R̃_n", "after (3.5)")):
+            f"{text} ({name})", source, judge.at_most(apart, AGREES, 1e3 * AGREES),
+            f"{formula} and the expansion at 60 digits differ by {apart:.1e}",
+            f"a difference of at most {AGREES:g} of c: differences of B and H″ in binary64",
+        )  # fmt: skip
+    for scheme, letter, source in zip(SCHEMES, ("R_n", "R̃_n"), ("(3.2)", "after (3.5)"), strict=True):
         # The finest pair of steps: the next term of the rest is a factor √h of the first.
-        slopes = [float(np.log2(one[kind][-2] / one[kind][-1])) for kind in ("mean", "rms")]
-        yield Statement(
-            text=f"E‖{letter}‖ = O(h²) and (E‖{letter}‖²)^½ = O(h²) ({name})",
-            source=source,
-            verdict=decide(min(slopes) > 1.75, min(slopes) < 1.5),
-            measured=f"slopes {slopes[0]:.2f} and {slopes[1]:.2f} at h = 2^-10 to 2^-11, by quadrature over ΔŴ",
-            criterion="slopes above 7/4, half-way to the next lower half-integer",
+        mean, rms = (
+            float(np.log2(found[scheme][kind][-2] / found[scheme][kind][-1])) for kind in ("mean", "rms")
         )
+        yield Statement(
+            f"E‖{letter}‖ = O(h²) and (E‖{letter}‖²)^½ = O(h²) ({name})", source,
+            judge.every(judge.above(mean, 1.75, 1.5), judge.above(rms, 1.75, 1.5)),
+            f"slopes {mean:.2f} and {rms:.2f} at h = 2^-10 to 2^-11, by quadrature over ΔŴ",
+            "slopes above 7/4, half-way to the next lower half-integer",
+        )  # fmt: skip
 
 
 PANELS = {"theory": panels}

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from sepv.record._binary64 import EPS
-from sepv.studies._reproduce import record, runs
-from sepv.studies._reproduce.record import Job, Panel, Results, Size, Statement, decide, series
+from sepv.studies._reproduce import judge, record, runs
+from sepv.studies._reproduce.record import Job, Panel, Results, Size, Statement, points
 from sepv.verification._orders.convergence import StrongErrors, join, slope
 
 # Two-sided, for each slope: the chance that an interval misses the slope that it estimates.
@@ -23,7 +23,12 @@ COST = {"energy-preserving": 3.0, "midpoint": 2.5, "discrete-gradient": 5.0}
 
 @dataclass(frozen=True)
 class Setting:
-    """A convergence experiment: h = T/steps, `samples` paths."""
+    """A convergence experiment, h = T/steps with `samples` paths, and what its panel says besides the numbers.
+
+    source : which plot of the paper it is
+    place : where the paper states the order of (2.1), or names a reference with a fine step
+    same : pairs of schemes that are one integrator here, each with the place that says so and the reason
+    """
 
     figure: str
     problem: str
@@ -31,21 +36,21 @@ class Setting:
     steps: tuple[int, ...]
     samples: int
     schemes: tuple[str, ...] = tuple(record.STATED)
+    title: str = ""
+    source: str = ""
+    place: str = ""
+    chosen: tuple[str, ...] = ()
+    same: tuple[tuple[str, str, str, str], ...] = ()
 
     @property
     def given(self) -> dict[str, Any]:
-        """What every job of it is told."""
+        """The arguments that all of its jobs share."""
         return {"problem": self.problem, "T": self.T, "steps": self.steps}
 
     def job(self, key: tuple[str, ...], scheme: str, samples: range, size: Size, cost: float) -> Job:
         """The errors of one scheme on these samples; `cost` in microseconds a sample and step."""
-        arguments = {
-            "scheme": scheme,
-            "samples": len(samples),
-            "first": samples.start,
-            **self.given,
-            **size.given,
-        }
+        counted = {"samples": len(samples), "first": samples.start}
+        arguments = {"scheme": scheme, **counted, **self.given, **size.given}
         seconds = len(samples) * sum(self.steps) * COST.get(scheme, cost) * 1e-6
         return Job((self.figure, *key), runs.errors, arguments, seconds)
 
@@ -71,77 +76,61 @@ def collect(setting: Setting, results: Results) -> dict[str, StrongErrors]:
 
 
 def order_statement(name: str, found: StrongErrors, source: str) -> Statement:
-    """Whether the measured slope is the order that the paper gives the scheme."""
+    """The order that the paper gives the scheme, against the slope that is measured."""
     stated = (record.STATED | record.OURS)[name]
     measured = slope(found, ALPHA)
-    words = {0.5: "1/2", 1.0: "1"}[stated]
+    failed = f"; {sum(found.failures)} samples with a step that failed" if any(found.failures) else ""
     return Statement(
-        text=f"{record.sentence(name)} has mean-square order {words}",
-        source=source,
-        verdict=decide(
-            stated - 0.25 < measured.low and measured.high < stated + 0.25,
-            measured.high < stated - 0.25 or measured.low > stated + 0.25,
-        ),
-        measured=f"slope {measured.value:.3f} in [{measured.low:.3f}, {measured.high:.3f}]"
-        + (f"; {sum(found.failures)} samples with a step that failed" if any(found.failures) else ""),
-        criterion=f"the 99 % interval lies within {stated:g} ± 1/4, the middle between the orders 1/2 and 1",
-    )
+        f"{record.sentence(name)} has mean-square order {'1/2' if stated == 0.5 else '1'}", source,
+        judge.interval_near(measured.low, measured.high, stated, 0.25),
+        f"slope {measured.value:.3f} in [{measured.low:.3f}, {measured.high:.3f}]{failed}",
+        f"the 99 % interval lies within {stated:g} ± 1/4, the middle between the orders 1/2 and 1",
+    )  # fmt: skip
 
 
 def same_statement(
     one: str, other: str, found: dict[str, StrongErrors], source: str, reason: str
 ) -> Statement:
-    """Whether two schemes are one and the same on this problem: their ends differ by rounding only."""
+    """Two schemes are one and the same on this problem where their ends differ by rounding only."""
     a, b = found[one], found[other]
     difference = float(np.max(np.abs(a.errors - b.errors)))
     # Rounding enters at every step and is carried to the end by the flow's Lipschitz constant, e^2 or less here.
     bound = 64 * EPS * a.scale * max(a.steps)
     first, second = (record.SENTENCE[name] for name in (one, other))
     return Statement(
-        text=f"{first} and {second.replace('The', 'the')} are one integrator here, because {reason}",
-        source=source,
-        verdict=decide(difference <= bound, difference > 1e3 * bound),
-        measured=f"largest difference of the ends over all samples and step sizes {difference:.1e}",
-        criterion=f"at most 64 eps N |y| = {bound:.1e}, a rounding for each step",
-    )
+        f"{first} and {second.replace('The', 'the')} are one integrator here, because {reason}", source,
+        judge.at_most(difference, bound, 1e3 * bound),
+        f"largest difference of the ends over all samples and step sizes {difference:.1e}",
+        f"at most 64 eps N |y| = {bound:.1e}, a rounding for each step",
+    )  # fmt: skip
 
 
-def panel(
-    setting: Setting, results: Results, *, title: str, source: str, place: str, chosen: Sequence[str],
-    same: Sequence[tuple[str, str, str, str]] = (), extra: Sequence[Statement] = (),
-) -> Panel:  # fmt: skip
-    """The convergence plot with a statement about every scheme in it, and about pairs that are `same`."""
+def panel(setting: Setting, results: Results, extra: Sequence[Statement] = ()) -> Panel:
+    """The convergence plot with a statement about every scheme in it, and about pairs that are one integrator."""
     found = collect(setting, results)
-    statements = [
-        order_statement(name, e, place if name == "energy-preserving" else record.stated_in(name, "§4"))
-        for name, e in found.items()
-    ]
-    statements += [same_statement(one, other, found, where, why) for one, other, where, why in same]
-    samples = next(iter(found.values())).squared.shape[1]
+    places = {n: setting.place if n == "energy-preserving" else record.stated_in(n, "§4") for n in found}
+    h = setting.T / np.array(setting.steps)
     return Panel(
-        key=f"{setting.figure}-order",
-        title=title,
-        source=source,
-        series=tuple(
-            series(name, e.T / np.array(e.steps), e.rms(), scheme=name, style="both")
-            for name, e in found.items()
-        ),
+        key=f"{setting.figure}-order", title=setting.title, source=setting.source,
+        series=tuple(points(name, h, e.rms(), name) for name, e in found.items()),
         parameters={
-            "problem": setting.problem,
-            "T": setting.T,
-            "samples": samples,
-            "h": [setting.T / n for n in setting.steps],
+            "problem": setting.problem, "T": setting.T, "samples": next(iter(found.values())).squared.shape[1],
+            "h": h.tolist(),
         },
-        chosen=tuple(chosen),
+        chosen=setting.chosen,
         slopes=(0.5, 1.0),
-        statements=(*statements, *extra),
-        description="Mean-square errors fall with the step size along lines of slope one, those of "
-        "Euler-Maruyama along slope one half.",
+        statements=(
+            *(order_statement(name, e, places[name]) for name, e in found.items()),
+            *(same_statement(one, other, found, where, why) for one, other, where, why in setting.same),
+            *extra,
+        ),
+        description="Mean-square errors fall with the step size along lines of slope one, those of Euler-Maruyama "
+        "along slope one half.",
         numbers={
             name: {"rms": e.rms().tolist(), "failures": list(e.failures), "slope": slope(e, ALPHA).value}
             for name, e in found.items()
         },
-    )
+    )  # fmt: skip
 
 
 def fine_jobs(setting: Setting, size: Size) -> list[Job]:
@@ -154,8 +143,8 @@ def fine_jobs(setting: Setting, size: Size) -> list[Job]:
     ]
 
 
-def fine_panel(setting: Setting, results: Results, source: str, stated: str) -> Panel:
-    """True errors, and errors as the paper's own kind of reference sees them; `stated` is where the paper names it.
+def fine_panel(setting: Setting, results: Results) -> Panel:
+    """True errors, and errors as the paper's own kind of reference sees them.
 
     Errors against a scheme with a fine step are differences of two errors. Where the scheme under test is that scheme,
     or h comes near its step, they are too small and the slope is too steep; at its own step it has no error at all.
@@ -163,40 +152,34 @@ def fine_panel(setting: Setting, results: Results, source: str, stated: str) -> 
     found: dict[str, StrongErrors] = {n: results[setting.figure, "fine", n] for n in setting.schemes}
     reference = setting.schemes[0]
     h = setting.T / np.array(setting.steps)
+    at = [f"at h = 2^{np.log2(step):.0f}" for step in h]
+    own_step = at[-1].removeprefix("at h = ")
     truth = found[reference].errors[-1]
-    curves, seen = [], {}
+    curves, numbers = [], {}
     for name, e in found.items():
         against = np.sqrt(np.mean(np.sum((e.errors - truth) ** 2, axis=1), axis=1))
-        seen[name] = against
-        curves.append(series(f"{name}, exact reference", h, e.rms(), scheme=name, style="both"))
+        numbers[name] = {"exact reference": e.rms().tolist(), "fine-step reference": against.tolist()}
         # The reference's own scheme has error zero at its own step, which a logarithmic axis cannot show.
         kept = against > 0
-        curves.append(series(f"{name}, fine-step reference", h[kept], against[kept], style="both"))
-    own, true = seen[reference], found[reference].rms()
-    share = ", ".join(
-        f"{o / t:.0%} at h = 2^{np.log2(step):.0f}" for step, o, t in zip(h, own, true, strict=True)
-    )
-    own_step = f"2^{np.log2(h[-1]):.0f}"
+        curves.append(points(f"{name}, exact reference", h, e.rms(), name))
+        curves.append(points(f"{name}, fine-step reference", h[kept], against[kept]))
+    true, own = map(np.array, numbers[reference].values())
     # One truncated increment is an error of that sample that no step size explains.
-    truncated = ", ".join(
-        f"{n} at h = 2^{np.log2(step):.0f}"
-        for n, step in zip(results[setting.figure, "fine", "truncated"], h, strict=True)
-        if n
-    )
+    counts = zip(results[setting.figure, "fine", "truncated"], at, strict=True)
+    truncated = ", ".join(f"{n} {where}" for n, where in counts if n)
     bumps = f"increments that Remark 2.1 truncates, each a bump in the curves: {truncated}"
     exact = Statement(
-        text=f"(ours) The {reference} scheme with step {own_step} serves as the exact solution down to its own step",
-        source=stated,
-        verdict=decide(bool(np.all(own > 0.95 * true)), bool(own[-1] < 0.05 * true[-1])),
-        measured=f"of the true error of the {reference} scheme it sees {share}",
-        criterion="at least 95 % of the true error, at every step size",
-        correction="the exact solution is the flow at the time t + Σ c_j W_j(t), without a step size. At the steps of "
+        f"(ours) The {reference} scheme with step {own_step} serves as the exact solution down to its own step",
+        setting.place,
+        judge.decide(bool(np.all(own > 0.95 * true)), bool(own[-1] < 0.05 * true[-1])),
+        f"of the true error of the {reference} scheme it sees "
+        + ", ".join(f"{part:.0%} {where}" for part, where in zip(own / true, at, strict=True)),
+        "at least 95 % of the true error, at every step size",
+        "the exact solution is the flow at the time t + Σ c_j W_j(t), without a step size. At the steps of "
         f"the paper's plot, well above {own_step}, the bias is small and its slopes stand",
-    )
+    )  # fmt: skip
     return Panel(
-        key=f"{setting.figure}-fine-step-reference",
-        title="What a fine-step reference hides",
-        source=source,
+        key=f"{setting.figure}-fine-step-reference", title="What a fine-step reference hides", source=setting.source,
         series=tuple(curves),
         parameters={"problem": setting.problem, "T": setting.T, "samples": truth.shape[1], "h": h.tolist()},
         chosen=(
@@ -205,10 +188,7 @@ def fine_panel(setting: Setting, results: Results, source: str, stated: str) -> 
         ),
         slopes=(0.5, 1.0),
         statements=(exact,),
-        description="Against the exact solution both schemes go on with slope one; against the fine-step one the "
-        "curve of its own scheme bends down and reaches zero at the reference's step.",
-        numbers={
-            n: {"exact reference": found[n].rms().tolist(), "fine-step reference": seen[n].tolist()}
-            for n in found
-        },
-    )
+        description="Against the exact solution both schemes go on with slope one; against the fine-step one the curve "
+        "of its own scheme bends down and reaches zero at the reference's step.",
+        numbers=numbers,
+    )  # fmt: skip

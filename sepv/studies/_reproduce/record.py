@@ -1,4 +1,4 @@
-"""What a reproduction computes, jobs, and leaves: panels as data, and the paper's statements with a verdict each.
+"""The records of a reproduction: jobs that it computes, panels as data, and statements with a verdict each.
 
 A panel holds everything that is drawn, so that the figures, the page and a reader's own program all
 start from the same numbers. Jobs run in any order and any process.
@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from sepv._terminal import counted
 from sepv.files import finite
 from sepv.studies._picture import Axis, Series, content, draw_curves, figure, looks
+from sepv.studies._reproduce.judge import Verdict
 
 # The mean-square orders that §4 gives: the paper's statements, not what the schemes here claim.
 STATED = {
@@ -46,11 +47,8 @@ SENTENCE = {
     "splitting": "The splitting scheme",
 }
 
-# What became of a statement: it holds, it does not, or the measurement does not decide.
-Verdict = Literal["holds", "fails", "open"]
 
-
-H_AXIS = Axis("step size h", log=True)
+H_AXIS, TIME = Axis("step size h", log=True), Axis("time t")
 ERROR_AXIS = Axis("mean-square error at the end", log=True)
 
 # Schemes for which the extra fast has compiled code: it takes a few per cent of NumPy's time, and its own loading.
@@ -74,7 +72,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Size:
-    """How much is computed: everything the paper has, or a share of it for a quick look; and by which engine."""
+    """The amount of work, all that the paper has or a share of it for a quick look, and the engine."""
 
     seed: int = 0
     share: float = 1.0
@@ -82,7 +80,7 @@ class Size:
 
     @property
     def given(self) -> dict[str, Any]:
-        """What every job of paths is told."""
+        """The arguments that all jobs of paths share."""
         return {"seed": self.seed, "engine": self.engine}
 
     def steps(self, full: int) -> int:
@@ -166,14 +164,13 @@ def series(name: str, x: ArrayLike, y: ArrayLike, scheme: str = "", style: Any =
     )
 
 
-def decide(true: bool, false: bool) -> Verdict:
-    """The verdict from two criteria that exclude each other; open where neither is met."""
-    assert not (true and false)
-    return "holds" if true else "fails" if false else "open"
+def points(name: str, x: ArrayLike, y: ArrayLike, scheme: str = "") -> Series:
+    """A series of few points, marked and joined: errors over step sizes."""
+    return series(name, x, y, scheme, "both")
 
 
 def counts(statements: Iterable[Statement]) -> dict[str, int]:
-    """How many statements hold, fail and stay open."""
+    """The number of statements that hold, fail and stay open."""
     found = [s.verdict for s in statements]
     return {kind: found.count(kind) for kind in ("holds", "fails", "open")}
 
@@ -201,14 +198,9 @@ def sentence(name: str) -> str:
 WIDTH, HEIGHT = 3.39, 2.9
 # Letters are drawn: a journal's page shows them as they are here.
 _STYLE = {
-    "svg.fonttype": "path",
-    "font.size": 8,
-    "xtick.labelsize": 7,
-    "ytick.labelsize": 7,
-    "legend.fontsize": 6.5,
-    "lines.linewidth": 1.0,
-    "grid.linewidth": 0.4,
-}
+    "svg.fonttype": "path", "font.size": 8, "xtick.labelsize": 7, "ytick.labelsize": 7, "legend.fontsize": 6.5,
+    "lines.linewidth": 1.0, "grid.linewidth": 0.4,
+}  # fmt: skip
 
 
 def draw(panel: Panel, folder: Path) -> tuple[Path, Path]:
@@ -218,15 +210,9 @@ def draw(panel: Panel, folder: Path) -> tuple[Path, Path]:
     more = max(0, math.ceil(len(panel.series) / columns) - 3)
     with figure(WIDTH, HEIGHT + 0.14 * more, _STYLE, layout="constrained") as drawn:
         draw_curves(
-            drawn.add_subplot(),
-            panel.series,
-            looks(s.scheme for s in panel.series),
-            panel.x,
-            panel.y,
-            slopes=panel.slopes,
-            equal=panel.equal,
-            window=panel.window,
-        )
+            drawn.add_subplot(), panel.series, looks(s.scheme for s in panel.series), panel.x, panel.y,
+            slopes=panel.slopes, equal=panel.equal, window=panel.window,
+        )  # fmt: skip
         drawn.legend(loc="outside upper center", ncols=columns, handlelength=2.6)
         paths = folder / f"{panel.key}.svg", folder / f"{panel.key}.png"
         for path in paths:

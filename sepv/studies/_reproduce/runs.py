@@ -6,7 +6,7 @@ scheme's own step: nothing here knows a formula of a scheme.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,12 +19,13 @@ from sepv.schemes import Scheme
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate import ensemble
-from sepv.simulate._ensembles.collectors import chunk_of
+from sepv.simulate._ensembles.collectors import run
 from sepv.simulate._ensembles.ensemble import choose
 from sepv.simulate._ensembles.task import Task
 from sepv.studies._energy_growth import rounding_walk
 from sepv.studies._picture import Series
-from sepv.studies._reproduce.record import Job, Results, Size, Statement, decide, sentence, series, stated_in
+from sepv.studies._reproduce.judge import decide
+from sepv.studies._reproduce.record import Job, Results, Size, Statement, sentence, series, stated_in
 from sepv.verification._orders.convergence import StrongErrors
 
 # A drift this many times the rounding bound is no rounding.
@@ -87,15 +88,11 @@ class LongRuns:
         """A job a scheme."""
         steps = size.steps(self.steps) if self.shared else self.steps
         given = {"problem": self.problem, "h": self.h, "steps": steps, **size.given}
+        samples = {name: self.samples.get(name, self.others) for name in self.shown}
         return [
-            Job(
-                (self.figure, "run", name),
-                long_run,
-                {"scheme": name, "samples": self.samples.get(name, self.others), **given},
-                steps * COST.get(name, EXPLICIT),
-            )
-            for name in self.shown
-        ]
+            Job((self.figure, "run", n), long_run, {"scheme": n, "samples": M, **given}, steps * COST.get(n, EXPLICIT))
+            for n, M in samples.items()
+        ]  # fmt: skip
 
     def found(self, results: Results) -> dict[str, Run]:
         """The runs by scheme."""
@@ -119,21 +116,13 @@ def long_run(
     kept = np.unique(np.append(np.arange(0, shown.shape[1], max(1, steps // POINTS)), shown.shape[1] - 1))
     W = np.concatenate([np.zeros((system.noises, 1)), np.cumsum(raw[:, :, 0].T, axis=1)], axis=1)
     t = np.arange(steps + 1) * h
+    A = system.casimirs[0] if system.casimirs else None
     return Run(
-        scheme=scheme,
-        problem=problem,
-        h=h,
-        t=t[kept],
-        y=shown[:, kept],
-        theta=(t + system.c @ W)[kept],
+        scheme=scheme, problem=problem, h=h, t=t[kept], y=shown[:, kept], theta=(t + system.c @ W)[kept],
         energy=system.hamiltonian(shown),
-        casimir=np.einsum("in,ij,jn->n", shown, system.casimirs[0], shown)
-        if system.casimirs
-        else np.empty(0),
-        checkpoints=checkpoints,
-        energies=energies,
-        stopped=stopped,
-    )
+        casimir=np.empty(0) if A is None else np.einsum("in,ij,jn->n", shown, A, shown),
+        checkpoints=checkpoints, energies=energies, stopped=stopped,
+    )  # fmt: skip
 
 
 def _follow(
@@ -143,21 +132,17 @@ def _follow(
     steps, _, samples = raw.shape
     compiled, _ = choose(engine, method, system, compensated=False)
     start = np.array(system.initial, dtype=np.float64)
-    task = Task(
+    ends = run(Task(
         scheme=method, problem=system, y0=start, h=h, steps=steps, first=0, count=samples, seed=0, refine=None,
-        truncation=method.truncation, stops=(), compensated=False, compiled=compiled, dW=raw, track=False,
-    )  # fmt: skip
-    chunk = chunk_of(task, system)
-    first = np.repeat(start[:, None], steps + 1, axis=1)
-    energies: list[Array] = []
-    for n in range(1, steps + 1):
-        chunk.advance(1)
-        y = chunk.states()
-        first[:, n] = y[:, 0]
-        if n == checkpoints[len(energies)]:
-            energies.append(system.hamiltonian(y))
-    ends = chunk.result(np.empty((0, *start.shape, samples)))
-    return first, np.stack(energies), int(ends.failed_step[0])
+        truncation=method.truncation, stops=tuple(range(1, steps + 1)), compensated=False, compiled=compiled, dW=raw,
+        track=False,
+    ))  # fmt: skip
+    first = np.concatenate([start[:, None], ends.states[:, :, 0].T], axis=1)
+    return (
+        first,
+        np.stack([system.hamiltonian(ends.states[n - 1]) for n in checkpoints]),
+        int(ends.failed_step[0]),
+    )
 
 
 def errors(
@@ -167,12 +152,10 @@ def errors(
     """Errors against the exact flow of the samples numbered from `first`, all step sizes on the same paths."""
     method = schemes.by_name(scheme) if isinstance(scheme, str) else scheme
     system = problems.by_name(problem) if isinstance(problem, str) else problem
-    paths = range(first, first + samples)
-    fine = wiener.increments(seed, T=T, steps=steps[-1], noises=system.noises, paths=paths)
-    exact = exact_flow(system, system.random_step(T, fine.sum(axis=0))).y
-    found, failures = [], []
-    for count in steps:
-        raw = wiener.coarsen(fine, steps[-1] // count)
+    paths, found, failures = range(first, first + samples), [], []
+    W = wiener.increments(seed, T=T, steps=steps[-1], noises=system.noises, paths=paths).sum(axis=0)
+    exact = exact_flow(system, system.random_step(T, W)).y
+    for count, raw in coarsened(system, T, steps, paths, seed):
         ends = ensemble(method, system, h=T / count, steps=count, dW=raw, engine=engine)
         found.append(ends.y - exact)
         failures.append(int(np.count_nonzero(ends.status)))
@@ -183,18 +166,22 @@ def errors(
 
 
 def truncated(problem: str, *, T: float, steps: Sequence[int], samples: int, seed: int) -> list[int]:
-    """How many increments Remark 2.1 truncates with k = 2, for each number of steps."""
-    noises = problems.by_name(problem).noises
-    fine = wiener.increments(seed, T=T, steps=steps[-1], noises=noises, paths=range(samples))
-    found = []
+    """The number of increments that Remark 2.1 truncates with k = 2, for each number of steps."""
+    grids = coarsened(problems.by_name(problem), T, steps, range(samples), seed)
+    return [int(np.count_nonzero(bounded.truncate(raw, T / count) != raw)) for count, raw in grids]
+
+
+def coarsened(
+    system: Problem, T: float, steps: Sequence[int], paths: range, seed: int
+) -> Iterator[tuple[int, Array]]:
+    """Each number of steps with its increments (N, m, M) of the same paths, sums of those of the finest, the last."""
+    fine = wiener.increments(seed, T=T, steps=steps[-1], noises=system.noises, paths=paths)
     for count in steps:
-        raw = wiener.coarsen(fine, steps[-1] // count)
-        found.append(int(np.count_nonzero(bounded.truncate(raw, T / count) != raw)))
-    return found
+        yield count, wiener.coarsen(fine, steps[-1] // count)
 
 
 def rounding_bound(steps: int) -> float:
-    """How far the relative value of an exactly preserved invariant walks by rounding in `steps` steps.
+    """The walk by rounding of the relative value of an exactly preserved invariant in `steps` steps.
 
     A step moves a quadratic invariant by at most 2 eps of itself: see `rounding_walk`, which is that of H.
     """
@@ -208,7 +195,7 @@ def curve(run: Run, values: Array) -> Series:
 
 
 def bound(run: Run, what: str, *, constant: bool = True) -> float:
-    """What rounding does to an invariant, relative to its value at the start.
+    """The rounding of an invariant, relative to its value at the start.
 
     Rounding moves y_i by eps |y_i|, hence H by Σ|∂_iH y_i| of that: at most along the path where the scheme is
     said to keep H, at the start where it is not.
@@ -229,7 +216,7 @@ def drift(values: Array) -> float:
 def statements(
     found: Mapping[str, Run], what: str, keep: Collection[str], place: str, **places: str
 ) -> list[Statement]:
-    """`statement` of every run: whether the schemes `keep` keep it, and the others do not; `places` of single ones."""
+    """`statement` of every run: the schemes `keep` keep it, and the others do not; `places` of single ones."""
     return [
         statement(r, what, constant=n in keep, source=stated_in(n, places.get(n, place)))
         for n, r in found.items()
@@ -237,16 +224,15 @@ def statements(
 
 
 def statement(run: Run, what: str, *, constant: bool, source: str) -> Statement:
-    """Whether `what` ("energy" or "Casimir") is constant, or not, as the paper says of this scheme."""
-    values = run.energy if what == "energy" else run.casimir
-    moved, limit = drift(values), bound(run, what, constant=constant)
+    """One scheme keeps `what` ("energy" or "Casimir"), or does not, as the paper says of it."""
+    moved = drift(run.energy if what == "energy" else run.casimir)
+    limit = bound(run, what, constant=constant)
     kept, lost = moved <= limit, moved > FAR * limit or run.stopped > 0
     stopped = f"; the sample left the domain at step {run.stopped}" if run.stopped > 0 else ""
     return Statement(
-        text=f"{sentence(run.scheme)} {'keeps' if constant else 'does not keep'} the {what}",
-        source=source,
-        verdict=decide(kept, lost) if constant else decide(lost, kept),
-        measured=f"largest relative change {moved:.2g} over {run.steps} steps{stopped}",
-        criterion=f"rounding can do {limit:.1e} (8 eps √N); "
+        f"{sentence(run.scheme)} {'keeps' if constant else 'does not keep'} the {what}", source,
+        decide(kept, lost) if constant else decide(lost, kept),
+        f"largest relative change {moved:.2g} over {run.steps} steps{stopped}",
+        f"rounding can do {limit:.1e} (8 eps √N); "
         + ("at most that" if constant else f"more than {FAR:g} times that"),
-    )
+    )  # fmt: skip

@@ -43,7 +43,7 @@ ShareProgress = Callable[[float, float], None]
 
 @dataclass(frozen=True)
 class Reproduction:
-    """What was computed, and how long it took: by the clock, and of processor time in all processes."""
+    """All panels and statements, and the time they took: by the clock, and of processor time in all processes."""
 
     panels: tuple[Panel, ...]
     text: tuple[Statement, ...]
@@ -54,7 +54,7 @@ class Reproduction:
 
     @property
     def statements(self) -> tuple[Statement, ...]:
-        """Those of the panels, then those of the text."""
+        """The statements of the panels, then those of the text."""
         return (*(s for p in self.panels for s in p.statements), *self.text)
 
     def to_json(self) -> dict[str, Any]:

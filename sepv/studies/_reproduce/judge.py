@@ -1,0 +1,60 @@
+"""The few kinds of criterion that decide a statement, and the slopes that most of them are about.
+
+Each criterion has two bounds, one for "holds" and one for "fails"; between them a statement stays open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sepv.record._binary64 import EPS
+
+# What became of a statement: it holds, it does not, or the measurement does not decide.
+Verdict = Literal["holds", "fails", "open"]
+
+
+def slope(x: ArrayLike, y: ArrayLike) -> float:
+    """The least-squares slope of ln y against ln x."""
+    return float(np.polyfit(np.log(x), np.log(y), 1)[0])
+
+
+def finest_slope(h: Sequence[float], errors: Sequence[float]) -> float:
+    """The slope between the two finest steps at which the error is 10⁴ roundings of y, |y| ≈ 1, or more."""
+    first, last = [n for n, e in enumerate(errors) if e > 1e4 * EPS][-2:]
+    return float(np.log(errors[first] / errors[last]) / np.log(h[first] / h[last]))
+
+
+def decide(true: bool, false: bool) -> Verdict:
+    """The verdict from two criteria that exclude each other; open where neither is met."""
+    assert not (true and false)
+    return "holds" if true else "fails" if false else "open"
+
+
+def at_most(value: float, limit: float, refuted: float) -> Verdict:
+    """A value within its limit; refuted beyond a second, larger one."""
+    return decide(bool(value <= limit), bool(value > refuted))
+
+
+def above(value: float, limit: float, refuted: float) -> Verdict:
+    """A value above its limit; refuted below a second, smaller one."""
+    return decide(bool(value > limit), bool(value < refuted))
+
+
+def near(value: float, target: float, within: float, refuted: float) -> Verdict:
+    """A value closer to its target than `within`; refuted where it is farther than `refuted`."""
+    return decide(bool(abs(value - target) < within), bool(abs(value - target) > refuted))
+
+
+def interval_near(low: float, high: float, target: float, within: float) -> Verdict:
+    """An interval inside target ± within; refuted where it lies outside."""
+    inside = target - within < low and high < target + within
+    return decide(inside, high < target - within or low > target + within)
+
+
+def every(*verdicts: Verdict) -> Verdict:
+    """A statement of several parts: it holds where all hold, and fails where one fails."""
+    return decide(set(verdicts) <= {"holds"}, "fails" in verdicts)
