@@ -18,7 +18,7 @@ from sepv.problem import Array, Problem
 from sepv.problem._fields import Algebra, matvec
 from sepv.record._binary64 import EPS
 from sepv.record._polynomial import majorant
-from sepv.solve import _stop_rule as ends
+from sepv.solve import _stop_rule as stop
 from sepv.solve._damped import approach
 from sepv.solve._differences import difference_jacobian, slopes
 from sepv.solve._solution import (
@@ -176,43 +176,45 @@ def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, diffe
     # Where y1 is 2^52 times y0 or more, an ulp of it says nothing about the components that stayed small. Where
     # y0 = 0 nothing says what small is: a component that cancels to zero would never settle.
     before = size_all.max(axis=0)
-    vast_all = np.where(before > 0, before / EPS, np.inf)
+    outgrown_at = np.where(before > 0, before / EPS, np.inf)
     residual = np.full(count, np.inf)
     iterations, gradients, structures = np.zeros((3, count), dtype=np.int64)
     status = np.full(count, Status.NO_CONVERGENCE, dtype=np.int64)
     last_size = last_move = np.full(count, np.inf)
     active = np.arange(count)
-    # Lanes whose matrix serves once more, and the matrices of all.
-    serves, kept = np.zeros(count, dtype=bool), np.empty((0, 0, count))
+    # Lanes whose matrix is taken once more, and the matrices of all.
+    reuse, kept = np.zeros(count, dtype=bool), np.empty((0, 0, count))
     with np.errstate(all="ignore"):
         for _ in range(MOST if recorded else MAX_ITERATIONS):
             at: Any = slice(None) if active.size == count else active
             z, y, lanes = _of(at, z_all, size_all, numbers)
-            F, correction, stays, K, costs, reliable = _asked(equations, z, lanes, differences, serves, kept)
+            F, correction, stays, K, costs, reliable = _asked(equations, z, lanes, differences, reuse, kept)
             iterations[at] += 1
             gradients[at] += costs[0]
             structures[at] += costs[1]
-            residual[at] = rest = np.abs(F).max(axis=0)
-            reach, moves = y + np.abs(z), np.abs(correction)
-            scale, move = reach.max(axis=0), moves.max(axis=0)
+            residual[at] = residual_norm = np.abs(F).max(axis=0)
+            magnitude, moves = y + np.abs(z), np.abs(correction)
+            scale, move = magnitude.max(axis=0), moves.max(axis=0)
             # Where no matrix is to serve, the share is asked for when the correction is small.
             size, near = np.full(move.size, np.inf), move <= (STAGNATION if recorded else np.inf) * scale
             if near.any():
-                np.copyto(size, ends.share(moves, reach, scale).max(axis=0), where=near)
-            vast = scale > vast_all[at]
-            serves, kept = ends.matrix_serves(size, last_size) & ~(vast | recorded), K
-            still = _small(size, moves, reach, vast) | ends.is_stuck(size, move, scale, last_size, last_move)
-            if still.any():
-                still &= _is_rounding(equations, lanes, rest, z, scale, still & exact)
+                np.copyto(size, stop.relative(moves, magnitude, scale).max(axis=0), where=near)
+            outgrown = scale > outgrown_at[at]
+            reuse, kept = stop.may_reuse_matrix(size, last_size) & ~(outgrown | recorded), K
+            stagnated = _small(size, moves, magnitude, outgrown) | stop.is_stuck(
+                size, move, scale, last_size, last_move
+            )
+            if stagnated.any():
+                stagnated &= _is_rounding(equations, lanes, residual_norm, z, scale, stagnated & exact)
             # Neither is so where one of them is no number.
-            if still.any() or not (rest.min() > QUANTA and move.max() < np.inf):
-                outcome = _outcome(rest, move, still, reliable, K, algebra)
+            if stagnated.any() or not (residual_norm.min() > QUANTA and move.max() < np.inf):
+                outcome = _outcome(residual_norm, move, stagnated, reliable, K, algebra)
                 go_on, ended = np.flatnonzero(outcome < 0), outcome >= 0
                 status[active[ended]] = outcome[ended]
                 if not go_on.size:
                     break
                 z, correction, lanes, stays, active = _of(go_on, z, correction, lanes, stays, active)
-                size, move, serves, kept = _of(go_on, size, move, serves, kept)
+                size, move, reuse, kept = _of(go_on, size, move, reuse, kept)
             moved, inside = z - correction, stays
             if not recorded and not stays.all():
                 moved, inside = into_domain(equations, z, correction, lanes)
@@ -221,28 +223,26 @@ def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, diffe
                 status[active[~inside]] = Status.LEFT_DOMAIN
                 if not inside.any():
                     break
-                active, size, move, serves, kept = _of(
-                    np.flatnonzero(inside), active, size, move, serves, kept
-                )
+                active, size, move, reuse, kept = _of(np.flatnonzero(inside), active, size, move, reuse, kept)
             last_size, last_move = size, move
     return Solution(z_all, residual, iterations, gradients, structures, status)
 
 
 def _asked(
-    equations: Equations, z: Array, lanes: Lanes, differences: bool, serves: Flags, kept: Any
+    equations: Equations, z: Array, lanes: Lanes, differences: bool, reuse: Flags, kept: Any
 ) -> tuple[Array, Array, Flags, Any, tuple[Any, Any], Flags]:
     """F = z − R and Newton's correction, where it surely stays in the domain, its matrix, evaluations, reliability.
 
-    The matrix is the one that a lane has where that serves; evaluations are those of ∇H and of B.
+    A lane's last matrix is taken where `reuse` says so; evaluations are those of ∇H and of B.
     """
     record, every = None if differences else equations.corrections, np.ones(lanes.size, dtype=bool)
     if record is not None:
         return *record.of_lanes(z, lanes), kept, (record.gradients, record.structures), every
     R, jacobian = equations.evaluate(z, lanes)
     F, count, K = z - R.value, np.ones(lanes.size, dtype=np.int64), kept
-    if not serves.all():
+    if not reuse.all():
         K, further = slopes(equations, z, lanes, R.value) if differences else jacobian()
-        K, count = np.where(serves, kept, K) if serves.any() else K, count + further * ~serves
+        K, count = np.where(reuse, kept, K) if reuse.any() else K, count + further * ~reuse
     stays = every if equations.inside is None else ~every
     costs = count * R.gradients, count * R.structures
     return F, equations.algebra.correction(K, F), stays, K, costs, R.reliable
@@ -253,27 +253,29 @@ def _of(lanes: Any, *values: Any) -> Any:
     return values if isinstance(lanes, slice) else [v.take(lanes, axis=-1) for v in values]
 
 
-def _small(size: Array, moves: Array, reach: Array, vast: Flags) -> Flags:
-    """Where the correction is below half an ulp of every component, and no share of those that a vast one hides."""
-    small: Flags = ends.is_small(size)
-    if vast.any():
-        small &= ~(vast & (moves > STAGNATION * reach).any(axis=0))
+def _small(size: Array, moves: Array, magnitude: Array, outgrown: Flags) -> Flags:
+    """Where the correction is below half an ulp of every component, and no share of what an outgrown one hides."""
+    small: Flags = stop.is_small(size)
+    if outgrown.any():
+        small &= ~(outgrown & (moves > STAGNATION * magnitude).any(axis=0))
     return small
 
 
-def _outcome(rest: Array, move: Array, still: Flags, reliable: Flags, K: Any, algebra: Algebra) -> Counts:
+def _outcome(
+    residual_norm: Array, move: Array, stagnated: Flags, reliable: Flags, K: Any, algebra: Algebra
+) -> Counts:
     """The status of each lane that ends, −1 of one that goes on.
 
     A state at rest is a solution, also where the Jacobian is singular.
     """
-    solved = rest <= QUANTA
+    solved = residual_norm <= QUANTA
     found = np.where(reliable, int(Status.CONVERGED), int(Status.QUADRATURE))
-    outcome: Counts = np.where(still | solved, found, -1)
+    outcome: Counts = np.where(stagnated | solved, found, -1)
     singular = ~(solved | np.isfinite(move))
     if singular.any():
         finite = algebra.finite(K)
         outcome[singular & finite] = Status.SINGULAR
-        outcome[singular & ~finite | ~np.isfinite(rest)] = Status.OVERFLOW
+        outcome[singular & ~finite | ~np.isfinite(residual_norm)] = Status.OVERFLOW
     return outcome
 
 
@@ -289,32 +291,32 @@ def _newton_of_one(equations: Equations, start: Array, number: Lanes, *, differe
         for _ in range(MOST if recorded else MAX_ITERATIONS):
             F, correction, stays, K, costs, reliable = asked(z, K)
             iterations, gradients, structures = iterations + 1, gradients + costs[0], structures + costs[1]
-            rest = residual = _largest(F)
-            if not math.isfinite(rest):
+            residual_norm = residual = _largest(F)
+            if not math.isfinite(residual_norm):
                 status = Status.OVERFLOW
                 break
-            reach = [a + abs(b) for a, b in zip(y, z, strict=True)]
+            magnitude = [a + abs(b) for a, b in zip(y, z, strict=True)]
             moves = [abs(v) for v in correction]
-            scale, move = max(reach), _largest(moves)
-            solved = rest <= QUANTA
+            scale, move = max(magnitude), _largest(moves)
+            solved = residual_norm <= QUANTA
             if not solved and not math.isfinite(move):
                 singular = K is None or np.all(equations.algebra.finite(K))
                 status = Status.SINGULAR if singular else Status.OVERFLOW
                 break
-            size, vast = math.inf, before > 0 and scale > before / EPS
+            size, outgrown = math.inf, before > 0 and scale > before / EPS
             if not recorded or move <= STAGNATION * scale:
-                size = _largest([ends.share(a, b, scale) for a, b in zip(moves, reach, strict=True)])
-            small = ends.is_small(size) and not (
-                vast and any(a > STAGNATION * b for a, b in zip(moves, reach, strict=True))
+                size = _largest([stop.relative(a, b, scale) for a, b in zip(moves, magnitude, strict=True)])
+            small = stop.is_small(size) and not (
+                outgrown and any(a > STAGNATION * b for a, b in zip(moves, magnitude, strict=True))
             )
-            still = small or ends.is_stuck(size, move, scale, last_size, last_move)
-            if still and not ends.is_rounding(rest, scale):
-                least = np.array([rest]), np.array(z)[:, None], np.array([scale]), np.array([exact])
-                still = bool(_is_rounding(equations, number, *least)[0])
-            if solved or still:
+            stagnated = small or stop.is_stuck(size, move, scale, last_size, last_move)
+            if stagnated and not stop.is_rounding(residual_norm, scale):
+                least = np.array([residual_norm]), np.array(z)[:, None], np.array([scale]), np.array([exact])
+                stagnated = bool(_is_rounding(equations, number, *least)[0])
+            if solved or stagnated:
                 status = Status.CONVERGED if reliable else Status.QUADRATURE
                 break
-            K = K if ends.matrix_serves(size, last_size) and not vast else None
+            K = K if stop.may_reuse_matrix(size, last_size) and not outgrown else None
             last_size, last_move = size, move
             if stays:
                 z = [a - b for a, b in zip(z, correction, strict=True)]
@@ -334,7 +336,7 @@ def _newton_of_one(equations: Equations, start: Array, number: Lanes, *, differe
 
 
 def _asker(equations: Equations, number: Lanes, differences: bool) -> Callable[[list[float], Any], Any]:
-    """`_asked` of one lane, of z and of a matrix that serves, else None; over numbers where there is a record."""
+    """`_asked` of one lane, of z and of a matrix to take once more, else None; over numbers where there is a record."""
     record, inside = None if differences else equations.corrections, equations.inside is None
     if record is not None:
         known, costs = record.of_one(number), (record.gradients, record.structures)
@@ -347,9 +349,9 @@ def _asker(equations: Equations, number: Lanes, differences: bool) -> Callable[[
         if K is None:
             K, further = slopes(equations, z, number, R.value) if differences else jacobian()
         costs = (1 + further) * int(R.gradients[0]), (1 + further) * int(R.structures[0])
-        rest = F.ravel().tolist()
-        correction = equations.algebra.correction(K, F).ravel().tolist() if math.isfinite(sum(rest)) else rest
-        return rest, correction, inside, K, costs, bool(R.reliable[0])
+        residual, regular = F.ravel().tolist(), bool(np.isfinite(F).all())
+        correction = equations.algebra.correction(K, F).ravel().tolist() if regular else residual
+        return residual, correction, inside, K, costs, bool(R.reliable[0])
 
     return asked
 
@@ -370,7 +372,7 @@ def _is_rounding(
     sixteenfold for what changes along the step: at y1 itself it would excuse any residual next to a singularity
     of ∇H, where R can no longer be computed. Both are asked for only where the first does not suffice.
     """
-    rounding: Flags = ends.is_rounding(residual, scale)
+    rounding: Flags = stop.is_rounding(residual, scale)
     open_ = np.flatnonzero(asked & ~rounding)
     if open_.size:
         K, _ = equations.evaluate(np.zeros_like(z[:, open_]), numbers[open_]).jacobian()

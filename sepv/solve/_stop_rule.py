@@ -21,14 +21,14 @@ STAGNATION = float(np.sqrt(EPS))
 ROUNDING = 256 * EPS
 # After a correction of so small a share of every component the matrix serves once more: the next one leaves the cube of
 # that share, below a rounding.
-SERVES = 2.0**-18
+REUSE = 2.0**-18
 # … where corrections shrink by this or faster: else Newton's matrix changes along the way, or is a poor one.
 SHRINKING = 2.0**-4
 
 
-def share(moves: Any, reach: Any, scale: Any) -> Any:
-    """What a correction is of components that reach so far; one far below `scale` counts as a rounding of that."""
-    return moves / (reach + EPS * scale + TINY)
+def relative(moves: Any, magnitude: Any, scale: Any) -> Any:
+    """A correction beside components of this magnitude; one far below `scale` counts as a rounding of that."""
+    return moves / (magnitude + EPS * scale + TINY)
 
 
 def is_small(size: Any) -> Any:
@@ -50,6 +50,6 @@ def is_rounding(residual: Any, scale: Any) -> Any:
     return residual <= ROUNDING * scale + QUANTA
 
 
-def matrix_serves(size: Any, last_size: Any) -> Any:
-    """Whether Newton's matrix serves once more."""
-    return (size <= SERVES) & (size <= SHRINKING * last_size)
+def may_reuse_matrix(size: Any, last_size: Any) -> Any:
+    """Whether Newton's matrix may be taken once more."""
+    return (size <= REUSE) & (size <= SHRINKING * last_size)
