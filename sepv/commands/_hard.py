@@ -67,11 +67,7 @@ def hard(
     asked = [target] if target else [] if programs else ["energy-preserving"]
     with showing(quiet) as shown, cli.candidates(asked, programs, shown.update) as found:
         target, scheme = found[0]
-        places = {case.name: n / len(cases) for n, case in enumerate(cases)}
-        seen = run(
-            scheme, cases, steps=steps, laws=laws, seed=seed,
-            progress=lambda case: shown.update(case.name, places[case.name]),
-        )  # fmt: skip
+        seen = run(scheme, cases, steps=steps, laws=laws, seed=seed, progress=shown.update)
     cases_seen = [s.to_json() for s in seen]
     cli.save_json(json_file, "hard", {"scheme": scheme.name, "seed": seed, "cases": cases_seen})
     if not quiet:

@@ -7,7 +7,7 @@ beyond the bound, a refusal where a solution exists.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -95,12 +95,12 @@ class Seen:
 
 def run(
     scheme: Scheme,
-    cases: Iterable[HardCase] = CATALOGUE,
+    cases: Sequence[HardCase] = CATALOGUE,
     *,
     steps: int = 200,
     laws: int = 2,
     seed: int = 0,
-    progress: Callable[[HardCase], None] = lambda _: None,
+    progress: Callable[[str, float], None] = lambda *_: None,
 ) -> list[Seen]:
     """Random steps of each case, and each law of a case on `laws` steps of it.
 
@@ -110,10 +110,12 @@ def run(
         Of each case.
     seed : int
         The same seed draws the same steps, whichever cases are asked for.
+    progress : callable (text, share)
+        Called before each case with its name and the share of all that is done, 0 to 1.
     """
     found = []
-    for case in cases:
-        progress(case)
+    for number, case in enumerate(cases):
+        progress(case.name, number / len(cases))
         rng = np.random.default_rng([seed, *case.name.encode()])
         seen = Seen(case, laws=_laws(scheme, case, case.sample(rng, laws), laws) if laws else {})
         while seen.steps < steps:

@@ -6,7 +6,6 @@ stands on the contract of a scheme and on names that every release has, `exact_f
 
 from __future__ import annotations
 
-import platform
 from dataclasses import replace
 from time import perf_counter, process_time
 from typing import Any
@@ -144,16 +143,6 @@ def seconds(scheme: Scheme, case: dict[str, Any], loops: int, call: str = "step"
         else:
             run(scheme, problem, case, dW)
     return process_time() - begin[0], perf_counter() - begin[1]
-
-
-def environment() -> dict[str, str]:
-    """Versions."""
-    return {
-        "sepv": sepv.__version__,
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "machine": platform.machine(),
-    }
 
 
 def _groups(values: np.ndarray) -> list[str]:

@@ -10,6 +10,7 @@ from sepv.files import read_json, require_schema
 from sepv.schemes import Scheme
 from sepv.studies._bench import measure as measuring
 from sepv.studies._bench.gate import KINDS, rms
+from sepv.studies._compare.run import environment
 
 FORMAT = 1
 # The counters in the order of the columns, and their headings.
@@ -28,7 +29,7 @@ def record(target: str, scheme: Scheme, cases: Iterable[dict[str, Any]]) -> dict
 
 def document(records: list[dict[str, Any]]) -> dict[str, Any]:
     """What a file holds."""
-    return {"format": FORMAT, "environment": measuring.environment(), "records": records}
+    return {"format": FORMAT, "environment": environment(), "records": records}
 
 
 def load(path: str) -> list[dict[str, Any]]:

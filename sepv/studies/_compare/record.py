@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from sepv.files import finite
 from sepv.schemes import Look
 from sepv.verification._orders.convergence import Estimate
 
@@ -83,8 +84,8 @@ class Point:
             "strong_error": _estimate(self.strong),
             "weak_error": _estimate(self.weak),
             "clipping_error": self.clipping,
-            "energy_defect": _number(self.energy_defect),
-            "casimir_defect": _number(self.casimir_defect),
+            "energy_defect": finite(self.energy_defect),
+            "casimir_defect": finite(self.casimir_defect),
             "seconds": vars(self.seconds) | {},
             "ns_per_step": self.nanoseconds,
             "evaluations_per_step": self.evaluations,
@@ -180,9 +181,4 @@ def _on_line(coarse: Point, fine: Point, target: float) -> float:
 
 
 def _estimate(e: Estimate) -> dict[str, float | None]:
-    return {"value": _number(e.value), "low": _number(max(e.low, 0.0)), "high": _number(e.high)}
-
-
-def _number(value: float) -> float | None:
-    """JSON has no infinity: an error without bound is null."""
-    return float(value) if np.isfinite(value) else None
+    return {"value": finite(e.value), "low": finite(max(e.low, 0.0)), "high": finite(e.high)}

@@ -16,6 +16,7 @@ import numpy as np
 
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem
+from sepv.problem._fields import linear_solve
 from sepv.record._binary64 import TINY
 from sepv.schemes import Scheme
 from sepv.schemes._both_invariants import scheme as both_invariants
@@ -158,7 +159,7 @@ class _Follower:
         _, J = self.equations(w, lanes)
         side = np.zeros_like(w)
         side[-1] = 1.0
-        t = _solve(np.concatenate([J, before[None]]), side)
+        t = linear_solve(np.concatenate([J, before[None]]), side)
         return t / np.sqrt((t * t).sum(axis=0))
 
     def advance(self, lanes: np.ndarray) -> None:
@@ -192,7 +193,7 @@ class _Follower:
         for _ in range(CORRECTIONS):
             F, J = self.equations(w, lanes)
             across = (t * (w - goal)).sum(axis=0)
-            p = _solve(np.concatenate([J, t[None]]), np.concatenate([F, across[None]]))
+            p = linear_solve(np.concatenate([J, t[None]]), np.concatenate([F, across[None]]))
             moves = np.abs(p).max(axis=0)
             shrinking = moves <= 0.5 * size
             arrived |= (moves <= 1e-12 * (1 + np.abs(w).max(axis=0))) | (arrived & shrinking)
@@ -202,16 +203,3 @@ class _Follower:
             if arrived.all():
                 break
         return w, arrived, np.asarray(turns <= 3)
-
-
-def _solve(A: Array, b: Array) -> Array:
-    """A x = b for A (n, n, M), b (n, M); NaN where A is singular."""
-    matrices, sides = np.moveaxis(A, -1, 0), b.T[..., None]
-    fine = np.asarray(np.isfinite(matrices).all(axis=(1, 2)) & np.isfinite(sides).all(axis=(1, 2)))
-    matrices = np.where(fine[:, None, None], matrices, np.eye(A.shape[0]))
-    try:
-        x = np.linalg.solve(matrices, sides)[..., 0].T
-    except np.linalg.LinAlgError:
-        # One singular matrix of a batch spoils the call: the pseudo-inverse of each is as good here.
-        x = (np.linalg.pinv(matrices) @ sides)[..., 0].T
-    return np.where(fine, x, np.nan)
