@@ -38,7 +38,7 @@ from sepv.problem._structures import each_noise
 from sepv.problems._polynomial_system import drift_of_energy
 from sepv.record import _polynomial as poly
 from sepv.schemes import Orders, Scheme, ask
-from sepv.schemes._further_increments import as_matrix, as_rows, some
+from sepv.schemes._further_increments import as_matrix, as_rows, rows_of_any_path
 from sepv.schemes._order_claims import order_of
 from sepv.schemes._scheme import as_lanes
 from sepv.simulate import _areas as areas
@@ -228,14 +228,14 @@ def test_the_rule_for_areas_has_their_second_moments() -> None:
 
 def test_what_a_step_asks_for_reverses_with_the_path_and_moves_with_the_noises() -> None:
     dW = np.array([0.3, -0.2, 0.5])
-    A = as_matrix(some("areas", 0.25, dW), 3)
-    back = as_matrix(some("areas", -0.25, -dW), 3)
+    A = as_matrix(rows_of_any_path("areas", 0.25, dW), 3)
+    back = as_matrix(rows_of_any_path("areas", -0.25, -dW), 3)
     assert np.array_equal(back, -A)
     order = [2, 0, 1]
-    assert np.allclose(as_matrix(some("areas", 0.25, dW[order]), 3), A[np.ix_(order, order)])
+    assert np.allclose(as_matrix(rows_of_any_path("areas", 0.25, dW[order]), 3), A[np.ix_(order, order)])
     assert np.array_equal(as_matrix(as_rows(A), 3), A)
-    first = some("halves", 0.25, dW)
-    assert np.allclose(some("halves", -0.25, -dW), -(dW - first))
+    first = rows_of_any_path("halves", 0.25, dW)
+    assert np.allclose(rows_of_any_path("halves", -0.25, -dW), -(dW - first))
 
 
 # References.

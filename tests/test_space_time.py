@@ -10,7 +10,7 @@ from sepv.problem import Array, Problem, Systems
 from sepv.problem._fields import matvec
 from sepv.problem._hamiltonians import noise_field
 from sepv.schemes import Scheme
-from sepv.schemes._further_increments import some
+from sepv.schemes._further_increments import rows_of_any_path
 from sepv.schemes._order_claims import Orders
 from sepv.simulate import _areas as areas
 from sepv.verification import Effort, Verdict, verify
@@ -89,9 +89,9 @@ def test_the_rule_has_their_moments_with_and_without_areas() -> None:
 
 def test_some_of_them_reverse_with_the_path_and_move_with_the_noises() -> None:
     dW = np.array([[0.3], [-0.5]])
-    H = some("space-time", 0.25, dW)
-    assert np.allclose(some("space-time", -0.25, -dW), H)
-    assert np.allclose(some("space-time", 0.25, dW[::-1]), H[::-1])
+    H = rows_of_any_path("space-time", 0.25, dW)
+    assert np.allclose(rows_of_any_path("space-time", -0.25, -dW), H)
+    assert np.allclose(rows_of_any_path("space-time", 0.25, dW[::-1]), H[::-1])
 
 
 def test_order_three_halves_of_additive_noise_is_seen_and_missed() -> None:

@@ -1,8 +1,8 @@
 """Schemes in other languages: a long-lived child process that speaks JSON lines (docs/protocol.md).
 
-One thread and non-blocking pipes: nothing here waits without a deadline, for reading or for writing, so a
-child that never answers, or never reads, cannot stop the suite. Whatever goes wrong in an exchange ends the
-whole process group; the next call starts a fresh one, so that a case that crashes can still be shrunk.
+One thread and non-blocking pipes: every read and write has a deadline, so a child that never answers, or never reads,
+cannot stop the suite. Any failure of an exchange ends the whole process group. The next call starts a fresh one, so a
+case that crashes can still be shrunk.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The protocol checked line by line, for those who implement it."""
+"""Line-by-line check of a program's protocol, for those who implement it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from sepv.problem import Array, PolynomialSystem, Problem
 
 
 class Check(NamedTuple):
-    """One check of the protocol: the line sent, whether the answer is right, and what it is or lacks."""
+    """One check of the protocol: the line sent, True if the answer is right, and the answer or its defect."""
 
     line: str
     ok: bool
@@ -31,9 +31,9 @@ def check_protocol(
     start_timeout: float = 60.0,
     laws: Iterable[str] | None = None,
 ) -> list[Check]:
-    """Speak to a program as `load_program` does, and say of every line what is right or wrong.
+    """Talk to a program as `load_program` does, and report every line as right or wrong.
 
-    It stops after a failed start or hello, since no answer means anything then.
+    The check stops after a failed start or hello, because no later answer means anything.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def check_protocol(
 
 
 def describe(checks: Iterable[Check]) -> str:
-    """The checks for a reader, one after the other."""
+    """Describe the checks for a reader, in order."""
     lines = []
     for n, check in enumerate(checks, 1):
         shown = check.line if len(check.line) <= 160 else f"{check.line[:160]}… ({len(check.line)} bytes)"
@@ -93,7 +93,7 @@ def _try_hello(program: Program, laws: set[str] | None) -> str:
 
 
 def _sample_trials(said: Hello) -> Iterator[Callable[[Program], str]]:
-    """One step, the same again, and several in one message, for problems that the program says it takes."""
+    """Send a step, repeat it, and send several in one message, for problems that the program says it takes."""
     from sepv import problems
     from sepv.record import polynomial
 

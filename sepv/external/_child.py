@@ -1,4 +1,4 @@
-"""A process and its pipes: nothing here waits without a deadline, for reading or for writing."""
+"""A child process and its pipes: every read and write has a deadline."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from contextlib import suppress
 from sepv.external import _errors as errors
 from sepv.external._errors import shown
 
-# A message of 1000 steps in 20 dimensions is half of it; a child that prints without end stops here.
+# The most bytes of a line: twice a message of 1000 steps in 20 dimensions. A child that prints without end stops here.
 LINE_LIMIT = 1 << 20
 # Seconds between "stop" and SIGKILL: enough to write a log, too few to be noticed.
 STOP_GRACE = 2.0
@@ -54,7 +54,7 @@ class Child:
         self.selector.register(self.stderr, selectors.EVENT_READ, "stderr")
 
     def exchange(self, message: bytes, seconds: float) -> bytes:
-        """The line that answers `message`, both within `seconds`."""
+        """Send `message` and return the line that answers it, both within `seconds`."""
         deadline = time.monotonic() + seconds
         self.unsent = memoryview(message)
         self._write()
@@ -62,7 +62,7 @@ class Child:
             self.selector.register(self.stdin, selectors.EVENT_WRITE, "stdin")
         while True:
             end = self.received.find(b"\n")
-            # What comes before the message is sent is bounded as a whole: a child may print and never read.
+            # Output before the message is sent is bounded as a whole: a child may print and never read.
             if (len(self.received) - 1 if end < 0 or self.unsent else end) > self.limit:
                 raise self.fault(
                     errors.LineTooLong,
@@ -106,7 +106,7 @@ class Child:
             del self.log[:-_LOG]
 
     def status(self, seconds: float) -> str | None:
-        """How the program ended, or None where it still runs after `seconds`.
+        """Describe how the program ended, or return None if it still runs after `seconds`.
 
         It is not reaped: until then no other process group can get its number.
         """
@@ -120,12 +120,12 @@ class Child:
         return f"signal {next((s.name for s in signal.Signals if s == -ended), -ended)}"
 
     def _exit_code(self) -> int | None:
-        """As `Popen.poll`, but without reaping where the system can (macOS: since Python 3.13)."""
+        """The exit code as from `Popen.poll`, but without reaping where the system can (macOS: since Python 3.13)."""
         if not hasattr(os, "waitid") or self.process.returncode is not None:
             return self.process.poll()
         try:
             how = os.waitid(os.P_PID, self.process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
-        except ChildProcessError:  # reaped by somebody else
+        except ChildProcessError:  # reaped elsewhere
             return self.process.poll()
         if how is None:
             return None
@@ -170,7 +170,7 @@ class Child:
         return kind(expected=expected, received=received, remedy=remedy, log=log)
 
     def stop(self, message: bytes) -> str | None:
-        """Ask the program to end, and end it; how it ended by itself, None where it did not."""
+        """Ask the program to end, and end it; return how it ended by itself, or None if it did not."""
         with suppress(OSError):
             os.write(self.stdin, message)
         if self.process.stdin:
@@ -187,8 +187,8 @@ class Child:
 
 def _kill(process: subprocess.Popen[bytes], selector: selectors.BaseSelector, owner: int) -> None:
     if os.getpid() != owner:
-        return  # a forked copy of this process: the child is not its own
-    # PermissionError is what macOS says of a group of zombies.
+        return  # this process is a fork: the child belongs to the parent
+    # macOS raises PermissionError for a group of zombies.
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGKILL)
     with suppress(subprocess.TimeoutExpired):
@@ -200,7 +200,7 @@ def _kill(process: subprocess.Popen[bytes], selector: selectors.BaseSelector, ow
 
 
 def _unread(fd: int) -> int:
-    """Bytes in the pipe that the child has not read; 0 where the system does not say."""
+    """Bytes in the pipe that the child has not read; 0 where the system does not tell."""
     import fcntl
     import termios
 

@@ -1,4 +1,4 @@
-"""What can be wrong with a program, one class for each way, and its text for a terminal or a page."""
+"""Errors of a program, one class for each kind, and its text made safe for a terminal or a page."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from sepv.problem import Array
 
 
 class ProgramError(SepvError):
-    """A program that does not keep the protocol; the base of all that end in the verdict "error"."""
+    """A program does not keep the protocol; the base of all that end in the verdict "error"."""
 
     def __init__(self, *, expected: str, received: str, remedy: str, log: str = "") -> None:
         self.expected, self.received, self.remedy, self.log = expected, received, remedy, log
         tail = "\nThe end of its stderr:\n" + "\n".join(f"  | {s}" for s in log.splitlines()) if log else ""
-        # Not super(): StartFailure is a TargetError too, whose own constructor says the same without the log.
+        # Not super(): StartFailure is a TargetError too, whose constructor writes the message without the log.
         SepvError.__init__(self, f"Expected {expected}.\nReceived {received}.\nRemedy: {remedy}{tail}")
 
 
 class StartFailure(ProgramError, TargetError):
-    """A program that cannot be started."""
+    """A program cannot be started."""
 
 
 class CallTimeout(ProgramError):
-    """No whole answer within the time of one call."""
+    """No complete answer came within the time of one call."""
 
 
 class RunTimeout(ProgramError):
@@ -38,31 +38,31 @@ class ProgramExit(ProgramError):
 
 
 class LineTooLong(ProgramError):
-    """More bytes than a line may have."""
+    """A line has more bytes than allowed."""
 
 
 class NotJson(ProgramError):
-    """A line that is not JSON in UTF-8."""
+    """A line is not JSON in UTF-8."""
 
 
 class WrongId(ProgramError):
-    """An answer that does not carry the id of its question."""
+    """An answer does not carry the id of its question."""
 
 
 class BadAnswer(ProgramError):
-    """JSON that is not an answer: keys missing, of the wrong type, or another protocol."""
+    """A JSON answer has missing keys, wrong types, or another protocol."""
 
 
 class WrongShape(SchemeFault):
-    """States of the wrong number or dimension."""
+    """An answer has the wrong number of states, or the wrong dimension."""
 
 
 class NotFinite(SchemeFault):
-    """A state with NaN, an infinity, or a number beyond binary64."""
+    """A state has NaN, an infinity, or a number beyond binary64."""
 
 
 class StepRefused(StepFailure):
-    """The program answered "error": it says itself that this step cannot be made."""
+    """The program answered "error": it reports that this step cannot be made."""
 
     def __init__(self, *, problem: str, y: Array, delta: float, reason: str) -> None:
         self.problem, self.y, self.delta, self.reason = problem, y, delta, reason
@@ -80,5 +80,5 @@ def shown(line: bytes, most: int = 200) -> str:
 
 
 def clean(text: str, most: int = 200) -> str:
-    """A program's text for a terminal or a page: no control characters, not endless."""
+    """A program's text for a terminal or a page: without control characters, and cut to a length."""
     return printable(text[:most], kept="") + ("…" if len(text) > most else "")

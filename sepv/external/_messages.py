@@ -1,4 +1,4 @@
-"""The lines of the protocol (docs/protocol.md), read strictly and written exactly."""
+"""The lines of the protocol (docs/protocol.md): strict readers and exact writers."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from sepv.problem._json import problem_to_json
 from sepv.schemes._point_distributions import NAMES, NORMAL
 
 PROTOCOL = 1
-# What a message that a program takes may hold at most, whatever the program would take.
+# The most steps in a message, whatever a program accepts.
 MOST_STEPS = 1024
 
 
 @dataclass(frozen=True)
 class Hello:
-    """What a program says of itself; the fields are those of docs/protocol.md."""
+    """A program's description of itself; the fields are those of docs/protocol.md."""
 
     scheme: str
     protocol: int = PROTOCOL
@@ -56,7 +56,7 @@ def _count(value: Any) -> bool:
     return type(value) is int and value > 0
 
 
-# What hello may hold. An unknown member is an error: a misspelt one would be a claim that nobody reads.
+# Allowed members of hello. An unknown member is an error, because a misspelt one would be a lost claim.
 _HELLO: dict[str, tuple[Callable[[Any], bool], str]] = {
     "id": (lambda _: True, ""),
     "protocol": (lambda v: type(v) is int and v == PROTOCOL, f"the number {PROTOCOL}"),
@@ -155,7 +155,7 @@ def _double(text: Any) -> float:
 
 
 def travelling(problem: Problem, said: Hello) -> str:
-    """The problem as JSON, if the program takes it."""
+    """The problem as JSON; raises Skipped if the program does not take it."""
     data = problem.data
     if data is None:
         raise Skipped(f"the problem {problem.name} is made of Python functions, which cannot travel")

@@ -1,4 +1,4 @@
-"""A program as a scheme: started when first asked, started afresh after a fault, always ended."""
+"""A program as a scheme: it starts at its first call, restarts after a fault, and is always ended."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from sepv.schemes._scheme import as_lanes
 
 
 class Program:
-    """A command that speaks the protocol, started when it is asked and has not been, or has failed."""
+    """A command that speaks the protocol; it starts at the first call, and after a failure."""
 
     def __init__(
         self,
@@ -48,20 +48,20 @@ class Program:
         self.lock = threading.Lock()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """In another process it is a program of its own, started there when it is asked."""
+        """Pickle the command: another process starts its own program at its first call."""
         left = None if self.run_timeout is None else max(0.0, self.until - time.monotonic())
         timed = partial(Program, call_timeout=self.call_timeout, start_timeout=self.start_timeout)
         return partial(timed, run_timeout=left, line_limit=self.line_limit), (self.command,)
 
     def hello(self) -> Hello:
-        """What the program says of itself; starts it."""
+        """The program's description of itself; starts it."""
         with self.lock:
             self._running()
             assert self.said is not None
             return self.said
 
     def ask(self, body: str) -> tuple[str, Any]:
-        """The answer to a message with these members beside its id: ("y_next" | "skip" | "error", value)."""
+        """Send a message with these members and an id; return ("y_next" | "skip" | "error", value)."""
         with self.lock:
             child = self._running()
             answer = self._exchange(child, body, self.call_timeout)
@@ -76,7 +76,7 @@ class Program:
             return given[0], answer[given[0]]
 
     def stop(self, say: bool = True) -> str | None:
-        """End the program, by word or by the end of its input; how it ended, None where it had to be killed."""
+        """End the program, by a message or by closing its input; describe how it ended, None if it had to be killed."""
         with self.lock:
             child, self.child = self.child, None
             if child is None or child.owner != os.getpid():
@@ -116,7 +116,7 @@ class Program:
             if left < seconds:
                 raise self._out_of_time() from None
             raise
-        except BaseException:  # an interrupt too leaves an answer on its way that nobody waits for
+        except BaseException:  # an interrupt too leaves an answer in the pipe
             self.abandon()
             raise
 
@@ -147,7 +147,7 @@ class Program:
             truncation=said.truncation,
             increments=said.increments,
             batched=True,
-            # Else a search would spend its cases on polynomials that the program has already refused.
+            # Otherwise a search would spend its cases on polynomials that the program has refused.
             problems=() if said.polynomial else tuple(name for name in said.problems if name in PAPER),
         )
 
@@ -157,9 +157,9 @@ class Program:
         Raises
         ------
         Skipped
-            Where the program does not take the problem.
+            Where the program refuses the problem.
         StepRefused
-            Where it says that the step cannot be made; of a batch it is not known which.
+            Where it reports that the step cannot be made; in a batch the state is not known.
         WrongShape, NotFinite
             For states that break the contract of ``step``.
         ProgramError
@@ -196,16 +196,16 @@ def load_program(
     run_timeout: float | None = None,
     line_limit: int = LINE_LIMIT,
 ) -> Iterator[Scheme]:
-    """The scheme that a program is, for the time of the ``with`` block; its process group ends with it.
+    """Run a program as a scheme during the ``with`` block; its process group ends with it.
 
     Parameters
     ----------
     command : str
         The program and its arguments, split as a POSIX shell does; no shell is started.
     call_timeout, start_timeout : float
-        Seconds for one message and its answer; for the first, which a runtime may need to warm up.
+        Seconds for one message and its answer, and for the first, which a runtime may need to warm up.
     run_timeout : float, optional
-        Seconds for all of them together.
+        Seconds for all messages together.
 
     Raises
     ------
@@ -231,7 +231,7 @@ def load_program(
 
 @contextmanager
 def _ended_by_signals(program: Program) -> Iterator[None]:
-    """SIGTERM and SIGHUP end the program first, where nobody else handles them: they unwind no Python."""
+    """End the program first at SIGTERM and SIGHUP, unless another handler is there: they unwind no Python."""
 
     def end(number: int, _frame: object) -> None:
         program.abandon()

@@ -1,7 +1,7 @@
 """Fault detection: saboteurs × laws over several seeds, with the number of examples to the first failure.
 
-A saboteur is killed with one seed where a law that it claims ends in `violated`; a fault of the interface
-also where a claimed law ends in `error`, which no reader takes for a pass.
+A law that the saboteur claims kills it with a seed by the verdict `violated`; a fault of the interface is also killed
+by `error`, which no reader takes for a pass.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from sepv.verification._verify import measure
 from sepv.workers import ended_at_once
 
 SEEDS = tuple(range(10))
-# A law takes one to ten seconds; a saboteur that is slower than this is an error of its own.
+# Seconds for one law, which takes one to ten. A slower saboteur is an error of its own.
 TIMEOUT = 120.0
-# No time to shrink: past its first failure a search measures nothing, so that `Finding.checks` is the
-# number of examples up to and including that failure.
+# No time to shrink: after its first failure a search measures nothing, so `Finding.checks` is the number of examples up
+# to and including that failure.
 _NO_SHRINKING = 0
 
 
 @dataclass(frozen=True)
 class Detection:
-    """What one law made of one saboteur with one seed."""
+    """The result of one law on one saboteur with one seed."""
 
     saboteur: str
     family: str
@@ -42,14 +42,14 @@ class Detection:
     seed: int
     verdict: Verdict
     claimed: bool
-    expected: bool  # whether the saboteur's `caught_by` names the law
-    examples: int  # or paths, measured: up to the first failure, where there was one
+    expected: bool  # True if the saboteur's `caught_by` names the law
+    examples: int  # measured examples, or paths: up to the first failure, if there was one
     seconds: float
     message: str = ""
 
     @property
     def kills(self) -> bool:
-        """Whether a claimed law is violated, or ends in an error where the fault is one of the interface."""
+        """True if a claimed law is violated, or ends in an error where the fault is one of the interface."""
         return self.claimed and (
             self.verdict is Verdict.VIOLATED or (self.family == "interface" and self.verdict is Verdict.ERROR)
         )
@@ -74,9 +74,9 @@ def run(
 ) -> list[Detection]:
     """Run saboteurs against laws, each saboteur and seed in a worker process; a UsageError for an unknown name.
 
-    `progress` is called in this process after each saboteur and seed. Without `effort` it is that of `sepv verify` but
-    for the corpus of witnesses: many are the saboteurs' own, and would say nothing of what the search finds. Nothing is
-    shrunk. With `first` a saboteur is done at the first law that kills, expected ones first: the matrix has holes.
+    `progress` is called in this process after each saboteur and seed. The default effort is that of `sepv verify`
+    without the corpus of witnesses: many are the saboteurs' own, and would not test the search. Nothing is shrunk.
+    With `first` a saboteur is done at the first law that kills, expected ones first: the matrix has holes.
     """
     chosen = [find(name) for name in (SABOTEURS if names is None else names)]
     asked = [law.name for law in load_laws(laws)]
@@ -84,7 +84,7 @@ def run(
     how = (asked, budget.examples, budget.paths, first, budget.corpus)
     jobs = [(s.name, seed, *how) for seed in seeds for s in chosen]
     detections: list[Detection] = []
-    # spawn: a saboteur may have left anything in this process's memory.
+    # spawn: a saboteur may leave anything in this process's memory.
     context = multiprocessing.get_context("spawn")
     with ended_at_once(ProcessPoolExecutor(max_workers=workers, mp_context=context)) as pool:
         futures = [pool.submit(detect, *job) for job in jobs]
@@ -100,7 +100,7 @@ def detect(
     name: str, seed: int, laws: Sequence[str], examples: int = 100, paths: int = 4096, first: bool = False,
     corpus: bool = False,
 ) -> list[Detection]:  # fmt: skip
-    """One saboteur, one seed: the laws in turn on a new copy of it, in this process."""
+    """Run one saboteur with one seed: the laws in turn on a new copy of it, in this process."""
     saboteur = find(name)
     scheme, run = saboteur.scheme, Run(Effort(examples, paths, seed, _NO_SHRINKING, corpus=corpus))
     if first:
@@ -121,13 +121,13 @@ def detect(
 
 
 def find(name: str) -> Saboteur:
-    """The saboteur of that name; a UsageError for others."""
+    """The saboteur of this name; a UsageError for others."""
     require_one_of("a saboteur", name, SABOTEURS, "take one of these names")
     return SABOTEURS[name]
 
 
 def survivors(detections: Sequence[Detection]) -> dict[str, list[int]]:
-    """The seeds with which no claimed law killed, for each saboteur that has any."""
+    """The seeds with which no claimed law killed, for each saboteur that survived any."""
     killed = {(b.saboteur, b.seed) for b in detections if b.kills}
     found: dict[str, list[int]] = {}
     for name, seed in sorted({(b.saboteur, b.seed) for b in detections} - killed):
@@ -136,7 +136,7 @@ def survivors(detections: Sequence[Detection]) -> dict[str, list[int]]:
 
 
 def found_by_one_law(detections: Sequence[Detection]) -> dict[str, list[str]]:
-    """For each law, the saboteurs that no other law killed with any seed: what the suite loses without it."""
+    """For each law, the saboteurs that no other law killed with any seed: the loss without it."""
     kills = dict.fromkeys((b.saboteur, b.law) for b in detections if b.kills)
     laws = Counter(name for name, _ in kills)
     kept: dict[str, list[str]] = {}
@@ -147,13 +147,13 @@ def found_by_one_law(detections: Sequence[Detection]) -> dict[str, list[str]]:
 
 
 def missed(detections: Sequence[Detection]) -> list[tuple[str, str]]:
-    """(saboteur, law) where theory expects a kill, and none was seen with any seed."""
+    """Pairs (saboteur, law) where theory expects a kill, and none was seen with any seed."""
     seen = {(b.saboteur, b.law) for b in detections if b.kills}
     return [p for p in dict.fromkeys((b.saboteur, b.law) for b in detections if b.expected) if p not in seen]
 
 
 def examples_to_kill(detections: Sequence[Detection]) -> dict[tuple[str, int], int]:
-    """For each (saboteur, seed) that was killed, the fewest examples that a law needed."""
+    """For each killed (saboteur, seed), the fewest examples that a law needed."""
     fewest: dict[tuple[str, int], int] = {}
     for b in detections:
         if b.kills:
@@ -163,7 +163,7 @@ def examples_to_kill(detections: Sequence[Detection]) -> dict[tuple[str, int], i
 
 
 def show(detections: Sequence[Detection], out: Console) -> None:
-    """The matrix, its legend, what a reader should worry about, and the count."""
+    """Print the matrix, its legend, the warnings, and the count."""
     laws, table = list(dict.fromkeys(b.law for b in detections)), matrix(detections)
     wide = not fits(table, out)
     print_table(listing(detections) if wide else table, out)
@@ -173,7 +173,7 @@ def show(detections: Sequence[Detection], out: Console) -> None:
     out.print(Text("·: holds, ?: inconclusive, e: error, n/a: not applicable; *: unclaimed"))
     if not wide:
         out.print(Text(", ".join(f"{abbreviation(law)} {law}" for law in laws)))
-    # `first` leaves holes: some saboteur was not shown to some law with some seed.
+    # `first` leaves holes: some saboteur was not run against some law with some seed.
     runs = {(b.saboteur, b.seed) for b in detections}
     if len({(b.saboteur, b.seed, b.law) for b in detections}) == len(runs) * len(laws):
         for law, names in found_by_one_law(detections).items():
@@ -185,7 +185,7 @@ def show(detections: Sequence[Detection], out: Console) -> None:
 
 
 def matrix(detections: Sequence[Detection]) -> Table:
-    """Saboteur × law, with the seeds killed."""
+    """A table of saboteurs and laws, with the number of seeds that killed."""
     laws = list(dict.fromkeys(b.law for b in detections))
     heads = columns(["saboteur"], [*map(abbreviation, laws), "killed"])
     found = _rows(detections)
@@ -195,7 +195,7 @@ def matrix(detections: Sequence[Detection]) -> Table:
 
 
 def listing(detections: Sequence[Detection]) -> Table:
-    """The same where the matrix is too wide: for each saboteur what does not hold, in words."""
+    """A list for terminals too narrow for the matrix: the laws that do not hold, for each saboteur."""
     rows: list[tuple[str, Text, Text]] = []
     for name, killed, cells in _rows(detections):
         told = ((law, cell) for law, cell in cells.items() if cell.plain.strip("*") not in ("·", "n/a"))
@@ -204,7 +204,7 @@ def listing(detections: Sequence[Detection]) -> Table:
 
 
 def _rows(detections: Sequence[Detection]) -> Iterator[tuple[str, Text, dict[str, Text]]]:
-    """Each saboteur, how often it was killed, and the cell of each law that it was shown to."""
+    """Rows of a saboteur, the number of its kills, and the cell of each law that it was run against."""
     alive, found = survivors(detections), dict[str, dict[str, list[Detection]]]()
     for b in detections:
         found.setdefault(b.saboteur, {}).setdefault(b.law, []).append(b)
@@ -216,7 +216,7 @@ def _rows(detections: Sequence[Detection]) -> Iterator[tuple[str, Text, dict[str
 
 
 def summary(detections: Sequence[Detection]) -> Text:
-    """One line: how many are killed with every seed, and after how many examples."""
+    """One line: the number killed with every seed, and the examples needed."""
     names, alive = {b.saboteur for b in detections}, survivors(detections)
     fewest = examples_to_kill(detections)
     seeds = len({b.seed for b in detections})
@@ -243,7 +243,7 @@ def abbreviation(law: str) -> str:
     return next(law[:n] for n in lengths if n == len(law) or sum(o.startswith(law[:n]) for o in LAWS) < 2)
 
 
-# The sign and its style; the first of them that was seen stands.
+# Signs and styles by precedence: the first that occurred is shown.
 _SIGNS = {
     Verdict.ERROR: ("e", "magenta"), Verdict.INCONCLUSIVE: ("?", "yellow"), Verdict.NOT_APPLICABLE: ("n/a", "dim")
 }  # fmt: skip

@@ -1,18 +1,18 @@
 """diffrax's Stratonovich solvers for general noise, one step at a time and over whole paths. Needs the extra ``peers``.
 
-A step is the solver's own `init` and `step`, compiled by JAX, with the increment handed over through a control
-path. Polynomial problems are numbers to the compiled code, not code: a new random problem compiles nothing.
+A step is the solver's own `init` and `step`, compiled by JAX, with the increment given by a control path. Polynomial
+problems are data to the compiled code: a new random problem compiles nothing.
 
-JAX computes in float64 only where its switch is on. It is turned on around each call, by JAX's own context
-manager for one thread, and nowhere else: importing this module changes nothing in JAX.
+JAX computes in float64 only where its switch is on. JAX's own context manager turns it on around each call, for one
+thread; importing this module changes nothing in JAX.
 
-ShARK, SRA1 and SEA are for additive noise, which (1.1) has not; ALIGN, ShOULD and QUICSORT for Langevin dynamics.
+ShARK, SRA1 and SEA need additive noise, which (1.1) has not; ALIGN, ShOULD and QUICSORT are for Langevin dynamics.
 
-Older releases have fewer solvers: what a release lacks is None here, and its name is in `PEER.absent`.
+Older releases have fewer solvers: a missing one is None here, and its name is in `PEER.absent`.
 
-In a comparison all paths are one state (d, M) and one compiled loop over the given increments, which lie on the device
-beforehand. All noises drive one field, so that a solver that needs nothing but products of a field with an increment is
-given the equation as what it is, dy = f(y)∘dθ with θ = t + Σ c_j W_j: half the evaluations of a drift and a noise posed
+In a comparison all paths are one state (d, M) and one compiled loop over the given increments, which are on the device
+beforehand. All noises drive one field, so a solver that needs only products of a field with an increment is
+given the equation dy = f(y)∘dθ with θ = t + Σ c_j W_j: half the evaluations of a drift and a noise posed
 apart. Names with vmap are the driver of diffrax's own examples, one path at a time, drift and noise apart.
 """
 
@@ -34,12 +34,12 @@ from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.schemes import Scheme
 from sepv.studies._compare.method import Method, from_states
 
-# JAX has had this context manager at two places.
+# JAX has had this context manager in two places.
 enable_x64 = jax.enable_x64 if hasattr(jax, "enable_x64") else import_module("jax.experimental").enable_x64
 
 
 class _Given(diffrax.AbstractPath):
-    """A control with a given increment over the step, and its space-time Lévy area H."""
+    """A control path with a given increment over the step, and its space-time Lévy area H."""
 
     dW: Any
     H: Any
@@ -60,8 +60,8 @@ class _Given(diffrax.AbstractPath):
 def _space_time_area(h: Any, dW: Any) -> Any:
     """H ~ N(0, h/12), independent of dW, from a stream whose key is the bits of dW.
 
-    The solvers with stochastic Runge-Kutta tableaux want it beside dW. A step must be a function of its
-    arguments, so that it cannot be drawn anew: equal increments get equal areas.
+    Solvers with stochastic Runge-Kutta tableaux need it beside dW. A step must be a function of its arguments, so it
+    cannot be drawn anew: equal increments get equal areas.
     """
     key = jax.random.key(0)
     for word in jax.lax.bitcast_convert_type(dW, jnp.uint32).reshape(-1):
@@ -124,7 +124,7 @@ def _paths(
 
 @lru_cache(maxsize=256)
 def _padded(problem: Problem) -> tuple[Formulas, Any]:
-    """As `pose`, and polynomials of at least six variables: their programs serve all problems."""
+    """Pose a problem with polynomials of at least six variables, so that their programs serve all problems."""
     formulas, numbers = pose(problem)
     if formulas.kind != "polynomial":
         return formulas, numbers
@@ -158,7 +158,7 @@ def _call(program: Any, solver: Any, problem: Problem, y: Array, h: float, dW: A
 
 def _step_by(solver: Any) -> Callable[[Problem, Array, float, Array], Array]:
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        # Random problems come one state at a time, batches from the paper's problems.
+        # Random problems have one state each; batches come from the paper's problems.
         lanes = 1 if isinstance(problem.data, PolynomialSystem) else LANES
         return in_blocks(lambda y, dW: _call(_steps, solver, problem, y, h, dW), y, dW, lanes)
 
@@ -197,7 +197,7 @@ milstein = _scheme("StratonovichMilstein", 1.0)
 spark = _scheme("SPaRK", 1.0)
 general_shark = _scheme("GeneralShARK", 1.0)
 slow_rk = _scheme("SlowRK", 1.5, 2.0)
-# Its state is a second solution beside y. Started afresh it is Heun's method: whole paths are another thing.
+# The state holds a second solution beside y, so one step started afresh is Heun's method; whole paths are not.
 reversible_heun = _scheme("ReversibleHeun", 1.0, note=", one step afresh")
 
 
@@ -220,7 +220,7 @@ class _Field(diffrax.AbstractTerm):
 
 
 class _Noise(_Field):
-    """The same field under a Wiener process (M,) beside a drift term, with its space-time Lévy area."""
+    """The field under a Wiener process (M,) beside a drift term, with its space-time Lévy area."""
 
     area: Any
 
@@ -231,7 +231,7 @@ class _Noise(_Field):
 
 
 def _batched(solver: Any, terms: Any, h: Any, y: Any, more: Any, keep: bool) -> Any:
-    """A loop over increments: `terms` makes the terms of a step of its slice of `more`."""
+    """Loop over increments; `terms` makes the terms of a step from its slice of `more`."""
     t0 = jnp.zeros_like(h)
     state = solver.init(terms(jax.tree.map(lambda a: a[0], more)), t0, h, y, None)
 
@@ -249,7 +249,7 @@ def _batched(solver: Any, terms: Any, h: Any, y: Any, more: Any, keep: bool) -> 
 def _on_the_clock(
     solver: Any, formulas: Formulas, keep: bool, arrays: Any, c: Any, h: Any, y: Any, dW: Any, _H: Any
 ) -> Any:
-    """dy = f(y)∘dθ, for solvers of ordinary differential equations."""
+    """Solve dy = f(y)∘dθ, by solvers of ordinary differential equations."""
 
     def vector(y: Any) -> Any:
         return formulas.field(jnp, arrays, y)
@@ -263,7 +263,7 @@ def _on_the_clock(
 def _apart(
     solver: Any, formulas: Formulas, keep: bool, arrays: Any, c: Any, h: Any, y: Any, dW: Any, H: Any
 ) -> Any:
-    """Drift and noise apart, the m noises as the one that they are, in one batch."""
+    """Solve with drift and noise apart, and the m noises as the one that they equal, in one batch."""
 
     def vector(y: Any) -> Any:
         return formulas.field(jnp, arrays, y)
@@ -272,14 +272,14 @@ def _apart(
         drift = diffrax.ODETerm(lambda _t, y, _args: vector(y))
         return diffrax.MultiTerm(drift, _Noise(vector, *slice_))
 
-    # Σ c_j W_j is √Σc_j² times a Wiener process, and its area the same combination of theirs.
+    # Σ c_j W_j is √Σc_j² times a Wiener process, and its area is the same combination of areas.
     return _batched(
         solver, terms, h, y, (jnp.einsum("j,njl->nl", c, dW), jnp.einsum("j,njl->nl", c, H)), keep
     )
 
 
 def _vmapped(solver: Any, formulas: Formulas, keep: bool, *given: Any) -> Any:
-    """Path by path under vmap, as diffrax's examples do."""
+    """Solve path by path under vmap, as diffrax's examples do."""
     return _paths(solver, formulas, *given[:-1], keep=keep)
 
 
@@ -307,7 +307,7 @@ def _method(name: str, solver: Any, program: Any, evaluations: float | None, how
 _CLOCK = "all paths in one state, dy = f∘dθ"
 _APART = "all paths in one state, drift and noise apart"
 _VMAP = "path by path under vmap, drift and noise apart"
-# The solver, its driver, and evaluations of f a step where they follow from the method.
+# Rows of a solver, its driver, and evaluations of f a step where they follow from the method.
 _DRIVEN = {
     "heun": ("Heun", _on_the_clock, 2, _CLOCK),
     "tsit5": ("Tsit5", _on_the_clock, 6, _CLOCK),

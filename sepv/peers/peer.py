@@ -1,4 +1,4 @@
-"""The record of a library whose solvers take part, and how one is found: here, or in a package that offers its own.
+"""The record of a library whose solvers take part, and the search for it: here, or in a package that offers its own.
 
 A peer is one file with one record, `PEER`. Those of sepv are the modules of this folder. Another package offers one by
 an entry point of the group ``sepv.peers``, under the library's name:
@@ -32,7 +32,7 @@ _Kind = TypeVar("_Kind")
 
 @dataclass(frozen=True)
 class Peer:
-    """A library, and what of it takes part.
+    """A library, and its solvers that take part.
 
     Attributes
     ----------

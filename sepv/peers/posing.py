@@ -2,8 +2,8 @@
 
 A problem's own functions are NumPy's, which a compiler cannot trace (`TracerArrayConversionError`) and an automatic
 derivative does not see through. A problem given as data is posed again: `pose` returns formulas, which are hashable and
-few, and numbers, which are arrays. A compiled step takes the formulas as a static argument and the numbers as data, so
-that one program serves every problem of a size. No library is imported here: a formula takes the namespace.
+few, and numbers, which are arrays. A compiled step takes the formulas as a static argument and the numbers as data:
+one program serves every problem of a size. No library is imported here: a formula takes the namespace.
 
 A solver that hands state from one step to the next is a `PathSolver`: one step alone is not the solver, so whole paths
 are measured. Its first step is a `Scheme` beside it, for the laws about one step; the order is that of whole paths.
@@ -32,11 +32,11 @@ from sepv.schemes import load_problem
 
 __all__ = ["Formulas", "PathSolver", "field_in", "in_blocks", "pose"]
 
-# Tables of polynomials are filled up with zeros to one of a few sizes, so that few programs serve all problems.
+# The smallest sizes of tables of polynomials, filled up with zeros, so that few programs serve all problems.
 LEAST_POWER, LEAST_TERMS = 8, 32
-# Lanes computed together; the last block is filled up.
+# The number of lanes computed together; the last block is filled up.
 LANES = 64
-# (problem, y0 (d,), h, dW (N, m, M)) -> states (N + 1, d, M)
+# A function (problem, y0 (d,), h, dW (N, m, M)) -> states (N + 1, d, M).
 Path = Callable[[Problem, Array, float, Array], Array]
 
 
@@ -63,7 +63,7 @@ class Formulas:
     powers : int
         At least the largest exponent of a polynomial problem.
     texts : tuple of str
-        Else, the records of B, ∇H, H and f as code.
+        Otherwise the records of B, ∇H, H and f as code.
     """
 
     kind: str
@@ -100,14 +100,14 @@ class Formulas:
         return xp.einsum("ij...,j...->i...", B, both[d * d :])
 
     def _recorded(self, which: int, xp: Any, numbers: Any, y: Any) -> Any:
-        """The components of one of the records; of those that are constant, too, one for each state."""
+        """The components of one of the records, with a value for each state also where they are constant."""
         found, zero = _compiled(xp, self.texts[which])(y, numbers[which]), xp.zeros_like(y[0])
         return xp.stack([v if getattr(v, "shape", None) == zero.shape else zero + v for v in found])
 
     def values(self, xp: Any, numbers: Any, y: Any, first: int, last: int) -> Any:
         """Rows of the table of polynomials at y."""
         exponents, coefficients = numbers
-        # Products, not y**e: the derivative of 0**0 is not a number in either library.
+        # Products, not y**e: both libraries differentiate 0**0 to NaN.
         power = [xp.ones_like(y)]
         for _ in range(self.powers):
             power.append(power[-1] * y)
@@ -193,7 +193,7 @@ def _pose(data: PolynomialSystem | NamedProblem, padded: bool) -> tuple[Formulas
 
 @lru_cache(maxsize=64)
 def _compiled(xp: Any, text: str) -> Callable[..., tuple[Any, ...]]:
-    """A record as a function of (y, parameters) in the namespace."""
+    """Compile a record to a function of (y, parameters) in the namespace."""
     namespace: dict[str, Any] = {n: getattr(xp, n, None) for n in (*FUNCTIONS, "where", "logical_not")}
     namespace |= {"power": pow, "inf": math.inf}
     exec(compile(text, "<record>", "exec"), namespace)
@@ -202,16 +202,16 @@ def _compiled(xp: Any, text: str) -> Callable[..., tuple[Any, ...]]:
 
 
 def size(needed: int, least: int) -> int:
-    """The smallest of least, 2 least, 4 least, … that is enough."""
+    """The smallest sufficient size among least, 2 least, 4 least and so on."""
     while least < needed:
         least *= 2
     return least
 
 
 def table(dimension: int, rows: list[Polynomial], padded: bool) -> tuple[int, tuple[Any, Array]]:
-    """The largest exponent, and exponents (d, T) of the monomials with coefficients (R, T) of the rows.
+    """The table of polynomials: largest exponent, exponents (d, T) of monomials, coefficients (R, T) of rows.
 
-    Where they are `padded`, both are no less than one of a few sizes: the rest are zeros.
+    If `padded`, both have one of a few sizes, filled up with zeros.
     """
     monomials = sorted({e for p in rows for e, _ in p.terms}) or [(0,) * dimension]
     powers, count = max(map(max, monomials)), len(monomials)
@@ -228,9 +228,9 @@ def table(dimension: int, rows: list[Polynomial], padded: bool) -> tuple[int, tu
 
 
 def in_blocks(step: Callable[[Array, Array], Any], y: Array, dW: Array, lanes: int) -> Array:
-    """step(y (d, lanes), dW (m, lanes)) over any number of lanes, or on one state (d,) with dW (m,).
+    """Call step(y (d, lanes), dW (m, lanes)) on any number of lanes, or on one state (d,) with dW (m,).
 
-    In blocks of one size: compiled code and the order of its operations then do not depend on their number.
+    Blocks have one size: compiled code and the order of its operations then do not depend on the number of lanes.
     """
     states = y.reshape(y.shape[0], -1)
     count = states.shape[1]

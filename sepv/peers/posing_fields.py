@@ -69,7 +69,7 @@ def _posed(data: PolynomialSystem, ito: bool) -> tuple[Fields, tuple[Array, ...]
 
 
 def _field(B: Sequence[Sequence[Polynomial]], H: Polynomial, c: float) -> list[Polynomial]:
-    """c B∇H."""
+    """The field c B∇H."""
     slope = poly.gradient(H)
     return [
         poly.scale(c, poly.add(*(poly.multiply(b, g) for b, g in zip(row, slope, strict=True)))) for row in B
@@ -77,6 +77,6 @@ def _field(B: Sequence[Sequence[Polynomial]], H: Polynomial, c: float) -> list[P
 
 
 def _second(F: Sequence[Polynomial], i: int) -> Polynomial:
-    """½ (F′F)_i."""
+    """The component ½ (F′F)_i of Itô's correction."""
     slope = poly.gradient(F[i])
     return poly.scale(0.5, poly.add(*(poly.multiply(s, p) for s, p in zip(slope, F, strict=True))))

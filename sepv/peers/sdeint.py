@@ -1,6 +1,6 @@
 """sdeint's integrators, one step at a time and over whole paths through its own code. Needs the extra ``sdeint``.
 
-sdeint knows single paths only. In a comparison it is given the one process Σ c_j W_j, whose field is f.
+sdeint has single paths only. In a comparison it gets the one process Σ c_j W_j, whose field is f.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def _integrate(
 
 
 def _step_by(integrator: Callable[..., Any], integrals: bool) -> Step:
-    """A step by sdeint's integrator over tspan = (0, h); some also want the repeated integrals J_ij."""
+    """Make a step from sdeint's integrator over tspan = (0, h); some also take the repeated integrals J_ij."""
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         row = dW.reshape(1, -1)
@@ -47,12 +47,12 @@ def _step_by(integrator: Callable[..., Any], integrals: bool) -> Step:
 
 
 def _repeated_integrals(dW: Array) -> Array:
-    """J_ij = ½ΔW_iΔW_j, (N, m, m): the Lévy areas are zero, as all noises drive one field and brackets vanish."""
+    """J_ij = ½ΔW_iΔW_j, (N, m, m): Lévy areas are zero, because all noises drive one field and brackets vanish."""
     return 0.5 * dW[:, :, None] * dW[:, None, :]
 
 
 def _kp2is_path(problem: Problem, y0: Array, h: float, dW: Array) -> Array:
-    """States (N + 1, d, M); NaN for a path of which sdeint says that a step could not be solved."""
+    """States (N + 1, d, M); NaN for a path with a step that sdeint reports as not solved."""
     paths = []
     for lane in range(dW.shape[2]):
         increments = dW[:, :, lane]
@@ -75,10 +75,10 @@ def _scheme(
 
 strat_heun = _scheme(sdeint.stratHeun, "sdeint.stratHeun; order 1 because all noises drive one field")
 strat_srs2 = _scheme(sdeint.stratSRS2, "sdeint.stratSRS2: order 1.0 strong convergence", integrals=True)
-# A two-step method, of which one step is the explicit one that starts it.
+# One step of a two-step method is the explicit one that starts it.
 _TWO_STEPS = "sdeint.stratKP2iS: two-step implicit order 1.0 strong algorithm"
 strat_kp2is_start = _scheme(sdeint.stratKP2iS, _TWO_STEPS, note=", its first step", integrals=True)
-# Given the Stratonovich coefficients unconverted, as a user does who overlooks the difference.
+# A user who overlooks the difference gives Stratonovich coefficients without conversion.
 _GIVEN = "sdeint.itoEuler, given the coefficients of the Stratonovich form"
 ito_euler = _scheme(sdeint.itoEuler, _GIVEN, order=0.5, note=", unconverted")
 

@@ -123,7 +123,7 @@ midpoint = _scheme("midpoint", note=_SEVERAL)
 log_ode = _scheme("log_ode", note=_SEVERAL)
 milstein = _scheme("milstein")
 milstein_grad_free = _scheme("milstein", name="milstein grad_free", grad_free=True)
-# Its state is a second solution beside y. Started afresh it is Heun's method: whole paths are another thing.
+# The state holds a second solution beside y, so one step started afresh is Heun's method; whole paths are not.
 reversible_heun = _scheme("reversible_heun", 0.5, name="reversible_heun, one step afresh")
 
 

@@ -1,7 +1,7 @@
 """The schemes, one file each: those of the paper, and families of higher order by their number of stages.
 
-Read `_scheme` first (what a scheme says of itself), `_energy_preserving` (equation (2.1)) and `_one_step` (a
-formula becomes a scheme). `_guard` asks a scheme and checks what it answers, `_load_target` finds it by name,
+Read `_scheme` first (the record of a scheme), `_energy_preserving` (equation (2.1)) and `_one_step` (a formula
+becomes a scheme). `_guard` calls a scheme and checks its result, `_load_target` finds it by name,
 `_point_distributions` has increments with two or three values, `_division` and `_continuation` solve long steps. The
 schemes by name are in `_catalogue`, and attributes of this room: `schemes.midpoint`.
 """

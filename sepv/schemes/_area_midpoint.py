@@ -23,7 +23,7 @@ from sepv.solve._solution import Increment, once
 def require_derivatives(problem: Problem) -> None:
     """Raise Skipped for a problem without the second derivatives of its Hamiltonians, or without those of B.
 
-    Differences of fields would leave brackets with half of their digits.
+    Differences of fields would cost half of the digits of brackets.
     """
     second = problem.noise_hessians if isinstance(problem, HamiltoniansProblem) else problem.hessian
     if problem.noises > 1 and not (second and problem.structure_derivative):
@@ -41,7 +41,7 @@ def increment(problem: Problem, y0: Array, y1: Array, known: Array) -> Increment
     return once(value)
 
 
-# Newton's matrix is one of differences.
+# Newton's matrix is made from differences.
 step = Implicit(increment, parts=noise_and_areas, requires=require_derivatives)
 scheme = one_step(
     "area-midpoint",

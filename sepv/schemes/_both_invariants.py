@@ -25,7 +25,7 @@ def required(problem: Problem) -> Nambu:
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
-    """Δ g(ȳ)(∇̄H × ∇̄C), ȳ = y + z/2."""
+    """The right side Δ g(ȳ)(∇̄H × ∇̄C), ȳ = y + z/2."""
     normal = cross(fields.mean_gradient(y, z), fields.mean_casimir_gradient(y, z))
     return step[0] * fields.factor(y + 0.5 * z) * normal
 

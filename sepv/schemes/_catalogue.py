@@ -14,7 +14,7 @@ from sepv.schemes._projected import projected
 from sepv.schemes._scheme import Scheme
 from sepv.schemes._tableaux import MAX_STAGES
 
-# By the names of their files, which are those of Python.
+# Schemes by the names of their Python files.
 BY_FILE: dict[str, Scheme] = {}
 
 
@@ -32,7 +32,7 @@ PAPER = _listed(
     "milstein",
     "euler_maruyama",
 )
-# What the paper does not have.
+# Schemes beyond the paper.
 EXTENSIONS = _listed(
     "both_invariants",
     "several_structures",
@@ -41,7 +41,7 @@ EXTENSIONS = _listed(
     "modified_weak_two",
     "splitting",
 ) | {scheme.name: scheme for scheme in (explicit(4), explicit(8), projected(4), projected(8))}
-# For several Hamiltonians that need not commute.
+# Schemes for several Hamiltonians that need not commute.
 HAMILTONIANS = _listed(
     "stochastic_midpoint",
     "area_midpoint",

@@ -35,13 +35,13 @@ from sepv.schemes._tableaux import MAX_STAGES, exact_nodes, gauss_tableau, momen
 from sepv.solve._newton import into_domain, iterate
 from sepv.solve._solution import COUNTS, Equations, Evaluation, Increment, Solution, Status, merge
 
-# Where H is no polynomial: nodes of the first rule beyond s, and the largest rule, as in
+# Nodes of the first rule beyond s, and of the largest rule, for H that is not a polynomial; as in
 # `sepv.problem._averaged_gradient`.
 FIRST_NODES, MAX_NODES = 4, 128
 
 
 class _Stages:
-    """z_i = Δ u̇(c_i) = Δ B(Y_i) g_i for one batch; arrays (d, s, M), which the solver sees as (d·s, M)."""
+    """The stages z_i = Δ u̇(c_i) = Δ B(Y_i) g_i of one batch: arrays (d, s, M), which the solver sees as (d·s, M)."""
 
     def __init__(
         self, problem: Problem, stages: int, y0: Array, delta: Array, nodes: int, averaged: bool = True
@@ -58,7 +58,7 @@ class _Stages:
         return u
 
     def averages(self, z: Array, lanes: np.ndarray, nodes: int) -> tuple[Array, Array]:
-        """g_i (d, s, M) by `nodes` Gauss nodes, and the size of the terms of its sums (M,)."""
+        """The averages g_i (d, s, M) by `nodes` Gauss nodes, and the size of the terms of their sums (M,)."""
         W, P = moments(self.stages, nodes)
         u = self.polynomial(z, lanes, P)
         gradients = self.problem.gradient(u)
@@ -73,7 +73,9 @@ class _Stages:
         d, s = self.problem.dimension, self.stages
         z = flat.reshape(d, s, -1)
         Y = self.polynomial(z, lanes, self.A)
-        if s == 1 and self.averaged:  # u is the segment from y0 to y1: closed forms of the problem serve
+        if (
+            s == 1 and self.averaged
+        ):  # u is the segment from y0 to y1, for which problems may have closed forms
             mean = average_gradient(self.problem, self.y0[:, lanes], self.y0[:, lanes] + z[:, 0])
             g, cost, reliable = mean.value[:, None], mean.evaluations, mean.reliable
         else:
@@ -86,7 +88,7 @@ class _Stages:
     def jacobian(self, z: Array, lanes: np.ndarray, Y: Array, g: Array) -> Array:
         """∂z_i/∂z_j = Δ(a_ij B′(Y_i)[·]g_i + B(Y_i) b_i⁻¹∫ℓ_i A_j H″(u)), A_j = ∫ℓ_j.
 
-        H″ is averaged with a few nodes: that changes the speed of convergence, not its limit.
+        H″ is averaged with a few nodes, which changes the speed of convergence, not its limit.
         """
         d, s = self.problem.dimension, self.stages
         few = s if not self.averaged else s + 4 if self.problem.degree is None else min(self.nodes, s + 2)
@@ -100,7 +102,7 @@ class _Stages:
         return np.asarray((self.delta[lanes] * K).swapaxes(1, 2).reshape(d * s, d * s, -1))
 
     def inside(self, flat: Array, lanes: np.ndarray) -> np.ndarray:
-        """Whether y1, the stages and the points of the quadrature lie in the domain."""
+        """True where y1, the stages and the points of the quadrature lie in the domain."""
         assert self.problem.domain is not None
         z = flat.reshape(self.problem.dimension, self.stages, -1)
         points = np.concatenate([self.A, moments(self.stages, self.nodes)[1], self.b[None]])
@@ -108,7 +110,7 @@ class _Stages:
         return np.asarray(np.all(inside, axis=0), dtype=bool)
 
     def start(self, equations: Equations) -> Array:
-        """Newton's first step from z = 0, where u = y0: one evaluation of ∇H and B serves all nodes."""
+        """Newton's first step from z = 0, where u = y0: all nodes share one evaluation of ∇H and B."""
         d, s, problem = self.problem.dimension, self.stages, self.problem
         B, g = problem.structure(self.y0), problem.gradient(self.y0)
         slope = self.delta * (structure_slope(problem, self.y0, g) + matmul(B, hessian(problem, self.y0)))
@@ -126,9 +128,9 @@ def solve_stages(
 ) -> Solution:
     """One step of a batch: y0 (d, M), Δ (M,). Without `averaged`, g_i = ∇H(u(c_i)): the Gauss method.
 
-    Where H is a polynomial, ⌈sν/2⌉ nodes are exact. Otherwise the solution with N nodes is compared with a rule
-    half as large again, and solved anew with twice the nodes until both agree to rounding; a lane where
-    MAX_NODES do not suffice gets the status QUADRATURE.
+    Where H is a polynomial, ⌈sν/2⌉ nodes are exact. Otherwise the solution with N nodes is compared with a rule half
+    as large again, and solved anew with twice the nodes until both agree to rounding; a lane where MAX_NODES do not
+    suffice gets the status QUADRATURE.
     """
     exact = problem.degree is not None or stages == 1 or not averaged
     nodes = exact_nodes(stages, problem.degree or 2) if exact else stages + FIRST_NODES
@@ -158,7 +160,7 @@ def solve_stages(
 
 
 def _agrees(system: _Stages, solution: Solution, lanes: np.ndarray) -> np.ndarray:
-    """Whether a finer rule gives the same averages, to the rounding of its own sums."""
+    """True where a finer rule gives the same averages, to the rounding of its own sums."""
     nodes = system.nodes + system.nodes // 2
     z = solution.value[:, lanes].reshape(system.problem.dimension, system.stages, -1)
     solution.gradient_evaluations[lanes] += nodes

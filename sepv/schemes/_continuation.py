@@ -2,8 +2,8 @@
 
 For the step (s·h, s·ΔW), 0 ≤ s ≤ 1, the solutions that start at y for s = 0 are a curve. Where the iteration from y
 fails, the curve is followed from a small share on, each time from the secant's prediction, up to s = 1 or to where it
-ends: in a fold, or at the edge of the domain. What is found is a solution of the step's own equation, to rounding,
-and the one that belongs to y. How many shares were solved is counted, lane by lane; no law is ever measured with it.
+ends: in a fold, or at the edge of the domain. The result solves the step's own equation to rounding,
+and belongs to y. The shares that were solved are counted lane by lane; no law is ever measured with it.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from sepv.schemes._one_step import resolved
 from sepv.schemes._scheme import Scheme
 from sepv.solve._solution import COUNTS, Solution, Status, merge
 
-# The first share, at which the iteration from y converges wherever it ever does, and the least growth of a share.
+# The first share, where the iteration from y converges if it ever does, and the least growth of a share.
 FIRST, LEAST = 2.0**-8, 2.0**-14
-# Shares tried before a curve is given up.
+# The number of shares tried before a curve is given up.
 MOST = 200
 
 
 def continued(scheme: Scheme) -> Scheme:
-    """The scheme, with steps that fail approached by continuation from y.
+    """A scheme whose failed steps are approached by continuation from y.
 
     Parameters
     ----------
     scheme : Scheme
-        An implicit one, whose `solve(problem, y, h, dW, start)` takes a guess (d, M) of y1 − y0: all of one stage do.
+        An implicit scheme whose `solve(problem, y, h, dW, start)` takes a guess (d, M) of y1 − y0: all of one stage do.
 
     Returns
     -------
@@ -64,7 +64,7 @@ def continued(scheme: Scheme) -> Scheme:
 
 
 def _follow(inner: Callable[..., Solution], problem: Problem, y: Array, h: float, dW: Array) -> Solution:
-    """One lane from s = 0 to 1; what stopped it, where it was stopped."""
+    """Follow one lane from s = 0 to 1, and return the solution there or the failure where the curve was left."""
     share, growth, solved = 0.0, FIRST, 0
     z, slope = np.zeros_like(y), np.zeros_like(y)
     work = np.zeros(3, dtype=np.int64)
@@ -75,7 +75,7 @@ def _follow(inner: Callable[..., Solution], problem: Problem, y: Array, h: float
         work += [int(getattr(found, key)[0]) for key in COUNTS]
         assert found.change is not None  # schemes that take a start state it
         moved = np.abs(found.change - z).max()
-        # Another solution would be off the prediction by more than the curve bends: the first share has no prediction.
+        # A solution further from the prediction than the curve bends is another one; the first share has no prediction.
         near = share == 0.0 or np.abs(found.change - guess).max() <= 0.5 * moved
         if found.status[0] == Status.CONVERGED and near:
             slope = (found.change - z) / (trial - share)
@@ -85,7 +85,7 @@ def _follow(inner: Callable[..., Solution], problem: Problem, y: Array, h: float
         else:
             growth = (trial - share) / 2
             if growth < LEAST:
-                if found.status[0] == Status.CONVERGED:  # but on another curve
+                if found.status[0] == Status.CONVERGED:  # a solution on another curve
                     found = replace(found, status=np.array([int(Status.NO_CONVERGENCE)]))
                 break
     else:

@@ -31,7 +31,7 @@ PROBLEMS = ("lotka-volterra", "random-lotka-volterra")
 
 
 def increment(problem: Problem, x0: Array, x1: Array, step: Array) -> Increment:
-    """f(ȳ)/ȳ; all gradients count as one evaluation."""
+    """The right side f(ȳ)/ȳ; all gradients count as one evaluation."""
     middle = np.exp(x0 + 0.5 * (x1 - x0))
     return once(hamiltonian_field(problem, middle, step) / middle)
 
@@ -49,7 +49,7 @@ def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
     free = replace(problem, domain=None, check=False)  # logarithms may have any sign
     found = solve_implicit(free, np.log(y), each_noise(problem, h, dW), increment, no_jacobian)
     assert found.change is not None
-    # In factors of y0: a step of no length leaves it as it is.
+    # A factor of y0: a step of length zero leaves y0 unchanged.
     value = y * np.exp(found.change)
     status = np.where(np.all(np.isfinite(value), axis=0), found.status, Status.OVERFLOW)
     return replace(found, value=value, change=value - y, status=status)

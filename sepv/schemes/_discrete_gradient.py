@@ -24,19 +24,19 @@ def corners(y: Values, z: Values) -> Values:
 def coordinate_increments(fields: Fields, y: Values, z: Values) -> Values:
     """∇̄₁H(y, y + z): component i is (H(corner i+1) − H(corner i))/z_i.
 
-    The quotient is the average of ∂_iH along that edge, and is computed as that average: where a
-    component does not move it is ∂_iH there, and where it hardly moves no digits are lost.
+    The quotient is computed as the average of ∂_iH along that edge, which it equals: no digits are lost where a
+    component hardly moves, and ∂_iH is used where it does not move.
     """
     return fields.edge_means(corners(y, z), z)
 
 
 def symmetrised(fields: Fields, y: Values, z: Values) -> Values:
-    """∇̄H, from y to y + z and back."""
+    """The mean ∇̄H of ∇̄₁H from y to y + z and from y + z to y."""
     return 0.5 * (coordinate_increments(fields, y, z) + coordinate_increments(fields, y + z, -z))
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
-    """(h B(y0) + S B(ȳ)) ∇̄H for h and S = Σ c_j ΔŴ_j."""
+    """The right side (h B(y0) + S B(ȳ)) ∇̄H for h and S = Σ c_j ΔŴ_j."""
     B = step[0] * fields.structure(y) + step[1] * fields.structure(y + 0.5 * z)
     return matvec(B, symmetrised(fields, y, z))
 

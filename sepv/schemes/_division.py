@@ -1,9 +1,9 @@
-"""Steps that have no solution, divided: two halves with Δ/2 each keep whatever the scheme keeps.
+"""Steps without a solution, divided into halves with Δ/2, which keep the invariants that the scheme keeps.
 
-For large Δ the implicit equation can have no solution near y at all. The flow of (1.1) at the random time is a flow in
-Δ, so that the halves (h/2, ΔW/2) take it just as far; for several structures they are steps along the straight line
-between the increments. H and Casimirs are kept, and a step that has a solution is left as it is. How often steps
-were divided is counted, lane by lane; no law is ever measured with it.
+For large Δ the implicit equation may have no solution near y. The flow of (1.1) at the random time is a flow in
+Δ, so the halves (h/2, ΔW/2) take it equally far; for several structures they are steps along the straight line
+between the increments. H and Casimirs are kept, and a step with a solution is not changed. Divisions
+are counted lane by lane; no law is ever measured with it.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ MAX_DEPTH = 20
 
 
 def divided(scheme: Scheme, depth: int = 8) -> Scheme:
-    """The scheme, with steps that fail replaced by two halves, each divided again up to `depth` times.
+    """A scheme whose failed steps are replaced by two halves, each divided again up to `depth` times.
 
     Parameters
     ----------
     scheme : Scheme
-        An implicit one, with `solve`.
+        An implicit scheme, with `solve`.
     depth : int, 1 to 20
         A step is divided into at most 2^depth parts.
 
     Returns
     -------
     Scheme
-        Its solutions carry `divisions`, the number of steps and parts of steps that were divided; it claims nothing.
+        Its solutions carry `divisions`, the number of divided steps and parts of steps; it claims nothing.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def _solve(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, dept
         return whole
     divisions[failed] += 1
     change = np.full_like(y, np.nan) if whole.change is None else whole.change.copy()
-    # The second half starts where the first one ended, in the lanes where it did.
+    # The second half starts from the first one's end, in the lanes where that was solved.
     first = _solve(scheme, problem, y[:, failed], h / 2, dW[:, failed] / 2, depth - 1)
     merge(whole, first, failed)
     arrived = failed[first.status == Status.CONVERGED]

@@ -24,11 +24,11 @@ from sepv.schemes._scheme import as_lanes
 
 
 def _time(problem: Problem, h: float, noise: Array) -> Array:  # noqa: ARG001  (the signature of `parts`)
-    """h alone, (1, M)."""
+    """The length h alone, (1, M)."""
     return np.full((1, noise.shape[1]), float(h))
 
 
-# (2.1) without its noise.
+# Scheme (2.1) without its noise.
 quiet = implicit(formula, jacobian, parts=_time)
 
 
@@ -46,7 +46,7 @@ def step(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array
 
 
 def pushed(problem: Problem, y: Array, dW: Array) -> Array:
-    """y + Σ c_j ΔW_j f_j."""
+    """y + Σ c_j ΔW_j f_j, where the noise alone moves y."""
     for j, (c, increment) in enumerate(zip(problem.c, dW, strict=True)):
         y = y + c * increment * noise_field(problem, j, y)
     return y

@@ -12,7 +12,7 @@ from sepv.solve._linearised import derivative
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
-    """Δ B(ȳ) ∇̄H, ȳ = y + z/2: the right side of (2.1) without y0, for z = y1 − y0."""
+    """The right side of (2.1) without y0, Δ B(ȳ) ∇̄H with ȳ = y + z/2, for z = y1 − y0."""
     return step[0] * fields.apply(y + 0.5 * z, fields.mean_gradient(y, z))
 
 

@@ -11,7 +11,7 @@ from sepv.solve import Fields, Values
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:  # noqa: ARG001 - an explicit scheme
-    """h f(y0) + ½(f(ŷ) + f(y0)) S for h and S."""
+    """The increment h f(y0) + ½(f(ŷ) + f(y0)) S for h and S."""
     h, S = step
     f = fields.field(y)
     return h * f + 0.5 * (fields.field(y + h * f + f * S) + f) * S

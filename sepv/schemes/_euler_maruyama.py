@@ -1,6 +1,6 @@
 """The Euler-Maruyama scheme on the Itô form of (1.1): y1 = y0 + (f + ½Σ_j c_j² f′f) h + f Σ_j c_j ΔŴ_j.
 
-The correction ½Σ_j c_j² f′f from Stratonovich to Itô is derived here, not asked for.
+The correction ½Σ_j c_j² f′f from Stratonovich to Itô is derived here; users do not give it.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from sepv.solve import Fields, Values
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:  # noqa: ARG001 - an explicit scheme
-    """(f + ½Σc_j² f′f) h + f S for h and S."""
+    """The increment (f + ½Σc_j² f′f) h + f S for h and S."""
     h, S = step
     f = fields.field(y)
     correction = 0.5 * float(np.sum(fields.problem.c**2)) * fields.derivative_along(y, f)

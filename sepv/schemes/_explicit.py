@@ -1,6 +1,6 @@
 """Explicit Runge-Kutta methods of order 4 and 8 with the random step Δ = h + Σ_j c_j ΔŴ_j: no invariant is kept.
 
-y(t) is the deterministic flow at the random time t + Σ c_j W_j(t), so that a method of order p for y′ = f(y), used with
+y(t) is the deterministic flow at the random time t + Σ c_j W_j(t), so a method of order p for y′ = f(y), used with
 the step Δ, has a local error C(y)Δ^{p+1} of root mean square O(h^{(p+1)/2}) and mean O(h^{⌈(p+1)/2⌉}): for even p
 mean-square and weak order p/2 by Milstein's theorem. They keep neither H nor Casimirs.
 """
@@ -17,7 +17,7 @@ from sepv.solve import Fields, Values
 
 
 def end(tableau: ExplicitTableau, fields: Fields, y: Values, z: Values, step: Values) -> Values:  # noqa: ARG001 - explicit
-    """Δ Σ b_i f(Y_i), Y_i = y + Δ Σ a_ij f(Y_j)."""
+    """The increment Δ Σ b_i f(Y_i), Y_i = y + Δ Σ a_ij f(Y_j)."""
     slopes: list[Values] = []
     for row in tableau.A:
         state = y

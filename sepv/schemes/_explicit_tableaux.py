@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 
 class ExplicitTableau(NamedTuple):
-    """Row i of A holds {j: a_ij}, without zeros; b the same."""
+    """The tableau of a method: row i of A holds {j: a_ij}, without zeros; b likewise."""
 
     A: tuple[dict[int, float], ...]
     b: dict[int, float]

@@ -1,4 +1,4 @@
-"""What a step may ask for beside h and ΔW: Lévy areas, space-time ones, or increments of a half (`Scheme.asks`).
+"""Further arguments of a step beside h and ΔW: Lévy areas, space-time areas, or half-step increments (`Scheme.asks`).
 
 Laws that draw them (`sepv.simulate._areas`) keep them in further rows of dW (m, ...): (m + k, ...) with the
 A_ij for i < j, the H_i, or the increments W(h/2) − W(0). `answer` takes them apart and calls the step with a
@@ -18,21 +18,21 @@ from sepv.schemes._scheme import Scheme
 
 
 def further_rows(asks: str, noises: int) -> int:
-    """How many rows follow those of dW."""
+    """The number of further rows below those of dW."""
     return {"": 0, "areas": noises * (noises - 1) // 2, "halves": noises, "space-time": noises}[asks]
 
 
 def answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, *, any_path: bool = False) -> Any:
-    """The scheme's step for dW (m, ...), or for (m + k, ...) with the further rows that it asks for.
+    """Call the scheme's step for dW (m, ...), or (m + k, ...) with the further rows that it asks for.
 
-    Where they are missing it is given `some` by a law that speaks of `any_path`. Otherwise that is a UsageError:
-    without them the noise would be of another law.
+    A law that holds for every path (`any_path`) may leave them out: `rows_of_any_path` stands in. Otherwise missing
+    rows are a UsageError, because any others would have another distribution.
     """
     if not scheme.asks:
         return scheme.step(problem, y, h, dW)
     own, count = dW[: problem.noises], further_rows(scheme.asks, problem.noises)
     if len(dW) == problem.noises and any_path:
-        rows = some(scheme.asks, h, own)
+        rows = rows_of_any_path(scheme.asks, h, own)
     elif len(dW) == problem.noises + count:
         rows = dW[problem.noises :]
     else:
@@ -46,16 +46,16 @@ def answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, *, a
 
 
 def joined(asks: str, dW: Array, further: Array) -> Array:
-    """dW with its further rows, from what `answer` handed over."""
+    """dW with its further rows, from the arguments that `answer` passes to the step."""
     return np.concatenate([dW, as_rows(further) if asks == "areas" else further])
 
 
-def some(asks: str, h: float, dW: Array) -> Array:
-    """Further rows of a path with these increments, for laws that speak of every path: of no law, and no zeros.
+def rows_of_any_path(asks: str, h: float, dW: Array) -> Array:
+    """Further rows of some path with these increments, for laws that hold for every path; they are not random.
 
     With u_i = ΔW_i/(1 + ΔW_i²/|h|) the areas are an eighth of u ∧ ΔW, H is an eighth of ±u, and the first half goes to
-    ½ΔW ± ¼u. Exchanging noises exchanges them, and the way back, with −h and −ΔW, has −A, the same H, and minus the
-    second half first.
+    ½ΔW ± ¼u. Exchanging noises exchanges the rows, and the reverse step, with −h and −ΔW, has −A, the same H, and minus
+    the second half first.
     """
     size = abs(h) if h else 1.0
     u = dW / (1 + dW * dW / size)
@@ -77,6 +77,6 @@ def as_matrix(rows: Array, noises: int) -> Array:
 
 
 def as_rows(areas: Array) -> Array:
-    """Its entries with i < j, (k, ...)."""
+    """The entries with i < j of a skew matrix, (k, ...)."""
     pairs = list(combinations(range(areas.shape[0]), 2))
     return np.array([areas[i, j] for i, j in pairs]).reshape(len(pairs), *areas.shape[2:])

@@ -22,9 +22,9 @@ from sepv.solve import Fields, Values
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
-    """Δ B(ȳ) ∇̄H, ∇̄H = ∇H(ȳ) + e eᵀw with e = δ/|δ|, 0 where nothing moves, and w the mean of (2.1) less ∇H(ȳ).
+    """The right side Δ B(ȳ) ∇̄H, ∇̄H = ∇H(ȳ) + e eᵀw with e = δ/|δ| (0 if δ = 0), and w the mean of (2.1) less ∇H(ȳ).
 
-    H(y1) − H(y0) is the averaged gradient times δ: the same number without cancellation or division by |δ|².
+    H(y1) − H(y0) is the averaged gradient times δ, without cancellation or division by |δ|².
     """
     middle, largest = y + 0.5 * z, np.max(np.abs(z), axis=0)
     moves = largest > 0

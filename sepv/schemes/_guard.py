@@ -1,4 +1,4 @@
-"""A scheme under verification: every call is guarded, every answer is checked against the contract."""
+"""Guarded calls of a scheme under verification: every result is checked against the contract."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from sepv.schemes._scheme import REFUSALS, Scheme
 
 
 class Refusal(StepFailure):
-    """The scheme refused a step by an ArithmeticError or LinAlgError of its own: not solved, and it says so.
+    """The scheme refused a step by an ArithmeticError or LinAlgError of its own: the step counts as not solved.
 
-    Right where the equation may have no solution that the scheme could find, an error of the law where there is one.
+    That is right where the equation may have no solution that the scheme could find, else an error of the law.
     """
 
     def __init__(self, error: BaseException, problem: Problem, y: Array, h: float, dW: Array) -> None:
@@ -48,17 +48,17 @@ _PACKAGE = str(Path(__file__).parents[1])
 
 def _where(error: BaseException) -> str:
     frames = traceback.extract_tb(error.__traceback__)[1:]  # without the frame that called the scheme
-    # A mistake in what the scheme hands to a function of sepv is the scheme's.
+    # An error in a function of sepv that the scheme calls is the scheme's error.
     frames = [f for f in frames if not f.filename.startswith(_PACKAGE)] or frames
     return f" ({frames[-1].filename}, line {frames[-1].lineno}, in {frames[-1].name})" if frames else ""
 
 
-# What JAX raises where NumPy's functions are given its tracers.
+# JAX raises these where NumPy's functions are given its tracers.
 _TRACED = {"TracerArrayConversionError", "ConcretizationTypeError", "TracerBoolConversionError"}
 
 
 class SchemeCrash(SepvError):
-    """The scheme raised an exception of its own when called so; `traceback` is its text, from the scheme on."""
+    """The scheme raised an exception of its own; `traceback` is its text, from the scheme on."""
 
     def __init__(self, error: BaseException, shape: tuple[int, ...], given: str = "") -> None:
         self.traceback = "".join(traceback.format_exception(error))
@@ -77,14 +77,14 @@ class SchemeCrash(SepvError):
 
 
 def ask(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """One step of the scheme from copies of the arguments, its answer checked.
+    """One step of the scheme from copies of the arguments, with its result checked.
 
     Raises
     ------
     SchemeFault
         Wrong type, shape or dtype, or a value that is not finite.
     StepFailure
-        A step that the scheme did not solve and says so: its own, or `Refusal` for an ArithmeticError.
+        A step that the scheme reports as not solved: its own, or `Refusal` for an ArithmeticError.
     SchemeCrash
         Any other exception of the scheme.
     """
@@ -92,7 +92,7 @@ def ask(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> Arra
 
 
 def raw_answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> Any:
-    """What the scheme returns, unchecked, for these very arrays."""
+    """The scheme's unchecked result for these very arrays."""
     try:
         with np.errstate(all="ignore"):
             return answer(scheme, shown(problem), y, h, dW, any_path=True)
@@ -101,7 +101,7 @@ def raw_answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) 
     except REFUSALS as error:
         raise Refusal(error, problem, y, h, dW) from error
     except (Exception, SystemExit) as error:
-        # Where a function of sepv that the scheme calls refuses its arguments, the scheme's own were taken for others.
+        # A function of sepv refused arguments that the scheme passed on: the error is the scheme's.
         if isinstance(error, SepvError) and type(error) is not UsageError:
             raise
         given = f"the problem {problem.name}, y of shape {y.shape}, h = {h:g}, dW of shape {dW.shape}"
@@ -109,8 +109,8 @@ def raw_answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) 
 
 
 def check_answer(answer: Any, y: Array) -> Array:
-    """The answer as an array, if it keeps the contract."""
-    if type(answer) is not np.ndarray:  # no subclass either: masked arrays and matrices compute otherwise
+    """The result as an array, if it obeys the contract."""
+    if type(answer) is not np.ndarray:  # no subclass: masked arrays and matrices compute differently
         raise SchemeFault(
             expected=f"a NumPy array of shape {y.shape}",
             received=f"{type(answer).__name__}: {answer!r:.80}",
@@ -140,9 +140,9 @@ def check_answer(answer: Any, y: Array) -> Array:
 
 
 def guarded(scheme: Scheme) -> Scheme:
-    """The scheme with its own exceptions as `SchemeCrash` and its answers' shape checked; NaN passes.
+    """A scheme with its own exceptions as `SchemeCrash` and its results' shape checked; NaN passes.
 
-    Only `step` is asked: a scheme's `solve` is its own affair, `step` is what it is verified by.
+    Only `step` is called, because `step` is under verification; `solve` is not.
     """
 
     def step(problem: Problem, y: Array, h: float, dW: Array, further: Array | None = None) -> Array:
@@ -163,17 +163,17 @@ def _step_in_words(problem: Problem, y: Array, h: float, dW: Array) -> str:
 
 
 def ask_once(scheme: Scheme, problem: Problem, y: Array, h: float) -> None:
-    """Refuse by a SchemeFault or SchemeCrash a step that answers with no state; what it cannot solve may pass."""
+    """Raise SchemeFault or SchemeCrash where a step does not return a state; an unsolved step may pass."""
     if scheme.solve is None:
         with suppress(StepFailure):
             guarded(scheme).step(problem, y, h, np.zeros(problem.noises))
 
 
 def takes_batches(scheme: Scheme, asked: Iterable[Problem] = ()) -> bool:
-    """Whether a bare function turns out to take batches: the same bits as state by state, on two problems.
+    """True if a bare function takes batches: it returns the bits of single states, on two problems.
 
-    A user's own problem is asked about states that lead on from its initial state by small steps: any other one may be
-    outside of what the problem means, and a step that fails there says nothing about batches.
+    On a user's problem, the states follow from its initial state by small steps: others may lie outside the problem's
+    meaning, and a step that fails there says nothing about batches.
     """
     from sepv import problems
 
@@ -186,7 +186,7 @@ def takes_batches(scheme: Scheme, asked: Iterable[Problem] = ()) -> bool:
         unit = 2.0**-6 if own else 1.0
         if not own:
             y = y * (1 + 0.1 * rng.standard_normal(y.shape))
-        # Lanes that begin in one state have states of their own from the second step on.
+        # Lanes that start from one state differ from the second step on.
         for h in (unit / 16, unit / 32, unit / 64)[: 3 if own else 1]:
             dW = 0.1 * unit * rng.standard_normal((problem.noises, 5))
             try:

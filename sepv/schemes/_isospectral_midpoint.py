@@ -33,7 +33,7 @@ from sepv.solve._solution import Increment, Solution, once
 
 
 def parts(problem: Problem, x: Array, step: Array) -> tuple[Array, Array]:
-    """f = B(x)m and (mᵀx)m, (d, M) both, the second copy by copy."""
+    """The vectors f = B(x)m and (mᵀx)m, both (d, M), the second copy by copy."""
     m = combined_gradient(problem, x, step)
     f, bent = np.empty_like(x), np.empty_like(x)
     for n in range(0, len(x), 3):
@@ -44,7 +44,7 @@ def parts(problem: Problem, x: Array, step: Array) -> tuple[Array, Array]:
 
 
 def increment(problem: Problem, y0: Array, x: Array, step: Array) -> Increment:  # noqa: ARG001 - as for all
-    """½f(x) − ¼(mᵀx)m, of which x = y0 + … is the solution; all gradients count as one evaluation."""
+    """The right side ½f(x) − ¼(mᵀx)m of the equation for x; all gradients count as one evaluation."""
     f, bent = parts(problem, x, step)
     return once(0.5 * f - 0.25 * bent)
 
@@ -68,7 +68,7 @@ def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
     step = each_noise(problem, h, dW)
     found = solve_implicit(problem, y, step, increment, no_jacobian)
     f, _ = parts(problem, found.value, step)
-    # y1 − y0 = f: the sum of what y0 and y1 have in common is not formed again.
+    # y1 − y0 = f, without the cancellation of the parts that y0 and y1 share.
     return replace(found, value=y + f, change=f)
 
 

@@ -17,7 +17,7 @@ from sepv.solve import Fields, Values
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
-    """Δ B(ȳ) ∇̄H."""
+    """The right side Δ B(ȳ) ∇̄H."""
     return step[0] * matvec(fields.structure(y + 0.5 * z), symmetrised(fields, y, z))
 
 

@@ -1,4 +1,4 @@
-"""A scheme or a problem from what a user names or hands over: a built-in, module:attribute, the thing itself."""
+"""Schemes and problems from a built-in name, module:attribute, or the object itself."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from sepv.problem import NamedProblem, PolynomialSystem, Problem
 from sepv.schemes._one_step import Explicit, Implicit
 from sepv.schemes._scheme import Scheme, Step
 
-# What a step is called with, by place.
+# The positional arguments of a step.
 _ARGUMENTS = ("problem", "y", "h", "dW")
 _UNCLAIMED = "a function of which nothing is claimed"
 
@@ -29,21 +29,21 @@ _UNCLAIMED = "a function of which nothing is claimed"
 def load_scheme(
     target: str | Scheme | Step, claims: Iterable[str] = (), problems: Iterable[Problem] = ()
 ) -> Scheme:
-    """The scheme that `target` names or is.
+    """Load the scheme that `target` names or is.
 
     Parameters
     ----------
     target : str, Scheme or function
         A built-in name (``energy-preserving``), a solver of another library (``sdeint-strat-heun``),
-        ``module:attribute``, a `Scheme`, or a function ``step(problem, y, h, dW)``, of which nothing is claimed.
+        ``module:attribute``, a `Scheme`, or a function ``step(problem, y, h, dW)``, which claims nothing.
     claims : iterable of law names
-        Claimed in addition.
+        Further claims.
     problems : iterable of Problem
-        On which a function is asked whether it takes batches; by default two of the paper's.
+        Problems on which a function is tested for batches; by default two of the paper's.
 
     Raises
     ------
-    TargetError
+    Where it cannot be loaded or is not a scheme; the message says what it is instead.
         Where it cannot be loaded or is not a scheme, with what it is instead.
     """
     name = getattr(target, "__name__", "scheme")
@@ -56,7 +56,7 @@ def load_scheme(
 
 
 def as_scheme(value: Any, name: str, problems: Iterable[Problem] = ()) -> Scheme:
-    """A `Scheme` as it is; a function as a scheme that claims nothing.
+    """Convert a function to a scheme that claims nothing; a `Scheme` is returned unchanged.
 
     Raises TargetError for anything that cannot be called with (problem, y, h, dW).
     """
@@ -84,11 +84,11 @@ def as_scheme(value: Any, name: str, problems: Iterable[Problem] = ()) -> Scheme
 
 def _check_signature(step: Any, name: str, count: int = 4) -> None:
     if count == 4 and isinstance(step, (Explicit, Implicit)):
-        return  # which take these four, and inspect takes longer than a step to find that out
+        return  # they take these four, and inspect takes longer than a step to find out
     try:
         signature = inspect.signature(step)
     except (TypeError, ValueError):
-        return  # a compiled callable: the contract law asks it
+        return  # a compiled callable; the contract law tests it
     try:
         signature.bind(*(None,) * count)
     except TypeError as error:
@@ -113,7 +113,8 @@ def _named(target: str, problems: Iterable[Problem]) -> Scheme:
         try:
             return by_name(target)
         except UsageError as error:
-            # Of a room above, which knows other libraries: only asked about a name that is none of sepv's own.
+            # The room `peers` lies above and knows other libraries; it is asked only about names that are not sepv's
+            # own.
             peers = importlib.import_module("sepv.peers.peer")
             if peers.library_of(target):
                 solver: Scheme = peers.scheme(target)
@@ -128,7 +129,7 @@ def _named(target: str, problems: Iterable[Problem]) -> Scheme:
 
 
 def load_problem(target: Any) -> Problem:
-    """The problem that `target` names or is.
+    """Load the problem that `target` names or is.
 
     Parameters
     ----------
@@ -139,7 +140,7 @@ def load_problem(target: Any) -> Problem:
     Raises
     ------
     UsageError
-        For anything else, with what it is instead.
+        For anything else; the message says what it is instead.
     """
     from sepv import problems
 
@@ -166,7 +167,7 @@ def load_problem(target: Any) -> Problem:
 
 
 def words_for(scheme: Any, problems: Any = None) -> str:
-    """What stands for a scheme, and for what it is for, after ``sepv verify``; empty where nothing can be typed."""
+    """The words after ``sepv verify`` for a scheme and its problems; empty where nothing can be typed."""
     from sepv.schemes._catalogue import by_name
 
     words = scheme if isinstance(scheme, str) else ""
@@ -184,7 +185,7 @@ def words_for(scheme: Any, problems: Any = None) -> str:
 
 
 def _takes_nothing(function: Any) -> bool:
-    """Whether it can be called without arguments."""
+    """True if the function can be called without arguments."""
     try:
         inspect.signature(function).bind()
     except (TypeError, ValueError):
@@ -211,9 +212,9 @@ def _from_file(path: Path) -> Problem:
 
 
 def require_trusted(targets: Iterable[Any], named: Iterable[str], scheme: Any) -> None:
-    """Refuse module:attribute out of a file or a token that nobody asked for: to import a module is to run it.
+    """Refuse module:attribute from a file or a token unless the call names it: importing a module runs it.
 
-    What is `named` in the call, and what is in the package of the scheme, which runs anyway, was asked for.
+    Names in `named` are allowed, and those in the package of the scheme, which runs anyway.
 
     Raises
     ------
@@ -234,7 +235,7 @@ def require_trusted(targets: Iterable[Any], named: Iterable[str], scheme: Any) -
 
 
 def load_object(target: str) -> Any:
-    """What module:attribute names. Raises TargetError where the module cannot be imported or has no such attribute."""
+    """Import module:attribute. Raises TargetError where the module cannot be imported or has no such attribute."""
     module_name, _, attribute = target.partition(":")
     if module_name.endswith(".py"):
         raise TargetError(
@@ -270,7 +271,7 @@ def load_object(target: str) -> Any:
 
 
 def _as_module(target: str) -> str:
-    """How to name what is in a file: ``mine:step`` for mine.py, ./mine.py:step or mine. Empty where there is none."""
+    """The target that a file name means: ``mine:step`` for mine.py, ./mine.py:step or mine; empty without such file."""
     name, _, attribute = target.partition(":")
     file = Path(name) if name.endswith(".py") else Path(name.replace(".", "/") + ".py")
     if not (name.endswith(".py") or file.is_file()):
@@ -282,7 +283,7 @@ def _as_module(target: str) -> str:
 
 
 def _likely_step(file: Path) -> str:
-    """The first function of a file that takes four arguments, without running it; else "step"."""
+    """The first function of a file that takes four arguments, found without running the file; else "step"."""
     try:
         body = ast.parse(file.read_bytes()).body
     except (OSError, SyntaxError, ValueError):
@@ -292,7 +293,7 @@ def _likely_step(file: Path) -> str:
 
 
 def _module(name: str) -> Any:
-    # As for `python -m`: modules of the current directory can be named.
+    # Modules of the current directory can be named, as for `python -m`.
     if os.getcwd() not in sys.path and "" not in sys.path:
         sys.path.insert(0, os.getcwd())
     try:

@@ -9,7 +9,7 @@ from sepv.solve._linearised import derivative
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
-    """Δ f(ȳ), ȳ = y + z/2."""
+    """The right side Δ f(ȳ), ȳ = y + z/2."""
     return step[0] * fields.field(y + 0.5 * z)
 
 

@@ -1,4 +1,4 @@
-"""Milstein's scheme on the Itô form of (1.1), whose correction is derived here, not asked for.
+"""Milstein's scheme on the Itô form of (1.1); the correction is derived here, users do not give it.
 
 The Itô drift is f + ½ Σ_j c_j² f′f. All noises drive the same field f, so that they commute and Milstein's
 scheme needs no Lévy areas: with S = Σ_j c_j ΔŴ_j,
@@ -14,7 +14,7 @@ from sepv.solve import Fields, Values
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:  # noqa: ARG001 - an explicit scheme
-    """f (h + S) + ½ f′f S² for h and S."""
+    """The increment f (h + S) + ½ f′f S² for h and S."""
     h, S = step
     f = fields.field(y)
     return f * (h + S) + 0.5 * fields.derivative_along(y, f) * (S * S)

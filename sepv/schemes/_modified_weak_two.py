@@ -36,11 +36,11 @@ from sepv.problem._fields import dot, matmul, matvec, slope_along, turned_along
 from sepv.schemes._one_step import EVERY, Implicit, one_step
 from sepv.solve import Increment
 
-# Central differences of order six, exact for polynomials of degree 7, whatever the width.
+# Weights of central differences of order six, exact for polynomials of degree 7 at any width.
 SECOND = (270.0, -27.0, 2.0)
 MIDDLE = -490.0
-# Their width as a share of the larger of |y| and the length of a step: of the scale of y, whatever the units, and with
-# roundings of the order of one of the step where y is near zero.
+# The width of differences, relative to |y| or the length of a step, whichever is larger: it follows the scale of y in
+# any units, and near y = 0 roundings are of the order of one of the step.
 WIDTH = 2.0**-4
 
 
@@ -53,7 +53,7 @@ def structure_slope(problem: Problem, y: Array, w: Array, length: Array | float 
 
 
 def gradient_slope(problem: Problem, y: Array, length: Array | float) -> Array:
-    """H″(y) (d, d, M): as given, else by the same differences. Newton's own are too rough for a right side."""
+    """H″(y) (d, d, M): as given, else by differences of order six; Newton's own are too rough for a right side."""
     if problem.hessian is not None:
         return problem.hessian(y)
     columns = []
@@ -100,7 +100,7 @@ def correction(problem: Problem, middle: Array, mean: Array, variance: Array) ->
 
 def limited(change: Array, structure: Array) -> Array:
     """The change (d, d, M) divided by 1 + θ², θ = |change|/|structure|: at most half as large as the structure."""
-    # Summed entry by entry: `np.sum` adds in another order where there is one lane alone.
+    # Summed entry by entry, because `np.sum` adds in another order for a single lane.
     rows = [M.reshape(-1, M.shape[-1]) for M in (change, structure)]
     size, whole = (np.sqrt(dot(entries, entries)) for entries in rows)
     theta = size / np.where(whole > 0, whole, 1.0)
@@ -122,15 +122,15 @@ def increment(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
 
 
 def parts(problem: Problem, h: float, noise: Array) -> Array:
-    """Δ and 3c²h, (2, M)."""
+    """The parts Δ and 3c²h of a step, (2, M)."""
     return np.stack(
         [problem.random_step(h, noise), np.full(noise.shape[1], 3.0 * float(np.sum(problem.c**2)) * h)]
     )
 
 
-# Newton's matrix comes from differences, as S₃′ would need third derivatives of B and H. That of (2.1) would do for
-# fewer evaluations, but the iteration then ends linearly, with a residual of one sign: the energy of the pendulum
-# drifted like n^0.70 over 2048 steps.
+# Newton's matrix comes from differences, because S₃′ would need third derivatives of B and H. The matrix of (2.1) would
+# take fewer evaluations, but the iteration then converges linearly, with a residual of one sign: the energy of the
+# pendulum drifted like n^0.70 over 2048 steps.
 step = Implicit(increment, parts=parts)
 scheme = one_step(
     "modified-weak-2",

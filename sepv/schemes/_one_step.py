@@ -1,4 +1,4 @@
-"""A one-step scheme is a formula plus facts: its step, its solver and its record are made here for all of them."""
+"""One-step schemes from a formula and facts: their step, their solver and their record."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from sepv.solve._formula import Asked, Formula, counted
 from sepv.solve._from_record import corrections
 from sepv.solve._solution import IncrementFunction, JacobianFunction, Solution, require_converged
 
-# (problem, h, noise) -> (k, M): what a formula wants to know of the step; with more where the scheme asks for it.
+# A function (problem, h, noise) -> (k, M) of the data that a formula takes of a step; some schemes have more arguments.
 Parts = Callable[..., Array]
 
-# Claims: of every scheme of ours, of methods for y′ = f(y) with the step Δ, of those that are symmetric as well.
+# Claims of all schemes here, of methods for y′ = f(y) with the step Δ, and of symmetric ones.
 EVERY = frozenset(("contract", "reproducibility", "truncation"))
 RANDOM_STEP = EVERY | {"identity", "noise-sum", "random-step", "expansion", "equivariance"}
 SYMMETRIC = RANDOM_STEP | {"casimir", "midpoint", "symmetry"}
@@ -30,24 +30,24 @@ ENERGY_PRESERVING = SYMMETRIC | {"energy", "reduction", "reference", "rounding"}
 
 
 def random_step(problem: Problem, h: float, noise: Array) -> Array:
-    """Δ, (1, M)."""
+    """The random step Δ, (1, M)."""
     return problem.random_step(h, noise)[None]
 
 
 def drift_and_noise(problem: Problem, h: float, noise: Array) -> Array:
-    """h and S = Σ c_j ΔW_j, (2, M)."""
+    """The two parts h and S = Σ c_j ΔW_j of a step, (2, M)."""
     return np.stack([np.full(noise.shape[1], float(h)), problem.random_step(0.0, noise)])
 
 
 def noise_and_areas(problem: Problem, h: float, noise: Array, areas: Array) -> Array:
-    """h, the c_j ΔW_j and the c_i c_j A_ij with i < j, for skew A (m, m) or (m, m, M): entries above the diagonal."""
+    """The parts h, c_j ΔW_j and c_i c_j A_ij with i < j, for skew A (m, m) or (m, m, M)."""
     rows = as_rows(np.asarray(areas)).reshape(-1, noise.shape[1])
     weights = [problem.c[i] * problem.c[j] for i, j in combinations(range(problem.noises), 2)]
     return np.concatenate([each_noise(problem, h, noise), np.reshape(weights, (-1, 1)) * rows])
 
 
 def no_jacobian(*_: Any) -> None:
-    """For a right side whose derivative is formed from differences."""
+    """The Jacobian of a right side whose derivative is formed from differences: None."""
 
 
 @dataclass(frozen=True)
@@ -59,13 +59,13 @@ class Implicit:
     increment, jacobian
         R and ∂R/∂y1, as in `sepv.solve.solve`.
     parts
-        What R wants to know of the step.
+        The data of a step that R takes.
     formula
-        What R is made of, where it is; the compiled engine records it.
+        The formula of R, if there is one; the compiled engine records it.
     requires : (problem) -> anything
         Raises `Skipped` for a problem that the scheme does not take.
     examine : (problem, y0, step, solution) -> None
-        Changes the status of lanes whose solution is none of the scheme's.
+        Changes the status of lanes whose solution is not the scheme's.
     """
 
     increment: IncrementFunction
@@ -76,7 +76,7 @@ class Implicit:
     examine: Callable[[Problem, Array, Array, Solution], None] | None = None
 
     def solve(self, problem: Problem, y: Array, h: float, dW: Array, start: Array | None = None) -> Solution:
-        """A batch with residual, counts and status of each lane; `start` (d, M) is a guess of y1 − y0."""
+        """Solve a batch, with residual, counts and status of each lane; `start` (d, M) is a guess of y1 − y0."""
         return self._solved(problem, *as_lanes(problem, y, h, dW), h, start)
 
     def _solved(
@@ -93,7 +93,7 @@ class Implicit:
         return solution
 
     def __call__(self, problem: Problem, y: Array, h: float, dW: Array, *further: Array) -> Array:
-        """y1 for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M), increments as the caller truncated them.
+        """y1 for y (d,) or (d, M) and dW (m,) or (m, M); the caller truncates increments.
 
         Raises Skipped for a problem that the scheme does not take, StepFailure where the equation was not solved.
         """
@@ -104,17 +104,17 @@ class Implicit:
 
 @dataclass(frozen=True)
 class Solved:
-    """The step of a scheme that brings its own solver: `of_lanes(problem, y (d, M), h, dW (m, M))`."""
+    """The step of a scheme with its own solver `of_lanes(problem, y (d, M), h, dW (m, M))`."""
 
     of_lanes: Solve
 
     def solve(self, problem: Problem, y: Array, h: float, dW: Array) -> Solution:
-        """A batch with residual, counts and status of each lane."""
+        """Solve a batch, with residual, counts and status of each lane."""
         state, noise = as_lanes(problem, y, h, dW)
         return self.of_lanes(problem, state, h, noise)
 
     def __call__(self, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        """As for `Implicit`."""
+        """y1 for a state or a batch, with shapes and errors as for `Implicit`."""
         state, noise = as_lanes(problem, y, h, dW)
         solution = self.of_lanes(problem, state, h, noise)
         return require_converged(problem, state, h, noise, solution).reshape(np.shape(y))
@@ -122,7 +122,7 @@ class Solved:
 
 @dataclass(frozen=True)
 class Explicit:
-    """The step y1 = y0 + R(y0), for a formula that does not ask for z."""
+    """The step y1 = y0 + R(y0), for a formula that does not use z."""
 
     formula: Formula
     parts: Parts = random_step
@@ -140,7 +140,7 @@ def implicit(formula: Formula, jacobian: JacobianFunction = no_jacobian, **more:
 
 
 def resolved(scheme: Scheme, word: str, of_lanes: Solve, how: str) -> Scheme:
-    """The scheme with another solver, under a name of its own; it claims nothing."""
+    """A scheme with another solver and name; it claims nothing."""
     step = Solved(of_lanes)
     return replace(
         scheme, name=f"{scheme.name}, {word}", step=step, solve=step.solve, claims=(),
@@ -149,7 +149,7 @@ def resolved(scheme: Scheme, word: str, of_lanes: Solve, how: str) -> Scheme:
 
 
 def one_step(name: str, step: Any, claims: Any, source: str, order: float = 1.0, **facts: Any) -> Scheme:
-    """The scheme of a step above, of this mean-square and weak order and truncated for it unless `facts` differ."""
+    """The scheme of one of these steps, with this mean-square and weak order and truncation unless `facts` differ."""
     found: dict[str, Any] = {
         "mean_square_order": order,
         "weak_order": order,

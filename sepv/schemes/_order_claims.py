@@ -1,8 +1,8 @@
-"""An order that depends on the noise: what a scheme that sees increments alone can claim of several Hamiltonians.
+"""Claims of order that depend on the noise, for schemes of several Hamiltonians that see only increments.
 
-A number is a claim for every kind of noise. `Orders` says more where fewer terms of the stochastic Taylor expansion are
-missing (P. Kloeden and E. Platen, Numerical Solution of Stochastic Differential Equations, 1992, §10.3 and §11): the
-iterated integrals ∫W_i∘dW_j of two noises are multiplied by brackets of their fields.
+A number is a claim for every kind of noise. `Orders` claims more for noises that multiply fewer terms of the stochastic
+Taylor expansion (P. Kloeden and E. Platen, Numerical Solution of Stochastic Differential Equations, 1992, §10.3 and
+§11): brackets of the fields of two noises multiply the iterated integrals ∫W_i∘dW_j.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ class Orders(float):
     Parameters
     ----------
     general : float
-        For any noises: the float itself.
+        For any noises: the value of the float.
     commutative, one, additive : float, optional
-        Where the fields of the noises commute, for one noise, and where they are constant. What is left out is that
-        of the next wider kind: one noise commutes with itself, and constant fields commute.
+        For noises whose fields commute, for one noise, and for constant fields. A value left out is that of the next
+        wider kind: one noise commutes with itself, and constant fields commute.
 
     Examples
     --------
@@ -42,7 +42,7 @@ class Orders(float):
         one: float | None = None,
         additive: float | None = None,
     ) -> Orders:
-        """A float with three more."""
+        """Make a float with three further orders."""
         self = super().__new__(cls, general)
         self.commutative = float(general if commutative is None else commutative)
         self.one = float(self.commutative if one is None else one)
@@ -60,16 +60,16 @@ class Orders(float):
         return float(self) if column == "general" else float(getattr(self, column))
 
     def __repr__(self) -> str:
-        """As it is made."""
+        """Show the call that makes it."""
         return f"Orders({float(self):g}, " + ", ".join(f"{k}={getattr(self, k):g}" for k in COLUMNS[1:]) + ")"
 
     def __getnewargs_ex__(self) -> tuple[tuple[float], dict[str, float]]:
-        """For processes beside this one."""
+        """Pickle it with its orders, for other processes."""
         return (float(self),), {key: getattr(self, key) for key in COLUMNS[1:]}
 
 
 def order_of(claimed: float | None, column: str, unclaimed: float = 1.0) -> float:
-    """What a claim says of noises of this kind; what is measured against where nothing is claimed."""
+    """The order that a claim has for noises of this kind; `unclaimed` where nothing is claimed."""
     if claimed is None:
         return unclaimed
     return claimed.of(column) if isinstance(claimed, Orders) else float(claimed)

@@ -1,4 +1,4 @@
-"""How a scheme looks in pictures. Nothing is said by colour alone: markers and dashes differ too."""
+"""The look of a scheme in pictures: markers and dashes differ as well as colours."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from sepv.errors import UsageError
 
-# Markers of matplotlib's alphabet; "" for a line without any.
+# Markers of matplotlib; "" is a line without markers.
 MARKERS = ("o", "s", "^", "D", "v", "*", "x", "+", "<", ">", "P", "X", "h", "p", "d", "")
 
 

@@ -1,6 +1,6 @@
-"""Increments of two and three points: what weak schemes may take in the place of normal ones.
+"""Increments of two and three points, which weak schemes may take in place of normal ones.
 
-A weak order q asks of the increments no more than the moments up to 2q + 1 of N(0, h) (G. N. Milstein, Numerical
+A weak order q needs only that the increments have the moments up to 2q + 1 of N(0, h) (G. N. Milstein, Numerical
 Integration of Stochastic Differential Equations, 1995, §9; Kloeden and Platen 1992, §14.1-2):
 
     two points,   P(ΔW = ±√h) = ½:                       E ΔW^k as of N(0, h) for k ≤ 3, weak order 1;
@@ -22,9 +22,9 @@ from itertools import accumulate
 from sepv._arguments import did_you_mean
 from sepv.errors import UsageError
 
-# What the sum of weights and a moment may be off by: roundings of a few terms.
+# The largest error of the sum of weights and of a moment: roundings of a few terms.
 _ROUNDING = 1e-12
-# Moments are compared so far; no law of a few points comes near.
+# The largest moment compared; no law of a few points matches that many.
 _MOST = 24
 
 
@@ -41,7 +41,8 @@ class PointLaw:
     Raises
     ------
     UsageError
-        For values and weights that are no law. Moments are nobody's duty here: the laws about weak orders judge them.
+        For values and weights that are not a distribution. Moments are not checked: the laws about weak orders judge
+        them.
     """
 
     name: str
@@ -68,7 +69,7 @@ class PointLaw:
 
     @cached_property
     def thresholds(self) -> tuple[float, ...]:
-        """Where a normal number passes from one value to the next: Φ⁻¹ of the sums of weights, from the nearer end."""
+        """Thresholds of a normal number between values: Φ⁻¹ of the sums of weights, from the nearer end."""
         from statistics import NormalDist
 
         quantile = NormalDist().inv_cdf
@@ -78,7 +79,7 @@ class PointLaw:
 
     @property
     def bound(self) -> float:
-        """Of |ζ|."""
+        """The largest |ζ|."""
         return max(abs(v) for v in self.values)
 
     @property
@@ -101,7 +102,7 @@ NAMES = (NORMAL, *NAMED)
 
 
 def point_law(increments: str | PointLaw | None) -> PointLaw | None:
-    """The law by name, or as it is; None for normal increments, "normal" or None. Raises UsageError for others."""
+    """The law of a name, or a given one; None for normal increments ("normal", None). UsageError for others."""
     if increments is None or isinstance(increments, PointLaw):
         return increments
     name = str(increments).strip().replace("_", "-")

@@ -40,7 +40,7 @@ def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> S
     casimirs = problem.casimirs, problem.linear_casimirs
 
     def evaluate(z: Array, lanes: Lanes) -> Evaluation:
-        """R = z less what the invariants have moved."""
+        """R = z less the correction for the invariants' change."""
         start = y0[:, lanes]
         mean = average_gradient(problem, start, start + z)
         averages = [mean.value, *casimir_gradients(*casimirs, 2.0 * start + z)]
@@ -74,7 +74,7 @@ def projected(order: int) -> Scheme:
     return one_step(
         f"projected-{order}",
         Solved(solve),
-        # Not equivariance: orthogonal to a gradient means something in a metric, which linear maps do not keep.
+        # The claims leave out equivariance: orthogonality to a gradient needs a metric, which linear maps do not keep.
         (frozenset(plain.claims) | {"energy", "casimir"}) - {"equivariance"},
         "explicit Runge-Kutta with the random step, and projection",
         order / 2,

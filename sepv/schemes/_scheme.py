@@ -1,4 +1,4 @@
-"""The scheme record: a formula plus facts. No base class; a bare function does as well."""
+"""The record of a scheme: a formula and facts. There is no base class; a bare function does as well."""
 
 from __future__ import annotations
 
@@ -16,32 +16,31 @@ from sepv.schemes._picture_look import Look
 from sepv.schemes._point_distributions import PointLaw, point_law
 from sepv.solve._solution import Solution
 
-# What a step may ask for beside h and the increments.
+# Kinds of further argument of a step: none, or one of three.
 ASKS = ("", "areas", "halves", "space-time")
 
 
-# How a scheme says that it did not solve a step, when it does not know `sepv.StepFailure` (an ArithmeticError too).
+# Exceptions by which a scheme refuses a step if it does not use `sepv.StepFailure`, which is an ArithmeticError too.
 REFUSALS = (ArithmeticError, np.linalg.LinAlgError)
-# What speaks of paths, and says nothing of increments that only have the law of some moments.
+# Laws about paths, which do not apply to increments that only match some moments.
 PATHWISE = frozenset(("mean-square-order", "right-limit", "local-mean", "local-mean-square", "commutation"))
-# (problem, y, h, dW) -> y_next, with a fifth argument for a scheme that asks for more.
+# The contract (problem, y, h, dW) -> y_next, with a fifth argument for a scheme that asks for more.
 Step = Callable[..., Array]
 Solve = Callable[[Problem, Array, float, Array], Solution]
 
 
 def truncation_for(order: float) -> int:
-    """k of Remark 2.1 for a scheme of mean-square order p: the paper's 2 for p = 1, and 4p beyond.
+    """The k of Remark 2.1 for a scheme of mean-square order p: the paper's 2 for p = 1, and 4p beyond.
 
-    k ≥ 2p is what the order needs. With k = 2p clipping alone costs an error of order p, which for many stages is
-    larger than their own (`sepv.exact.clipping_error`); with 4p it costs h^{2p}. The price is a bound of |Δ| larger
-    by √2.
+    The order needs k ≥ 2p. With k = 2p clipping alone costs an error of order p, which for many stages exceeds the
+    scheme's own (`sepv.exact.clipping_error`); with 4p it costs h^{2p}. The price is a bound of |Δ| larger by √2.
     """
     return 2 if order <= 1 else round(4 * order)
 
 
 @dataclass(frozen=True)
 class Scheme:
-    """A one-step method for (1.1), and what it says of itself.
+    """A one-step method for (1.1), and its claims.
 
     Attributes
     ----------
@@ -53,7 +52,7 @@ class Scheme:
         The laws it says it obeys. Laws that are not claimed are measured and printed all the same. With "reference"
         the law "refusal" is claimed.
     source : str
-        Where the formula comes from.
+        The source of the formula.
     mean_square_order, weak_order : float or `sepv.schemes.Orders`, optional
         Claimed orders, in general or for each kind of noise: with the first, the laws "local-mean",
         "local-mean-square", "mean-square-order" and "right-limit" are claimed, with the second "local-weak" and
@@ -64,19 +63,19 @@ class Scheme:
         The relative tolerance of the scheme's own solver: the laws' bounds then follow it and say so.
         0 means solved to rounding.
     truncation : int, optional
-        k of Remark 2.1 for the increments the scheme wants; None for untruncated.
+        k of Remark 2.1 for the scheme's increments; None for untruncated ones.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
-        The increments it is meant for (`sepv.schemes._point_distributions`). Those of a few points are bounded, so
-        that `truncation` is None; such a scheme has a weak order alone.
+        The increments of the scheme (`sepv.schemes._point_distributions`). Those of a few points are bounded, so
+        `truncation` is None; such a scheme has a weak order only.
     batched : bool
-        Whether `step` takes batches.
+        True if `step` takes batches.
     systems : Systems
-        The class of systems it takes, from which laws draw their cases: a `sepv.schemes.Systems`, or its text.
+        The class of systems from which laws draw its cases: a `sepv.schemes.Systems`, or its text.
     problems : sequence of problems or strategies
-        What it is for, where that is narrower still: names, ``module:attribute``, `Problem` records, families,
+        Its problems, if it serves fewer than its class: names, ``module:attribute``, `Problem` records, families,
         Hypothesis strategies of `PolynomialSystem` or `Problem`. Laws draw their cases from them and nothing else.
     asks : str
-        What the step takes as a fifth argument: "areas" for the Lévy areas A_ij = ½∫(W_i dW_j − W_j dW_i) of its
+        The fifth argument of the step: "areas" for the Lévy areas A_ij = ½∫(W_i dW_j − W_j dW_i) of its
         increments, (m, m) or (m, m, M), skew; "halves" for the increments over the first half of the step, (m,) or
         (m, M); "space-time" for the space-time Lévy areas H_i = (1/h)∫(W_i(s) − (s/h)ΔW_i) ds, (m,) or (m, M), of
         variance h/12. By default nothing.
@@ -87,7 +86,7 @@ class Scheme:
         The steps that it takes: |h| + Σ|c_j ΔW_j| up to a number, or those of which a function says so. Laws about
         single steps leave out the others; one of which less than a quarter of the cases are left does not hold.
     look : Look, optional
-        Its colours, marker and dashes in pictures; without one it is given a look that no other has there.
+        Colours, marker and dashes in pictures; by default a look that no other scheme has there.
 
     Examples
     --------
@@ -209,7 +208,7 @@ def takes(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> bo
 
 
 def weakly(scheme: Scheme, increments: str | PointLaw | None) -> Scheme:
-    """The scheme with other increments; with those of a few points it claims nothing about paths any more."""
+    """A scheme with other increments; with those of a few points it claims nothing about paths."""
     law = point_law(increments)
     if law is None:
         return scheme if scheme.increments is None else replace(scheme, increments=None)
@@ -218,7 +217,7 @@ def weakly(scheme: Scheme, increments: str | PointLaw | None) -> Scheme:
 
 
 def as_lanes(problem: Problem, y: ArrayLike, h: float, dW: ArrayLike) -> tuple[Array, Array]:
-    """y as (d, M) and dW as (m, M), one lane for a single state; shapes and finiteness are checked.
+    """y as (d, M) and dW as (m, M), with one lane for a single state; shapes and finiteness are checked.
 
     Raises UsageError for a state, step or increment that does not fit the problem.
     """

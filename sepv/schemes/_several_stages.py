@@ -1,4 +1,4 @@
-"""Higher order with several structures whose flows commute: s stages of collocation on the structure of a step.
+"""Collocation with s stages on the structure of a step: higher order for several structures whose flows commute.
 
 With the increments of a step held fixed, dy = B∇H dt + Σ c_j G_j∇H ∘dW_j becomes y′ = P(y)∇H, P = h B + Σ c_jΔW_j G_j,
 over a unit of time, and where all fields commute its flow is the exact step. The s-stage method of Cohen and Hairer

@@ -23,12 +23,12 @@ from sepv.solve._solution import Solution
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
-    """[h B(ȳ) + Σ c_j ΔW_j G_j(ȳ)] ∇̄H for h and the c_j ΔW_j; B and all G_j count as one evaluation."""
+    """The right side [h B(ȳ) + Σ c_j ΔW_j G_j(ȳ)] ∇̄H for h and the c_j ΔW_j; B and all G_j count as one evaluation."""
     return fields.apply_combined(y + 0.5 * z, step, fields.mean_gradient(y, z))
 
 
 def mark_undefined(problem: Problem, y0: Array, step: Array, solution: Solution) -> None:
-    """The status UNDEFINED where a structure is none at y0, or does not stand for B∇H_j in the step that was found."""
+    """Set the status UNDEFINED where a structure is undefined at y0, or does not stand for B∇H_j in the solved step."""
     if not any(isinstance(G, CommutingStructure) for G in noise_structures(problem)):
         return
     with np.errstate(all="ignore"):

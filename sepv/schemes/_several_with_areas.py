@@ -61,5 +61,5 @@ def increment(problem: Problem, y0: Array, y1: Array, known: Array) -> Increment
     return Increment(matvec(structure, mean.value), mean.evaluations, counts, mean.reliable)
 
 
-# Newton's matrix is one of differences: K_ij′ would need third derivatives of H.
+# Newton's matrix is made from differences: K_ij′ would need third derivatives of H.
 step_with_areas = Implicit(increment, parts=noise_and_areas, requires=require_derivatives)

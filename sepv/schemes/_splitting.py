@@ -1,4 +1,4 @@
-"""Splitting with exact flows: H = ΣH_k, and the flow of each B∇H_k is known in closed form.
+"""Splitting with exact flows: H = ΣH_k, and the flow of each B∇H_k has a closed form.
 
 y1 = φ¹_{Δ/2} ∘ … ∘ φⁿ_{Δ} ∘ … ∘ φ¹_{Δ/2} (y0),  Δ = h + Σ_j c_j ΔŴ_j,
 

@@ -4,7 +4,7 @@ y1 = y0 + B(ȳ)(h∇H_0(ȳ) + Σ_j c_j ΔŴ_j ∇H_j(ȳ)), ȳ = (y0 + y1)/2.
 
 With the increments held fixed it is the midpoint rule for the Hamiltonian hH_0 + Σ c_j ΔŴ_j H_j: it keeps every
 quadratic and linear Casimir of B, is symplectic for constant B (G. N. Milstein, Yu. M. Repin and M. V. Tretyakov, SIAM
-J. Numer. Anal. 40, 2002), and is symmetric. It is no Poisson map for other B.
+J. Numer. Anal. 40, 2002), and is symmetric. It is not a Poisson map for other B.
 
 It agrees with the flow of that Hamiltonian up to its second power, and lacks the Lévy areas, which multiply the
 brackets of the noises: mean-square order ½ in general, 1 where the noises commute, weak order 1.
@@ -23,7 +23,7 @@ CLAIMS = (RANDOM_STEP - {"random-step"}) | {"casimir", "symplecticity", "symmetr
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
-    """B(ȳ)(h∇H_0 + Σ c_j ΔW_j ∇H_j) for h and the c_j ΔW_j; all gradients count as one evaluation."""
+    """The right side B(ȳ)(h∇H_0 + Σ c_j ΔW_j ∇H_j) for h and the c_j ΔW_j; all gradients count as one evaluation."""
     middle = y + 0.5 * z
     return fields.apply(middle, fields.combined_gradient(middle, step))
 

@@ -28,7 +28,7 @@ class GaussTableau:
 
 @lru_cache(maxsize=8)
 def gauss_tableau(stages: int) -> GaussTableau:
-    """The Gauss method of order 2s."""
+    """The tableau of the Gauss method of order 2s."""
     c, b = gauss_legendre(stages)
     return GaussTableau(c, b, lagrange_integrals(stages, c))
 
@@ -69,7 +69,7 @@ def exact_nodes(stages: int, degree: int) -> int:
 
 @lru_cache(maxsize=8)
 def amplification(stages: int) -> float:
-    """max_i b_i⁻¹ ∫|ℓ_i|: what the averages may multiply errors of ∇H by. 1 for s = 1."""
+    """The factor max_i b_i⁻¹ ∫|ℓ_i| by which the averages may multiply errors of ∇H; 1 for s = 1."""
     W, _ = moments(stages, 64)
     return float(np.max(np.sum(np.abs(W), axis=1)))
 

@@ -1,7 +1,7 @@
-"""Saboteurs: (2.1) with one thing broken each, all claims kept. They test the suite, not schemes.
+"""Saboteurs: (2.1) with one thing broken each, and all claims kept. They test the suite, not schemes.
 
-Each family is a module; `SABOTEURS` holds them by name. Whatever a law is said to see, some saboteur shows
-that it does; `sepv.faults._fault_detection` runs them all.
+Each family is a module; `SABOTEURS` holds them by name. For each thing that a law is said to see, some saboteur shows
+it; `sepv.faults._fault_detection` runs them all.
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ SABOTEURS.rows(
 @SABOTEURS.formula("∇H is formed from differences of H", ("energy", "symmetry", "reference", "reduction"))
 def differenced_gradient(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     def gradient(y: Array) -> Array:
-        # Wide enough that the noise of the differences stays below what the solver takes for rounding.
+        # Wide enough that the noise of the differences stays below the solver's rounding.
         d, H = fields.problem.dimension, fields.problem.hamiltonian
         width = 1e-3 * np.eye(d).reshape(d, -1, *(1,) * (y.ndim - 1))
         return np.stack([(H(y + e) - H(y - e)) / 2e-3 for e in width])
@@ -72,7 +72,7 @@ SABOTEURS.rows(
 
 @SABOTEURS.around("in one step of twenty a component is moved by one ulp to where H is larger", ("rounding",))
 def one_signed_nudge(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """In those steps that are chosen by the last digits of y."""
+    """Nudge y1 in the steps that the last digits of y choose."""
     y1 = step(problem, y, h, dW)
     slope = problem.gradient(y1)
     gain = np.abs(slope) * np.spacing(np.abs(y1))
@@ -87,7 +87,7 @@ def toward_zero(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> 
     """y0 + Δ B∇̄H as a chopping machine adds."""
     move = right_side(problem, y, step(problem, y, h, dW), random_step(problem, h, dW))
     total = y + move
-    # Knuth's two-sum: what the rounding of y + move left over, exactly.
+    # Knuth's two-sum: the exact rounding error of y + move.
     part = total - y
     lost = (y - (total - part)) + (move - part)
     return np.where(lost * total < 0, np.nextafter(total, 0.0), total)

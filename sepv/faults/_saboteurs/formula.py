@@ -147,7 +147,7 @@ def runge_kutta(problem: Problem, y0: Array, step: Array) -> Array:
 
 
 def _projected(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Any step, then Newton's method along ∇H back to the energy it started from."""
+    """Project any step by Newton's method along ∇H to the energy at its start."""
     y1 = step(problem, y, h, dW)
     for _ in range(6):
         g, gap = problem.gradient(y1), problem.hamiltonian(y1) - problem.hamiltonian(y)

@@ -28,7 +28,7 @@ PUSH = 2.0**-30
     ("local-weak", "local-mean", "local-mean-square", "noise-sum", "expansion"),
 )
 def second_noise_louder(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """The last increment a thousandth too large."""
+    """Make the last increment a thousandth too large."""
     noise = np.array(dW)
     noise[-1] *= LOUDER
     return schemes.stochastic_midpoint.step(problem, y, h, noise)
@@ -38,7 +38,7 @@ def second_noise_louder(problem: Problem, y: Array, h: float, dW: Array) -> Arra
     schemes.stochastic_midpoint, "y1 is multiplied by 1 + 2⁻³⁰h", ("casimir", "symmetry", "symplecticity")
 )
 def away_from_the_origin(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """y1 a little too long."""
+    """Make y1 a little too long."""
     return schemes.stochastic_midpoint.step(problem, y, h, dW) * (1 + PUSH * h)
 
 
@@ -53,8 +53,8 @@ def areas_of_other_sign(problem: Problem, y: Array, h: float, dW: Array, areas: 
     schemes.stochastic_splitting, "the flows are composed in turn, and not symmetrically", ("symmetry",)
 )
 def lie_and_trotter(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """All flows in turn, and not the same way back."""
-    schemes.stochastic_splitting.step(problem, y, 0.0, 0 * dW)  # refuses what that refuses
+    """Compose all flows in turn, without the way back."""
+    schemes.stochastic_splitting.step(problem, y, 0.0, 0 * dW)  # raises for problems that the scheme refuses
     state, noise = as_lanes(problem, y, h, dW)
     flows: tuple[Any, ...] = (*problem.flows, *problem.noise_flows)  # type: ignore[attr-defined]
     times = [state[0] * 0 + h] * len(problem.flows) + list(problem.c[:, None] * noise)
@@ -69,7 +69,7 @@ def lie_and_trotter(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     ("poisson-map",),
 )
 def midpoint_as_isospectral(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """y0 = x − ½f, y1 = x + ½f: the midpoint rule."""
+    """The midpoint rule, y0 = x − ½f and y1 = x + ½f."""
     require_spins(problem, as_lanes(problem, y, h, dW)[0])
     return schemes.stochastic_midpoint.step(problem, y, h, dW)
 
@@ -80,7 +80,7 @@ def midpoint_as_isospectral(problem: Problem, y: Array, h: float, dW: Array) -> 
     lambda increment: imitating(schemes.darboux_lie, Implicit(increment, parts=each_noise)),
 )
 def arithmetic_middle(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
-    """y0(exp(f(ȳ)/ȳ) − 1) with ȳ = (y0 + y1)/2, as an equation for y1."""
+    """The right side y0(exp(f(ȳ)/ȳ) − 1) with ȳ = (y0 + y1)/2, of an equation for y1."""
     middle = y0 + 0.5 * (y1 - y0)
     return once(y0 * np.expm1(hamiltonian_field(problem, middle, step) / middle))
 
@@ -89,7 +89,7 @@ def arithmetic_middle(problem: Problem, y0: Array, y1: Array, step: Array) -> In
     schemes.drift_preserving, "each half of the step sees half of its increment", ("energy-drift",)
 )
 def halves_alike(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
-    """Half of the increment at both ends: two halves that are one."""
+    """Use half of the increment at both ends, which makes the two halves equal."""
     return schemes.drift_preserving.step(problem, y, h, dW, 0 * first + 0.5 * dW)
 
 
@@ -97,8 +97,10 @@ def halves_alike(problem: Problem, y: Array, h: float, dW: Array, first: Array) 
     schemes.drift_preserving, "the additive noise is 2⁻²⁰ too large", ("energy-drift", "local-weak")
 )
 def pushed_too_far(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
-    """All pushes too long by 2⁻²⁰."""
-    schemes.drift_preserving.step(problem, y, 0.0, 0 * dW, 0 * first)  # refuses what that refuses
+    """Make all noise increments too long by 2⁻²⁰."""
+    schemes.drift_preserving.step(
+        problem, y, 0.0, 0 * dW, 0 * first
+    )  # raises for problems that the scheme refuses
     state, noise = as_lanes(problem, y, h, dW)
     before, far = np.reshape(first, noise.shape), 1 + 2.0**-20
     middle = quiet(problem, pushed(problem, state, far * before), h, noise)

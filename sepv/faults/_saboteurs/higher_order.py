@@ -1,6 +1,6 @@
 """Faults of schemes beyond the paper: stages, their quadrature and truncation, more than one invariant.
 
-They claim what the schemes claim that they imitate.
+Each claims the claims of the scheme that it imitates.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def staged(stages: int, tables: Tables) -> Step:
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         y0, noise = as_lanes(problem, y, h, dW)
         delta, tableau = problem.random_step(h, noise), gauss_tableau(stages)
-        # Twenty-four nodes resolve an H that is no polynomial, at the steps at which laws ask.
+        # Twenty-four nodes resolve an H that is not a polynomial, at the steps of the laws.
         nodes = 24 if problem.degree is None else exact_nodes(stages, problem.degree)
         W, P = tables(stages, nodes)
         z = np.zeros((y0.shape[0], stages, y0.shape[1]))
@@ -83,7 +83,7 @@ SABOTEURS.rows(
 
 
 def _as_both(step: Step) -> Step:
-    """The step, for the problems that `both-invariants` takes."""
+    """Make a step for the problems that `both-invariants` takes."""
 
     def restricted(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         required(problem)
@@ -122,7 +122,7 @@ def _of_structures(formula: Formula) -> Callable[[], Scheme]:
     _of_structures,
 )
 def structures_at_start(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    """[h B(ȳ) + Σ c_j ΔW_j G_j(y0)] ∇̄H."""
+    """The right side [h B(ȳ) + Σ c_j ΔW_j G_j(y0)] ∇̄H."""
     drift = step[0] * fields.structure(middle(y, z))
     structures = noise_structures(fields.problem)
     noise = sum(part * G(y) for part, G in zip(step[1:], structures, strict=True))
@@ -145,12 +145,12 @@ def structures_exchanged(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     _of_structures,
 )
 def rests_where_undefined(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    """S_j = 0 where ∇H_0 = 0, though B∇H_j is not: y1 = y0 solves that."""
+    """S_j = 0 where ∇H_0 = 0, although B∇H_j is not zero: y1 = y0 solves that equation."""
     return matvec(np.nan_to_num(fields.combined(middle(y, z), step)), fields.mean_gradient(y, z))
 
 
 def _with(increments: str | PointLaw) -> Callable[[], Scheme]:
-    """A scheme of weak order 2 for three-point increments, with others; it goes on claiming weak order 2."""
+    """Make a scheme of weak order 2 for three-point increments take others, and keep its claim of weak order 2."""
     return lambda: weakly(schemes.modified_weak_two, increments)
 
 

@@ -1,6 +1,6 @@
 """Faults that real programs had, each with the thread in which it was found.
 
-A fault is put into a method that keeps its claims; `RIGHT` has the method without it. What a saboteur does is what the
+A fault is put into a method that keeps its claims; `RIGHT` has the method without it. The saboteur does the same as the
 thread describes, carried over to (1.1), where all noises drive the field f = B∇H: dy = f dt + Σ_j c_j f ∘dW_j.
 """
 
@@ -20,11 +20,11 @@ from sepv.problem._fields import derivative_along
 from sepv.schemes import RANDOM_STEP, Scheme, euler_heun, milstein
 from sepv.schemes._scheme import as_lanes
 
-# (problem, y (d, M), h, dW (m, M)) -> y1 − y (d, M)
+# The move of a step: (problem, y (d, M), h, dW (m, M)) -> y1 − y (d, M).
 Move = Callable[[Problem, Array, float, Array], Array]
 
 SABOTEURS = Family("historical")
-# The right method of each.
+# The right method of each saboteur.
 RIGHT: dict[str, Scheme] = {}
 _LOCAL = ("local-mean", "local-weak")
 _LIMIT = ("local-mean", "local-mean-square", "right-limit", "mean-square-order", "weak-order")
@@ -32,7 +32,7 @@ _SCIML = "https://github.com/SciML"
 
 
 def _moving(move: Move) -> Any:
-    """The step y1 = y + move(problem, y, h, dW) for one state or a batch."""
+    """Make the step y1 = y + move(problem, y, h, dW) for one state or a batch."""
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         state, noise = as_lanes(problem, y, h, dW)
@@ -42,7 +42,7 @@ def _moving(move: Move) -> Any:
 
 
 def _like(scheme: Scheme, move: Move) -> Scheme:
-    """A scheme with another step, which claims the same."""
+    """A scheme with another step and the same claims."""
     return replace(scheme, step=_moving(move), solve=None)
 
 
@@ -53,12 +53,12 @@ def _in(right: Scheme, *rows: Row) -> None:
 
 
 def _noise(problem: Problem, dW: Array) -> Array:
-    """S = Σ c_jΔW_j, (M,)."""
+    """The sum S = Σ c_jΔW_j, (M,)."""
     return problem.random_step(0.0, dW)
 
 
 def _by_taylor(problem: Problem, y: Array, h: float, dW: Array, *, wrong: bool = False) -> Array:
-    """Δf + ½Δ²f′f; or with f′ applied to what stands where f stood, y + Δf."""
+    """Δf + ½Δ²f′f; if `wrong`, f′ is applied to y + Δf in place of f."""
     delta = problem.random_step(h, dW)
     temporary = vector_field(problem, y)
     moved = delta * temporary
@@ -86,13 +86,13 @@ DIFFERENCE = replace(_like(milstein, _by_difference), name="milstein by differen
 
 
 def _heun(problem: Problem, y: Array, h: float, noise: Array) -> Array:
-    """hf + ½(f(ŷ) + f)·noise, with the noise of each component, (d, M) or (M,)."""
+    """Heun's move hf + ½(f(ŷ) + f)·noise, with the noise of each component, (d, M) or (M,)."""
     f = vector_field(problem, y)
     return h * f + 0.5 * (vector_field(problem, y + h * f + f * noise) + f) * noise
 
 
 def _milstein(problem: Problem, y: Array, h: float, S: Array, square: Array) -> Array:
-    """(h + S)f + ½ square f′f."""
+    """Milstein's move (h + S)f + ½ square f′f."""
     f = vector_field(problem, y)
     return (h + S) * f + 0.5 * square * derivative_along(problem, y, f)
 

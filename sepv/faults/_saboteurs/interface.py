@@ -1,4 +1,4 @@
-"""Faults of the interface: right numbers, asked once and alone; not pure, not for a batch, not as agreed."""
+"""Faults of the interface: single calls are right, but the step is impure, fails in batches, or breaks types."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def returns_a_buffer(
 def remembers_without_y(
     answers: dict[Any, Array], step: Step, problem: Problem, y: Array, h: float, dW: Array
 ) -> Array:
-    key = (problem.data, y.shape, h, dW.tobytes())  # and not y
+    key = (problem.data, y.shape, h, dW.tobytes())  # the key lacks y
     if key not in answers:
         if len(answers) > 1000:
             answers.clear()
@@ -56,7 +56,7 @@ def remembers_without_y(
     return answers[key].copy()
 
 
-# Not energy: a step that repeats the last answer keeps it.
+# The law energy cannot see it: a step that repeats the last result keeps H.
 @SABOTEURS.around(
     "the last answer is given again for the same h and dW, whatever y", ("contract", "reference"), memory=dict
 )
@@ -75,7 +75,7 @@ def remembers_the_last(
 def warm_started(
     last: dict[str, Array], _step: Step, problem: Problem, y: Array, h: float, dW: Array
 ) -> Array:
-    """Newton's iteration. Converged; but not to the same bits."""
+    """Start Newton's iteration from the last result: it converges, but not to the same bits."""
     y0, noise = as_lanes(problem, y, h, dW)
     guess = last.get("z")
     z = guess if guess is not None and guess.shape == y0.shape else np.zeros_like(y0)

@@ -1,4 +1,4 @@
-"""What a saboteur is, and the few ways to make one out of (2.1) with a single thing broken."""
+"""The record of a saboteur, and ways to make one from (2.1) with a single thing broken."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from sepv.schemes._scheme import Step, as_lanes
 from sepv.solve._formula import Formula, counted
 
 Laws = tuple[str, ...]
-# (problem, y0 (d, M), Δ (1, M)) -> y1
+# A function (problem, y0 (d, M), Δ (1, M)) -> y1.
 Update = Callable[[Problem, Array, Array], Array]
 Fault = TypeVar("Fault", bound=Callable[..., Any])
 # Name, what is broken, the laws, and what `By` turns into `make` of a `Saboteur`.
@@ -33,29 +33,29 @@ class Saboteur:
 
     name: str
     family: str
-    broken: str  # what is wrong, in one sentence
-    make: Callable[[], Scheme]  # a new one, which remembers nothing of the calls that another has had
+    broken: str  # the fault, in one sentence
+    make: Callable[[], Scheme]  # makes a new scheme, without memory of the calls of another
     caught_by: tuple[str, ...]  # the laws that must catch it, by theory
-    thread: str = ""  # where the fault was found in a real program; empty for one that was thought of
+    thread: str = ""  # the report of the fault in a real program; empty for an invented one
 
     @property
     def scheme(self) -> Scheme:
-        """A new scheme by this saboteur's name."""
+        """A new scheme with this saboteur's name."""
         return replace(self.make(), name=self.name, source=f"saboteur: {self.broken}")
 
 
 def claiming(step: Step, **changes: Any) -> Scheme:
-    """A scheme with this step that claims what (2.1) claims; `solve` is gone, so that only `step` is asked."""
+    """A scheme with this step and the claims of (2.1); `solve` is removed, so that only `step` is called."""
     return replace(original, step=step, solve=None, **changes)
 
 
 def middle(y: Any, z: Any) -> Any:
-    """ȳ = y + z/2."""
+    """The midpoint ȳ = y + z/2."""
     return y + 0.5 * z
 
 
 def right_side(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    """What is right, Δ B(ȳ) ∇̄H of (2.1), for y0 and y1 of shape (d,) or (d, M) and `step` holding Δ."""
+    """The right side Δ B(ȳ) ∇̄H of (2.1), for y0 and y1 (d,) or (d, M) and `step` holding Δ."""
     lanes = (len(y0), -1)
     found = counted(formula, problem, y0.reshape(lanes), y1.reshape(lanes), step.reshape(1, -1))
     return found.value.reshape(y0.shape)
@@ -72,7 +72,7 @@ def explicit_step(update: Update) -> Step:
 
 
 def implicit(R: Formula, parts: Parts = random_step, **more: Any) -> Callable[[], Scheme]:
-    """`make` of a saboteur with another right side, or another idea of the step."""
+    """`make` of a saboteur with another right side, or other data of a step."""
     return lambda: claiming(one_step.implicit(R, parts=parts, **more))
 
 
@@ -84,13 +84,13 @@ def explicit(update: Update) -> Callable[[], Scheme]:
 def around(change: Callable[..., Array], memory: Callable[[], Any] | None = None) -> Callable[[], Scheme]:
     """`make` of a saboteur with change(right step, problem, y, h, dW) in the place of the right step.
 
-    With `memory` the first argument is what that returns, made anew for each scheme.
+    With `memory` the first argument is its result, made anew for each scheme.
     """
     return lambda: claiming(partial(change, *([memory()] if memory else []), original.step))
 
 
 def imitating(original: Scheme, step: Step, **changes: Any) -> Callable[[], Scheme]:
-    """`make` of a saboteur that claims what another scheme claims."""
+    """`make` of a saboteur that claims the claims of another scheme."""
     return lambda: replace(original, step=step, solve=None, **changes)
 
 
@@ -129,7 +129,7 @@ class Family(list[Saboteur]):
         return added
 
     def like(self, right: Scheme, broken: str, laws: Laws) -> Callable[[Fault], Fault]:
-        """Decorates another step for a scheme, whose claims it keeps."""
+        """Decorate another step for a scheme, whose claims it keeps."""
         return self.made(broken, laws, partial(imitating, right))
 
     def formula(self, broken: str, laws: Laws, **more: Any) -> Callable[[Fault], Fault]:

@@ -1,4 +1,4 @@
-"""Faults of the solver: the equation is (2.1), the answer does not solve it to rounding and does not say so."""
+"""Faults of the solver: the equation is (2.1), but the result does not solve it to rounding and does not say so."""
 
 from __future__ import annotations
 
@@ -54,9 +54,9 @@ def _frozen_newton(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
 def _iterated(
     correction: Correction, most: int, tolerance: float = 0.0, *, together: bool = False
 ) -> Callable[[], Scheme]:
-    """Of y0 + z after z ← z + correction, until the correction of a lane is below the tolerance, or `most` times.
+    """`make` of a saboteur that iterates z ← z + correction until it is below the tolerance, at most `most` times.
 
-    `together`: all lanes stop with the first one.
+    With `together`, all lanes stop with the first one.
     """
 
     def update(problem: Problem, y0: Array, step: Array) -> Array:
@@ -110,7 +110,7 @@ SABOTEURS.rows(
     ("reference",),
 )
 def one_evaluation_more(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """y0 + R(y0, y1) of the solved y1: the error of y1 times ∂R/∂y1, about |Δ|/2 roundings for an oscillator."""
+    """Evaluate y0 + R(y0, y1) at the solved y1: its error is that of y1 times ∂R/∂y1."""
     return y + right_side(problem, y, step(problem, y, h, dW), random_step(problem, h, dW))
 
 

@@ -1,6 +1,6 @@
-"""Faults of schemes that keep the Poisson structure or the domain, and schemes that claim to and do not.
+"""Faults of schemes that claim to keep the Poisson structure or the domain.
 
-They claim what the schemes claim that they imitate: the midpoint rule, which is symplectic, and the splitting, whose
+Each claims the claims of the scheme that it imitates: the midpoint rule, which is symplectic, and the splitting, whose
 step is a Poisson map and stays in the positive octant.
 """
 
@@ -37,7 +37,7 @@ SABOTEURS.rows(
 
 def _split(problem: Problem, y: Array, delta: Array) -> Array:
     """The splitting over the times Δ (M,)."""
-    # With h = 0 and one noise of size 1 the random step is what is given for the increment.
+    # With h = 0 and one noise of size 1, the random step is the given increment.
     return splitting.step(replace(problem, noise=(1.0,), check=False), y, 0.0, delta[None])
 
 
@@ -51,7 +51,7 @@ def _like_splitting(update: Update) -> Callable[[], Scheme]:
     _like_splitting,
 )
 def time_of_place(problem: Problem, y: Array, step: Array) -> Array:
-    """Δ(1 + Δ⁴ y_1/64): an error beyond every order that is claimed, in time alone."""
+    """Δ(1 + Δ⁴ y_1/64): an error beyond every claimed order, in time alone."""
     delta = step[0]
     return _split(problem, y, delta * (1 + delta**4 * y[0] / 64))
 
@@ -62,7 +62,7 @@ def time_of_place(problem: Problem, y: Array, step: Array) -> Array:
     _like_splitting,
 )
 def tangent_of_first(problem: Problem, y: Array, step: Array) -> Array:
-    """A step of Euler's, which keeps what the exact flow keeps of linear functions and no more."""
+    """An Euler step, which keeps linear functions as the exact flow does, and nothing else."""
     if not problem.flows:
         return _split(problem, y, step[0])
     first, *others = problem.flows
