@@ -22,7 +22,7 @@ from sepv.schemes._scheme import Step
 from sepv.solve import Fields
 from sepv.solve._formula import Formula
 
-# (fields, y, z) -> B or an averaged gradient
+# A function (fields, y, z) -> B or an averaged gradient.
 Part = Callable[[Fields, Any, Any], Any]
 
 SABOTEURS = Family("formula")
@@ -34,17 +34,17 @@ _EXPLICIT = ("energy", *_TURNED, "reduction", "rounding")
 
 
 def with_structure(structure: Part) -> Formula:
-    """Δ times something in the place of B(ȳ), a function of (fields, y, z), times the averaged gradient."""
+    """Δ times a given matrix in place of B(ȳ), a function of (fields, y, z), times the averaged gradient."""
     return lambda fields, y, z, step: step[0] * matvec(structure(fields, y, z), fields.mean_gradient(y, z))
 
 
 def with_average(average: Part) -> Formula:
-    """Δ B(ȳ) times something in the place of the averaged gradient, a function of (fields, y, z)."""
+    """Δ B(ȳ) times a given vector in place of the averaged gradient, a function of (fields, y, z)."""
     return lambda fields, y, z, step: step[0] * matvec(fields.structure(middle(y, z)), average(fields, y, z))
 
 
 def quadrature(nodes: Callable[[Problem], int | None], digits: int = 17) -> Formula:
-    """(2.1) whose average has nodes(problem) Gauss nodes of so many digits; where that is None, the right average."""
+    """(2.1) with an average by nodes(problem) Gauss nodes of this many digits; the right average where that is None."""
 
     def average(fields: Fields, y: Any, z: Any) -> Any:
         count = nodes(fields.problem)
@@ -59,7 +59,7 @@ def quadrature(nodes: Callable[[Problem], int | None], digits: int = 17) -> Form
 
 
 def of_degree(nodes: Callable[[int], int]) -> Callable[[Problem], int | None]:
-    """So many nodes for a polynomial H of a degree."""
+    """Choose the number of nodes from the degree of a polynomial H."""
     return lambda problem: None if problem.degree is None else max(1, nodes(problem.degree))
 
 
@@ -67,7 +67,7 @@ b_at_y0 = with_structure(lambda fields, y, _z: fields.structure(y))
 
 
 def one_point_quadrature(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    """Δ f(ȳ): the midpoint rule."""
+    """The midpoint rule, Δ f(ȳ)."""
     return step[0] * fields.field(middle(y, z))
 
 

@@ -47,7 +47,7 @@ def _like(scheme: Scheme, move: Move) -> Scheme:
 
 
 def _in(right: Scheme, *rows: Row) -> None:
-    """Rows of a `Family`: moves of a method with a fault each, and the thread where it was found."""
+    """Add rows of a `Family`: moves of a method with a fault each, and the thread where it was found."""
     RIGHT.update((name, right) for name, *_ in rows)
     SABOTEURS.rows(*rows, by=lambda move: partial(_like, right, move))
 
@@ -98,7 +98,7 @@ def _milstein(problem: Problem, y: Array, h: float, S: Array, square: Array) -> 
 
 
 def _matrix_as_diagonal(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Component i sees noise i alone: the diagonal of the (d, m) matrix with columns c_j f."""
+    """Give component i noise i alone: the diagonal of the (d, m) matrix with columns c_j f."""
     own = np.zeros_like(y)
     shared = min(len(y), len(dW))
     own[:shared] = (problem.c[:, None] * dW)[:shared]
@@ -116,7 +116,7 @@ def _noises_crossed(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 
 
 def _index_repeated(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Σ_ij c_i c_j (ΔW_i² − h) where Σ_ij c_i c_j (ΔW_iΔW_j − δ_ij h) belongs, on the Itô form."""
+    """Use Σ_ij c_i c_j (ΔW_i² − h) in place of Σ_ij c_i c_j (ΔW_iΔW_j − δ_ij h), on the Itô form."""
     c = problem.c[:, None]
     square = np.sum(c * (dW**2 - h), axis=0) * np.sum(c) + np.sum(c**2) * h
     return _milstein(problem, y, h, _noise(problem, dW), square)
@@ -132,7 +132,7 @@ def _standard_normals(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 
 
 def _transposed_derivative(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """(h + S)f + ½S² (f′)ᵀf."""
+    """Use (f′)ᵀf in place of f′f: (h + S)f + ½S² (f′)ᵀf."""
     S, f, columns = _noise(problem, dW), vector_field(problem, y), []
     for i in range(len(y)):
         e = np.zeros_like(y)
@@ -142,7 +142,7 @@ def _transposed_derivative(problem: Problem, y: Array, h: float, dW: Array) -> A
 
 
 def _fixed_numbers(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """A generator of its own with the same seed for each call, and the caller's increments are not looked at."""
+    """Draw increments from a new generator with the same seed in each call, and ignore the caller's."""
     own = np.random.default_rng(42).standard_normal((dW.shape[0], 1)) * math.sqrt(abs(h))
     return _heun(problem, y, h, _noise(problem, np.broadcast_to(own, dW.shape)))
 

@@ -34,7 +34,7 @@ _SIZES = (
 
 
 def _with(delta: Callable[[Any, Any, Any], Any]) -> Callable[[], Scheme]:
-    """(2.1) with another Δ, (M,): of c as a column (m, 1), h and the increments w (m, M)."""
+    """`make` of (2.1) with another Δ (M,), a function of c as a column (m, 1), h and the increments w (m, M)."""
     return implicit(formula, lambda problem, h, noise: delta(problem.c[:, None], h, noise)[None])
 
 
@@ -94,7 +94,7 @@ SABOTEURS.rows(
      ("truncation", "local-mean-square"), lambda: replace(original, truncation=1)),
 )  # fmt: skip
 SABOTEURS.rows(
-    # Not noise-sum: one noise of the same sum is too large by the same share.
+    # Not noise-sum: one noise with the same sum is too large by the same factor.
     ("noise-too-large", "every increment is too large by a factor of 1.0001",
      ("identity", "random-step", *_STEP, *_LOCAL), lambda c, h, w: h + 1.0001 * np.sum(c * w, axis=0)),
     ("drift-too-large", "the drift is too large by a factor of 1.001", ("identity", "random-step", *_STEP, *_LOCAL),

@@ -22,7 +22,7 @@ Laws = tuple[str, ...]
 # A function (problem, y0 (d, M), Δ (1, M)) -> y1.
 Update = Callable[[Problem, Array, Array], Array]
 Fault = TypeVar("Fault", bound=Callable[..., Any])
-# Name, what is broken, the laws, and what `By` turns into `make` of a `Saboteur`.
+# A row: name, fault, the laws, and the argument that `By` turns into `make` of a `Saboteur`.
 Row = tuple[Any, ...]
 By = Callable[[Any], Callable[[], Scheme]]
 
@@ -95,32 +95,32 @@ def imitating(original: Scheme, step: Step, **changes: Any) -> Callable[[], Sche
 
 
 def answering(change: Callable[[Array, Array], Any]) -> Callable[[], Scheme]:
-    """`make` of a saboteur that gives change(y, y1) for the right y1."""
+    """`make` of a saboteur whose result is change(y, y1) for the right y1."""
     return around(lambda step, problem, y, h, dW: change(y, step(problem, y, h, dW)))
 
 
-def as_it_is(make: Callable[[], Scheme]) -> Callable[[], Scheme]:
-    """`make` itself."""
+def unchanged(make: Callable[[], Scheme]) -> Callable[[], Scheme]:
+    """Return `make`."""
     return make
 
 
 class Family(list[Saboteur]):
     """Saboteurs in the order of their definition, as rows or as decorated functions.
 
-    `by` turns the fault of a row, or the function that it decorates, into `make`; a function's name is its saboteur's.
+    `by` turns the fault of a row, or the decorated function, into `make`; a function's name is its saboteur's.
     """
 
     def __init__(self, name: str) -> None:
         super().__init__()
         self.name = name
 
-    def rows(self, *rows: Row, by: By = as_it_is) -> None:
-        """Saboteurs as rows: name, what is broken, the laws, the fault, and the thread where there is one."""
+    def rows(self, *rows: Row, by: By = unchanged) -> None:
+        """Add saboteurs as rows: name, fault, the laws, the broken part, and the thread if there is one."""
         for name, broken, laws, fault, *thread in rows:
             self.append(Saboteur(name, self.name, broken, by(fault), laws, *thread))
 
     def made(self, broken: str, laws: Laws, by: By) -> Callable[[Fault], Fault]:
-        """Decorates what `by` turns into `make`."""
+        """Decorate a function that `by` turns into `make`."""
 
         def added(fault: Fault) -> Fault:
             self.rows((fault.__name__.replace("_", "-"), broken, laws, fault), by=by)
@@ -133,9 +133,9 @@ class Family(list[Saboteur]):
         return self.made(broken, laws, partial(imitating, right))
 
     def formula(self, broken: str, laws: Laws, **more: Any) -> Callable[[Fault], Fault]:
-        """Decorates another right side."""
+        """Decorate another right side."""
         return self.made(broken, laws, partial(implicit, **more))
 
     def around(self, broken: str, laws: Laws, memory: Any = None) -> Callable[[Fault], Fault]:
-        """Decorates what is put around the right step."""
+        """Decorate a function that wraps the right step."""
         return self.made(broken, laws, partial(around, memory=memory))

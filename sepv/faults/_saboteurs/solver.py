@@ -97,7 +97,7 @@ SABOTEURS.rows(
      lambda: replace(_iterated(_fixed_point, 60, 1e-8)(), solver_tolerance=1e-13)),
     ("newton-once", "one iteration of Newton, whatever it leaves", _SEEN, _iterated(_newton, 1)),
     ("newton-twice", "two iterations of Newton, whatever they leave", _SEEN, _iterated(_newton, 2)),
-    # A Casimir and the midpoint rule are met to rounding inside the contraction radius.
+    # Casimirs and the midpoint rule hold to rounding inside the contraction radius.
     ("newton-thrice", "three iterations of Newton, whatever they leave",
      tuple(law for law in _SEEN if law not in ("casimir", "midpoint")), _iterated(_newton, 3)),
     ("newton-four-times", "four iterations of Newton: right for all but long steps", ("energy",),
