@@ -40,14 +40,14 @@ class Directions(NamedTuple):
         return sum(q * w for q, w in zip(self.q, weights, strict=True))
 
     def of(self, lanes: Any) -> Directions:
-        """Those of some lanes (M,)."""
+        """The directions in some lanes (M,)."""
         parts = self.q, self.inverse, *self.products
         q, inverse, *products = ([v[..., lanes] for v in part] for part in parts)
         return Directions(q, inverse, products)
 
 
 def directions(gradients: Sequence[Any]) -> Directions:
-    """Those of gradients (d, ...) each."""
+    """Make the directions from gradients (d, ...) each."""
     found = Directions([], [], [])
     for N in gradients:
         q = found.without(N)
