@@ -21,7 +21,7 @@ import benchmarks
 from sepv._journal import Journal, Notes
 from sepv.commands._shared import candidates
 from sepv.errors import TargetError
-from sepv.verification import Verdict, load_laws
+from sepv.verification import Effort, Verdict, load_laws, verify
 from sepv.verification import _progress as progress
 from sepv.verification._report import console
 
@@ -273,3 +273,35 @@ def test_loops_within_loops_share_what_is_done(monkeypatch: pytest.MonkeyPatch) 
     assert seen == [
         ("a", 0.0), ("a, 1", 0.0), ("a, 2", 0.25), ("b", 0.5), ("b, 1", 0.5), ("b, 2", 0.75)
     ]  # fmt: skip
+
+
+def test_violations_are_said_as_they_are_decided(monkeypatch: pytest.MonkeyPatch) -> None:
+    written = io.StringIO()
+    monkeypatch.setattr(progress, "console", lambda **_: console(written))
+    monkeypatch.setattr(progress, "FIRST_LINES", (0.01,))
+    monkeypatch.setattr(progress, "TICK", 0.01)
+    energy, casimir = load_laws(["energy", "casimir"])
+    with progress.watching(laws=[energy, casimir]) as step:
+        step(energy, None)
+        step(energy, energy.finding(Verdict.VIOLATED, defect=9.0, bound=1.0, checks=1))
+        assert _said(written, "not claimed") == "energy (Prop. 3.1) violated: 9 against 1 ulp of H, not claimed"
+        step(casimir, None)
+        step(casimir, casimir.finding(Verdict.HOLDS, checks=1))
+
+
+def test_laws_of_few_steps_are_asked_first_and_shown_in_the_order_of_the_suite() -> None:
+    asked: list[str] = []
+    laws = [
+        "contract",
+        "energy",
+        "symplecticity",
+        "local-mean",
+        "local-weak",
+        "mean-square-order",
+        "right-limit",
+    ]
+    report = verify("midpoint", laws=laws, effort=Effort(examples=1, paths=64, shrink_checks=0),
+                    progress=lambda law, found: asked.append(law.name) if found is None else None)  # fmt: skip
+    assert [f.law for f in report.findings] == laws
+    assert asked == ["energy", "contract", "symplecticity", "mean-square-order", "right-limit", "local-mean",
+                     "local-weak"]  # fmt: skip

@@ -22,8 +22,11 @@ from sepv.verification._report import console
 from sepv.verification._verify import LawProgress
 
 # Seconds after which a line is printed where nobody sees a bar; then one every REPEAT.
-FIRST_LINES = (2.0, 5.0, 10.0, 20.0)
+FIRST = 2.0
+FIRST_LINES = (FIRST, 5.0, 10.0, 20.0)
 REPEAT = 20.0
+# A violation waits no longer than this, once anything is said.
+TICK = 0.2
 # Seconds from which on a law may be called late, and a case is named that is being asked.
 LATE, SLOW = 5.0, 2.0
 
@@ -37,6 +40,7 @@ class Shown:
         # Whoever knows more than a share says the seconds left, None where they are not known, and what is being done.
         self.expected: Callable[[], float | None] | None = None
         self.doing = lambda: self.text
+        self.found: list[str] = []  # what is to be said once, as soon as anything is
 
     def update(self, text: str | None = None, share: float | None = None) -> None:
         """What is being done, and how much of all is done, 0 to 1; what is left out stays as it was."""
@@ -93,10 +97,19 @@ def _lines(shown: Shown, out: Console, done: threading.Event) -> None:
     marks, last = list(FIRST_LINES), 0.0
     while True:
         mark = marks.pop(0) if marks else last + REPEAT
+        while (left := shown.started + mark - time.monotonic()) > 0:
+            if done.wait(min(left, TICK)):
+                return
+            if last:
+                _say(shown, out)
         last = mark
-        if done.wait(max(0.0, shown.started + mark - time.monotonic())):
-            return
+        _say(shown, out)
         out.print(shown.line(), soft_wrap=True)
+
+
+def _say(shown: Shown, out: Console) -> None:
+    while shown.found:
+        out.print(shown.found.pop(0), soft_wrap=True)
 
 
 def _bar(shown: Shown, out: Console, done: threading.Event) -> None:
@@ -106,7 +119,9 @@ def _bar(shown: Shown, out: Console, done: threading.Event) -> None:
     columns: tuple[Any, ...] = (BarColumn(20), TaskProgressColumn(), TextColumn("{task.description}"))
     with Bar(*columns, console=out, transient=True) as bar:
         task = bar.add_task("", total=1.0)
-        while not done.wait(0.2):
+        while not done.wait(TICK):
+            if time.monotonic() - shown.started > FIRST:
+                _say(shown, out)
             left = shown.seconds_left
             text = f"{_about(left)}  {shown.doing()}" if left is not None else shown.doing()
             # Without a share that is known the bar pulses. No square bracket is markup here.
@@ -231,6 +246,8 @@ def watching(
 
         def step(law: Law, finding: Finding | None) -> None:
             course.heard(law, finding)
+            if finding and finding.verdict in (Verdict.VIOLATED, Verdict.ERROR):
+                shown.found.append(finding.words + ("" if finding.claimed else ", not claimed"))
             shown.doing = partial(course.doing, journal, name)
 
         yield step

@@ -24,7 +24,7 @@ from sepv.verification._cases.users_problems import items
 from sepv.verification._expected_failures import Expectations, ExpectedFailure
 from sepv.verification._expected_failures import load as load_expected
 from sepv.verification._law import Effort, Finding, Law, Run, Verdict
-from sepv.verification._laws import LAWS, LOCAL, SAMPLED, laws_of, listed, load_laws
+from sepv.verification._laws import LAWS, LOCAL, SAMPLED, laws_of, listed, load_laws, soonest
 from sepv.verification._outcome import Report
 from sepv.verification._profiles import requirements
 
@@ -129,7 +129,7 @@ def verify(
             _side_by_side(task, chosen, jobs if workers is None else workers, receive)
         else:
             run = Run(effort)
-            for law in chosen:
+            for law in soonest(chosen):
                 receive(law, None)
                 ask = partial(measure, law, candidate, run, timeout, known.failures.get(law.name))
                 receive(law, survived(law, f"{law.name} of {target}", ask, effort))
