@@ -103,7 +103,8 @@ def _responses(scheme: Scheme, k: int) -> Iterator[tuple[float, str]]:
         try:
             time = units_for(scheme, problem).time
             for h in (small * time for small in SMALL):
-                A = min(bounded.truncation_bound(t, k) for t in (h / time, h) if t < 1)
+                # Remark 2.1 is about h < 1. A clip in seconds may have h > 1 here, where its |ln h| is still a number.
+                A = math.sqrt(2 * k * min(abs(math.log(t)) for t in (h / time, h)))
                 for j in np.flatnonzero(problem.c):
                     size, place = _weakest(scheme, problem, h, A, int(j))
                     text = (

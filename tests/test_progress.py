@@ -284,7 +284,9 @@ def test_violations_are_said_as_they_are_decided(monkeypatch: pytest.MonkeyPatch
     with progress.watching(laws=[energy, casimir]) as step:
         step(energy, None)
         step(energy, energy.finding(Verdict.VIOLATED, defect=9.0, bound=1.0, checks=1))
-        assert _said(written, "not claimed") == "energy (Prop. 3.1) violated: 9 against 1 ulp of H, not claimed"
+        assert (
+            _said(written, "not claimed") == "energy (Prop. 3.1) violated: 9 against 1 ulp of H, not claimed"
+        )
         step(casimir, None)
         step(casimir, casimir.finding(Verdict.HOLDS, checks=1))
 

@@ -81,6 +81,19 @@ def _clipping(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return schemes.energy_preserving.step(problem, y, h, truncate(dW, h, 1, unit=_TIME))
 
 
+@pytest.mark.parametrize("rate", [1e-6, 1e-5, 1.0, 1e5])
+def test_a_clip_in_seconds_is_not_accused_on_slow_problems(rate: float) -> None:
+    """√(4|ln h|) with h in seconds: 30 of them are a small step of a problem that takes 10⁶."""
+
+    def clipping(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        bound = np.sqrt(4 * abs(np.log(h)) * h)
+        return schemes.energy_preserving.step(problem, y, h, np.clip(dW, -bound, bound))
+
+    problem = scaled(problems.harmonic_oscillator(), Scale(rate))
+    scheme = Scheme("clipping", clipping, ("truncation",), batched=True, problems=(problem,))
+    assert verify(scheme, laws=["truncation"]).findings[0].verdict is Verdict.HOLDS
+
+
 _FAST = scaled(problems.harmonic_oscillator(), Scale(1000.0))
 _TIME = units_of(_FAST).time
 
