@@ -495,35 +495,17 @@ def test_the_command_makes_a_page_of_real_reports(tmp_path: Path, monkeypatch: p
     monkeypatch.chdir(tmp_path)
     run = CliRunner().invoke
     for scheme in ("energy-preserving", "midpoint"):
-        run(
-            main,
-            [
-                "verify",
-                scheme,
-                "--law",
-                "energy",
-                "--law",
-                "casimir",
-                "--examples",
-                "30",
-                "--json",
-                f"{scheme}.json",
-            ],
-        )
+        run(main, f"verify {scheme} --law energy,casimir --examples 30 --json {scheme}.json".split())
     run(main, ["reproduce", "text", "--json", "paper.json"])
-    result = run(
-        main, ["report", "energy-preserving.json", "midpoint.json", "paper.json", "--out", "page.html"]
-    )
+    files = ["energy-preserving.json", "midpoint.json", "paper.json"]
+    result = run(main, ["report", *files, "--out", "page.html"])
     assert result.exit_code == 0, result.output
     assert re.fullmatch(r"page\.html: \d+ kB\n", result.output)
     page = (tmp_path / "page.html").read_text()
     words = " ".join(" ".join(Reader(page).words).split())
     assert "sepv verify midpoint --law energy --replay" in words
     assert "Remark 2.1" in words
-    again = run(
-        main, ["report", "energy-preserving.json", "midpoint.json", "paper.json", "--out", "again.html"]
-    )
-    assert again.exit_code == 0
+    assert run(main, ["report", *files, "--out", "again.html"]).exit_code == 0
     assert (tmp_path / "again.html").read_text() == page  # the same files give the same page
     assert run(main, ["report"]).exit_code == 2
     assert run(main, ["report", "nothing.json"]).exit_code == 2
@@ -531,15 +513,9 @@ def test_the_command_makes_a_page_of_real_reports(tmp_path: Path, monkeypatch: p
 
 CHROMIUM = next((p for p in ("chromium", "chromium-browser", "google-chrome") if shutil.which(p)), None)
 FLAGS = [
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync",
+]  # fmt: skip
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed: the page is read by a parser only")

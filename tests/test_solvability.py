@@ -166,23 +166,8 @@ def test_truncation_makes_far_steps_impossible() -> None:
 
 def test_the_command_prints_numbers_and_writes_json(tmp_path) -> None:
     out = tmp_path / "map.json"
-    arguments = [
-        "solvability",
-        "lotka-volterra",
-        "--range",
-        "0.5",
-        "--states",
-        "6",
-        "--grid",
-        "4",
-        "--time",
-        "2",
-        "--until",
-        "1",
-        "--paths",
-        "4",
-    ]
-    result = CliRunner(env={"COLUMNS": "140"}).invoke(main, [*arguments, "--json", str(out)])
+    words = "solvability lotka-volterra --range 0.5 --states 6 --grid 4 --time 2 --until 1 --paths 4"
+    result = CliRunner(env={"COLUMNS": "140"}).invoke(main, f"{words} --json {out}")
     assert result.exit_code == 0, result.output
     for word in (
         "solution connected to y0", "turns back at a fold", "2^-3", "worst", "rough from", "first exit", "safe"
@@ -207,20 +192,8 @@ def test_the_command_prints_numbers_and_writes_json(tmp_path) -> None:
 def test_the_command_draws(tmp_path) -> None:
     pytest.importorskip("matplotlib")
     out = tmp_path / "map.svg"
-    arguments = [
-        "solvability",
-        "rigid-body",
-        "--range",
-        "0.5",
-        "--states",
-        "4",
-        "--grid",
-        "2",
-        "--until",
-        "1",
-        "--picture",
-    ]
-    result = CliRunner().invoke(main, [*arguments, str(out)])
+    words = "solvability rigid-body --range 0.5 --states 4 --grid 2 --until 1"
+    result = CliRunner().invoke(main, f"{words} --picture {out}")
     assert result.exit_code == 0, result.output
     assert "connected solution, found" in out.read_text()
     assert "none failed until there" in out.read_text()

@@ -24,39 +24,18 @@ if TYPE_CHECKING:
 MOST_STEPS = 1024
 
 
-class Numbers(click.ParamType):
-    """Numbers with commas between them."""
-
-    name = "N,N,…"
-
-    def __init__(self, kind: type) -> None:
-        self.kind = kind
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """A tuple of numbers."""
-        if not isinstance(value, str):
-            return value
-        try:
-            return tuple(self.kind(part) for part in value.split(","))
-        except ValueError:
-            self.fail(f"{value!r} is not a list of numbers with commas between them", param, ctx)
-
-
 @click.command(short_help="Error, defects, time and work of schemes, side by side.")
 @click.argument("targets", nargs=-1, metavar="SCHEME...")
 @cli.PROBLEM
 @cli.EXEC
-@click.option(
-    "--y", "--initial", "initial", cls=cli.Renamed, type=Numbers(float),
-    help="Initial state. [default: the problem's own]",
-)  # fmt: skip
+@cli.INITIAL
 @click.option("--time", "T", type=cli.POSITIVE, help="T. [default: 1]")
-@click.option("--steps", type=Numbers(int), help="Numbers of steps, such as 8,16,32.")
+@click.option("--steps", type=cli.Numbers(int), help="Numbers of steps, such as 8,16,32.")
 @click.option("--paths", type=click.IntRange(min=32), default=1000, help="How many paths.")
 @click.option("--repeats", type=cli.COUNT, default=5, help="Timed rounds.")
 @click.option("--seed", type=cli.NATURAL, default=0, help="Of the paths.")
 @click.option(
-    "--error", "errors", type=Numbers(float), default="1e-2,1e-4,1e-6",
+    "--error", "errors", type=cli.Numbers(float), default="1e-2,1e-4,1e-6",
     help="Strong errors for which the time is shown.",
 )  # fmt: skip
 @click.option("--peers", is_flag=True, help="And every peer whose library is installed.")

@@ -90,6 +90,24 @@ def listed(_context: click.Context, _parameter: click.Parameter, values: Names) 
     return names
 
 
+class Numbers(click.ParamType):
+    """Numbers with commas between them."""
+
+    name = "N,N,…"
+
+    def __init__(self, kind: type) -> None:
+        self.kind = kind
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """A tuple of numbers."""
+        if not isinstance(value, str):
+            return value
+        try:
+            return tuple(self.kind(part) for part in value.split(","))
+        except ValueError:
+            self.fail(f"{value!r} is not a list of numbers with commas between them", param, ctx)
+
+
 PROBLEM = click.option(
     "--problem", "-p", default="rigid-body", metavar="PROBLEM", help="By name, file.json or module:attribute."
 )
@@ -99,6 +117,11 @@ CLAIM = click.option(
 EXEC = click.option(
     "--exec", "programs", multiple=True, metavar="COMMAND",
     help="A program in any language (docs/protocol.md); may be repeated.",
+)  # fmt: skip
+
+INITIAL = click.option(
+    "--y", "--initial", "initial", cls=Renamed, type=Numbers(float),
+    help="Initial state. [default: the problem's own]",
 )  # fmt: skip
 
 

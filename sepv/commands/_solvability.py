@@ -11,7 +11,6 @@ import click
 
 from sepv._terminal import Table, columns, print_table
 from sepv.commands import _shared as cli
-from sepv.commands._compare import Numbers
 from sepv.files import write_atomically
 
 if TYPE_CHECKING:
@@ -34,11 +33,8 @@ FOLLOWED = tuple(2.0**-n for n in range(4, 10))
 @click.option("--states", type=click.IntRange(min=2), default=96, help="How many, along the orbit.")
 @click.option("--time", type=cli.Finite(min=0), default=10.0, help="Length of the orbit.")
 @click.option("--grid", type=click.IntRange(min=2), default=80, help="Points of Δ on each side of 0.")
-@click.option(
-    "--y", "--initial", "initial", cls=cli.Renamed, type=Numbers(float),
-    help="Initial state. [default: the problem's own]",
-)  # fmt: skip
-@click.option("--noise", type=Numbers(float), help="The c_j, such as 1,0.5. [default: the problem's own]")
+@cli.INITIAL
+@click.option("--noise", type=cli.Numbers(float), help="The c_j, such as 1,0.5. [default: the problem's own]")
 @click.option(
     "--truncation", type=cli.NATURAL, help="k of Remark 2.1; 0 for none. [default: each scheme's own]"
 )
