@@ -90,7 +90,7 @@ def test_a_broken_scheme_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
         assert found.verdict == "fails"
     errors = {
         name: runs.errors(
-            name, "rigid-body", T=1.0, steps=(32, 64, 128), samples=1024, first=0, seed=0, engine="numpy"
+            name, "rigid-body", T=1.0, steps=(32, 64, 128), samples=1024, seed=0, engine="numpy"
         )
         for name in ("energy-preserving", "midpoint")
     }

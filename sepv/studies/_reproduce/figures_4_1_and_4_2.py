@@ -81,10 +81,11 @@ def _phase_space(found: dict[str, runs.Run], parameters: dict[str, Any]) -> Pane
 
 
 def _energy(found: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
-    statements = runs.statements({"energy-preserving": found["energy-preserving"]}, "energy", found, "§4.1")
+    statements = [runs.statement(found["energy-preserving"], "energy", constant=True, source="§4.1")]
     courses = []
     for name in EXPLICIT:
-        statements += [*runs.statements({name: found[name]}, "energy", (), "§4.1"), _growth(found[name])]
+        lost = runs.statement(found[name], "energy", constant=False, source="§4.1")
+        statements += [lost, _growth(found[name])]
         factor = found[name].energy[-1] / found[name].energy[0]
         courses.append(
             f"{SENTENCE[name]} {'grows to' if factor > 1 else 'falls to'} {factor:.2g} times its start"
@@ -102,11 +103,11 @@ def _position(found: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
     shown, preserving = ("energy-preserving", "euler-heun"), found["energy-preserving"]
     largest = {n: float(np.max(np.abs(r.y[1]))) for n, r in found.items()}
     ours, heun, *others = (largest[n] for n in (*shown, "euler-maruyama", "milstein"))
-    bounded = ours <= RADIUS * (1 + runs.rounding_bound(preserving.steps))
+    stays = ours <= RADIUS * (1 + runs.rounding_bound(preserving.steps))
     seen = "; ".join(f"largest |x| of {SENTENCE[n]} {largest[n]:.3g}" for n in ("euler-maruyama", "milstein"))
     statements = (
         Statement("The position of the energy-preserving method shows its long time stability, that of Euler-Heun does "
-                  "not", "§4.1", judge.decide(bounded and heun > 2 * RADIUS, not bounded),
+                  "not", "§4.1", judge.decide(stays and heun > 2 * RADIUS, not stays),
                   f"largest |x|: {ours:.4f} and {heun:.3g}; the circle's radius is {RADIUS:.4f}",
                   "within the radius of the energy circle for the one, beyond twice that for the other"),
         Statement("The other numerical schemes offer similar behaviour as that of Euler-Heun's method", "§4.1",

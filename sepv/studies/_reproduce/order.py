@@ -11,12 +11,10 @@ import numpy as np
 from sepv.record._binary64 import EPS
 from sepv.studies._reproduce import judge, record, runs
 from sepv.studies._reproduce.record import Job, Panel, Results, Size, Statement, points
-from sepv.verification._orders.convergence import StrongErrors, join, slope
+from sepv.verification._orders.convergence import StrongErrors, slope
 
 # Two-sided, for each slope: the chance that an interval misses the slope that it estimates.
 ALPHA = 0.01
-# A job is one scheme and so many samples: large enough for batches, small enough to share out.
-PART = 1024
 # Microseconds a sample and step in batches, for the time left.
 COST = {"energy-preserving": 3.0, "midpoint": 2.5, "discrete-gradient": 5.0}
 
@@ -47,32 +45,17 @@ class Setting:
         """The arguments that all of its jobs share."""
         return {"problem": self.problem, "T": self.T, "steps": self.steps}
 
-    def job(self, key: tuple[str, ...], scheme: str, samples: range, size: Size, cost: float) -> Job:
+    def job(self, key: tuple[str, ...], scheme: str, samples: int, size: Size, cost: float) -> Job:
         """The errors of one scheme on these samples; `cost` in microseconds a sample and step."""
-        counted = {"samples": len(samples), "first": samples.start}
-        arguments = {"scheme": scheme, **counted, **self.given, **size.given}
-        seconds = len(samples) * sum(self.steps) * COST.get(scheme, cost) * 1e-6
+        arguments = {"scheme": scheme, "samples": samples, **self.given, **size.given}
+        seconds = samples * sum(self.steps) * COST.get(scheme, cost) * 1e-6
         return Job((self.figure, *key), runs.errors, arguments, seconds)
 
 
 def jobs(setting: Setting, size: Size) -> list[Job]:
-    """One job a scheme and part of the samples."""
-    total = size.samples(setting.samples)
-    parts = [range(first, min(first + PART, total)) for first in range(0, total, PART)]
-    return [
-        setting.job(("order", scheme, str(part.start)), scheme, part, size, 0.5)
-        for scheme in setting.schemes
-        for part in parts
-    ]
-
-
-def collect(setting: Setting, results: Results) -> dict[str, StrongErrors]:
-    """The errors of each scheme, all its samples together."""
-    found = {}
-    for scheme in setting.schemes:
-        keys = [k for k in results if k[:3] == (setting.figure, "order", scheme)]
-        found[scheme] = join([results[k] for k in sorted(keys, key=lambda k: int(k[3]))])
-    return found
+    """One job a scheme."""
+    samples = size.samples(setting.samples)
+    return [setting.job(("order", scheme), scheme, samples, size, 0.5) for scheme in setting.schemes]
 
 
 def order_statement(name: str, found: StrongErrors, source: str) -> Statement:
@@ -107,7 +90,7 @@ def same_statement(
 
 def panel(setting: Setting, results: Results, extra: Sequence[Statement] = ()) -> Panel:
     """The convergence plot with a statement about every scheme in it, and about pairs that are one integrator."""
-    found = collect(setting, results)
+    found: dict[str, StrongErrors] = {n: results[setting.figure, "order", n] for n in setting.schemes}
     places = {n: setting.place if n == "energy-preserving" else record.stated_in(n, "§4") for n in found}
     h = setting.T / np.array(setting.steps)
     return Panel(
@@ -135,8 +118,8 @@ def panel(setting: Setting, results: Results, extra: Sequence[Statement] = ()) -
 
 def fine_jobs(setting: Setting, size: Size) -> list[Job]:
     """The reference's scheme, the first of two, down to its own step, the last of `steps`, and the other scheme."""
-    samples = range(size.samples(setting.samples))
-    counting = {**setting.given, "samples": len(samples), "seed": size.seed}
+    samples = size.samples(setting.samples)
+    counting = {**setting.given, "samples": samples, "seed": size.seed}
     return [
         *(setting.job(("fine", name), name, samples, size, 0.3) for name in setting.schemes),
         Job((setting.figure, "fine", "truncated"), runs.truncated, counting, 1.0),

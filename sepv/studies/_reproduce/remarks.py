@@ -132,7 +132,8 @@ def furthest(problem: str, seed: int, engine: str) -> dict[str, float]:
 def failing(problem: str, truncated: bool, samples: int, seed: int, engine: str) -> list[float]:
     """Share of samples with a step that failed up to T = 1, for each number of steps."""
     system, k, shares = problems.by_name(problem), 2 if truncated else None, []
-    for count, raw in coarsened(system, CLIP_T, CLIP_STEPS, range(samples), seed):
+    fine = wiener.increments(seed, T=CLIP_T, steps=CLIP_STEPS[-1], noises=system.noises, paths=range(samples))
+    for count, raw in coarsened(fine, CLIP_STEPS):
         ends = ensemble(SCHEME, system, h=CLIP_T / count, steps=count, dW=raw, truncation=k, engine=engine)
         shares.append(float(np.mean(ends.status != 0)))
     return shares

@@ -138,24 +138,21 @@ def _follow(
         track=False,
     ))  # fmt: skip
     first = np.concatenate([start[:, None], ends.states[:, :, 0].T], axis=1)
-    return (
-        first,
-        np.stack([system.hamiltonian(ends.states[n - 1]) for n in checkpoints]),
-        int(ends.failed_step[0]),
-    )
+    energies = np.stack([system.hamiltonian(ends.states[n - 1]) for n in checkpoints])
+    return first, energies, int(ends.failed_step[0])
 
 
 def errors(
-    scheme: str | Scheme, problem: str | Problem, *, T: float, steps: Sequence[int], samples: int, first: int = 0,
-    seed: int, engine: str = "auto",
+    scheme: str | Scheme, problem: str | Problem, *, T: float, steps: Sequence[int], samples: int, seed: int,
+    engine: str = "auto",
 ) -> StrongErrors:  # fmt: skip
-    """Errors against the exact flow of the samples numbered from `first`, all step sizes on the same paths."""
+    """Errors against the exact flow of the first samples, all step sizes on the same paths."""
     method = schemes.by_name(scheme) if isinstance(scheme, str) else scheme
     system = problems.by_name(problem) if isinstance(problem, str) else problem
-    paths, found, failures = range(first, first + samples), [], []
-    W = wiener.increments(seed, T=T, steps=steps[-1], noises=system.noises, paths=paths).sum(axis=0)
-    exact = exact_flow(system, system.random_step(T, W)).y
-    for count, raw in coarsened(system, T, steps, paths, seed):
+    fine = wiener.increments(seed, T=T, steps=steps[-1], noises=system.noises, paths=range(samples))
+    exact = exact_flow(system, system.random_step(T, fine.sum(axis=0))).y
+    found, failures = [], []
+    for count, raw in coarsened(fine, steps):
         ends = ensemble(method, system, h=T / count, steps=count, dW=raw, engine=engine)
         found.append(ends.y - exact)
         failures.append(int(np.count_nonzero(ends.status)))
@@ -167,17 +164,14 @@ def errors(
 
 def truncated(problem: str, *, T: float, steps: Sequence[int], samples: int, seed: int) -> list[int]:
     """The number of increments that Remark 2.1 truncates with k = 2, for each number of steps."""
-    grids = coarsened(problems.by_name(problem), T, steps, range(samples), seed)
-    return [int(np.count_nonzero(bounded.truncate(raw, T / count) != raw)) for count, raw in grids]
+    noises = problems.by_name(problem).noises
+    fine = wiener.increments(seed, T=T, steps=steps[-1], noises=noises, paths=range(samples))
+    return [int(np.sum(bounded.truncate(raw, T / n) != raw)) for n, raw in coarsened(fine, steps)]
 
 
-def coarsened(
-    system: Problem, T: float, steps: Sequence[int], paths: range, seed: int
-) -> Iterator[tuple[int, Array]]:
-    """Each number of steps with its increments (N, m, M) of the same paths, sums of those of the finest, the last."""
-    fine = wiener.increments(seed, T=T, steps=steps[-1], noises=system.noises, paths=paths)
-    for count in steps:
-        yield count, wiener.coarsen(fine, steps[-1] // count)
+def coarsened(fine: Array, steps: Sequence[int]) -> Iterator[tuple[int, Array]]:
+    """Each number of steps with its increments (N, m, M), sums of those of the finest grid, the last number."""
+    return ((count, wiener.coarsen(fine, steps[-1] // count)) for count in steps)
 
 
 def rounding_bound(steps: int) -> float:
