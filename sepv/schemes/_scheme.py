@@ -49,7 +49,7 @@ class Scheme:
         y of shape (d,) with dW of shape (m,); a step that sets `batched` also takes a batch, (d, M) with
         (m, M). Pure: the same bits for the same arguments, nothing changed in place.
     claims : iterable of law names
-        The laws it says it obeys. Laws that are not claimed are measured and printed all the same. With "reference"
+        Laws that it claims to obey. Other laws are measured and printed too. With "reference"
         the law "refusal" is claimed.
     source : str
         The source of the formula.

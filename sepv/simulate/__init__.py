@@ -2,7 +2,7 @@
 
 Read `_wiener` first (increments that depend on the path and the step alone), `_truncation` (Remark 2.1),
 `_areas` (Lévy areas), `_paths` (one path), `_batch` (many in NumPy), then `_ensembles` (chunks of paths, on workers),
-`_compiled` (code made for a problem and a scheme) and `_results` (what is kept of many paths).
+`_compiled` (code made for a problem and a scheme) and `_results` (records of many paths).
 
 The engine is loaded when it is first used: laws and exact solutions need increments and batches alone.
 """

@@ -9,11 +9,11 @@ a_ij are correlated, and Var a_ij = h²/12: E[A_ij² | ΔW] = h²/12 + h(ΔW_i²
 vanish but for those of three a_ij around a triangle, which are of the order of h³. The space-time areas are H_i = B_i/h
 (J. Foster, T. Lyons and H. Oberhauser, SIAM J. Numer. Anal. 58, 2020): ∫W_i ds − ½hΔW_i = hH_i over a step.
 
-**Areas that are drawn.** Over fine steps δ the B_i are drawn with their law, and the a_ij as normal numbers of their
-variance. Over a step of K fine ones areas add up by Chen's relation, A = Σ_k A_k + ½ Σ_{k<l} ΔW_k ∧ ΔW_l: what is not
-exact is the shape of the law of the a_ij alone, which are 1/K of the variance h²/12 of a step's own a_ij (A. Davie, in:
-Stochastic Analysis 2010, for such couplings). They and the increments are one rough path: schemes and the reference see
-the same one at all step sizes.
+**Drawn areas.** Over fine steps δ the B_i are drawn with their law, and the a_ij as normal numbers with their variance.
+Over a step of K fine ones areas add up by Chen's relation, A = Σ_k A_k + ½ Σ_{k<l} ΔW_k ∧ ΔW_l. Only the shape of the
+law of the a_ij is approximate, and these are 1/K of the variance h²/12 of a step's own a_ij (A. Davie, in: Stochastic
+Analysis 2010, for such couplings). They and the increments are one rough path: schemes and the reference see the same
+one at all step sizes.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from sepv.errors import UsageError
 from sepv.problem import Array
 from sepv.simulate import _wiener as wiener
 
-# Fine steps in each step of a scheme that asks for areas, so that the shape of their law hardly depends on the a_ij.
+# Fine steps in each step of a scheme that asks for areas: the shape of their law then hardly depends on the a_ij.
 MORE = 8
-# A stream of its own: far from the seeds that are given by hand.
+# The offset of this second stream of seeds, far from seeds given by hand.
 _SECOND = 2**40
 
 
@@ -64,7 +64,7 @@ def _from_normals(dW: Array, normals: Array, pairs: list[tuple[int, int]], h: fl
 
 @dataclass(frozen=True)
 class RoughPath:
-    """Increments and space-time areas H (N, m, M), and areas (N, k, M), over N fine steps of length h."""
+    """A rough path over N fine steps of length h: increments and space-time areas H (N, m, M), areas (N, k, M)."""
 
     h: float
     dW: Array
@@ -72,7 +72,7 @@ class RoughPath:
     bridges: Array
 
     def coarse(self, steps: int) -> RoughPath:
-        """Over `steps` steps, a divisor of N: Chen's relation."""
+        """The rough path over `steps` steps, a divisor of N, by Chen's relation."""
         N, m, M = self.dW.shape
         K = N // steps
         dW = self.dW.reshape(steps, K, m, M)
@@ -80,12 +80,12 @@ class RoughPath:
         areas = self.areas.reshape(steps, K, -1, M).sum(axis=1)
         for k, (i, j) in enumerate(combinations(range(m), 2)):
             areas[:, k] += 0.5 * np.sum(before[:, :, i] * dW[:, :, j] - before[:, :, j] * dW[:, :, i], axis=1)
-        # ∫W ds over the whole is the sum of what it is over the parts, each begun at W(kδ).
+        # ∫W ds over the whole is the sum of the integrals over the parts, each started from W(kδ).
         means = (before + 0.5 * dW + self.bridges.reshape(steps, K, m, M)).mean(axis=1)
         return RoughPath(K * self.h, dW.sum(axis=1), areas, means - 0.5 * dW.sum(axis=1))
 
     def rows(self, steps: int, asks: str) -> Array:
-        """(steps, m + k, M): what a scheme sees over each of `steps` steps.
+        """The rows (steps, m + k, M) that a scheme gets for each of `steps` steps.
 
         Raises
         ------

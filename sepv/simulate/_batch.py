@@ -1,4 +1,4 @@
-"""Many paths in NumPy, one step of all at a time. A failed path keeps its status and stops, the others go on."""
+"""Many paths in NumPy, one step of all at a time. A failed path keeps its status and stops; the others go on."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from sepv.simulate import _truncation as bounded
 from sepv.simulate._results.reductions import Summary
 from sepv.solve import Status
 
-# Paths computed together: enough to hide NumPy's cost a call, few enough that increments stay small.
+# Paths computed together: enough to hide NumPy's cost of a call, few enough that increments stay small.
 CHUNK = 1024
 # Axes before the paths, by name of an ensemble's arrays.
 AXES: dict[str, tuple[str, ...]] = {
@@ -40,7 +40,7 @@ class Ensemble:
     Attributes
     ----------
     y : (d, M)
-        States at T; of a failed path the last state reached.
+        States at T; for a failed path, the last state reached.
     W : (m, M)
         W(T), untruncated: θ(T) = T + Σ c_j W_j(T) gives the exact solution.
     status : (M,)
@@ -55,7 +55,7 @@ class Ensemble:
     times, states : (K,), (K, d, M)
         The states at the chosen times, of a failed path the last one reached.
     engine : "numpy" or "compiled"
-    reason : why it was not the compiled engine.
+    reason : why the compiled engine was not used.
     divisions : int
         Steps and parts of steps that were divided, over all paths (`sepv.schemes.divided`).
     continuations : int
@@ -90,8 +90,8 @@ class Ensemble:
     def to_xarray(self) -> Any:
         """An `xarray.Dataset` with dimensions path, time, component and noise (extra `store`), `about` in its `attrs`.
 
-        What is on disk (`store=`) stays there, and is read where it is looked at. A UsageError without xarray, and for
-        an ensemble whose paths were reduced.
+        A `store=` ensemble stays on disk, and is read where it is indexed. Raises UsageError without xarray, and for an
+        ensemble whose paths were reduced.
         """
         xarray = optional("xarray", "xarray, for to_xarray()", "pip install xarray")
         if self.reduced and not self.y.shape[-1]:
@@ -101,7 +101,7 @@ class Ensemble:
             )  # fmt: skip
         attrs = {k: v for k, v in self.about.items() if isinstance(v, (str, int, float))}
         if hasattr(self.y, "store_path"):
-            # Still on disk, and read where it is looked at.
+            # The arrays stay on disk, and are read where they are indexed.
             kept = xarray.open_zarr(
                 self.y.store_path.store, consolidated=False, mask_and_scale=False, drop_variables=["work"]
             )
@@ -118,9 +118,9 @@ class Ensemble:
 def run_chunk(
     scheme: Scheme, problem: Problem, y0: Array, h: float, raw: Array, k: int | None, *, track: bool = True
 ) -> Ensemble:
-    """Paths from y0 (d,) over the Wiener increments raw (N, m, M), truncated with k or as the scheme wants them.
+    """Run paths from y0 (d,) over Wiener increments raw (N, m, M), truncated with k or as the scheme declares.
 
-    Further rows are what the scheme asks for beside them (`sepv.schemes._further_increments`).
+    Further rows hold the scheme's further arguments (`sepv.schemes._further_increments`).
 
     Without `track` the invariants are not followed, and their defects are zero.
     """
@@ -132,7 +132,7 @@ def run_chunk(
 
 
 class Batch:
-    """Paths in NumPy, one step of all at a time; one whose step failed stays where it was."""
+    """Paths in NumPy, one step of all at a time; a path whose step failed stays where it was."""
 
     def __init__(
         self, scheme: Scheme, problem: Problem, y0: Array, paths: int, *, track: bool = True, compensated: bool = False
@@ -165,10 +165,10 @@ class Batch:
         ok = code == Status.CONVERGED
         self.status[alive[~ok]], self.failed[alive[~ok]] = code[~ok], self.done - 1
         if self.lost is not None and change is not None:
-            # Kahan: what the sum loses is kept and added to the next increment.
+            # Kahan's summation: the rounding of the sum is kept and added to the next increment.
             wanted = change + self.lost[:, alive]
             value = before + wanted
-            # Knuth's two-sum: a component next to zero is smaller than its increment.
+            # Knuth's two-sum, because a component next to zero is smaller than its increment.
             taken = value - before
             self.lost[:, alive] = (before - (value - taken)) + (wanted - taken)
         self.alive = alive = alive[ok]
@@ -191,7 +191,7 @@ class Batch:
 def advance(
     scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array
 ) -> tuple[Array, np.ndarray, np.ndarray, Array | None]:
-    """One step of a batch: value, status of each lane, five counts of work, and y1 − y0 where the scheme gives it.
+    """One step of a batch: value, status of each lane, five counts of work, and y1 − y0 if the scheme gives it.
 
     The work: gradients, structures, iterations, divisions, continuations.
     """
@@ -208,7 +208,7 @@ def advance(
 
 
 def judged(problem: Problem, y: Array, code: np.ndarray) -> np.ndarray:
-    """The statuses, with those of states that are not finite or outside the domain, in place."""
+    """Update the statuses in place for states that are not finite or outside the domain."""
     code[~np.all(np.isfinite(y), axis=0) & (code == 0)] = Status.OVERFLOW
     if problem.domain is not None:
         with np.errstate(invalid="ignore"):
@@ -217,7 +217,7 @@ def judged(problem: Problem, y: Array, code: np.ndarray) -> np.ndarray:
 
 
 def _batch_step(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> tuple[Array, np.ndarray]:
-    """The scheme's step for a batch, lane by lane where it takes no batches or a lane of it fails."""
+    """Call the scheme for a batch, or lane by lane if it takes no batches or one of the lanes fails."""
     code = np.zeros(y.shape[1], dtype=np.int64)
     with np.errstate(all="ignore"):
         if scheme.batched:

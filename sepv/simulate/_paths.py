@@ -32,7 +32,7 @@ class Trajectory:
     dW : (N, m)
         The increments that were used, with areas or halves in further columns for a scheme that asks for them.
     gradient_evaluations, divisions, continuations : int
-        Evaluations of ∇H; steps that were divided, and followed from Δ = 0, because they had no solution otherwise.
+        Evaluations of ∇H; steps that were divided, and steps followed from Δ = 0, to find a solution.
     """
 
     t: Array
@@ -68,7 +68,7 @@ def integrate(
     T, steps : one of them; T must be a multiple of h.
     y0 : (d,), optional
     seed : int
-        Of the increments: path 0 of `ensemble` with the same seed.
+        Seed of the increments: those of path 0 of `ensemble`.
     dW : (N, m), optional
         Untruncated increments to use; else those of `wiener.increments(seed, …)`, path 0.
     truncation : int, "own" or None
@@ -121,7 +121,7 @@ def integrate(
 
 
 def _walk(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array) -> Trajectory:
-    """The steps one after the other, from y0 (d,) over the increments dW (N, m)."""
+    """Take the steps one after the other, from y0 (d,) over the increments dW (N, m)."""
     count = len(dW)
     y = np.empty((problem.dimension, count + 1))
     y[:, 0] = y0

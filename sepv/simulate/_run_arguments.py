@@ -1,4 +1,4 @@
-"""What a run of paths is asked for, checked: steps, initial state, the increments and their truncation."""
+"""Checked arguments of a run of paths: steps, initial state, the increments and their truncation."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from sepv.errors import TruncationWarning, UsageError
 from sepv.problem import Array, Problem
 from sepv.schemes import PointLaw, Scheme, weakly
 
-# Beyond it N and N + 1 are one binary64 number.
+# The largest number of steps; beyond it N and N + 1 are one binary64 number.
 MOST_STEPS = 2**53
 
 
 def prepared(
     scheme: Scheme, truncation: int | Literal["own"] | None, increments: str | PointLaw | None
 ) -> tuple[Scheme, int | None]:
-    """The scheme with the increments asked for, its own for None, and k: of increments of a few points None.
+    """The scheme with the chosen increments (None: its own), and k (None for increments of a few points).
 
-    A UsageError for a truncation of increments that are bounded already; a warning where k costs the scheme its order.
+    Raises UsageError for a truncation of bounded increments; warns where k costs the scheme its order.
     """
     if increments is not None:
         scheme = weakly(scheme, increments)
@@ -38,8 +38,8 @@ def prepared(
     if k is not None:
         k = require_whole("truncation k", k, "the paper takes k = 2, and None is no truncation")
     order = scheme.mean_square_order
-    # What Remark 2.1 cuts off has a mean square O(h^{k+1}) a step, and order p has room for h^{2p+1}: k ≥ 2p.
-    # With k < 1 it is no truncation at all, and refused by `truncate`.
+    # Clipping as in Remark 2.1 has a mean square O(h^{k+1}) a step, and order p has room for h^{2p+1}: k ≥ 2p. k < 1
+    # is no truncation, and refused by `truncate`.
     if k is not None and order is not None and 1 <= k < 2 * order:
         warnings.warn(
             f"Truncation k = {k} costs {scheme.name} its mean-square order {order:g}: the error stalls at order "
@@ -89,7 +89,7 @@ def step_count(h: float, T: float | None, steps: int | None) -> int:
 
 
 def initial_state(problem: Problem, y0: ArrayLike | None) -> Array:
-    """y0, or the problem's initial state, checked."""
+    """The checked initial state: y0, or the problem's."""
     start = problem.initial if y0 is None else y0
     if start is None:
         raise UsageError(

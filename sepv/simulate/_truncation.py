@@ -57,14 +57,14 @@ def truncate(dW: ArrayLike, h: float, k: int | None = 2, unit: float = 1.0) -> A
 def seen(
     dW: ArrayLike, h: float, k: int | None = 2, increments: str | PointLaw | None = None, unit: float = 1.0
 ) -> Array:
-    """What a scheme sees of Wiener increments: truncated ones, or those of a law of a few points.
+    """The increments that a scheme gets: truncated Wiener increments, or those of a law of a few points.
 
     Parameters
     ----------
     dW : array_like of any shape
         Wiener increments of variance h.
     k : int, optional
-        As for `truncate`, for normal increments. The others are bounded as they are.
+        As for `truncate`, for normal increments. Others are bounded.
     unit : float, optional
         As for `truncate`.
     increments : "normal", "two-point", "three-point" or PointLaw, optional

@@ -1,10 +1,9 @@
 """Wiener increments: one path refined consistently over step sizes.
 
-Every path has random streams of its own, so that path number p is the same numbers whatever else is
-asked for with it, by whichever engine. A stream is numpy's SFC64, whose state is cheap to set: two words
-that `SeedSequence` makes of the seed, and one of the number of the path and of the stream. The first
-stream draws the coarse part of the path, level by level; each finer level of Lévy's construction has its
-own, read in the order of time, so that a path of any length can be drawn piece by piece.
+Every path has its own random streams: path number p has the same numbers in any run and engine. A stream is numpy's
+SFC64, whose state is cheap to set: two words that `SeedSequence` makes from the seed, and one from the number of the
+path and of the stream. The first stream draws the coarse part of the path, level by level; each finer level of Lévy's
+construction has its own, read in the order of time, so that a path of any length can be drawn piece by piece.
 """
 
 from __future__ import annotations
@@ -20,9 +19,9 @@ from sepv.problem import Array
 
 # Levels of at most this many increments share the path's first stream.
 TOP = 64
-# numpy's own seeding of SFC64 mixes with 12 rounds; 18 is what its author takes for three words.
+# Rounds of mixing: numpy's seeding of SFC64 has 12; its author takes 18 for three words.
 MIXING = 18
-# Streams of a path are told apart by the low six bits of a word: more levels than 2**58 steps have.
+# The low six bits of a word number the streams of a path: more levels than 2**58 steps have.
 STREAMS = 64
 
 
@@ -35,9 +34,9 @@ def increments(
     ----------
     seed : int ≥ 0
     paths : int or range
-        How many paths, or which ones by number.
+        The number of paths, or their numbers.
     refine : int, optional
-        How many halvings of a coarser grid the grid is made of (Lévy's construction); by default as
+        The number of halvings of a coarser grid that make the grid (Lévy's construction); by default as
         many as `steps` allows. Step counts n·2^l with the same odd n show the same paths: a coarse
         increment is the sum of its fine ones, to rounding.
 
@@ -57,7 +56,7 @@ def increments(
 
 
 class Grid(NamedTuple):
-    """How N = base·2^halvings steps are drawn: the first `top` halvings from the path's first stream."""
+    """The grid of N = base·2^halvings steps: the path's first stream draws the first `top` halvings."""
 
     base: int
     halvings: int
@@ -88,7 +87,7 @@ def grid(steps: int, refine: int | None = None) -> Grid:
 
 
 def spreads(T: float, grid: Grid) -> Array:
-    """What multiplies the normals: √h₀ at level 0, then half the √h of the level that is halved."""
+    """Factors of the normals: √h₀ at level 0, then half the √h of the level that is halved."""
     h = T / grid.base * 0.5 ** np.maximum(np.arange(grid.halvings + 1) - 1.0, 0.0)
     factors = 0.5 * np.sqrt(h)
     factors[0] *= 2
@@ -96,7 +95,7 @@ def spreads(T: float, grid: Grid) -> Array:
 
 
 def stream_words(seed: int, grid: Grid) -> NDArray[np.uint64]:
-    """What the streams of SFC64 begin with, (streams, 3): two words of the seed, and the number of the level.
+    """Initial words of the SFC64 streams, (streams, 3): two words of the seed, and the number of the level.
 
     Stream 0 is the coarse part; stream i > 0 draws level top + i. Those of path p have 64 p more in their third word.
     """
@@ -157,7 +156,7 @@ def _halve(dW: Array, z: Array) -> Array:
 
 
 class _Streams:
-    """The streams of several paths, each read on from where it was left."""
+    """Streams of several paths, each read on from its last position."""
 
     def __init__(self, states: NDArray[np.uint64], noises: int) -> None:
         self.states, self.noises = states, noises
@@ -166,7 +165,7 @@ class _Streams:
         self.record: Any = {"bit_generator": "SFC64", "state": {}, "has_uint32": 0, "uinteger": 0}
 
     def draw(self, stream: int, count: int) -> Array:
-        """(count, m, M) standard normals."""
+        """Draw standard normals (count, m, M)."""
         states = self.states[stream]
         normals = np.empty((states.shape[1], count, self.noises))
         if normals.size:
@@ -190,7 +189,7 @@ def coarsen(dW: Array, factor: int) -> Array:
 
 
 def validate(seed: int, T: float, steps: int, noises: int, paths: range) -> None:
-    """Raises UsageError for arguments that draw no increments."""
+    """Raise UsageError for arguments that draw no increments."""
     checks = (
         (isinstance(seed, (int, np.integer)) and seed >= 0, "seed, an integer ≥ 0", seed),
         (np.ndim(T) == 0 and np.isfinite(T) and T > 0, "T, a finite time > 0", T),

@@ -1,9 +1,9 @@
-"""The implicit equation of a step: z = R(z), its stop rule and how it ends.
+"""The implicit equation of a step: z = R(z), its solution and its stop rule.
 
-Read `_formula` first (a scheme's formula and what it may ask of a problem), then `_solution` (the records of a solve),
-`_newton` (Newton's iteration for a batch, each lane by itself) with `_damped` and `_differences`, `_recorded` and
-`_linearised` (the equation and its Jacobian from the record of a formula), `_from_record` (the iteration over
-straight-line code).
+Read `_formula` first (a scheme's formula and the functions of a problem that it may use), then `_solution` (the
+records of a solve), `_newton` (Newton's iteration for a batch, each lane by itself) with `_damped` and
+`_differences`, `_recorded` and `_linearised` (the equation and its Jacobian from the record of a formula),
+`_from_record` (the iteration over straight-line code).
 """
 
 from __future__ import annotations

@@ -9,16 +9,16 @@ from sepv.problem._fields import linear_solve
 from sepv.solve._differences import slopes
 from sepv.solve._solution import Equations, Flags, Lanes, Solution, Status
 
-# Damped iterations of a solve that failed undamped, and the smallest share of a correction that they take.
+# The most damped iterations, for a solve that failed undamped, and the smallest share of a correction that they take.
 MAX_DAMPED = 100
 SMALLEST_SHARE = 2.0**-20
 
 
 def approach(equations: Equations, numbers: Lanes) -> Solution:
-    """Damped Newton from z = 0 up to where full steps contract; CONVERGED means that they do.
+    """Damped Newton from z = 0 until full steps contract; then the status is CONVERGED.
 
-    In the limit of small shares it follows the path on which all of F shrinks alike, which ends in a solution
-    or where the Jacobian is singular.
+    In the limit of small shares it follows the path on which all of F shrinks alike, which ends in a solution or
+    where the Jacobian is singular.
     """
     n, count = equations.size.shape[0], numbers.size
     none = np.zeros((4, count), dtype=np.int64)
@@ -52,11 +52,11 @@ def approach(equations: Equations, numbers: Lanes) -> Solution:
 def _take_share(
     equations: Equations, numbers: Lanes, state: Solution, share: Array, active: Lanes, A: Array, p: Array
 ) -> Flags:
-    """Move the active lanes by a share λ of the correction p = A⁻¹F, halved until it passes; whether it did.
+    """Move the active lanes by a share λ of the correction p = A⁻¹F, halved until it passes; True where one passed.
 
-    A share passes where z − λp is in the domain, R is finite there, and the simplified correction A⁻¹F(z − λp)
-    is at most (1 − λ/4)|p|: a test that no linear change of the equations changes (P. Deuflhard, Newton
-    Methods for Nonlinear Problems, 2004, §3.3).
+    A share passes if z − λp is in the domain, R is finite there, and the simplified correction A⁻¹F(z − λp) is at most
+    (1 − λ/4)|p|. Linear changes of the equations do not change this test (P. Deuflhard, Newton Methods for Nonlinear
+    Problems, 2004, §3.3).
     """
     z, length = state.value[:, active], np.abs(p).max(axis=0)
     moved = np.zeros(active.size, dtype=bool)

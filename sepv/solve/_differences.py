@@ -1,4 +1,4 @@
-"""Newton's matrix from differences of R: where there is no derivative, and where an analytic one does not suffice."""
+"""Newton's matrix from differences of R, where there is no analytic one or it does not suffice."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def difference_jacobian(
 ) -> Array:
     """∂R/∂y1 by differences. Their error of about √eps costs Newton one iteration, not accuracy.
 
-    Their width follows the larger of y and the step: from y0 = 0 a width of nothing would divide roundings of R by it.
+    Their width follows the larger of y and the step: from y0 = 0 a width of zero would divide roundings of R by it.
     """
     reach, domain = np.max([np.abs(y0), np.abs(y1), np.abs(base)], axis=0).max(axis=0), problem.domain
     inside = None if domain is None else lambda at, _: domain(at)

@@ -1,8 +1,8 @@
 """A scheme's formula is written once, for arrays and symbols: (fields, y, z, step) -> R of y1 = y0 + R, z = y1 − y0.
 
-`fields` answers what the formula asks of a problem. `Asked` answers with arrays and counts; the compiled engine answers
-with symbols, and derives Newton's matrix from the record of R. `step` (k, ...) is what the scheme wants to know of the
-step: see `sepv.schemes._one_step`.
+`fields` has the functions of a problem. `Asked` computes them on arrays and counts evaluations; the compiled engine
+computes them on symbols, and derives Newton's matrix from the record of R. `step` (k, ...) is the data of the step
+that the scheme takes: see `sepv.schemes._one_step`.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ Values = Any
 
 
 class Fields(Protocol):
-    """What a formula may ask of a problem, of arrays (d, M) or of symbols (d,)."""
+    """The functions of a problem that a formula may use, on arrays (d, M) or on symbols (d,)."""
 
-    # For its numbers: c, the degree of H.
+    # The problem, for its numbers: c, the degree of H.
     problem: Problem
 
     def structure(self, y: Any) -> Any:
@@ -63,7 +63,7 @@ class Fields(Protocol):
         """The means of ∂_iH from column i of `starts` (d, d, ...) over z_i along the i-th axis, (d, ...)."""
 
     def factor(self, y: Any) -> Any:
-        """g(y) of B(y)v = g(y)(v × ∇C(y)), (...)."""
+        """The factor g(y) in B(y)v = g(y)(v × ∇C(y)), (...)."""
 
     def mean_casimir_gradient(self, y: Any, z: Any) -> Any:
         """∫₀¹∇C(y + τz)dτ, (3, ...)."""
@@ -73,11 +73,11 @@ Formula = Callable[[Fields, Any, Any, Any], Any]
 
 
 class Asked(Fields):
-    """A problem's answers along the segment from y0 to y1 (d, M), with what they cost.
+    """A problem's functions on the segment from y0 to y1 (d, M), with counts of their evaluations.
 
-    `gradients` and `structures` (M,) are evaluations of ∇H, and of B or of what stands for it; `reliable` (M,) says
-    where the quadratures are. `means` and `asked` are averaged gradients (d, M) and structures (d, d, M) in the order
-    in which they were asked for: Newton's matrix takes them over.
+    `gradients` and `structures` (M,) are evaluations of ∇H, and of B or its substitute; `reliable` (M,) is True where
+    the quadratures are. `means` and `asked` are averaged gradients (d, M) and structures (d, d, M) in the order of
+    their calls: Newton's matrix uses them again.
     """
 
     def __init__(self, problem: Problem, y0: Array, y1: Array) -> None:
@@ -94,7 +94,7 @@ class Asked(Fields):
         return self.asked[-1]
 
     def combined(self, y: Array, step: Array) -> Array:
-        """It counts as one evaluation."""
+        """The combined structure, counted as one evaluation."""
         self.structures = self.structures + 1
         self.asked.append(combined(self.problem, y, step))
         return self.asked[-1]
@@ -104,16 +104,16 @@ class Asked(Fields):
         return self.problem.gradient(y)
 
     def combined_gradient(self, y: Array, step: Array) -> Array:
-        """It counts as one evaluation."""
+        """The combined gradient, counted as one evaluation."""
         self.gradients = self.gradients + 1
         return combined_gradient(self.problem, y, step)
 
     def derivative_along(self, y: Array, v: Array) -> Array:
-        """It is not counted."""
+        """f′(y)v, which is not counted."""
         return derivative_along(self.problem, y, v)
 
     def mean_gradient(self, y: Array, z: Array) -> Array:  # noqa: ARG002 - y0 and y1 − y0, which y1 is not rounded from
-        """For the formula's own y and z."""
+        """The mean gradient for the formula's own y and z."""
         self.means.append(self._means(self._y0, self._y1))
         return self.means[-1]
 
@@ -128,7 +128,7 @@ class Asked(Fields):
         return self.problem.nambu.factor(y)
 
     def mean_casimir_gradient(self, y: Array, z: Array) -> Array:  # noqa: ARG002 - as for H
-        """Its evaluations count as those of a structure."""
+        """The mean of ∇C, counted as evaluations of a structure."""
         found = average_gradient(cast(Any, self.problem.nambu), self._y0, self._y1)
         self.structures = self.structures + found.evaluations
         return self._trusted(found)
@@ -145,7 +145,7 @@ class Asked(Fields):
 
 
 def counted(formula: Formula, problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
-    """R of arrays with its counts, and what Newton's matrix takes over (`sepv.solve._linearised`)."""
+    """R of arrays with its counts, and the values that Newton's matrix uses again (`sepv.solve._linearised`)."""
     asked = Asked(problem, y0, y1)
     value = formula(asked, y0, y1 - y0, step)
     return Increment(value, asked.gradients, asked.structures, asked.reliable, (asked.means, asked.asked))

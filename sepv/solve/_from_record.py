@@ -1,7 +1,7 @@
 """z − R(z) and Newton's correction (1 − K)⁻¹(z − R) of a step as straight-line code, from the record of its formula.
 
-For problems that go by a name, whose formulas are fixed: recording takes as long as a few steps, too long for a random
-system. An iteration is then one function of arrays, or of numbers for a single state, whose bits are the same.
+It serves problems given by name, whose formulas are fixed: recording takes as long as a few steps, too long for a
+random system. An iteration is then one function of arrays, or of numbers for a single state, with the same bits.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from sepv.solve._formula import Formula
 from sepv.solve._recorded import Recorded
 from sepv.solve._solution import Flags, Lanes
 
-# Cramer's rule is written out up to here.
+# The largest d for which Cramer's rule is written out.
 LARGEST = 3
-# Records that are kept.
+# The number of records kept.
 MOST_KEPT = 128
 _KEPT: dict[Any, Record | None] = {}
-# Where functions of problems by name are from: written there, or derived.
+# The places of functions of named problems: written there, or derived.
 _OWN = ("sepv.problems.", "sepv.record.", "sepv.problem._derived")
 
 
 @dataclass(frozen=True)
 class Record:
-    """What `Corrections` offer as a function (y, z, step), and evaluations of ∇H and of B that R takes."""
+    """The `Corrections` as a function of (y, z, step), and evaluations of ∇H and of B in R."""
 
     source: Source
     gradients: int
@@ -80,16 +80,16 @@ class FromRecord(NamedTuple):
 
 
 def corrections(problem: Problem, formula: Formula, y0: Array, step: Array) -> FromRecord | None:
-    """Those of steps from y0 (d, M), for a formula that sees the numbers `step` (k, M), where there is a record."""
+    """The `Corrections` of steps from y0 (d, M) for a formula with the data `step` (k, M); None without a record."""
     found = record(problem, formula, len(step))
     return None if found is None else FromRecord(found, y0, step)
 
 
 def record(problem: Problem, formula: Formula, count: int) -> Record | None:
-    """The record of a scheme's equation for a problem by name, None for others and where there is no such record.
+    """The record of a scheme's equation for a named problem; None for other problems and where it cannot be recorded.
 
-    `count` is how many numbers the formula sees of a step. What is kept is known by the problem's data and holds no
-    record of a problem: one that the caller drops is gone.
+    `count` is the number of data of a step that the formula takes. The cache is keyed by the problem's data and holds
+    no problem: one that the caller drops is freed.
     """
     if not _fixed(problem) or problem.dimension > LARGEST:
         return None
@@ -119,7 +119,7 @@ def _recorded(problem: Problem, formula: Formula, count: int) -> Record | None:
 
 
 def _fixed(problem: Problem) -> bool:
-    """Whether all functions are those that the problem has by its name: nobody counts, breaks or leaves out one."""
+    """True if all functions are those of the named problem: none is replaced, wrapped or left out."""
     return (
         type(problem) is Problem
         and isinstance(problem.data, NamedProblem)

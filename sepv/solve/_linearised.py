@@ -1,8 +1,8 @@
-"""Newton's matrix from a scheme's formula: the formula is asked once more, for values that carry their derivative by z.
+"""Newton's matrix from a scheme's formula, evaluated a second time on values that carry their derivative by z.
 
-Such a derivative is a number times the identity until a function of the problem makes a matrix of it. The rules are
-those of B(y)v, ∇H and its mean along the segment; a formula that asks for anything else has a matrix from differences.
-The record (`sepv.solve._recorded`) gives the same matrix written out, and takes longer to make than a step.
+The derivative is a number times the identity until a function of the problem turns it into a matrix. There are rules
+for B(y)v, ∇H and its mean along the segment; a formula with other functions has a matrix from differences. The record
+(`sepv.solve._recorded`) gives the same matrix written out, but takes longer to make than a step.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from sepv.solve._solution import JacobianFunction
 
 
 class Tangent:
-    """A vector, None where nobody asks for it, and its derivative by z: a number times the identity, or a matrix."""
+    """A vector, None where it is not needed, and its derivative by z: a number times the identity, or a matrix."""
 
     # NumPy leaves the arithmetic with arrays to this class.
     __array_ufunc__ = None
@@ -29,27 +29,27 @@ class Tangent:
         self.value, self.slope = value, slope
 
     def __add__(self, other: Any) -> Tangent:
-        """The sum with what does not change with z."""
+        """Add a value that does not depend on z."""
         return Tangent(self.value + other, self.slope)
 
     __radd__ = __add__
 
     def __mul__(self, factor: Any) -> Tangent:
-        """The product with what does not change with z."""
+        """Multiply by a factor that does not depend on z."""
         return Tangent(self.value if self.value is None else factor * self.value, factor * self.slope)
 
     __rmul__ = __mul__
 
 
 class NoDerivative(Exception):
-    """A derivative that the problem does not give."""
+    """The problem does not give a derivative."""
 
 
 class Linearised:
-    """Some of the answers of `Fields` along the segment from y0 to y1 (d, M), with derivatives.
+    """Some of the functions of `Fields` on the segment from y0 to y1 (d, M), with derivatives.
 
-    `known` are means and structures that were computed for the same segment, in the order in which they are asked for:
-    both or neither. Of B(y)v the derivative alone is wanted: the value is R.
+    `known` are means and structures already computed for the segment, in the order of their calls: both or neither.
+    B(y)v has a derivative only: its value is R.
     """
 
     def __init__(self, problem: Problem, y0: Array, y1: Array, *known: Sequence[Array]) -> None:
@@ -91,7 +91,7 @@ def _turned(B: Array, slope: Array, y: Tangent, v: Tangent) -> Tangent:
 
 
 def derivative(formula: Formula) -> JacobianFunction:
-    """∂R/∂y1 of a formula of those answers, as `sepv.solve.solve` takes it; None where B′ or H″ is not given."""
+    """∂R/∂y1 of such a formula, as `sepv.solve.solve` takes it; None where B′ or H″ is not given."""
     return partial(_slope, formula)
 
 

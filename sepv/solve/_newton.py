@@ -1,8 +1,8 @@
 """The implicit equation of a step, y1 = y0 + R(y0, y1), by Newton's method iterated to stagnation.
 
-A solver stopped at a tolerance leaves a residual that acts as a force: stopped at 1e-12 it makes the
-energy drift linearly, where stagnation leaves the random walk of rounding. Convergence is a result,
-never an assumption: every lane of a batch carries its status.
+A solver stopped at a tolerance leaves a residual that acts as a force: stopped at 1e-12 it makes the energy drift
+linearly, where stagnation leaves the random walk of rounding. Convergence is a result, never an assumption: every lane
+of a batch carries its status.
 """
 
 from __future__ import annotations
@@ -36,16 +36,16 @@ from sepv.solve._solution import (
 )
 from sepv.solve._stop_rule import QUANTA, ROUNDING, STAGNATION
 
-# Newton needs 3 to 5 iterations for steps that make sense; 40 leave room for damped starts.
+# The most iterations: Newton needs 3 to 5 at sensible steps; 40 leave room for damped starts.
 MAX_ITERATIONS = 40
 MAX_HALVINGS = 40
-# By a record: steps that make sense take three to five.
+# The most iterations by a record, which needs three to five at sensible steps.
 MOST = 7
-# So many halvings are tried in one call.
+# The number of halvings tried in one call.
 SHARES = 8
-# Unknowns of a single lane up to which numbers are quicker than arrays.
+# The most unknowns of a single lane for which numbers are faster than arrays.
 FEW = 64
-# The rounding of a sum of a dozen terms, beside their absolute values: far below the K of
+# The rounding of a sum of a dozen terms, relative to their absolute values: far below the K of
 # `sepv.verification._tolerance`.
 TERMS = 16 * EPS
 
@@ -65,11 +65,11 @@ def solve(
     ----------
     y0 : (d, M)
     step : (k, M)
-        What R needs of the step, lane by lane, such as Δ.
+        Data of the step for R, lane by lane, such as Δ.
     increment : (problem, y0, y1, step) -> Increment
         R.
     jacobian : (problem, y0, y1, step, *parts) -> (d, d, M) or None
-        ∂R/∂y1; None has it formed from differences of R.
+        ∂R/∂y1; None means differences of R.
     start : (d, M), optional
         A guess of y1 − y0; by default 0.
     corrections : Corrections, optional
@@ -116,15 +116,15 @@ def solve(
 
 
 def iterate(equations: Equations, start: Array, lanes: Lanes | None = None) -> Solution:
-    """Newton's iteration for z = R(z) to stagnation, from `start` (n, M) in the given lanes (default: all M).
+    """Iterate z = R(z) by Newton's method to stagnation, from `start` (n, M) in the given lanes (default: all M).
 
-    A lane that is close when it ends, but not at rounding, goes on from there with a Jacobian from differences of
-    R: analytic ones may average H″ with a few nodes, which does not suffice for long steps of every H. A lane
-    that fails is approached once more from z = 0 by damped steps and then goes on in the same way. Lanes that
-    converge at once see nothing of this. The fields of the solution have one entry for each lane, `value` being z.
+    A lane that ends close, but not at rounding, goes on from there with a Jacobian from differences of R: analytic
+    ones may average H″ with a few nodes, which does not suffice for long steps of every H. A lane that fails starts
+    once more from z = 0 by damped steps and then goes on in the same way. Lanes that converge at once are not
+    affected. The fields of the solution have one entry for each lane, `value` being z.
 
-    Where there is a record, what does not arrive by it in MOST iterations begins anew without: of several solutions
-    the one that is found is the same for every problem.
+    A lane that does not converge by a record in MOST iterations starts again without it: among several solutions, the
+    same one is then found for every problem.
     """
     numbers = np.arange(start.shape[1]) if lanes is None else lanes
     solution = newton(equations, start, numbers, differences=False)
@@ -149,32 +149,32 @@ def iterate(equations: Equations, start: Array, lanes: Lanes | None = None) -> S
 
 
 def _finish(equations: Equations, solution: Solution, numbers: Lanes, lanes: Lanes) -> None:
-    """Go on from where the given lanes are, with the Jacobian of R itself."""
+    """Go on from the current z of the given lanes, with the Jacobian of R itself."""
     if lanes.size:
         found = newton(equations, solution.value[:, lanes], numbers[lanes], differences=True)
         merge(solution, found, lanes)
 
 
 def newton(equations: Equations, start: Array, numbers: Lanes, *, differences: bool) -> Solution:
-    """Newton's iteration with full steps, cut only where they leave the domain.
+    """Newton's iteration with full steps, shortened only where they leave the domain.
 
-    With `differences` the Jacobian is that of R itself, and not of an approximation of R. Only with a Jacobian of
-    R itself are corrections that do not shrink a sign of rounding, whatever the residual.
+    With `differences` the Jacobian is that of R itself, not of an approximation of R. Only then are corrections that
+    do not shrink a sign of rounding, whatever the residual.
     """
     rule = _newton_of_one if start.shape[1] == 1 and len(start) <= FEW else _newton_of_many
     return rule(equations, start, numbers, differences=differences)
 
 
 def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, differences: bool) -> Solution:
-    """`newton` for a batch: each lane goes on until it is done, whatever the others do.
+    """`newton` for a batch: each lane goes on until it is done, independently of the others.
 
-    What is seldom needed is asked for only where some lane needs it, and nothing is copied while all lanes go on.
+    Rare quantities are computed on demand. No copies while all lanes are active.
     """
     count, algebra = start.shape[1], equations.algebra
     exact, recorded = differences or equations.exact, not differences and equations.corrections is not None
     z_all, size_all = start.copy(), equations.size[:, numbers]
-    # Where y1 is 2^52 times y0 or more, an ulp of it says nothing about the components that stayed small. Where
-    # y0 = 0 nothing says what small is: a component that cancels to zero would never settle.
+    # Where y1 is 2^52 times y0 or more, an ulp of it does not measure the components that stayed small. Where y0 = 0
+    # there is no measure of small: a component that cancels to zero would never settle.
     before = size_all.max(axis=0)
     outgrown_at = np.where(before > 0, before / EPS, np.inf)
     residual = np.full(count, np.inf)
@@ -195,7 +195,7 @@ def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, diffe
             residual[at] = residual_norm = np.abs(F).max(axis=0)
             magnitude, moves = y + np.abs(z), np.abs(correction)
             scale, move = magnitude.max(axis=0), moves.max(axis=0)
-            # Where no matrix is to serve, the share is asked for when the correction is small.
+            # Where no matrix is used again, the share is needed only for small corrections.
             size, near = np.full(move.size, np.inf), move <= (STAGNATION if recorded else np.inf) * scale
             if near.any():
                 np.copyto(size, stop.relative(moves, magnitude, scale).max(axis=0), where=near)
@@ -206,7 +206,7 @@ def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, diffe
             )
             if stagnated.any():
                 stagnated &= _is_rounding(equations, lanes, residual_norm, z, scale, stagnated & exact)
-            # Neither is so where one of them is no number.
+            # False also where one of them is NaN.
             if stagnated.any() or not (residual_norm.min() > QUANTA and move.max() < np.inf):
                 outcome = _outcome(residual_norm, move, stagnated, reliable, K, algebra)
                 go_on, ended = np.flatnonzero(outcome < 0), outcome >= 0
@@ -231,7 +231,7 @@ def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, diffe
 def _asked(
     equations: Equations, z: Array, lanes: Lanes, differences: bool, reuse: Flags, kept: Any
 ) -> tuple[Array, Array, Flags, Any, tuple[Any, Any], Flags]:
-    """F = z − R and Newton's correction, where it surely stays in the domain, its matrix, evaluations, reliability.
+    """F = z − R, Newton's correction, True where it surely stays in the domain, its matrix, evaluations, reliability.
 
     A lane's last matrix is taken where `reuse` says so; evaluations are those of ∇H and of B.
     """
@@ -249,7 +249,7 @@ def _asked(
 
 
 def _of(lanes: Any, *values: Any) -> Any:
-    """Of each array what belongs to the lanes, side by side in memory, as v[..., lanes] is not."""
+    """The entries of each array for these lanes, contiguous in memory, as v[..., lanes] is not."""
     return values if isinstance(lanes, slice) else [v.take(lanes, axis=-1) for v in values]
 
 
@@ -264,9 +264,9 @@ def _small(size: Array, moves: Array, magnitude: Array, outgrown: Flags) -> Flag
 def _outcome(
     residual_norm: Array, move: Array, stagnated: Flags, reliable: Flags, K: Any, algebra: Algebra
 ) -> Counts:
-    """The status of each lane that ends, −1 of one that goes on.
+    """The status of each lane that ends, −1 for one that goes on.
 
-    A state at rest is a solution, also where the Jacobian is singular.
+    A state at rest is a solution, even where the Jacobian is singular.
     """
     solved = residual_norm <= QUANTA
     found = np.where(reliable, int(Status.CONVERGED), int(Status.QUADRATURE))
@@ -280,7 +280,7 @@ def _outcome(
 
 
 def _newton_of_one(equations: Equations, start: Array, number: Lanes, *, differences: bool) -> Solution:
-    """`newton` for one lane, to the bits of `_newton_of_many`: decided over numbers, without a call of NumPy each."""
+    """`newton` for one lane, with the bits of `_newton_of_many`: decisions take numbers, without NumPy calls."""
     exact, recorded = differences or equations.exact, not differences and equations.corrections is not None
     z, y = start.ravel().tolist(), equations.size[:, number].ravel().tolist()
     before = _largest(y)
@@ -357,7 +357,7 @@ def _asker(equations: Equations, number: Lanes, differences: bool) -> Callable[[
 
 
 def _largest(values: list[float]) -> float:
-    """The largest absolute value; NaN where there is one, as with NumPy."""
+    """The largest absolute value; NaN if there is a NaN, as in NumPy."""
     if math.isnan(sum(values)) and any(map(math.isnan, values)):
         return math.nan
     return max(map(abs, values))
@@ -366,11 +366,11 @@ def _largest(values: list[float]) -> float:
 def _is_rounding(
     equations: Equations, numbers: Lanes, residual: Array, z: Array, scale: Array, asked: Flags
 ) -> Flags:
-    """Where a residual is no larger than the rounding of R: that of y, of R's terms, and what a rounding of y does.
+    """True where a residual is within the rounding of R: that of y, of R's terms, and the effect of a rounding of y.
 
-    The last, |K||y0| with K = ∂R/∂y1, is what stiff equations need, whose R cancels. It is taken at y1 = y0,
-    sixteenfold for what changes along the step: at y1 itself it would excuse any residual next to a singularity
-    of ∇H, where R can no longer be computed. Both are asked for only where the first does not suffice.
+    Stiff equations, whose R cancels, need the last, |K||y0| with K = ∂R/∂y1. It is taken at y1 = y0, sixteenfold for
+    its change along the step: at y1 it would excuse any residual next to a singularity of ∇H, where R can no longer
+    be computed. Both are computed only where the first does not suffice.
     """
     rounding: Flags = stop.is_rounding(residual, scale)
     open_ = np.flatnonzero(asked & ~rounding)
@@ -385,7 +385,7 @@ def _is_rounding(
 
 
 def into_domain(equations: Equations, z: Array, correction: Array, lanes: Lanes) -> tuple[Array, Flags]:
-    """z − λ·correction with the largest λ = 2⁻ⁿ that stays in the domain, and where there is one."""
+    """z − λ·correction with the largest λ = 2⁻ⁿ that stays in the domain, and True where there is one."""
     moved = z - correction
     inside = np.ones(z.shape[1], dtype=bool)
     if equations.inside is None or not z.shape[1]:

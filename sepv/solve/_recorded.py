@@ -1,4 +1,4 @@
-"""A problem and a scheme's formula as records: B and H as they are, everything else derived."""
+"""Records of a problem and a scheme's formula: B and H as given, everything else derived."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from sepv.solve._formula import Fields, Formula
 
 
 class Equation(NamedTuple):
-    """R (d,) of z = R, K = ∂R/∂z (d, d), the symbols of the step, and evaluations of ∇H and of B that R takes."""
+    """R (d,) of z = R, K = ∂R/∂z (d, d), the symbols of the step, and evaluations of ∇H and of B in R."""
 
     R: Any
     K: Any
@@ -31,7 +31,7 @@ class Equation(NamedTuple):
 
 
 class Recorded:
-    """A problem's functions of symbols y (d,) and z (d,).
+    """Functions of a problem on symbols y (d,) and z (d,).
 
     Raises CannotRecord where B, H or the domain cannot be recorded.
     """
@@ -52,7 +52,7 @@ class Recorded:
         self._equations: dict[tuple[Formula, bool], Equation] = {}
 
     def skew(self, B: Any) -> Any:
-        """B as symbols; polynomial data say what is above the diagonal, and what is below is its negative."""
+        """B as symbols; for polynomial data the entries below the diagonal are the negatives of those above."""
         if not isinstance(self.problem.data, PolynomialSystem):
             return self.tape.symbols(B)
         d, zero = self.dimension, self.tape.constant(0.0)
@@ -61,7 +61,7 @@ class Recorded:
         return array(found, (d, d))
 
     def _call(self, key: str, *arguments: Any) -> Any:
-        """A function of the problem called with symbols; whatever it makes of them is its author's."""
+        """Call a function of the problem with symbols; its errors are its author's."""
         try:
             return self.tape.symbols(getattr(self.problem, key)(*arguments))
         except CannotRecord as error:
@@ -81,14 +81,14 @@ class Recorded:
 
     @cached_property
     def noise_slopes(self) -> list[Any]:
-        """∇H_1, …, ∇H_m; of (1.1) ∇H itself, m times."""
+        """∇H_1, …, ∇H_m; for (1.1), m times ∇H."""
         if not isinstance(self.problem, HamiltoniansProblem):
             return [self.slope] * self.problem.noises
         return [gradient(self.tape.symbol(H(self.y)), self.y) for H in self.problem.noise_hamiltonians]
 
     @cached_property
     def field(self) -> Sequence[Polynomial] | None:
-        """B∇H multiplied out, where that is no longer than the products."""
+        """B∇H multiplied out, unless that is longer than the products."""
         f = [
             sum((b * g for b, g in zip(row, self.slope, strict=True)), self.tape.constant(0.0))
             for row in self.B
@@ -97,9 +97,9 @@ class Recorded:
         return None if found is None else [poly.polynomial(self.dimension, terms) for terms in found]
 
     def equation_of(self, formula: Formula, count: int, apart: bool = True) -> Equation:
-        """The record of a scheme's formula, which sees `count` numbers of a step.
+        """The record of a scheme's formula, which takes `count` data of a step.
 
-        Where B and ∇H need not be kept `apart`, as in explicit steps, f is multiplied out if that makes it shorter.
+        If B and ∇H need not be kept `apart`, as in explicit steps, f is multiplied out where that is shorter.
 
         Raises CannotRecord or NoClosedForm.
         """
@@ -125,11 +125,11 @@ class Recorded:
 
     @property
     def middle(self) -> Any:
-        """ȳ = y + z/2, (d,)."""
+        """The midpoint ȳ = y + z/2, (d,)."""
         return self.y + 0.5 * self.z
 
     def of_middle(self, formula: Formula) -> list[Polynomial] | None:
-        """P with R = Δ P(ȳ), multiplied out, of a formula that sees Δ alone; None where it is no such R, or longer."""
+        """P with R = Δ P(ȳ), multiplied out, for a formula that depends on Δ alone; None without such P, or if longer."""
         found, middle = self.equation_of(formula, 1), self.middle
         given = {x.index for x in middle}
         sums = expand(found.R, [*found.step, *middle], len(reachable(found.R, given)))
@@ -139,7 +139,7 @@ class Recorded:
 
 
 class _Fields(Fields):
-    """What a formula asks of a problem, answered with symbols and counted."""
+    """The functions that a formula uses of a problem, computed on symbols and counted."""
 
     def __init__(self, recorded: Recorded, apart: bool) -> None:
         self._recorded, self.problem, self._apart = recorded, recorded.problem, apart
@@ -177,7 +177,7 @@ class _Fields(Fields):
         return matvec(self._at(jacobian(matvec(own.B, own.slope), own.y), y), v)
 
     def mean_gradient(self, y: Any, z: Any) -> Any:
-        """Its declared derivatives are those by the formula's own z."""
+        """The mean gradient; its declared derivatives are those by the formula's own z."""
         found, nodes = self._recorded.mean
         self.gradients += nodes
         return found if z is self._recorded.z else self._at(found, y, z)
@@ -202,7 +202,7 @@ class _Fields(Fields):
         return found
 
     def _at(self, values: Any, y: Any, z: Any = ()) -> Any:
-        """The values with other symbols in the place of y and z."""
+        """Substitute other symbols for y and z in the values."""
         own = self._recorded
         return substitute(values, [*own.y, *own.z[: len(z)]], [*y, *z])
 

@@ -1,4 +1,4 @@
-"""What a solve of the implicit equation is asked, and what happened in it: records that solvers and schemes share."""
+"""Records of a solve of the implicit equation, which solvers and schemes share: its equations and its result."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from sepv.errors import StepFailure
 from sepv.problem import Array, Problem
 from sepv.problem._fields import DENSE, Algebra
 
-# Numbers of lanes (M,), whether they are something, and how often.
+# Numbers of lanes (M,), flags and counts of lanes.
 Lanes = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 Counts = NDArray[np.int64]
 
 
 class Worded(IntEnum):
-    """Numbers that arrays hold, each with its `text`."""
+    """Numbers for arrays, each with its `text`."""
 
     text: str
 
@@ -32,7 +32,7 @@ class Worded(IntEnum):
 
 
 class Status(Worded):
-    """How a solve ended."""
+    """The end of a solve."""
 
     CONVERGED = 0, "converged"
     NO_CONVERGENCE = 1, "no convergence"
@@ -44,9 +44,9 @@ class Status(Worded):
 
 
 class Increment(NamedTuple):
-    """R(y0, y1) of shape (d, M), evaluations of ∇H and of B (M,), and where the quadrature is reliable.
+    """R(y0, y1) (d, M), evaluations of ∇H and of B (M,), and True where the quadrature is reliable.
 
-    `parts` are what the Jacobian takes over instead of computing it again, as further arguments.
+    `parts` are further arguments of the Jacobian, which need not be computed again.
     """
 
     value: Array
@@ -64,7 +64,7 @@ def once(value: Array) -> Increment:
 
 @dataclass(frozen=True)
 class Solution:
-    """What happened in a solve, lane by lane.
+    """The result of a solve, lane by lane.
 
     Attributes
     ----------
@@ -95,56 +95,56 @@ class Solution:
     continuations: Counts | None = None
 
 
-# Its counts, whoever solved it.
+# Counts that every solver reports.
 COUNTS = ("iterations", "gradient_evaluations", "structure_evaluations")
 IncrementFunction = Callable[[Problem, Array, Array, Array], Increment]
 JacobianFunction = Callable[..., Array | None]
 
 
 class Evaluation(NamedTuple):
-    """R(z) for some lanes, and on demand ∂R/∂z (n, n, M) with the evaluations that cost, in units of R's."""
+    """R(z) for some lanes, and on demand ∂R/∂z (n, n, M) with its cost in evaluations of R."""
 
     right_side: Increment
     jacobian: Callable[[], tuple[Any, int]]
 
 
 class Corrections(Protocol):
-    """z − R(z), Newton's correction, and whether z less that is in the domain: what a record of the equation has."""
+    """z − R(z), Newton's correction, and a test that z less the correction is in the domain, from a record."""
 
     @property
     def gradients(self) -> int:
-        """Evaluations of ∇H that R takes."""
+        """Evaluations of ∇H in R."""
 
     @property
     def structures(self) -> int:
-        """Evaluations of B that R takes."""
+        """Evaluations of B in R."""
 
     def of_lanes(self, z: Array, lanes: Lanes) -> tuple[Array, Array, Flags]:
-        """The first two (n, M), the third (M,), for z (n, M)."""
+        """The residual and the correction (n, M), and the test (M,), for z (n, M)."""
 
     def of_one(self, lane: Lanes) -> Callable[[list[float]], tuple[list[float], list[float], bool]]:
-        """The function of z (n,) that gives the same numbers for a single lane."""
+        """A function of z (n,) with the same numbers for a single lane."""
 
 
 @dataclass(frozen=True)
 class Equations:
-    """z = R(z) for n unknowns in every lane; `lanes` are the numbers of the lanes asked about.
+    """z = R(z) for n unknowns in every lane; `lanes` are the numbers of the lanes in a call.
 
     Attributes
     ----------
     size : (n, M)
-        |y| of the state that each unknown is added to: corrections are small or not beside |y| + |z|.
+        |y| of the state that each unknown is added to: corrections are compared with |y| + |z|.
     evaluate : (z, lanes) -> Evaluation
     inside : (z, lanes) -> (M,) of bool, optional
-        Whether the states that belong to z lie in the domain of the problem.
+        True where the states that belong to z lie in the domain of the problem.
     exact : bool
-        Whether the Jacobian is that of R, and not of R with H″ averaged by a few nodes.
+        True if the Jacobian is that of R, not of R with H″ averaged by a few nodes.
     magnitude : (z, lanes) -> (M,), optional
-        The sum of the absolute values of the terms of R, to which its rounding is relative whatever cancels.
+        The sum of the absolute values of the terms of R, the scale of its rounding if R cancels.
     algebra : Algebra
-        What the Jacobian is: dense matrices (n, n, M) unless it says otherwise.
+        The kind of Jacobian: dense matrices (n, n, M) by default.
     corrections : Corrections, optional
-        What Newton's iteration takes in the place of `evaluate`, but where its matrix is to be that of differences.
+        Corrections used in place of `evaluate`, except where the matrix is to be one of differences.
     """
 
     size: Array
@@ -157,7 +157,7 @@ class Equations:
 
 
 def merge(whole: Solution, part: Solution, lanes: Lanes) -> None:
-    """Write lanes that were solved anew into a solution; counts add up. What one of both lacks stays as it is."""
+    """Write lanes that were solved anew into a solution; counts add up. Fields that either lacks stay unchanged."""
     for key, values in vars(whole).items():
         new = getattr(part, key)
         if values is not None and new is not None:
@@ -166,7 +166,7 @@ def merge(whole: Solution, part: Solution, lanes: Lanes) -> None:
 
 
 def require_converged(problem: Problem, y: Array, h: float, dW: Array, solution: Solution) -> Array:
-    """The value of a solution whose lanes all converged; y (d, M) and dW (m, M) are what was solved for.
+    """The value of a solution if all lanes converged; y (d, M) and dW (m, M) describe the steps.
 
     Raises StepFailure for the first lane that did not.
     """

@@ -1,7 +1,7 @@
-"""When Newton's iteration ends: one rule, written over numbers and over arrays of lanes alike.
+"""The stop rule of Newton's iteration, written for numbers and for arrays of lanes alike.
 
-`size` is a correction as a share of each component, the largest; `move` its largest component, `scale` that of the
-state. Where |y| is 10⁸ and one component is 1, the correction is small when it is so for both.
+`size` is the largest share of a component that a correction moves; `move` is its largest component, `scale` that of the
+state. Where |y| is 10⁸ and one component is 1, a correction must be small in both measures.
 """
 
 from __future__ import annotations
@@ -12,17 +12,18 @@ import numpy as np
 
 from sepv.record._binary64 import EPS, TINY
 
-# A residual of a few of the smallest numbers there are is none.
+# Residuals of a few of the smallest positive numbers count as zero.
 QUANTA = 4 * float(np.finfo(np.float64).smallest_subnormal)
-# Corrections that stop shrinking are rounding, not divergence, only when they are small: √eps.
+# The largest correction, relative to the state, whose failure to shrink is rounding and not divergence: √eps.
 STAGNATION = float(np.sqrt(EPS))
-# … and when the residual is rounding too: a few hundred operations stand behind R, each rounded at the scale of y.
-# Without this, corrections that shrink slowly (Newton's matrix is approximate for some H) pass for stagnation.
+# The largest residual, relative to the state, that is rounding: R has a few hundred operations, each rounded at the
+# scale of y. Without this, corrections that shrink slowly (Newton's matrix is approximate for some H) pass for
+# stagnation.
 ROUNDING = 256 * EPS
-# After a correction of so small a share of every component the matrix serves once more: the next one leaves the cube of
-# that share, below a rounding.
+# After a correction by so small a share of every component the matrix is used once more: the next correction leaves the
+# cube of that share, below a rounding.
 REUSE = 2.0**-18
-# … where corrections shrink by this or faster: else Newton's matrix changes along the way, or is a poor one.
+# … if corrections shrink by this factor or faster: else Newton's matrix changes along the way, or is a poor one.
 SHRINKING = 2.0**-4
 
 
@@ -32,12 +33,12 @@ def relative(moves: Any, magnitude: Any, scale: Any) -> Any:
 
 
 def is_small(size: Any) -> Any:
-    """Whether the correction is below half an ulp of every component."""
+    """True where the correction is below half an ulp of every component."""
     return size <= 0.5 * EPS
 
 
 def is_stuck(size: Any, move: Any, scale: Any, last_size: Any, last_move: Any) -> Any:
-    """Whether a small correction is no longer much smaller than the last one.
+    """True where a small correction is no longer much smaller than the last one.
 
     Both measures must have stopped shrinking: a component near zero moves by a large share of itself long before the
     others have arrived.
@@ -46,7 +47,7 @@ def is_stuck(size: Any, move: Any, scale: Any, last_size: Any, last_move: Any) -
 
 
 def is_rounding(residual: Any, scale: Any) -> Any:
-    """Whether a residual is rounding at the scale of y."""
+    """True where a residual is rounding at the scale of y."""
     return residual <= ROUNDING * scale + QUANTA
 
 

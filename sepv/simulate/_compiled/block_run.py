@@ -1,4 +1,4 @@
-"""A chunk of paths in the compiled engine: the arrays that its kernel works on, and what they mean."""
+"""A chunk of paths in the compiled engine: the arrays that its kernel works on, and their meaning."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ from sepv.solve import Status
 
 
 def aligned(shape: tuple[int, ...], dtype: Any = np.float64) -> np.ndarray:
-    """An empty array that begins with a cache line, as registers of 512 bits are: one that lies across takes two."""
+    """An empty array that starts at a cache line, so that no register of 512 bits crosses two."""
     size = math.prod(shape) * np.dtype(dtype).itemsize
     room = np.empty(size + layout.CACHE_LINE, np.uint8)
     first = -room.ctypes.data % layout.CACHE_LINE
     return room[first : first + size].view(dtype).reshape(shape)
 
 
-# What compiled code calls with a block's arrays: their addresses, that of a step's increments, and the length of a row.
+# The C signature of the callback for lanes left over: addresses of a block's arrays and increments, and a row length.
 LEFT_OVER = ctypes.CFUNCTYPE(*[ctypes.c_int64] * 5)
 
 
 def _at(address: int, count: int, dtype: Any = np.float64) -> np.ndarray:
-    """The array of so many numbers that begins there."""
+    """The array with this many numbers at an address."""
     room: Any = (ctypes.c_char * (count * 8)).from_address(address)
     return np.frombuffer(room, dtype)
 
 
 class Chunk:
-    """The state of a chunk between two calls of its kernel; `advance` goes on where it was left."""
+    """The state of a chunk between two calls of its kernel; `advance` continues from there."""
 
     def __init__(self, task: Task, problem: Problem) -> None:
         from sepv.simulate._compiled.store import ordinary
@@ -46,7 +46,7 @@ class Chunk:
         lanes = 1 if task.count <= FEW else layout.LANES
         self.task, self.problem, self.driver = task, problem, ordinary("driver")
         self.kernel: Kernel = kernel(task.scheme, problem, lanes=lanes, compensated=task.compensated)
-        # What a solve raised that compiled code called, which passes no exceptions on.
+        # The exception of a solve that compiled code called; compiled code passes none on.
         self.raised: BaseException | None = None
         module, m, blocks = self.kernel.module, problem.noises, -(-task.count // lanes)
         self.lanes = lanes
@@ -72,13 +72,13 @@ class Chunk:
         self.given = np.empty((0, m, 0)) if task.dW is None else np.ascontiguousarray(task.dW)
 
     def advance(self, steps: int) -> None:
-        """The next `steps` steps."""
+        """Take the next `steps` steps."""
         self._run(self.done + steps)
 
     def _solve(self, S: int, I: int, increments: int, width: int) -> int:
-        """The step of every busy lane of a block, at these addresses, by the scheme's own solve.
+        """Step every busy lane of the block at these addresses, by the scheme's own solve.
 
-        increments : of this step, (m, width), of which the first lanes are the block's
+        increments : those of this step, (m, width); the first lanes are the block's
         """
         L, d, m, module = self.lanes, self.problem.dimension, self.problem.noises, self.kernel.module
         state = _at(S, module.SIZE).reshape(-1, L)
@@ -91,26 +91,26 @@ class Chunk:
             try:
                 found = solve(self.problem, state[:d, busy], self.task.h, dW)
                 break
-            except KeyboardInterrupt as error:  # once more, so that the chunk is left between two pieces
+            except KeyboardInterrupt as error:  # raised again later, so that the chunk stops between two pieces
                 self.raised = error
             except BaseException as error:
                 self.raised = error
                 integers[layout.STATUS * L :][busy] = Status.NO_CONVERGENCE
                 return 0
-        for stage in range(module.STAGES):  # whose weights have the sum 1
+        for stage in range(module.STAGES):  # the weights of the stages have the sum 1
             state[module.UNKNOWNS + stage * d :][:d, busy] = found.change
         integers[layout.STATUS * L :][busy] = found.status
         counts = found.iterations, found.gradient_evaluations, found.structure_evaluations
         for place, count in zip((layout.WORK, layout.EVALUATIONS, layout.STRUCTURES), counts, strict=True):
-            # What a kernel does not count is its iterations times what one of them costs.
+            # Work that a kernel does not count is its iterations times the cost of one.
             integers[4 * L + place] += count.sum() if place == layout.WORK or integers[4 * L + place] else 0
         return 0
 
     def _run(self, goal: int) -> None:
         module = self.kernel.module
         if self.done == 0:
-            # Streams, the halves that wait, and the coarse increments. Blocks that are not gone on with take turns:
-            # what they draw from stays in the cache.
+            # Streams, waiting halves, and coarse increments. Blocks that run to the end at once share one set, which
+            # then stays in the cache.
             blocks = 1 if goal == self.task.steps else len(self.S)
             m, grid, streams = self.problem.noises, self.grid, len(self.words)
             self.rng = aligned((blocks, streams, 4, self.lanes), np.uint64)
@@ -130,16 +130,16 @@ class Chunk:
 
     @property
     def done(self) -> int:
-        """Steps done."""
+        """The number of steps done."""
         return int(self.I[-1, 4 * self.lanes + layout.DONE])
 
     def _settle(self) -> None:
-        """Sets the blocks up, which the first step does else."""
+        """Set the blocks up; otherwise the first step does that."""
         if self.done == 0:
             self._run(0)
 
     def failed(self) -> bool:
-        """Whether no path goes on."""
+        """True if no path goes on."""
         self._settle()
         return not bool(self._integers(layout.ALIVE).any())
 
@@ -147,7 +147,7 @@ class Chunk:
         return self.I[:, row * self.lanes : (row + 1) * self.lanes]
 
     def _paths(self, rows: np.ndarray) -> np.ndarray:
-        """Rows (blocks, n, L) as (n, M)."""
+        """Convert rows (blocks, n, L) to (n, M)."""
         blocks, n, lanes = rows.shape
         return rows.transpose(1, 0, 2).reshape(n, blocks * lanes)[:, : self.task.count].copy()
 
@@ -157,12 +157,12 @@ class Chunk:
         return of[:, first * L : (first + count) * L].reshape(-1, count, L)
 
     def states(self) -> Array:
-        """(d, M)."""
+        """The states (d, M)."""
         self._settle()
         return self._paths(self._rows(self.S, 0, self.problem.dimension))
 
     def result(self, kept: Array) -> Ensemble:
-        """The ends so far."""
+        """The ends so far as an ensemble."""
         module, L, y = self.kernel.module, self.lanes, self.states()
         sums = self.I[:, 4 * L :].sum(axis=0).tolist()
         gradients, structures, iterations = (

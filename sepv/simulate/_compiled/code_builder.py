@@ -1,6 +1,6 @@
 """Scalar code as text: expressions are strings, temporaries are named, coefficients become parameters.
 
-An expression is None where it is zero, so that sparse B, H″ and B′ cost nothing in the code made of them.
+An expression is None where it is zero: sparse B, H″ and B′ then cost nothing in the code.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from sepv.record import Polynomial
 Expression = str | None
 Table = list[list[Expression]]
 
-# Coefficients that are written into the code; every other is a parameter, so that problems that differ
-# in their coefficients alone share one compiled kernel.
+# Coefficients that are written into the code. Others are parameters: problems that differ only in their coefficients
+# then share one compiled kernel.
 _PLAIN = {0.0, 0.5, 1.0, 2.0, 3.0, 4.0, -0.5, -1.0, -2.0, -3.0, -4.0}
 
 
 class CodeBuilder:
-    """Straight-line code being written: its lines, its temporaries and the parameters it reads."""
+    """Straight-line code under construction: its lines, its temporaries and the parameters it reads."""
 
     def __init__(self, parameters: list[float] | None = None) -> None:
         self.lines: list[str] = []
@@ -27,7 +27,7 @@ class CodeBuilder:
         self._known: dict[str, str] = {}
 
     def let(self, expression: str) -> str:
-        """A name for the expression's value; the same expression has one name."""
+        """Name the expression's value; equal expressions have one name."""
         if expression.isidentifier():
             return expression
         name = self._known.get(expression)
@@ -72,7 +72,7 @@ class CodeBuilder:
         return value
 
     def plus(self, a: Expression, b: Expression, c: Expression) -> Expression:
-        """a·b + c, fused where it is neither trivial nor a mere sum."""
+        """a·b + c, fused unless it is trivial or only a sum."""
         if a is None or b is None:
             return c
         if c is None or "(1.0)" in (a, b):
@@ -90,7 +90,7 @@ class CodeBuilder:
     ) -> Expression:
         """Monomials by repeated multiplication, in the canonical order of the terms, added to `value`.
 
-        The factors go to their coefficients.
+        The factors multiply the coefficients.
         """
         for exponents, c in p.terms:
             value = self.plus(self.product(*factors, self.number(c)), self._monomial(exponents, y), value)
@@ -102,5 +102,5 @@ class CodeBuilder:
 
 
 def shown(expression: Expression) -> str:
-    """The expression, "0.0" where it is zero."""
+    """The expression's text, "0.0" for zero."""
     return "0.0" if expression is None else expression

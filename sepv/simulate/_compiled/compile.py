@@ -1,4 +1,4 @@
-"""Which problems and schemes the compiled engine takes, and why it does not take the others."""
+"""The choice of problems and schemes for the compiled engine, with the reasons for those it cannot take."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from sepv.simulate._compiled.schemes import Collocation, Formula, formula_of
 from sepv.simulate._compiled.stages import StagesWriter
 from sepv.simulate._compiled.writer import ExplicitWriter, Writer
 
-# Up to this many paths run one by one: a block of lanes would be mostly empty. The bits are the same.
+# The most paths that run one by one: a block of lanes would be mostly empty. The bits are the same.
 FEW = 8
-# The code of a step is written out for every component: beyond this it grows too long to compile.
+# The largest d: the code of a step is written out for every component, and longer code takes too long to compile.
 LARGEST_DIMENSION = 16
 LARGEST_SYSTEM = 32
 
 
 class CannotCompile(Exception):
-    """Why the compiled engine does not take a scheme or a problem."""
+    """The compiled engine cannot take a scheme or a problem; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Kernel:
 
 
 def kernel(scheme: Scheme, problem: Problem, *, lanes: int = LANES, compensated: bool = False) -> Kernel:
-    """The compiled kernel for a scheme and a problem; CannotCompile where there is none."""
+    """The compiled kernel of a scheme and a problem; CannotCompile if there is none."""
     if not _installed():
         raise CannotCompile("numba is not installed (pip install numba)")
     formula, code = taken(scheme, problem), code_of(problem)
@@ -72,7 +72,7 @@ def _loaded(code: RecordedProblem, formula: Formula, lanes: int, compensated: bo
     noises = code.problem.noises
     text, parameters = _written(code, formula, noises, lanes, compensated)
     gradients, structures = code.cost(formula.recorded, formula.names(noises))
-    # Stages cost what the method of one stage does, and B at each.
+    # Stages cost as much as the method of one stage, plus B at each.
     read = np.array([*code.problem.c, *parameters], dtype=np.float64)
     return Kernel(load(text), read, gradients, structures * formula.stages)
 
@@ -91,7 +91,7 @@ def _written(
 
 
 def taken(scheme: Scheme, problem: Problem) -> Formula:
-    """The scheme's formula, where it takes the problem."""
+    """The scheme's formula, if the engine can take it for the problem; else CannotCompile."""
     formula = formula_of(scheme)
     if formula is None:
         raise CannotCompile(f"the compiled engine has no code for the scheme {scheme.name!r}")

@@ -47,7 +47,7 @@ def _from(typingctx: Any, array: Any, first: Any, lane: Any) -> Any:  # noqa: AR
 
 @_kernel
 def _copy(given: Any, first: int, count: int, lane: int, out: Any) -> None:
-    """The steps first … first + count − 1 of lanes `lane` and on of `given`, zero where it has no more."""
+    """Copy the steps first … first + count − 1 of lanes `lane` and on of `given`, zero beyond its end."""
     width = given.shape[2] - lane
     out[:count] = 0.0
     for i in range(count):
@@ -58,7 +58,7 @@ def _copy(given: Any, first: int, count: int, lane: int, out: Any) -> None:
 
 @_kernel
 def _add(increments: Any, count: int, W: Any, b: int) -> None:
-    """The sums of block b."""
+    """Add the increments to the sums of block b."""
     for i in range(count):
         for j in range(W.shape[1]):
             if W.shape[2] == LANES:
@@ -71,7 +71,7 @@ def _add(increments: Any, count: int, W: Any, b: int) -> None:
 
 @_kernel
 def _to_points(increments: Any, count: int, thresholds: Any, values: Any, out: Any) -> None:
-    """For each increment the value between whose thresholds it lies."""
+    """Replace each increment by the value between whose thresholds it lies."""
     for i in range(count):
         for j in range(out.shape[1]):
             for k in range(out.shape[2]):
@@ -84,7 +84,7 @@ def _to_points(increments: Any, count: int, thresholds: Any, values: Any, out: A
 
 @_kernel
 def _settle(S: Any, I: Any, W: Any, start: Any, count: int, b: int) -> None:
-    """The state of block b at the start."""
+    """Set the state of block b at the start."""
     lanes = W.shape[2]
     living = min(lanes, count - b * lanes)
     for i in range(start.shape[0]):
@@ -103,12 +103,12 @@ def run(
     words: Any, path: int, rng: Any, stack: Any, top: Any, factors: Any, base: int, halvings: int, given: Any,
     place: int, n0: int, n1: int, h: float, bound: float, thresholds: Any, values: Any, P: Any,
 ) -> None:  # fmt: skip
-    """Steps n0 … n1 − 1 of a chunk of blocks; S, I, W, rng, stack and top are its state, set up where n0 = 0.
+    """Run steps n0 … n1 − 1 of a chunk of blocks; S, I, W, rng, stack and top are its state, set up where n0 = 0.
 
-    The last three have one block for all where none is gone on with. Paths are numbered from `path`.
+    Blocks that run to the end at once share one set of the last three. Paths are numbered from `path`.
 
-    Increments are drawn, or those of lanes `place` and on of `given` (N, m, M) where it is not empty; where there are
-    `values`, the scheme sees the one between whose thresholds the increment lies. `advance` calls `left_over` for lanes
+    Increments are drawn, or those of lanes `place` and on of `given` (N, m, M) if that is not empty; if there are
+    `values`, the scheme gets the one between whose thresholds the increment lies. `advance` calls `left_over` for lanes
     that are not done.
     """
     noises, lanes = W.shape[1], W.shape[2]
@@ -118,7 +118,7 @@ def run(
     scratch = scratch_of(lanes)
     for b in range(S.shape[0]):
         alive, own = True, min(b, rng.shape[0] - 1)
-        if n0 == 0:  # here, and not for all blocks before: what is written is in the cache when it is used
+        if n0 == 0:  # one block at a time, so that its data are in the cache when they are used
             _settle(S, I, W, start, living, b)
         if n0 == 0 and rng.shape[1] > 0:
             drawing = (rng[own], top[own], words, path + b * lanes, factors, base, halvings, scratch)
@@ -142,5 +142,5 @@ def run(
             if alive:
                 alive = call_advance(advance, (S[b], I[b], seen, count, n, h, bound, P, left_over)) == 0
             _add(increments, count, W, b)
-        # Written here and not by the caller, so that an interrupt never finds states ahead of their number.
+        # Written here and not by the caller, so that states are never ahead of their number after an interrupt.
         I[b, 4 * lanes + DONE] = n1

@@ -27,14 +27,14 @@ _PART_1 = float.fromhex("0x1.921fb0p+0")
 _PART_2 = float.fromhex("0x1.5110bp-22")
 _PART_3 = float.fromhex("0x1.18469898cc517p-44")
 _TWO_OVER_PI = 2 / math.pi
-# Beyond this an angle is NaN: its own rounding is then 1e-7, and the reduction is no longer exact.
+# The largest angle; beyond it the result is NaN: the angle's own rounding is 1e-7, and the reduction is not exact.
 _LARGEST_ANGLE = 1e9
 _TO_INTEGER = 1.5 * 2.0**52  # adding it rounds to the nearest integer
 _LN2_HIGH, _LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 
 
 def _emits(instruction: Callable[[Any, Any], Any]) -> Callable[..., Any]:
-    """Code that is one instruction, made by the builder of the arguments."""
+    """Code of a single instruction, made by the builder of the arguments."""
     return lambda context, builder, signature, arguments: instruction(builder, arguments)  # noqa: ARG005 - numba's
 
 
@@ -59,15 +59,15 @@ def select(typingctx: Any, condition: Any, a: Any, b: Any) -> Any:  # noqa: ARG0
 
 @intrinsic
 def fma(typingctx: Any, a: Any, b: Any, c: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """a·b + c with one rounding: written out, so that it is the same in SIMD and in scalar code."""
+    """a·b + c with one rounding, explicitly, so that SIMD and scalar code agree."""
     return types.float64(*[types.float64] * 3), _emits(lambda builder, a: builder.fma(*a))
 
 
 @intrinsic
 def prefer_512_bit(typingctx: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """Asks LLVM for registers of 512 bits where there are any: on Intel's it takes 256 by default.
+    """Ask LLVM for registers of 512 bits where there are any; on Intel's it takes 256 by default.
 
-    For loops of nothing but arithmetic that is 1.4 times slower.
+    For loops of pure arithmetic that is 1.4 times slower.
     """
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001 - numba's
@@ -79,7 +79,7 @@ def prefer_512_bit(typingctx: Any) -> Any:  # noqa: ARG001 - numba's signature
 
 @intrinsic
 def prefetch(typingctx: Any, array: Any, n: Any, j: Any, k: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """Asks for the cache line of array[n, j, k], which need not be there."""
+    """Prefetch the cache line of array[n, j, k], which need not exist."""
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         found = make_array(signature.args[0])(context, builder, arguments[0])
@@ -99,7 +99,7 @@ def prefetch(typingctx: Any, array: Any, n: Any, j: Any, k: Any) -> Any:  # noqa
 
 @intrinsic
 def marked(typingctx: Any, array: Any, first: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """A bit for each of 64 bytes of the array from `first` on: whether it is not 0."""
+    """One bit for each of 64 bytes of the array from `first` on: 1 where the byte is not 0."""
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         found = make_array(signature.args[0])(context, builder, arguments[0])
@@ -113,7 +113,7 @@ def marked(typingctx: Any, array: Any, first: Any) -> Any:  # noqa: ARG001 - num
 
 @intrinsic
 def lowest_bit(typingctx: Any, bits: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """The place of the lowest bit that is set, of bits that are not 0."""
+    """The position of the lowest set bit; `bits` must not be 0."""
     return types.int64(types.uint64), _emits(
         lambda builder, a: builder.cttz(a[0], ir.Constant(ir.IntType(1), 1))
     )
@@ -121,7 +121,7 @@ def lowest_bit(typingctx: Any, bits: Any) -> Any:  # noqa: ARG001 - numba's sign
 
 @intrinsic
 def not_(typingctx: Any, condition: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """Not the condition, without a branch."""
+    """The negated condition, without a branch."""
     return types.boolean(types.boolean), _emits(lambda builder, a: builder.not_(a[0]))
 
 
@@ -143,7 +143,7 @@ def sincos(x: float) -> tuple[float, float]:
     quadrant = float_bits(shifted)
     reduced = (x - k * _PART_1) - k * _PART_2
     r = reduced - k * _PART_3
-    # What r has lost: the same for all x of a binade and quadrant, a bias of a tenth of a rounding without it.
+    # The rounding error of r. Omitting it is a bias of a tenth of a rounding for all x of a binade and quadrant.
     low = (reduced - r) - k * _PART_3
     r = select(abs(x) <= _LARGEST_ANGLE, r, np.nan)
     z = r * r
@@ -167,13 +167,13 @@ def sincos(x: float) -> tuple[float, float]:
 
 @_inline
 def cosine(x: float) -> float:
-    """cos x."""
+    """The cosine of x, with the errors of `sincos`."""
     return sincos(x)[1]
 
 
 @_inline
 def sinc(x: float) -> tuple[float, float]:
-    """sin(x)/x, and its derivative (to a few digits where x is small: it serves Newton's Jacobian)."""
+    """sin(x)/x and its derivative, which has a few digits for small x: enough for Newton's Jacobian."""
     sine, cos = sincos(x)
     flat = abs(x) < 1e-3
     safe = select(flat, 1.0, x)
@@ -189,7 +189,7 @@ def sinc(x: float) -> tuple[float, float]:
 def logarithm(x: float) -> float:
     """ln x for normal x > 0, within 1 ulp; NaN for x ≤ 0 and for x not finite."""
     bits = float_bits(x)
-    # 0x3fe6a09e667f3bcd is √½: the mantissa is taken into [√½, √2).
+    # 0x3fe6a09e667f3bcd is √½: the mantissa is reduced to [√½, √2).
     high = bits - 0x3FE6A09E667F3BCD
     k = high >> 52
     mantissa = bits_float(bits - (k << 52))
@@ -230,7 +230,7 @@ def log1p_ratio(x: float) -> tuple[float, float]:
 
 @_inline
 def expm1_ratio(x: float) -> tuple[float, float]:
-    """expm1(x)/x, 1 at 0, and its derivative (to a few digits where x is small: it serves Newton's Jacobian)."""
+    """expm1(x)/x, 1 at 0, and its derivative, which has a few digits for small x: enough for Newton's Jacobian."""
     flat = abs(x) < 1e-3
     safe = select(x == 0.0, 1.0, x)
     value = select(x == 0.0, 1.0, math.expm1(x) / safe)

@@ -1,9 +1,9 @@
 """The kernels of the compiled engine: loops over steps, lanes and iterations, as ordinary functions.
 
-A generated module (`sepv.simulate._compiled.layout`) compiles them by `compiled` with names of its own in place of
-those that stand first here: the sizes of a problem and the pieces of straight-line code
-(`sepv.simulate._compiled.llvm`) that are printed from its records. All state of a block lies in one scratch buffer S
-at fixed offsets, its integers in I. What a lane does never depends on the others.
+A generated module (`sepv.simulate._compiled.layout`) compiles them by `compiled`, with its own values for the names at
+the top here: the sizes of a problem and the pieces of straight-line code (`sepv.simulate._compiled.llvm`) printed from
+its records. All state of a block is in one scratch buffer S at fixed offsets, its integers in I. The result of a lane
+never depends on other lanes.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from numba import njit
 from sepv.simulate._compiled.functions import prefer_512_bit, prefetch
 from sepv.simulate._compiled.signatures import call_left_over
 
-# What a generated module defines; the values here are never used.
+# Placeholders for names that a generated module defines; the values here are never used.
 _made: Any = None
-# Lanes of a block, lanes that go on together.
+# The number of lanes in a block, and of those that go on together.
 L = GROUP = 0
-# Lanes in the first loop of `iterated`, whose piece may take two at a time, what it counts for, and further iterations.
+# For `iterated`: lanes in the first loop, whose piece may take two at a time; its iterations; the further ones.
 TOGETHER = STEPS = FAST = 0
 # Offsets in the integers of a block.
 BUSY = ALIVE = STATUS = EVALUATIONS = STRUCTURES = LIVING = WORK = 0
-# `staged`: sweeps, and the nodes of the quadratures.
+# For `staged`: sweeps, and the nodes of the quadratures.
 STAGES = RULES = BLIND = FUSED = TESTED = 0
 EXACT = CHECKED = STRAIGHT = False
 COUNTS = FIRSTS = NODES = _made
-# A projection: evaluations of the first iterations and of each further one.
+# For a projection: evaluations of the first iterations and of each further one.
 FIRST_GRADIENTS = FIRST_STRUCTURES = AVERAGES = 0
 loaded = loaded_node = _made
-# Pieces f(S, I, buffer, n, k, first, h, bound, q) of lane k in step n, and what they add up.
+# Pieces f(S, I, buffer, n, k, first, h, bound, q) for lane k in step n; each returns a number that is added up.
 first_steps = iteration = blind = check = clear = add_node = quick = masked = invariants = _made
 
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "cache": True}
@@ -41,9 +41,9 @@ _OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "cache": True
 def compiled(
     function: Callable[..., Any], names: dict[str, Any], signature: Any = None, inline: bool = False
 ) -> Any:
-    """The function's code over `names`, the globals of a generated module; compiled code is kept beside its file.
+    """Compile the function over `names`, the globals of a generated module; the compiled code is kept beside its file.
 
-    With a signature it is compiled at once; else when it is called.
+    With a signature it is compiled at once, else at its first call.
     """
     code = function.__code__.replace(co_filename=names["__file__"])
     own = FunctionType(code, names, function.__name__)
@@ -52,21 +52,21 @@ def compiled(
 
 
 def start(S: Any, I: Any, buffer: Any, P: Any) -> None:
-    """The invariants of a block whose states are set."""
+    """Compute the invariants of a block whose states are set."""
     q = loaded(P)
     for k in range(L):
         invariants(S, I, buffer, 0, k, 0, 0.0, 0.0, q)
 
 
 def ahead(buffer: Any, n: int) -> None:
-    """Fetches the increments of the step after the next, whose cache lines lie far apart where they are given."""
+    """Prefetch the increments of the step after the next: given ones have their cache lines far apart."""
     for j in range(buffer.shape[1]):
         for k in range(0, L, 8):
             prefetch(buffer, n + 2, j, k)
 
 
 def some(I: Any, group: int, mark: int) -> bool:
-    """Whether one lane of the group has this mark, 1, 2 or 4."""
+    """True if a lane of the group has this mark, 1, 2 or 4."""
     prefer_512_bit()
     found = 0
     for k in range(group, group + GROUP):
@@ -77,9 +77,9 @@ def some(I: Any, group: int, mark: int) -> bool:
 def moved(
     S: Any, I: Any, buffer: Any, n: int, first: int, h: float, bound: float, q: Any, trouble: int
 ) -> bool:
-    """The step's end: states, statuses, invariants; without masks where all lanes live and none was in trouble.
+    """End the step: states, statuses, invariants; without masks if all lanes live and none was in trouble.
 
-    Whether a lane lives on.
+    Return True if a lane lives on.
     """
     prefer_512_bit()
     if trouble == 0 and I[LIVING] == L:
@@ -94,7 +94,7 @@ def moved(
 
 
 def solved(S: Any, I: Any, buffer: Any, n: int, left_over: int) -> int:
-    """Every lane that is still busy, by `sepv.solve`; how many there were."""
+    """Solve every lane that is still busy by `sepv.solve`; return their number."""
     trouble = 0
     for k in range(L):
         trouble += 1 if I[BUSY + k] != 0 else 0
@@ -107,7 +107,7 @@ def solved(S: Any, I: Any, buffer: Any, n: int, left_over: int) -> int:
 def explicit(
     S: Any, I: Any, buffer: Any, count: int, first: int, h: float, bound: float, P: Any, left_over: int,  # noqa: ARG001
 ) -> int:  # fmt: skip
-    """Steps of an explicit scheme: the increment itself, and whether it leads anywhere. 1 where no lane lives on."""
+    """Take steps of an explicit scheme: the increment, and a test that it is finite. 1 if no lane lives on."""
     prefer_512_bit()
     q = loaded(P)
     for n in range(count):
@@ -123,10 +123,10 @@ def explicit(
 def iterated(
     S: Any, I: Any, buffer: Any, count: int, first: int, h: float, bound: float, P: Any, left_over: int
 ) -> int:
-    """`count` steps of Newton's iteration, or of the iteration of a projection, in lockstep; 1 where no lane lives on.
+    """Take `count` steps by Newton's iteration, or by that of a projection, in lockstep; 1 if no lane lives on.
 
-    The first steps of all lanes are one piece; what is not done then goes on in groups. What is not done after FAST
-    steps, or is in any trouble, is left over. BUSY is 1 in a lane that goes on, 0 in one that is done, and 2 where a
+    The first steps of all lanes are one piece; lanes that are not done then go on in groups. Lanes not done after FAST
+    steps, or in any trouble, are left over. BUSY is 1 in a lane that goes on, 0 in one that is done, and 2 where a
     projection ends outside the domain.
     """
     prefer_512_bit()
@@ -159,9 +159,9 @@ def iterated(
 def staged(  # noqa: PLR0912 - in one piece, as the method reads
     S: Any, I: Any, buffer: Any, count: int, first: int, h: float, bound: float, P: Any, left_over: int
 ) -> int:
-    """`count` steps of an s-stage method: sweeps, rule by rule.
+    """Take `count` steps of an s-stage method: sweeps, rule by rule.
 
-    BUSY is 1 in a lane that sweeps, 4 in one that is to be checked, 0 in one that is done, and 2 in one that is left to
+    BUSY is 1 in a lane that sweeps, 4 in one whose result is to be checked, 0 in one that is done, and 2 in one left to
     Newton's iteration (`sepv.solve`).
     """
     prefer_512_bit()
@@ -201,7 +201,7 @@ def staged(  # noqa: PLR0912 - in one piece, as the method reads
 
 
 def sums(S: Any, I: Any, buffer: Any, group: int, rule: int, q: Any) -> None:
-    """G_i = Σ W_in ∇H(u_n) of a group, node by node; nothing where a sweep is written out."""
+    """Compute G_i = Σ W_in ∇H(u_n) of a group, node by node; nothing if a sweep is written out."""
     prefer_512_bit()
     if STRAIGHT:
         return

@@ -19,7 +19,7 @@ from sepv.simulate._wiener import MIXING, STREAMS
 
 _OPTIONS: Any = {"error_model": "numpy", "nogil": True, "cache": True}
 _kernel: Any = njit(**_OPTIONS)
-# What is done for a lane by itself: a call counts the references of its arrays, which takes longer than what it does.
+# Inlined: a call counts the references of its arrays, which takes longer than the work for one lane.
 _inline: Any = njit(error_model="numpy", forceinline=True, cache=True)
 _WIDTH = np.array(wi_double, dtype=np.float64)
 _LIMIT = np.array(ki_double, dtype=np.int64)
@@ -31,7 +31,7 @@ _UNIT = 1.0 / 9007199254740992.0
 
 @_inline
 def _after(a: Any, b: Any, c: Any, counter: Any) -> Any:
-    """The next 64 bits of a stream in this state, and the state after them."""
+    """The next 64 bits of a stream in this state, and the following state."""
     out = a + b + counter
     turned = (c << np.uint64(24)) | (c >> np.uint64(40))
     return out, b ^ (b >> np.uint64(11)), c + (c << np.uint64(3)), turned + out, counter + np.uint64(1)
@@ -47,7 +47,7 @@ def _next(rng: Any, s: int, k: int) -> Any:
 
 @_kernel
 def mix(rng: Any, s: int) -> None:
-    """From the seeds of a stream to its initial states: the first draws, which are not used."""
+    """Turn the seeds of a stream into its initial states by the first draws, which are not used."""
     prefer_512_bit()
     for k in range(rng.shape[2]):
         a, b, c, counter = rng[s, 0, k], rng[s, 1, k], rng[s, 2, k], rng[s, 3, k]
@@ -63,7 +63,7 @@ def _uniform(rng: Any, s: int, k: int) -> float:
 
 @_inline
 def _ziggurat(rng: Any, s: int, k: int, r: Any) -> float:
-    """The ziggurat from the draw r on."""
+    """Continue the ziggurat from the draw r."""
     while True:
         layer = np.int64(r & np.uint64(0xFF))
         rabs = np.int64(r >> np.uint64(9)) & _MANTISSA
@@ -87,7 +87,7 @@ def _ziggurat(rng: Any, s: int, k: int, r: Any) -> float:
 
 @_kernel
 def normals(rng: Any, s: int, out: Any, i: int, j: int, scratch: Any) -> None:
-    """A standard normal from stream s of rng (streams, 4, L) for each lane, into out[i, j]; see `scratch_of`.
+    """Draw a standard normal from stream s of rng (streams, 4, L) for each lane into out[i, j]; see `scratch_of`.
 
     Arrays are passed whole: a slice counts its references, which takes longer than a normal.
     """
@@ -101,7 +101,7 @@ def normals(rng: Any, s: int, out: Any, i: int, j: int, scratch: Any) -> None:
         x = rabs * _WIDTH[layer]
         out[i, j, k] = select((r & np.uint64(0x100)) != 0, -x, x)
         late[k] = rabs >= _LIMIT[layer]
-    # Where they are is read off bits: a branch for each lane costs more than what is done there, one in a hundred.
+    # Bits tell which lanes need more: a branch for each lane would cost more than their work, one lane in a hundred.
     for first in range(0, late.shape[0], 64):
         bits = marked(late, first)
         while bits != 0:
@@ -112,7 +112,7 @@ def normals(rng: Any, s: int, out: Any, i: int, j: int, scratch: Any) -> None:
 
 @_kernel
 def aligned(size: int) -> Any:
-    """An empty vector of so many float64 that begins with a cache line."""
+    """An empty vector of this many float64 that starts at a cache line."""
     room = np.empty(size + CACHE_LINE // 8)
     first = -room.ctypes.data % CACHE_LINE // 8
     return room[first : first + size]
@@ -120,7 +120,7 @@ def aligned(size: int) -> Any:
 
 @_kernel
 def scratch_of(lanes: int) -> Any:
-    """For `normals`: what was drawn, and where the ziggurat is not done with it."""
+    """Scratch arrays for `normals`: the draws, and the lanes that the ziggurat has not finished."""
     late = aligned(-(-lanes // 64) * 8)
     late[:] = 0.0
     return aligned(lanes).view(np.uint64), late.view(np.uint8)
@@ -128,9 +128,9 @@ def scratch_of(lanes: int) -> Any:
 
 @_kernel
 def coarse(rng: Any, top: Any, factors: Any, base: int, halvings: int, halves: Any, scratch: Any) -> None:
-    """The coarse part of a block, top (n, m, L) with n = base·2^halvings, level by level in place.
+    """Draw the coarse part of a block, top (n, m, L) with n = base·2^halvings, level by level in place.
 
-    halves (n/2, m, L) is written.
+    `halves` (n/2, m, L) is scratch space.
     """
     prefer_512_bit()
     noises, lanes = top.shape[1], top.shape[2]
@@ -141,7 +141,7 @@ def coarse(rng: Any, top: Any, factors: Any, base: int, halvings: int, halves: A
             for k in range(lanes):
                 top[i, j, k] *= factors[0]
     for level in range(1, halvings + 1):
-        # The normals of a level come in the order of time, its increments are spread from the end.
+        # Normals of a level come in the order of time; its increments are spread from the end.
         for i in range(length):
             for j in range(noises):
                 normals(rng, 0, halves, i, j, scratch)
@@ -159,10 +159,10 @@ def coarse(rng: Any, top: Any, factors: Any, base: int, halvings: int, halves: A
 def fill(  # noqa: PLR0912 - in one piece, since calls that pass several arrays count references
     out: Any, first: int, count: int, rng: Any, stack: Any, top: Any, factors: Any, above: int, scratch: Any
 ) -> None:
-    """Increments of the steps first … first + count − 1 of a block into out (count, m, L).
+    """Write increments of the steps first … first + count − 1 of a block into out (count, m, L).
 
-    stack (streams, m, L) keeps the right halves that are still to come; top (n, m, L) is the coarse part,
-    n = 0 where it is drawn here; `above` is the number of its halvings.
+    stack (streams, m, L) keeps the right halves for later; top (n, m, L) is the coarse part, n = 0 where it is drawn
+    here; `above` is the number of its halvings.
     """
     prefer_512_bit()
     fine = rng.shape[0] - 1
@@ -182,7 +182,7 @@ def fill(  # noqa: PLR0912 - in one piece, since calls that pass several arrays 
                 for k in range(lanes):
                     out[i, j, k] = top[n, j, k]
             else:
-                if lanes == 1:  # a call that passes three arrays counts its references as well
+                if lanes == 1:  # inlined: a call that passes three arrays counts their references
                     out[i, j, 0] = _ziggurat(rng, 0, 0, _next(rng, 0, 0))
                 else:
                     normals(rng, 0, out, i, j, scratch)
@@ -205,10 +205,9 @@ def fill(  # noqa: PLR0912 - in one piece, since calls that pass several arrays 
 def begin(
     rng: Any, top: Any, words: Any, path: int, factors: Any, base: int, halvings: int, scratch: Any
 ) -> None:
-    """The streams of a block, rng (streams, 4, L), of paths `path` and on, and the coarse increments `top`.
+    """Set up the streams of a block, rng (streams, 4, L), of paths `path` and on, and its coarse increments `top`.
 
-    words (streams, 3) is what the streams begin with (`sepv.simulate._wiener.stream_words`), `scratch` what
-    `scratch_of` made.
+    words (streams, 3) starts the streams (`sepv.simulate._wiener.stream_words`); `scratch` is that of `scratch_of`.
     """
     for s in range(rng.shape[0]):
         for k in range(rng.shape[2]):

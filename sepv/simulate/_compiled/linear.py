@@ -10,21 +10,21 @@ from sepv.record import Tape
 from sepv.simulate._compiled.code_builder import CodeBuilder, Expression, Table, shown
 from sepv.simulate._compiled.recorded import emit
 
-# Unknowns up to which Cramer's rule is written out.
+# The largest number of unknowns for which Cramer's rule is written out.
 CRAMER = 3
 
 
 def correct(
     code: CodeBuilder, F: Sequence[Expression], A: Table, z: Sequence[str], near: str | None = None
 ) -> tuple[list[str], str | None]:
-    """z − A⁻¹F, and 1/det A where it is used; m is the size of the correction, Σ|A⁻¹F|_i.
+    """Write z − A⁻¹F, and 1/det A where it is used; m is the size of the correction, Σ|A⁻¹F|_i.
 
-    `near` is 1/det of a matrix next to A: a step of Newton's iteration for a reciprocal, which squares the relative
-    distance, takes the place of the division, the longest of all operations. Where A moved with a correction m, that
-    is O(m²) of the next one, as Newton's iteration itself leaves.
+    `near` is 1/det of a matrix near A. A Newton step for the reciprocal, which squares the relative distance, then
+    replaces the division, the slowest operation. Where A moved with a correction m, that is O(m²) of the next one, as
+    in Newton's iteration itself.
 
-    A is 1 − K with K small where steps make sense, and Newton's iteration computes the next residual afresh:
-    a bad pivot costs iterations and shows as a lane that does not converge, not as a wrong result.
+    A is 1 − K with small K at sensible steps, and Newton's iteration computes the next residual afresh: a bad pivot
+    costs iterations and shows as a lane that does not converge, not as a wrong result.
     """
     before = [None if v == "0.0" else v for v in z]
     if len(F) > CRAMER:
@@ -41,14 +41,14 @@ def correct(
 
 
 def magnitude(c: Sequence[str], opened: str = "") -> str:
-    """m = Σ|c_i|."""
+    """The size m = Σ|c_i| of a correction."""
     return f"m = {opened}{' + '.join(f'abs({v})' for v in c)}"
 
 
 def contraction(code: CodeBuilder, A: Table) -> str:
-    """Whether sweeps gain a factor of two: ‖K‖ ≤ ½ for K = 1 − A in the norm of Frobenius, the largest of the usual.
+    """Write a test that sweeps gain a factor of two: ‖K‖ ≤ ½ for K = 1 − A in the Frobenius norm.
 
-    There is one solution near zero then (Banach), the one that Newton's iteration finds from there.
+    There is then one solution near zero (Banach), which Newton's iteration finds from there. No usual norm is larger.
     """
     K = [
         v if i != j else None if v == "(1.0)" else code.let(f"1.0 - {shown(v)}")
@@ -59,7 +59,7 @@ def contraction(code: CodeBuilder, A: Table) -> str:
 
 
 def _cramer(code: CodeBuilder, A: Table, b: Sequence[Expression]) -> tuple[list[str], str]:
-    """The numerators and the determinant."""
+    """The numerators and the determinant of Cramer's rule."""
     tape, values = Tape(), dict[int, Expression]()
 
     def symbol(text: Expression) -> Any:

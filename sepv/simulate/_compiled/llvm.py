@@ -1,10 +1,10 @@
 """Straight-line code of a lane as one operation for numba: text in, LLVM instructions out.
 
-A piece is a single call to numba that becomes exactly the instructions of its lines in their order, so that the loops
-around it are ordinary functions (`kernels`) and still become SIMD code. Kernels printed whole as code for numba are no
-faster, and begin later: its inference takes seconds over a thousand statements.
+A piece is one call to numba that becomes exactly the instructions of its lines, in their order. The loops around it are
+then ordinary functions (`kernels`) and still become SIMD code. Kernels printed whole as code for numba are not faster,
+and start later: numba's type inference takes seconds over a thousand statements.
 
-What stays printed is straight-line code: the record of R and K, the correction, the test of a step. Two lanes of it are
+Only straight-line code is printed: the record of R and K, the correction, the test of a step. Two lanes of it are
 interleaved, line by line. Lines are those that `text` writes: assignments of +, −, ×, ÷, comparisons, &, |, `fma`,
 `select`, `not_`, `abs`, elements of arrays and functions of numbers. Needs numba.
 """
@@ -37,7 +37,7 @@ class _Lines:
         self.names, self.arrays = dict(names), arrays
 
     def run(self, lines: Sequence[str], result: str) -> Any:
-        """The lines, and what they add to the name `result`."""
+        """Emit the lines, and return the number that they add to the name `result`."""
         total = ir.Constant(_INT, 0)
         for statement in ast.parse("\n".join(lines)).body:
             if isinstance(statement, ast.AugAssign):
@@ -65,7 +65,7 @@ class _Lines:
         return self.builder.gep(pointer, [offset], inbounds=True)
 
     def value(self, node: Any) -> Any:  # noqa: PLR0911 - a rule a line
-        """An expression."""
+        """Emit an expression."""
         builder = self.builder
         match node:
             case ast.Constant(value=bool(v)):
@@ -97,28 +97,28 @@ class _Lines:
         raise AssertionError(f"no rule for {ast.unparse(node)}")
 
     def alike(self, a: Any, b: Any) -> tuple[Any, Any]:
-        """An integer beside a float becomes one."""
+        """Convert an integer beside a float to a float."""
         if a.type == b.type:
             return a, b
         as_float = lambda v: v if v.type == _DOUBLE else self.builder.sitofp(v, _DOUBLE)  # noqa: E731
         return as_float(a), as_float(b)
 
     def named(self, name: str) -> Any:
-        """A value under its name; numbers become constants."""
+        """The value of a name; numbers become constants."""
         found = self.names[name]
         if isinstance(found, (int, np.integer)):
             return ir.Constant(_INT, int(found))
         return ir.Constant(_DOUBLE, float(found)) if isinstance(found, float) else found
 
     def compared(self, sign: str, a: Any, b: Any) -> Any:
-        """NaN compares as in IEEE 754."""
+        """Compare two values; NaN compares as in IEEE 754."""
         if a.type != _DOUBLE:
             return self.builder.icmp_signed(sign, a, b)
         ordered = sign != "!="
         return (self.builder.fcmp_ordered if ordered else self.builder.fcmp_unordered)(sign, a, b)
 
     def called(self, name: str, arguments: list[Any]) -> Any:
-        """One of the operations without branches, or a function that numba compiles."""
+        """Emit an operation without branches, or a call of a function that numba compiles."""
         builder = self.builder
         if name == "select":
             return builder.select(*arguments)
@@ -135,7 +135,7 @@ class _Lines:
 
 
 def _array(context: Any, builder: Any, kind: Any, value: Any) -> tuple[Any, list[Any]]:
-    """Where the data are, and the strides in elements of a contiguous array; None for 1."""
+    """The data pointer, and the strides in elements of a contiguous array; None for 1."""
     if kind.layout != "C":
         raise TypeError(f"expected a contiguous array, received {kind}")
     found = context.make_array(kind)(context, builder, value)
@@ -152,7 +152,7 @@ def _codegen(lines: Sequence[str], result: str, arguments: Sequence[str], known:
         for name, kind, value in zip(arguments, signature.args, values, strict=True):
             if isinstance(kind, types.Array):
                 arrays[name] = _array(context, builder, kind, value)
-            elif isinstance(kind, types.BaseTuple):  # c0, c1, …, p0, p1, … and weights of a node
+            elif isinstance(kind, types.BaseTuple):  # tuples c0, c1, …, p0, p1, … and the weights of a node
                 several = (
                     *known["PARAMETERS"],
                     *(f"{w}{i}" for w in "ab" for i in range(known.get("STAGES", 0))),
@@ -166,9 +166,9 @@ def _codegen(lines: Sequence[str], result: str, arguments: Sequence[str], known:
 
 
 def lane_piece(lines: Sequence[str], result: str, known: Mapping[str, Any]) -> Callable[..., Any]:
-    """f(S, I, buffer, n, k, first, h, bound, q): the lines for lane k in step n; what they add to `result` (int64).
+    """Make f(S, I, buffer, n, k, first, h, bound, q), which runs the lines for lane k in step n; returns `result`.
 
-    `known` are the numbers and functions that they name, and the names PARAMETERS of the tuple q.
+    `known` are the numbers and functions that the lines name, and the names PARAMETERS of the tuple q.
     """
     code = _codegen(lines, result, ("S", "I", "buffer", "n", "k", "first", "h", "bound", "q"), known)
 
@@ -182,7 +182,7 @@ def lane_piece(lines: Sequence[str], result: str, known: Mapping[str, Any]) -> C
 
 
 def loaded(count: int) -> Callable[..., Any]:
-    """f(P): the first numbers of an array as a tuple, so that they stay in registers."""
+    """Make f(P): the first numbers of an array as a tuple, so that they stay in registers."""
 
     @intrinsic
     def piece(typingctx: Any, P: Any) -> Any:  # noqa: ARG001 - numba's signature

@@ -1,14 +1,14 @@
 """Newton's iteration for a block of lanes in lockstep.
 
-A lane is done where its correction m, applied, leaves an error below rounding: Newton's corrections shrink
-quadratically, so that the next one is m³/m_before², or m by the relative error of Newton's matrix where that is more.
-A lane that is not done after a few steps, that overflows or leaves the domain, is solved again from the start by
-`sepv.solve`, with every test and its status (`sepv.simulate._compiled.block_run`).
+A lane is done if its correction m, once applied, leaves an error below rounding: Newton's corrections shrink
+quadratically, so the next one is m³/m_before², or m times the relative error of Newton's matrix if that is more. A lane
+that is not done after a few steps, overflows or leaves the domain is solved again from the start by `sepv.solve`, with
+every test and its status (`sepv.simulate._compiled.block_run`).
 
 Where the equation is z = Δ P(ȳ), ȳ = y + z/2, with short polynomials P ((2.1) and the midpoint rule where H is
-quadratic and B linear) the unknown is ȳ itself at first: a sweep ȳ ← y + ½Δ P(ȳ) costs a product and a sum for each
-term, and 1 − K = 1 − ½Δ P′(ȳ) one for each of P′, since the ½Δ c are multiplied once. What they leave is rounded at the
-size of y. The steps after them take R as the formula writes it, whose roundings are those of B∇H and not of P.
+quadratic and B linear), the unknown is ȳ at first: a sweep ȳ ← y + ½Δ P(ȳ) costs a product and a sum for each term,
+and 1 − K = 1 − ½Δ P′(ȳ) one for each of P′, since the ½Δ c are multiplied once. Their result is rounded at the size
+of y. The steps after them take R as the formula writes it, whose roundings are those of B∇H and not of P.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ from sepv.simulate._compiled.recorded import RecordedProblem
 from sepv.simulate._compiled.schemes import Formula, middle, scaled_field
 from sepv.simulate._compiled.writer import Writer
 
-# Sweeps z ← Δ f(ȳ) before Newton's iteration. Where H is at most quadratic they solve the equation itself and leave
-# O(Δ⁵) for what a step of the iteration costs, which leaves O(Δ³), as two of them do elsewhere. Sweeps of ȳ cost less:
-# one more gains a tenth at h = 0.03, where lanes are left to groups, and costs a fiftieth at h = 0.002 (rigid body).
+# Sweeps z ← Δ f(ȳ) before Newton's iteration. Where H is at most quadratic, sweeps solve the equation itself: four
+# leave O(Δ⁵) at the cost of a Newton step, which leaves O(Δ³), as two sweeps do elsewhere. Sweeps of ȳ cost less: one
+# more gains a tenth at h = 0.03, where lanes are left to groups, and costs a fiftieth at h = 0.002 (rigid body).
 SWEEPS, MIDDLE_SWEEPS, ROUGH_SWEEPS = 4, 5, 2
-# Steps of Newton's iteration in registers for up to LARGE unknowns, of which the last is the first that is tested.
-# A path that is compensated takes one or two more. A correction below half a rounding of z is lost when it is applied,
-# so that what is left before it stays, and has a sign: a mean of 1e-4 roundings a step, a tenth of that for each more.
+# Newton steps in registers, for up to LARGE unknowns; only the last one is tested. A compensated path takes one or two
+# more: a correction below half a rounding of z is lost when it is applied, and the remaining error has a sign, with a
+# mean of 1e-4 roundings a step, a tenth of that for each further step.
 FIRST_STEPS = 2
 LARGE = 6
-# Steps of groups, before lanes that are not done are looked at one by one.
+# Newton steps of groups, before lanes that are not done are left over.
 FAST = 8
 
 
 class NewtonWriter(Writer):
-    """The kernel of a scheme with z = R(z)."""
+    """Writer of the kernel of a scheme with z = R(z)."""
 
     def __init__(
         self, problem: RecordedProblem, formula: Formula, noises: int, lanes: int, compensated: bool
@@ -62,12 +62,12 @@ class NewtonWriter(Writer):
         return {"first_steps": (first, "left"), "iteration": (self.iteration(), "left")}
 
     def numbers(self) -> dict[str, Any]:
-        """How far the first piece goes."""
+        """The sizes of the first piece."""
         together = self.lanes // 2 if self.lanes >= 2 * GROUP else self.lanes
         return {"TOGETHER": together, "STEPS": self.sweeps + self.steps, "FAST": FAST}
 
     def side_by_side(self, lines: list[str]) -> list[str]:
-        """The lines for a lane, those of one of the second half after each of one of the first.
+        """Interleave the lines of a lane of the first half with those of a lane of the second half.
 
         A step is one chain of operations that wait for each other: two chains take little longer than one.
         """
@@ -82,9 +82,9 @@ class NewtonWriter(Writer):
         return [f"k_ = k + {self.lanes // 2}", *both]
 
     def first_steps(self) -> list[str]:
-        """Sweeps and steps in registers; only the last is tested, since a test costs as much as a third of a step.
+        """Sweeps and steps in registers; only the last one is tested, because a test costs a third of a step.
 
-        A lane where sweeps do not contract begins anew, at zero: its P is infinite.
+        A lane whose sweeps do not contract starts again at zero: its P is infinite.
         """
         code = CodeBuilder(self.parameters)
         y = self.loaded(code, "Y", "y")
@@ -119,7 +119,7 @@ class NewtonWriter(Writer):
         return z
 
     def in_middles(self, code: CodeBuilder, y: list[str]) -> list[str]:
-        """The same where all but the last steps are those of `_approach`."""
+        """z from sweeps and steps for ȳ (`_approach`), except the last steps."""
         assert self.P is not None
         states, inverse = _approach(code, self.P, y, self.sweeps)
         z = [code.let(f"2.0 * {v}") for v in (code.let(f"{a} - {b}") for a, b in zip(states, y, strict=True))]
@@ -130,24 +130,24 @@ class NewtonWriter(Writer):
         return z
 
     def swept(self, code: CodeBuilder, y: list[str], z: list[str]) -> list[Expression]:
-        """Δ f(ȳ) for whatever schemes that see Δ; the right side itself for others."""
+        """Δ f(ȳ) for any scheme that depends on Δ alone; the right side itself for others."""
         if self.known == ["delta"]:
             return scaled_field(code, self.problem, middle(code, y, z), "delta")
         return self.problem.increment(code, self.formula.recorded, y, z, self.known)
 
     def kept_inside(self, code: CodeBuilder, y: list[str], z: list[str]) -> list[str]:
-        """z, no number where its state is outside the domain: nothing is computed with that, and it is never done."""
+        """z, or NaN if its state is outside the domain: such a lane is never done."""
         if not self.has_domain():
             return z
         code.lines.append(f"inside = {self.inside(code, y, z)}")
         return [code.let(f"select({self.inside(code, y, z)}, {v}, NAN)") for v in z]
 
     def test(self, compared: bool) -> list[str]:
-        """Whether the correction of size m, applied, leaves an error below rounding.
+        """Test that the correction of size m, once applied, leaves an error below rounding.
 
-        One that follows a correction below FIRST is squared once more whatever its own roundings: with a constant C of
-        the iteration, relative to the state, C³·2⁻¹²⁴ is left, below LEFT for every C up to 2²⁰.
-        `compared` where there was surely a correction before it: were that one infinite, m would be no number.
+        One that follows a correction below FIRST is squared once more whatever its own roundings: with a constant C
+        of the iteration, relative to the state, C³·2⁻¹²⁴ is left, below LEFT for every C up to 2²⁰. `compared` tells
+        that a correction surely came before: were that one infinite, m would be NaN.
         """
         later = [] if compared else ["later = (before < INF) | (m <= FIRST * scale)"]
         others = ["next", "near", *["later"] * (not compared), *["inside"] * self.has_domain()]
@@ -162,7 +162,7 @@ class NewtonWriter(Writer):
     def system(
         self, code: CodeBuilder, y: list[str], z: list[str], states: Sequence[str] = ()
     ) -> tuple[list[Expression], Table]:
-        """F = z − R and 1 − K; `states` is ȳ where it is there already."""
+        """F = z − R and 1 − K; `states` is ȳ if it is already known."""
         formula = self.formula.recorded
         if self.P is None:
             return self.problem.equation(code, formula, y, z, self.known)
@@ -190,7 +190,7 @@ class NewtonWriter(Writer):
         return code.lines
 
     def inside(self, code: CodeBuilder, y: list[str], z: list[str]) -> str:
-        """Whether all states that belong to z are in the domain."""
+        """Test that all states that belong to z are in the domain."""
         found = [self.problem.domain(code, state) for state in self.formula.states(code, y, z)]
         return " & ".join(f"({f})" for f in found)
 
@@ -198,7 +198,7 @@ class NewtonWriter(Writer):
 def _approach(
     code: CodeBuilder, P: Sequence[Polynomial], y: Sequence[str], sweeps: int
 ) -> tuple[list[str], str | None]:
-    """ȳ after sweeps from y and a step, and 1/det(1 − K) where it is used; m is the size of the step in z."""
+    """ȳ after sweeps from y and a step, and 1/det(1 − K) if it is used; m is the size of the step in z."""
     middle = list(y)
     for _ in range(sweeps):
         middle = _swept(code, P, y, middle)
@@ -211,7 +211,7 @@ def _approach(
 
 
 def _matrix(code: CodeBuilder, P: Sequence[Polynomial], middle: Sequence[str]) -> Table:
-    """1 − ½Δ P′(ȳ)."""
+    """The matrix 1 − ½Δ P′(ȳ)."""
     half = code.let("0.5 * delta")
     return [
         [
@@ -223,6 +223,6 @@ def _matrix(code: CodeBuilder, P: Sequence[Polynomial], middle: Sequence[str]) -
 
 
 def _swept(code: CodeBuilder, P: Sequence[Polynomial], y: Sequence[str], middle: Sequence[str]) -> list[str]:
-    """y + ½Δ P(ȳ)."""
+    """The sweep y + ½Δ P(ȳ)."""
     half = code.let("0.5 * delta")
     return [shown(code.polynomial(p, middle, half, value=start)) for p, start in zip(P, y, strict=True)]

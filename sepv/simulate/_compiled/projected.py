@@ -1,6 +1,6 @@
 """Code for explicit increments that are projected on the invariants: see `sepv.schemes.projected`.
 
-The increment is computed once for each lane; the iterations that follow are those of the invariants alone.
+The increment is computed once for each lane; the later iterations involve the invariants alone.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ from sepv.simulate._compiled.linear import magnitude
 from sepv.simulate._compiled.newton import FAST
 from sepv.simulate._compiled.writer import Writer
 
-# Iterations in registers, before and with the first test: a step of a good length needs two.
+# Iterations in registers up to the first test: a step of usual length needs two.
 BLIND = 2
 
 
 class ProjectedWriter(Writer):
-    """The kernel of a projected method."""
+    """Writer of the kernel of a projected method."""
 
     def more_rows(self) -> dict[str, int]:
-        """The directions."""
+        """Rows for the directions."""
         return {"Q": len(self.problem.directions[0])}
 
     kernel = "iterated"
@@ -33,7 +33,7 @@ class ProjectedWriter(Writer):
         }
 
     def numbers(self) -> dict[str, Any]:
-        """What the pieces cost."""
+        """The costs of the pieces."""
         gradients, structures = self.problem.cost(self.formula.recorded, self.known)
         averages = self.problem.gradient_evaluations
         return {
@@ -79,13 +79,13 @@ class ProjectedWriter(Writer):
         return [*code.lines, *end]
 
     def moved(self, code: CodeBuilder, y: list[str], z: list[str], found: list[Expression]) -> list[str]:
-        """z less what the invariants have moved, m the size of that."""
+        """z less the correction for the invariants' change, whose size is m."""
         c = [shown(v) for v in self.problem.moved_back(code, y, z, found)]
         code.lines.append(magnitude(c))
         return [code.let(f"{a} - {b}") for a, b in zip(z, c, strict=True)]
 
     def ending(self, code: CodeBuilder, y: list[str], z: list[str], otherwise: str) -> list[str]:
-        """Whether the lane is done, and in the domain; BUSY is `otherwise` where it was not busy."""
+        """Set BUSY by a test that the lane is done and in the domain; `otherwise` where it was not busy."""
         inside = self.problem.domain(code, [code.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)])
         return [
             "later = (m * m <= LEFT * (scale * before)) & (before < INF)",

@@ -20,7 +20,7 @@ from sepv.simulate._compiled.code_builder import CodeBuilder, Expression, Table,
 from sepv.solve._formula import Formula
 from sepv.solve._recorded import Recorded
 
-# Where the value of a function comes from in lanes: a call, and the place in what it returns, if that is several.
+# Functions in lanes: the call for a value, and its place in the result if that is a tuple.
 _CALLS: dict[str, tuple[str, int | None]] = {
     "sin": ("sincos", 0),
     "cos": ("sincos", 1),
@@ -32,14 +32,14 @@ _CALLS: dict[str, tuple[str, int | None]] = {
     "expm1_ratio": ("expm1_ratio", 0),
     "expm1_ratio_slope": ("expm1_ratio", 1),
 }
-# The relative error of slopes in lanes, which serve Newton's matrix only; exact derivatives are off by roundings.
+# The relative error of slopes in lanes, which only Newton's matrix uses; exact derivatives are off by roundings.
 _RATES = {"sinc_slope": 2.0**-26, "log1p_ratio_slope": 2.0**-10, "expm1_ratio_slope": 2.0**-26}
 _EXACT = 2.0**-40
 _PRODUCTS = ("multiply", "whole")
 
 
 def emit(code: CodeBuilder, values: Mapping[int, Expression], outputs: Sequence[Symbol]) -> list[Expression]:
-    """The outputs written into a text, with the values of these lines as given; a·b + c is fused.
+    """Write the outputs into a text, with the values of given lines; a·b + c is fused.
 
     A product is fused into the sum that is its only user.
     """
@@ -49,7 +49,7 @@ def emit(code: CodeBuilder, values: Mapping[int, Expression], outputs: Sequence[
     found: dict[int, Expression] = {}
 
     def value(index: int) -> Expression:
-        """A line's value; a product that has one user is written where it is used."""
+        """A line's value; a product with one user is written where it is used."""
         if index not in found:
             found[index] = code.product(*map(value, tape.lines[index].arguments))
         return found[index]
@@ -135,23 +135,23 @@ class RecordedProblem(Recorded):
 
     @property
     def preamble(self) -> str:
-        """Imports of the functions that were printed."""
+        """Imports of the functions in the text."""
         return imports(self.tape)
 
     @property
     def gradient_evaluations(self) -> int:
-        """Evaluations of ∇H that a mean gradient takes."""
+        """Evaluations of ∇H in a mean gradient."""
         return self.mean.nodes
 
     @property
     def convergence_rate(self) -> float:
         """The relative error of Newton's matrix."""
-        with suppress(NoClosedForm):  # which a formula that asks for the mean gradient has said already
+        with suppress(NoClosedForm):  # a formula with the mean gradient has raised it already
             jacobian(self.mean.value, self.z)
         return max(_RATES.get(line.name, _EXACT) for line in self.tape.lines)
 
     def cost(self, formula: Formula, step: Sequence[str]) -> tuple[int, int]:
-        """Evaluations of ∇H, and of B or what stands for it, that R takes."""
+        """Evaluations of ∇H, and of B or its substitute, in R."""
         found = self.equation_of(formula, len(step))
         return found.gradients, found.structures
 
@@ -166,7 +166,7 @@ class RecordedProblem(Recorded):
         self, code: CodeBuilder, formula: Formula, y: Sequence[str], z: Sequence[str], step: Sequence[str],
         middle: Sequence[str] = (),
     ) -> list[Expression]:  # fmt: skip
-        """F = z − R(y, z; step), with ȳ where it is there already."""
+        """F = z − R(y, z; step), with ȳ if it is already known."""
         found, F = self.equation_of(formula, len(step)), self.system(formula, len(step))[0]
         inputs = [(self.y, y), (self.z, z), (found.step, step), (self.middle, middle)]
         return printed(code, inputs, F)
@@ -200,7 +200,7 @@ class RecordedProblem(Recorded):
         return self._printed(code, y, self.mean.value, z)
 
     def domain(self, code: CodeBuilder, y: Sequence[str]) -> str | None:
-        """Whether y is in the domain."""
+        """Test that y is in the domain."""
         return None if self.inside is None else shown(self._printed(code, y, [self.inside])[0])
 
     def casimirs(self, code: CodeBuilder, y: Sequence[str]) -> list[Expression]:
@@ -248,7 +248,7 @@ class RecordedProblem(Recorded):
 
 
 def printed(code: CodeBuilder, inputs: Sequence[tuple[Any, Sequence[str]]], outputs: Any) -> list[Expression]:
-    """The outputs written into a text under the names of the inputs' components; the name "0.0" is zero."""
+    """Write the outputs into a text under the names of the inputs' components; the name "0.0" is zero."""
     values = {
         x.index: None if name == "0.0" else name
         for vector, names in inputs

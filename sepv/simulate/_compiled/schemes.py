@@ -1,6 +1,6 @@
-"""How the engine takes the step of each scheme: by the record of its formula, or by code for staged and projected ones.
+"""The engine's form of each scheme: the record of its formula, or code for staged and projected methods.
 
-R and K share what they have in common, since an expression written twice has one name: see
+R and K share common parts, because an expression written twice has one name: see
 `sepv.simulate._compiled.code_builder`.
 """
 
@@ -23,12 +23,12 @@ from sepv.solve import _formula as formula
 
 @dataclass(frozen=True)
 class Formula:
-    """How the engine takes a step.
+    """A scheme's step as the engine takes it.
 
     recorded : the formula of the scheme, from its file
-    implicit : whether it is an equation z = R, which Newton's iteration solves
-    parts : what the formula wants to know of the step
-    projected : whether it is an explicit increment, which is projected on the invariants
+    implicit : True for an equation z = R, which Newton's iteration solves
+    parts : the data of a step that the formula takes
+    projected : True for an explicit increment that is projected on the invariants
     """
 
     recorded: formula.Formula
@@ -38,7 +38,7 @@ class Formula:
     projected: bool = False
 
     def names(self, noises: int) -> list[str]:
-        """What the lanes call it."""
+        """Names of the step's data in the lanes."""
         return _NAMES.get(self.parts) or ["span", *(f"noise{j}" for j in range(noises))]
 
     def update(self, code: CodeBuilder, z: Sequence[str]) -> list[str]:
@@ -57,7 +57,7 @@ _NAMES: dict[one_step.Parts, list[str]] = {
 
 
 def field(code: CodeBuilder, B: Table, g: Sequence[Expression]) -> list[Expression]:
-    """B g."""
+    """The product B g."""
     return [code.dot(row, g) for row in B]
 
 
@@ -72,14 +72,14 @@ def scaled(code: CodeBuilder, factor: str, table: Table) -> Table:
 
 
 def middle(code: CodeBuilder, y: Sequence[str], z: Sequence[str]) -> list[str]:
-    """ȳ = y + z/2."""
+    """The midpoint ȳ = y + z/2."""
     return [a if b == "0.0" else str(code.plus("(0.5)", b, a)) for a, b in zip(y, z, strict=True)]
 
 
 def scaled_field(
     code: CodeBuilder, problem: RecordedProblem, y: Sequence[str], delta: str = "(1.0)"
 ) -> list[Expression]:
-    """Δ f(y), f = B∇H multiplied out where that is a few monomials: explicit steps do not need B and ∇H apart."""
+    """Δ f(y), with f = B∇H multiplied out if that is a few monomials: explicit steps do not need B and ∇H apart."""
     if problem.field is not None:
         return [code.polynomial(p, y, delta) for p in problem.field]
     return [
@@ -88,7 +88,7 @@ def scaled_field(
 
 
 def at(code: CodeBuilder, y: Sequence[str], z: Sequence[str], integrals: Any) -> list[str]:
-    """u = y + Σ_j integrals_j z_j, the stages one after the other in z."""
+    """u = y + Σ_j integrals_j z_j, with the stages one after the other in z."""
     d = len(y)
     state = list(y)
     for j, weight in enumerate(integrals):
@@ -111,7 +111,7 @@ class Collocation(Formula):
         self, code: CodeBuilder, problem: RecordedProblem, y: Sequence[str], z: Sequence[str], delta: str,
         averages: Sequence[Sequence[Expression]] | None,
     ) -> list[Expression]:  # fmt: skip
-        """The right-hand sides at z, the stages one after the other; the g_i are the ∇H(Y_i) where not given."""
+        """The right-hand sides at z, the stages one after the other; the g_i are the ∇H(Y_i) if not given."""
         R: list[Expression] = []
         for i, row in enumerate(gauss_tableau(self.stages).A):
             Y = at(code, y, z, row)
@@ -120,7 +120,7 @@ class Collocation(Formula):
         return R
 
     def update(self, code: CodeBuilder, z: Sequence[str]) -> list[str]:
-        """Σ b_i z_i."""
+        """The update Σ b_i z_i."""
         d = len(z) // self.stages
         sums: list[Expression] = [None] * d
         for j, b in enumerate(gauss_tableau(self.stages).b):
@@ -128,12 +128,12 @@ class Collocation(Formula):
         return [str(s) for s in sums]
 
     def states(self, code: CodeBuilder, y: Sequence[str], z: Sequence[str]) -> list[list[str]]:
-        """y1 and the stages."""
+        """The states y1 and the stages."""
         tableau = gauss_tableau(self.stages)
         return [at(code, y, z, row) for row in (tableau.b, *tableau.A)]
 
 
-# Schemes that bring their own solver.
+# Schemes with their own solver.
 FORMULAS: dict[str, Formula] = {
     **{
         f"projected-{p}": Formula(cast(one_step.Explicit, explicit(p).step).formula, projected=True)
@@ -150,9 +150,9 @@ FORMULAS: dict[str, Formula] = {
 
 
 def formula_of(scheme: Scheme) -> Formula | None:
-    """How the engine takes the scheme's step, None where it does not.
+    """The engine's form of the scheme's step; None if it has none.
 
-    A scheme is its step: what is put around the step of a formula, or around ours, is another scheme.
+    A scheme is its step: a wrapped step is another scheme.
     """
     rule = scheme.step
     if isinstance(rule, one_step.Explicit):

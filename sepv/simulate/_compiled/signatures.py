@@ -1,4 +1,4 @@
-"""Functions that are passed by address, so that what calls them is compiled once: their types, and such calls.
+"""Functions passed by address, so that their callers are compiled once: their types, and such calls.
 
 numba's own first-class functions take 0.1 ms each to be passed. Needs numba.
 """
@@ -15,10 +15,10 @@ from numba.extending import intrinsic
 
 _vector, _matrix, _block = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
 _integers, _int, _float = types.int64[::1], types.int64, types.float64
-# advance(S, I, increments, count, first, h, bound, P, left_over): `count` steps of a block; 1 where none of its lanes
-# lives on; `left_over` is an address, see `call_left_over`.
+# advance(S, I, increments, count, first, h, bound, P, left_over): take `count` steps of a block; 1 if none of its lanes
+# lives on. `left_over` is an address, see `call_left_over`.
 ADVANCE = _int(_vector, _integers, _block, _int, _int, _float, _float, _vector, _int)
-# start(S, I, increments, P): the invariants of a block whose states are set.
+# start(S, I, increments, P): compute the invariants of a block whose states are set.
 START = types.void(_vector, _integers, _block, _vector)
 # See `sepv.simulate._compiled.lanes` and `sepv.simulate._compiled.driver`.
 _scratch = types.Tuple((types.uint64[::1], types.uint8[::1]))
@@ -33,14 +33,14 @@ RUN = types.void(
 
 
 def address(function: Any) -> int:
-    """Where the compiled code of a function of one signature is."""
+    """The address of the compiled code of a function with one signature."""
     (arguments,) = function.overloads
     found = function.overloads[arguments]
     return int(found.library.get_pointer_to_function(found.fndesc.llvm_func_name))
 
 
 def calling(signature: Any) -> Callable[..., Any]:
-    """f(address, arguments): the function of this signature that is there, of a tuple of arguments."""
+    """Make f(address, arguments), a call of the function at an address with a tuple of arguments."""
 
     @intrinsic
     def call(_typingctx: Any, where: Any, arguments: Any) -> Any:
@@ -67,7 +67,7 @@ call_advance, call_begin, call_fill = calling(ADVANCE), calling(BEGIN), calling(
 
 @intrinsic
 def call_left_over(typingctx: Any, where: Any, S: Any, I: Any, increments: Any, width: Any) -> Any:  # noqa: ARG001 - numba's
-    """A C function at an address, of three addresses and a number: `sepv.simulate._compiled.block_run`."""
+    """Call the C function at an address with three addresses and a number: `sepv.simulate._compiled.block_run`."""
 
     def code(_context: Any, builder: Any, _signature: Any, values: Any) -> Any:
         kind = ir.FunctionType(ir.IntType(64), [ir.IntType(64)] * 4)

@@ -2,7 +2,7 @@
 
 A sweep z_i ← Δ B(Y_i) g_i costs evaluations and s² d products, where a step of Newton's iteration eliminates s·d
 unknowns. Each sweep gains a factor of about Δ|f′|/4; at steps that make sense all of them cost less than one
-elimination. A lane is done where the correction to come, m²/m_before, is below rounding; one whose corrections do
+elimination. A lane is done where the next correction, m²/m_before, is below rounding; one whose corrections do
 not shrink is left over, for `sepv.schemes.collocation` to solve.
 
 Where H is no polynomial, a last sweep by half as many nodes again must change nothing but roundings. A lane where it
@@ -23,8 +23,8 @@ from sepv.simulate._compiled.code_builder import CodeBuilder, shown
 from sepv.simulate._compiled.schemes import Collocation, at
 from sepv.simulate._compiled.writer import Writer
 
-# Sweeps before the first test, which costs half a sweep, and sweeps after it: while one lane of a block goes on, each
-# costs what forty lanes take, and Newton's iteration for one lane a hundred times as much.
+# Sweeps before the first test, which costs half a sweep, and sweeps after it. While one lane of a block goes on, a
+# sweep costs as much as for forty lanes, and Newton's iteration for one lane a hundred times as much.
 BLIND, TESTED = 8, 40
 FUSED = 2
 # Corrections must shrink by this factor.
@@ -32,14 +32,14 @@ SHRINKS = 0.9
 
 
 class StagesWriter(Writer):
-    """The kernel of an s-stage method."""
+    """Writer of the kernel of an s-stage method."""
 
     formula: Collocation
     imports = "from sepv.simulate._compiled.stages import rules\n"
 
     @property
     def nodes(self) -> int:
-        """Of the first rule: exact where H is a polynomial."""
+        """Nodes of the first rule: exact where H is a polynomial."""
         s, degree = self.formula.stages, self.problem.degree
         if not self.formula.averaged:
             return s
@@ -47,16 +47,16 @@ class StagesWriter(Writer):
 
     @property
     def exact(self) -> bool:
-        """Whether the first rule is all there is."""
+        """True if the first rule is exact, so that there is no other."""
         return bool(self.problem.degree) or not self.formula.averaged
 
     @property
     def straight(self) -> bool:
-        """Whether the nodes of the quadrature are the stages, so that a sweep is written out."""
+        """True if the nodes of the quadrature are the stages, so that a sweep is written out."""
         return self.nodes == self.formula.stages
 
     def more_rows(self) -> dict[str, int]:
-        """Where the nodes are not the stages: the sums of the g_i."""
+        """Rows for the sums of the g_i, if the nodes are not the stages."""
         return {} if self.straight else {"G": self.unknowns}
 
     kernel = "staged"
@@ -75,11 +75,11 @@ class StagesWriter(Writer):
 
     @property
     def checked(self) -> bool:
-        """Whether a converged lane is looked at again: for its quadrature, and for its points."""
+        """True if a converged lane is checked again: for its quadrature, and for its points."""
         return not self.exact or self.has_domain()
 
     def sums(self) -> tuple[list[str], list[str]]:
-        """G_i = Σ W_in ∇H(u_n): none of it, and a node; nothing where a sweep is written out."""
+        """G_i = Σ W_in ∇H(u_n): its start at zero, and one node; nothing if a sweep is written out."""
         if self.straight:
             return [], []
         code, s, d = CodeBuilder(self.parameters), self.formula.stages, self.d
@@ -95,7 +95,7 @@ class StagesWriter(Writer):
         return [f"{self.at('G', i)} = 0.0" for i in range(self.unknowns)], code.lines
 
     def sweep(self, code: CodeBuilder, y: list[str], z: list[str]) -> list[str]:
-        """R(z)."""
+        """The right side R(z) of a sweep."""
         d, s = self.d, self.formula.stages
         g = None if self.straight else [[self.at("G", i * d + r) for r in range(d)] for i in range(s)]
         return [shown(v) for v in self.formula.sweep(code, self.problem, y, z, "delta", g)]
@@ -107,7 +107,7 @@ class StagesWriter(Writer):
         return y, z
 
     def first(self) -> list[str]:
-        """The first sweep from z = 0, where one evaluation serves all stages."""
+        """The first sweep from z = 0, where all stages share one evaluation."""
         code = CodeBuilder(self.parameters)
         y = self.loaded(code, "Y", "y")
         g = self.problem.gradient(code, y)
@@ -122,7 +122,7 @@ class StagesWriter(Writer):
         return code.lines
 
     def blind(self) -> list[str]:
-        """A sweep without a test, by the nodes of the stages alone, which are good enough for a start."""
+        """A sweep without a test, by the nodes of the stages alone, which suffice for a start."""
         code = CodeBuilder(self.parameters)
         y, R = self.lane(code)
         for _ in range(FUSED if self.straight else 1):
@@ -154,7 +154,7 @@ class StagesWriter(Writer):
         return code.lines
 
     def check(self) -> list[str]:
-        """The last sweep by a finer rule, and whether all points are in the domain."""
+        """The last sweep by a finer rule, and a test that all points are in the domain."""
         code = CodeBuilder(self.parameters)
         y, z = self.lane(code)
         R = self.sweep(code, y, z)
@@ -182,14 +182,14 @@ class StagesWriter(Writer):
         return code.lines
 
     def ladder(self) -> list[int]:
-        """Nodes of the rules, each of which is tried where the one before did not suffice."""
+        """Nodes of the rules; each is tried where the one before did not suffice."""
         found = [self.nodes]
         while not self.exact and 2 * found[-1] <= MAX_NODES:
             found.append(2 * found[-1])
         return found
 
     def numbers(self) -> dict[str, Any]:
-        """Of the sweeps and the rules."""
+        """The constants of the sweeps and the rules."""
         blind, fused = (BLIND, FUSED) if self.straight else (4, 1)
         return {
             "RULES": len(self.ladder()), "EXACT": self.exact,
@@ -197,7 +197,7 @@ class StagesWriter(Writer):
         }  # fmt: skip
 
     def tables(self) -> list[str]:
-        """Those of the rules."""
+        """The tables of the rules."""
         s = self.formula.stages
         return [
             f"COUNTS, FIRSTS, NODES = rules({s}, {tuple(self.ladder())})",
@@ -207,9 +207,9 @@ class StagesWriter(Writer):
 
 
 def rules(stages: int, ladder: Sequence[int]) -> tuple[np.ndarray, np.ndarray, Array]:
-    """Quadratures of a generated module: each rule and the finer one that it is compared with, one after the other.
+    """Quadratures of a generated module: each rule followed by the finer one that it is compared with.
 
-    counts, firsts : (2 R,), nodes of each rule, and where they begin
+    counts, firsts : (2 R,), the number of nodes of each rule, and its first node
     nodes : (N, 2s), the weights of each node in the sums of the g_i, and those of the z_j in its state
         (`sepv.schemes._tableaux.moments`); with s nodes the first are the identity
     """

@@ -1,4 +1,4 @@
-"""Generated modules on disk: written once, imported by name, compiled code kept beside them by numba."""
+"""Generated modules on disk: written once, imported by name; numba keeps compiled code beside them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from llvmlite import binding
 from sepv._patches import put_off_blas
 from sepv.files import cache_folder
 
-# Where a module's source has the names that it imports from sepv.
+# The line of a module's source that imports names from sepv.
 _IMPORTS = re.compile(r"^from (sepv[\w.]*) import (.+)$", re.MULTILINE)
 _Number = (bool, int, float, str, np.generic)
 
@@ -33,7 +33,7 @@ put_off_blas()
 
 @cache
 def _machine() -> bytes:
-    """What compiles, and what it compiles for."""
+    """The versions of the compiler and the machine that it compiles for."""
     made_by = numba.__version__, llvmlite.__version__, np.__version__
     return repr((made_by, binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten())).encode()
 
@@ -41,7 +41,7 @@ def _machine() -> bytes:
 def linked(text: str) -> Iterator[ModuleType]:
     """The modules whose code is linked with this source: those that it imports, and those of the functions in them.
 
-    Classes are not followed: of an object compiled code has the numbers alone.
+    Classes are not followed: compiled code has only the numbers of an object.
     """
     open_ = [
         found
@@ -53,7 +53,7 @@ def linked(text: str) -> Iterator[ModuleType]:
     seen = set[str]()
     while open_:
         module = open_.pop()
-        # What a package holds depends on what was imported; what a function is linked with is not in it.
+        # The contents of a package depend on what was imported; linked functions are not in it.
         if module.__name__ in seen or not module.__name__.startswith("sepv.") or hasattr(module, "__path__"):
             continue
         seen.add(module.__name__)
@@ -69,7 +69,7 @@ def _home(value: Any) -> str:
 
 
 def contents(module: ModuleType) -> Iterator[bytes]:
-    """Its source, and the numbers that its names stand for, wherever they are from."""
+    """The source of a module, and the values of the numbers among its names."""
     assert module.__file__ is not None
     yield Path(module.__file__).read_bytes()
     for name, value in sorted(vars(module).items()):
@@ -80,7 +80,7 @@ def contents(module: ModuleType) -> Iterator[bytes]:
 
 
 def name_of(text: str) -> str:
-    """The name of the module with this source: another one where anything is different that its compiled code has."""
+    """The name of the module with this source: it changes with anything that its compiled code depends on."""
     parts = [_machine(), text.encode()]
     for module in sorted(linked(text), key=lambda module: module.__name__):
         parts += contents(module)
@@ -89,9 +89,9 @@ def name_of(text: str) -> str:
 
 @cache
 def ordinary(name: str) -> ModuleType:
-    """The module `driver` or `lanes`, compiled, known by its content and what it is linked with.
+    """The module `driver` or `lanes`, compiled, identified by its content and its linked code.
 
-    What numba keeps beside a file is known by that file alone, so that these are kept here as well.
+    numba identifies its files by the module's file alone, so these two are stored here as well.
     """
     text = (Path(__file__).parent / f"{name}.py").read_text(encoding="utf-8")
     if name == "driver":
@@ -101,11 +101,11 @@ def ordinary(name: str) -> ModuleType:
 
 @cache
 def load(text: str) -> ModuleType:
-    """The module with this source, compiled, or read from the cache where it was compiled before."""
+    """The module with this source, compiled, or read from the cache if it was compiled before."""
     name = name_of(text)
     path = cache_folder("engine") / f"{name}.py"
     if not path.is_file() or path.read_text(encoding="utf-8") != text:
-        # Written aside and renamed: another process sees the whole file or none.
+        # Written aside and renamed, so that another process sees the whole file or none.
         with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8") as out:
             out.write(text)
         os.replace(out.name, path)
@@ -117,7 +117,7 @@ def load(text: str) -> ModuleType:
     try:
         spec.loader.exec_module(module)
     except Exception:
-        # Compiled code that was cut off when it was written, or is not of this machine: compiled once more.
+        # The compiled code was cut off when it was written, or is for another machine: compile again.
         for file in (path.parent / "__pycache__").glob(f"{name}*"):
             file.unlink(missing_ok=True)
         spec.loader.exec_module(module)

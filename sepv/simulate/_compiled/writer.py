@@ -1,6 +1,6 @@
-"""A kernel being written: what the kernels of all schemes have in common.
+"""The writer of a kernel, with the parts that the kernels of all schemes share.
 
-The loops are functions of `sepv.simulate._compiled.kernels`. What they do to a lane is written here:
+The loops are functions of `sepv.simulate._compiled.kernels`. Their work on a lane is written here:
 straight-line code with selects, so that it becomes SIMD code. All state of a block lies in one scratch
 buffer at fixed offsets.
 """
@@ -17,7 +17,7 @@ from sepv.simulate._compiled.schemes import Formula
 
 
 class Writer(ABC):
-    """A kernel being written: `text` is the module's source, `parameters` what it reads after the c_j."""
+    """A kernel under construction: `text` is the module's source; it reads the c_j and then `parameters`."""
 
     imports = ""
     # The function of `sepv.simulate._compiled.kernels` that advances a block.
@@ -35,7 +35,7 @@ class Writer(ABC):
         self.unknowns = formula.stages * d
         self.offset = {}
         base = 0
-        # State, unknowns of Newton's iteration, what Kahan's sum lost; what is known of the step, the last correction,
+        # Rows: state, unknowns of Newton's iteration, rounding of Kahan's sum; data of the step, the last correction,
         # the size of the state, the energy at the start, the largest defects of energy and Casimirs.
         rows = {"Y": d, "Z": self.unknowns, "E": d if compensated else 0, "D": len(self.known)}
         rows |= dict.fromkeys(("P", "X", "H", "WH", "WC"), 1)
@@ -67,25 +67,25 @@ class Writer(ABC):
             "ENERGY": self.offset["WH"] // self.lanes, "CASIMIR": self.offset["WC"] // self.lanes,
             "STAGES": self.formula.stages, "UNKNOWNS": self.offset["Z"] // self.lanes, **self.numbers(),
         }  # fmt: skip
-        # Read now: writing the pieces has named the coefficients.
+        # Only now: writing the pieces has named the coefficients.
         names = [f"c{j}" for j in range(self.noises)] + [f"p{i}" for i in range(len(self.parameters))]
         preamble = self.problem.preamble + self.imports
         return text(preamble, numbers, names, pieces, self.tables(), self.kernel)
 
     @abstractmethod
     def pieces(self) -> dict[str, tuple[list[str], str]]:
-        """The code for a lane, by the names of `kernels`, and what each piece adds up."""
+        """The code for a lane under the names of `kernels`, and the number that each piece adds up."""
 
     def numbers(self) -> dict[str, Any]:
         """The kernel's own constants."""
         return {}
 
     def tables(self) -> list[str]:
-        """Lines of its arrays."""
+        """Lines of the kernel's arrays."""
         return []
 
     def more_rows(self) -> dict[str, int]:
-        """More rows of the scratch buffer."""
+        """Further rows of the scratch buffer."""
         return {}
 
     def start(self) -> list[str]:
@@ -134,8 +134,8 @@ class Writer(ABC):
         z = self.formula.update(code, [self.at("Z", i) for i in range(self.unknowns)])
         for i in range(d):
             if self.compensated:
-                # What a sum loses is kept and added to the next increment: Kahan's summation with Knuth's two-sum,
-                # since a component next to zero is smaller than its increment.
+                # The rounding of a sum is kept and added to the next increment: Kahan's summation with Knuth's
+                # two-sum, since a component next to zero is smaller than its increment.
                 lost = self.at("E", i)
                 kept = f"select(ok, r{i}, {lost})" if masked else f"r{i}"
                 code.lines += [f"q{i} = {z[i]} + {lost}", f"y{i} = x{i} + q{i}", f"t{i} = y{i} - x{i}"]
@@ -163,7 +163,7 @@ class Writer(ABC):
 
 
 class ExplicitWriter(Writer):
-    """The kernel of an explicit scheme: the increment itself, and whether it leads anywhere."""
+    """Writer of the kernel of an explicit scheme: the increment, and a test that it is finite."""
 
     kernel = "explicit"
 

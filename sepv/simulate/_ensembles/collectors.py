@@ -1,4 +1,4 @@
-"""What chunks of an ensemble become: ends in memory, ends on disk, or summaries of them."""
+"""Collectors of an ensemble's chunks: ends in memory, ends on disk, or summaries of them."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from sepv.workers import Halted, halted
 PathProgress = Callable[[int, int], None] | None
 
 
-# Path-steps between two looks at whether the chunk is still wanted, and at Ctrl-C: some hundredths of a second.
+# Path-steps between two checks that the chunk is still wanted and Ctrl-C was not pressed: some hundredths of a second.
 PIECE = 2**21
 
 
 def chunk_of(task: Task, problem: Problem) -> Any:
-    """The chunk before its first step, in NumPy or with a kernel that is compiled for it."""
+    """The chunk before its first step, in NumPy or with a kernel compiled for it."""
     if task.compiled:
         from sepv.simulate._compiled.block_run import Chunk
 
@@ -35,7 +35,7 @@ def chunk_of(task: Task, problem: Problem) -> Any:
 
 
 def run(task: Task) -> Ensemble:
-    """The chunk's ends, and its states at the stops."""
+    """Run a chunk: its ends, and its states at the stops."""
     problem = task.problem if isinstance(task.problem, Problem) else build(task.problem)
     chunk = chunk_of(task, problem)
     kept = np.empty((len(task.stops), problem.dimension, task.count))
@@ -52,32 +52,32 @@ def run(task: Task) -> Ensemble:
 
 
 class Total(ABC):
-    """Takes chunks as they come, in any order."""
+    """A collector takes chunks in any order."""
 
     def __init__(self, task: Task, start: Ensemble, progress: PathProgress) -> None:
         self.ensemble, self.paths = start, task.count
         self.progress = progress or (lambda _done, _all: None)
 
     def missing(self, numbers: range) -> Sequence[int]:
-        """Which of the chunks have to be computed."""
+        """The chunks that must be computed."""
         return numbers
 
     @abstractmethod
     def take(self, number: int, task: Task, result: Any) -> bool | None:
-        """A chunk; True where no more are wanted."""
+        """Take a chunk; return True if no more are wanted."""
 
     @abstractmethod
     def finished(self) -> tuple[Any, Ensemble]:
         """The numbers of the finished paths, and their ensemble."""
 
     def result(self) -> Ensemble:
-        """The whole."""
+        """The whole ensemble."""
         return self.ensemble
 
 
 @dataclass(frozen=True)
 class Reducing:
-    """Computes a chunk and its summaries, where the worker is; with `keep` the chunk as well."""
+    """Compute a chunk and its summaries on the worker; with `keep` return the chunk as well."""
 
     functionals: Functionals
     keep: bool
@@ -89,17 +89,17 @@ class Reducing:
 
 
 def without_paths(chunk: Ensemble) -> Ensemble:
-    """Its counts alone."""
+    """The counts of a chunk, without its paths."""
     return replace(chunk, **{key: getattr(chunk, key)[..., :0] for key in AXES})
 
 
 def _more(whole: Ensemble, chunk: Ensemble) -> Ensemble:
-    """With the counts of a chunk."""
+    """Add the counts of a chunk."""
     return replace(whole, **{key: getattr(whole, key) + getattr(chunk, key) for key in COUNTED})
 
 
 class InMemory(Total):
-    """The ensemble being filled, chunk by chunk, in place."""
+    """Collect chunks in memory, into one ensemble that is filled in place."""
 
     def __init__(self, task: Task, empty: Ensemble, progress: PathProgress) -> None:
         try:
@@ -118,7 +118,7 @@ class InMemory(Total):
         self.done = np.zeros(task.count, dtype=bool)
 
     def take(self, _number: int, task: Task, chunk: Any) -> None:
-        """A chunk's ends go to their places; where it is the whole, they are the ends."""
+        """Put a chunk's ends into their places; a chunk that is the whole ensemble is kept itself."""
         whole, here = self.ensemble, slice(task.first, task.first + task.count)
         if task.count == self.paths:
             whole = replace(whole, **{key: getattr(chunk, key) for key in AXES})
@@ -130,13 +130,13 @@ class InMemory(Total):
         self.progress(int(self.done.sum()), self.paths)
 
     def finished(self) -> tuple[np.ndarray, Ensemble]:
-        """Their ends alone."""
+        """The ends of the finished paths alone."""
         kept: dict[str, Any] = {key: getattr(self.ensemble, key)[..., self.done] for key in AXES}
         return np.flatnonzero(self.done), replace(self.ensemble, **kept)
 
 
 class Reduced(Total):
-    """Summaries, merged in the order of chunks; what comes early waits for its turn."""
+    """Collect summaries, merged in the order of chunks; early ones wait for their turn."""
 
     def __init__(
         self, task: Task, empty: Ensemble, progress: PathProgress, functionals: Functionals,
@@ -148,11 +148,11 @@ class Reduced(Total):
         self.early: dict[int, tuple[int, Ensemble, Mapping[str, Summary]]] = {}
 
     def take(self, number: int, task: Task, result: Any) -> bool:
-        """A chunk's counts and summaries."""
+        """Take a chunk's counts and summaries."""
         return self.add(number, task.count, *result)
 
     def add(self, number: int, paths: int, counts: Ensemble, summaries: Mapping[str, Summary]) -> bool:
-        """Those of chunk `number`; True once every target error is reached."""
+        """Add the counts and summaries of chunk `number`; True once every target error is reached."""
         self.early[number] = (paths, counts, summaries)
         while self.next in self.early:
             paths, counts, summaries = self.early.pop(self.next)
@@ -166,12 +166,12 @@ class Reduced(Total):
         return False
 
     def finished(self) -> tuple[range, Ensemble]:
-        """The paths that are merged: the first ones."""
+        """The numbers of the merged paths, the first ones, and their ensemble."""
         return range(self.done), self.ensemble
 
 
 class OnDisk(Total):
-    """Ends in a store, and their summaries where those are asked for."""
+    """Collect ends in a store on disk, and summaries of them if wanted."""
 
     def __init__(
         self, task: Task, empty: Ensemble, progress: PathProgress, where: Any, size: int,
@@ -192,7 +192,7 @@ class OnDisk(Total):
         self.there = np.zeros(self.store.chunks, dtype=bool)
 
     def missing(self, numbers: range) -> Sequence[int]:
-        """Those that are not in the store, or torn."""
+        """Chunks missing from the store, or incomplete."""
         for number in numbers:
             found = self.store.load(number)
             if found is not None and self._take(number, self._chunk(found)):
@@ -200,7 +200,7 @@ class OnDisk(Total):
         return [int(n) for n in np.flatnonzero(~self.there)]
 
     def _chunk(self, found: dict[str, Any]) -> Ensemble:
-        """What was read as an ensemble; arrays without entries are not in the store."""
+        """Convert stored arrays to an ensemble; arrays without entries are not in the store."""
         M = found["status"].size
         absent: dict[str, Any] = {
             key: np.empty((*array.shape[:-1], M))
@@ -210,7 +210,7 @@ class OnDisk(Total):
         return replace(self.empty, **absent, **found)
 
     def take(self, number: int, _task: Task, result: Any) -> bool:
-        """A chunk, and its summaries where they were made on its worker."""
+        """Store a chunk, and take its summaries if its worker made them."""
         chunk, summaries = result if self.reduced is not None else (result, None)
         self.store.save(number, chunk)
         return self._take(number, chunk, summaries)
@@ -232,7 +232,7 @@ class OnDisk(Total):
         return np.concatenate(parts) if parts else np.empty(0, dtype=np.int64), self.result()
 
     def result(self) -> Ensemble:
-        """The arrays of the store."""
+        """The arrays of the store as an ensemble."""
         if self.reduced is None:
             return self.ensemble
         return replace(self.ensemble, reduced=self.reduced.ensemble.reduced)

@@ -33,13 +33,13 @@ from sepv.workers import check, run_all
 from sepv.workers import count as threads_of
 
 ENGINES = ("auto", "numpy", "compiled")
-# Chunks for each worker, so that one that is slower than the others does not keep them waiting.
+# Chunks for each worker, so that a slow worker does not keep the others waiting.
 SHARES = 4
-# Work of a chunk that travels or is kept: some tenths of a second, beside which a scheduler's millisecond is little.
+# Path-steps of a chunk that travels or is kept: some tenths of a second, large beside a scheduler's millisecond.
 PATH_STEPS = 2**24
-# Paths in such a chunk: the engine's arrays for them take some 20 MB.
+# The most paths in such a chunk: the engine's arrays for them take some 20 MB.
 LARGEST = 16 * CHUNK
-# The same where ends are sent whole and shares are large enough: some 80 MB for each thread.
+# The most paths where ends are sent whole and shares are large enough: some 80 MB for each thread.
 FARTHEST = 4 * LARGEST
 
 
@@ -67,7 +67,7 @@ def ensemble(
     until: Mapping[str, float] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Ensemble:
-    """The ends of `paths` paths; memory grows with the number of paths alone, and with `store` or `reduce` not at all.
+    """Run many paths to T; memory grows with the number of paths only, and with `store` or `reduce` not at all.
 
     Path number p is the same for any number of paths, for every h = T/(n·2^l) with the same odd n, for both engines,
     and, with one engine to the bit, for any workers.
@@ -78,7 +78,7 @@ def ensemble(
         As for `sepv.integrate`.
     paths : int, optional with dW.
     seed : int
-        Of the increments.
+        The seed of the increments.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
         By default the scheme's own. Each is taken at the rank of the increment drawn or given
         (`sepv.simulate._truncation.seen`), so that a path number means the same stream whatever increments it
@@ -94,7 +94,7 @@ def ensemble(
         invariant's random walk, is then carried along and not lost.
     engine : "auto", "numpy" or "compiled"
         "auto" takes the compiled engine (extra `fast`) where it takes the scheme and the problem;
-        `Ensemble.engine` says which it was and `Ensemble.reason` why it was not the compiled one.
+        `Ensemble.engine` names the engine and `Ensemble.reason` says why it was not the compiled one.
     workers : int, executor, map-like callable, Dask client or its address
         With an int that many threads (compiled engine) or processes (NumPy). An executor, a map, or a
         `distributed.Client` sends chunks elsewhere (docs/clusters.md); what a broken worker did not finish is computed
@@ -175,7 +175,7 @@ def ensemble(
         total = Reduced(whole, empty, progress, reduce, until)
     else:
         total = InMemory(whole, empty, progress)
-    # Whether chunks may leave this process, so that what they need must travel.
+    # True if chunks may leave this process, so that their data must travel.
     far = not isinstance(workers, int) or (not compiled and workers > 1)
     numbers = total.missing(range(-(-paths // size)))
     tasks = _Chunks(whole, size, numbers, far)
@@ -201,7 +201,7 @@ def _increments(
     if dW is not None:
         raw = np.ascontiguousarray(dW, dtype=np.float64)
         paths = raw.shape[2] if raw.ndim == 3 and paths is None else paths
-        # The extrema are finite where all are, and take no temporary.
+        # The extrema are finite if all numbers are, and need no temporary.
         finite = raw.size == 0 or (np.isfinite(raw.min()) and np.isfinite(raw.max()))
         if raw.shape != (steps, problem.noises, paths) or not finite:
             where = ""
@@ -235,9 +235,9 @@ def _stops(times: ArrayLike | None, h: float, steps: int) -> tuple[int, ...]:
 def choose(
     engine: str, scheme: Scheme, problem: Problem, compensated: bool, lanes: int = LANES
 ) -> tuple[bool, str]:
-    """Whether the compiled engine takes this, and why not.
+    """Decide if the compiled engine runs this, with the reason if not.
 
-    A UsageError for an unknown engine, and where it must be the compiled one and cannot.
+    Raises UsageError for an unknown engine, and if the compiled one is required and impossible.
     """
     require_one_of("engine", engine, ENGINES, "take auto")
     if engine == "numpy":
@@ -256,7 +256,7 @@ def choose(
 
 
 class _Chunks(Sequence[Task]):
-    """The tasks that an ensemble is cut into, made when they are asked for: there may be a hundred thousand."""
+    """The tasks of an ensemble, made on demand: there may be a hundred thousand."""
 
     def __init__(self, whole: Task, size: int, numbers: Sequence[int], far: bool) -> None:
         self.whole, self.size, self.numbers, self.far = whole, size, numbers, far
@@ -277,9 +277,9 @@ class _Chunks(Sequence[Task]):
 
 
 def _chunk_size(whole: Task, workers: Any, chunk: int | None, fixed: bool) -> int:
-    """Paths in a chunk.
+    """The number of paths in a chunk.
 
-    Where chunks are kept on disk or reduced, the size is the same for any workers: reduced results then are, too.
+    Chunks on disk or reduced have the same size for any workers, so that reduced results have the same bits.
     """
     if chunk is not None:
         return require_whole("chunk", chunk, "paths of one worker at a time")
@@ -292,7 +292,7 @@ def _chunk_size(whole: Task, workers: Any, chunk: int | None, fixed: bool) -> in
     size = min(max(PATH_STEPS // whole.steps // LANES * LANES, LANES), LARGEST)
     if fixed:
         return size
-    # A scheduler's work is the same for every chunk: fewer of them where there are enough for all threads.
+    # A scheduler's work is the same for every chunk: large chunks where there are enough for all threads.
     share = whole.count // (SHARES * max(threads_of(workers), 1)) // LANES * LANES
     return max(size, min(share, PATH_STEPS // whole.steps // LANES * LANES, FARTHEST))
 
@@ -310,15 +310,15 @@ def _empty(whole: Task, problem: Problem, reason: str, about: dict[str, Any]) ->
 
 
 def _about(whole: Task, problem: Problem, dW: Any) -> dict[str, Any]:
-    """What the paths are paths of, as JSON: equal where the paths are equal.
+    """Describe the paths as JSON: equal descriptions mean equal paths.
 
-    The problem and the scheme are known by a fingerprint. It is kept for what is compiled, as kernels are: these are
+    Fingerprints stand for the problem and the scheme. Those of compiled ones are cached, as kernels are: these are
     records, which do not change.
     """
     known = (whole.scheme, problem, whole.y0.tobytes(), whole.h)
     try:
         fingerprint = (_kept_fingerprint if whole.compiled else _fingerprint)(*known)
-    except TypeError:  # a scheme without a hash is not kept
+    except TypeError:  # a scheme without a hash is not cached
         fingerprint = _fingerprint(*known)
     law = point_law(whole.scheme.increments)
     return {
@@ -343,14 +343,14 @@ def _about(whole: Task, problem: Problem, dW: Any) -> dict[str, Any]:
 
 
 def _fingerprint(scheme: Scheme, problem: Problem, start: bytes, h: float) -> str:
-    """Of a problem and a scheme by their values at y0 and by one step: functions cannot be compared."""
+    """A fingerprint of a problem and a scheme from their values at y0 and one step: functions cannot be compared."""
     y0 = np.frombuffer(start).copy()
     with np.errstate(all="ignore"):
         values = [problem.hamiltonian(y0), problem.gradient(y0), problem.structure(y0)]
         try:
             increment = np.full(problem.noises, 0.25 * math.sqrt(h))
             values.append(scheme.step(problem, y0.copy(), h, increment))
-        except Exception as error:  # a step may be refused; that too is what the scheme does
+        except Exception as error:  # a refused step is part of the scheme's behaviour too
             values.append(np.frombuffer(type(error).__name__.encode(), dtype=np.uint8))
     bits = b"".join(np.ascontiguousarray(value).tobytes() for value in values)
     return hashlib.sha256(bits).hexdigest()[:16]

@@ -1,4 +1,4 @@
-"""One long path: pieces of a fraction of a second, so that progress shows and an interrupt keeps what was done."""
+"""One long path, run in pieces of a fraction of a second: progress shows, and an interrupt keeps the steps done."""
 
 from __future__ import annotations
 
@@ -41,17 +41,17 @@ class LongPath:
     y : (d,), W : (m,)
         The state and W at t.
     times, states : (K,), (d, K)
-        What `every` kept.
+        States kept by `every`.
     energy_defect, casimir_defect : float
         Largest |H(y_n) − H(y_0)| and the same over the Casimirs, over all steps done.
     energy_defects : (K,)
-        H(y) − H(y_0) at `times`: how it walks.
-    status, failed_step : how a step that was not solved ended, and how many were done before it (−1: none).
+        H(y) − H(y_0) at `times`.
+    status, failed_step : the status of a step that was not solved, and the number of steps before it (−1: none).
     iterations, gradient_evaluations : work done.
     seconds : float
         Wall time, compilation not counted.
     interrupted : bool
-    engine, reason : which engine, and why not the compiled one.
+    engine, reason : the engine, and why it is not the compiled one.
     """
 
     steps: int
@@ -94,14 +94,14 @@ def long_path(
     progress: Callable[[int, int], None] | None = None,
     resume: LongPath | None = None,
 ) -> LongPath:
-    """Path number `path` of `ensemble`, of any length, in memory that does not grow with it.
+    """Run path number `path` of `ensemble` to any length, in memory that does not grow with it.
 
     Parameters
     ----------
     scheme, problem, h, steps, T, seed, y0, truncation, increments, refine, engine
         As for `ensemble`.
     path : int
-        Its number there.
+        Number of the path there.
     every : int, optional
         Keep the state after each so many steps.
     compensated : bool
@@ -109,7 +109,7 @@ def long_path(
     progress : callable (steps done, steps), optional
         Called a few times a second.
     resume : LongPath, optional
-        What an earlier call with the same arguments in this process had done, to go on from there.
+        The result of an earlier call with the same arguments in this process, to continue from.
 
     Returns
     -------
@@ -193,7 +193,7 @@ def long_path(
 
 
 def _pieces(chunk: Any, count: int, every: int | None) -> Any:
-    """Advances in pieces of about PIECE_SECONDS; yields whether a state is to be kept."""
+    """Advance in pieces of about PIECE_SECONDS; yield True if a state is to be kept."""
     length = FIRST_PIECE
     while chunk.done < count:
         stop = min(chunk.done + length, count)

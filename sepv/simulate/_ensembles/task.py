@@ -1,4 +1,4 @@
-"""A chunk of paths: a pure function of what it is asked for, that any worker on any machine can run."""
+"""A chunk of paths as a task: a pure function of its data, which any worker on any machine can run."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ PIECE = 256
 
 @dataclass(frozen=True)
 class Task:
-    """Paths first … first + count − 1 over `steps` steps.
+    """A task: paths first … first + count − 1 over `steps` steps.
 
-    problem : Problem, or its data where it can be built again from them: they travel.
+    problem : Problem, or its data if it can be built again from them, which then travel.
     dW : (N, m, M), given increments, untruncated, of paths `place` … `place` + count − 1; else None.
     stops : increasing numbers of steps at which states are kept.
-    track : whether the invariants are followed in NumPy; else their defects are 0.
+    track : True if the invariants are followed in NumPy; else their defects are 0.
     """
 
     scheme: Scheme
@@ -49,14 +49,14 @@ class Task:
 
 
 def portable(problem: Problem) -> Problem | PolynomialSystem | NamedProblem:
-    """The problem's data where they are all there is to it, else the problem."""
+    """The problem's data if they define it completely, else the problem."""
     if problem.data is not None and np.array_equal(build(problem.data).c, problem.c):
         return problem.data
     return problem
 
 
 class NumpyChunk:
-    """A chunk in NumPy; `advance` goes on where it was left, as the compiled one's does."""
+    """A chunk in NumPy; `advance` continues it, as for the compiled one."""
 
     def __init__(self, task: Task, problem: Problem) -> None:
         self.task = task
@@ -68,11 +68,11 @@ class NumpyChunk:
 
     @property
     def done(self) -> int:
-        """Steps done."""
+        """The number of steps done."""
         return self.batch.done
 
     def advance(self, steps: int) -> None:
-        """The next `steps` steps."""
+        """Take the next `steps` steps."""
         for raw in islice(self.increments, steps):
             if halted():
                 raise Halted
@@ -82,15 +82,15 @@ class NumpyChunk:
             self.W += raw
 
     def states(self) -> Array:
-        """(d, M)."""
+        """The states (d, M)."""
         return self.batch.y.copy()
 
     def failed(self) -> bool:
-        """Whether no path goes on."""
+        """True if no path goes on."""
         return not self.batch.alive.size
 
     def result(self, kept: Array) -> Ensemble:
-        """The ends so far."""
+        """The ends so far as an ensemble."""
         return self.batch.result(self.W, kept)
 
     def _walk(self, problem: Problem) -> Iterator[Array]:

@@ -17,7 +17,7 @@ import numpy as np
 from sepv.errors import UsageError
 from sepv.simulate._results.sketch import Sketch, sketch
 
-# A target standard error is believed from so many values on: one of a few values may be small by chance.
+# The fewest values for which a target standard error counts: that of a few values may be small by chance.
 FEWEST = 1024
 
 Functionals = Mapping[str, Callable[[Any], Any]]
@@ -25,20 +25,20 @@ Functionals = Mapping[str, Callable[[Any], Any]]
 
 @dataclass(frozen=True)
 class Summary:
-    """What many values of a functional were.
+    """Summary of many values of a functional.
 
     Attributes
     ----------
     count : int
-        Values that the rest is about.
+        The number of values in the summary.
     mean : float
     sums : (3,) of float
         Σ(x − mean)ᵏ for k = 2, 3, 4.
     minimum, maximum : float
     failed : int
-        Paths left out because a step of them was not solved: the rest is about those that got through.
+        Paths left out because a step was not solved: the rest describes the others.
     not_finite : int
-        Paths that got through and whose value is none; left out as well.
+        Solved paths whose value is not finite; left out as well.
     """
 
     count: int = 0
@@ -52,22 +52,22 @@ class Summary:
 
     @property
     def variance(self) -> float:
-        """The unbiased one; NaN of fewer than two values."""
+        """The unbiased variance; NaN for fewer than two values."""
         return self.sums[0] / (self.count - 1) if self.count > 1 else math.nan
 
     @property
     def standard_error(self) -> float:
-        """Of the mean, estimated; NaN of fewer than two values."""
+        """The standard error of the mean, estimated; NaN for fewer than two values."""
         return math.sqrt(self.variance / self.count) if self.count > 1 else math.nan
 
     @property
     def skewness(self) -> float:
-        """The third standardised moment; NaN where all values are one."""
+        """The third standardised moment; NaN if all values are equal."""
         return self._standardised(1, 1.5)
 
     @property
     def kurtosis(self) -> float:
-        """The fourth standardised moment, 3 of a normal variable; NaN where all values are one."""
+        """The fourth standardised moment, 3 for a normal variable; NaN if all values are equal."""
         return self._standardised(2, 2.0)
 
     def _standardised(self, which: int, power: float) -> float:
@@ -115,7 +115,7 @@ def summary(values: Any, status: Any) -> Summary:
     failed, not_finite = int(np.count_nonzero(~got_through)), int(np.count_nonzero(got_through & ~finite))
     if not kept.size:
         return Summary(failed=failed, not_finite=not_finite)
-    with np.errstate(over="ignore", invalid="ignore"):  # sums that overflow are inf or NaN, and seen
+    with np.errstate(over="ignore", invalid="ignore"):  # sums that overflow are inf or NaN, which is reported
         mean = float(np.mean(kept))
         gap = kept - mean
         square = gap * gap
@@ -145,7 +145,7 @@ def reduce_chunk(functionals: Functionals, chunk: Any) -> dict[str, Summary]:
 
 
 def validate(reduce: Any, until: Any) -> None:
-    """Raises UsageError for functionals or target errors that are none."""
+    """Raise UsageError for invalid functionals or target errors."""
     if not isinstance(reduce, Mapping) or not reduce or not all(callable(f) for f in reduce.values()):
         raise UsageError(
             expected="reduce: functionals by name",
@@ -164,10 +164,11 @@ def validate(reduce: Any, until: Any) -> None:
 
 
 def reached(reduced: Mapping[str, Summary], until: Mapping[str, float]) -> bool:
-    """Whether every target standard error is reached.
+    """True if every target standard error is reached.
 
-    Y. S. Chow and H. Robbins, Ann. Math. Statist. 36 (1965): stopped so, the usual interval keeps its level as the
-    target goes to 0. For a finite one it falls a little short; `FEWEST` keeps it from stopping by chance at once.
+    Y. S. Chow and H. Robbins, Ann. Math. Statist. 36 (1965): with this stopping rule the usual interval keeps its
+    level as the target goes to 0. For a finite target it falls a little short; `FEWEST` prevents an early stop by
+    chance.
     """
     return all(
         reduced[name].count >= FEWEST and reduced[name].standard_error <= target

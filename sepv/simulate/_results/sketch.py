@@ -2,7 +2,7 @@
 
 The sketch of C. Masson, J. E. Rim and H. K. Lee, *DDSketch*, Proc. VLDB 12 (2019): with γ = (1 + α)/(1 − α) the
 number x > 0 falls into bucket i = ⌈ln x / ln γ⌉, and 2γ^i/(γ + 1) is within α x of every x of that bucket. Counts are
-integers, so that sketches merge exactly, in any order; a t-digest depends on the order, and its error has no bound.
+integers, so sketches merge exactly, in any order; a t-digest depends on the order, and its error has no bound.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from sepv.errors import UsageError
 from sepv.record._binary64 import TINY
 
-# Relative error of a quantile. The counts of a normal variable then take some 100 kB, whatever their number.
+# Relative error of a quantile. The counts of a normal variable then take some 100 kB, for any number of values.
 ACCURACY = 1e-3
-# ln γ, and what makes every index positive.
+# ln γ, and the offset that makes every index positive.
 _LOG_GAMMA = math.log1p(ACCURACY) - math.log1p(-ACCURACY)
 _OFFSET = math.ceil(-math.log(TINY) / _LOG_GAMMA) + 2
 # Numbers smaller than the smallest normal one count as 0.
@@ -28,7 +28,7 @@ _LARGEST = math.log(float(np.finfo(np.float64).max))
 
 @dataclass(frozen=True)
 class Sketch:
-    """Counts (K,) by bucket.
+    """A sketch: counts (K,) by bucket.
 
     keys : (K,) int32, increasing: sign·(i + offset) with an offset that makes i positive, so that keys are ordered as
         the numbers are; 0 is 0

@@ -1,7 +1,7 @@
 """Ends of paths on disk, a Zarr chunk for each chunk of paths (Zarr format 3, which xarray and others read).
 
-A chunk is there when its line of `work` is: that is written last, with a checksum of all that belongs to the chunk.
-Whatever was torn by a crash, deleted or changed does not fit its checksum, and is computed again.
+The line of `work` of a chunk is written last, with a checksum of all that belongs to the chunk: it marks the chunk as
+complete. A chunk that was torn by a crash, deleted or changed does not fit its checksum, and is computed again.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ import numpy as np
 from sepv._arguments import optional
 from sepv.errors import UsageError
 
-# Bumped where older stores are no longer read.
+# The version of the format, raised where older stores can no longer be read.
 FORMAT = 1
-# What was counted over a chunk, in `work` after the checksum.
+# The counts of a chunk, in `work` after the checksum.
 COUNTED = ("gradient_evaluations", "structure_evaluations", "iterations", "divisions", "continuations")
-# Values that no path has stand where nothing was written.
+# Fill values of entries never written; no path has these values.
 _FILL = {"f": float("nan"), "i": -9}
 
 
@@ -30,10 +30,10 @@ class ZarrStore:
     def __init__(
         self, where: Any, about: Mapping[str, Any], shapes: Mapping[str, Any], paths: int, chunk: int
     ) -> None:
-        """Open a store, or begin it; a UsageError without zarr, and for a place that holds something else.
+        """Open a store, or create it; a UsageError without zarr, and for a place that holds something else.
 
-        where : path, or what `zarr.open_group` takes
-        about : what the paths are paths of, as JSON; a store that exists must say the same
+        where : path, or another argument of `zarr.open_group`
+        about : the description of the paths as JSON; an existing store must have the same
         shapes : name -> (names of the axes before the paths, their lengths, dtype)
         """
         zarr = optional("zarr", "zarr ≥ 3, for store=", "pip install 'zarr>=3'")
@@ -55,7 +55,7 @@ class ZarrStore:
         kind = np.dtype(dtype).kind
         return self.group.create_array(
             name, shape=shape, chunks=chunks, dtype=dtype, fill_value=_FILL[kind], dimension_names=axes,
-            # The digits of states are as good as random: only integers become smaller.
+            # The digits of states are as good as random: only integers can be compressed.
             compressors=None if kind == "f" else "auto",
         )  # fmt: skip
 
@@ -68,13 +68,13 @@ class ZarrStore:
         self.work[number] = np.array([_checksum(number, contents, counts), *counts], dtype=np.int64)
 
     def load(self, number: int) -> dict[str, Any] | None:
-        """A chunk's arrays and counts; None where it is not there as it was written."""
+        """A chunk's arrays and counts; None if it is missing or changed."""
         try:
             line = [int(v) for v in self.work[number]]
             if line[0] < 0:
                 return None
             contents = {name: array[..., self._place(number)] for name, array in self.arrays.items()}
-        except Exception:  # a torn file shows itself in many ways, in the decoders and before
+        except Exception:  # a torn file fails in many ways, in the decoders and before
             return None
         counts = line[1:]
         if _checksum(number, contents, counts) != line[0]:
@@ -108,7 +108,7 @@ def _group(zarr: Any, where: Any, about: dict[str, Any]) -> Any:
     if not isinstance(found, dict):
         raise _other(target, "it was not written by sepv")
     differ = [key for key in sorted({*found, *about}) if found.get(key) != about.get(key)]
-    differ.sort(key="fingerprint".__eq__)  # which says least, and is named last
+    differ.sort(key="fingerprint".__eq__)  # the least informative, so named last
     if differ:
         key = differ[0]
         raise _other(
