@@ -198,7 +198,7 @@ def _is_positive(value: Any) -> bool:
 
 
 def takes(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> bool:
-    """Whether the step is one of those that the scheme says it takes (`Scheme.longest_step`)."""
+    """True if the scheme says that it takes steps of this length (`Scheme.longest_step`)."""
     limit = scheme.longest_step
     if limit is None:
         return True

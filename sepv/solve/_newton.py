@@ -182,7 +182,7 @@ def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, diffe
     status = np.full(count, Status.NO_CONVERGENCE, dtype=np.int64)
     last_size = last_move = np.full(count, np.inf)
     active = np.arange(count)
-    # Lanes whose matrix is taken once more, and the matrices of all.
+    # Lanes that use their matrix once more, and the matrices of all.
     reuse, kept = np.zeros(count, dtype=bool), np.empty((0, 0, count))
     with np.errstate(all="ignore"):
         for _ in range(MOST if recorded else MAX_ITERATIONS):
@@ -254,7 +254,7 @@ def _of(lanes: Any, *values: Any) -> Any:
 
 
 def _small(size: Array, moves: Array, magnitude: Array, outgrown: Flags) -> Flags:
-    """Where the correction is below half an ulp of every component, and no share of what an outgrown one hides."""
+    """True where the correction is below half an ulp of every component, unless an outgrown one hides the others."""
     small: Flags = stop.is_small(size)
     if outgrown.any():
         small &= ~(outgrown & (moves > STAGNATION * magnitude).any(axis=0))
@@ -336,7 +336,7 @@ def _newton_of_one(equations: Equations, start: Array, number: Lanes, *, differe
 
 
 def _asker(equations: Equations, number: Lanes, differences: bool) -> Callable[[list[float], Any], Any]:
-    """`_asked` of one lane, of z and of a matrix to take once more, else None; over numbers where there is a record."""
+    """`_asked` for one lane, as a function of z and of a matrix to use again, else None; over numbers with a record."""
     record, inside = None if differences else equations.corrections, equations.inside is None
     if record is not None:
         known, costs = record.of_one(number), (record.gradients, record.structures)

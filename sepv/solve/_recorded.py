@@ -129,7 +129,7 @@ class Recorded:
         return self.y + 0.5 * self.z
 
     def of_middle(self, formula: Formula) -> list[Polynomial] | None:
-        """P with R = Δ P(ȳ), multiplied out, for a formula that depends on Δ alone; None without such P, or if longer."""
+        """P with R = Δ P(ȳ), multiplied out, for a formula of Δ alone; None without such P, or if longer."""
         found, middle = self.equation_of(formula, 1), self.middle
         given = {x.index for x in middle}
         sums = expand(found.R, [*found.step, *middle], len(reachable(found.R, given)))

@@ -52,5 +52,5 @@ def is_rounding(residual: Any, scale: Any) -> Any:
 
 
 def may_reuse_matrix(size: Any, last_size: Any) -> Any:
-    """Whether Newton's matrix may be taken once more."""
+    """True where Newton's matrix may be used once more."""
     return (size <= REUSE) & (size <= SHRINKING * last_size)

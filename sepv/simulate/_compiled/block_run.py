@@ -91,7 +91,9 @@ class Chunk:
             try:
                 found = solve(self.problem, state[:d, busy], self.task.h, dW)
                 break
-            except KeyboardInterrupt as error:  # raised again later, so that the chunk stops between two pieces
+            except (
+                KeyboardInterrupt
+            ) as error:  # raised again later, so that the chunk stops between two pieces
                 self.raised = error
             except BaseException as error:
                 self.raised = error

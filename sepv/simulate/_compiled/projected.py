@@ -67,7 +67,7 @@ class ProjectedWriter(Writer):
         code = CodeBuilder(self.parameters)
         y, z = self.loaded(code, "Y", "y"), self.loaded(code, "Z", "z")
         code.lines += ["busy = I[BUSY + k] == 1", f"scale = {self.at('X')}", f"before = {self.at('P')}"]
-        # What is zero is not kept.
+        # Zeros are not stored.
         found = self.problem.printed_directions(CodeBuilder(), y)
         moved = self.moved(code, y, z, [v and self.at("Q", i) for i, v in enumerate(found)])
         code.lines += [f"{self.at('P')} = m"]

@@ -215,7 +215,7 @@ class RecordedProblem(Recorded):
 
     @cached_property
     def directions(self) -> tuple[list[Symbol], list[Symbol], Any]:
-        """Of a projection: those of the invariants at y, symbols for them, and with these what they move z by from y.
+        """The directions of a projection at y, symbols for them, and the correction of z from y by these symbols.
 
         See `sepv.schemes._projected`; the first two in one order.
         """
@@ -237,7 +237,7 @@ class RecordedProblem(Recorded):
     def moved_back(
         self, code: CodeBuilder, y: Sequence[str], z: Sequence[str], known: Sequence[Expression]
     ) -> list[Expression]:
-        """What the invariants move z by, along these directions."""
+        """The correction of z for the invariants' change, along these directions."""
         _, symbols, correction = self.directions
         return printed(code, [(self.y, y), (self.z, z), (symbols, [shown(v) for v in known])], correction)
 
