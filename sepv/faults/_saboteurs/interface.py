@@ -19,6 +19,9 @@ from sepv.schemes._scheme import Step, as_lanes
 
 SABOTEURS = Family("interface")
 _CONTRACT = ("contract",)
+# What a saboteur remembers from call to call.
+Memory = dict[Any, Array]
+Calls = Iterator[int]
 
 
 @SABOTEURS.around("y is changed in place", _CONTRACT)
@@ -34,9 +37,7 @@ def changes_increments(step: Step, problem: Problem, y: Array, h: float, dW: Arr
 
 
 @SABOTEURS.around("the answer is a buffer that the next call overwrites", _CONTRACT, memory=dict)
-def returns_a_buffer(
-    buffers: dict[tuple[int, ...], Array], step: Step, problem: Problem, y: Array, h: float, dW: Array
-) -> Array:
+def returns_a_buffer(buffers: Memory, step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     buffer = buffers.setdefault(y.shape, np.empty(y.shape))
     buffer[...] = step(problem, y, h, dW)
     return buffer
@@ -46,35 +47,27 @@ def returns_a_buffer(
     "answers are remembered by h and dW, whatever y", ("contract", "energy", "reference"), memory=dict
 )
 def remembers_without_y(
-    answers: dict[Any, Array], step: Step, problem: Problem, y: Array, h: float, dW: Array
+    answers: Memory, step: Step, problem: Problem, y: Array, h: float, dW: Array, most: int = 1000
 ) -> Array:
-    key = (problem.data, y.shape, h, dW.tobytes())  # the key lacks y
+    key = (problem.data, y.shape, h, dW.tobytes())  # and not y
     if key not in answers:
-        if len(answers) > 1000:
+        answer = step(problem, y, h, dW)
+        if len(answers) > most:
             answers.clear()
-        answers[key] = step(problem, y, h, dW)
+        answers[key] = answer
     return answers[key].copy()
 
 
-# The law energy cannot see it: a step that repeats the last result keeps H.
+# Not energy: a step that repeats the last answer keeps it.
 @SABOTEURS.around(
     "the last answer is given again for the same h and dW, whatever y", ("contract", "reference"), memory=dict
 )
-def remembers_the_last(
-    last: dict[Any, Array], step: Step, problem: Problem, y: Array, h: float, dW: Array
-) -> Array:
-    key = (problem.data, y.shape, h, dW.tobytes())
-    if key not in last:
-        answer = step(problem, y, h, dW)
-        last.clear()
-        last[key] = answer
-    return last[key].copy()
+def remembers_the_last(last: Memory, step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return remembers_without_y(last, step, problem, y, h, dW, most=0)
 
 
 @SABOTEURS.around("the iteration starts from where the last call ended", _CONTRACT, memory=dict)
-def warm_started(
-    last: dict[str, Array], _step: Step, problem: Problem, y: Array, h: float, dW: Array
-) -> Array:
+def warm_started(last: Memory, _step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """Start Newton's iteration from the last result: it converges, but not to the same bits."""
     y0, noise = as_lanes(problem, y, h, dW)
     guess = last.get("z")
@@ -101,16 +94,12 @@ def dithered(rng: np.random.Generator, step: Step, problem: Problem, y: Array, h
 
 
 @SABOTEURS.around("each hundredth call returns y0", _CONTRACT, memory=lambda: count(1))
-def hundredth_call(
-    calls: Iterator[int], step: Step, problem: Problem, y: Array, h: float, dW: Array
-) -> Array:
+def hundredth_call(calls: Calls, step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return y * 1.0 if next(calls) % 100 == 0 else step(problem, y, h, dW)
 
 
 @SABOTEURS.around("each thousandth call is an ulp off", _CONTRACT, memory=lambda: count(1))
-def thousandth_call(
-    calls: Iterator[int], step: Step, problem: Problem, y: Array, h: float, dW: Array
-) -> Array:
+def thousandth_call(calls: Calls, step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     off = next(calls) % 1000 == 0
     y1 = step(problem, y, h, dW)
     return np.nextafter(y1, 0.0) if off else y1
@@ -129,15 +118,13 @@ def changes_y_in_batches(step: Step, problem: Problem, y: Array, h: float, dW: A
 
 @SABOTEURS.around("the answer to a batch is a buffer that the next call overwrites", _CONTRACT, memory=dict)
 def returns_a_buffer_in_batches(
-    buffers: dict[tuple[int, ...], Array], step: Step, problem: Problem, y: Array, h: float, dW: Array
+    buffers: Memory, step: Step, problem: Problem, y: Array, h: float, dW: Array
 ) -> Array:
     return step(problem, y, h, dW) if y.ndim == 1 else returns_a_buffer(buffers, step, problem, y, h, dW)
 
 
 @SABOTEURS.around("the c_j are remembered by the id of the problem's record", _CONTRACT, memory=dict)
-def remembers_by_id(
-    known: dict[int, Array], step: Step, problem: Problem, y: Array, h: float, dW: Array
-) -> Array:
+def remembers_by_id(known: Memory, step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     c = known.setdefault(id(problem), problem.c)
     if c.shape != problem.c.shape or np.array_equal(c, problem.c):
         return step(problem, y, h, dW)
