@@ -20,7 +20,7 @@ from sepv.record import _polynomial as poly
 
 
 @dataclass(frozen=True)
-class Fields:
+class PosedFields:
     """Drift and noise of a system in any namespace; hashable, so that a compiled step takes it as a static argument."""
 
     dimension: int
@@ -41,7 +41,7 @@ class Fields:
         return found.reshape((last - first, d, *y.shape[1:]))
 
 
-def pose_fields(problem: Problem, *, ito: bool = False) -> tuple[Fields, tuple[Array, ...]]:
+def pose_fields(problem: Problem, *, ito: bool = False) -> tuple[PosedFields, tuple[Array, ...]]:
     """The formulas of a system with several Hamiltonians given as data, and its numbers as NumPy arrays.
 
     >>> import numpy as np
@@ -57,7 +57,7 @@ def pose_fields(problem: Problem, *, ito: bool = False) -> tuple[Fields, tuple[A
 
 
 @lru_cache(maxsize=64)
-def _posed(data: PolynomialSystem, ito: bool) -> tuple[Fields, tuple[Array, ...]]:
+def _posed(data: PolynomialSystem, ito: bool) -> tuple[PosedFields, tuple[Array, ...]]:
     B = structure_entries(data)
     noises = [_field(B, H, c) for H, c in zip(data.noise_hamiltonians, data.noise, strict=True)]
     drift = _field(B, data.hamiltonian, 1.0)
@@ -65,7 +65,7 @@ def _posed(data: PolynomialSystem, ito: bool) -> tuple[Fields, tuple[Array, ...]
         drift = [poly.add(p, *(_second(F, i) for F in noises)) for i, p in enumerate(drift)]
     rows = [p for field in (drift, *noises) for p in field]
     powers, numbers = table(data.dimension, rows, padded=False)
-    return Fields(data.dimension, len(noises), powers), numbers
+    return PosedFields(data.dimension, len(noises), powers), numbers
 
 
 def _field(B: Sequence[Sequence[Polynomial]], H: Polynomial, c: float) -> list[Polynomial]:

@@ -28,8 +28,8 @@ GRACE = 1.0
 
 
 @dataclass(frozen=True)
-class Task:
-    """What every worker is told first: the scheme, by name where it has one, and how to measure it."""
+class Job:
+    """A scheme, by name where it has one, and how to measure it: every worker is told this first."""
 
     scheme: Any
     claims: frozenset[str]
@@ -90,7 +90,7 @@ class _Worker:
             os.killpg(self.process.pid, number)
 
 
-def run(task: Task, groups: Sequence[Sequence[str]], jobs: int, receive: Callable[[str, Any], None]) -> None:
+def run(task: Job, groups: Sequence[Sequence[str]], jobs: int, receive: Callable[[str, Any], None]) -> None:
     """Measure the groups on so many workers; `receive` gets each law's name, first with None, then with its finding.
 
     A law whose worker died is received with `Crashed`; the rest of its group goes to another worker. A UsageError for a
@@ -136,7 +136,7 @@ def run(task: Task, groups: Sequence[Sequence[str]], jobs: int, receive: Callabl
                 busy.discard(worker)
 
 
-def measured(task: Task, group: Sequence[str]) -> list[tuple[str, Any]]:
+def measured(task: Job, group: Sequence[str]) -> list[tuple[str, Any]]:
     """One group in one process of its own, for a worker of a cluster: names with findings or `Crashed`.
 
     There a time limit needs a main thread, which a cluster's worker keeps to itself, and a crash must end one process.
@@ -169,7 +169,7 @@ def _ended() -> Iterator[list[_Worker]]:
                 worker.process.stdin.close()
 
 
-def _pickled(task: Task) -> bytes:
+def _pickled(task: Job) -> bytes:
     try:
         # Where modules of the user are found goes first: as here.
         data = pickle.dumps((list(sys.path), os.getcwd(), pickle.dumps(task)))

@@ -125,7 +125,7 @@ def verify(
         if workers is not None or (jobs > 1 and len(chosen) > 1):
             named = scheme if isinstance(scheme, str) else candidate
             claimed = frozenset(candidate.claims)
-            task = side_by_side.Task(named, claimed, effort, timeout, known.failures, problems)
+            task = side_by_side.Job(named, claimed, effort, timeout, known.failures, problems)
             _side_by_side(task, chosen, jobs if workers is None else workers, receive)
         else:
             run = Run(effort)
@@ -169,7 +169,7 @@ def _check_arguments(jobs: Any, timeout: Any, effort: Any, expected: Any) -> Non
 
 
 def _side_by_side(
-    task: side_by_side.Task, chosen: list[Law], workers: Any, receive: Callable[[Law, Finding | None], None]
+    task: side_by_side.Job, chosen: list[Law], workers: Any, receive: Callable[[Law, Finding | None], None]
 ) -> None:
     """The sampled laws first, which take longest and share their paths; each other law by itself."""
     by_name = {law.name: law for law in chosen}
