@@ -163,7 +163,7 @@ def test_step_prints_digits_float64_and_the_proof() -> None:
         (["exact", "nosuch", "--theta", "1"], "nosuch"),
         (["step", "nosuch", "pendulum", "--h", "1"], "nosuch"),
         (["step", "midpoint", "pendulum", "--h", "x"], "numbers separated by commas"),
-        (["step", "midpoint", "pendulum", "--h", "0.1", "--y", "1"], "2 finite numbers"),
+        (["step", "midpoint", "pendulum", "--h", "0.1", "--y", "1"], "2 numbers after --y"),
         (["step", "midpoint", "lotka-volterra", "--h", "0.1", "--y=-1,1,1"], "domain"),
     ],
 )

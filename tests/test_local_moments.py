@@ -9,7 +9,7 @@ import pytest
 
 from sepv import problems
 from sepv.problem import Array, HamiltoniansProblem
-from sepv.schemes import Scheme
+from sepv.schemes import Scheme, energy_preserving
 from sepv.schemes._load_target import load_scheme
 from sepv.verification import Effort, Verdict, verify
 from sepv.verification._orders.local_errors import local_states
@@ -26,7 +26,7 @@ def as_functions(name: str) -> HamiltoniansProblem:
 @pytest.mark.parametrize("name", ["random-inertia", "noisy-henon-heiles", "random-maxwell-bloch"])
 def test_the_splitting_has_the_moments_of_the_generator_up_to_the_fourth_power_of_h(name: str) -> None:
     problem, functions = problems.by_name(name), as_functions(name)
-    states = local_states(problem)
+    states = local_states(energy_preserving, problem)
     sizes = [2.0**-k for k in (5, 6, 7)]
     exact, _ = moments_at(problem, states, sizes, 5)
     found, error = moments_at(functions, states, sizes, 5)
@@ -38,7 +38,7 @@ def test_the_splitting_has_the_moments_of_the_generator_up_to_the_fourth_power_o
 
 def test_steps_at_which_a_flow_is_not_finite_are_left_out() -> None:
     functions = as_functions("random-inertia")
-    states = local_states(functions)
+    states = local_states(energy_preserving, functions)
     blow_up = replace(functions, gradient=lambda y: y**9, check=False)
     found, _ = moments_at(blow_up, 3 * states, [2.0, 2.0**-20], 3)
     assert len(found) == 1

@@ -81,7 +81,7 @@ def test_what_is_no_record_is_refused(tmp_path: Path) -> None:
         history.load(tmp_path)
     (tmp_path / "sdeint").mkdir()
     (tmp_path / "sdeint" / "0.1.json").write_text("{")
-    with pytest.raises(UsageError, match="remove the file"):
+    with pytest.raises(UsageError, match="write it anew"):
         history.load(tmp_path)
 
 

@@ -86,8 +86,7 @@ def _scheme_entry(
     library: str, scheme: Any, asked: Sequence[Law], found: dict[tuple[str, str], Any]
 ) -> dict[str, Any]:
     unasked = measurements.silent(library, scheme)
-    said = {law: unasked.get(law.name) or found[scheme.name, law.name] for law in asked}
-    laws = {law.name: _said(law.unit, cell) for law, cell in said.items()}
+    laws = {law.name: _said(law.unit, unasked.get(law.name) or found[scheme.name, law.name]) for law in asked}
     return _entry(library, scheme, scheme.weak_order, laws)
 
 

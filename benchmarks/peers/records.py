@@ -76,7 +76,7 @@ def load(folder: Path) -> dict[str, list[Record]]:
     for path in sorted(folder.glob("*/*.json")):
         said = {
             "expected": "records of versions",
-            "remedy": "write it anew with `sepv peers`, or name another folder",
+            "remedy": "write it anew with `python -m benchmarks.peers.releases`, or name another folder",
         }
         data = read_json(path, **said)
         if wrong := _fault(data):

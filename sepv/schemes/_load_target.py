@@ -261,9 +261,10 @@ def load_object(target: str) -> Any:
                 n for n, v in own.items() if getattr(v, "__module__", None) == module.__name__ and callable(v)
             ]
             names = records + [n for n in made if n not in records]
+            callables = [n for n, v in own.items() if callable(v)]  # imported ones too, which are not listed
             raise TargetError(
                 expected=f"an attribute {attribute!r} in module {module_name}",
-                received=f"{did_you_mean(attribute, names)} and a module with "
+                received=f"{did_you_mean(attribute, [*names, *callables])} and a module with "
                 + (", ".join(names) or "no public functions or records"),
                 remedy="correct the name after the colon",
             ) from error
