@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import os
 import shutil
 import subprocess
 import sys
+import weakref
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -731,6 +733,21 @@ def test_a_chunk_that_made_no_step_is_at_its_start() -> None:
         assert np.array_equal(
             chunk.states(), sepv.ensemble(EP, problem, h=0.01, steps=4, paths=200, engine="compiled").y
         )
+
+
+def test_a_chunk_is_gone_when_nobody_has_it() -> None:
+    """Its arrays are some megabytes, which would otherwise wait for the garbage collector."""
+    problem = problems.rigid_body()
+    task = Task(EP, problem, np.array(problem.initial), 0.01, 4, 0, 200, 0, None, 2, (), False, True, None)
+    chunk = Chunk(task, problem)
+    chunk.advance(4)
+    known = weakref.ref(chunk)
+    gc.disable()
+    try:
+        del chunk
+        assert known() is None
+    finally:
+        gc.enable()
 
 
 def test_a_chunk_draws_the_same_at_once_and_in_pieces() -> None:

@@ -120,8 +120,10 @@ class Chunk:
             coarse = grid.base << grid.top if streams and grid.base <= wiener.TOP else 0
             self.top = aligned((blocks, coarse, m, self.lanes))
         left_over = LEFT_OVER(self._solve)
+        # Not `ctypes.cast`, whose references go round: the arrays of a chunk would wait for the garbage collector.
+        address = ctypes.c_void_p.from_buffer(left_over).value
         self.driver.run(
-            self.driver.BEGINNING, self.driver.FILLING, module.ADVANCING, ctypes.cast(left_over, ctypes.c_void_p).value,
+            self.driver.BEGINNING, self.driver.FILLING, module.ADVANCING, address,
             self.S, self.I, self.W, self.start, self.task.count, self.words, self.task.first, self.rng, self.stack,
             self.top, self.spreads, self.grid.base, self.grid.top, self.given, self.task.place, self.done, goal,
             self.task.h, self.bound, self.thresholds, self.values, self.kernel.parameters,

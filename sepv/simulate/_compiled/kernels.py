@@ -99,8 +99,7 @@ def solved(S: Any, I: Any, buffer: Any, n: int, left_over: int) -> int:
     for k in range(L):
         trouble += 1 if I[BUSY + k] != 0 else 0
     if trouble > 0:
-        increments = buffer.ctypes.data + 8 * n * buffer.shape[1] * buffer.shape[2]
-        call_left_over(left_over, S.ctypes.data, I.ctypes.data, increments, buffer.shape[2])
+        call_left_over(left_over, S, I, buffer, n)
     return trouble
 
 

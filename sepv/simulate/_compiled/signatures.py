@@ -12,6 +12,7 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
+from numba.np.arrayobj import make_array
 
 _vector, _matrix, _block = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
 _integers, _int, _float = types.int64[::1], types.int64, types.float64
@@ -66,11 +67,21 @@ call_advance, call_begin, call_fill = calling(ADVANCE), calling(BEGIN), calling(
 
 
 @intrinsic
-def call_left_over(typingctx: Any, where: Any, S: Any, I: Any, increments: Any, width: Any) -> Any:  # noqa: ARG001 - numba's
-    """Call the C function at an address with three addresses and a number: `sepv.simulate._compiled.block_run`."""
+def call_left_over(typingctx: Any, where: Any, S: Any, I: Any, buffer: Any, n: Any) -> Any:  # noqa: ARG001 - numba's
+    """Call the C function at an address with the addresses of S, I and buffer[n], and the length of a row there.
 
-    def code(_context: Any, builder: Any, _signature: Any, values: Any) -> Any:
+    See `sepv.simulate._compiled.block_run`.
+    """
+
+    def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         kind = ir.FunctionType(ir.IntType(64), [ir.IntType(64)] * 4)
-        return builder.call(builder.inttoptr(values[0], kind.as_pointer()), values[1:])
+        arrays = [
+            make_array(k)(context, builder, v) for k, v in zip(signature.args[1:4], values[1:4], strict=True)
+        ]
+        rows, width = cgutils.unpack_tuple(builder, arrays[2].shape, 3)[1:]
+        step = builder.mul(values[4], builder.mul(rows, width))
+        places = [arrays[0].data, arrays[1].data, builder.gep(arrays[2].data, [step])]
+        given = [builder.ptrtoint(place, ir.IntType(64)) for place in places]
+        return builder.call(builder.inttoptr(values[0], kind.as_pointer()), [*given, width])
 
-    return types.int64(*[types.int64] * 5), code
+    return types.int64(where, S, I, buffer, n), code
