@@ -20,7 +20,7 @@ from sepv.verification._orders.local_errors import local_errors
 
 TOPS, T, STEPS, FINE, SAMPLES = "noncommuting-tops", 0.5, (4, 8, 16, 32, 64), 4096, 400
 STAGES, STAGED, STAGED_SAMPLES = (1, 2, 3), (2, 4, 8, 16), 48
-WEAK = {"energy-preserving": 1.0, "midpoint": 1.0, "modified-weak-2": 2.0}
+WEAK = ("energy-preserving", "midpoint", "modified-weak-2")
 # A scheme and increments of a few points, with the weak order that both have together.
 POINTS = (
     ("energy-preserving", "two-point", 1.0),
