@@ -1,8 +1,9 @@
 """The contract of ``step``: it is pure and deterministic, keeps shape and dtype, and changes nothing in place.
 
-Each case is stepped a few times. At the end the simplest measured case is stepped TIMES times in a row, which no other
-law does: an error in each thousandth call would move the paths of the sampled laws too little to be seen, and the
-laws about steps make a few hundred calls each.
+Each case is stepped a few times, also from arrays that lie otherwise in memory. At the end all cases are stepped in the
+opposite order, steps without a solution are asked twice, and the simplest measured case is stepped TIMES times in a
+row, which no other law does: an error in each thousandth call would move the paths of the sampled laws too little to be
+seen, and the laws about steps make a few hundred calls each.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ import warnings
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
+from random import Random
 from typing import Any
 
 import numpy as np
@@ -21,19 +24,27 @@ from sepv.errors import SchemeFault, SepvError, StepFailure
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.problems._shown_to_schemes import shown
 from sepv.schemes import Scheme, ask
-from sepv.schemes._guard import check_answer, raw_answer
+from sepv.schemes._guard import SchemeCrash, check_answer, raw_answer, require_unchanged
+from sepv.schemes._scheme import takes
 from sepv.verification import Case, Effort, Finding, Law, Measurement, Run, Verdict, require, searched
 from sepv.verification._cases.case import to_json, to_token
 from sepv.verification._cases.users_problems import may_ask
+from sepv.verification._cases.without_solution import MADE, made, proof
 from sepv.verification._search import Check
 
 # States in a batch: more than one, and few, because the law "reproducibility" has larger batches.
 BATCH = 3
 # The least distance of states, as a share of the result: closer ones may have one result by rounding.
 APART = 2.0**-20
+# A state so near that the digits of a key, or single precision, do not tell it; and 256 roundings of the result.
+NEAR, LEAST_APART = 1 + 2.0**-40, 2.0**-44
+# Steps without a solution that are asked twice, and the share of each that is asked in between.
+REFUSED, SHORT_OF_FOLD = 2, 2.0**-10
 # Calls for the last case: a fault with a shorter period is met for certain. They take a quarter of a second of (2.1).
 # For a step of 200 µs a state, the sampled laws make a hundred times as many calls.
 TIMES = 1024
+# … and for a scheme that takes batches as many states in each: ten thousand steps, in less than twice the time.
+LANES = 10
 # Records built in turn until one has the address of its predecessor; and until an address is new.
 ADDRESSES, FRESH = 16, 64
 # A step of more than 30 ms is repeated only as often as fits in this many seconds.
@@ -47,6 +58,9 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     """Step one state, and a small batch where the scheme takes batches: some errors show only there."""
     if case.times:
         _repeats(scheme, case)
+        return Measurement(0.0, 0.0)
+    if proof(case) is not None:
+        _refuses_again(scheme, case)
         return Measurement(0.0, 0.0)
     problem, y, h, dW = case.build()
     first = _keeps(scheme, problem, y, h, dW, (0.75, 0.5))
@@ -71,6 +85,8 @@ def _repeats(scheme: Scheme, case: Case) -> None:
     SchemeFault
     """
     problem, y, h, dW = case.build()
+    if scheme.batched:
+        y, dW = (np.repeat(a[:, None], LANES, axis=1) for a in (y, dW))
     first, end = ask(scheme, problem, y, h, dW), time.monotonic() + MOST_SECONDS
     for n in range(2, case.times + 1):
         try:
@@ -100,13 +116,7 @@ def _keeps(
     asked, noise, before = y.copy(), dW.copy(), _surroundings()
     handling: dict[str, str] = {}
     raw = raw_answer(_watched(scheme, handling), problem, asked, h, noise)
-    for name, was, now in (("y", y, asked), ("dW", dW, noise)):
-        if not np.array_equal(was, now):
-            raise SchemeFault(
-                expected=f"{name} unchanged by the step",
-                received=f"{name} = {now.tolist()} after, {was.tolist()} before",
-                remedy=f"work on a copy: {name} = {name}.copy(), and no operators such as += on arguments",
-            )
+    require_unchanged(y=(y, asked), dW=(dW, noise))
     changed = [key for key, value in _surroundings().items() if value != before[key]]
     changed += ["NumPy's error handling"] * any(value != "warn" for value in handling.values())
     if changed:
@@ -117,11 +127,14 @@ def _keeps(
         )
     answer = check_answer(raw, y)
     first = answer.copy()
+    _takes_any_layout(scheme, problem, y, h, dW, first)
+    if scheme.solver_tolerance <= LEAST_APART and may_ask(scheme, problem, NEAR * y):
+        _tells_apart(y, NEAR * y, first, ask(scheme, problem, NEAR * y, h, dW), LEAST_APART)
     # Zero components move a little in between, which shows a step that starts from its last result.
     moved = np.where(y == 0, np.max(np.abs(y)) / 64, y)
     for factor in between:
         if may_ask(scheme, problem, factor * moved):
-            _tells_apart(y, factor * moved, first, ask(scheme, problem, factor * moved, h, dW))
+            _tells_apart(y, factor * moved, first, ask(scheme, problem, factor * moved, h, dW), APART)
         else:
             ask(scheme, problem, y, factor * h, factor * dW)
         if not np.array_equal(answer, first):
@@ -140,7 +153,73 @@ def _keeps(
     return first
 
 
-def _tells_apart(y: Array, other: Array, answer: Array, to_other: Array) -> None:
+def _takes_any_layout(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, first: Array) -> None:
+    """Ask with the same numbers as every other one of an array, in Fortran's order, and in arrays that are read-only.
+
+    Sums may then be made in another order: answers agree to a share of APART. A step that takes none of these arrays,
+    as compiled ones may, is not judged; one that tries to write into its arguments is at fault.
+
+    Raises
+    ------
+    SchemeFault
+    """
+    for order in (_spread, np.asfortranarray):
+        state, noise = order(y).view(), order(dW).view()
+        state.flags.writeable = noise.flags.writeable = False
+        try:
+            answer = check_answer(raw_answer(scheme, problem, state, h, noise), y)
+        except SchemeCrash as crash:
+            if "read-only" in str(crash) and ("destination" in str(crash) or "output" in str(crash)):
+                raise SchemeFault(
+                    expected="y and dW unchanged by the step, at any time",
+                    received=f"an attempt to write into one of them: {str(crash).splitlines()[0]}",
+                    remedy="work on copies",
+                ) from crash
+            continue
+        except StepFailure:
+            continue
+        if np.any(np.abs(answer - first) > APART * np.max(np.abs(first))):
+            raise SchemeFault(
+                expected="one answer for the same numbers, however they lie in memory",
+                received=f"{answer.tolist()} for y of strides {state.strides}, {first.tolist()} before",
+                remedy="np.ascontiguousarray(y) before its memory is handed on",
+            )
+
+
+def _spread(a: Array) -> Array:
+    """A view with the same numbers, which skips every other one of its memory."""
+    spread: Array = np.repeat(a, 2, axis=-1)[..., ::2]
+    return spread
+
+
+def _refuses_again(scheme: Scheme, case: Case) -> None:
+    """A step without a solution asked twice, and a short one from there before, in between and at the end.
+
+    Raises
+    ------
+    SchemeFault
+    """
+    problem, y, h, dW = case.build()
+
+    def outcome(share: float) -> Array | None:
+        try:
+            return ask(scheme, problem, y, share * h, share * dW)
+        except SepvError:  # NaN, or a system that it does not take, is no state either
+            return None
+
+    seen = [outcome(share) for share in (SHORT_OF_FOLD, 1.0, SHORT_OF_FOLD, 1.0, SHORT_OF_FOLD)]
+    for first, again in ((seen[0], seen[2]), (seen[1], seen[3]), (seen[0], seen[4])):
+        same = first is again if first is None or again is None else np.array_equal(first, again)
+        if not same:
+            told = ["a refusal" if v is None else str(v.tolist()) for v in (first, again)]
+            raise SchemeFault(
+                expected="one answer for one question, a refusal too, and what it leaves behind changes no other",
+                received=f"{told[0]} and then {told[1]}",
+                remedy="begin each step anew: keep no iterate, step size or flag of one that failed",
+            )
+
+
+def _tells_apart(y: Array, other: Array, answer: Array, to_other: Array, least: float) -> None:
     """Check that two states have two results: a memory by h and dW alone passes every repetition.
 
     Inside the radius where the equation is a contraction with factor κ, a step leaves two states apart by at least
@@ -151,7 +230,7 @@ def _tells_apart(y: Array, other: Array, answer: Array, to_other: Array) -> None
     SchemeFault
     """
     apart = np.max(np.abs(other - y), axis=0)
-    lane = np.all(answer == to_other, axis=0) & (apart > APART * np.max(np.abs(answer), axis=0))
+    lane = np.all(answer == to_other, axis=0) & (apart > least * np.max(np.abs(answer), axis=0))
     if np.any(lane):
         raise SchemeFault(
             expected="another answer for another state",
@@ -171,10 +250,10 @@ def _forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: 
     whole, missed = shown(problem), 0
     elsewhere: list[Problem] = []
     while missed < ADDRESSES and len(elsewhere) < FRESH:
-        half = replace(whole, noise=0.5 * whole.c, check=False)
+        half = _as_others(whole, 0.5)
         address, to_half = id(half), ask(scheme, half, y, h, dW)
         del half
-        twin = replace(whole, check=False)
+        twin = _as_others(whole, 1.0)
         answer = ask(scheme, twin, y, h, dW)
         if not np.array_equal(first, answer):
             raise SchemeFault(
@@ -187,6 +266,21 @@ def _forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: 
             return
         missed += id(twin) != address
         elsewhere.append(twin)
+
+
+def _as_others(problem: Problem, factor: float) -> Problem:
+    """The problem with so much of its noises, H and ∇H, behind functions of their own."""
+
+    def times(function: Any) -> Any:
+        return function and (lambda y: factor * function(y))
+
+    return replace(
+        problem,
+        noise=factor * problem.c,
+        hamiltonian=times(problem.hamiltonian),
+        gradient=times(problem.gradient),
+        check=False,
+    )
 
 
 def _watched(scheme: Scheme, handling: dict[str, str]) -> Scheme:
@@ -262,15 +356,15 @@ def _step_seconds(scheme: Scheme, case: Case) -> float | None:
 
 
 def run(law: Law, scheme: Scheme, own: Run) -> Finding:
-    """Search; if nothing is found, repeat the simplest measured case TIMES times.
+    """Search; where nothing is found, ask all of it backwards, steps that are refused, and one step TIMES times.
 
     A corpus witness with a problem given by name is repeated too.
     """
-    measured: list[Case] = []
+    measured: list[tuple[Case, Array | None]] = []
 
     def remembered(scheme: Scheme, case: Case) -> Measurement:
         found = check(scheme, case)
-        measured.append(case)
+        measured.append((case, None if case.times else ask(scheme, *case.build())))
         return found
 
     finding = _searched(remembered).run(law, scheme, own)
@@ -278,24 +372,50 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
         return finding
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the scheme's own warnings are not findings
-        simplest = _simplest(scheme, measured)
-        asked = replace(simplest, times=TIMES)
-        once_more = not any(case.times for case in measured)
-        try:
-            if once_more:
-                _repeats(scheme, asked)
-        except SchemeFault as fault:
-            return replace(
-                finding,
-                verdict=Verdict.VIOLATED,
-                defect=1.0,
-                message=f"{asked.describe()}\n{fault}",
-                witness=to_json(asked),
-                replay=f"--law {law.name} --replay {to_token(asked)}",
-                checks=finding.checks + 1,
-            )
+        simplest = _simplest(scheme, [case for case, _ in measured])
+        more: list[partial[Any]] = [
+            partial(_again, scheme, case, answer) for case, answer in reversed(measured)
+        ]
+        more += [partial(check, scheme, case) for case in _refused(scheme, own.effort.seed)]
+        if not any(case.times for case, _ in measured):
+            more.append(partial(check, scheme, replace(simplest, times=TIMES)))
+        for question in more:
+            try:
+                question()
+            except SchemeFault as fault:
+                return _violated(law, finding, question.args[1], fault)
         seconds = _step_seconds(scheme, simplest)
-    return replace(finding, checks=finding.checks + once_more, step_seconds=seconds)
+    return replace(finding, checks=finding.checks + len(more), step_seconds=seconds)
+
+
+def _again(scheme: Scheme, case: Case, before: Array | None) -> None:
+    """Ask a case once more, after all others."""
+    if before is not None and not np.array_equal(before, answer := ask(scheme, *case.build())):
+        raise SchemeFault(
+            expected="one answer for one question, in whichever order questions come",
+            received=f"{before.tolist()}, and {answer.tolist()} after others",
+            remedy="remove state, caches and random numbers from the step",
+        )
+
+
+def _refused(scheme: Scheme, seed: int) -> list[Case]:
+    """Steps without a solution of (2.1), where the scheme is for all systems of a class that has them."""
+    if scheme.systems not in MADE or scheme.problems:
+        return []
+    cases = [made(Random(f"{seed} {n}"), scheme.systems) for n in range(REFUSED)]
+    return [case for case in cases if takes(scheme, *case.build())]
+
+
+def _violated(law: Law, finding: Finding, case: Case, fault: SchemeFault) -> Finding:
+    return replace(
+        finding,
+        verdict=Verdict.VIOLATED,
+        defect=1.0,
+        message=f"{case.describe()}\n{fault}",
+        witness=to_json(case),
+        replay=f"--law {law.name} --replay {to_token(case)}",
+        checks=finding.checks + 1,
+    )
 
 
 law = replace(_searched(check), run=run)

@@ -36,12 +36,11 @@ from sepv.verification import (
     state_ulp,
     step_residual,
 )
-from sepv.verification._cases.without_solution import NoSolution, made, proof
+from sepv.verification._cases.without_solution import MADE, NoSolution, made, proof
 
 # Steps of a run before its random search, and those that a scheme is asked about which claims another equation. Few: an
 # iteration that finds nothing takes fifty times as long as one that converges.
 STEPS, SHOWN = 8, 8
-_MADE = (Systems.SINGLE, Systems.NAMBU, Systems.SEVERAL)
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
@@ -112,9 +111,9 @@ def _law(stages: int = 1) -> Law:
             not_of={
                 systems: "no steps are known by a formula to have no solution"
                 for systems in Systems
-                if systems not in _MADE
+                if systems not in MADE
             },
-            made={systems: (STEPS, partial(made, systems=systems, stages=stages)) for systems in _MADE},
+            made={systems: (STEPS, partial(made, systems=systems, stages=stages)) for systems in MADE},
         ),
         check=check,
     )
@@ -133,7 +132,7 @@ def _run(_: Law, scheme: Scheme, own: Run) -> Finding:
             return replace(found, verdict=left, skipped=found.skipped if found.checks else 0)
         return found
     text = "the scheme does not claim reference, and may solve another equation"
-    if scheme.systems in _MADE and not scheme.problems:
+    if scheme.systems in MADE and not scheme.problems:
         text += f"\n{_returned(scheme, own.effort.seed)}"
     return inner.finding(Verdict.NOT_APPLICABLE, message=text)
 

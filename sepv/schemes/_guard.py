@@ -82,13 +82,27 @@ def ask(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> Arra
     Raises
     ------
     SchemeFault
-        Wrong type, shape or dtype, or a value that is not finite.
+        Wrong type, shape or dtype, a value that is not finite, or an argument that was changed.
     StepFailure
         A step that the scheme reports as not solved: its own, or `Refusal` for an ArithmeticError.
     SchemeCrash
         Any other exception of the scheme.
     """
-    return check_answer(raw_answer(scheme, problem, y.copy(), h, dW.copy()), y)
+    state, noise = y.copy(), dW.copy()
+    found = check_answer(raw_answer(scheme, problem, state, h, noise), y)
+    require_unchanged(y=(y, state), dW=(dW, noise))
+    return found
+
+
+def require_unchanged(**arguments: tuple[Array, Array]) -> None:
+    """Raise a SchemeFault where an argument, before and after the step, has other bits."""
+    for name, (before, after) in arguments.items():
+        if before.tobytes() != after.tobytes():
+            raise SchemeFault(
+                expected=f"{name} unchanged by the step",
+                received=f"{name} = {after.tolist()!r:.200} after, {before.tolist()!r:.200} before",
+                remedy=f"work on a copy: {name} = {name}.copy(), and no operators such as += on arguments",
+            )
 
 
 def raw_answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> Any:
@@ -148,7 +162,9 @@ def guarded(scheme: Scheme) -> Scheme:
     def step(problem: Problem, y: Array, h: float, dW: Array, further: Array | None = None) -> Array:
         noise = dW.copy() if further is None else joined(scheme.asks, dW, further)
         note_step(lambda: _step_in_words(problem, y, h, dW))
-        found = raw_answer(scheme, problem, y.copy(), h, noise)
+        state, kept = y.copy(), noise.copy()
+        found = raw_answer(scheme, problem, state, h, noise)
+        require_unchanged(y=(y, state), dW=(kept, noise))
         finite = np.nan_to_num(found) if isinstance(found, np.ndarray) else found
         check_answer(finite, y)
         return np.asarray(found)

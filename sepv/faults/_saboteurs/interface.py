@@ -222,3 +222,52 @@ def scaled_by_the_batch(step: Step, problem: Problem, y: Array, h: float, dW: Ar
     y1 = step(problem, y, h, dW)
     size = np.mean(np.abs(y1)) if y1.ndim == 2 else 1.0
     return y1 / size * size if size else y1
+
+
+@SABOTEURS.around("answers are remembered by y in single precision", _CONTRACT, memory=dict)
+def remembers_digits(
+    answers: dict[Any, Array], step: Step, problem: Problem, y: Array, h: float, dW: Array
+) -> Array:
+    key = (problem.data, y.shape, y.astype(np.float32).tobytes(), h, dW.tobytes())
+    if key not in answers:
+        answers.clear()
+        answers[key] = step(problem, y, h, dW)
+    return answers[key].copy()
+
+
+@SABOTEURS.around("a step that was refused once returns y0 the next time", _CONTRACT, memory=set)
+def refuses_once(refused: set[Any], step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    key = (y.tobytes(), h, dW.tobytes())
+    try:
+        return step(problem, y, h, dW)
+    except StepFailure:
+        if key in refused:
+            return y.copy()
+        refused.add(key)
+        raise
+
+
+@SABOTEURS.around("y is scratch space while the step is made, and then restored", _CONTRACT)
+def writes_and_restores(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    kept = y.copy()
+    y1 = step(problem, kept, h, dW)
+    y[...] = 0.5 * (kept + y1)
+    y[...] = kept
+    return y1
+
+
+@SABOTEURS.around("the memory of y is read as if nothing were left out of it", _CONTRACT)
+def reads_memory(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    memory = y if y.base is None else y.base
+    return step(problem, np.ravel(memory, order="K")[: y.size].reshape(y.shape), h, dW)
+
+
+@SABOTEURS.around(
+    "each state whose number is a multiple of 5000 is off by an ulp", _CONTRACT, memory=lambda: [0]
+)
+def off_each_five_thousandth(
+    number: list[int], step: Step, problem: Problem, y: Array, h: float, dW: Array
+) -> Array:
+    before, y1 = number[0] // 5000, step(problem, y, h, dW)
+    number[0] += y.size // len(y)
+    return np.nextafter(y1, np.inf) if number[0] // 5000 > before else y1

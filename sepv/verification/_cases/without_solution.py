@@ -37,6 +37,8 @@ from sepv.verification._cases.strata import Stratum
 
 # What a scheme computes for Δ is another number by its roundings, a share of 2⁻⁵⁰: proved for all within this share.
 ROOM = Fraction(1, 1024)
+# The classes of which such steps are made.
+MADE = (Systems.SINGLE, Systems.NAMBU, Systems.SEVERAL)
 _NONE = (Fraction(0), Fraction(0), Fraction(0))
 
 
