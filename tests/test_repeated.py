@@ -117,5 +117,5 @@ def test_a_state_that_is_lost_in_the_rounding_of_the_answer_is_no_second_questio
 ) -> None:
     y, answer = np.array([size, 0.0]), np.array([0.5, 0.25])
     with pytest.raises(SchemeFault) if accused else nullcontext() as caught:
-        test_contract._tells_apart(y, 0.75 * y, answer, answer.copy())
+        test_contract._tells_apart(y, 0.75 * y, answer, answer.copy(), test_contract.APART)
     assert (caught is not None) is accused

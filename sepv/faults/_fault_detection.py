@@ -239,8 +239,9 @@ def abbreviation(law: str) -> str:
     words = law.split("-")
     if len(words) > 1:
         return "".join(w[0] for w in words)
+    alone = [name for name in LAWS if "-" not in name]
     lengths = range(3, len(law) + 1)
-    return next(law[:n] for n in lengths if n == len(law) or sum(o.startswith(law[:n]) for o in LAWS) < 2)
+    return next(law[:n] for n in lengths if n == len(law) or sum(o.startswith(law[:n]) for o in alone) < 2)
 
 
 # Signs and styles by precedence: the first that occurred is shown.
