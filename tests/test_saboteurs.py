@@ -5,7 +5,9 @@ from __future__ import annotations
 from io import StringIO
 
 import pytest
+from click.testing import CliRunner
 
+from sepv.commands._cli import main
 from sepv.errors import UsageError
 from sepv.faults import _fault_detection as fault_detection
 from sepv.faults._saboteurs import _BY_FAMILY, SABOTEURS, historical
@@ -181,3 +183,23 @@ def test_the_matrix_names_what_survives() -> None:
     assert lines[2].split() == ["changes-y", "e", "2/2"]
     assert "1 of 3 saboteurs killed with each of 2 seeds" in text.getvalue()
     assert "survives: b-at-y0, seed 1: B is taken at y0 and not at the midpoint" in text.getvalue()
+
+
+def test_both_counts_are_printed_without_and_with_known_witnesses() -> None:
+    asked = [
+        "teeth",
+        "unmoved-where-unsolved",
+        "--law",
+        "refusal",
+        "--seeds",
+        "1",
+        "--workers",
+        "1",
+        "--corpus",
+        "-q",
+    ]
+    done = CliRunner().invoke(main, asked)
+    alone, known = (line for line in done.output.splitlines() if "killed with each of 1 seeds" in line)
+    assert done.exit_code == 0
+    assert alone.startswith("1 of 1 saboteurs")
+    assert known.startswith("with known witnesses: 1 of 1 saboteurs")

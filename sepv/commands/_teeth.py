@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import click
+from rich.text import Text
 
 from sepv.commands import _shared as cli
 
@@ -15,7 +16,9 @@ from sepv.commands import _shared as cli
 @click.option("--seeds", type=cli.COUNT, help="How many seeds. [default: 10; bare 1]")
 @click.option("--matrix", is_flag=True, help="Every saboteur by every law: an hour or more.")
 @click.option("--first", is_flag=True, help="Stop each saboteur at the first law that kills it.")
-@click.option("--corpus", is_flag=True, help="Ask known witnesses first, as `verify` does: counts mean less.")
+@click.option(
+    "--corpus", is_flag=True, help="Count once more with known witnesses, which `verify` asks first."
+)
 @click.option("--workers", type=cli.COUNT, default=2, help="Processes.")
 @click.option("--json", "json_file", type=cli.OUT, help="Write every single finding to this file.")
 @click.option("-q", "--quiet", is_flag=True, help="Only the last line.")
@@ -41,15 +44,21 @@ def teeth(
     bare = not (names or laws or matrix)
     seeds = seeds or (1 if bare else 10)
     with showing(quiet) as shown:
-        detections = fault_detection.run(
-            names or None,
-            range(seeds),
-            lambda done, total, _: shown.update(f"{done} of {total}", done / total),
-            laws=laws or None, first=first or bare, effort=Effort(corpus=corpus), workers=workers,
-        )  # fmt: skip
+
+        def counted(known: bool) -> list[fault_detection.Detection]:
+            return fault_detection.run(
+                names or None,
+                range(seeds),
+                lambda done, total, _: shown.update(f"{done} of {total}", done / total),
+                laws=laws or None, first=first or bare or known, effort=Effort(corpus=known), workers=workers,
+            )  # fmt: skip
+
+        detections, with_known = counted(False), counted(True) if corpus else None
     cli.save_json(json_file, "teeth", {"detections": [b.to_json() for b in detections]})
     if quiet:
         line(console(), fault_detection.summary(detections))
     else:
         fault_detection.show(detections, console())
+    if with_known is not None:
+        line(console(), Text("with known witnesses: ").append_text(fault_detection.summary(with_known)))
     raise SystemExit(1 if fault_detection.survivors(detections) else 0)
