@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[1]
 # Rooms whose words are read and rewritten; a room is a folder or a file.
 ROOMS = (
     "properties", "reference", "sepv/exact", "sepv/external", "sepv/faults", "sepv/peers", "sepv/problem",
-    "sepv/problems", "sepv/record", "sepv/schemes", "sepv/simulate", "sepv/solve",
+    "sepv/problems", "sepv/record", "sepv/schemes", "sepv/simulate", "sepv/solve", "sepv/verification",
 )  # fmt: skip
 # A first line that begins so is a part of a sentence whose rest the reader has to guess.
 RIDDLE = re.compile(r"(What|Whether|Those|Of|As|The same|Its|That|This one|How|Who|Which|Where|When|Such)\b")

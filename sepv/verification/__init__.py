@@ -1,10 +1,9 @@
 """From a scheme to verdicts: laws, their cases, their bounds, and the run that measures them.
 
 Read `_law` first (a law, an effort, a verdict), then `_verify` (a run over all laws) with `_laws` (their list) and
-`_outcome` (the report). `_search` has laws about single steps, whose cases come from `strategies` and
-`_cases`; `_sequential` laws about whole paths, and `_orders` laws about orders. `_tolerance` derives every
-bound. `_report` shows a run, `_profiles` says what was found in a word. The laws themselves, one a file, are
-`sepv.properties`.
+`_outcome` (the report). `_search` has laws about single steps, whose cases come from `strategies` and `_cases`;
+`_sequential` laws about whole paths, and `_orders` laws about orders. `_tolerance` derives every bound. `_report`
+prints a run, `_profiles` summarises its findings. The laws themselves, one a file, are `sepv.properties`.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""A report measured again: its counterexamples and a share of its laws, on a scheme that the reader names.
+"""Repeated measurement of a report: its counterexamples and a share of its laws, on a scheme that the reader names.
 
-The report is a file by somebody else. Nothing that it names is loaded or run, none of its text is shown, and it cannot
-ask for more work than the reader allows: its effort is cut to his, its witnesses are bounded by a schema and share the
-time of one law.
+The report is a file by somebody else. Nothing that it names is loaded or run, and none of its text is shown. It cannot
+ask for more work than the reader allows: its effort is cut to the reader's, its witnesses are bounded by a schema and
+share the time of one law.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from sepv.verification._outcome import EFFORT
 from sepv.verification._profiles import SUITE
 from sepv.verification._verify import measure
 
-# A report of all laws has 30 kB, a witness of 64 dimensions 2 MB; larger files take long to check.
+# The largest file: a report of all laws has 30 kB, a witness of 64 dimensions 2 MB; larger ones take long to check.
 LARGEST = 2**22
-# The tables of B′ of a batch that a witness may ask for, 2^27 bytes, and degrees of H: ours have less than a hundredth.
+# The largest tables of B′ of a witness's batch, 2^27 bytes, and the largest degree of H: ours have a hundredth of that.
 _MOST_NUMBERS, _MOST_DEGREE = 2**24, 64
-# The share of the laws that is measured again, one at least.
+# The share of the laws that is measured again, at least one.
 SHARE = 0.25
-# Bits come from these and from the scheme: where one is another, or is not in the report, verdicts alone are compared.
+# Bits depend on these and on the scheme: if one differs, or is not in the report, only verdicts are compared.
 _BITS = ("sepv", "python", "numpy", "scipy", "hypothesis", "mpmath", "platform", "simd")
 _FACTS = ("mean_square_order", "weak_order", "solver_tolerance", "truncation")
 
 
 @dataclass(frozen=True)
 class Again:
-    """One thing that was measured again: what came, and in what it differs from the report; empty where it does not."""
+    """One repeated measurement: the result, and its difference from the report; empty if there is none."""
 
     what: str
     came: str
@@ -46,7 +46,7 @@ class Again:
 
 
 def read_report(path: str | Path) -> dict[str, Any]:
-    """A report of ``sepv verify --json``, by this suite, that agrees with itself; a UsageError for anything else."""
+    """Read a report of ``sepv verify --json`` that is consistent and of this suite; a UsageError otherwise."""
     said = {"expected": "a report of `sepv verify --json`", "remedy": "write it with this version of sepv"}
     report: dict[str, Any] = read_json(path, LARGEST, **said)
     require_schema(report, "report", path, **said)
@@ -70,13 +70,13 @@ def against(
 ) -> Iterator[Again]:
     """Replay each counterexample of a report, and measure these laws again, or a quarter of all.
 
-    Nobody knows which quarter before. Verdicts must be the same. Defects must be, to the last digit, where the effort,
-    the versions and the kind of processor are.
+    Nobody knows in advance which quarter. Verdicts must agree. So must defects, to the last digit, if the effort, the
+    versions and the kind of processor agree.
 
     Parameters
     ----------
     report : dict
-        As `read_report` gives it.
+        The result of `read_report`.
     scheme : Scheme
         Loaded by the reader, with the problems that it is for.
     allowed : Effort
@@ -109,7 +109,7 @@ def against(
 
 
 def _counterexample(law: str, witness: Any, scheme: Scheme, run: Run, seconds: float) -> Again:
-    """A witness replayed; one that asks for too much is not."""
+    """Replay a witness, unless it asks for too much."""
     what, wrong = f"counterexample of {law}", _too_much(witness, scheme, run.effort)
     if wrong or seconds <= 0:
         return Again(what, "not replayed", wrong or "no time is left (--timeout)")
@@ -122,7 +122,7 @@ def _counterexample(law: str, witness: Any, scheme: Scheme, run: Run, seconds: f
 
 
 def _too_much(witness: dict[str, Any], scheme: Scheme, effort: Effort) -> str:
-    """Why a witness is not asked about: code that nobody named, no witness, or more work than the reader allows."""
+    """The reason to refuse a witness: code that nobody named, no witness, or more work than the reader allows."""
     if "problem" not in witness:
         most = {"paths": effort.paths, "examples": effort.examples, "seed": 2**128}
         asked = {key: witness[key] for key in most if key in witness}

@@ -1,4 +1,4 @@
-"""How far an error of the right side may move the solution of a step, for the laws that compare two answers."""
+"""Amplification of errors of the right side in the solution of a step, for laws that compare two results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How long a step may be so that every implicit scheme's equation is a contraction: a bound from the problem alone."""
+"""Contraction radius: a bound of the step, from the problem alone, that makes every implicit equation a contraction."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from sepv.record import PolynomialMap
 from sepv.verification._cases.case import Case
 from sepv.verification._tolerance import majorants
 
-# A contraction factor of 1/4 leaves a unique solution near y0 for every scheme that evaluates B and ∇H
-# between y0 and y1, and makes |(I − ∂R/∂y1)⁻¹| at most 4/3.
+# A contraction factor of 1/4 leaves a unique solution near y0 for every scheme that evaluates B and ∇H between y0 and
+# y1, and makes |(I − ∂R/∂y1)⁻¹| at most 4/3.
 CONTRACTION = 0.25
 
 
 def has_majorants(case: Case) -> bool:
-    """Whether the contraction radius is derived: for polynomial data, but not for the S_j of commuting Hamiltonians."""
+    """True if the contraction radius is derived: for polynomial data, except the S_j of commuting Hamiltonians."""
     data = case.problem
     if not isinstance(data, PolynomialSystem):
         return False
@@ -27,9 +27,9 @@ def has_majorants(case: Case) -> bool:
 
 
 def shortened(case: Case) -> Case:
-    """The step inside half its contraction radius, by a power of two, for polynomial data; others as they are.
+    """Shorten a step to half its contraction radius by a power of two, for polynomial data; others are unchanged.
 
-    What a bound from Cauchy's estimate needs for all states around y (law poisson-map).
+    Cauchy's estimate needs this for all states around y (law poisson-map).
     """
     problem, y, h, dW = case.build()
     if not isinstance(problem.gradient, PolynomialMap):
@@ -54,7 +54,7 @@ def contraction_radius(problem: Problem, y: Array) -> float:
 
 
 def contraction_ball(problem: Problem, y: Array) -> tuple[float, float]:
-    """(radius, r): for |Δ| ≤ radius the solution stays within r of y, also for complex Δ: majorants bound both.
+    """A pair (radius, r): for |Δ| ≤ radius the solution stays within r of y, also for complex Δ: majorants bound both.
 
     Any r > 0 gives a radius. Those tried are parts of |y|, the scale of the system near y, and of 1 + |y|, for states
     at and near the origin.
@@ -67,7 +67,7 @@ def contraction_ball(problem: Problem, y: Array) -> tuple[float, float]:
     field = np.max(matvec(B, g), axis=0)
     slope = np.max(np.sum(matvec(dB, g) + matmul(B, H), axis=1), axis=0)
     with np.errstate(all="ignore"):
-        # Where nothing moves any step is short enough; majorants that overflow leave no step at all.
+        # Where nothing moves every step is short enough; majorants that overflow leave no step at all.
         radii = np.minimum(
             np.where(field > 0, balls / field, np.inf), np.where(slope > 0, CONTRACTION / slope, np.inf)
         )

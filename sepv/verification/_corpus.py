@@ -1,8 +1,8 @@
-"""The corpus of witnesses: cases that caught a violation once, asked again before any search.
+"""The corpus of witnesses: cases that once showed a violation, tried before any search.
 
-``reference/witnesses/LAW.json``, as its schema describes it; docs/vectors.md is for whoever reads it without Python. A
-witness is a case of its law like any other: the law's own check measures it, with its own bound. So the corpus can
-find a fault sooner, and can accuse nobody whom a search could not.
+``reference/witnesses/LAW.json`` obeys its schema; docs/vectors.md describes it for readers without Python. A witness is
+a case of its law like any other: the law's own check measures it, with its own bound. So the corpus can find a fault
+sooner, but cannot accuse a scheme that a search could not.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ FOLDER = files("sepv.reference") / "witnesses"
 
 @dataclass(frozen=True)
 class Witness:
-    """A case with what it caught."""
+    """A case and the violations that it showed."""
 
     id: str  # LAW/NUMBER
     systems: Systems
-    found: str  # whose simplified counterexample it is: a saboteur, or a built-in scheme that does not claim the law
-    caught: tuple[str, ...]  # all of them that this case accuses
+    found: str  # the scheme of the simplified counterexample: a saboteur, or one that does not claim the law
+    caught: tuple[str, ...]  # all schemes that this case accuses
     case: Case
 
 
@@ -45,5 +45,5 @@ def witnesses(law: str, systems: Systems | None = None) -> tuple[Witness, ...]:
 
 
 def cases(law: str, systems: Systems) -> tuple[Case, ...]:
-    """Their cases, in the order of the file: what catches most comes first."""
+    """The witnesses' cases in the order of the file: the one that catches most comes first."""
     return tuple(w.case for w in witnesses(law, systems))

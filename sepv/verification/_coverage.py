@@ -1,4 +1,4 @@
-"""What the designs of the laws cover: the cases in each stratum, pairs of strata met, and pairs that cannot be."""
+"""Coverage of the laws' designs: the cases in each stratum, pairs of strata met, and impossible pairs."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def pairs(space: Space) -> tuple[int, int]:
 
 
 def cases_by_stratum(space: Space) -> dict[tuple[str, str], int]:
-    """How many cases of one design lie in each stratum, by the names of axis and stratum."""
+    """The number of cases of one design in each stratum, by the names of axis and stratum."""
     return Counter(
         (axis, stratum.name) for row in space.design().rows for axis, stratum in space.levels(row).items()
     )
 
 
 def impossible(space: Space) -> dict[str, list[str]]:
-    """By reason, the pairs of strata that no case can have."""
+    """The impossible pairs of strata, by reason."""
     found: dict[str, list[str]] = {}
     for pair in sorted(space.design().impossible):
         names = [f"{space.axes[f].name} {space.axes[f].strata[k].name}" for f, k in pair]

@@ -1,4 +1,4 @@
-"""What a scheme is held to from now on: a TOML file of claims and of known violations, strict both ways.
+"""Expectations of a scheme: a TOML file of claims and of known violations, strict in both directions.
 
     scheme = "mypkg.mymodule:step"     # whose they are, for a word where another one is measured
     claims = ["contract", "casimir"]   # laws that must hold; leave it out where the scheme states its own
@@ -10,10 +10,10 @@
     reason = "B is taken at y_n in the drift"
     witness = "eNp1j88K…"              # as printed after --replay; for statistical laws a table { seed, paths }
 
-A known violation is checked by its witness and not by search, so that it costs one measurement and is never flaky.
-A violation that is not listed fails the run, and so does an entry that no longer fails. A file with ``claims`` is a
-pin: of the laws as they were measured (`pin`). There even a violation of a law that nobody claims must be listed, and
-a law that was not measured then, because it is newer or was not asked for, is named in the report.
+A known violation is checked by its witness and not by search: it costs one measurement and never fails by chance. A
+violation that is not listed fails the run, and so does an entry that no longer fails. A file with ``claims`` is a pin
+of the laws as they were measured (`pin`). Then even a violation of an unclaimed law must be listed, and the report
+names laws that were not measured for the pin.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from sepv.verification._cases import case as cases
 from sepv.verification._law import Finding, Verdict
 
 _ENTRY = {"law", "reason", "witness"}
-# Eight times the nightly effort.
+# The largest effort, eight times the nightly one.
 _MOST = {"paths": 2**17, "examples": 8000}
 _KEYS = {"expected", "claims", "measured", "scheme", "problems"}
 _EXAMPLE = '[[expected]] with law = "…", reason = "…", witness = "…"; `--pin FILE` makes a first one'
@@ -46,9 +46,9 @@ class ExpectedFailure:
 
 @dataclass(frozen=True)
 class Expectations:
-    """A file: the laws that it claims, those measured for it, its scheme's name and what that is for.
+    """A file's claims and measured laws, and the name and the problems of its scheme.
 
-    None, or no problems, where it does not say.
+    None, or no problems, if the file does not state them.
     """
 
     claims: frozenset[str] | None = None
@@ -59,11 +59,11 @@ class Expectations:
 
     @property
     def is_pin(self) -> bool:
-        """Whether every violation must be listed, claimed or not."""
+        """True if every violation must be listed, claimed or not."""
         return self.claims is not None
 
     def gaps(self, laws: Iterable[str], scheme: str, problems: Iterable[str] = ()) -> list[str]:
-        """A sentence each: another scheme's file, or other problems; laws it does not know; those not asked for now."""
+        """Sentences about gaps: another scheme or other problems; laws unknown to the file; laws not measured now."""
         asked, guarded, found = list(laws), {*self.failures, *(self.claims or ())}, []
         if self.scheme is not None and self.scheme != scheme:
             found.append(
@@ -85,10 +85,10 @@ class Expectations:
 
 
 def load(path: str | Path, laws: Iterable[str]) -> Expectations:
-    """What a file says.
+    """Read a file of expectations.
 
-    A UsageError for one that is missing or not TOML, an unknown or repeated law, a missing reason or witness, a law
-    that is both claimed and expected to fail.
+    Raises UsageError for a file that is missing or not TOML, an unknown or repeated law, a missing reason or witness, a
+    law that is both claimed and expected to fail.
     """
     try:
         data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
@@ -180,14 +180,14 @@ def _entry(entry: Any, where: str, known: tuple[str, ...]) -> ExpectedFailure:
 
 
 def _drawn(key: str, value: Any) -> bool:
-    """Whether this is what a statistical law was run with, and bounded: a file must not keep a run busy for days."""
+    """True for a bounded setup of a statistical law: a file must not keep a run busy for days."""
     return type(value) is int and 0 <= value <= _MOST.get(key, value)
 
 
 def to_toml(scheme: str, findings: Iterable[Finding]) -> str:
-    """A first file of expected failures: the claimed laws that are violated; a person fills in the reasons.
+    """A first file of expected failures: the claimed laws that are violated; a person adds the reasons.
 
-    What nobody claims is no failure, and is not listed: a scheme that gains a law must not turn a build red.
+    Unclaimed violations are not failures, and are not listed: a scheme that gains a law must not fail a build.
     """
     listed = [f for f in findings if f.claimed or f.expected is not None]
     entries = _entries(f for f in listed if f.verdict is Verdict.VIOLATED)
@@ -197,9 +197,9 @@ def to_toml(scheme: str, findings: Iterable[Finding]) -> str:
 
 
 def pin(scheme: str, findings: Iterable[Finding], problems: Iterable[str] = ()) -> str:
-    """The whole of what was measured: what holds as claims, what is violated with its witness.
+    """A pin of all measured laws: those that hold as claims, violations with their witnesses.
 
-    A law without a decision is among those measured only: it is not guarded until it is decided and pinned again.
+    A law without a decision is listed as measured only: it is guarded once it is decided and pinned again.
     """
     found = [f for f in findings if f.verdict is not Verdict.NOT_MEASURED]
     held = [f.law for f in found if f.verdict is Verdict.HOLDS]

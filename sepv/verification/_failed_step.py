@@ -1,4 +1,4 @@
-"""What a reader sees of a step that was not made: from where it was asked, and what the scheme says to it."""
+"""A failed step in words: its state and step, and the scheme's error."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from sepv.solve import Status
 def first_failed(
     scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, status: NDArray[np.int64]
 ) -> str:
-    """`failed_step` of the first of the states y (d, M) with dW (m, M) whose status (M,) says so; empty for none."""
+    """`failed_step` for the first of the states y (d, M) with dW (m, M) whose status (M,) failed; empty if none did."""
     k = int(np.argmax(status != Status.CONVERGED))
     return "" if status[k] == Status.CONVERGED else failed_step(scheme, problem, y[:, k], h, dW[:, k])
 
 
 def failed_step(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> str:
-    """The step from y (d,) with dW (m,), in words, and the scheme's own error, for which it is asked once more."""
+    """Describe the step from y (d,) with dW (m,), and the scheme's own error, for which it is called once more."""
     place = f"from y0 = {row(y)} with h = {float(h)!r}, ΔW = {row(dW[: problem.noises])}"
     return f"{place}: {_said(scheme, problem, y, h, dW)}"
 
@@ -36,5 +36,5 @@ def _said(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> st
 
 
 def row(values: ArrayLike | None) -> str:
-    """(0.5, -1.25e-07): twelve digits show an error of a high order too."""
+    """A row of numbers such as (0.5, -1.25e-07): twelve digits show an error of a high order too."""
     return "(" + ", ".join(f"{float(v):.12g}" for v in np.atleast_1d(np.asarray(values))) + ")"

@@ -1,4 +1,4 @@
-"""A report for other programs: JUnit XML, a badge. JSON is `Report.to_json`."""
+"""Reports for other programs: JUnit XML, and a badge. JSON is `Report.to_json`."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from sepv.verification._law import Verdict
 from sepv.verification._outcome import Report
 from sepv.verification._profiles import SUITE, found
 
-# What XML 1.0 cannot hold, not even escaped.
+# Characters that XML 1.0 cannot hold, not even escaped.
 _NOT_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def junit_xml(report: Report) -> str:
-    """The report as JUnit XML: a law is a test case; what is not claimed cannot fail and is skipped instead."""
+    """The report as JUnit XML: a law is a test case; an unclaimed law cannot fail and is skipped instead."""
     name, seconds = _clean(report.scheme.name), f"{sum(f.seconds for f in report.findings):.3f}"
     facts = {"name": f"sepv {name}", "tests": str(len(report.findings)), "time": seconds}
     suite = ElementTree.Element("testsuite", facts)
@@ -40,9 +40,9 @@ def junit_xml(report: Report) -> str:
 
 
 def badge_json(report: Report) -> str:
-    """The badge, for a service that takes endpoints: the profiles that were found, after what turns the run red.
+    """The badge, for a service with endpoints: the profiles that were found, after the reasons for a red run.
 
-    Green is a run with exit code 0, orange one that ends undecided or in an error, red one that is wrong.
+    Green is a run with exit code 0, orange one that ends undecided or in an error, red one with a failure.
     """
     undecided = (Verdict.INCONCLUSIVE, Verdict.ERROR, Verdict.NOT_MEASURED)
     wrong = [f for f in report.findings if f in report.failing or (f.claimed and f.verdict in undecided)]

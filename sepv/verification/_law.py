@@ -1,4 +1,4 @@
-"""A law: a statement with its source, how it is measured, and what a measurement means."""
+"""A law: a statement with its source, its measurement, and the meaning of a result."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 
 class Verdict(Enum):
-    """What became of a law. Counts over a suite always add up to the number of its laws."""
+    """The result of a law. Counts over a suite always add up to the number of its laws."""
 
     HOLDS = "holds"
     VIOLATED = "violated"
     INCONCLUSIVE = "inconclusive"
     NOT_APPLICABLE = "not_applicable"
     ERROR = "error"
-    # Interrupted before it was decided: no word about the scheme.
+    # Interrupted before a decision: no statement about the scheme.
     NOT_MEASURED = "not_measured"
 
     @property
@@ -35,7 +35,7 @@ class Verdict(Enum):
         return self.value.replace("_", " ")
 
     def of(self, number: int) -> str:
-        """So many laws ended so: 1 holds, 2 hold, 3 violated, 2 errors."""
+        """A number of laws with this verdict: 1 holds, 2 hold, 3 violated, 2 errors."""
         plural = {Verdict.HOLDS: "hold", Verdict.ERROR: "errors"}
         return f"{number} {self.text if number == 1 else plural.get(self, self.text)}"
 
@@ -50,7 +50,7 @@ class Measurement:
 
     @property
     def violates(self) -> bool:
-        """Whether the defect exceeds the bound; a defect that is not a number does."""
+        """True if the defect exceeds the bound, or is NaN."""
         return not self.defect <= self.bound
 
     @property
@@ -63,33 +63,33 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Finding:
-    """What a law found of a scheme.
+    """The result of a law on a scheme.
 
     Attributes
     ----------
     defect, bound, unit
-        The worst measurement; None where nothing was measured.
+        The worst measurement; None if nothing was measured.
     witness : dict or None
-        What shows a violation or an error: a `sepv.verification.Case` as JSON, or the setup of a
-        statistical law.
+        The evidence of a violation or an error: a `sepv.verification.Case` as JSON, or the setup of a statistical
+        law.
     replay : str
         Arguments after ``sepv verify TARGET`` that show it again.
     checks : int
-        Examples or paths that were measured.
+        The number of measured examples or paths.
     message : str
         The witness for a reader, or the reason of a verdict.
     at_least : bool
-        Whether the bound is a lower one, as for a measured order.
+        True if the bound is a lower one, as for a measured order.
     traceback : str
-        Of an exception that the scheme raised.
+        The traceback of an exception that the scheme raised.
     expected : str or None
         The reason of an expected failure, which was checked by its witness.
     skipped : int
-        Cases that the scheme does not take (`sepv.errors.Skipped`).
+        The number of cases that the scheme refuses (`sepv.errors.Skipped`).
     share : float or None
         Of a law that skipped cases it must ask: the share of its design that was measured.
     step_seconds : float or None
-        What a state took in a step, where the law timed it: for the seconds that a run has left.
+        Seconds of a step of one state, if the law timed it: for the estimate of a run's remaining time.
     """
 
     law: str
@@ -119,7 +119,7 @@ class Finding:
 
     @property
     def words(self) -> str:
-        """casimir (Prop. 3.2) violated: 1.2e+09 against 51 ulp of C."""
+        """The finding as a line: casimir (Prop. 3.2) violated: 1.2e+09 against 51 ulp of C."""
         size = ""
         if self.defect is not None and self.bound is not None:
             size = f": {self.defect:.3g} against {self.bound:.3g} {self.unit}"
@@ -128,25 +128,25 @@ class Finding:
 
 @dataclass(frozen=True)
 class Effort:
-    """How hard to look.
+    """The effort of a run.
 
     Attributes
     ----------
     examples : int
         Hypothesis examples a law, after its design.
     designs : int
-        How often a law visits its design, each time with other content in the same strata.
+        Repetitions of a law's design, each with other content in the same strata.
     paths : int
         Largest number of paths of a statistical law. More than the default also lifts what is spared of a scheme that
         takes one state at a time.
     seed : int
-        Of examples and paths: the same seed gives the same run.
+        The seed of examples and paths: the same seed gives the same run.
     shrink_checks : int
         How many checks a counterexample may be simplified with; 0 leaves it as it was found. A number and not a time,
         so that a finding does not depend on what else the machine does.
     corpus : bool
-        Whether known witnesses (`sepv.verification._corpus`) are asked before a law's design. Without them a
-        count of examples says what the search alone can do.
+        True if known witnesses (`sepv.verification._corpus`) are tried before a law's design. Without them, a count of
+        examples measures the search alone.
     """
 
     examples: int = 8
@@ -166,13 +166,13 @@ class Effort:
 
 
 def sparing(scheme: Scheme, effort: Effort) -> bool:
-    """Whether few steps are asked: of a scheme that takes one state at a time, unless more paths are asked for."""
+    """True if few steps are taken: for a scheme that takes one state at a time, unless more paths are requested."""
     return not scheme.batched and effort.paths <= Effort.paths
 
 
 @dataclass(frozen=True)
 class Run:
-    """One run of laws on one scheme: how hard they look, and the errors that several of them judge.
+    """One run of laws on one scheme: the effort, and the errors that several laws judge.
 
     Attributes
     ----------
@@ -199,16 +199,16 @@ class Law:
     replay : (scheme, witness) -> Finding
         Measure one witness.
     always_claimed : bool
-        For the contract of ``step``, which whoever hands over a scheme has signed.
+        True for the contract of ``step``, which every scheme must obey.
     cost : float
-        Processor seconds that it took for (2.1) when this was written, without the steps below, measured after the laws
-        before it; laws that share their paths are paid by the first. For the seconds that a run has left.
+        Processor seconds for (2.1), measured once, without the steps below, after the laws before it; the first of
+        the laws that share paths pays for them. For the estimate of a run's remaining time.
     steps : int
-        States of given problems that (2.1) is asked to step by it, for the same end.
+        The number of states of given problems that (2.1) steps, for the same estimate.
     cases : sepv.verification.Cases or None
-        Of a law about single steps: what it asks about.
+        The cases of a law about single steps.
     spared : int
-        The same where a scheme takes one state at a time, if that is less.
+        `steps` for a scheme that takes one state at a time, if that is less.
     """
 
     name: str
@@ -224,7 +224,7 @@ class Law:
     spared: int = 0
 
     def claimed_by(self, scheme: Scheme) -> bool:
-        """Whether the scheme says that it obeys this law."""
+        """True if the scheme claims this law."""
         return self.always_claimed or self.name in scheme.claims
 
     def finding(self, verdict: Verdict, **details: Any) -> Finding:
@@ -236,7 +236,7 @@ Measure = Callable[[Law, Scheme, Run], Finding]
 
 
 def pathwise(run: Measure) -> Measure:
-    """`run` of a law about paths: not applicable to increments of a few points, which no Wiener process has."""
+    """Make `run` of a law about paths inapplicable to increments of a few points, which no Wiener process has."""
 
     def asked(law: Law, scheme: Scheme, own: Run) -> Finding:
         points = point_law(scheme.increments)
@@ -253,7 +253,7 @@ _collected: ContextVar[tuple[list[Finding], Measure | None] | None] = ContextVar
 
 @contextmanager
 def collecting(findings: list[Finding], measure: Measure | None = None) -> Iterator[None]:
-    """Within it `require` appends its findings to the list, measured by `measure`: for runners that show them."""
+    """A context in which `require` appends its findings, made by `measure`, to a list: for runners that show them."""
     token = _collected.set((findings, measure))
     try:
         yield
@@ -262,11 +262,11 @@ def collecting(findings: list[Finding], measure: Measure | None = None) -> Itera
 
 
 def require(law: Law, scheme: Scheme, effort: Effort | None = None) -> Finding:
-    """For tests: the law's finding, raising `LawViolated` where a claimed law is not found to hold.
+    """The law's finding, for tests: raises `LawViolated` if a claimed law is not found to hold.
 
-    An unclaimed law is measured too and returned; it fails no test.
+    An unclaimed law is measured and returned too; it fails no test.
     """
-    __tracebackhide__ = True  # of pytest: the finding says what happened, frames of sepv do not
+    __tracebackhide__ = True  # hides this frame: pytest then shows the finding and no frames of sepv
     found, measure = _collected.get() or ([], None)
     own = Run(effort or Effort())
     measured = measure(law, scheme, own) if measure else law.run(law, scheme, own)
@@ -279,7 +279,7 @@ def require(law: Law, scheme: Scheme, effort: Effort | None = None) -> Finding:
 
 
 class LawViolated(AssertionError):
-    """A claimed law that does not hold, with its finding."""
+    """A claimed law does not hold; the error carries its finding."""
 
     def __init__(self, finding: Finding) -> None:
         self.finding = finding

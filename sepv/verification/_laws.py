@@ -10,7 +10,7 @@ from sepv.errors import UsageError, require_one_of
 from sepv.verification._law import Law
 from sepv.verification._profiles import Requirement, laws_for
 
-# In the order in which a reader wants them: what nothing else makes sense without comes first.
+# Report order; prerequisites first.
 LAWS = (
     "contract",
     "reproducibility",
@@ -44,7 +44,7 @@ LAWS = (
 
 # Laws that share the paths they draw (`Run.paths`): one process measures them, in this order.
 SAMPLED = ("mean-square-order", "weak-order", "right-limit", "commutation")
-# Those that share errors of one step.
+# Laws that share errors of one step.
 LOCAL = ("local-mean", "local-mean-square", "local-weak")
 # Asked before the others: they take half a second, and most faults show in them.
 SOON = ("identity", "energy", "casimir")
@@ -78,7 +78,7 @@ def soonest(laws: Iterable[Law]) -> list[Law]:
 
 
 def laws_of(names: Iterable[str] | None = None, required: tuple[Requirement, ...] = ()) -> list[Law]:
-    """The laws that a run is asked for: by name, or those that the required profiles need, and not both."""
+    """The laws of a run: by name, or those that the required profiles need, and not both."""
     if not required:
         return load_laws(names)
     if names is not None:

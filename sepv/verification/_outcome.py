@@ -1,4 +1,4 @@
-"""What a run found: the findings of its laws, counts, exit code, profiles, and all that as JSON."""
+"""The result of a run: the findings of its laws, counts, exit code, profiles, and JSON."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from sepv.verification._profiles import SUITE, Profiled, Requirement, missing, p
 
 @dataclass(frozen=True, repr=False)
 class Report:
-    """What the laws found of one scheme. `print` shows the table; so does a notebook.
+    """The findings of the laws on one scheme. `print` shows the table; so does a notebook.
 
     Attributes
     ----------
     scheme : Scheme
     findings : tuple of Finding
-        One for each law that was asked for, in the order of the suite: verdict, defect, bound, message, witness.
+        One for each law of the run, in the order of the suite: verdict, defect, bound, message, witness.
     effort : Effort
     interrupted : bool
-        Whether some laws were not measured.
+        True if some laws were not measured.
     pinned : frozenset of str or None
-        The laws that held when the pin was written that the run was held to (`sepv.verification._expected_failures`):
-        every violation must be claimed or listed there. None without a pin.
+        The laws that held when the run's pin was written (`sepv.verification._expected_failures`): every violation must
+        be claimed or listed there. None without a pin.
     pins : bool
-        Whether the command writes a pin of this report.
+        True if the command writes a pin of this report.
     gaps : tuple of str
-        Sentences about laws that the pin says nothing of, or that it guards and that were not measured now.
+        Sentences about laws that the pin does not contain, or that it guards and that were not measured now.
     target : str
-        What stands for the scheme, and what it is for, in a command; empty where no words do.
+        The words for the scheme and its problems in a command; empty if there are none.
     required : tuple of Requirement
         The profiles that must be found.
     """
@@ -69,15 +69,15 @@ class Report:
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """The words that named what the scheme is for; empty where it is for every system, or objects were given."""
+        """The words that named the scheme's problems; empty if it is for every system, or objects were given."""
         words = tuple(getattr(item, "text", "") for item in self.scheme.problems)
         return words if all(words) else ()
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many laws ended in each verdict; the sum is the number of laws asked for.
+        """The number of laws with each verdict; the sum is the number of laws in the run.
 
-        "not_measured" is there where the run was interrupted, and only there.
+        "not_measured" occurs only if the run was interrupted.
         """
         found = {v.value: sum(f.verdict is v for f in self.findings) for v in Verdict}
         if not found[Verdict.NOT_MEASURED.value]:
@@ -88,8 +88,8 @@ class Report:
     def exit_code(self) -> int:
         """0: every claimed law holds. 1: one does not, or an expected failure passes. 3: an error. 130: interrupted.
 
-        A claimed law that is inconclusive, or whose cases the scheme skipped, was not shown to hold: 1. Nothing
-        measured at all: 1. A required profile that was not found: 1.
+        A claimed law that is inconclusive, or whose cases the scheme skipped, was not shown to hold: 1. No
+        measurement at all: 1. A required profile that was not found: 1.
         """
         if self.interrupted:
             return 130
@@ -102,7 +102,7 @@ class Report:
 
     @property
     def failing(self) -> tuple[Finding, ...]:
-        """Claimed laws that were not shown to hold, expected failures that no longer fail; violations outside a pin."""
+        """Claimed laws not shown to hold, expected failures that no longer fail, and violations outside a pin."""
         return tuple(f for f in self.findings if fails(f, self.pinned))
 
     def finding(self, law: str) -> Finding:
@@ -137,7 +137,7 @@ class Report:
         return replace(known.replay(known, self.scheme, finding.witness), claimed=finding.claimed)
 
     def again(self, finding: Finding) -> str:
-        """What measures a finding again: a command, or Python where no words name the scheme or its problem."""
+        """The way to measure a finding again: a command, or Python if no words name the scheme or its problem."""
         if not finding.replay:
             return ""
         if self.target and has_words(finding.witness):
@@ -187,14 +187,14 @@ class Report:
         }  # fmt: skip
 
 
-# The effort that a report states.
+# The fields of the effort in a report.
 EFFORT = ("seed", "examples", "paths", "designs", "shrink_checks", "corpus")
 
 
 def fails(f: Finding, pinned: frozenset[str] | None = None) -> bool:
-    """Whether a finding turns a run red with exit code 1; under a pin of these laws every violation must be listed."""
+    """True if a finding makes the exit code 1; under a pin of these laws every violation must be listed."""
     if f.verdict in (Verdict.ERROR, Verdict.NOT_MEASURED):
-        return False  # exit codes of their own
+        return False  # these have other exit codes
     if f.expected is not None:
         return f.verdict is not Verdict.VIOLATED
     if not f.claimed:
@@ -212,5 +212,5 @@ _TOLD = (
 
 def _finding_json(finding: Finding) -> dict[str, Any]:
     said = {key: getattr(finding, key) for key in _TOLD}
-    # A number without size, such as a defect or an interval's open end, is null: the message says what it is.
+    # A defect or an interval's end that is not finite becomes null: the message describes it.
     return finite(said | {"verdict": finding.verdict.value, "seconds": round(finding.seconds, 3)})

@@ -1,6 +1,6 @@
-"""The check of the laws "poisson-map" and "symplecticity": Φ′(y0) B(y0) Φ′(y0)ᵀ = B(y1), with a bound that is derived.
+"""The check of the laws "poisson-map" and "symplecticity": Φ′(y0) B(y0) Φ′(y0)ᵀ = B(y1), with a derived bound.
 
-`sepv.problem._poisson` has the derivative Φ′ and its error E, entry by entry. What (P) there may be off by is then
+`sepv.problem._poisson` has the derivative Φ′ and its error E, entry by entry. The error of (P) is then bounded by
 
     E|B||Φ′|ᵀ + |Φ′||B|Eᵀ + E|B|Eᵀ,    |B(y1 + e) − B(y1)| for the error e of y1,    and roundings of the products.
 
@@ -26,16 +26,16 @@ from sepv.verification._contraction import contraction_ball
 from sepv.verification._law import Measurement
 from sepv.verification._tolerance import operations, step_residual, structure_majorant
 
-# Steps with a derivative known to fewer digits say nothing about the structure.
+# The largest relative error of a derivative that can decide about the structure.
 ROUGH = 1e-6
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """The largest entry of Φ′BΦ′ᵀ − B(y1) beside its bound."""
+    """The largest entry of Φ′BΦ′ᵀ − B(y1) relative to its bound."""
     problem, y, h, dW = case.build()
     rho = _disc(problem, y, h, dW)
     sizes = [poisson.WIDTH * rho] * y.size if rho else poisson.BLIND_WIDTH * poisson.scales(problem, y)
-    # Powers of two, at most these: multiples are exact, and so is a division by one.
+    # Powers of two no larger than these: multiples are exact, and so is a division by one.
     widths = np.array([float(2.0 ** np.floor(np.log2(size))) for size in sizes])
     answers = _steps(scheme, problem, poisson.shifted(y, widths), h, dW)
     y1 = answers[:, 0]
@@ -64,14 +64,14 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def _steps(scheme: Scheme, problem: Problem, states: Array, h: float, dW: Array) -> Array:
-    """Φ at each of the states (d, M), with the same h and increments."""
+    """Step each of the states (d, M), with the same h and increments."""
     if scheme.batched:
         return ask(scheme, problem, states, h, np.repeat(dW[:, None], states.shape[1], axis=1))
     return np.stack([ask(scheme, problem, y, h, dW) for y in states.T], axis=1)
 
 
 def _disc(problem: Problem, y: Array, h: float, dW: Array) -> float:
-    """ρ, or 0 where none is known."""
+    """The radius ρ, or 0 if none is known."""
     if not (isinstance(problem.gradient, PolynomialMap) and isinstance(problem.structure, PolynomialMap)):
         return 0.0
     radius, ball = contraction_ball(problem, y)

@@ -20,7 +20,7 @@ from sepv._arguments import did_you_mean
 from sepv.errors import UsageError, require_one_of
 from sepv.verification._law import Finding, Verdict
 
-# The version of the suite: one more for each law that is added or asks for more, with a note in docs/profiles.md.
+# The version of the suite, raised for each law that is added or becomes stricter, with a note in docs/profiles.md.
 SUITE = 1
 
 
@@ -31,7 +31,7 @@ class Profile:
     Attributes
     ----------
     ordered : bool
-        Whether it is an order. The first law must have measured it then; the others may be not applicable.
+        True for an order. The first law must then have measured it; the others may be not applicable.
     """
 
     name: str
@@ -54,33 +54,33 @@ PROFILES = (
     Profile("2.1", "(2.1)", ("reference", "expansion", "midpoint", "reduction")),
 )
 NAMES = tuple(p.name for p in PROFILES)
-# Larger orders than any scheme has are a slip of the pen.
+# Larger orders than any scheme has are typing errors.
 _LARGEST = 100
 
 
 @dataclass(frozen=True)
 class Requirement:
-    """A profile that must be found, and the order where it is one."""
+    """A profile that must be found, with the order if it is one."""
 
     profile: Profile
     order: float = 0.0
 
     @property
     def name(self) -> str:
-        """As after ``--require``: energy, order-1."""
+        """The name after ``--require``: energy, order-1."""
         return f"{self.profile.name}-{self.order:g}" if self.profile.ordered else self.profile.name
 
 
 @dataclass(frozen=True)
 class Profiled:
-    """What the laws of one profile say.
+    """The result of the laws of one profile.
 
     Attributes
     ----------
     order : float or None
-        The order that was measured, for a profile that is one; None where none is sure.
+        The measured order, for a profile that is one; None if none is certain.
     why : str
-        Why the profile is not found; empty where it is.
+        The reason why the profile is not found; empty if it is.
     """
 
     profile: Profile
@@ -89,12 +89,12 @@ class Profiled:
 
     @property
     def name(self) -> str:
-        """As after ``--require``."""
+        """The name after ``--require``."""
         return Requirement(self.profile, self.order or 0.0).name
 
     @property
     def words(self) -> str:
-        """As on a badge."""
+        """The words on a badge."""
         return f"{self.profile.words} {self.order:g}" if self.profile.ordered else self.profile.words
 
 

@@ -1,6 +1,6 @@
-"""What is going on, on stderr: a bar with the seconds left on a terminal, else a line now and then.
+"""Progress on stderr: a bar with the seconds left on a terminal, else a line from time to time.
 
-Nothing that takes longer than two seconds is silent, piped or not; what is done sooner says nothing.
+Work of more than two seconds is never silent, piped or not; shorter work prints nothing.
 """
 
 from __future__ import annotations
@@ -21,48 +21,48 @@ from sepv.verification import Finding, Law, Verdict
 from sepv.verification._report import console
 from sepv.verification._verify import LawProgress
 
-# Seconds after which a line is printed where nobody sees a bar; then one every REPEAT.
+# Seconds after which a line is printed if there is no bar; then one every REPEAT.
 FIRST = 2.0
 FIRST_LINES = (FIRST, 5.0, 10.0, 20.0)
 REPEAT = 20.0
 # A violation waits no longer than this, once anything is said.
 TICK = 0.2
-# Seconds from which on a law may be called late, and a case is named that is being asked.
+# Seconds after which a law may be called late, and after which the current case is named.
 LATE, SLOW = 5.0, 2.0
 
 
 class Shown:
-    """The share that is done, None where nobody knows, and what is being done; read by whoever shows it."""
+    """The share that is done, None if unknown, and the current work; a display thread reads them."""
 
     def __init__(self) -> None:
         self.text, self.started = "starting", time.monotonic()
         self._done = 0.0
-        # Whoever knows more than a share says the seconds left, None where they are not known, and what is being done.
+        # A source of better estimates: the seconds left, None if unknown, and the current work.
         self.expected: Callable[[], float | None] | None = None
         self.doing = lambda: self.text
         self.found: list[str] = []  # what is to be said once, as soon as anything is
 
     def update(self, text: str | None = None, share: float | None = None) -> None:
-        """What is being done, and how much of all is done, 0 to 1; what is left out stays as it was."""
+        """Set the current work, and the share that is done, 0 to 1; omitted arguments keep their values."""
         self.text = self.text if text is None else text
         self._done = self._done if share is None else share
 
     @property
     def seconds_left(self) -> float | None:
-        """As who works expects, or at the pace so far; None where there is no pace yet."""
+        """Seconds left, as the work expects, or at the pace so far; None without a pace."""
         if self.expected is not None:
             return self.expected()
         return (time.monotonic() - self.started) * (1 - self._done) / self._done if self._done > 0 else None
 
     def share(self, left: float | None) -> float:
-        """How much is done, 0 to 1, where so many seconds are left."""
+        """The share that is done, 0 to 1, if this many seconds are left."""
         if self.expected is None or left is None:
             return self._done
         elapsed = time.monotonic() - self.started
         return elapsed / (elapsed + left) if left else 1.0
 
     def line(self) -> str:
-        """42 %, about 17 s left: energy."""
+        """The line to print, such as: 42 %, about 17 s left: energy."""
         left = self.seconds_left
         known = f"{self.share(left):.0%}, {_about(left)}" if left is not None else ""
         elapsed = f"{time.monotonic() - self.started:.0f} s"
@@ -76,7 +76,7 @@ def _about(left: float) -> str:
 
 @contextmanager
 def showing(quiet: bool = False) -> Iterator[Shown]:
-    """What `Shown.update` is told appears on stderr until the block ends."""
+    """Show the messages of `Shown.update` on stderr until the block ends."""
     shown, done = Shown(), threading.Event()
     if quiet:
         yield shown
@@ -124,21 +124,21 @@ def _bar(shown: Shown, out: Console, done: threading.Event) -> None:
                 _say(shown, out)
             left = shown.seconds_left
             text = f"{_about(left)}  {shown.doing()}" if left is not None else shown.doing()
-            # Without a share that is known the bar pulses. No square bracket is markup here.
+            # Without a known share the bar pulses. Square brackets are not markup here.
             total, words = None if left is None else 1.0, text.replace("[", r"\[")
             bar.update(task, total=total, completed=shown.share(left), description=words)
 
 
-# Steps of a law from which on these are most of its time, where a step takes more than some ten microseconds.
+# The number of steps from which a law's time is mostly steps, if a step takes more than ten microseconds.
 MANY = 10000
 
 
 class Course:
-    """The laws that have begun and those that are done, and from these the seconds that the others will take.
+    """Laws begun and done, and the estimate of the seconds that the others will take.
 
     A law takes pace · `Law.cost` + step · `Law.steps` seconds. The law "contract" times a step; a law of MANY steps may
-    say less, and tells where that was not measured. The pace holds what the machine is slower by, and what single calls
-    cost; it is a median, so that a law does not count that took long by polynomials or counterexamples of its own.
+    reduce that, and gives it where it was not measured. The pace covers a slower machine and the cost of calls; it is a
+    median, so that one law with slow polynomials or counterexamples does not change it.
     """
 
     def __init__(self, laws: Sequence[Law]) -> None:
@@ -148,7 +148,7 @@ class Course:
         self.started = time.monotonic()
 
     def heard(self, law: Law, finding: Finding | None) -> None:
-        """A law begins, or has its finding. Whoever shows it reads from another thread: nothing is changed in place."""
+        """Record that a law begins, or its finding. A display thread reads the fields: nothing is changed in place."""
         others = {name: since for name, since in self.began.items() if name != law.name}
         if finding is None:
             self.began = {**others, law.name: time.monotonic()}
@@ -158,46 +158,47 @@ class Course:
         self.began = others
 
     def steps(self, law: Law) -> int:
-        """The states that it steps: fewer of a scheme without batches, about which "reproducibility" says nothing."""
+        """The number of states that a law steps: fewer for a scheme without batches, none for "reproducibility"."""
         alone = any(
             law.name == "reproducibility" and f.verdict is Verdict.NOT_APPLICABLE for law, f in self.found
         )
         return law.spared if alone and law.spared else law.steps
 
     def rates(self) -> tuple[float, float]:
-        """(pace, seconds a step); a law that is not about the scheme took no time and says nothing."""
+        """(pace, seconds a step); a law that was not applicable took no time and is ignored."""
         told = [(law, f) for law, f in self.found if f.checks or f.verdict is not Verdict.NOT_APPLICABLE]
         few, many = ([(w, f) for w, f in told if (w.steps >= MANY) is wanted] for wanted in (False, True))
         timed = [f.step_seconds for _, f in told if f.step_seconds is not None]
         step = timed[0] if timed else 0.0
-        # Half a second at the pace of the machine on which costs were measured: one law alone says little.
+        # A prior of half a second at the pace of the machine where costs were measured, because one law alone is no
+        # median.
         paces = [(1.0, 0.5), *((max(0.0, f.seconds - step * w.steps) / w.cost, w.cost) for w, f in few)]
         pace = _weighted_median(paces)
         if many:
             spent = sum(max(0.0, f.seconds - pace * law.cost) for law, f in many)
             own = spent / sum(self.steps(w) for w, _ in many)
-            # Of a scheme that takes batches these are mostly calls.
+            # For a scheme that takes batches these are mostly calls.
             step = min(step, own) if timed else own
         return pace, step
 
     def whole(self) -> dict[str, float]:
-        """The seconds expected of each law that is not done, from its beginning."""
+        """The expected duration in seconds of each law that is not done."""
         pace, step = self.rates()
         return {name: pace * law.cost + step * self.steps(law) for name, law in self.left.items()}
 
     def late(self) -> dict[str, tuple[float, float]]:
-        """(seconds so far, seconds expected) of the laws that run for more than twice as long as expected, and LATE."""
+        """(seconds so far, seconds expected) of laws that run longer than LATE and twice as long as expected."""
         now, whole = time.monotonic(), self.whole()
         ran = {name: now - began for name, began in self.began.items() if name in whole}
         return {name: (t, whole[name]) for name, t in ran.items() if t > max(LATE, 2 * whole[name])}
 
     def seconds_left(self) -> float | None:
-        """None before the first law is done, and while laws that are late may be what takes longest."""
+        """None before the first law is done, and while late laws may take longest."""
         if not self.found:
             return None
         now, whole = time.monotonic(), self.whole()
         ran = {name: now - began for name, began in self.began.items() if name in whole}
-        # A law that takes longer than expected is expected to take an eighth more than it has taken.
+        # A late law is expected to take an eighth more than it has taken.
         rest = [max(whole.pop(name) - since, since / 8) for name, since in ran.items()]
         if sum(spent for spent, _ in self.late().values()) > sum(whole.values()):
             return None
@@ -206,12 +207,12 @@ class Course:
         return max([(sum(rest) + sum(whole.values())) / busy, *rest])
 
     def doing(self, journal: Journal | None, name: str) -> str:
-        """3 of 27 laws, energy for 21 s where 2 s were expected, case 7 for 8 s."""
+        """The current work, such as: 3 of 27 laws, energy for 21 s where 2 s were expected, case 7 for 8 s."""
         late, running = self.late(), list(self.began)
         words = [f"{len(self.found)} of {len(self.found) + len(self.left)} laws"]
         for law in running:
             spent, expected = late.get(law, (0.0, 0.0))
-            # Nothing is known of the pace before the first law is done.
+            # The pace is unknown before the first law is done.
             more = (
                 f" for {spent:.0f} s where {max(1.0, expected):.0f} s were expected"
                 if spent and self.found
@@ -227,7 +228,7 @@ class Course:
 
 
 def _weighted_median(entries: Iterable[tuple[float, float]]) -> float:
-    """Of at least one (value, weight)."""
+    """The weighted median of at least one (value, weight)."""
     ordered = sorted(entries)
     reached = list(accumulate(weight for _, weight in ordered))
     return ordered[bisect_left(reached, reached[-1] / 2)][0]
@@ -237,10 +238,10 @@ def _weighted_median(entries: Iterable[tuple[float, float]]) -> float:
 def watching(
     quiet: bool = False, laws: Sequence[Law] = (), name: str = "the scheme"
 ) -> Iterator[LawProgress]:
-    """A progress callback for `sepv.verification.verify` of these laws; `name` says of which scheme."""
+    """A progress callback for `sepv.verification.verify` with these laws; `name` names the scheme."""
     course, journal = Course(laws), current_journal()
     with showing(quiet) as shown:
-        # A function is called when it is loaded, and may be compiled then.
+        # Loading calls a function, which may then be compiled.
         shown.update(f"waiting for the first step of {name}")
         shown.expected = course.seconds_left
 

@@ -1,6 +1,6 @@
 """Quantiles of Student's t, of F and of the binomial distribution.
 
-To twelve digits and more, without `scipy.special`: to import it takes as long as a twentieth of all laws.
+They have twelve digits and more. The import of `scipy.special` would take a twentieth of the time of all laws.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 @cache
 def students_t(tail: float, df: int) -> float:
-    """t with P(T > t) = tail, between 0 and ½, for Student's T with df degrees of freedom.
+    """The quantile t with P(T > t) = tail, between 0 and ½, for Student's T with df degrees of freedom.
 
     P(|T| > t) = I_x(df/2, ½) with x = df/(df + t²), the regularised incomplete beta function.
     """
@@ -29,16 +29,16 @@ def students_t(tail: float, df: int) -> float:
 
 
 def fishers_f(tail: float, n: int) -> float:
-    """f with P(F < f) = tail, for F with n and n degrees of freedom: then √n (√F − 1/√F)/2 is Student's T."""
+    """The quantile f with P(F < f) = tail, for F with n and n degrees: √n (√F − 1/√F)/2 is Student's T."""
     t = students_t(tail, n) / sqrt(n)
     return (sqrt(1 + t * t) - t) ** 2
 
 
 @cache
 def binomial(level: float, n: int, p: float) -> int:
-    """The smallest k with P(at most k of n) ≥ level, where each is with probability p."""
+    """The smallest k with P(at most k of n) ≥ level, for events of probability p."""
     k = np.arange(1, n + 1)
-    # The ratios of neighbours, from P(0): no factorial.
+    # Ratios of neighbours, starting from P(0), avoid factorials.
     logs = np.cumsum(np.log((n + 1 - k) / k * p / (1 - p)))
     chances = np.exp(n * np.log1p(-p) + np.concatenate([[0.0], logs]))
     return int(np.searchsorted(np.cumsum(chances), level))

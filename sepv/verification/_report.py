@@ -1,4 +1,4 @@
-"""A report on the terminal: the table, the counterexamples, and how to see them again."""
+"""A report on the terminal: the table, the counterexamples, and the commands that replay them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from sepv.verification._profiles import PROFILES, SUITE, found
 if TYPE_CHECKING:
     from sepv.verification._outcome import Report
 
-# By verdict: its style, and its mark in the matrix.
+# The style of each verdict, and its mark in the matrix.
 _SHOWN = {
     Verdict.HOLDS: ("green", "holds"),
     Verdict.VIOLATED: ("bold red", "–"),
@@ -40,7 +40,7 @@ _SHOWN = {
 }
 _STYLES = {verdict: style for verdict, (style, _) in _SHOWN.items()}
 MARKS = {verdict: mark for verdict, (_, mark) in _SHOWN.items()}
-# Claimed by whoever hands over a step; a scheme that claims nothing else guards nothing else.
+# Every scheme claims these. A scheme with no other claims cannot fail a run otherwise.
 ALWAYS = ("contract",)
 
 
@@ -52,9 +52,9 @@ def console(file: TextIO | None = None, *, stderr: bool = False) -> Console:
 
 
 class _Console(Console):
-    """A console whose reader may go away (``| head``): 141 as for SIGPIPE, and not rich's 1, which is a verdict.
+    """A console whose reader may close the pipe (``| head``): it exits with 141 as for SIGPIPE; rich's 1 is a verdict.
 
-    No brackets are markup and no control character passes: names and messages come from others.
+    Brackets are not markup and no control character passes, because names and messages come from others.
     """
 
     def print(self, *objects: Any, **options: Any) -> None:
@@ -67,7 +67,7 @@ class _Console(Console):
 
 
 class _Ascii(_Console):
-    """A console of an encoding without our signs: texts are put in ASCII before they are laid out."""
+    """A console whose encoding lacks our signs: texts are converted to ASCII before they are laid out."""
 
     def print(self, *objects: Any, **options: Any) -> None:
         super().print(*(ascii_cell(o) for o in objects), **options)
@@ -78,27 +78,27 @@ def show(report: Report, out: Console, *, debug: bool = False) -> None:
     print_table(law_table(report), out)
     said: set[str] = set()
     for finding in report.findings:
-        # A scheme that cannot be asked says the same to every law: once is enough.
+        # A scheme that cannot be called has the same error for every law: it is printed once.
         fault = finding.message.splitlines()[-3:] if finding.verdict is Verdict.ERROR else []
         if fault and "\n".join(fault[:1]) in said:
             continue
         said.update(fault[:1])
         if finding.verdict is Verdict.NOT_MEASURED:
-            continue  # the table and the last line say it
+            continue  # the table and the last line already show it
         if finding.message or finding.verdict is not Verdict.HOLDS or finding.expected is not None:
             _details(finding, report, out, debug=debug)
     line(out, summary(report))
 
 
 def as_text(report: Report) -> str:
-    """What `show` prints, as text without colour: for `print(report)`."""
+    """The output of `show` as text without colour, for `print(report)`."""
     return _plain(lambda out: show(report, out))
 
 
 def as_html(report: Report) -> str:
     """The table, each counterexample with its replay, and the last line as HTML, for a notebook.
 
-    Everything that a scheme says is escaped.
+    All text of the scheme is escaped.
     """
     red = [f for f in report.findings if f.verdict in (Verdict.VIOLATED, Verdict.ERROR)]
     texts = [_plain(partial(_details, finding, report, debug=False)) for finding in red]
@@ -107,18 +107,18 @@ def as_html(report: Report) -> str:
 
 
 def _plain(write: Callable[[Console], None]) -> str:
-    """What is written to a console, as text without colour."""
+    """The text that `write` prints on a console, without colour."""
     out = io.StringIO()
     write(_Console(file=out, highlight=False, markup=False, width=100, color_system=None))
     return "\n".join(line.rstrip() for line in out.getvalue().rstrip().splitlines())
 
 
 def line(out: Console, text: Text) -> None:
-    """A sentence: wrapped for a terminal, one line for a program that reads it."""
+    """Print a sentence: wrapped for a terminal, one line for a program."""
     out.print(text, soft_wrap=not out.is_terminal)
 
 
-# A law, its verdict and its defect are always there; of the others what gives way first where a terminal is narrow.
+# Columns. A law, its verdict and its defect always stay; the others are dropped in this order on a narrow terminal.
 _COLUMNS = (
     Column("law"), Column("claimed", goes=3), Column("verdict"), Column("defect", right=True),
     Column("bound", right=True, goes=4), Column("unit", words=True, goes=2), Column("source", words=True, goes=1),
@@ -126,7 +126,7 @@ _COLUMNS = (
 
 
 def law_table(report: Report) -> Table:
-    """law, claimed, verdict, defect against bound, unit, source."""
+    """The table of laws: law, claimed, verdict, defect against bound, unit, source."""
     title = report.scheme.name + (f" · {report.scheme.source}" if report.scheme.source else "")
     rows = [_law_row(report, f) for f in report.findings]
     return Table(_COLUMNS, rows, Text(title, style="bold"), ruled=True)
@@ -141,9 +141,9 @@ def _law_row(report: Report, f: Finding) -> tuple[str | Text, ...]:
 
 
 def summary(report: Report, before: str = "") -> Text:
-    """One line: the counts, what the claims came to, the profiles; and what would guard a scheme without claims.
+    """The last line: the counts, the claims, the profiles; and advice for a scheme without claims.
 
-    `before` says of which scheme a line is that stands alone.
+    `before` names the scheme of a line that stands alone.
     """
     return Text(before, style="bold").append_text(_outcome(report)).append_text(_profiles(report))
 
@@ -180,7 +180,7 @@ def _outcome(report: Report) -> Text:
 
 
 def _profiles(report: Report) -> Text:
-    """The profiles that were found, where all laws of one were measured; the required ones that were not."""
+    """The profiles that were found, if all their laws were measured; the required ones that were not."""
     text, profiles = Text(""), report.profiles
     if report.interrupted:
         return text
@@ -193,7 +193,7 @@ def _profiles(report: Report) -> Text:
 
 
 def _complaints(report: Report) -> list[str]:
-    """What turns a run red, a sentence for each kind."""
+    """The reasons for a red run, a sentence for each kind."""
     found, failing = report.findings, report.failing
     wrong = (Verdict.VIOLATED, Verdict.INCONCLUSIVE, Verdict.ERROR)
     named = [f for f in failing if f.expected is None]
@@ -210,7 +210,7 @@ def _complaints(report: Report) -> list[str]:
 
 
 def _unguarded(report: Report) -> str:
-    """Nothing was claimed: a green run says nothing about tomorrow's, and here is what would."""
+    """The advice for a scheme without claims: a green run does not guard it, and these claims would."""
     if report.pins:
         return "Nothing is claimed yet: the file of --pin guards what was found, once --expected names it."
     own = [f.law for f in report.findings if f.verdict is Verdict.HOLDS and f.law not in ALWAYS]
@@ -225,20 +225,20 @@ def _unguarded(report: Report) -> str:
 
 
 def matrix(reports: Sequence[Report]) -> Table:
-    """Scheme × law."""
+    """A table of schemes and laws."""
 
     def cell(f: Finding) -> Text:
         return Text(MARKS[f.verdict] + (" +" if f.claimed else ""), style=_STYLES[f.verdict])
 
     rows = [[f[0].law, *map(cell, f)] for f in zip(*(r.findings for r in reports), strict=True)]
-    # Two reports may be of schemes of one name.
+    # Two reports may have schemes of one name.
     named = [Column(f"{r.scheme.name}{' ' * n}", words=True) for n, r in enumerate(reports)]
     caption = "+ claimed, – violated, ? inconclusive"
     return Table((Column("law"), *named), rows, caption=caption, ruled=True)
 
 
 def show_finding(finding: Finding, out: Console, *, debug: bool = False) -> None:
-    """One finding, as after a replay."""
+    """Print one finding, as after a replay."""
     line = _headed(finding, f"  {finding.source}")
     if finding.defect is not None:
         line.append(f"  {_number(finding.defect)} against {_number(finding.bound)} {finding.unit}")
@@ -257,7 +257,7 @@ def _details(finding: Finding, report: Report, out: Console, *, debug: bool) -> 
     _indented(finding.message + (f"\n{finding.traceback}" if debug else ""), out)
     if finding.verdict is not Verdict.HOLDS and (again := report.again(finding)):
         out.print(Text("  replay:", style="dim"))
-        # One line, however long: it is there to be copied.
+        # One line, however long, so that it can be copied.
         out.print(Text(f"  {again}"), soft_wrap=True)
     out.print()
 

@@ -1,8 +1,8 @@
-"""Laws about single steps: a design visits every stratum of the cases, then Hypothesis looks for one that violates.
+"""Laws about single steps: a design visits every stratum of the cases, then Hypothesis searches for a violation.
 
-Witnesses of the corpus come first (`sepv.verification._corpus`), then the design, since it misses no pair of
-strata (`sepv.verification._cases.strata`). Where a case of it violates, Hypothesis looks for a simpler one;
-where it finds none, the case itself is simplified (`sepv.verification._cases.shrink`).
+Witnesses of the corpus come first (`sepv.verification._corpus`), then the design, because it misses no pair of strata
+(`sepv.verification._cases.strata`). If a case of it violates, Hypothesis searches for a simpler one; if it finds none,
+the case itself is simplified (`sepv.verification._cases.shrink`).
 """
 
 from __future__ import annotations
@@ -40,19 +40,20 @@ from sepv.verification._law import Effort, Finding, Law, Measurement, Run, Verdi
 Check = Callable[[Scheme, Case], Measurement]
 
 
-# Without a design there are so many times as many random examples.
+# The factor on the number of random examples for a law without a design.
 UNDESIGNED = 12
-# A search ends where the scheme has not taken so many cases for each that it did.
+# A search ends after this many refused cases for each accepted one.
 MOST_SKIPPED = 20
-# Where a check takes longer than a fifth of a second, simplifying ends by the clock: a law may be given up after ten
-# minutes, and what was found must be said before. Only then does it depend on time how simple a counterexample is.
+# Simplification ends after this many seconds, if a check takes longer than a fifth of a second: a law may be stopped
+# after ten minutes, and its violation must be reported before. Only then does the simplest counterexample depend on
+# time.
 MOST_SECONDS = 100.0
-# Cases of a design that cannot be measured, until it is given up: each may take as long as a call may.
+# The number of cases that cannot be measured before a design is given up: each may take as long as a call may.
 MOST_FAULTS = 4
 # The share of a law's cases that must be measured of a scheme that states its longest step. One that skips problems
 # says what it is for, and may be for few of them.
 LEAST_SHARE = 0.25
-# Relative defects below may come from a solver's tolerance: eight times √eps, the default of many.
+# Smaller relative defects may come from a solver's tolerance: eight times √eps, the default of many.
 MOST_TOLERANCE = 2.0**-23
 
 
@@ -69,13 +70,13 @@ class _Crash(_Fault):
 
 
 class _Log:
-    """What a search has seen."""
+    """The log of a search."""
 
     def __init__(self) -> None:
         self.checks = 0
         self.worst: Measurement | None = None
         self.violation: tuple[Case, Measurement] | None = None
-        self.largest = 0.0  # defect of a violation, before any was simplified
+        self.largest = 0.0  # defect of the violation, before simplification
         self.fault: tuple[Case, Exception] | None = None
         self.crash: tuple[Case, Exception] | None = None  # a fault that no violation may hide
         self.skipped: dict[str, int] = {}
@@ -84,12 +85,12 @@ class _Log:
 
     @property
     def failed(self) -> bool:
-        """Whether a case violated or could not be measured."""
+        """True if a case violated or could not be measured."""
         return self.violation is not None or self.fault is not None
 
     @property
     def refused(self) -> int:
-        """How many cases the scheme did not take."""
+        """The number of cases that the scheme refused."""
         return sum(self.skipped.values())
 
     def skip(self, reason: str, *, may: bool = False) -> None:
@@ -100,25 +101,25 @@ class _Log:
 
 
 class _Budget:
-    """So many checks to simplify what was found, from the first on."""
+    """The number of checks for simplification, counted from the first failure."""
 
     def __init__(self, checks: int) -> None:
         self.left, self.end = checks, time.perf_counter() + MOST_SECONDS
 
     def spend(self) -> bool:
-        """Whether another check may be made, which is then taken off."""
+        """Take one check from the budget; False if it is empty."""
         self.left -= 1
         return self.left >= 0 and time.perf_counter() <= self.end
 
 
 @dataclass(frozen=True)
 class _Asked:
-    """Where a law looks, and its measurement."""
+    """The places where a law looks, and its measurement."""
 
     where: Question
     check: Check
     faults_violate: bool
-    known: tuple[Case, ...]  # witnesses of the corpus, which are asked first
+    known: tuple[Case, ...]  # witnesses of the corpus, which are tried first
 
 
 def searched(
@@ -135,18 +136,18 @@ def searched(
     cost: float = 1.0,
     steps: int = 0,
 ) -> Law:
-    """A law whose cases are drawn by a design and by a strategy, and measured one by one.
+    """Make a law whose cases come from a design and from a strategy, and are measured one by one.
 
     Parameters
     ----------
     check : (scheme, case) -> Measurement
         May raise what `sepv.schemes.ask` raises.
     cases : Cases
-        What the law asks about, for schemes of every class and for users' problems.
+        The cases of the law, for schemes of every class and for users' problems.
     faults_violate : bool
-        For the contract: an answer of the wrong shape or type is a violation there, an error elsewhere.
+        For the contract: a result of the wrong shape or type is a violation there, an error elsewhere.
     not_applicable : scheme -> str
-        Why the law says nothing about this scheme; empty where it does.
+        The reason why the law does not apply to this scheme; empty if it does.
     cost, steps
         As for `sepv.verification.Law`.
     """
@@ -185,7 +186,8 @@ def _search(law: Law, scheme: Scheme, effort: Effort, asked: _Asked) -> Finding:
         log.share = log.checks / (log.checks + log.lacking)
     if not (log.failed and effort.shrink_checks == 0):
         violation, fault = log.violation, log.fault
-        # A witness was shrunk when it was found, and what is fixed is simple: a search would find nothing simpler.
+        # Witnesses were simplified when they were found, and fixed cases are simple: a search would find nothing
+        # simpler.
         if violation is None or violation[0] not in (*known, *fixed):
             _explore(log, scheme, effort, asked)
         if (log.violation or log.fault) in (violation, fault) and log.failed:
@@ -194,21 +196,21 @@ def _search(law: Law, scheme: Scheme, effort: Effort, asked: _Asked) -> Finding:
 
 
 def _designed(where: Question, seed: int, repeat: int) -> list[Case]:
-    """The cases of a design in random order, so that no kind of case is always the first to be met."""
+    """The cases of a design in random order, so that no kind of case is always the first."""
     found = where.design(seed + 1000003 * repeat)
     Random(seed).shuffle(found)
     return found
 
 
 def _explore(log: _Log, scheme: Scheme, effort: Effort, asked: _Asked) -> None:
-    """Random cases, driven towards a large defect beside the bound; the first violation is shrunk."""
+    """Search random cases, driven towards large defects relative to the bound; shrink the first violation."""
     measured_before = log.checks
     simplifying: _Budget | None = None
 
     def body(case: Case) -> None:
         nonlocal simplifying
-        # Nothing is shrunk for ever: when the budget is spent every case passes, which ends it. Nor are cases drawn for
-        # ever that the scheme does not take.
+        # Both loops are bounded: when the budget is spent every case passes, which ends shrinking, and a search ends
+        # after too many refused cases.
         if simplifying is not None and not simplifying.spend():
             return
         if log.refused > MOST_SKIPPED * (1 + log.checks - measured_before):
@@ -217,7 +219,7 @@ def _explore(log: _Log, scheme: Scheme, effort: Effort, asked: _Asked) -> None:
             measured = _measure(log, scheme, case, asked.check, asked.faults_violate)
         except Skipped as skipped:
             if not isinstance(skipped.__cause__, StepFailure):
-                reject()  # the budget goes to cases that the program takes; a step that is refused was asked about
+                reject()  # the budget is for cases that the program takes; a refused step has been tried
             return
         except (_Violation, _Fault):
             simplifying = simplifying or _Budget(effort.shrink_checks)
@@ -249,11 +251,11 @@ def _explore(log: _Log, scheme: Scheme, effort: Effort, asked: _Asked) -> None:
             raise
     except BaseException:
         if simplifying is None:
-            raise  # not about the scheme: a defect of this suite, which must be seen
+            raise  # a defect of this suite, not of the scheme, which must be seen
 
 
 def _visit(log: _Log, scheme: Scheme, visited: Iterable[Case], asked: _Asked) -> None:
-    """The cases in turn, up to the first that violates; what cannot be measured may hide what violates, a few times."""
+    """Measure cases in turn, up to the first violation, or up to a few that cannot be measured."""
     faults: list[tuple[Case, Exception]] = []
     with warnings.catch_warnings(), suppress(_Violation):
         warnings.simplefilter("ignore")
@@ -269,7 +271,7 @@ def _visit(log: _Log, scheme: Scheme, visited: Iterable[Case], asked: _Asked) ->
 
 
 def _simplify(log: _Log, scheme: Scheme, effort: Effort, asked: _Asked) -> None:
-    """The violation or fault found, at the simplest case that shows it."""
+    """Replace the violation or fault by the simplest case that shows it."""
     case, _ = log.violation or log.fault or (None, None)
     assert case is not None
     checks = log.checks
@@ -286,7 +288,7 @@ def _simplify(log: _Log, scheme: Scheme, effort: Effort, asked: _Asked) -> None:
             warnings.simplefilter("ignore")
             _measure(trial, scheme, candidate, asked.check, asked.faults_violate)
         log.checks += trial.checks
-        # What violates must not turn into something that could not be measured, nor the other way round.
+        # A violation must not turn into a fault of measurement, nor the other way round.
         same = (trial.violation is None) == (log.violation is None) and trial.failed
         if same:
             best = trial.violation, trial.fault, trial.worst or log.worst
@@ -298,7 +300,7 @@ def _simplify(log: _Log, scheme: Scheme, effort: Effort, asked: _Asked) -> None:
 
 
 def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate: bool) -> Measurement:
-    """Measure and log one case; raises _Violation or _Fault, from places of their own."""
+    """Measure and log one case; raise _Violation or _Fault, each from its own place."""
     log.checks += 1
     note_case(lambda: cases_of.to_json(case))
     try:
@@ -307,7 +309,7 @@ def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate
         measured = check(scheme, case)
     except Skipped as skipped:
         if case.given != "data":
-            # A scheme that cannot run functions is asked about the same system as data: the design stays whole.
+            # A scheme that cannot run functions gets the same system as data, so that the design stays whole.
             log.checks -= 1
             return _measure(log, scheme, replace(case, given="data"), check, faults_violate)
         log.skip(skipped.reason, may=may_be_refused(case))
@@ -318,8 +320,8 @@ def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate
             log.skip(reason, may=True)
             raise Skipped(reason) from error
         if case.h < 0:
-            # Time runs backwards in some of the cases. Who does not solve for it is told, and accused of nothing.
-            # One line for each kind of error, with what the first of them said.
+            # A scheme that fails for h < 0 is reported as skipped, not as violating. Errors of one kind share a line
+            # with the first message.
             kind = f"a step back in time, h < 0, ended in {type(error).__name__}"
             said = str(error).partition("\n")[0]
             reason = next((r for r in log.skipped if r.startswith(kind)), f"{kind}, the first: {said}")
@@ -330,7 +332,7 @@ def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate
             log.worst = log.violation[1]
             raise _Violation from error
         log.fault = case, error
-        # An answer that is no state, or none, is an answer. A program that died, or an exception, is not.
+        # A result that is not a state, or none, is a result. A dead program, or an exception, is not.
         if not isinstance(error, (SchemeFault, ArithmeticError)):
             log.crash = case, error
             raise _Crash from error
@@ -346,7 +348,7 @@ def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate
 def _may_be_a_tolerance(
     law: Law, scheme: Scheme, check: Check, case: Case, measured: Measurement, largest: float
 ) -> str:
-    """The advice to state a tolerance: where all defects are as small as a solver's, and no power of Δ."""
+    """The advice to state a tolerance, if all defects are as small as a solver's, and no power of Δ."""
     small = law.unit.startswith("ulp") and measured.bound > 0 and largest * EPS < MOST_TOLERANCE
     if not small or scheme.solver_tolerance or _is_a_power(scheme, check, case, measured.defect):
         return ""
@@ -357,7 +359,7 @@ def _may_be_a_tolerance(
 
 
 def _is_a_power(scheme: Scheme, check: Check, case: Case, defect: float) -> bool:
-    """Whether the defect is that of a method of some order: c Δ^p with p ≥ 2, at Δ, Δ/2 and Δ/4.
+    """True if the defect is that of a method of some order: c Δ^p with p ≥ 2, at Δ, Δ/2 and Δ/4.
 
     Both slopes are then p up to the next term, which is less than half of the first at a short step; 1.5 and 1 leave
     room for it. An iteration that ends at a tolerance takes fewer turns at a shorter step: its slopes differ.
@@ -379,7 +381,7 @@ def _is_a_power(scheme: Scheme, check: Check, case: Case, defect: float) -> bool
 
 def _conclude(law: Law, scheme: Scheme, log: _Log, check: Check) -> Finding:
     seen: dict[str, Any] = {"checks": log.checks}
-    # A witness has its own size: what was seen before it was simplified may be larger.
+    # A witness has its own size; the defect before it was simplified may be larger.
     measured = log.worst if log.violation is None else log.violation[1]
     if measured:
         seen |= {"defect": measured.defect, "bound": measured.bound}
@@ -389,7 +391,7 @@ def _conclude(law: Law, scheme: Scheme, log: _Log, check: Check) -> Finding:
         message = f"{case.describe()}\n{measured.detail}{advice}"
         if log.crash is None:
             return law.finding(Verdict.VIOLATED, message=message, **_witness(law, case), **seen)
-        # The crash decides the verdict: a scheme that does not always answer was not measured whole.
+        # The crash decides the verdict: a scheme that does not always return was not measured completely.
         dead, error = log.crash
         again = _witness(law, dead)["replay"]
         message = (

@@ -1,9 +1,9 @@
 """Statistical verdicts: more paths only while the verdict is open, up to a budget, then inconclusive.
 
-FALSE_ALARM bounds the nominal probability that chance in the paths makes a whole run of all laws accuse a correct
-scheme. It is split evenly over the statistical laws, the problems and the looks (Bonferroni): each look judges by
-intervals that together miss with that share. The intervals are asymptotic, so that the bound is an extrapolation from
-what `benchmarks.coverage` counts, at larger shares, that they really miss.
+FALSE_ALARM bounds the nominal probability that a whole run of all laws accuses a correct scheme by chance. It is split
+evenly over the statistical laws, the problems and the looks (Bonferroni): the intervals of each look together miss with
+that share. The intervals are asymptotic, so the bound is an extrapolation: `benchmarks.coverage` counts how often they
+miss at larger shares.
 """
 
 from __future__ import annotations
@@ -31,24 +31,24 @@ FALSE_ALARM = 1e-4
 # mean-square-order, weak-order, right-limit, commutation, rounding.
 STATISTICAL_LAWS = 5
 FIRST_LOOK = 512
-# Looks grow by this: few of them leave each a larger share of the false alarms.
+# The factor between looks: few looks leave each a larger share of the false alarms.
 GROWTH = 4
-# A scheme that takes one state at a time gets one path for each of so many of the budget, but a first look.
+# A scheme that takes one state at a time gets this fraction of the paths, and at least a first look.
 SINGLE = 8
-# And an early look, at which it may hold and is not accused: 8,000 steps, after which most right schemes are done.
+# An early look, at which it may hold but cannot fail: 8,000 steps, which suffice for most right schemes.
 EARLY = 96
-# The level at which its orders hold. The laws about one step see a lower order by quadrature; what is sampled is that
-# steps compose.
+# The level at which its orders hold. The laws about one step see a lower order by quadrature; sampling shows that steps
+# compose.
 HOLD = 1e-3
-# From this claimed order on the mean square error lives on increments too rare for plain sampling.
+# From this claimed order on the mean square error depends on increments too rare for plain sampling.
 TILTED = 1.5
 # At these orders finer steps are at the rounding floor.
 FEW = ((6, (8, 12, 16)), (5, (8, 16, 32)))
-# Where no more than this share of the paths cannot be solved the step sizes are halved, so many times at most: a scheme
-# may refuse a step on a large increment, as a fixed-point iteration does where it is no contraction. It shows its order
-# at steps that it takes. Leaving such paths out would be a bias.
+# If at most this share of the paths cannot be solved the step sizes are halved, at most this often: a scheme may
+# refuse a step on a large increment, as a fixed-point iteration does where it is no contraction, and shows its order
+# at smaller steps. Leaving such paths out would be a bias.
 REFUSED, HALVED = 1 / 4, 2
-# How many times the paths are tried when a reader is told what a verdict would take.
+# Multiples of the paths that are tried to tell how many a verdict would take.
 _MORE = tuple(4**k for k in range(1, 9))
 
 
@@ -69,9 +69,9 @@ class Setup:
 
 @dataclass(frozen=True)
 class Assessment:
-    """What the errors of one problem say: a verdict, and a number with its interval in the unit of the law.
+    """An assessment of the errors of one problem: a verdict, and a number with its interval in the unit of the law.
 
-    `order` is the order that they show, for a law about one; None where they show none.
+    `order` is the order that they show, for a law about one; None if they show none.
     """
 
     verdict: Verdict
@@ -83,7 +83,7 @@ class Assessment:
     order: float | None = None
 
 
-# (problem, errors, alpha, more): `more` asks what so many times the paths would say.
+# (problem, errors, alpha, more): `more` asks for the intervals of that many times the paths.
 Assess = Callable[[Problem, StrongErrors, float, float], Assessment]
 
 
@@ -107,9 +107,9 @@ def setups(
 def _setup(name: str, truncation: int | None, order: float | None) -> Setup:
     if name == "lotka-volterra":  # at steps that have solutions
         return Setup(name, 0.25, (32, 64, 128))
-    if name == "kubo-oscillator":  # schemes for several Hamiltonians ask for their gradients
+    if name == "kubo-oscillator":  # schemes for several Hamiltonians need their gradients
         return replace(_setup("", truncation, order), problem=name, given=problems.kubo_by_hamiltonians())
-    if name == "random-inertia":  # long enough for means to stand out of paths of order ½
+    if name == "random-inertia":  # long enough for means to exceed the noise of paths of order ½
         return Setup(name, 1.0, (4, 16, 64))
     if order is not None and order >= TILTED:
         return Setup(name, 0.5, next((steps for least, steps in FEW if order >= least), (8, 16, 64)))
@@ -117,9 +117,9 @@ def _setup(name: str, truncation: int | None, order: float | None) -> Setup:
 
 
 def setups_for(scheme: Scheme, effort: Effort | None = None) -> tuple[Setup, ...]:
-    """The setups of a scheme, by what it says of itself; a user's problems where it is for those.
+    """The setups for a scheme: by its class and claims, or on a user's problems.
 
-    One problem with all that the two for (1.1) have, B(y), a quartic H and two noises, serves where steps are spared.
+    If steps are spared, one problem has the features of the two for (1.1): B(y), a quartic H and two noises.
     """
     facts = (scheme.truncation, scheme.mean_square_order)
     own = problems_of(scheme)
@@ -130,7 +130,7 @@ def setups_for(scheme: Scheme, effort: Effort | None = None) -> tuple[Setup, ...
 
 
 def _given(problem: Problem, truncation: int | None, order: float | None) -> Setup:
-    """A user's problem: as the paper's where it is one of those, else over a time that its slopes allow."""
+    """The setup of a user's problem: the paper's if it is one of those, else over a time that its slopes allow."""
     if problem.data in [known.data for known in map(problems.by_name, problems.PAPER)]:
         assert isinstance(problem.data, NamedProblem)
         return replace(_setup(problem.data.name, truncation, order), given=problem)
@@ -141,7 +141,7 @@ def _given(problem: Problem, truncation: int | None, order: float | None) -> Set
 
 
 def _built_in(problem: Problem) -> bool:
-    """Whether it is the one of its name, from its own initial state."""
+    """True if it is the built-in problem of its name, from its own initial state."""
     known = problems.by_name(problem.name)
     return problem.dimension == known.dimension and all(
         np.array_equal(getattr(problem, key), getattr(known, key)) for key in ("c", "initial")
@@ -149,17 +149,17 @@ def _built_in(problem: Problem) -> bool:
 
 
 def is_tilted(scheme: Scheme) -> bool:
-    """Whether its errors are drawn by `sepv.verification._orders.tilting`, and carry weights."""
+    """True if `sepv.verification._orders.tilting` draws its errors, which then carry weights."""
     return scheme.mean_square_order is not None and scheme.mean_square_order >= TILTED
 
 
 def hold_level(scheme: Scheme, run: Run) -> float:
-    """The level at which an order holds: HOLD where steps are spared, else that of the run's false alarms."""
+    """The level at which an order holds: HOLD if steps are spared, else that of the run's false alarms."""
     return HOLD if sparing(scheme, run.effort) else 0.0
 
 
 def budget(scheme: Scheme, effort: Effort) -> int:
-    """Most paths of a law: fewer for a scheme that takes one state at a time."""
+    """The most paths of a law: fewer for a scheme that takes one state at a time."""
     return effort.paths if scheme.batched else min(effort.paths, max(FIRST_LOOK, effort.paths // SINGLE))
 
 
@@ -193,7 +193,7 @@ def sampled(scheme: Scheme, setup: Setup, paths: int, run: Run) -> StrongErrors:
         have = join([have, more]) if have else more
         run.paths[setup] = have
     assert have is not None
-    return have if any(have.failures) else first(have, paths)  # nothing is judged by paths that failed
+    return have if any(have.failures) else first(have, paths)  # failed paths are not judged
 
 
 def judge(
@@ -209,7 +209,7 @@ def judge(
     for setup in setups:
         try:
             used, errors, assessment, refused = _judge_one(scheme, setup, run, assess, alpha)
-        except Skipped as skip:  # a program need not take every problem
+        except Skipped as skip:  # programs may refuse some problems
             skipped.append(skip)
             lines.append(f"{setup.problem}: skipped, {skip.reason}")
             continue
@@ -243,7 +243,7 @@ def _explained(
     scheme: Scheme, run: Run, assess: Assess, alpha: float, verdict: Verdict,
     found: Sequence[tuple[Setup, StrongErrors, Assessment]],
 ) -> list[str]:  # fmt: skip
-    """What a reader of a law that does not hold is told: paths that would settle it, the worst path, the intervals."""
+    """The explanation of a law that does not hold: paths that would settle it, the worst path, the intervals."""
     decisive = [(setup, errors) for setup, errors, a in found if a.verdict is verdict]
     lines = []
     if verdict is Verdict.INCONCLUSIVE:
@@ -255,9 +255,9 @@ def _explained(
 
 
 def worst_path(problem: Problem, errors: StrongErrors, seed: int, *, drawn: bool) -> str:
-    """The path with the largest error at the finest step: y0, W(T), y(T), where the scheme came, and its increments.
+    """The path with the largest error at the finest step: y0, W(T), y(T), the scheme's end, and the increments.
 
-    `drawn` where paths are those of `sepv.simulate.increments`, and not of `sepv.verification._orders.tilting`.
+    `drawn` if paths are those of `sepv.simulate.increments`, and not of `sepv.verification._orders.tilting`.
     """
     sizes = np.nan_to_num(errors.squared[-1], nan=np.inf)
     k = int(np.argmax(np.where(errors.weights[-1] > 0, sizes, -1.0)))
@@ -278,11 +278,10 @@ def worst_path(problem: Problem, errors: StrongErrors, seed: int, *, drawn: bool
 def _judge_one(
     scheme: Scheme, setup: Setup, run: Run, assess: Assess, alpha: float
 ) -> tuple[Setup, StrongErrors, Assessment | None, str]:
-    """One problem at its step sizes, or halved where paths failed; and what failed.
+    """Judge one problem at its step sizes, or at halved ones if paths failed; and describe the failure.
 
-    There is no assessment where paths failed in the end. That looks are begun anew adds to FALSE_ALARM what it has for
-    these looks times the probability that the first look has no path that fails and a later one has: a few per cent of
-    it, or nothing.
+    There is no assessment if paths failed in the end. Starting the looks again adds to FALSE_ALARM its share of these
+    looks times the probability that only a later look has a failing path: a few per cent of it, or nothing.
     """
     refused = ""
     for halved in range(1 + HALVED):
@@ -297,7 +296,7 @@ def _judge_one(
 def _look(
     scheme: Scheme, setup: Setup, run: Run, assess: Assess, alpha: float
 ) -> tuple[StrongErrors, Assessment | None]:
-    """More paths of one problem while the verdict is open; no assessment where paths failed."""
+    """Draw more paths of one problem while the verdict is open; no assessment if paths failed."""
     problem = setup.build()
     most = budget(scheme, run.effort)
     for paths in looks(most, early=sparing(scheme, run.effort)):
@@ -305,7 +304,7 @@ def _look(
         if any(errors.failures):
             return errors, None
         assessment = assess(problem, errors, alpha, 1.0)
-        # So few paths accuse nobody: intervals of heavy tails are too short for that.
+        # So few paths refute nothing: intervals of heavy tails are too short for that.
         early = paths < min(FIRST_LOOK, most)
         if assessment.verdict is Verdict.HOLDS or (assessment.verdict is Verdict.VIOLATED and not early):
             break
@@ -313,7 +312,7 @@ def _look(
 
 
 def _wanted(scheme: Scheme, setup: Setup, assess: Assess, errors: StrongErrors, alpha: float) -> str:
-    """How many paths would settle it, were the means what they are seen to be."""
+    """The number of paths that would settle it, if the means are as seen."""
     paths, problem = errors.squared.shape[1], setup.build()
     for factor in _MORE:
         if assess(problem, errors, alpha, factor).verdict is not Verdict.INCONCLUSIVE:

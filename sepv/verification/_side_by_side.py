@@ -1,8 +1,7 @@
-"""Groups of laws in processes of their own: started here, asked one group at a time, ended whatever happens.
+"""Groups of laws in worker processes: started here, sent one group at a time, and always ended.
 
-Each worker is a fresh interpreter (`sepv.verification._worker`), not a fork: a scheme's library may have
-threads, and a fork of threads can hang. What goes in and out is pickled. A worker that dies takes one law
-with it, not the run.
+Each worker is a fresh interpreter (`sepv.verification._worker`), not a fork: a scheme's library may have threads, and a
+fork of threads can hang. Messages are pickled. A worker that dies takes one law with it, not the run.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ class Job:
 
 
 class _Worker:
-    """A process, and a thread that reads what it says into the queue of all."""
+    """A process, and a thread that reads its messages into the common queue."""
 
     def __init__(self, task: bytes, said: queue.Queue[tuple[_Worker, Any]]) -> None:
         with TemporaryFile() as file:
@@ -59,14 +58,14 @@ class _Worker:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             pass_fds=(notes,),
-            # Ctrl-C goes to the parent, which ends the workers: a session of their own keeps it from them.
+            # Ctrl-C goes to the parent, which ends the workers: their own session keeps it from them.
             start_new_session=True,
-            # The package must be found before the task, which carries the path, can be read.
+            # The worker must find the package before it can read the task, which carries the path.
             env={**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
         )
 
     def give(self, group: Sequence[str]) -> None:
-        """Ask for these laws, in this order."""
+        """Send these laws to the worker, in this order."""
         self.left = list(group)
         self._write(pickle.dumps(self.left))
 
@@ -139,7 +138,7 @@ def run(task: Job, groups: Sequence[Sequence[str]], jobs: int, receive: Callable
 def measured(task: Job, group: Sequence[str]) -> list[tuple[str, Any]]:
     """One group in one process of its own, for a worker of a cluster: names with findings or `Crashed`.
 
-    There a time limit needs a main thread, which a cluster's worker keeps to itself, and a crash must end one process.
+    A time limit needs a main thread, which a cluster's worker does not give, and a crash must end one process.
     """
     found: list[tuple[str, Any]] = []
     run(task, [group], 1, lambda name, finding: None if finding is None else found.append((name, finding)))
@@ -171,7 +170,7 @@ def _ended() -> Iterator[list[_Worker]]:
 
 def _pickled(task: Job) -> bytes:
     try:
-        # Where modules of the user are found goes first: as here.
+        # The path where modules of the user are found goes first.
         data = pickle.dumps((list(sys.path), os.getcwd(), pickle.dumps(task)))
         owner = getattr(getattr(task.scheme, "step", None), "__module__", "")
     except Exception as error:

@@ -1,4 +1,4 @@
-"""What "exact" may mean in binary64: the bounds of the laws, derived.
+"""The bounds of the laws, derived: the meaning of "exact" in binary64.
 
 Notation: u = eps/2; |·| of a matrix or vector is entrywise; M_g ≥ |∇H| and M_B ≥ |B| are majorants (sums of
 absolute values of terms), to which rounding errors are relative whatever cancels.
@@ -11,9 +11,9 @@ one rounding of y1 itself, the stagnation of the iteration at the scale of y, an
 the operations behind one entry: at most 2ν + T for a sum of T terms of degree ν evaluated at rounded
 quadrature points, d for the product B∇̄H, and 8 for Δ, weights and the final sum. A factor of 4 covers
 implementations that order the same operations differently. A scheme that states its own solver's
-tolerance gets |y| times that on top.
+tolerance gets |y| times that in addition.
 
-**Several stages.** A stage of a method with s of them leaves r too, with two more sums, of s stages and of ⌈sν/2⌉
+**Several stages.** A stage of an s-stage method leaves r too, with two more sums, of s stages and of ⌈sν/2⌉
 nodes, and averages that multiply errors of ∇H by up to max_i b_i⁻¹∫|ℓ_i| (1.57 for six stages). y1 = y0 + Σ b_j z_j
 with b_j ≥ 0 and Σ b_j = 1: what follows holds as for one stage, because H(y1) − H(y0) = Σ_j b_j g_jᵀ z_j.
 
@@ -46,7 +46,7 @@ from sepv.schemes._tableaux import amplification, exact_nodes
 def gradient_majorant(problem: Problem, *states: Array) -> Array:
     """M_g (d,) over the given states: absolute coefficients for polynomials, else |∇H| + |H″||y|.
 
-    The second form is what one rounding of y does to a well-written ∇H.
+    The second form is the effect of one rounding of y on a well-written ∇H.
     """
     return np.asarray(np.max([_slope_majorant(problem.gradient, problem.hessian, y) for y in states], axis=0))
 
@@ -71,7 +71,7 @@ def structure_majorant(problem: Problem, *states: Array) -> Array:
 
 
 def slopes(function: Function, derivative: Function | None, y: Array) -> Array:
-    """∂function/∂y (…, d, ...) at y (d, ...): as given, else by central differences, good to six digits: for sizes."""
+    """∂function/∂y (…, d, ...) at y (d, ...), for sizes: as given, else by central differences good to six digits."""
     if derivative is not None:
         return derivative(y)
     columns = []
@@ -89,7 +89,7 @@ def _largest(structure: Any, *states: Array) -> Array:
 
 
 def operations(problem: Problem, stages: int = 1) -> float:
-    """K of the module's docstring."""
+    """The constant K of the module's docstring."""
     terms, degree, nodes = 6, 2, 2 * (stages + 4)  # of a quadrature that is refined until it is exact
     if isinstance(problem.gradient, PolynomialMap) and isinstance(problem.structure, PolynomialMap):
         rows = [*problem.gradient.rows, *problem.structure.rows]
@@ -106,7 +106,7 @@ def operations(problem: Problem, stages: int = 1) -> float:
 def step_residual(
     problem: Problem, y0: Array, y1: Array, h: float, dW: Array, scheme: Scheme | None = None
 ) -> Array:
-    """r (d,): the residual that a step may leave that is solved as the scheme says; (d, M) for a batch.
+    """The residual r (d,) that a solved step may leave, by the scheme's tolerance; (d, M) for a batch.
 
     Without a scheme: solved to rounding, with one stage.
     """
@@ -121,7 +121,7 @@ def step_residual(
 
 
 def majorants(problem: Problem, reach: Array) -> tuple[Array, Array, Array, Array]:
-    """M_B, M_g and those of their derivatives for |y| ≤ `reach` (d, ...), of polynomial data.
+    """M_B, M_g and the majorants of their derivatives for |y| ≤ `reach` (d, ...), for polynomial data.
 
     The largest over all structures, or over all Hamiltonians, where there are several.
     """
@@ -144,10 +144,10 @@ def _of_polynomials(function: object, reach: Array) -> Array:
 
 
 def correction_rounding(problem: Problem, y0: Array, y1: Array, h: float) -> Array:
-    """What rounding may change in Itô's correction ½ Σ c_j² h f′f, (d,), for polynomial data.
+    """A bound of rounding in Itô's correction ½ Σ c_j² h f′f, (d,), for polynomial data.
 
-    A scheme that treats drift and noise apart may have it; where the increments are small beside √h it is more than
-    what they move. f errs by K u M_f and f′ by K u M_f′, so that the sum errs by Σ c_j² |h| K u M_f′ M_f.
+    A scheme that treats drift and noise apart may have it; where the increments are small beside √h it exceeds their
+    effect. f errs by K u M_f and f′ by K u M_f′, so the sum errs by Σ c_j² |h| K u M_f′ M_f.
     """
     B, g, dB, H = majorants(problem, np.maximum(np.abs(y0), np.abs(y1)))
     factor = 0.5 * EPS * operations(problem) * abs(h) * float(problem.c @ problem.c)
@@ -155,7 +155,7 @@ def correction_rounding(problem: Problem, y0: Array, y1: Array, h: float) -> Arr
 
 
 def _any_gradient(problem: Problem, y0: Array, y1: Array) -> Array:
-    """M_g of H, and of all H_j where there are several Hamiltonians."""
+    """The majorant M_g of H, and of all H_j if there are several Hamiltonians."""
     own = gradient_majorant(problem, y0, y1)
     if not isinstance(problem, HamiltoniansProblem):
         return own
@@ -164,17 +164,17 @@ def _any_gradient(problem: Problem, y0: Array, y1: Array) -> Array:
     return np.max([own, *(_slope_majorant(g, H, y) for g, H in alike for y in (y0, y1))], axis=0)
 
 
-# As many nodes as a quadrature that is exact to rounding may take: 33 Chebyshev points, 20 Gauss nodes, …
+# The most nodes of a quadrature that is exact to rounding: 33 Chebyshev points, 20 Gauss nodes, …
 QUADRATURE_NODES = 40
 
 
 def quadrature_rounding(problem: Problem, y0: Array, y1: Array, h: float, dW: Array) -> Array:
-    """What another quadrature of ∇̄H, exact but for rounding, may change in the right side: (d,).
+    """A bound (d,) of the change of the right side by another quadrature of ∇̄H that is exact to rounding.
 
     A sum of N products w_n ∇H(y_n) in any order is off by at most (N + 2)u Σ|w_n||∇H(y_n)| (Higham, *Accuracy and
     Stability of Numerical Algorithms*, §3.1), weights rounded; rounded points y_n are part of M_g where H is no
     polynomial, and a few of N where it is. Weights are positive with sum 1, so that it is N u |Δ|₁ M_B M_g.
-    0 where that overflows: nothing is excused there.
+    The result is 0 where that overflows, which excuses nothing.
     """
     with np.errstate(all="ignore"):
         length = abs(h) + float(np.sum(np.abs(problem.c * dW)))
@@ -183,19 +183,19 @@ def quadrature_rounding(problem: Problem, y0: Array, y1: Array, h: float, dW: Ar
 
 
 def energy_bound(problem: Problem, y0: Array, y1: Array, residual: Array) -> Any:
-    """|H(y1) − H(y0)| that this residual may cause."""
+    """A bound of |H(y1) − H(y0)| for this residual."""
     return np.sum(gradient_majorant(problem, y0, y1) * residual, axis=0) + TINY
 
 
 def casimir_bound(A: Array, y0: Array, y1: Array, residual: Array) -> float:
-    """|C(y1) − C(y0)| that this residual may cause, for C = yᵀAy (matrix A) or C = bᵀy (vector A)."""
+    """A bound of |C(y1) − C(y0)| for this residual, for C = yᵀAy (matrix A) or C = bᵀy (vector A)."""
     if A.ndim == 1:
         return float(np.abs(A) @ residual) + TINY
     return float((np.abs(A) @ (np.abs(y0) + np.abs(y1))) @ residual) + TINY
 
 
 def energy_ulp(problem: Problem, y0: Array, y1: Array) -> Any:
-    """The unit of energy defects: eps |∇H| |y|, what one rounding of y does to H."""
+    """The unit of energy defects: eps |∇H| |y|, the effect of one rounding of y on H."""
     slopes = [np.linalg.norm(problem.gradient(y), axis=0) * np.linalg.norm(y, axis=0) for y in (y0, y1)]
     return EPS * np.maximum(np.maximum(*slopes), TINY)
 
@@ -207,9 +207,9 @@ def casimir_ulp(A: Array, y0: Array, y1: Array) -> float:
 
 
 def rounding_walk(gradient: Array, states: Array) -> float:
-    """Root mean square of what the rounding of one step does to an invariant, averaged over states (see above).
+    """The root mean square change of an invariant by the rounding of one step, averaged over states (see above).
 
-    `gradient` (d, M) is the invariant's at `states` (d, M). 0 where it overflows: that predicts and excuses nothing.
+    `gradient` (d, M) is the invariant's at `states` (d, M). 0 where it overflows, which excuses nothing.
     """
     with np.errstate(all="ignore"):
         roundings = gradient * np.spacing(np.abs(states))
@@ -222,8 +222,8 @@ def state_ulp(*states: Array) -> float:
     return EPS * max(TINY, *(float(np.max(np.abs(y))) for y in states))
 
 
-# Of the references that `state_error` compares with: fourteen more than a binary64 number has, relative to the largest
-# component, to which the bound is relative too.
+# Digits of the references for `state_error`: fourteen more than a binary64 number has, relative to the largest
+# component, as the bound is.
 DIGITS = 30
 
 
@@ -231,7 +231,7 @@ def state_error(
     exact: Sequence[Any], condition: Sequence[Sequence[float]], problem: Problem, y0: Array, y1: Array, h: float,
     dW: Array, scheme: Scheme | None = None,
 ) -> tuple[float, float]:  # fmt: skip
-    """(error, bound) of y1 against an exact step, in ulp of the largest component: the worst component.
+    """Error and bound of y1 against an exact step, in ulp of the largest component: the worst component.
 
     `exact` are d numbers of extended precision, `condition` (d, d) is |(I − ∂R/∂y1)⁻¹|, which turns residuals into
     errors. The bound adds the rounding of y1 itself.

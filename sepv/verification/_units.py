@@ -1,9 +1,9 @@
-"""A problem's own units: the time and the length by which laws measure what a user's problem is asked.
+"""A problem's own units of time and length, in which laws choose steps and states of a user's problem.
 
 With t = τs, the equation dy = B∇H(dt + Σ c_j∘dW_j) is dy = τB∇H(ds + Σ c_jτ^{−½}∘dW_j), and y = λx multiplies states by
 λ. Both change numbers and nothing else. So h, T, the ln h in A_h of Remark 2.1, and every bound that is compared with a
-state are taken in units (τ, λ) that are found from the problem itself and change with it: no verdict depends on whether
-time is in seconds or in years.
+state are taken in units (τ, λ) found from the problem itself, which change with it: no verdict depends on whether time
+is in seconds or in years.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ class Units:
 
 
 def units_for(scheme: Scheme, problem: Problem) -> Units:
-    """Those of a user's problem; 1 for the suite's own problems, whose steps are stated as they are."""
+    """The units of a user's problem; 1 for the suite's own problems, whose steps are stated as they are."""
     return units_of(problem) if scheme.problems else Units()
 
 
 def units_of(problem: Problem) -> Units:
-    """The time that the flow's slope and the noise allow, and the size of the initial state.
+    """Choose the time that the flow's slope and the noise allow, and the size of the initial state.
 
     With L the slope of the fields at y0, τ = min(2/L, 2(LΣc_j)⁻²). Over steps of τ/8, the longest that laws make, the
     drift turns by ¼ at most, and the random time has a standard deviation of 1/(2L) at most. Paths are of length τ/4
     and their coarsest steps τ/16, so that errors of right schemes fall as their order says.
 
-    Where L = 0 at y0, states about it are asked; where all fields are constant L is |f|/λ. From the origin λ is |f|/L.
-    Where nothing moves at all both are 1: no law can see a unit there.
+    If L = 0 at y0, nearby states are used; if all fields are constant L is |f|/λ. From the origin λ is |f|/L. If
+    nothing moves both are 1: no law can see a unit there.
     """
     start = np.array(problem.initial, dtype=np.float64)
     length = float(np.max(np.abs(start), initial=0.0))

@@ -28,7 +28,7 @@ from sepv.verification._laws import LAWS, LOCAL, SAMPLED, laws_of, listed, load_
 from sepv.verification._outcome import Report
 from sepv.verification._profiles import requirements
 
-# Beyond it no clock of the system counts: thirty years.
+# The longest time: thirty years; system clocks count no further.
 MOST_SECONDS = 1e9
 LawProgress = Callable[[Law, "Finding | None"], None]
 
@@ -56,10 +56,10 @@ def verify(
     laws : iterable of str, or one string with commas, optional
         Only these; all by default.
     claims : iterable of str, or one string with commas
-        Laws to hold it to beyond what it claims itself.
+        Further laws that it must obey.
     timeout : float
-        Seconds for one law, in the main thread of a POSIX system: a scheme that does not come back ends
-        in the verdict `error`. Python code can be interrupted so, a compiled loop cannot.
+        Seconds for one law, in the main thread of a POSIX system: a scheme that does not return ends in the verdict
+        `error`. Python code can be interrupted in this way, a compiled loop cannot.
     progress : callable (law, finding or None), optional
         Called before each law with None, and after it with its finding.
     expected : path, optional
@@ -69,14 +69,14 @@ def verify(
         Laws measured side by side in so many processes, with the same verdicts. The scheme must be one that another
         process can import.
     problems : problem or strategy, or a list of them, optional
-        What the scheme is for, where that is not every system of its class: built-in names, families
+        The scheme's problems, if it does not serve every system of its class: built-in names, families
         (`sepv.verification._cases.families`), ``module:attribute``, ``.json`` files, `Problem` records,
         Hypothesis strategies of `PolynomialSystem` or `Problem`. Laws draw their cases from these alone.
     workers : executor, map-like callable, Dask client or its address, optional
-        The same on other machines (docs/clusters.md): what an engine for `sepv.ensemble` is serves here. Where a
-        cluster is lost, the laws that were not decided are not measured, and the report counts as interrupted.
+        Workers on other machines (docs/clusters.md), as for `sepv.ensemble`. If a cluster is lost, the open laws are
+        not measured, and the report counts as interrupted.
     effort : Effort, optional
-        How hard to look; ``Effort().deeper()`` for a night.
+        The effort of the run; ``Effort().deeper()`` for a night.
     require : iterable of str, or one string with commas
         Profiles that must be found, such as "energy,order-1" (docs/profiles.md): only the laws that they need are
         measured, and those of a method; not beside `laws`.
@@ -171,7 +171,7 @@ def _check_arguments(jobs: Any, timeout: Any, effort: Any, expected: Any) -> Non
 def _side_by_side(
     task: side_by_side.Job, chosen: list[Law], workers: Any, receive: Callable[[Law, Finding | None], None]
 ) -> None:
-    """The sampled laws first, which take longest and share their paths; each other law by itself."""
+    """The groups: the sampled laws first, which take longest and share their paths; each other law alone."""
     by_name = {law.name: law for law in chosen}
     shared = [[name for name in by_name if name in family] for family in (SAMPLED, LOCAL)]
     groups = [group for group in shared if group]
@@ -190,7 +190,7 @@ def _side_by_side(
             take(name, None)
             take(name, finding)
 
-    from sepv.workers import run_all  # which laws on one worker do without
+    from sepv.workers import run_all  # laws on one worker do not need it
 
     run_all(partial(side_by_side.measured, task), groups, workers, threads=False, receive=arrived)
 
@@ -198,7 +198,7 @@ def _side_by_side(
 def load_in_time(
     scheme: str | Scheme | Step, claims: Iterable[str], timeout: float, problems: Any = None, target: str = ""
 ) -> Scheme:
-    """The scheme: a bare function is called once or twice to see whether it takes batches, and may not come back."""
+    """Load the scheme under a time limit: a bare function is called twice to test batches, and may not return."""
     try:
         with deadline(timeout):
             load = partial(load_candidate, scheme, listed(claims), problems)
@@ -218,7 +218,7 @@ def load_in_time(
 
 
 def load_candidate(scheme: str | Scheme | Step, claims: Iterable[str], problems: Any = None) -> Scheme:
-    """The scheme under verification, with what it is for."""
+    """Load the scheme under verification, with its problems."""
     if problems is None:
         return load_scheme(scheme, claims)
     own = items(problems)
@@ -229,7 +229,7 @@ def load_candidate(scheme: str | Scheme | Step, claims: Iterable[str], problems:
 def replay(scheme: str | Scheme | Step, law: str, witness: dict[str, Any], problems: Any = None) -> Finding:
     """Measure one law on one witness, as a report holds it; a UsageError for the witness of another law.
 
-    A witness of a problem module:attribute is measured where `problems` name it, as for `verify`.
+    A witness with a problem module:attribute is measured only if `problems` name it, as for `verify`.
     """
     candidate = load_candidate(scheme, (), problems)
     cases.require_named(witness, candidate)
@@ -242,7 +242,7 @@ def replay(scheme: str | Scheme | Step, law: str, witness: dict[str, Any], probl
 
 
 def survived(law: Law, key: str, ask: Callable[[], Finding], effort: Effort | None = None) -> Finding:
-    """What `ask` finds, or what an earlier process of this run found; an error where that did not survive it."""
+    """The finding of `ask`, or of an earlier process of this run; an error if that process died."""
     try:
         return attempted(key, ask)
     except Crashed as crash:
@@ -250,7 +250,7 @@ def survived(law: Law, key: str, ask: Callable[[], Finding], effort: Effort | No
 
 
 def crashed(law: Law, crash: Crashed, effort: Effort) -> Finding:
-    """The error of a law whose process ended, with the case that was asked last."""
+    """The error of a law whose process ended, with the last case."""
     lines = [f"the process ended with {crash.status}: the scheme, or a library that it uses, crashed it"]
     seen: dict[str, Any] = {"replay": f"--law {law.name} --seed {effort.seed} --paths {effort.paths}"}
     if isinstance(crash.note, dict):
@@ -266,7 +266,7 @@ def crashed(law: Law, crash: Crashed, effort: Effort) -> Finding:
 def measure(
     law: Law, scheme: Scheme, run: Run, timeout: float = 600.0, failure: ExpectedFailure | None = None
 ) -> Finding:
-    """One law on one scheme: by its search, or by the witness of an expected failure, which must be of the law."""
+    """Measure one law on one scheme: by its search, or by the witness of an expected failure of this law."""
     start = time.perf_counter()
     try:
         with deadline(timeout):
@@ -301,12 +301,12 @@ def _wrong_witness(law: Law, received: str) -> UsageError:
 
 
 class TimedOut(BaseException):
-    """Raised in a scheme that does not come back; not an Exception, so that no handler of its own keeps it."""
+    """Raised in a scheme that does not return; not an Exception, so that no handler of its own catches it."""
 
 
 @contextmanager
 def deadline(seconds: float) -> Iterator[None]:
-    """`TimedOut` is raised in what runs here for longer, in the main thread of a POSIX system; elsewhere nothing is."""
+    """Raise `TimedOut` in a block that runs longer, in the main thread of a POSIX system; elsewhere never."""
     if not hasattr(signal, "setitimer") or threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -315,7 +315,7 @@ def deadline(seconds: float) -> Iterator[None]:
         raise TimedOut
 
     before = signal.signal(signal.SIGALRM, stop)
-    # Again and again, in case the scheme swallows the first one.
+    # Repeatedly, in case the scheme swallows the first one.
     signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)
     try:
         yield

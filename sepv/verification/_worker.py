@@ -18,9 +18,9 @@ from sepv.errors import UsageError
 
 
 def main() -> None:
-    """Answer until stdin ends; the argument is a file for notes, `sepv._journal.Notes`."""
+    """Answer groups of laws until stdin ends; the argument is a file for notes, `sepv._journal.Notes`."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # What the scheme prints goes to stderr: stdout is for findings.
+    # Output of the scheme goes to stderr: stdout is for findings.
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
 
@@ -44,7 +44,7 @@ def answer(say: Any) -> None:
     from sepv.verification._laws import load_laws
     from sepv.verification._verify import load_candidate, measure
 
-    # The first half of the task says where modules are found, which the second, with the scheme, may need.
+    # The first half of the task has the module path, which the second half, with the scheme, may need.
     path, folder, rest = pickle.load(sys.stdin.buffer)
     sys.path[:] = path
     os.chdir(folder)
@@ -63,7 +63,7 @@ def answer(say: Any) -> None:
 
 
 def _read(groups: SimpleQueue[list[str]], end: Callable[[], None]) -> None:
-    """Groups of laws from stdin. Where it ends who asked is gone, and nobody waits for what is measured."""
+    """Read groups of laws from stdin. At its end the parent is gone, and this process ends."""
     try:
         while True:
             groups.put(pickle.load(sys.stdin.buffer))
@@ -72,7 +72,7 @@ def _read(groups: SimpleQueue[list[str]], end: Callable[[], None]) -> None:
 
 
 def _end_with_children(scheme: Any, *_: Any) -> None:
-    """The program of another language ends before this process, at once and through every handler."""
+    """End the program of another language before this process, at once and past every handler."""
     owner: Any = getattr(scheme.step, "__self__", None)
     if hasattr(owner, "abandon"):
         owner.abandon()

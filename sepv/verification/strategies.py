@@ -26,7 +26,7 @@ from sepv.verification._cases.random_cases import Parts, single
 from sepv.verification._cases.strata import Stratum
 from sepv.verification._contraction import CONTRACTION
 
-# What a user draws from.
+# Strategies for users.
 __all__ = [
     "CONTRACTION", "any_steps", "casimir_systems", "coefficients", "hamiltonians", "noises", "paper_problems",
     "paper_steps", "poisson_systems", "polynomials", "skew_structures", "steps",
@@ -40,7 +40,7 @@ def __dir__() -> list[str]:
 
 
 def _made(make: Callable[[Random], T]) -> st.SearchStrategy[T]:
-    """What is made of random numbers, all of which Hypothesis draws and shrinks."""
+    """Build a value from random numbers, all of which Hypothesis draws and shrinks."""
     return _RANDOM.map(make)
 
 

@@ -1,7 +1,7 @@
-"""The cases that laws ask about: a problem as data, a state, a step (`case`).
+"""The cases of the laws: a problem as data, a state, a step (`case`).
 
-`of_law` has the record in which a law says what it asks about. `strata` has spaces of cases and their designs,
-`classes` the space of each class of systems; `random_cases`, `families` and `random_parts` fill a row with random
-numbers. `fixed_cases` come with every seed. `users_problems` and `from_problem` have a user's own. `shrink` simplifies
-a case that violates.
+`of_law` has the record in which a law describes its cases. `strata` has spaces of cases and their designs, `classes`
+the space of each class of systems; `random_cases`, `families` and `random_parts` fill a row with random numbers.
+`fixed_cases` come with every seed. `users_problems` and `from_problem` have a user's own. `shrink` simplifies a case
+that violates.
 """

@@ -1,4 +1,4 @@
-"""One question to a scheme: a problem as data, a state, a step. It prints, shrinks, pins and travels."""
+"""A case: a problem as data, a state, a step. It prints, shrinks, pins and travels."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from sepv.problems._shown_to_schemes import GIVEN, as_given
 from sepv.schemes import Scheme, load_problem
 from sepv.schemes._load_target import require_trusted
 
-# A witness of sixty-four dimensions is a tenth of it.
+# The largest token, ten times a witness of sixty-four dimensions.
 MOST_BYTES = 2**24
 
 
@@ -34,11 +34,11 @@ class Case:
     Attributes
     ----------
     given : str
-        How the scheme sees the problem: one of `sepv.problems._shown_to_schemes.GIVEN`.
+        The view of the problem for the scheme: one of `sepv.problems._shown_to_schemes.GIVEN`.
     batch : int
-        For laws about batches: how many states are asked about together. 0 leaves it to the law.
+        For laws about batches: the number of states stepped together. 0 leaves it to the law.
     times : int
-        For the contract: how often the question is asked in a row. 0 leaves it to the law.
+        For the contract: the number of repetitions in a row. 0 leaves it to the law.
     """
 
     problem: Description
@@ -50,12 +50,12 @@ class Case:
     times: int = 0
 
     def build(self) -> tuple[Problem, Array, float, Array]:
-        """The arguments of ``step``. The problem is the whole one; `sepv.schemes.ask` shows it as given."""
+        """The arguments of ``step`` with the whole problem; `sepv.schemes.ask` gives the scheme its view."""
         problem = as_given(self.problem, self.given)
         return problem, np.array(self.y), self.h, np.array(self.dW, dtype=np.float64)
 
     def describe(self) -> str:
-        """The case for a reader; `to_json` keeps every bit."""
+        """Describe the case for a reader; `to_json` keeps every bit."""
         problem = problems.build(self.problem)
         several = is_several(problem)
         step = 0.0 if several else float(problem.random_step(self.h, np.array(self.dW, dtype=np.float64)))
@@ -73,7 +73,7 @@ class Case:
 
 
 def with_noise(case: Case, c: tuple[float, ...], dW: tuple[float, ...]) -> Case:
-    """The same step of the same H and B with other noises."""
+    """A copy of the case with other noises."""
     data = case.problem
     if isinstance(data, PolynomialSystem):
         changed: Description = replace(data, noise=c)
@@ -106,7 +106,7 @@ def to_json(case: Case) -> dict[str, Any]:
 def from_json(data: Any, objects: Iterable[Problem] = ()) -> Case:
     """The inverse of `to_json`; a UsageError for anything else.
 
-    `objects` are the problems among which one is looked up that was handed over as an object, by its name.
+    A problem that was given as an object is found by its name among `objects`.
     """
     require_witness(data)
     case = of_valid(data, objects)
@@ -145,13 +145,13 @@ def of_valid(data: dict[str, Any], objects: Iterable[Problem] = ()) -> Case:
 
 
 def has_words(witness: Any) -> bool:
-    """Whether a command can name the problem of a witness: one that was handed over as an object has no words."""
+    """True if a command can name the problem of a witness: one that was given as an object has no words."""
     problem = witness.get("problem") if isinstance(witness, dict) else None
     return not (isinstance(problem, dict) and problem.get("given") == "")
 
 
 def require_named(witness: dict[str, Any], scheme: Scheme) -> None:
-    """`require_trusted` for the problem of a witness, which comes from a file or a token."""
+    """Apply `require_trusted` to the problem of a witness, which comes from a file or a token."""
     problem = witness.get("problem")
     target = problem.get("given") if isinstance(problem, dict) else None
     named = [p if isinstance(p, str) else getattr(p, "text", "") for p in scheme.problems]
@@ -159,7 +159,7 @@ def require_named(witness: dict[str, Any], scheme: Scheme) -> None:
 
 
 def _given_problem(data: dict[str, Any], objects: Iterable[Problem]) -> GivenProblem:
-    """A problem made of functions, from where it was named, or the only one of its name among `objects`."""
+    """A problem made of functions, loaded from its name, or the only one of its name among `objects`."""
     target = data["given"]
     own = [problem for problem in objects if not target and problem.name == data.get("object")]
     if ":" not in target and target not in problems.EXTENSIONS | problems.HAMILTONIANS and len(own) != 1:
@@ -174,18 +174,18 @@ def _given_problem(data: dict[str, Any], objects: Iterable[Problem]) -> GivenPro
 
 
 def to_token(case: Case) -> str:
-    """A short text for a command line, from which `from_token` makes the same case to the bit."""
+    """Encode the case as a short text for a command line; `from_token` restores it to the bit."""
     packed = zlib.compress(json.dumps(to_json(case), separators=(",", ":")).encode(), 9)
     return base64.urlsafe_b64encode(packed).decode().rstrip("=")
 
 
 def from_token(token: str) -> Case:
-    """The inverse of `to_token`; a UsageError for a text that is not a whole token."""
+    """Decode a token; a UsageError for a text that is not a whole token."""
     return from_json(witness_of(token))
 
 
 def witness_of(token: str) -> dict[str, Any]:
-    """The JSON of a token, a witness by its schema; nothing is imported for it, which `from_json` does."""
+    """The JSON of a token, valid by the schema of witnesses; nothing is imported, unlike in `from_json`."""
     try:
         packed = base64.urlsafe_b64decode(token + "=" * (-len(token) % 4))
         data = parse_json(_unpacked(packed))
@@ -200,7 +200,7 @@ def witness_of(token: str) -> dict[str, Any]:
 
 
 def _unpacked(packed: bytes) -> bytes:
-    """The text of a token, which is never longer than MOST_BYTES: a few bytes can unpack to gigabytes."""
+    """The text of a token, cut at MOST_BYTES: a few bytes can unpack to gigabytes."""
     unpacker = zlib.decompressobj()
     text = unpacker.decompress(packed, MOST_BYTES)
     if not unpacker.eof:

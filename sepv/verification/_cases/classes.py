@@ -17,7 +17,7 @@ from sepv.verification._cases.strata import Axis, Space, Strata
 
 _SIZES = (strata.STATE, strata.DIMENSION, strata.DEGREE, strata.TERMS)
 _STEPS = (strata.SIZE, strata.STEP, strata.SIGN, strata.SHARE, strata.GIVEN, strata.BATCH)
-# Where no quadrature and no place of B can be wrong: rows with neither serve most laws.
+# Strata in which no quadrature and no place of B can be wrong: rows with neither serve most laws.
 _RIGHT = {"degree of H": ("1–2",), "degree of B": ("0",), "degree of C": ("1", "2")}
 
 
@@ -30,13 +30,13 @@ class SystemsClass:
     space : Space
         Its random systems with a state and a step.
     named : names of problems
-        The random search steps them too, near their initial state.
+        Problems that the random search steps too, near their initial state.
     more : Random -> Case or None
-        Steps of systems that the space does not have, for the random search.
+        Steps of systems outside the space, for the random search.
     fixed : () -> cases
-        Every seed asks them.
+        Cases of every seed.
     problems : names of problems
-        For the laws about many steps of a scheme that is for a narrow class alone.
+        Problems for the laws about many steps, for a scheme of a narrow class.
     """
 
     space: Space
@@ -47,7 +47,7 @@ class SystemsClass:
 
 
 def _space(make: strata.Make, *axes: Axis, **left: Strata) -> Space:
-    """The space of these axes beside those of every class, with these strata left alone; _ for spaces in a name."""
+    """The space of these axes and those of every class, with only the strata in `left`; _ stands for spaces."""
     wanted = {name.replace("_", " "): names for name, names in left.items()}
     kept = [
         replace(a, strata=tuple(s for s in a.strata if s.name in wanted.get(a.name, (s.name,))))
@@ -60,7 +60,7 @@ def _space(make: strata.Make, *axes: Axis, **left: Strata) -> Space:
 _NOISY = ("1", "2", "3–4", "5–8")
 _MIDDLE = ("2", "3", "4–6", "7–9")
 _GENERAL = (strata.JACOBI, strata.CASIMIRS, strata.STRUCTURE)
-# Several fields multiply the terms.
+# Fewer terms, because several fields multiply them.
 _FEWER = {"degree_of_H": ("1–2", "3–4", "5–6"), "terms_of_H": ("1–2", "3–9", "10–19")}
 _SMALL = {**_FEWER, "terms_of_H": ("1–2", "3–9")}
 
@@ -102,5 +102,5 @@ CLASSES: dict[Systems, SystemsClass] = {
         problems=("noisy-henon-heiles",),
     ),
 }  # fmt: skip
-# Classes inside the others, which users name; their scheme is asked about nothing else.
+# Narrow classes that users name; a scheme for one has no other cases.
 FAMILIES = {systems: own for systems, own in CLASSES.items() if own.problems}

@@ -36,9 +36,9 @@ def commuting_step(random: Random) -> Case | None:
 
 
 def critical_step(random: Random) -> Case:
-    """A step from a critical point of H_0 at which some B∇H_j is not zero: to be refused.
+    """A step from a critical point of H_0 at which some B∇H_j is not zero: it must be refused.
 
-    Either a plane that rests beside one that a noise turns, or a circle of critical points, H_0 = ½I² − I_0 I.
+    It is a plane at rest beside one that a noise turns, or a circle of critical points, H_0 = ½I² − I_0 I.
     """
     a, b = random.choice([(1.0, 0.0), (0.5, 0.5), (1.0, -2.0), (-0.25, 0.5)])
     y: tuple[float, ...]

@@ -1,8 +1,8 @@
 """Pairwise covering designs: few rows in which every possible pair of levels of two factors occurs.
 
-A fault that shows where one factor has one level, or two factors have two, is then met for certain and not with some
-probability. The construction is greedy, as that of Cohen, Dalal, Fredman and Patton (IEEE Trans. Softw. Eng. 23, 1997),
-with constraints; ties are broken in several fixed ways and the smallest design is kept. The same factors give the same
+A fault that shows for one level of a factor, or for two levels of two factors, is then met for certain. The
+construction is greedy, as that of Cohen, Dalal, Fredman and Patton (IEEE Trans. Softw. Eng. 23, 1997), with
+constraints; ties are broken in several fixed ways and the smallest design is kept. The same factors give the same
 design.
 """
 
@@ -14,19 +14,18 @@ from itertools import combinations
 
 Row = tuple[int, ...]
 Partial = list[int | None]
-Level = tuple[int, int]  # of a factor
-# In the order of factors.
+Level = tuple[int, int]  # a factor and its level
+# Two levels, in the order of factors.
 Pair = tuple[Level, Level]
-# Ways of breaking ties.
+# The number of ways in which ties are broken.
 ATTEMPTS = 4
-# Open pairs that a row must meet to be taken because it is offered: where fewer are left, one row made for them meets
-# more of them.
+# The fewest open pairs for which an offered row is taken: with fewer left, a row made for them meets more of them.
 LEAST = 4
 
 
 @dataclass(frozen=True)
 class Design:
-    """Rows, one level of each factor in each, and the pairs of levels that no row can have."""
+    """A design: rows with one level of each factor, and the pairs of levels that no row can have."""
 
     rows: tuple[Row, ...]
     impossible: frozenset[Pair]
@@ -38,12 +37,12 @@ def pairwise(
     hiding: frozenset[Level] = frozenset(),
     offered: Sequence[Row] = (),
 ) -> Design:
-    """A design for factors with so many levels each.
+    """A pairwise design for factors with these numbers of levels.
 
-    `allowed` says whether a row may go on from here, with None for a level that is still open: what is refused stays
-    refused whatever is filled in. Beside the levels `hiding` a fault of other factors may not show: pairs of others are
-    not met in such a row, unless they are possible in no other. Of the rows `offered`, which are allowed and cheaper
-    than others, those that meet many pairs are taken first.
+    `allowed` tests a partial row, with None for an open level: a refused row stays refused however it is completed.
+    The levels `hiding` may hide a fault of other factors: pairs of others are not met in such a row, unless no other
+    row can have them. Of the rows `offered`, which are allowed and cheaper, those that meet many pairs are taken
+    first.
     """
     taken = _Greedy(levels, allowed, hiding, 0).taken(offered)
     designs = [_Greedy(levels, allowed, hiding, shift).design(taken) for shift in range(ATTEMPTS)]
@@ -51,13 +50,13 @@ def pairwise(
 
 
 def shown_pairs(row: Row, hiding: frozenset[tuple[int, int]] = frozenset()) -> list[Pair]:
-    """The pairs of levels that are met in a row: all, but beside a level that hides only those with it."""
+    """The pairs of levels that a row meets: all of them, but only those with the level if it hides others."""
     hidden = {level for level in enumerate(row) if level in hiding}
     return [pair for pair in combinations(enumerate(row), 2) if hidden <= set(pair)]
 
 
 class _Greedy:
-    """One attempt. Levels have numbers through all factors, and sets of levels are bits of an integer."""
+    """One greedy attempt. Levels are numbered through all factors, and sets of levels are bits of an integer."""
 
     def __init__(
         self, levels: Sequence[int], allowed: Callable[[Partial], bool], hiding: frozenset[Level], shift: int
@@ -65,13 +64,13 @@ class _Greedy:
         self.levels, self.allowed, self.hiding, self.shift = levels, allowed, hiding, shift
         self.first = [sum(levels[:f]) for f in range(len(levels))]
         everything = (1 << sum(levels)) - 1
-        # For each level, those of other factors that it was not yet met with.
+        # For each level, the levels of other factors that it has not met yet.
         self.open = [
             [everything & ~(((1 << size) - 1) << self.first[f])] * size for f, size in enumerate(levels)
         ]
 
     def design(self, taken: Sequence[Row]) -> Design:
-        """`taken` and the rows that it lacks."""
+        """Complete the rows `taken` to a design."""
         rows, impossible = [*taken], set[Pair]()
         for known in taken:
             self._meet(known)
@@ -90,7 +89,7 @@ class _Greedy:
         return Design(tuple(rows), frozenset(impossible))
 
     def taken(self, offered: Sequence[Row]) -> list[Row]:
-        """Of the rows offered those that meet the most open pairs each, down to LEAST."""
+        """Choose offered rows that meet the most open pairs each, down to LEAST."""
         rows: list[Row] = []
         known = {row: self._partners(row) for row in offered}
         while known:
@@ -102,7 +101,7 @@ class _Greedy:
         return rows
 
     def _partners(self, row: Row) -> list[tuple[int, int, int]]:
-        """The levels of a row as (factor, level), each with those that it meets there, as in `shown_pairs`."""
+        """The levels of a row as (factor, level), each with the levels that it meets there, as in `shown_pairs`."""
         levels = list(enumerate(row))
         everyone = sum(1 << self._number(level) for level in levels)
         hidden = [level for level in levels if level in self.hiding]
@@ -114,7 +113,7 @@ class _Greedy:
         return found
 
     def _gain(self, partners: list[tuple[int, int, int]]) -> int:
-        """How many open pairs are met in a row, each of which is counted from both sides."""
+        """The number of open pairs that a row meets, each counted from both sides."""
         return sum([(self.open[f][k] & met).bit_count() for f, k, met in partners]) // 2
 
     def _number(self, level: tuple[int, int]) -> int:
@@ -129,8 +128,8 @@ class _Greedy:
             self.open[f][k] &= ~met
 
     def _row(self, goal: Pair) -> Row | None:
-        """A row with the pair `goal` and many other open pairs, by a greedy choice; None where there is none."""
-        # A factor with one level has it: what that rules out is then seen at once, and not by trying all else.
+        """A row with the pair `goal` and many other open pairs, by a greedy choice; None if there is none."""
+        # Fixing factors with one level first rules combinations out at once instead of by search.
         row: Partial = [0 if size == 1 else None for size in self.levels]
         for factor, level in goal:
             row[factor] = level
@@ -140,7 +139,7 @@ class _Greedy:
         return self._fill(list(row), chosen, goal) or self._fill(row, chosen, goal, hidden=True)
 
     def _open_everywhere(self, row: Partial) -> bool:
-        """Whether each factor that is still open has a level that goes with what is chosen."""
+        """True if each open factor has a level that is allowed with the chosen ones."""
         for factor, value in enumerate(row):
             if value is None:
                 levels = range(self.levels[factor])

@@ -1,4 +1,4 @@
-"""Narrow classes of systems that many schemes are made for: how a system of each is made from random parts."""
+"""Narrow classes of systems that many schemes are made for, each built from random parts."""
 
 from __future__ import annotations
 

@@ -33,13 +33,13 @@ def fixed_cases() -> tuple[Case, ...]:
 
 @cache
 def for_energy() -> tuple[Case, ...]:
-    """Each degree of H by itself, and steps that a scheme may refuse but not return unsolved."""
+    """Cases for each degree of H alone, and steps that a scheme may refuse but not return unsolved."""
     return (*_degrees(), *long_steps())
 
 
 @cache
 def long_steps() -> tuple[Case, ...]:
-    """Steps far beyond the radius, all with a solution: where Newton's iteration takes six times and more."""
+    """Steps far beyond the radius, all with a solution, for which Newton's iteration takes six or more iterations."""
     found = []
     for name, y, lengths in (("rigid-body", None, (4.0, 8.0)), ("pendulum", _FAST, (1.0, 2.0))):
         problem = problems.by_name(name)
@@ -50,7 +50,7 @@ def long_steps() -> tuple[Case, ...]:
 
 
 def may_be_refused(case: Case) -> bool:
-    """Whether it is such a long step: of a problem by name, and longer than each scheme must take."""
+    """True for such a long step: of a named problem, and longer than every scheme must take."""
     if not isinstance(case.problem, NamedProblem):
         return False
     problem, _, h, dW = case.build()
@@ -63,20 +63,20 @@ def _polynomial() -> list[Case]:
         flat = PolynomialSystem(2, _dominated(2, degree), planes(2), (1.0,))
         sphere = PolynomialSystem(3, _dominated(3, degree), hat(), (1.0, 0.5), (UNIT3,))
         found += [_longest(flat, (1.0, 0.75)), _longest(sphere, (1.0, 0.75, -0.5))]
-    # Two uncoupled pairs, the second at rest: a guess that is not zero there is still to be seen in the answer.
+    # Two uncoupled pairs, the second at rest: a nonzero guess there remains visible in the result.
     found.append(_longest(PolynomialSystem(4, _dominated(4, 6), planes(4), (1.0,)), (1.0, 0.75, 0.0, 0.0)))
     return [case for pair in found for case in pair]
 
 
 def _dominated(d: int, degree: int) -> Polynomial:
-    """H = ½|y|² + ½ y1^n − ¼ y1 y2^(n−1), n the degree."""
+    """H = ½|y|² + ½ y1^n − ¼ y1 y2^(n−1) for the degree n."""
     first = (degree, *(0,) * (d - 1))
     mixed = (1, degree - 1, *(0,) * (d - 2))
     return poly.add(poly.squares((1.0,) * d), poly.polynomial(d, {first: 0.5, mixed: -0.25}))
 
 
 def _degrees() -> list[Case]:
-    """For each degree a step with which a quadrature of one node less is wrong by thousands of bounds.
+    """For each degree, a step for which a quadrature with one node less is wrong by thousands of bounds.
 
     H = q^n + p drives q, from ¼ of |y|, at a constant rate: a long way inside the radius, which only the other
     components of an H of high degree make short. H without a stated degree is of degree 16.
@@ -94,7 +94,7 @@ _OPAQUE = 16
 
 
 def _longest(data: PolynomialSystem, y: tuple[float, ...]) -> tuple[Case, Case]:
-    """Δ of either sign with |h| + Σ|c_jΔW_j| up to the contraction radius."""
+    """Two cases with Δ of either sign and |h| + Σ|c_jΔW_j| up to the contraction radius."""
     radius = contraction_radius(problems.build(data), np.array(y))
     return _split(data, y, radius, 1.0), _split(data, y, radius, -1.0)
 
@@ -116,7 +116,7 @@ def _papers() -> list[Case]:
 
 
 def _split(data: PolynomialSystem | NamedProblem, y: tuple[float, ...], length: float, sign: float) -> Case:
-    """Δ = h + Σ c_jΔW_j = ±7/8 of the length and |h| + Σ|c_jΔW_j| at most the length, h a sixteenth of |Δ|."""
+    """The case with Δ = h + Σ c_jΔW_j = ±7/8 of the length, |h| + Σ|c_jΔW_j| at most the length, and h = |Δ|/16."""
     c = problems.build(data).c
     delta = sign * length * 7 / 8
     h = abs(delta) / 16

@@ -1,6 +1,6 @@
 """Cases of one problem: a state near its initial one, inside its domain, and a step that a contraction allows.
 
-What functions alone allow is measured: a radius for one step (`measured_radius`). A time is in
+For functions, the radius of one step is measured (`measured_radius`). Their unit of time is in
 `sepv.verification._units`.
 """
 
@@ -29,36 +29,36 @@ from sepv.verification._cases.case import Case
 from sepv.verification._contraction import CONTRACTION, contraction_radius
 from sepv.verification._tolerance import slopes
 
-# Of the references: names whose H, B and ∇H exist in extended precision.
+# Names of problems whose H, B and ∇H exist in extended precision.
 EXACT_NAMES = frozenset(named.PAPER)
 
 
-# Strategies are made once: Hypothesis validates each that is made anew, which costs as much as its draws.
+# Strategies are made once: Hypothesis validates each new one, which costs as much as its draws.
 _SIGNS = st.sampled_from([1.0, -1.0])
 _PERTURBED, _AWAY = st.floats(0.5, 1.5), st.sampled_from([0.0, 0.1, 0.3])
-# Every fourth step or so is short: what is right for long steps may be cut short for those.
+# A quarter of the steps is short, because a scheme may be wrong for short steps alone.
 _LENGTHS = st.sampled_from([1.0, 1.0, 1.0, 2.0**-10])
-# A quadrature error grows like the length to the power of the degree: half of all parts are whole.
+# Half of all parts are whole, because a quadrature error grows like a high power of the length.
 _PARTS = st.one_of(st.just(1.0), st.floats(0, 1 - 2.0**-10).map(lambda x: 1 - x))
 _SHARES = st.sampled_from([1.0, 0.5, 0.25, 2.0**-6])
-# Components below 1e-6 are zero: states of extreme size are a matter of their own.
+# Components below 1e-6 become zero: states of extreme size have their own cases.
 _COMPONENTS = st.one_of(
     st.sampled_from([1.0, 0.0, -1.0]), st.floats(-2.0, 2.0).map(lambda x: x if abs(x) >= 1e-6 else 0.0)
 )
 
 
 def describe(problem: Problem, text: str = "") -> Description:
-    """Its data, where they say the same as its functions and the references know them; else the problem itself."""
+    """The problem's data if they agree with its functions and the references know them; else the problem itself."""
     data = problem.data
     known = isinstance(data, PolynomialSystem) or (data is not None and data.name in EXACT_NAMES)
-    # Flows of parts of H and H_j are no data: what is made of the data again would lack them.
+    # Data have no flows of parts of H and H_j: a problem built from them would lack these.
     lacks = isinstance(data, PolynomialSystem) and bool(problem.flows)
     whole = data is not None and known and not lacks and _agrees(problem, data)
     return data if whole and data is not None else GivenProblem(problem, text)
 
 
 def _agrees(problem: Problem, data: PolynomialSystem | NamedProblem) -> bool:
-    """A record that was changed by `dataclasses.replace` may still carry the data of what it was."""
+    """Compare data with functions: a record changed by `dataclasses.replace` may carry the data of the original."""
     other = named.build(data)
     if other.dimension != problem.dimension or not np.array_equal(other.c, problem.c):
         return False
@@ -71,7 +71,7 @@ def _agrees(problem: Problem, data: PolynomialSystem | NamedProblem) -> bool:
 
 
 def of_case(value: Any) -> st.SearchStrategy[Case]:
-    """The steps of whatever a strategy gave: a whole case as it is, a problem near its initial state."""
+    """Turn a strategy's value into steps: a whole case is kept, a problem is stepped near its initial state."""
     if isinstance(value, Case):
         return st.just(value)
     if isinstance(value, Problem):
@@ -89,8 +89,8 @@ def of_case(value: Any) -> st.SearchStrategy[Case]:
 def near(draw: st.DrawFn, description: Description) -> Case:
     """A state near the problem's initial state, inside its domain, and a step from it.
 
-    Without an initial state: components in ±2. The step is at most as long as a contraction allows: derived from
-    majorants for polynomial data, measured for functions.
+    Without an initial state, components lie in ±2. The step is at most as long as a contraction allows: a bound derived
+    from majorants for polynomial data, and measured for functions.
     """
     problem = named.build(description)
     y = _state(draw, problem)
@@ -99,7 +99,7 @@ def near(draw: st.DrawFn, description: Description) -> Case:
     elif (
         isinstance(description, NamedProblem)
         and problem.longest_step is not None
-        # With the default parameters, of which a problem's longest step speaks.
+        # A problem's longest step refers to its default parameters.
         and description == named.by_name(description.name).data
     ):
         radius = problem.longest_step
@@ -111,7 +111,7 @@ def near(draw: st.DrawFn, description: Description) -> Case:
 
 @st.composite
 def steps_within(draw: st.DrawFn, data: Description, y: tuple[float, ...], radius: float) -> Case:
-    """|h| + Σ|c_j ΔW_j| ≤ radius, each part a share of it."""
+    """Steps with |h| + Σ|c_j ΔW_j| ≤ radius, each part a share of it."""
     c = named.build(data).c
     length = radius * draw(_LENGTHS)
     share = length / (1 + np.count_nonzero(c))
@@ -121,7 +121,7 @@ def steps_within(draw: st.DrawFn, data: Description, y: tuple[float, ...], radiu
 
 
 def start_of(description: Description) -> Case:
-    """A short step of a problem from its first sample state: whether a law speaks of the problem is asked of it."""
+    """A short step of a problem from its first sample state, to test if a law applies to the problem."""
     problem = named.build(description)
     y = tuple(float(v) for v in next(iter(sample_states(problem))))
     return Case(description, y, 2.0**-6, (2.0**-6,) * problem.noises)
@@ -142,7 +142,7 @@ def _inside(problem: Problem, y: Array) -> bool:
     return problem.domain is None or bool(np.all(problem.domain(y)))
 
 
-# Balls of radius 2⁻¹ to 2⁻⁵ of a state are looked at; in a narrow domain smaller ones, until one lies inside.
+# Balls of radius 2⁻¹ to 2⁻⁵ about a state are sampled; in a narrow domain smaller ones, until one lies inside.
 USUAL, NARROWEST = 5, 20
 
 

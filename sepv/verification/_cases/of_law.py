@@ -1,4 +1,4 @@
-"""The cases of a law, said once for every class of systems and for users' problems (`Cases`)."""
+"""The cases of a law, described once for every class of systems and for users' problems (`Cases`)."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from sepv.verification._cases.from_problem import near, of_case, start_of
 from sepv.verification._cases.strata import Space, Strata
 from sepv.verification._cases.users_problems import Item
 
-# What a law makes of a case: one that it says something about, or None.
+# The adaptation of a case to a law: a case to which it applies, or None.
 Adapt = Callable[[Case], Case | None]
 Strategy = st.SearchStrategy[Case]
-# Why laws about H are silent about several Hamiltonians.
+# The reason why laws about H do not apply to several Hamiltonians.
 NOT_KEPT = "with several Hamiltonians that do not commute with H_0 the exact flow does not keep H_0"
 
 
 def unchanged(case: Case) -> Case:
-    """Every case as it is."""
+    """Keep every case."""
     return case
 
 
 def only(holds: Callable[[Problem], object], *, data: bool = False) -> Adapt:
-    """The case as it is where this holds of its problem, and where that is given as data if it has to be."""
+    """Keep a case if this holds for its problem, and if the problem is given as data where that is required."""
 
     def adapt(case: Case) -> Case | None:
         lacks = data and isinstance(case.problem, GivenProblem)
@@ -42,37 +42,37 @@ def only(holds: Callable[[Problem], object], *, data: bool = False) -> Adapt:
 
 @dataclass(frozen=True)
 class Question:
-    """Where a law looks for a violation by one scheme."""
+    """The places where a law looks for a violation by one scheme."""
 
     design: Callable[[int], list[Case]]  # for a seed
     strategy: Strategy
-    admits: Callable[[Case], bool]  # which cases a counterexample may be simplified to
+    admits: Callable[[Case], bool]  # True for cases to which a counterexample may be simplified
     fixed: tuple[Case, ...] = ()
 
 
 @dataclass(frozen=True)
 class Cases:
-    """What a law asks about. Without any of these: every system of the class that a scheme is for, and users' problems.
+    """The cases of a law. By default every system of the class that a scheme is for, and users' problems.
 
     Attributes
     ----------
     adapt : case -> case or None
-        What the law makes of a step, None where it says nothing about it. What it returns it leaves as it is.
+        The adaptation of a step to the law, None where the law does not apply. It leaves its own results unchanged.
     why : str
-        Why the law says nothing where `adapt` returns None for all of a user's problems.
+        The reason where `adapt` returns None for all of a user's problems.
     where : axis -> strata
-        The part of the spaces of `sepv.verification._cases.strata` that the law speaks of. A class that does not have
-        an axis is not restricted by it.
+        The part of the spaces of `sepv.verification._cases.strata` to which the law applies. A class without an axis is
+        not restricted by it.
     blind : axis -> strata
-        Where nothing can be wrong of what the law states. The design meets the faults of other axes elsewhere.
+        Strata in which nothing in the law's statement can fail. The design meets the faults of other axes elsewhere.
     not_of : class of systems -> str
-        Why the law says nothing about a class.
+        The reason why the law does not apply to a class.
     stays : bool
-        Whether the law stays with the problem that it is given. One that does not is not asked about users' problems.
+        True if the law stays with the given problem. Otherwise it is not run on users' problems.
     instead : class -> class, or () -> strategy
         Other cases for a scheme of this class: a narrower class, or a strategy of the law's own.
     fixed : class -> (() -> cases)
-        Asked with every seed, beside those of the class.
+        Cases of every seed, beside those of the class.
     made : class -> (count, Random -> case)
         For a law with cases of its own: so many in the place of a design, and more for the random search.
     """
@@ -109,17 +109,17 @@ class Cases:
         return CLASSES[source].space.part(self.where, self.blind) if isinstance(source, Systems) else None
 
     def adapted(self, case: Case) -> Case | None:
-        """What the law makes of any case, of whatever class; None where it says nothing about it."""
+        """Adapt any case, of any class; None where the law does not apply."""
         if self.not_of and self.not_of.get(class_of(case.problem)):
             return None
         return self.adapt(case)
 
     def admits(self, case: Case) -> bool:
-        """Whether the law takes the case as it is."""
+        """True if the law takes the case unchanged."""
         return self.adapted(case) == case
 
     def of_class(self, systems: Systems) -> Question | str:
-        """The cases for a scheme that is for all of a class, or why there are none."""
+        """The cases for a scheme that serves a whole class, or the reason why there are none."""
         if why := self.not_of.get(systems):
             return why
         if systems in self.made:
@@ -147,7 +147,7 @@ class Cases:
         )
 
     def of_problems(self, items: Sequence[Item]) -> Question | str:
-        """The cases of a scheme's own problems, or why the law says nothing about them."""
+        """The cases of a scheme's own problems, or the reason why the law does not apply to them."""
         if not self.stays:
             return "the law leads out of the problems that the scheme is for"
         everything = self.adapt is unchanged and not self.not_of
@@ -175,7 +175,7 @@ EVERYTHING = Cases()
 
 
 def class_of(description: Description | Problem) -> Systems:
-    """The class that a problem belongs to; the widest, (1.1), where it has one structure and one Hamiltonian."""
+    """The class of a problem; (1.1), the widest, if it has one structure and one Hamiltonian."""
     problem = description if isinstance(description, Problem) else named.build(description)
     if isinstance(problem, HamiltoniansProblem):
         return Systems.HAMILTONIANS
@@ -183,7 +183,7 @@ def class_of(description: Description | Problem) -> Systems:
 
 
 def _present(drawn: st.SearchStrategy[Case | None]) -> Strategy:
-    """What is drawn and is not None."""
+    """Drawn cases that are not None."""
     return drawn.filter(lambda case: case is not None)  # type: ignore[return-value]
 
 

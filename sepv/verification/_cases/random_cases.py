@@ -25,26 +25,26 @@ from sepv.verification._cases.strata import Levels, Make, monomials
 from sepv.verification._contraction import contraction_ball, contraction_radius
 from sepv.verification._tolerance import gradient_majorant, structure_majorant
 
-# Draws until a point at rest may be the origin, where monomials are too few for any other.
+# Draws until a rest point may be the origin, where monomials are too few for any other.
 ATTEMPTS = 30
-# What B∇H may be beside the sum of its terms' absolute values: less is left to the random search.
+# The smallest B∇H relative to the sum of its terms' absolute values; smaller ones are left to the random search.
 GENERIC = 1 / 64
-# Draws until a case is taken in which not every fault would show.
+# Draws until a case is accepted in which some fault would not show.
 TRIES = 24
-# From y = 0, Δ as a share of the radius inside which y1(Δ) is analytic: balances the terms left out by the law
+# Δ as a share of the radius inside which y1(Δ) is analytic, from y = 0: it balances the terms omitted in the law
 # "expansion" against rounding.
 ORIGIN_SHARE = 2.0**-9
 
 
 class Parts:
-    """The numbers that all classes of systems have, drawn inside the strata, and parts of a system to go with them.
+    """Numbers that all classes of systems share, drawn inside the strata, and parts of a system that fit them.
 
     Attributes
     ----------
     d, degree, terms : int
         The dimension, the degree of H and the number of its terms.
     y, unit : (d,), float
-        The state, and the size for which coefficients are made.
+        The state, and the size to which coefficients are scaled.
     """
 
     def __init__(self, levels: Levels, random: Random, dimensions: Sequence[int] = ()) -> None:
@@ -62,7 +62,7 @@ class Parts:
             self.y, self.unit = (0.0,) * self.d, 1.0
 
     def hamiltonian(self) -> Polynomial:
-        """H. At rest it has terms of degree ≥ 2 only in the components of y that are zero, which it chooses."""
+        """Draw H. At rest it has terms of degree ≥ 2 only, in components of y that it sets to zero."""
         d, n, random = self.d, self.degree, self.random
         if self.at_rest:
             self.zero, kept = some.rest_monomials(d, n, self.terms, random)
@@ -71,7 +71,7 @@ class Parts:
         return self.with_slope(some.hamiltonian(d, n, self.terms, self.unit, random))
 
     def further(self) -> Polynomial:
-        """The H_j of a noise: of the degree of H at most, with as many terms at most, and at rest where H is."""
+        """Draw the H_j of a noise: at most the degree and number of terms of H, and at rest where H is."""
         low = 2 if self.at_rest else 1
         n = self.random.randint(low, self.degree)
         count = self.random.randint(1, min(self.terms, monomials(self.d, n)))
@@ -84,14 +84,14 @@ class Parts:
         return poly.polynomial(self.d, [(e, some.coefficient(self.random) * unit ** -sum(e)) for e in kept])
 
     def with_slope(self, p: Polynomial) -> Polynomial:
-        """With the linear and quadratic terms that a field and its slope need at y = 0."""
+        """Add the linear and quadratic terms that a field and its slope need at y = 0."""
         if not self.at_origin:
             return p
         linear = poly.linear([some.coefficient(self.random) for _ in range(self.d)])
         return poly.add(linear, poly.squares((1.0,) * self.d), p)
 
     def structure(self) -> tuple[Structure, tuple[Matrix, ...], Matrix]:
-        """B, its quadratic and its linear Casimirs."""
+        """Draw B, its quadratic and its linear Casimirs."""
         degree = self.levels["degree of B"]
         if self.at_origin:
             return some.with_constants(self.d, degree, self.random), (), ()
@@ -100,7 +100,7 @@ class Parts:
         return some.structure(self.levels["Casimirs"].name, self.d, degree, self.unit, self.random)
 
     def noise(self) -> tuple[float, ...]:
-        """The c_j, the first a power of two; from the origin one."""
+        """Draw the c_j, the first a power of two; from the origin a single one."""
         c = some.noise(self.levels["m"], self.random)
         return (1.0, *c[1:]) if c and self.at_origin else c
 
@@ -109,10 +109,10 @@ SystemOf = Callable[[Parts], PolynomialSystem | None]
 
 
 def maker(system_of: SystemOf, dimensions: Sequence[int] = (), *, shows: bool = True) -> Make:
-    """How a case of a class is made, given how a system of it is made from its parts.
+    """Make cases of a class from a function that makes its systems from parts.
 
-    `dimensions` are those that the class has, where not all. In a class that `shows` faults a case of a design is drawn
-    again until every fault would show (`sepv.verification._cases.shows_faults`).
+    `dimensions` are those of the class, if not all. In a class that `shows` faults, a case of a design is drawn again
+    until every fault would show (`sepv.verification._cases.shows_faults`).
     """
 
     def make(levels: Levels, random: Random, attempt: int | None) -> Case | None:
@@ -143,7 +143,7 @@ def nambu(parts: Parts) -> PolynomialSystem:
     levels, unit, random = parts.levels, parts.unit, parts.random
     H, g = parts.hamiltonian(), some.scalar(3, levels["degree of g"], unit, random)
     degree = some.integer(levels["degree of C"], random)
-    # One of degree 2 is homogeneous, so that it is a quadratic Casimir.
+    # A C of degree 2 is homogeneous, so that it is a quadratic Casimir.
     least = 2 if degree == 2 else 1
     most = monomials(3, degree) - monomials(3, least - 1)
     C = some.hamiltonian(3, degree, min(random.randint(2, 6), most), unit, random, least=least)
@@ -179,12 +179,12 @@ def hamiltonians(parts: Parts) -> PolynomialSystem | None:
 
 
 def general(system: PolynomialSystem) -> PolynomialSystem | None:
-    """The system where some bracket {H_0, H_j} of its Hamiltonians does not vanish."""
+    """Keep the system if some bracket {H_0, H_j} of its Hamiltonians does not vanish."""
     return system if isinstance(problems.build(system), HamiltoniansProblem) else None
 
 
 def from_origin(system: PolynomialSystem, levels: Levels, random: Random) -> Case | None:
-    """A step from y = 0 of which h and all noises together are a share of the radius."""
+    """A step from y = 0; h and all noises together are a share of the radius."""
     d, m = system.dimension, len(system.noise)
     radius = contraction_ball(problems.build(system), np.zeros(d))[0]
     if not 0 < radius < math.inf:
@@ -201,7 +201,7 @@ def placed(
 ) -> Case | None:
     """The system with H scaled so that a step of the wanted |Δ| reaches the wanted share of the contraction radius.
 
-    None where nothing moves, or so little beside the rounding of its terms that no fault would show.
+    None if nothing moves, or so little beside the rounding of its terms that no fault would show.
     """
     problem = problems.build(system)
     radius = contraction_radius(problem, np.array(y))
@@ -210,7 +210,7 @@ def placed(
     c, sign = system.noise, levels["h"].low
     total = math.exp(random.uniform(math.log(levels["|Δ|"].low), math.log(levels["|Δ|"].high)))
     loud = [j for j, cj in enumerate(c) if cj]
-    # Shares of |h| and of |c_jΔW_j|; signs such that Δ is at least a quarter of their sum.
+    # Shares of |h| and of |c_jΔW_j|, with signs such that Δ is at least a quarter of their sum.
     shares = [random.uniform(0.125, 1) for _ in range(1 + len(loud))]
     signs = [sign, *(random.choice([1.0, -1.0]) for _ in loud)]
     largest = sum(shares)
@@ -228,7 +228,7 @@ def placed(
 
 
 def _scaled(system: PolynomialSystem, power: int) -> PolynomialSystem:
-    """All Hamiltonians times 2^power."""
+    """Multiply all Hamiltonians by 2^power."""
     return replace(
         system,
         hamiltonian=poly.scale(2.0**power, system.hamiltonian),
@@ -237,7 +237,7 @@ def _scaled(system: PolynomialSystem, power: int) -> PolynomialSystem:
 
 
 def _moves(problem: Problem, y: Array) -> bool:
-    """Whether B∇H and yᵀ∇H, by which H changes with the size of y, are not small beside their terms."""
+    """True if B∇H, and yᵀ∇H, the change of H with the size of y, are not small beside their terms."""
     g, most = problem.gradient(y), gradient_majorant(problem, y)
     flow, whole = vector_field(problem, y), structure_majorant(problem, y) @ most
     motion, growth = float(np.max(np.abs(flow))), abs(float(g @ y))

@@ -22,11 +22,11 @@ from sepv.record import _polynomial as poly
 from sepv.record._polynomial import Exponents
 from sepv.verification._cases.strata import Levels, Stratum, monomials
 
-# Above it a table of all monomials is not worth making.
+# The most monomials for which a table is worth making.
 FEW = 300
-# Structure of B above the diagonal, for large d: its derivatives are d³ polynomials.
+# The most entries of B above the diagonal, for large d: its derivatives are d³ polynomials.
 MOST_ENTRIES = 8
-# The share of states and of components of a state that are something other than generic.
+# The share of states, and of components of a state, that are special.
 SOMETIMES = 1 / 8
 
 
@@ -36,12 +36,12 @@ def integer(stratum: Stratum, random: Random) -> int:
 
 
 def less(stratum: Stratum, by: int) -> Stratum:
-    """The stratum lowered by so much, and not below zero."""
+    """Lower the stratum by a number, at most to zero."""
     return Stratum(stratum.name, max(0, stratum.low - by), max(0, stratum.high - by))
 
 
 def sizes(levels: Levels, random: Random, least: int = 1) -> tuple[int, int, int]:
-    """(d, degree of H, terms of H), of which there are enough monomials of degree ≥ `least`."""
+    """Draw d, the degree of H and its number of terms, which enough monomials of degree ≥ `least` allow."""
     while True:
         d = integer(levels["d"], random)
         n, terms = integer(levels["degree of H"], random), integer(levels["terms of H"], random)
@@ -50,7 +50,7 @@ def sizes(levels: Levels, random: Random, least: int = 1) -> tuple[int, int, int
 
 
 def state(d: int, size: Stratum, random: Random) -> tuple[tuple[float, ...], float]:
-    """A state, and the size for which coefficients are made: a power of two near |y|, or now and then 1."""
+    """A state, and the size to which coefficients are scaled: a power of two near |y|, or sometimes 1."""
     scale = math.exp(random.uniform(math.log(size.low), math.log(size.high)))
     y = [random.choice([1.0, -1.0]) * scale * random.uniform(0.25, 1) for _ in range(d)]
     for k in range(d):
@@ -66,7 +66,7 @@ def coefficient(random: Random) -> float:
 
 
 def some_monomials(d: int, n: int, count: int, random: Random, *, least: int = 1) -> list[Exponents]:
-    """So many different monomials of degree `least` to n: the first of degree n, about half of the others too."""
+    """Draw different monomials of degree `least` to n: the first of degree n, about half of the others too."""
     total = monomials(d, n) - monomials(d, least - 1)
     count = min(count, total)
     if total <= FEW:
@@ -82,7 +82,7 @@ def some_monomials(d: int, n: int, count: int, random: Random, *, least: int = 1
 
 
 def exponents_of(d: int, chosen: Sequence[int]) -> Exponents:
-    """Of the monomial that is the product of the chosen coordinates."""
+    """The exponents of the product of the chosen coordinates."""
     exponents = [0] * d
     for k in chosen:
         exponents[k] += 1
@@ -90,13 +90,13 @@ def exponents_of(d: int, chosen: Sequence[int]) -> Exponents:
 
 
 def hamiltonian(d: int, n: int, terms: int, unit: float, random: Random, *, least: int = 1) -> Polynomial:
-    """A polynomial of degree n with so many terms, the coefficient of each divided by unit^degree."""
+    """A polynomial of degree n with this number of terms; each coefficient is divided by unit^degree."""
     chosen = some_monomials(d, n, terms, random, least=least)
     return poly.polynomial(d, [(e, coefficient(random) * unit ** -sum(e)) for e in chosen])
 
 
 def rest_monomials(d: int, n: int, terms: int, random: Random) -> tuple[set[int], list[Exponents]]:
-    """Components to be zero, all only where it must be, and monomials of degree ≥ 2 in them, the first of degree n."""
+    """Components to be zero, all only if necessary, and monomials of degree ≥ 2 in them, the first of degree n."""
     for size in (*random.sample(range(1, d), d - 1), d):
         zero = random.sample(range(d), size)
         found = monomials_at_rest(d, n, terms, zero, random)
@@ -106,7 +106,7 @@ def rest_monomials(d: int, n: int, terms: int, random: Random) -> tuple[set[int]
 
 
 def monomials_at_rest(d: int, n: int, terms: int, zero: Sequence[int], random: Random) -> list[Exponents]:
-    """So many monomials at most of degree ≥ 2 in the components `zero`, the first of degree n."""
+    """Draw at most this many monomials of degree ≥ 2 in the components `zero`, the first of degree n."""
     found: dict[Exponents, None] = {}
     for _ in range(40 * terms):
         degree = n if not found or random.random() < 0.5 else random.randint(2, n)
@@ -118,7 +118,7 @@ def monomials_at_rest(d: int, n: int, terms: int, zero: Sequence[int], random: R
 
 
 def polynomial(d: int, least: int, most: int, terms: int, random: Random) -> Polynomial:
-    """A polynomial of degree `least` to `most` with one to so many terms."""
+    """A polynomial of degree `least` to `most` with at most this many terms."""
     n = random.randint(least, most)
     if n == 0:
         return poly.constant(d, coefficient(random))
@@ -127,7 +127,7 @@ def polynomial(d: int, least: int, most: int, terms: int, random: Random) -> Pol
 
 
 def scalar(d: int, degree: Stratum, unit: float, random: Random) -> Polynomial:
-    """1 and one or two terms more, of this degree."""
+    """A polynomial 1 plus one or two terms, of this degree."""
     n = integer(degree, random)
     if n == 0:
         return poly.constant(d, 1.0)
@@ -136,17 +136,17 @@ def scalar(d: int, degree: Stratum, unit: float, random: Random) -> Polynomial:
 
 
 def noise(m: Stratum, random: Random) -> tuple[float, ...]:
-    """c_1 a power of two, as an exact way back needs; further ones any, zero among them."""
+    """The c_j: c_1 is a power of two, as an exact reversal needs; the others are any, zero included."""
     count = integer(m, random)
     more = [random.choice([1.0, 0.5, 0.25, 0.3, 1.7, 0.0]) for _ in range(count - 1)]
     c = (random.choice([1.0, 0.5, 2.0]), *more)
     if count > 1 and {*c} <= {0.0, 1.0}:
-        c = (*c[:-1], 0.3)  # not all of them their own squares
+        c = (*c[:-1], 0.3)  # the c_j must not all equal their squares
     return c if count else ()
 
 
 def skew(d: int, degree: Stratum, unit: float, random: Random) -> Structure:
-    """Any skew B of this degree; for degree 0 half of them canonical."""
+    """Any skew B of this degree; degree 0 is canonical in half of the cases."""
     if degree.high == 0 and random.random() < 0.5:
         return planes(d)
     pairs = list(combinations(range(d), 2))
@@ -165,7 +165,7 @@ def skew(d: int, degree: Stratum, unit: float, random: Random) -> Structure:
 
 
 def with_constants(d: int, degree: Stratum, random: Random) -> Structure:
-    """Skew B with B(0) ≠ 0 and, for a degree of one at least, linear terms: what f(0) and f′(0) need."""
+    """Skew B with B(0) ≠ 0 and, from degree one on, linear terms: they make f(0) and f′(0) nonzero."""
     n, B = integer(degree, random), []
     for i, j in combinations(range(d), 2):
         if j == i + 1 or random.random() < 1 / d:
@@ -180,9 +180,9 @@ def with_constants(d: int, degree: Stratum, random: Random) -> Structure:
 def poisson(d: int, degree: Stratum, unit: float, random: Random) -> Structure:
     """Skew B that satisfies Jacobi's identity, of this degree.
 
-    Constant; or B_ij = b_ij y_i y_j with b skew, which is constant in the logarithms of y; or a direct sum of b(y)J in
-    planes, of which the identity asks nothing, and of g hat(∇C) in spaces of dimension three, where w = g∇C has
-    w · curl w = 0.
+    It is constant; or B_ij = b_ij y_i y_j with b skew, which is constant in the logarithms of y; or a direct sum of
+    b(y)J in planes, which satisfies the identity for any b, and of g hat(∇C) in spaces of dimension three, where w =
+    g∇C has w · curl w = 0.
     """
     if degree.high == 0:
         return skew(d, degree, unit, random)
@@ -219,7 +219,7 @@ def exactly(d: int, n: int, unit: float, random: Random) -> Polynomial:
 
 
 def embedded(p: Polynomial, d: int, places: Sequence[int]) -> Polynomial:
-    """The polynomial in these of d variables."""
+    """Write the polynomial in these of d variables."""
 
     def moved(exponents: Exponents) -> Exponents:
         whole = [0] * d
@@ -235,8 +235,9 @@ def structure(
 ) -> tuple[Structure, tuple[Matrix, ...], Matrix]:
     """B, its quadratic and its linear Casimirs.
 
-    B_ij = g Σ T_ijk… v_k … with T totally antisymmetric and v = Ay for yᵀAy, v = b for bᵀy; or a B that leaves one
-    component out, of which any function is a Casimir. For two, the degree tells which: linear, one of each, quadratic.
+    B_ij = g Σ T_ijk… v_k … with T totally antisymmetric and v = Ay for yᵀAy, v = b for bᵀy; or a B without one
+    component, any function of which is a Casimir. For two Casimirs the degree decides: linear, one of each,
+    quadratic.
     """
     if casimirs == "none":
         return skew(d, degree, unit, random), (), ()
@@ -257,7 +258,7 @@ def structure(
 
 
 def times(factor: Polynomial, entries: Structure) -> Structure:
-    """Each entry multiplied."""
+    """Multiply each entry by the factor."""
     return tuple((i, j, poly.multiply(factor, e)) for i, j, e in entries)
 
 
@@ -272,7 +273,7 @@ def symmetric(d: int, random: Random) -> Matrix:
 
 
 def vector(d: int, random: Random) -> tuple[float, ...]:
-    """Small integers, not all zero."""
+    """A vector of small integers, not all zero."""
     b = [random.choice([0.0, 1.0, -1.0, 2.0]) for _ in range(d)]
     b[random.randrange(d)] = 1.0
     return tuple(b)
@@ -286,7 +287,7 @@ def linear_forms(A: Matrix) -> list[Polynomial]:
 def tensor_terms(
     d: int, indices: Sequence[int], weight: float, forms: list[list[Polynomial]]
 ) -> Iterator[tuple[tuple[int, int], Polynomial]]:
-    """What the entry `weight` of a totally antisymmetric tensor at these indices adds to each B_ij, i < j."""
+    """Contributions of the entry `weight` of a totally antisymmetric tensor at these indices to each B_ij, i < j."""
     for i, j, *others in permutations(indices):
         if i < j:
             parity = (-1) ** sum(a > b for a, b in combinations((i, j, *others), 2))
@@ -297,7 +298,7 @@ def tensor_terms(
 
 
 def contracted(d: int, forms: list[list[Polynomial]], random: Random) -> Structure:
-    """B_ij = Σ T_ijk… v_k … for a random totally antisymmetric T with a few entries; nothing where the forms depend."""
+    """B_ij = Σ T_ijk… v_k … for a random totally antisymmetric T with a few entries; empty where the forms depend."""
     rank = 2 + len(forms)
     entries: dict[tuple[int, int], list[Polynomial]] = {}
     for _ in range(random.randint(1, 3) if d > rank else 1):

@@ -1,4 +1,4 @@
-"""Whether a case shows a fault: a design that visits a pair of strata must show the faults of these strata."""
+"""Visibility of faults: a design that visits a pair of strata must show the faults of these strata."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from sepv.verification._cases.case import Case
 from sepv.verification._cases.strata import Levels
 from sepv.verification._tolerance import casimir_bound, energy_bound, step_residual
 
-# How far above rounding the step must be, of which a small share may be wrong; and how far above its bound a fault that
-# errs by a power of the step. `benchmarks.power` measures what they lead to.
+# The least size of the step above rounding, since a small share of it may be wrong; and of a fault above its bound,
+# if it errs by a power of the step. `benchmarks.power` measures their effect.
 MOTION, SHOWN = 1e7, 64.0
-# A share of the radius at which errors of a power of the step are above rounding.
+# The share of the radius from which errors of a power of the step exceed rounding.
 LONG = 0.5
 
 
 def shows_faults(case: Case, levels: Levels) -> bool:
-    """Whether faults would show in this case that err by a power of the step, as they must where its strata are met.
+    """True if faults that err by a power of the step would show in this case, as its strata require.
 
     For z = Δ B∇H, an explicit step: z and each structure's part of it must stand above rounding; ∇H at the midpoint in
     place of its average must change H, B at y in place of the midpoint y1 and every quadratic Casimir, all by more
@@ -42,7 +42,7 @@ def shows_faults(case: Case, levels: Levels) -> bool:
 
 
 def _curved(problem: Problem, levels: Levels, y: Array, z: Array, residual: Array) -> bool:
-    """Whether one quadrature node is too few, for H and for a Casimir whose gradient is averaged."""
+    """True if one quadrature node is too few, for H and for a Casimir whose gradient is averaged."""
     found = []
     if levels["degree of H"].high > 2:
         found.append((problem, energy_bound(problem, y, y + z, residual)))
@@ -54,7 +54,7 @@ def _curved(problem: Problem, levels: Levels, y: Array, z: Array, residual: Arra
 
 
 def _turning(problem: Problem, levels: Levels, y: Array, z: Array, residual: Array, parts: Array) -> bool:
-    """Whether it matters where B is taken."""
+    """True if the place at which B is taken matters."""
     degrees = [levels[axis].high for axis in ("degree of B", "degree of g") if axis in levels]
     if max(degrees, default=0) < 1:
         return True

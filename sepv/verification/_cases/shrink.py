@@ -1,6 +1,6 @@
 """Simplify a case that violates, by steps that a reader would try: drop a term, a noise, a dimension; round a number.
 
-What Hypothesis finds shrinks by itself. Cases of a design do not, and what violates only in one stratum may be found
+Hypothesis shrinks its own examples. Cases of a design need this, because a violation in one stratum may be found
 nowhere else.
 """
 
@@ -25,8 +25,8 @@ from sepv.verification._contraction import contraction_radius
 def shrunk(case: Case, fails: Callable[[Case], bool | None]) -> Case:
     """The simplest case found that still fails.
 
-    `fails` says whether a candidate is one of the law's cases and still fails; None ends the search. Candidates outside
-    the contraction radius are not asked about: nothing need exist there.
+    `fails` tells if a candidate is one of the law's cases and still fails; None ends the search. Candidates outside the
+    contraction radius are not tried: they may have no solution.
     """
     simpler = True
     while simpler:
@@ -42,7 +42,7 @@ def shrunk(case: Case, fails: Callable[[Case], bool | None]) -> Case:
 
 
 def _stands(case: Case) -> bool:
-    """Whether the candidate is a problem, with a step inside its contraction radius."""
+    """True if the candidate is a problem, with a step inside its contraction radius."""
     try:
         problem, y, h, dW = case.build()
     except SepvError:  # a matrix is no longer a Casimir, a structure no longer that of its factor
@@ -62,7 +62,7 @@ def _candidates(case: Case) -> Iterator[Case]:
     if isinstance(system, PolynomialSystem):
         yield from _smaller_systems(case, system)
     for k, v in enumerate(case.y):
-        # Only what comes before v in this order is simpler: 1 and −1 would be tried in turn until the budget is spent.
+        # Only values before v in this order are simpler: otherwise 1 and −1 would alternate until the budget is spent.
         for simple in (0.0, 1.0, -1.0, _rounded(v)):
             if simple == v:
                 break
@@ -76,12 +76,12 @@ def _candidates(case: Case) -> Iterator[Case]:
 
 
 def _put(entries: tuple[Any, ...], n: int, *new: Any) -> tuple[Any, ...]:
-    """The entries with others, or none, in the place of the n-th."""
+    """Replace the n-th entry by others, or by none."""
     return (*entries[:n], *new, *entries[n + 1 :])
 
 
 def _rounded(v: float) -> float:
-    """The power of two below."""
+    """The next lower power of two."""
     return float(np.sign(v) * 2.0 ** np.floor(np.log2(abs(v)))) if v else 0.0
 
 
@@ -98,7 +98,7 @@ def _smaller_systems(case: Case, system: PolynomialSystem) -> Iterator[Case]:
 
 
 def _simpler_systems(system: PolynomialSystem) -> Iterator[PolynomialSystem]:
-    """With the same dimension and as many noises."""
+    """Simpler systems of the same dimension with the same number of noises."""
     if system.casimirs or system.linear_casimirs:
         yield replace(system, casimirs=(), linear_casimirs=())
     for H in _simpler(system.hamiltonian):
@@ -119,7 +119,7 @@ def _simpler_systems(system: PolynomialSystem) -> Iterator[PolynomialSystem]:
 
 
 def _simpler(p: Polynomial) -> Iterator[Polynomial]:
-    """Half of the terms, all but one, and coefficients ±1 or powers of two."""
+    """Polynomials with half of the terms, with one term less, and with coefficients ±1 or powers of two."""
     terms = p.terms
     if len(terms) > 3:
         yield poly.polynomial(p.dimension, terms[: len(terms) // 2])
@@ -142,7 +142,7 @@ def _simpler_structures(B: Structure) -> Iterator[Structure]:
 
 
 def _without(system: PolynomialSystem, k: int) -> PolynomialSystem:
-    """The system with y_k = 0 and its row and column of B left out."""
+    """Set y_k = 0 and remove its row and column of B."""
     d = system.dimension - 1
 
     def restricted(p: Polynomial) -> Polynomial:

@@ -1,9 +1,9 @@
-"""The space of cases: axes, the strata of each, what cannot be combined and why, and designs that cover it.
+"""The space of cases: axes with their strata, forbidden combinations with reasons, and designs that cover it.
 
-Each class of systems has a space, and a law asks about a part of it (`Space.part`). `Space.cases` are its cases by
-design: each possible pair of strata occurs, with random content inside. `Space.strategy` draws cases of the same space
-for Hypothesis. `sepv.verification._cases.random_cases` says what a stratum means and makes the cases: once for all laws
-that ask for the same strata. So that many do, a design may take its rows from another one, its pool.
+Each class of systems has a space, and a law uses a part of it (`Space.part`). `Space.cases` are its cases by design:
+each possible pair of strata occurs, with random content inside. `Space.strategy` draws cases of the same space for
+Hypothesis. `sepv.verification._cases.random_cases` interprets strata and makes the cases, once for all laws with the
+same strata. A design may take its rows from another one, its pool, so that many laws share cases.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from sepv.verification._cases.covering import Design, Pair, Partial, Row, pairwi
 
 
 class Stratum(NamedTuple):
-    """A part of an axis: its name, and for numbers the range that it stands for."""
+    """A part of an axis: its name, and the range of a numerical axis."""
 
     name: str
     low: float = 0.0
@@ -36,7 +36,7 @@ class Stratum(NamedTuple):
 class Axis:
     """A property of cases, divided into strata.
 
-    A law that does not name the axis is asked about the first `usual` strata, or about all where that is 0.
+    A law that does not name the axis uses the first `usual` strata, or all if that is 0.
     """
 
     name: str
@@ -52,7 +52,7 @@ NOTHING: Mapping[str, Strata] = MappingProxyType({})
 
 @dataclass(frozen=True)
 class Rule:
-    """What cannot be: `forbids` is asked once strata of all its axes are chosen."""
+    """A forbidden combination: `forbids` is called once strata of all its axes are chosen."""
 
     axes: tuple[str, ...]
     forbids: Callable[..., bool]
@@ -78,7 +78,7 @@ STEP = _axis(
     "|Δ|", ("½–4", 0.5, 4), ("1e-2–½", 1e-2, 0.5), ("1e-5–1e-2", 1e-5, 1e-2), ("1e-9–1e-5", 1e-9, 1e-5)
 )
 SIGN = _axis("h", ("> 0", 1, 1), ("< 0", -1, -1))
-# Steps as long as the contraction radius allows, and short ones: there errors of quadrature are below rounding.
+# Steps as long as the contraction radius allows, and short ones, whose quadrature errors are below rounding.
 SHARE = _axis("step/radius", ("½–1", 0.5, 1), ("2⁻¹⁰", 2.0**-11, 2.0**-10))
 GIVEN = _axis("given as", "data", "functions", "bare functions")
 BATCH = _axis(
@@ -111,7 +111,7 @@ RULES = (
          "cost: d³ derivatives of B for thousands of states take gigabytes"),
     Rule(("batch", "terms of H"), lambda batch, terms: batch.low > 4096 and terms.low > 9,
          "cost: a step of thousands of states takes seconds"),
-    # Three strata together: each two of them still meet.
+    # Only three strata together are forbidden: each two of them still meet.
     Rule(("batch", "given as", "degree of H"),
          lambda batch, given, degree: given.name == "bare functions"
          and degree.high > {"500–2000": 4, "4097–9000": 2}.get(batch.name, 10),
@@ -121,21 +121,21 @@ HIDING = ("step/radius", "2⁻¹⁰")
 
 
 def monomials(d: int, degree: int) -> int:
-    """How many monomials of degree 1 to `degree` there are in d variables."""
+    """The number of monomials of degree 1 to `degree` in d variables."""
     return math.comb(d + degree, degree) - 1
 
 
-# A case inside the strata, random otherwise, or None where the numbers drawn make none. The last argument counts
-# attempts; it is None for the random search, which takes cases in which not every fault would show.
+# A random case inside the strata, or None if the drawn numbers make none. The last argument counts attempts; it is None
+# for the random search, which accepts cases in which not every fault would show.
 Make = Callable[[Levels, Random, int | None], Case | None]
 
 
 @dataclass(frozen=True)
 class Space:
-    """Axes, and how a case with a stratum of each is made.
+    """A space: axes, and the function that makes a case with a stratum of each.
 
-    `beside` are (axis, stratum) beside which a fault of other axes may not show: of what the law is about nothing can
-    be wrong there, such as the quadrature where H is quadratic. What is met there only is not met.
+    `beside` are (axis, stratum) that may hide a fault of other axes, because the law's statement cannot fail there,
+    such as the quadrature where H is quadratic. Pairs met only there do not count as met.
     """
 
     axes: tuple[Axis, ...]
@@ -143,14 +143,14 @@ class Space:
     rules: tuple[Rule, ...] = RULES
     beside: frozenset[tuple[str, str]] = frozenset({HIDING})
     pool: Space | None = (
-        None  # one whose rows the design takes where they serve: their content is made already
+        None  # a space whose rows the design reuses where possible: their content is made already
     )
 
     def part(self, where: Mapping[str, Strata] = NOTHING, blind: Mapping[str, Strata] = NOTHING) -> Space:
-        """The part of these strata, or of the usual ones of an axis that `where` does not name.
+        """The part with these strata, and with the usual ones of an axis that `where` does not name.
 
-        In the strata `blind` no fault shows of what the law is about. Axes that the space does not have are left out,
-        and so are strata that go with none of the others.
+        In the strata `blind` no fault shows that the law is about. Axes that the space does not have are ignored, and
+        strata that combine with none of the others are left out.
         """
         axes = []
         for axis in self.axes:
@@ -165,7 +165,7 @@ class Space:
         return {axis.name: axis.strata[k] for axis, k in zip(self.axes, row, strict=True)}
 
     def forbidden(self, row: Partial | Row) -> str:
-        """Why the strata chosen so far cannot go together; empty where they can."""
+        """The reason why the chosen strata cannot be combined; empty if they can."""
         for rule, axes, refused in self._refusals:
             if tuple([row[a] for a in axes]) in refused:
                 return rule.reason
@@ -173,7 +173,7 @@ class Space:
 
     @cached_property
     def _refusals(self) -> list[tuple[Rule, tuple[int, ...], set[tuple[int, ...]]]]:
-        """For each rule about these axes their numbers, and the strata that it forbids together."""
+        """For each rule about these axes, their numbers and the combinations of strata that it forbids."""
         numbers = {axis.name: a for a, axis in enumerate(self.axes)}
         found = []
         for rule in self.rules:
@@ -206,27 +206,27 @@ class Space:
         return _drawn(self)
 
     def offered(self) -> list[Row]:
-        """The rows of the pool's design that have their strata here, with any of the axes that the pool lacks."""
+        """The rows of the pool's design with strata of this space, with all values of axes that the pool lacks."""
         found: list[Row] = []
         if self.pool is None:
             return found
         for row in self.pool.design().rows:
             levels = self.pool.levels(row)
-            # A batch changes nothing of the content.
+            # A batch does not change the content.
             levels = {name: stratum for name, stratum in levels.items() if name != BATCH.name}
             numbers = [[k for k, s in enumerate(a.strata) if levels.get(a.name, s) == s] for a in self.axes]
             found += [own for own in product(*numbers) if not self.forbidden(own)]
         return found
 
     def impossible(self, pair: Pair) -> str:
-        """Why no case has both strata."""
+        """The reason why no case has both strata."""
         row: Partial = [0 if len(axis.strata) == 1 else None for axis in self.axes]
         for factor, level in pair:
             row[factor] = level
         return self.forbidden(row) or "no other strata go with both"
 
     def shown(self, row: Row) -> list[Pair]:
-        """The pairs of strata that are met in a row of the design."""
+        """The pairs of strata that a row of the design meets."""
         return shown_pairs(row, self.hiding)
 
 
@@ -242,7 +242,7 @@ def _design(space: Space) -> Design:
 
 @cache
 def _content(make: Make, levels: tuple[tuple[str, Stratum], ...], seed: int) -> Case:
-    """The case of these strata and this seed. Its content does not depend on the batch it is asked about in."""
+    """The case of these strata and this seed. Its content does not depend on its batch."""
     alone = tuple((axis, s) for axis, s in levels if axis != BATCH.name)
     if alone != levels:
         stratum, random = dict(levels)[BATCH.name], Random(f"{seed} {levels}")
@@ -255,7 +255,7 @@ def _content(make: Make, levels: tuple[tuple[str, Stratum], ...], seed: int) -> 
 
 _CHOICES = [st.integers(0, n) for n in range(16)]
 _RANDOM = st.randoms(use_true_random=False)
-# Draws of a random search, until another row is drawn.
+# Draws of a random search before another row is drawn.
 DRAWS = 4
 
 

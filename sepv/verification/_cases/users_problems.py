@@ -1,8 +1,8 @@
-"""Cases from problems that a user names: what a scheme is for is what it is judged on.
+"""Cases from problems that a user names: a scheme is judged on the problems that it is for.
 
 An item is a problem (by name, ``module:attribute``, file, record or data), a family of
 `sepv.verification._cases.classes`, or a Hypothesis strategy of problems, of their data or of whole cases.
-`from_problem` draws cases of it; `of_law` says what each law makes of them.
+`from_problem` draws cases of it; `of_law` adapts them to each law.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from sepv.verification._cases.strata import Space, Strata
 
 @dataclass(frozen=True)
 class Item:
-    """One thing that a scheme is for."""
+    """One problem, family or strategy that a scheme is for."""
 
     text: (
         str  # how a user named it, and a command names it again; empty where it was handed over as an object
@@ -43,7 +43,7 @@ class Item:
     space: Space | None = None  # of a family
 
     def design(self, seed: int, where: Mapping[str, Strata]) -> list[Case]:
-        """Cases of a family in which all pairs of strata meet, of the strata `where` those that it has."""
+        """Cases of a family in which all pairs of strata meet, restricted to `where` on the axes that it has."""
         if self.space is None:
             return []
         part = self.space.part(where)
@@ -51,7 +51,7 @@ class Item:
         return [case for _, case in whole.cases(seed)]
 
     def meets(self, adapted: Callable[[Case], Case | None], where: Mapping[str, Strata]) -> bool:
-        """Whether a law says something about some case: one of thirty, where a search would ask for hundreds."""
+        """True if a law applies to one of thirty cases; a search would draw hundreds."""
         if self.fixed is not None:
             return adapted(start_of(describe(self.fixed, self.text))) is not None
         if self.space is not None:
@@ -60,7 +60,7 @@ class Item:
 
 
 class _Met(Exception):
-    """Raised inside a look at a strategy: a law says something about this example."""
+    """Raised while a strategy is tried: a law applies to this example."""
 
 
 def _meets(values: st.SearchStrategy[Any], adapted: Callable[[Case], Case | None]) -> bool:
@@ -80,7 +80,7 @@ def _meets(values: st.SearchStrategy[Any], adapted: Callable[[Case], Case | None
 
 
 def items(asked: Iterable[Any] | Any) -> tuple[Item, ...]:
-    """What a user asks for, read once; a UsageError for anything that is no problem, family or strategy."""
+    """Read a user's problems, families and strategies; a UsageError for anything else."""
     if isinstance(asked, (str, Problem, st.SearchStrategy, PolynomialSystem, NamedProblem, Item)):
         asked = (asked,)
     try:
@@ -125,10 +125,10 @@ def _item(asked: Any) -> Item:
 
 
 def may_ask(scheme: Any, problem: Problem, states: Array) -> bool:
-    """Whether a law may ask about states (d, ...) that it made from one of the scheme's own.
+    """True if a law may use states (d, ...) that it made from one of the scheme's own.
 
-    Inside the problem's domain, where one is stated. Without one every state will do, unless a user said what the
-    scheme is for: their problems may mean positive states, or a ball, and only what was drawn is sure to be one.
+    They must lie in the problem's domain, if it has one. Otherwise every state is allowed, unless a user named the
+    problems: these may be meant for positive states, or a ball, and only drawn states are sure to be valid.
     """
     if problem.domain is not None:
         return bool(np.all(problem.domain(states)))
@@ -139,23 +139,23 @@ NO_START = "the problems have no initial state: name one that has, or give initi
 
 
 def sources(scheme: Any) -> tuple[Item, ...]:
-    """What a scheme is for: the problems it was given, or the family that it names; empty for a whole class."""
+    """The problems that a scheme was given, or the family that it names; empty for a whole class."""
     if scheme.problems:
         return items(scheme.problems)
     return items(scheme.systems) if scheme.systems in FAMILIES else ()
 
 
 def objects_of(scheme: Any) -> tuple[Problem, ...]:
-    """The problems of a scheme that were handed over as objects: a witness names them, and no command can."""
+    """The problems of a scheme that were given as objects: a witness names them, and no command can."""
     return tuple(item.fixed for item in sources(scheme) if item.fixed is not None and not item.text)
 
 
 def problems_of(scheme: Any) -> tuple[Problem, ...] | None:
-    """Its problems with an initial state, each once, for laws about many steps; None where it is for a whole class.
+    """The scheme's problems with an initial state, each once, for laws about many steps; None for a whole class.
 
-    A problem that is named and stands in a named family too is one problem: a name always gives the same object.
+    A problem that is named and also in a named family is one problem: a name always gives the same object.
 
-    `Skipped` is raised where none of them has one.
+    Raises Skipped where none of them has an initial state.
     """
     own = sources(scheme)
     if not own:

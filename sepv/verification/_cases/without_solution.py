@@ -35,7 +35,7 @@ from sepv.verification._cases import random_parts as parts
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.strata import Stratum
 
-# What a scheme computes for Δ is another number by its roundings, a share of 2⁻⁵⁰: proved for all within this share.
+# A scheme's Δ differs by its roundings, a share of 2⁻⁵⁰: the proof holds for every Δ within this share.
 ROOM = Fraction(1, 1024)
 # The classes of which such steps are made.
 MADE = (Systems.SINGLE, Systems.NAMBU, Systems.SEVERAL)
@@ -56,7 +56,7 @@ class NoSolution:
     stages: int = 1
 
     def residual(self, y0: float, y1: float) -> Fraction:
-        """What it leaves at y1."""
+        """The residual of the equation at y1."""
         z = Fraction(y1) - Fraction(y0)
         z = z if self.stages == 1 else abs(z)
         return abs(self.a * z * z + self.b * z + self.c)
@@ -143,7 +143,7 @@ def _step(case: Case, data: PolynomialSystem, j: int, k: int) -> Fraction | None
 
 
 def _value(p: Polynomial) -> Fraction:
-    """Of a constant."""
+    """The value of a constant polynomial."""
     return sum((Fraction(v) for _, v in p.terms), Fraction(0))
 
 

@@ -1,4 +1,4 @@
-"""How orders are measured: on one step by quadrature, and over paths.
+"""Measurement of orders: on one step by quadrature, and over paths.
 
 One step: `local_errors` (errors at falling h), `local_orders` (the verdict on their slope), with `gaussian` and
 `local_moments` for the expectations. Paths: `convergence` (rms errors), `means` (weak errors and limits), `tilting`

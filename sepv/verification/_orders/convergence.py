@@ -6,7 +6,7 @@ taken at the sum Ŵ(T) of the increments that the scheme saw:
 
     y_N − φ_θ(y0) = (y_N − φ_θ̂(y0)) + (φ_θ̂(y0) − φ_θ(y0)),    θ̂ = T + Σ_j c_j Ŵ_j(T).
 
-The first bracket is the scheme's and is sampled. The second is the clip's alone, the same for every scheme: its rms is
+The first bracket is the scheme's error and is sampled. The second is the clip's, the same for every scheme: its rms is
 known (`sepv.exact.clipping_error`), of order k/2, and the law "truncation" says that k ≥ 2p. Together they have order p
 where both have. A reference with finer steps sees the increments untruncated.
 """
@@ -32,15 +32,15 @@ from sepv.solve import Status
 from sepv.verification._failed_step import failed_step
 from sepv.verification._quantiles import binomial, students_t
 
-# Paths are split into this many groups for the jackknife: enough for a t-quantile with 31 degrees of
-# freedom, few enough that the mean square over a group is nearly normal.
+# Groups of paths for the jackknife: enough for a t-quantile with 31 degrees of freedom, few enough that the mean square
+# over a group is nearly normal.
 GROUPS = 32
-# Errors below this many eps·scale are rounding, not order: such step sizes are left out.
+# Errors below this many eps·scale are rounding: such step sizes are left out.
 FLOOR = 1e4
-# High enough to see the bulk of the errors of few steps, whose median is small beside their mean square, low enough
-# for an interval of it from some hundred paths.
+# The quantile of errors that is judged: high enough to see the bulk of the errors of few steps, whose median is small
+# beside their mean square, low enough for an interval of it from some hundred paths.
 QUANTILE = 0.8
-# Wide enough to hide what NumPy takes for a call: 1024 paths at once cost half of four times 256.
+# Wide enough to hide NumPy's cost of a call: 1024 paths at once cost half of four times 256.
 _CHUNK = 1024
 
 
@@ -49,11 +49,11 @@ class StrongErrors:
     """Errors y_N − y(T) of M paths (L, d, M) for L numbers of steps, their squares |·|² (L, M), and failures.
 
     `failures` counts paths with a step that was not solved or left the domain, for the smallest number of steps where
-    there are any. Where paths failed, those of more steps need not have been run, and have no errors (NaN).
-    `reference` is the rms error of a reference that is not exact, 0 where it is. `ends` (L, d, M) and `W` (L, m, M)
-    are y(T) and W(T), `weights` (L, M) the likelihood ratios that `squared` and `errors` already carry: what
-    `sepv.verification._orders.means` needs, empty where nobody asked for it. `tolerance` is what the scheme
-    says of its own solver, `failed` the first step of a path that failed, in words.
+    there are any. Then paths with more steps need not have been run, and have no errors (NaN). `reference` is the rms
+    error of a reference that is not exact, else 0. `ends` (L, d, M) and `W` (L, m, M) are y(T) and W(T), `weights`
+    (L, M) the likelihood ratios that `squared` and `errors` already carry: `sepv.verification._orders.means` needs
+    them, and they are empty if it is not used. `tolerance` is that of the scheme's own solver, `failed` the first
+    step of a path that failed, in words.
     """
 
     T: float
@@ -72,11 +72,11 @@ class StrongErrors:
 
     @property
     def h(self) -> Array:
-        """The step sizes, (L,)."""
+        """The step sizes (L,)."""
         return self.T / np.array(self.steps, dtype=np.float64)
 
     def rms(self) -> Array:
-        """√E|y_N − y(T)|², (L,)."""
+        """The rms errors √E|y_N − y(T)|², (L,)."""
         return np.sqrt(np.mean(self.squared, axis=1))
 
 
@@ -99,8 +99,8 @@ class Estimate:
         return self.value + self.half
 
 
-# For the paths of these numbers and each number of steps in turn: increments (N, m + k, M) as the scheme sees them,
-# y(T), W(T) and weights.
+# A draw of given paths yields for each number of steps: increments (N, m + k, M) as the scheme gets them, y(T), W(T)
+# and weights.
 Draw = Callable[[range], Iterable[tuple[Array, Array, Array, Array]]]
 
 
@@ -116,7 +116,7 @@ def strong_errors(
 ) -> StrongErrors:
     """Run the paths numbered `paths` from the problem's initial state, with increasing `steps` that divide the last.
 
-    `unit` is the time by which A_h of Remark 2.1 measures h.
+    `unit` is the time in which A_h of Remark 2.1 measures h.
     """
     start, finest, noises = np.array(problem.initial, dtype=np.float64), steps[-1], problem.noises
     reference = 0.0
@@ -152,7 +152,7 @@ def strong_errors(
 def errors_of(
     scheme: Scheme, problem: Problem, T: float, steps: Sequence[int], paths: range, chunk: int, draw: Draw
 ) -> StrongErrors:
-    """The errors of the paths numbered `paths`, run so many at once, with the weights that are drawn with them."""
+    """The errors of the paths numbered `paths`, run in chunks, with the weights that are drawn with them."""
     start, shape = np.array(problem.initial, dtype=np.float64), (len(steps), len(paths))
     squared, weights = np.full(shape, np.nan), np.full(shape, np.nan)
     errors, ends, W = (
@@ -169,12 +169,12 @@ def errors_of(
             result = run_chunk(scheme, problem, start, h, used, None, track=False)
             failures[row] += np.count_nonzero(result.status != Status.CONVERGED)
             failed = failed or failed_path(scheme, problem, result, h, used, paths[here])
-            with np.errstate(over="ignore"):  # a path that blows up has an infinite error, and is no accident
+            with np.errstate(over="ignore"):  # a path that blows up has an infinite error
                 errors[row, :, here] = ratio * (result.y - exact)
                 squared[row, here] = ratio * np.sum((result.y - exact) ** 2, axis=0)
             if failures[row]:
                 break
-    # Of the first number of steps with failures: with more steps not all paths were run.
+    # The first number of steps with failures; with more steps not all paths were run.
     where = np.flatnonzero(failures)[:1]
     counted = tuple(int(n) if row in where else 0 for row, n in enumerate(failures))
     return StrongErrors(
@@ -184,7 +184,7 @@ def errors_of(
 
 
 def clipped(scheme: Scheme, raw: Array, h: float, noises: int, unit: float) -> Array:
-    """Increments (N, m + k, M) as the scheme sees them: the first m truncated with its k, in units of time."""
+    """Increments (N, m + k, M) as the scheme gets them: the first m truncated with its k, in units of time."""
     used = seen(raw[:, :noises], h, scheme.truncation, scheme.increments, unit)
     return np.concatenate([used, raw[:, noises:]], axis=1)
 
@@ -192,7 +192,7 @@ def clipped(scheme: Scheme, raw: Array, h: float, noises: int, unit: float) -> A
 def failed_path(
     scheme: Scheme, problem: Problem, result: Ensemble, h: float, used: Array, paths: range
 ) -> str:
-    """The step in which the first path that failed did so, in words; empty where none did. `used` is (N, m + k, M)."""
+    """Describe the failed step of the first failed path; empty if none failed. `used` is (N, m + k, M)."""
     k = int(np.argmax(result.status != Status.CONVERGED))
     if result.status[k] == Status.CONVERGED:
         return ""
@@ -201,7 +201,7 @@ def failed_path(
     return f"path {paths[k]} in step {n + 1} of {len(used)}, {where}"
 
 
-# What has an entry for each path.
+# Fields with an entry for each path.
 PER_PATH = ("squared", "errors", "ends", "W", "weights")
 
 
@@ -216,31 +216,31 @@ def join(parts: Sequence[StrongErrors]) -> StrongErrors:
 
 
 def first(errors: StrongErrors, paths: int) -> StrongErrors:
-    """The first so many paths; `failures` and `scale` stay those of all."""
+    """The errors of the first paths; `failures` and `scale` stay those of all."""
     return replace(errors, **{name: getattr(errors, name)[..., :paths] for name in PER_PATH})
 
 
 def floors(errors: StrongErrors) -> Array:
-    """Errors below these, (L,), are rounding, or what the scheme says that its solver leaves after N steps."""
+    """Errors below these, (L,), are rounding, or the scheme's stated solver error after N steps."""
     return errors.scale * (errors.floor * EPS + np.array(errors.steps) * errors.tolerance)
 
 
 def above_floor(errors: StrongErrors) -> np.ndarray:
-    """Which step sizes have errors that are not rounding."""
+    """True for step sizes with errors that are not rounding."""
     return errors.rms() > floors(errors)
 
 
 def slope(errors: StrongErrors, alpha: float) -> Estimate:
     """The mean-square order: the least-squares slope of log rms error against log h.
 
-    Its interval is a jackknife over groups of paths: the errors of one path at several step sizes
-    depend on each other, groups of paths do not.
+    The interval is a jackknife over groups of paths: the errors of one path at several step sizes depend on each other,
+    groups of paths do not.
     """
     kept = above_floor(errors)
     x = np.log(errors.h)[kept]
     x = x - x.mean()
     weights = x / np.sum(x * x)
-    # Without the one group that has all of an error, what is left is rounding.
+    # Without the one group that has all of an error, only rounding is left.
     least = floors(errors)[kept] ** 2
     return jackknife(
         errors.squared[kept], lambda mean: float(0.5 * (weights @ np.log(np.maximum(mean, least)))), alpha
@@ -248,7 +248,7 @@ def slope(errors: StrongErrors, alpha: float) -> Estimate:
 
 
 def log_decay(errors: StrongErrors, alpha: float) -> Estimate:
-    """ln(rms at the finest step / rms at the coarsest): 0 where the limit is another than the exact flow's."""
+    """ln(rms at the finest step / rms at the coarsest): 0 if the limit is not the exact flow."""
     ends = errors.squared[[0, -1]]
     return jackknife(ends, lambda mean: float(0.5 * np.log(mean[1] / mean[0])), alpha)
 
@@ -257,9 +257,9 @@ def quantile_slope(errors: StrongErrors, alpha: float) -> Estimate:
     """The order at which the QUANTILE of |e| falls from the coarsest kept step size to the finest one.
 
     Where E|e_h|² ≤ (C h^p)², Chebyshev's inequality bounds every quantile of |e_h| by C' h^p: a quantile that falls
-    more slowly refutes the order. Its interval owes nothing to the tails: the number of paths with |e| below the
-    quantile is binomial, so that order statistics enclose it with a probability that is known for every
-    distribution (Clopper and Pearson 1934). Each of the four ends gets alpha/4.
+    more slowly refutes the order. The interval does not depend on the tails: the number of paths with |e| below the
+    quantile is binomial, so order statistics enclose it with a known probability for every distribution (Clopper and
+    Pearson 1934). Each of the four ends gets alpha/4.
     """
     kept = np.flatnonzero(above_floor(errors))
     ordered = np.sort(errors.squared[[kept[0], kept[-1]]], axis=1)
@@ -268,7 +268,9 @@ def quantile_slope(errors: StrongErrors, alpha: float) -> Estimate:
     high = binomial(1 - alpha / 4, paths, QUANTILE)
     span = 2 * np.log(errors.steps[kept[-1]] / errors.steps[kept[0]])
     if low < 0 or high >= paths or np.any(ordered[:, low] <= floors(errors)[kept[[0, -1]]] ** 2):
-        return Estimate(0.0, np.inf, alpha)  # too few paths, or a bulk at the rounding floor: no fall is seen
+        return Estimate(
+            0.0, np.inf, alpha
+        )  # too few paths, or a bulk at the rounding floor: the fall is not visible
     (c_low, c_high), (f_low, f_high) = np.log(ordered[:, [low, high]])
     ends = np.array([c_low - f_high, c_high - f_low]) / span
     return Estimate(float(ends.mean()), float(np.ptp(ends)) / 2, alpha)
@@ -279,13 +281,13 @@ def mean_square_order(
 ) -> tuple[float, float, float]:
     """The mean-square order (value, low, high): the slope of the rms error, checked by that of its bulk.
 
-    An rms error of heavy tails is underestimated in most samples, and the interval around it with it. So the order is
-    below `high` only where the intervals of both slopes say so: that of the quantile does so by chance with a
-    probability of alpha/2 at most, whatever the tails. It is above `low` where the one is and the other one's interval
-    does not contradict, or where the bulk is and the rms error, as it was sampled, falls as fast.
+    The rms error of heavy tails is underestimated in most samples, and its interval too. So the order is below `high`
+    only if the intervals of both slopes show it: that of the quantile does so by chance with a probability of at most
+    alpha/2, whatever the tails. It is above `low` if one interval shows it and the other does not contradict, or if
+    the bulk shows it and the sampled rms error falls as fast.
 
-    The intervals are those that `more` times the paths would give. `weighted` samples, of
-    `sepv.verification._orders.tilting`, have light tails and no quantile.
+    The intervals are those of `more` times the paths. `weighted` samples, of `sepv.verification._orders.tilting`, have
+    light tails and no quantile.
     """
     rms = slope(errors, alpha if weighted else alpha / 2)
     half = rms.half / np.sqrt(more)

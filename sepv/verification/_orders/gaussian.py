@@ -1,4 +1,4 @@
-"""Expectations over Wiener increments as finite sums: rules for ξ ~ N(0, I_m), seen by a scheme as ζ = clip(ξ, ±A_h).
+"""Expectations over Wiener increments as finite sums: rules for ξ ~ N(0, I_m) and the scheme's ζ = clip(ξ, ±A_h).
 
 In one variable the axis is cut at A_h(1), A_h(2), …, A_h(k) of Remark 2.1, and every panel has the Gauss rule of the
 normal weight on it: a scheme that clips at one of these points is smooth on every panel. Beyond A_h(k), where the
@@ -6,7 +6,7 @@ scheme sees A_h and the exact solution sees ξ, the tail has a rule of its own. 
 such rules while that is cheap, then products of small Gauss-Hermite rules, and from six on the degree-3 formula with
 the points ±√m e_j: all weights are positive, so that no error of a step can cancel another in a mean square.
 
-`rule_for` has what else a step sees: areas, space-time areas or halves. Nodes are in units of √h, further rows too
+`rule_for` has a step's further arguments: areas, space-time areas or halves. Nodes are in units of √h, further rows too
 (A = √h · row, H = √h · row), as `sepv.verification._orders.local_errors` scales them.
 """
 
@@ -27,7 +27,7 @@ from sepv.simulate import _truncation as bounded
 
 # Nodes of the discretised weight on a panel, from which its Gauss rule is made: n ≤ 24 of them are exact to rounding.
 _FINE = 96
-# A panel without an upper end is cut where the weight has fallen by 1e-35 from its lower end.
+# The length at which a panel without upper end is cut: the weight has fallen by 1e-35 there.
 _REACH = 12.7
 # Nodes of a tail, which cost no step of the scheme.
 TAIL = 8
@@ -37,13 +37,13 @@ FEW = {1: 8, 2: 6, 3: 6, 4: 4, 5: 3}
 
 @dataclass(frozen=True)
 class Rule:
-    """E g(ξ, ζ) ≈ Σ weights · g(xi, zeta[:, index])."""
+    """A rule E g(ξ, ζ) ≈ Σ weights · g(xi, zeta[:, index])."""
 
     xi: Array  # (m, n) nodes that the exact solution sees
     weights: Array  # (n,), positive, of sum 1
     zeta: Array  # (m, u) the different nodes that the scheme sees, u ≤ n
-    index: np.ndarray  # (n,) which of them belongs to each node
-    degree: int  # of polynomials of ξ that are integrated exactly, in every variable; in total for m ≥ 6
+    index: np.ndarray  # (n,) the column of zeta for each node
+    degree: int  # polynomials of ξ of this degree are exact, in every variable; in total for m ≥ 6
     areas: Array | None = (
         None  # (k, n) Lévy areas with i < j over a step h = 1, which the exact solution sees too
     )
@@ -56,8 +56,8 @@ def rule(
 ) -> Rule:
     """The rule for m noises and a step h of a scheme with truncation k, exact to this degree at least where m ≤ 2.
 
-    Without `panels` two variables take a product of small rules too, which do not see where a scheme clips; with
-    `fewer` they have so many nodes less. Without truncation the panels are those of k = 2, and the scheme sees the
+    Without `panels` two variables take a product of small rules too, which ignores the points where a scheme clips;
+    `fewer` reduces the number of nodes. Without truncation the panels are those of k = 2, and the scheme sees the
     tails too.
     """
     if noises == 0:
@@ -74,7 +74,7 @@ def rule(
 
 
 def point_rule(noises: int, law: PointLaw) -> Rule:
-    """E over m independent increments of a law of a few points: all their combinations, exact for every function."""
+    """The rule for m independent increments of a law of a few points: all combinations, exact for every function."""
     points = np.array(list(product(law.values, repeat=noises))).reshape(-1, noises).T
     weights = np.prod(np.array(list(product(law.weights, repeat=noises))).reshape(-1, noises), axis=1)
     return Rule(points, weights, points, np.arange(weights.size), law.degree)
@@ -88,7 +88,7 @@ def _clip(x: Array, h: float, truncation: int | None) -> Array:
 
 
 def _product(x: Array, w: Array, seen: Array, m: int, degree: int) -> Rule:
-    """The product of m equal rules in one variable; equal ζ are asked for once."""
+    """The product of m equal rules in one variable; equal ζ are stepped once."""
     different, number = np.unique(seen, return_inverse=True)
     grids = np.array(list(product(range(x.size), repeat=m))).T
     weights = np.prod(w[grids], axis=0)
@@ -99,11 +99,11 @@ def _product(x: Array, w: Array, seen: Array, m: int, degree: int) -> Rule:
 
 
 def _panels(h: float, truncation: int | None, degree: int, cuts: Iterable[int]) -> tuple[Array, Array, Array]:
-    """ξ, weights and ζ in one variable."""
+    """Nodes ξ, weights and ζ in one variable."""
     last = bounded.truncation_bound(h, truncation or 2)
     edges = [*(bounded.truncation_bound(h, k) for k in cuts if k < (truncation or 2)), last]
     outer = max(3, degree // 2 + 1)
-    # Most of the probability is in the first panel: more nodes there than the degree asks for.
+    # The first panel has most of the probability, so it gets more nodes than the degree needs.
     parts = [_normal_rule(-edges[0], edges[0], outer + 3)]
     right = [_normal_rule(a, b, outer) for a, b in pairwise(edges)]
     right.append(_normal_rule(last, last + _REACH, outer if truncation is None else TAIL))
@@ -144,14 +144,14 @@ def _normal_rule(a: float, b: float, n: int) -> tuple[Array, Array]:
 def rule_for(
     scheme: Scheme, problem: Problem, h: float, degree: int, fewer: int = 0, unit: float = 1.0
 ) -> Rule:
-    """The rule for this scheme, with areas where it asks for them or several Hamiltonians need them.
+    """The rule for this scheme, with areas if it takes them or several Hamiltonians need them.
 
-    `fewer` nodes in each variable, of several Hamiltonians, are for an estimate of the rule's error. `unit` is the time
-    by which A_h measures h.
+    `fewer` nodes in each variable, for several Hamiltonians, give an estimate of the rule's error. `unit` is the time
+    in which A_h measures h.
     """
     several = isinstance(problem, HamiltoniansProblem)
     needed = scheme.asks == "areas" or (several and column(problem) == "general")
-    # Where a scheme clips its increments is for the law "truncation": areas multiply the nodes.
+    # The law "truncation" tests the clipping: panels and areas together would need too many nodes.
     return _rule(scheme.asks, scheme.truncation, problem.noises, h, degree, needed, not several, fewer, unit)
 
 
@@ -183,7 +183,7 @@ def _rule(
 
 
 def _of_halves(m: int, h: float, degree: int, fewer: int) -> Rule:
-    """Increments of both halves, not truncated; the exact solution is shown no areas."""
+    """Increments of both halves, not truncated; the exact solution gets no areas."""
     two = rule(2 * m, h, None, degree, False, fewer)
     xi = (two.xi[:m] + two.xi[m:]) / np.sqrt(2)
     zeta = np.concatenate([(two.zeta[:m] + two.zeta[m:]) / np.sqrt(2), two.zeta[:m] / np.sqrt(2)])

@@ -64,7 +64,7 @@ def five_noises(c: tuple[float, ...] = (0.5, 0.25, 0.375, 0.75, 0.3125)) -> Prob
 
 @lru_cache(maxsize=1)
 def two_noises() -> Problem:
-    """The same with two: one problem for what is sampled of a scheme that takes one state at a time."""
+    """A problem like `five_noises` with two: for sampled laws on a scheme that takes one state at a time."""
     return five_noises((0.75, 0.5))
 
 
@@ -74,8 +74,8 @@ CASES: dict[Systems, tuple[Callable[[], Problem], ...]] = {
     Systems.SEVERAL: (
         problems.commuting_rotations, problems.commuting_oscillators, problems.noncommuting_tops
     ),
-    # In general, commutative, additive, and one noise that does not commute with the drift: each without a symmetry
-    # by which errors of a step vanish that other systems show.
+    # General, commutative, additive, and one noise that does not commute with the drift: none has a symmetry by which
+    # errors of a step vanish that other systems show.
     Systems.HAMILTONIANS: (
         problems.random_inertia, problems.commuting_twists, problems.pushed_henon_heiles, problems.twisted_top
     ),
@@ -89,7 +89,7 @@ def cases(systems: Systems) -> tuple[Problem, ...]:
 
 
 def problems_for(scheme: Scheme) -> tuple[Problem, ...]:
-    """Those of its class of systems, or those that it is for; `Skipped` where none of these has an initial state."""
+    """The problems of the scheme's class, or its own; `Skipped` if none of these has an initial state."""
     own = problems_of(scheme)
     return cases(scheme.systems) if own is None else own
 
@@ -98,10 +98,10 @@ def problems_for(scheme: Scheme) -> tuple[Problem, ...]:
 class LocalErrors:
     """Errors of one step from several states of a problem, at L step sizes that fall.
 
-    mean, rms and weak (L,) are the largest over states of |E[y1 − φ]|, of (E|y1 − φ|²)^½ and over test functions too of
-    |E g(y1) − E g(φ)|, with lengths in the problem's own unit (`sepv.verification._units`); `rms` is NaN where only
-    moments of the exact solution are known. Of several Hamiltonians that do not commute it is the distance from the
-    log-ODE of step two (`sepv.exact._log_flow`), which is O(h^{3/2}) from the solution.
+    mean, rms and weak (L,) are |E[y1 − φ]|, (E|y1 − φ|²)^½ and |E g(y1) − E g(φ)|, the largest over states and test
+    functions, with lengths in the problem's own unit (`sepv.verification._units`); `rms` is NaN where only moments of
+    the exact solution are known. For several Hamiltonians that do not commute it is the distance from the log-ODE of
+    step two (`sepv.exact._log_flow`), which is O(h^{3/2}) from the solution.
     """
 
     problem: str
@@ -110,11 +110,11 @@ class LocalErrors:
     rms: Array
     weak: Array
     exact_order: (
-        int  # the power of h that the quadrature leaves in `mean` and `weak`: no larger slope can be seen
+        int  # the power of h of the quadrature's error in `mean` and `weak`: no larger slope can be seen
     )
     scale: float  # the largest component of a state
     flow: float  # the error of the exact solution
-    steps: int  # of the scheme
+    steps: int  # steps of the scheme
     failed: tuple[
         tuple[float, str], ...
     ]  # other h, with a step in words: not solved, not finite or out of the domain
@@ -124,7 +124,7 @@ class LocalErrors:
 def step_sizes(order: float) -> Array:
     """LEVELS step sizes, coarse to fine, at which a scheme of this order has its local errors above rounding.
 
-    The local rms error is about h^(p+½): the finest is where that is 2⁻⁴⁰, or 2⁻⁴⁷ for high orders, whose constants are
+    The local rms error is about h^(p+½): the finest h makes that 2⁻⁴⁰, or 2⁻⁴⁷ for high orders, whose constants are
     small and whose range would be short. Large |ΔW| are far from any asymptotics at the coarse end of low orders.
     """
     coarse = 6.0 if order <= 1 else 4.0 if order <= 2 else 2.0
@@ -133,11 +133,11 @@ def step_sizes(order: float) -> Array:
 
 
 def _sizes(strong: float, weak: float) -> list[float]:
-    """The step sizes of the mean-square order; a weak order well above it has its own, larger ones, besides."""
+    """The step sizes for the mean-square order, and larger ones for a weak order well above it."""
     found: list[float] = []
     more = step_sizes(weak).tolist() if weak > strong + 0.5 else []
     for h in sorted({*step_sizes(strong).tolist(), *more}, reverse=True):
-        if not found or h < 0.75 * found[-1]:  # slopes over sizes next to each other say little
+        if not found or h < 0.75 * found[-1]:  # slopes over neighbouring sizes are inaccurate
             found.append(h)
     return found
 
@@ -145,7 +145,7 @@ def _sizes(strong: float, weak: float) -> list[float]:
 def local_errors(scheme: Scheme, problem: Problem, run: Run) -> LocalErrors:
     """The errors of one step, computed once for all laws of a run.
 
-    `Skipped` is raised by a scheme that does not take the problem, and for several structures without a closed form.
+    A scheme that refuses the problem raises `Skipped`, and so do several structures without a closed form.
     """
     if problem not in run.steps:
         run.steps[problem] = _measure(scheme, problem)
@@ -178,7 +178,7 @@ def _measure(scheme: Scheme, problem: Problem) -> LocalErrors:
         moved = (y - states[..., None]) / length
         if stuck:
             failed.append((h, stuck))
-            rows = []  # only what is finer than every failure
+            rows = []  # steps finer than every failure
         elif known:
             first, _, second = against_moments(moved, ends, taken.weights, top, length)
             rows.append((h, first, from_log_flow(problem, states, h, taken, y) / length, second))
@@ -196,17 +196,17 @@ def _measure(scheme: Scheme, problem: Problem) -> LocalErrors:
 
 
 def moments_only(problem: Problem) -> bool:
-    """Whether the exact solution has no formula, so that its moments alone are known, from the generator."""
+    """True if the exact solution has no formula, so that only its moments are known, from the generator."""
     if isinstance(problem, HamiltoniansProblem):
         return problem.closed_form is None and not commutes(problem)
     return isinstance(problem, StructuresProblem) and problem.closed_form is None
 
 
 def from_log_flow(problem: Problem, states: Array, h: float, nodes: Rule, y: Array) -> float:
-    """(E|y1 − φ|²)^½ with φ the log-ODE of step two, the largest over states; NaN where nothing gives it.
+    """(E|y1 − φ|²)^½ with φ the log-ODE of step two, the largest over states; NaN where there is no such φ.
 
-    One step of order four of it: what that leaves is of the order of h^{5/2}, and φ is O(h^{3/2}) from the solution.
-    With space-time areas and noises that commute it has the brackets with the drift too, and is O(h²) from it.
+    φ is one step of order four, with an error of the order of h^{5/2}, and O(h^{3/2}) from the solution. With
+    space-time areas and noises that commute it includes the brackets with the drift, and is O(h²) from it.
     """
     general = column(problem) == "general"
     if not isinstance(problem, HamiltoniansProblem) or (general and nodes.areas is None):
@@ -234,12 +234,12 @@ def step_rule(scheme: Scheme, problem: Problem, h: float) -> Rule:
 
 
 def rule_degree(scheme: Scheme) -> int:
-    """The degree in √h of the terms that the quadrature over ΔW must see, for the orders that the scheme claims."""
+    """The degree in √h that the quadrature over ΔW must resolve, for the orders that the scheme claims."""
     return int(2 * max(order_of(p, "additive") for p in (scheme.mean_square_order, scheme.weak_order)) + 2)
 
 
 def one_step(scheme: Scheme, problem: Problem, states: Array, h: float, nodes: Rule) -> tuple[Array, str]:
-    """y1 (d, S, n) from S states at the n nodes, and the first step that was not made, in words: empty for none."""
+    """y1 (d, S, n) from S states at the n nodes, and the first failed step, in words: empty if none failed."""
     d, S = states.shape
     asked = nodes.zeta.shape[1]
     y0, dW = np.repeat(states, asked, axis=1), np.tile(np.sqrt(h) * nodes.zeta, S)
@@ -251,7 +251,7 @@ def one_step(scheme: Scheme, problem: Problem, states: Array, h: float, nodes: R
 def solutions_at(
     problem: Problem, states: Array, rules: list[tuple[float, Rule]], degree: int = FULL_DEGREE
 ) -> tuple[list[Array], float]:
-    """As `ends_at`; where the moments of the exact solution alone are known, these up to the degree."""
+    """The exact solutions as from `ends_at`; if only moments are known, these up to the degree."""
     if moments_only(problem):
         return moments_at(problem, states, [h for h, _ in rules], degree)
     return ends_at(problem, states, rules)
@@ -269,7 +269,7 @@ def ends_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) ->
     times = [problem.random_step(h, np.sqrt(h) * r.xi) for h, r in rules]
     while times:
         try:
-            # The dense solve, not a closed form: it is exact at θ = 0, where closed forms are some roundings off.
+            # The dense solve is exact at θ = 0; closed forms are some roundings off.
             flows = [exact_flow(problem, np.concatenate(times), y, dense=True) for y in states.T]
         except FlowFailure:
             times = times[1:]
@@ -281,7 +281,7 @@ def ends_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) ->
 
 
 def _flows_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) -> tuple[list[Array], float]:
-    """As `ends_at` for Hamiltonians that commute: the flow of h f_0 + Σ c_j ΔW_j f_j at the time 1."""
+    """The exact solutions for commuting Hamiltonians: the flow of h f_0 + Σ c_j ΔW_j f_j at time 1; see `ends_at`."""
     found, worst = [], 0.0
     for h, nodes in rules:
         n = nodes.weights.size
@@ -297,7 +297,7 @@ def _flows_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) 
 def against_moments(
     moved: Array, exact: Array, weights: Array, degree: int = FULL_DEGREE, length: float = 1.0
 ) -> tuple[float, float, float]:
-    """As `_norms`, where only the moments (A, S) of the exact solution are known, in units of 1, and no rms error."""
+    """Mean and weak errors as from `_norms`, from moments (A, S) of the exact solution in units of 1; no rms error."""
     asked = exponents(moved.shape[0], degree)
     over, unit = np.array([(factorial(sum(alpha)), length ** sum(alpha)) for alpha in asked]).T
     differences = (moments_of(moved, weights, asked) - exact / unit[:, None]) / over[:, None]
@@ -306,7 +306,7 @@ def against_moments(
 
 
 def _norms(moved: Array, exact: Array, weights: Array, weak: float) -> tuple[float, float, float]:
-    """|E e|, (E|e|²)^½ and the largest |E g(y1 − y0) − E g(φ − y0)|, the largest over states; (d, S, n) both."""
+    """|E e|, (E|e|²)^½ and the largest |E g(y1 − y0) − E g(φ − y0)|, the largest over states; both are (d, S, n)."""
     error = moved - exact
     mean = np.sqrt(np.max(np.sum((error @ weights) ** 2, axis=0)))
     rms = np.sqrt(np.max(np.sum(error**2, axis=0) @ weights))
@@ -317,7 +317,7 @@ def _norms(moved: Array, exact: Array, weights: Array, weak: float) -> tuple[flo
 def apart(
     moved: Array, weights: Array, exact: Array, rule_weights: Array, weak: float
 ) -> tuple[float, float, float]:
-    """As `_norms`, where scheme and exact solution have expectations of their own, and no rms error."""
+    """Mean and weak errors as from `_norms`, if scheme and exact solution have separate expectations; no rms error."""
     mean = np.sqrt(np.max(np.sum((moved @ weights - exact @ rule_weights) ** 2, axis=0)))
     tests = polynomials(moved.shape[0], weak)
     found = max(np.max(np.abs(g(moved) @ weights - g(exact) @ rule_weights)) for g in tests)
@@ -338,6 +338,6 @@ def polynomials(dimension: int, weak: float) -> list[Callable[[Array], Array]]:
 
     products = (combinations_with_replacement(range(dimension), k) for k in range(1, FULL_DEGREE + 1))
     found = [monomial(indices) for own in products for indices in own]
-    forms = np.cos(np.outer(np.arange(1, dimension + 2), np.arange(1, dimension + 1)))  # none is special
+    forms = np.cos(np.outer(np.arange(1, dimension + 2), np.arange(1, dimension + 1)))  # generic directions
     forms /= np.linalg.norm(forms, axis=1, keepdims=True)
     return found + [power(k, form) for k in range(FULL_DEGREE + 1, int(2 * weak + 1) + 1) for form in forms]

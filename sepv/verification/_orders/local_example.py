@@ -1,4 +1,4 @@
-"""What a reader sees of a law about errors of one step: a state, with what was expected from there and what came."""
+"""An example for a violated law about errors of one step: a state, the expected result and the scheme's."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from sepv.verification._orders.gaussian import point_rule
 
 
 def mean_example(scheme: Scheme, problem: Problem, h: float) -> str:
-    """E[y1 − y0] and E[φ − y0], φ the exact solution, from the state where they differ most; empty where they agree."""
+    """E[y1 − y0] and E[φ − y0], φ the exact solution, at the state where they differ most; empty if they agree."""
     states, came, expected = _means(scheme, problem, h)
     apart = np.linalg.norm((came - expected)[: problem.dimension], axis=0)
     s = int(np.argmax(apart)) if apart.size else 0
@@ -30,7 +30,7 @@ def mean_example(scheme: Scheme, problem: Problem, h: float) -> str:
 
 
 def weak_example(scheme: Scheme, problem: Problem, h: float) -> str:
-    """As `mean_example`, or a second moment where those differ more than the means do."""
+    """`mean_example`, or a second moment if those differ more than the means."""
     states, came, expected = _means(scheme, problem, h)
     pairs = list(combinations_with_replacement(range(problem.dimension), 2))
     apart = np.abs(came - expected)[: problem.dimension + len(pairs)]
@@ -61,13 +61,13 @@ def _means(scheme: Scheme, problem: Problem, h: float) -> tuple[Array, Array, Ar
 
 
 def _monomials(z: Array) -> Array:
-    """(A, S, n) of z (d, S, n): of degree one and two."""
+    """Monomials (A, S, n) of z (d, S, n) of degree one and two."""
     pairs = combinations_with_replacement(range(len(z)), 2)
     return np.concatenate([z, np.stack([z[i] * z[j] for i, j in pairs])])
 
 
 def step_example(scheme: Scheme, problem: Problem, h: float) -> str:
-    """y1 − y0 and φ − y0 for the increment that contributes most to E|y1 − φ|², at the state where that is largest."""
+    """y1 − y0 and φ − y0 for the increment that contributes most to E|y1 − φ|², at the worst state."""
     states = local.local_states(scheme, problem)
     nodes = local.step_rule(scheme, problem, h)
     y, failed = local.one_step(guarded(scheme), problem, states, h, nodes)

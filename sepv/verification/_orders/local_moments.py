@@ -27,22 +27,22 @@ from sepv.record._binary64 import EPS
 from sepv.reference.generator import is_linear, moments
 from sepv.schemes._explicit_tableaux import DORMAND_PRINCE_8
 
-# All monomials up to this degree; beyond it powers of a few linear forms, which are small where these are.
+# All monomials up to this degree are tested; beyond it powers of a few linear forms, which are small where these are.
 FULL_DEGREE = 3
 # Terms of the generator's series: h^9/9! is far below rounding for h ≤ 2⁻⁶.
 SERIES = 8
-# And at least so many of fields that are not linear: orders up to 2 are seen through an error of h⁵.
+# The fewest terms for nonlinear fields: orders up to 2 are visible above an error of h⁵.
 SHORT = 4
-# Points in each variable for so many noises. More noises than these would take hours.
+# Points in each variable by the number of noises. More noises than these would take hours.
 POINTS = {0: 1, 1: 6, 2: 5, 3: 4}
-# The power of h that the extrapolated splitting leaves.
+# The power of h in the error of the extrapolated splitting.
 SPLIT = 4
-# Steps of a flow are doubled until they agree, or so often.
+# The most steps of a flow, which are doubled until two results agree.
 _MOST = 32
 
 
 def exponents(dimension: int, degree: int = FULL_DEGREE) -> tuple[tuple[int, ...], ...]:
-    """Of all monomials up to this degree."""
+    """The exponents of all monomials up to this degree."""
     products = (combinations_with_replacement(range(dimension), k) for k in range(1, degree + 1))
     return tuple(tuple(chosen.count(i) for i in range(dimension)) for own in products for chosen in own)
 
@@ -52,8 +52,8 @@ def moments_at(
 ) -> tuple[list[Array], float]:
     """E (φ − y0)^α (A, S) at each step size, for A monomials, and the largest error of a flow in it.
 
-    Of functions from the coarsest step on, after the last one at which a flow is not finite; NaN where there are more
-    noises than POINTS has. `Skipped` for several structures that are not linear or not given as data.
+    For functions, sizes start after the last one at which a flow is not finite; the result is NaN for more noises than
+    POINTS has. `Skipped` for several structures that are not linear or not given as data.
     """
     data = problem.data
     if isinstance(data, PolynomialSystem):
@@ -135,7 +135,7 @@ def _flow(field: Callable[[Array], Array], y: Array, times: Array) -> tuple[Arra
     def slope(z: Array) -> Array:
         return times * field(z)
 
-    with np.errstate(all="ignore"):  # too long a step is not finite, and is seen
+    with np.errstate(all="ignore"):  # too long a step is not finite, which is detected
         found = runge_kutta(slope, y, 1, DORMAND_PRINCE_8)
         steps, error = 1, np.inf
         while steps < _MOST and error > 16 * EPS * np.max(np.abs(y)):

@@ -1,8 +1,8 @@
 """The verdict on an order from errors of one step: the slope where steps are small and errors are not yet rounding.
 
-A slope may say that a scheme is wrong only where it stands on errors far above any rounding and no longer rises: at
-coarse steps right schemes have slopes of every kind. It may say that a scheme is right where the finest errors fall as
-they should, or where nothing is left of them but rounding.
+A slope may refute a scheme only if it rests on errors far above any rounding and no longer rises: at coarse steps right
+schemes have slopes of every kind. It may confirm a scheme if the finest errors fall as they should, or if they are all
+at rounding.
 """
 
 from __future__ import annotations
@@ -23,51 +23,51 @@ from sepv.schemes._order_claims import order_of
 from sepv.verification._law import Finding, Law, Run, Verdict
 from sepv.verification._orders.local_errors import LEVELS, LocalErrors, local_errors, problems_for
 
-# Local rms errors have orders that are multiples of ½: half-way to the next lower one. Slopes at the fine end are
-# within 0.1 of their limits; the slowest to come there are those where clipping contributes h^(k+1)|ln h|^(-3/2).
+# Half the distance of local rms orders, which are multiples of ½. Slopes at the fine end are within 0.1 of their
+# limits; the slowest to converge are those where clipping contributes h^(k+1)|ln h|^(-3/2).
 MARGIN = 0.25
-# Mean errors of smooth schemes have whole orders, as odd powers of ΔW have mean zero, and half-way is ½. Up to this
-# power of h, where steps are small enough for slopes true to 0.05, the smaller margin sees also what is not smooth,
-# such as |ΔW|³.
+# Up to this power of h the smaller margin is used for mean errors too: steps are small enough for slopes true to 0.05,
+# and errors that are not smooth, such as |ΔW|³, become visible. Smooth schemes have whole orders of the mean, as odd
+# powers of ΔW have mean zero, and half-way is ½.
 SHARP = 3.0
 # Errors of a step below this many eps·|y| may be rounding: a few roundings of a state and a solver's last correction.
 ROUNDING = 64.0
-# What a solver that says nothing of its tolerance may leave, in eps·|y|: a convention, and that of the sampled laws.
-# Only errors CLEAR times as large accuse: what is left changes their slopes by less than 0.1.
+# The error, in eps·|y|, of a solver that states no tolerance: a convention, shared with the sampled laws. Only errors
+# CLEAR times as large refute: their slopes are changed by less than 0.1.
 FLOOR, CLEAR = 1e4, 10.0
-# Slopes over this many points, and as many points as it takes to see whether a slope still rises.
+# Points of a slope, and points needed to see if a slope still rises.
 POINTS, ENOUGH = 3, 4
 
 
 @dataclass(frozen=True)
 class Slope:
-    """The order seen, what it was seen on, and what it means."""
+    """A slope: the order, the errors it rests on, and its meaning."""
 
     verdict: Verdict
     value: float
     text: str
 
 
-def judge_slope(  # noqa: PLR0911  (one return for each thing that a slope may mean)
+def judge_slope(  # noqa: PLR0911  (one return for each meaning of a slope)
     h: Array, errors: Array, least: float, rounding: float, floor: float
 ) -> Slope:
-    """Whether errors (L,) at falling h fall with the slope `least` or more.
+    """Judge if errors (L,) at falling h fall with the slope `least` or more.
 
-    Those below `rounding` may be rounding, those above `floor` are not.
+    Errors below `rounding` may be rounding, errors above `floor` are not.
     """
     if not np.all(np.isfinite(errors)):
         return Slope(Verdict.VIOLATED, float("nan"), "errors too large for a number")
     large = np.flatnonzero(errors > floor)
     if errors.size and not large.size:
         return Slope(Verdict.HOLDS, float("inf"), f"errors below {floor:.1e} are rounding")
-    # Up to the last large error, whatever is before it; and beyond it up to the first that may be rounding.
+    # From the start to the last large error; and beyond it up to the first that may be rounding.
     far = int(large[-1]) + 1 if large.size else 0
     real = max(far, int(np.argmin([*(errors > rounding), False])))
-    # Fewer than three above rounding: with the first below it, counted as rounding, the slope is a lower bound.
+    # If fewer than three are above rounding, the first below it counts as rounding, and the slope is a lower bound.
     used = real if real >= POINTS else min(real + 1, errors.size)
     x, y = np.log(h), np.log(np.maximum(errors, rounding))
     if used < POINTS:
-        # From the coarsest error to rounding at the next size: a lower bound, where errors fall faster than claimed.
+        # From the coarsest error to rounding at the next size: a lower bound for errors that fall faster than claimed.
         bound = _over(x[:used], y[:used]) if used > 1 else None
         if bound is not None and bound.value >= least:
             return replace(bound, verdict=Verdict.HOLDS)
@@ -95,26 +95,26 @@ def _over(x: Array, y: Array) -> Slope:
 
 
 def unclaimed(column: str) -> float:
-    """The mean-square order against which a scheme is measured that claims none: what increments alone allow."""
+    """The mean-square order for a scheme without claim: the one possible with increments alone."""
     return 0.5 if column == "general" else 1.0
 
 
 def strong_order(scheme: Scheme, column: str) -> float:
-    """The mean-square order that a scheme is measured against for noise of this kind: its claim, or `unclaimed`."""
+    """The mean-square order that a scheme is compared with for noise of this kind: its claim, or `unclaimed`."""
     return order_of(scheme.mean_square_order, column, unclaimed(column))
 
 
 def mean_slope(found: LocalErrors, order: float) -> float:
-    """The least slope of a mean or weak error for an order: half-way below p + 1, or what the quadrature can show."""
+    """The least slope of a mean or weak error for an order: half-way below p + 1, or all that the quadrature shows."""
     power = min(order + 1, found.exact_order)
     return power - (MARGIN if power <= SHARP else 2 * MARGIN)
 
 
 def order_shown(slope: Slope, order: float, spacing: float, needs: Callable[[float], float]) -> float | None:
-    """The largest order that a slope shows; None where it shows none.
+    """The largest order that a slope shows; None if it shows none.
 
-    Orders are whole numbers of `spacing` from `order`, which was measured against. A slope that may still rise shows
-    nothing. Higher orders need their own slope, which the quadrature can see: errors below rounding show `order` alone.
+    Orders are `order`, which was compared with, plus multiples of `spacing`. A slope that may still rise shows nothing.
+    Higher orders need their own slope, visible by the quadrature: errors below rounding show `order` alone.
     """
     if slope.verdict is Verdict.HOLDS:
         while np.isfinite(slope.value) and slope.value >= needs(order + spacing) > needs(order):
@@ -137,11 +137,11 @@ def judge(
     enough: int = LEVELS // 2,
     example: Callable[[Scheme, Problem, float], str] = lambda *_: "",
 ) -> Finding:  # fmt: skip
-    """The law's finding: the worst slope over the problems, of which `enough` step sizes must be left.
+    """The law's finding: the worst slope over the problems, each with `enough` step sizes left.
 
-    `errors` says which of them the law is about, `claimed` the order that they are measured against, and `needs` the
-    slope that an order needs, half-way to the next lower one, which is `spacing` less; `measure` makes them, and
-    `example` shows one step of this size to a reader of a violation.
+    `errors` selects the law's errors, `claimed` the order that they are compared with, and `needs` the slope that an
+    order needs, half-way to the next lower one, which is `spacing` less; `measure` makes the errors, and `example`
+    describes one step of this size for a violation.
     """
     slopes, lines, measured, checks = [], [], [], 0
     shown: list[str] = []
@@ -150,7 +150,7 @@ def judge(
     for problem in problems_for(scheme):
         try:
             found = measure(scheme, problem, run)
-        except Skipped as skip:  # a scheme need not take every problem
+        except Skipped as skip:  # schemes may refuse some problems
             skipped.append(skip)
             lines.append(f"{problem.name}: skipped, {skip.reason}")
             continue
@@ -171,7 +171,7 @@ def judge(
         lines.append(f"{problem.name}: {seen.text}, {bound:g} needed")
         if seen.verdict is Verdict.VIOLATED and not shown:
             shown.append(example(scheme, problem, float(found.h[0])))
-    if not slopes and unknown and not skipped:  # it is the law that can say nothing
+    if not slopes and unknown and not skipped:  # the law itself cannot decide
         return law.finding(Verdict.NOT_APPLICABLE, message=unknown)
     if not slopes:
         raise skipped[0]
@@ -186,7 +186,7 @@ def judge(
 
 
 def _slope_of(scheme: Scheme, found: LocalErrors, errors: Array, bound: float) -> Slope:
-    """The slope judged, where errors above rounding and above what the scheme's solver and the flow leave decide."""
+    """Judge the slope of errors above rounding, and above the errors of the scheme's solver and of the flow."""
     tolerance = scheme.solver_tolerance
     return judge_slope(
         found.h, errors, bound, (ROUNDING * EPS + 2 * tolerance) * found.scale + 2 * found.flow,
@@ -195,7 +195,7 @@ def _slope_of(scheme: Scheme, found: LocalErrors, errors: Array, bound: float) -
 
 
 def _worst(slopes: list[tuple[Slope, float]]) -> tuple[Verdict, Slope, float]:
-    """The verdict on all problems, with the slope that lies farthest below its bound among those that decide it."""
+    """The verdict on all problems, with the slope farthest below its bound among those that decide it."""
     verdicts = [seen.verdict for seen, _ in slopes]
     verdict = next((v for v in (Verdict.VIOLATED, Verdict.INCONCLUSIVE) if v in verdicts), Verdict.HOLDS)
     deciding = [s for s in slopes if s[0].verdict is verdict]

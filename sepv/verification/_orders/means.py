@@ -1,9 +1,9 @@
-"""Means of errors: what a weak order and a limit say, judged by linear combinations of sample means.
+"""Means of errors, for laws about weak orders and limits: linear combinations of sample means.
 
 A mean of errors has an expansion μ(h) = a h^p + b h^(p+1) + c h^(p+2) + … in the step size (Talay and Tubaro 1990),
 and a claim is that its first coefficient a vanishes: p = 0 for a limit, p = q − 1 for a weak order q. The combination
 of three step sizes that leaves a alone is linear in the means, hence a mean over paths itself: its interval is
-Student's, and needs no logarithm of a number that may be zero. A mean that changes its sign at some h does it no harm.
+Student's, and needs no logarithm of a number that may be zero. A mean that changes its sign at some h does no harm.
 
 Errors are capped at the size of the solution, |e| ≤ max|y(T)|: that is a bounded test function, for which a weak order
 holds no less, and no path that runs away at a coarse step is the whole sample. `benchmarks.coverage` measures
@@ -27,8 +27,8 @@ from sepv.verification._quantiles import students_t
 class Coefficient:
     """A coefficient (K,) of K means in powers of h, its standard error (K,), and the change by the last step size.
 
-    `remainder` is how much the coefficient changed when the coarsest of its step sizes was taken in: an estimate of
-    what the powers that were left out contribute.
+    `remainder` is the change of the coefficient when the coarsest step size is included: an estimate of the
+    contribution of the omitted powers.
     """
 
     value: Array
@@ -38,17 +38,17 @@ class Coefficient:
     power: float = 0
 
     def half(self, alpha: float, more: float = 1.0) -> Array:
-        """Half-widths (K,) of intervals all of which hold with probability 1 − alpha, with `more` times the paths."""
+        """Half-widths (K,) of intervals that all hold with probability 1 − alpha, for `more` times the paths."""
         return critical(alpha / self.value.size, self.paths) * self.error / np.sqrt(more)
 
 
 def critical(alpha: float, paths: int) -> float:
-    """Student's two-sided quantile for a mean of so many paths."""
+    """Student's two-sided quantile for a mean of this many paths."""
     return students_t(alpha / 2, paths - 1)
 
 
 def capped(errors: StrongErrors) -> Array:
-    """e (L, d, M) without its weights, shortened to |e| ≤ scale; a path that has run to infinity counts as scale."""
+    """The errors e (L, d, M) without weights, shortened to |e| ≤ scale; a path at infinity counts as scale."""
     weights = errors.weights[:, None]
     # A path of weight 0 was left out: its error is 0 already.
     e = np.divide(errors.errors, weights, out=np.zeros_like(errors.errors), where=weights > 0)
@@ -60,7 +60,7 @@ def capped(errors: StrongErrors) -> Array:
 def moment_errors(errors: StrongErrors) -> Array:
     """w (g(y_N) − g(y(T))) (L, K, M) for g = y_i and y_i y_j, in units of the spread of g(y(T)).
 
-    A g that hardly varies (a Casimir, say) is measured in thousandths of its size.
+    A g that hardly varies, such as a Casimir, is measured in thousandths of its size.
     """
     e, y = capped(errors), errors.ends
     d = y.shape[1]
@@ -79,12 +79,12 @@ def _spread(g: Array, errors: StrongErrors, degree: int) -> float:
 
 
 def limit_errors(errors: StrongErrors, problem: Problem) -> tuple[list[str], Array, Array]:
-    """What a wrong limit would be off by, (L, K, M): shares of the drift, the noise, each noise, Itô's correction.
+    """Shares (L, K, M) of drift, noise, each noise and Itô's correction in the error, for a wrong limit.
 
-    To first order, a noise too large by the share γ moves y(T) by γ v with v = Σ c_j W_j G_j∇H, a drift by γ T B∇H, the
-    correction that turns Itô into Stratonovich by γ ½T Σ c_j² (G_j∇H)′G_j∇H. Each is ⟨v, e⟩/E|v|²: for the right
-    limit its mean vanishes with h, whatever v, because e does. Of the noises it is Cov(v, e)/Var v: what does not
-    depend on the noise, nearly all of the error where c is small, then adds no variance.
+    To first order, a noise too large by the share γ moves y(T) by γ v with v = Σ c_j W_j G_j∇H, a drift by γ T B∇H,
+    the correction from Itô to Stratonovich by γ ½T Σ c_j² (G_j∇H)′G_j∇H. Each share is ⟨v, e⟩/E|v|²: for the right
+    limit its mean vanishes with h, whatever v, because e does. For the noises it is Cov(v, e)/Var v: parts of the
+    error independent of the noise, nearly all of it where c is small, then add no variance.
 
     The last array, (K,), has the rms of each v at the coarsest step.
     """
@@ -139,7 +139,7 @@ def leading(samples: Array, h: Array, power: float) -> Coefficient:
 
 
 def _combination(h: Array, power: float) -> Array:
-    """λ with Σ λ_l h_l^(power + i) = 1 for i = 0, and 0 for i = 1, …, L − 1."""
+    """The weights λ with Σ λ_l h_l^(power + i) = 1 for i = 0, and 0 for i = 1, …, L − 1."""
     unit = h / h[-1]
     system = unit[None] ** (power + np.arange(len(h))[:, None])
     return np.linalg.solve(system, np.eye(len(h))[0]) / float(h[-1]) ** power
@@ -148,8 +148,8 @@ def _combination(h: Array, power: float) -> Array:
 def decay(samples: Array, h: Array, alpha: float, more: float = 1.0) -> tuple[float, float, float]:
     """The order at which the largest of K means falls from the coarsest step to the finest: value, low, high.
 
-    All of the 2K intervals hold with probability 1 − alpha; a mean within the noise is anything from zero to its
-    upper end, so that its side of the interval is infinite.
+    All of the 2K intervals hold with probability 1 − alpha; a mean within the noise may be anything from zero to its
+    upper end, so its side of the interval is infinite.
     """
     paths = samples.shape[2]
     ends = samples[[0, -1]]

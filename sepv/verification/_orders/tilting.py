@@ -29,17 +29,17 @@ from sepv.schemes import Scheme
 from sepv.verification._orders.convergence import StrongErrors, clipped, errors_of
 
 _CHUNK = 256
-# Errors below this many eps·scale are rounding. Rare paths count little here, and common ones have small errors,
-# so that means stay clear of the rounding of a path, some 10 eps, for longer than those of plain samples.
+# Errors below this many eps·scale are rounding. Rare paths count little here, and common ones have small errors, so
+# means exceed the rounding of a path, some 10 eps, for longer than those of plain samples.
 FLOOR = 256.0
 
 
 def tilted_increments(
     rng: np.random.Generator, c: Array, *, T: float, steps: int, paths: int, powers: Sequence[int]
 ) -> tuple[Array, Array]:
-    """(steps, m, M) increments of variance T/steps, and the weights (M,) that make their law the Wiener measure's.
+    """Increments (steps, m, M) of variance T/steps, and weights (M,) under which they are Wiener increments.
 
-    There is one kind of tilted path for each of the even `powers` p; paths left as they are are one more kind.
+    There is one kind of tilted path for each of the even `powers` p; untilted paths are one more kind.
     """
     direction = c / np.linalg.norm(c)
     xi = rng.standard_normal((steps, c.size, paths))
@@ -71,7 +71,7 @@ def tilted_errors(
 
     def draw(numbers: range) -> Iterator[tuple[Array, Array, Array, Array]]:
         for count in steps:
-            # A chunk is a function of its first path, whatever else is asked for.
+            # A chunk depends on its first path alone, so that any split gives the same numbers.
             sequence = np.random.SeedSequence(seed, spawn_key=(numbers[0], count))
             rng = np.random.Generator(np.random.SFC64(sequence))
             raw, weights = tilted_increments(

@@ -2,7 +2,7 @@
 
 With n points and m noises a step has K = n^m ends, and N steps have K^N, each with its probability: the expectation
 is a finite sum. Against it stands E g(y(T)) by quadrature, so that the error of a weak order is exact to rounding, and
-falls with slope q over N = 1, 2, … steps of [0, T]. T is short, as K^N has to stay small: what is seen is whether the
+falls with slope q over N = 1, 2, … steps of [0, T]. T is short, because K^N has to stay small: the test shows if the
 local errors add up as they should. There is no false alarm by chance.
 """
 
@@ -23,20 +23,20 @@ from sepv.verification._orders.gaussian import point_rule, rule
 from sepv.verification._orders.local_errors import LocalErrors, against_moments, apart
 from sepv.verification._units import units_for
 
-# The end time: short enough for slopes within 0.1 of their limits, on Lotka-Volterra within 0.25, and long enough for
+# The end time: short enough for slopes within 0.1 of their limits (0.25 on Lotka-Volterra), and long enough for
 # errors far above rounding.
 T = 0.0625
 STEPS = (1, 2, 3, 4, 6, 8)
-# Paths of N steps: of three points 3⁸ with one noise, 9⁴ with two, 27³ with three.
+# The most paths of N steps: of three points 3⁸ with one noise, 9⁴ with two, 27³ with three.
 LEAVES = 20000
-# As many numbers of steps as a slope takes; one that may accuse takes one more.
+# The numbers of steps for a slope; one that may refute takes one more.
 ENOUGH = 3
 
 
 def tree(
     scheme: Scheme, problem: Problem, start: Array, h: float, steps: int, law: PointLaw
 ) -> tuple[Array, Array, str]:
-    """The ends (d, K^N) of all paths and their probabilities; and the first step that was not made, in words."""
+    """The ends (d, K^N) of all paths and their probabilities; and the first failed step, in words."""
     points = point_rule(problem.noises, law)
     y, weights = start[:, None], np.ones(1)
     dW = np.sqrt(h) * points.zeta
@@ -77,7 +77,7 @@ def tree_errors(scheme: Scheme, problem: Problem, _run: Run) -> LocalErrors:
         steps += sum(ends ** (n + 1) for n in range(count))
         if stuck:
             failed.append((end / count, stuck))
-            rows.clear()  # only what is finer than every failure
+            rows.clear()  # steps finer than every failure
             continue
         moved = (ways - start[:, None])[:, None] / units.length
         if known:
@@ -88,7 +88,7 @@ def tree_errors(scheme: Scheme, problem: Problem, _run: Run) -> LocalErrors:
             )
         rows.append((end / count, *errors))
     h, mean, rms, weakly = np.array(rows).reshape(-1, 4).T
-    # What rounding and a solver leave in a step adds up over N of them.
+    # Errors of rounding and of a solver in a step add up over N of them.
     scale = counts[-1] * float(np.max(np.abs(start))) / units.length
     return LocalErrors(
         problem.name,
