@@ -23,7 +23,7 @@ from importlib import import_module
 
 from sepv._version import __version__ as __version__
 
-# As of `typing`, which takes ten times as long to import as all of this, and `pathlib` as long as that.
+# `typing` takes ten times as long to import as all of this, and `pathlib` as long as that: its name is set here.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any

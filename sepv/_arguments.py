@@ -1,6 +1,6 @@
 """Numbers from outside: arguments as arrays of float64, and JSON, whose doubles are numbers or hex floats with 0x.
 
-Text, complex numbers and ragged lists are refused, and in JSON NaN and a key that stands twice.
+Text, complex numbers and ragged lists are refused; in JSON, NaN and repeated keys.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ _HEX = re.compile(
     r"[+-]?(0x[0-9a-f]+(\.[0-9a-f]*)?(p[+-]?[0-9]{1,9})?|nan|inf|infinity)", re.IGNORECASE
 ).fullmatch
 _KINDS = {"c": "complex numbers", "U": "text", "S": "text"}
-# Characters that a message quotes of a value.
+# The most characters of a value that a message quotes.
 _SHOWN = 60
 
 
 def floats(what: str, value: Any) -> NDArray[np.float64]:
-    """The value as an array of binary64 numbers, finite or not; a UsageError for what is not real numbers."""
+    """Convert a value to an array of binary64 numbers, finite or not; a UsageError if it is not one of real numbers."""
     try:
         array = np.asarray(value)
         if array.dtype.kind == "O":
@@ -45,19 +45,19 @@ def floats(what: str, value: Any) -> NDArray[np.float64]:
 
 
 def is_number(value: Any) -> bool:
-    """Whether this is one finite real number."""
+    """True for one finite real number."""
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]
     return isinstance(value, (int, float, np.integer, np.floating)) and math.isfinite(value)
 
 
 def is_whole(value: Any) -> bool:
-    """Whether this is one integer; True and False are none."""
+    """True for one integer, which True and False are not."""
     return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
 
 
 def require_whole(what: str, value: Any, remedy: str, low: int = 1, high: int | None = None) -> int:
-    """The value as an int; a UsageError for what is not an integer within these bounds."""
+    """Convert a value to an int; a UsageError unless it is an integer within these bounds."""
     if not is_whole(value) or value < low or (high is not None and value > high):
         bounds = f"≥ {low}" if high is None else f"from {low} to {high}"
         raise UsageError(expected=f"{what}, an integer {bounds}", received=f"{value!r:.80}", remedy=remedy)
@@ -73,7 +73,7 @@ def require_flag(what: str, value: Any) -> None:
 
 
 def optional(module: str, expected: str, remedy: str, kind: type[UsageError] = UsageError) -> Any:
-    """A module that need not be installed, or an error that says what it is needed for."""
+    """Import a module that may not be installed; the error says what it is needed for."""
     try:
         return import_module(module)
     except ImportError as error:
@@ -81,19 +81,19 @@ def optional(module: str, expected: str, remedy: str, kind: type[UsageError] = U
 
 
 def did_you_mean(word: Any, known: Iterable[str]) -> str:
-    """The word as it came, and the known one it is closest to, if any is close."""
+    """The unknown word, with the closest known one, if any is close."""
     near = get_close_matches(str(word).replace("_", "-").lower(), list(known), n=1)
     return f"{word!r} (did you mean {near[0]!r}?)" if near else repr(word)
 
 
 def parse_json(text: str | bytes) -> Any:
-    """The value of a JSON text; bytes are UTF-8.
+    """Parse a JSON text; bytes are UTF-8.
 
     Raises
     ------
     ValueError
-        For text that is not JSON, the constants NaN and Infinity, numbers beyond binary64, an object with a key twice,
-        a number with more digits or brackets within brackets deeper than Python reads.
+        For text that is not JSON, the constants NaN and Infinity, numbers beyond binary64, a repeated key, a number
+        with more digits than Python reads, or brackets nested too deeply.
     """
     try:
         text = text.decode() if isinstance(text, bytes) else text
@@ -110,7 +110,7 @@ def _refuse(constant: str) -> None:
 
 
 def _finite(word: str, kind: type[Any]) -> Any:
-    """A number as it is read; one beyond binary64 is refused."""
+    """Convert a number as it is read; one beyond binary64 is refused."""
     if not math.isfinite(float(word)):
         raise ValueError(f"{word:.{_SHOWN}} is beyond binary64")
     return kind(word)

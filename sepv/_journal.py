@@ -1,8 +1,8 @@
-"""What a process says to the one that watches it, so that work survives a crash and a crash has a name.
+"""Messages of a process to the one that watches it: work survives a crash, and the crash is named.
 
 ``sepv`` on the command line runs in a process that another one watches (`sepv.commands._watch`). A law is work with a
-key: its result is kept, so that after a crash the other laws go on in a new process. Without somebody who watches,
-nothing here does anything.
+key: its result is kept, so that after a crash the other laws go on in a new process. Without a watcher nothing here has
+any effect.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 
-# Bytes for a note, and for its length before it.
+# The most bytes of a note, and the bytes of its length before it.
 BYTES, _SIZE = 1 << 20, 4
 
-# The kinds of messages: work begins, its result, it came back without one; Ctrl-C is answered, or was lost; the end.
+# The kinds of messages: work begins, its result, it ended without one; Ctrl-C is answered, or was lost; the end.
 BEGIN, RESULT, BACK, ANSWERED, LOST, END = b"b", b"r", b"k", b"a", b"l", b"e"
 
 
 class Crashed(Exception):
-    """Work that ended its process; `note` is a case as JSON, a step in words, or None where neither was noted."""
+    """The work ended its process; `note` is a case as JSON, a step in words, or None if neither was noted."""
 
     def __init__(self, status: str, note: bytes = b"") -> None:
         self.status, self.note = status, pickle.loads(note) if note else None
@@ -34,31 +34,31 @@ class Crashed(Exception):
 
 
 class Notes:
-    """The last note, in memory that two processes share: writing it is no call of the system, and survives a crash."""
+    """The last note, in memory that two processes share: writing it is no system call, and it survives a crash."""
 
     def __init__(self, file: int = -1) -> None:
         self.memory = mmap(file, BYTES)
 
     def put(self, text: bytes) -> None:
-        """Instead of the one before; none where it is too long."""
+        """Replace the note; a text that is too long leaves none."""
         size = len(text) if len(text) <= BYTES - _SIZE else 0
         self.memory[_SIZE : _SIZE + size] = text[:size]
         self.memory[:_SIZE] = size.to_bytes(_SIZE, "big")
 
     def get(self) -> bytes:
-        """Empty where there is none."""
+        """The note; empty if there is none."""
         return self.memory[_SIZE : _SIZE + int.from_bytes(self.memory[:_SIZE], "big")]
 
 
 @dataclass
 class Journal:
-    """How to send a message, where to put notes, and what earlier processes of the same run have left by key."""
+    """The channel for messages, the place of notes, and the results of earlier processes of the run by key."""
 
     send: Callable[[bytes, bytes], None]
     notes: Notes
     results: Mapping[str, bytes] = field(default_factory=dict)
     crashes: Mapping[str, tuple[str, bytes]] = field(default_factory=dict)
-    # How many cases the work in hand has noted, and since when it asks the last of them.
+    # The number of cases noted by the current work, and the time of the last one.
     cases: int = 0
     since: float = 0.0
 
@@ -67,22 +67,22 @@ _journal: ContextVar[Journal | None] = ContextVar("journal", default=None)
 
 
 def open_journal(journal: Journal) -> None:
-    """From now on this process is watched."""
+    """Mark this process as watched from now on."""
     _journal.set(journal)
 
 
 def current_journal() -> Journal | None:
-    """The journal of this process, for another thread to look at; None where nobody watches."""
+    """The journal of this process, for another thread; None if nobody watches."""
     return _journal.get()
 
 
 def attempted(key: str, work: Callable[[], T], *, kept: bool = True) -> T:
-    """The result of the work; `kept`, it is computed once in a run and must be one that pickle takes.
+    """Do the work and return its result; if `kept`, it is computed once in a run, and must be picklable.
 
     Raises
     ------
     Crashed
-        Where an earlier process of this run did not survive it.
+        If an earlier process of this run died of it.
     """
     journal = _journal.get()
     if journal is None:
@@ -105,7 +105,7 @@ def attempted(key: str, work: Callable[[], T], *, kept: bool = True) -> T:
 
 
 def note_case(case: Callable[[], dict[str, Any]]) -> None:
-    """Note the case that is asked now, in case that it is the end of this process."""
+    """Note the current case, in case it ends this process."""
     journal = _journal.get()
     if journal is not None:
         journal.cases, journal.since = journal.cases + 1, time.monotonic()
@@ -113,14 +113,14 @@ def note_case(case: Callable[[], dict[str, Any]]) -> None:
 
 
 def note_step(step: Callable[[], str]) -> None:
-    """Note a step that is asked now, in words, where it is not one of a case that is noted."""
+    """Note the current step, in words, unless it belongs to a case that is noted."""
     journal = _journal.get()
     if journal is not None and not journal.cases:
         journal.notes.put(pickle.dumps(step()))
 
 
 def interruption_answered() -> None:
-    """Say that Ctrl-C was seen, and that this process ends by itself: it hears no other one."""
+    """Report that Ctrl-C was seen, and that this process will end by itself: it hears no other one."""
     journal = _journal.get()
     if journal is not None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -128,7 +128,7 @@ def interruption_answered() -> None:
 
 
 def ended_with(returncode: int) -> str:
-    """How a process ended, from what `subprocess` says of it: signal SIGSEGV, exit code 9."""
+    """Describe how a process ended, from its return code in `subprocess`: signal SIGSEGV, exit code 9."""
     if returncode >= 0:
         return f"exit code {returncode}"
     known = next((s.name for s in signal.Signals if s == -returncode), str(-returncode))

@@ -1,6 +1,7 @@
-"""Names of other packages that are no part of their interface and that sepv changes: all of them are here.
+"""All patches of other packages: names outside their interfaces that sepv changes.
 
-Each has its reason upstream. tests/test_patches.py has a test for each that fails once the reason is gone: the patch
+Each has its reason upstream. tests/test_patches.py has a test for each that fails once the reason is gone; then the
+patch
 goes then.
 """
 
@@ -14,10 +15,10 @@ from typing import Any
 
 
 def put_off_blas() -> None:
-    """Have numba import scipy.linalg when somebody's code calls BLAS: that is a fifth of the time of a first ensemble.
+    """Make numba import scipy.linalg only for code that calls BLAS: that is a fifth of the time of a first ensemble.
 
-    numba.np.arraymath imports it to learn whether it is there, and it is, since sepv needs SciPy. What calls BLAS asks
-    numba.np.linalg.ensure_blas again.
+    numba.np.arraymath imports it to learn if it is there, which it is, since sepv needs SciPy. Code that calls BLAS
+    asks numba.np.linalg.ensure_blas again.
     """
     from numba.np import linalg
 
@@ -34,19 +35,19 @@ def put_off_blas() -> None:
 def add_attribute(attributes: Any, text: str) -> None:
     """Add an attribute that LLVM knows to those of a function of llvmlite.
 
-    llvmlite has a list of names and refuses others, such as one with a value, "prefer-vector-width"="512". It is put
-    into the set past the check.
+    llvmlite has a list of names and refuses others, such as one with a value, "prefer-vector-width"="512". This one
+    goes into the set without the check.
     """
     set.add(attributes, text)
 
 
 @contextmanager
 def without_local_constants() -> Iterator[None]:
-    """Within it Hypothesis draws from its own list of constants only; what it knew before is back afterwards.
+    """A context in which Hypothesis draws from its own list of constants only; its state is restored at the end.
 
     It also draws constants that it reads in loaded modules, and has no switch for that. A run would depend on the
-    command that started it, on the user's own source and on how sepv is installed. Where a release has no such
-    constants, or keeps them elsewhere, nothing is changed.
+    command that started it, on the user's own source and on how sepv is installed. A release without such constants,
+    or with them elsewhere, is not changed.
     """
     providers: Any
     try:

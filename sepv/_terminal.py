@@ -1,6 +1,6 @@
-"""What people are shown: tables on a terminal, in Markdown and HTML; ASCII that reads the same where it knows no more.
+"""Tables on a terminal, in Markdown and HTML, in ASCII where an encoding has no more.
 
-Of a table that is too wide for its terminal columns go, the least important first, and digits never.
+A table that is too wide for its terminal loses columns, the least important first, and never digits.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     Cell = str | Text
 
-# What the pages and messages use; everything else goes by its decomposition, or as an escape.
+# ASCII for the signs of pages and messages; any other sign is decomposed or escaped.
 _ASCII = {
     "≤": "<=", "≥": ">=", "≠": "!=", "−": "-", "–": "-", "—": "-", "‑": "-", "·": "*", "×": "x",
     "∘": "o", "±": "+-", "…": "...", "√": "sqrt ", "Σ": "sum", "∑": "sum", "∇": "grad ",
@@ -33,10 +33,10 @@ _NAME = "sepv-ascii"
 
 
 def printable(text: str, kept: str = "\n\t") -> str:
-    """The text with every character that does something to a terminal, or is not seen there, as its escape.
+    """Escape every character that affects a terminal, or is invisible there.
 
     Names and messages come from files and programs of others. Escape sequences, bells, marks that turn the direction of
-    writing and lone surrogates do not pass; `kept` do.
+    writing and lone surrogates are escaped; `kept` characters pass.
     """
     if text.isprintable():
         return text
@@ -44,7 +44,7 @@ def printable(text: str, kept: str = "\n\t") -> str:
 
 
 def printable_cell(cell: Any) -> Any:
-    """A string or a `rich.text.Text`, `printable`; anything else as it is."""
+    """Apply `printable` to a string or a `rich.text.Text`; anything else is returned unchanged."""
     if isinstance(cell, str):
         return printable(cell)
     if hasattr(cell, "plain") and cell.plain != (safe := printable(cell.plain)):
@@ -58,7 +58,7 @@ def ascii_text(text: str) -> str:
 
 
 def ascii_cell(cell: Any) -> Any:
-    """A string or a `rich.text.Text` in ASCII; anything else as it is."""
+    """Convert a string or a `rich.text.Text` to ASCII; anything else is returned unchanged."""
     if isinstance(cell, str):
         return ascii_text(cell)
     if hasattr(cell, "plain"):
@@ -80,30 +80,30 @@ def _replace(error: UnicodeError) -> tuple[str, int]:
 
 
 def cannot_show(stream: Any) -> bool:
-    """Whether the stream's encoding lacks what our tables are made of."""
+    """True if the stream's encoding lacks the signs of our tables."""
     return not (getattr(stream, "encoding", None) or "utf-8").lower().replace("_", "-").startswith("utf")
 
 
 def never_fail(stream: Any) -> None:
-    """From now on the stream writes what its encoding lacks in ASCII; a lone surrogate goes as an escape."""
+    """Make the stream write signs that its encoding lacks in ASCII, and a lone surrogate as an escape."""
     codecs.register_error(_NAME, _replace)
     if hasattr(stream, "reconfigure"):
         stream.reconfigure(errors=_NAME)
 
 
-# A column of words that has so much room reads well.
+# The width from which a column of words reads well.
 WORDS = 24
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column. Columns of one heading go together, and are as wide as the widest of them."""
+    """A column. Columns with one heading are dropped together, and are as wide as the widest of them."""
 
     heading: str
-    right: bool = False  # numbers stand under each other at the right
-    words: bool = False  # may be broken between words, and within one where nothing else is left to go
+    right: bool = False  # numbers are aligned at the right
+    words: bool = False  # may be broken between words, and within one if nothing else can be dropped
     goes: int = (
-        0  # the place among the columns that go where the terminal is narrow, 1 first; 0 for one that stays
+        0  # the order in which columns are dropped on a narrow terminal, 1 first; 0 for a column that stays
     )
     least: int = 0  # the least width, in cells of a terminal
 
@@ -117,21 +117,21 @@ class Table:
     title: Cell = ""
     caption: Cell = ""
     ruled: bool = False  # a line under the headings, on a terminal that is wide enough
-    edged: bool = True  # blanks around a table that is ruled
-    headed: bool = True  # whether the headings are shown
+    edged: bool = True  # blanks around a ruled table
+    headed: bool = True  # True if the headings are shown
 
 
 def columns(
     left: Iterable[str], right: Iterable[str] = (), *, goes: Sequence[str] = (), **more: Any
 ) -> tuple[Column, ...]:
-    """Columns of words and then of numbers by their headings; `goes` names those that go, in their order."""
+    """Columns of words and then of numbers by their headings; `goes` lists those to drop, in order."""
     order = {heading: place for place, heading in enumerate(goes, 1)}
     found = [*(Column(h, **more) for h in left), *(Column(h, right=True) for h in right)]
     return tuple(replace(c, goes=order.get(c.heading, 0)) for c in found)
 
 
 def print_table(table: Table, out: Console) -> None:
-    """The table as wide as the console, the columns that must go left out, the others whole."""
+    """Print the table as wide as the console, without the columns that must be dropped, and the others whole."""
     from rich import box
     from rich.table import Table as RichTable
     from rich.text import Text
@@ -141,7 +141,7 @@ def print_table(table: Table, out: Console) -> None:
         table = _with_cells(table, ascii_cell)
     width, ruled = out.width, _ruled(table, out.width)
     needed, between = _laid(table, width)
-    # Columns of one heading stand and fall together.
+    # Columns with one heading stay or go together.
     times = [c.heading for c in table.columns]
     total = {h: n * times.count(h) + between * (times.count(h) - 1) for h, n in needed.items()}
     order = {c.heading: c.goes for c in table.columns if c.goes}
@@ -159,7 +159,7 @@ def print_table(table: Table, out: Console) -> None:
         show_edge=table.edged,
         pad_edge=False,
         padding=(0, between - ruled, 0, 0),
-        # As wide as its title where a terminal holds it: a table of one column would break it.
+        # As wide as its title if a terminal allows it: a table of one column would break it.
         min_width=min(longest([_plain(table.title)]), 80, width) if table.title else None,
     )
     chosen = [n for n, c in enumerate(table.columns) if c.heading in left]
@@ -180,7 +180,7 @@ def print_table(table: Table, out: Console) -> None:
 
 
 def fits(table: Table, out: Console) -> bool:
-    """Whether all columns of it are shown whole."""
+    """True if all columns of the table are shown whole."""
     needed, between = _laid(table, out.width)
     return sum(needed[c.heading] + between for c in table.columns) <= out.width - _edges(table, out.width)
 
@@ -194,7 +194,7 @@ def _edges(table: Table, width: int) -> int:
 
 
 def _laid(table: Table, width: int) -> tuple[dict[str, int], int]:
-    """Widths by heading, and the blanks between columns: headings in one line and two blanks where all fit so."""
+    """Widths by heading, and the blanks between columns: headings in one line and two blanks if all fit so."""
     room = width - _edges(table, width)
     least = 2 if _ruled(table, width) else 1
     for whole, words, between in ((True, WORDS, 2), (False, WORDS, 2), (False, 0, least)):
@@ -205,7 +205,7 @@ def _laid(table: Table, width: int) -> tuple[dict[str, int], int]:
 
 
 def _with_cells(table: Table, change: Callable[[Any], Any]) -> Table:
-    """Every text of it changed before it is laid out: in ASCII an arrow is two signs."""
+    """Change every text of the table before it is laid out: in ASCII an arrow is two signs."""
     return replace(
         table,
         columns=tuple(replace(c, heading=change(c.heading)) for c in table.columns),
@@ -232,7 +232,7 @@ def _needed(table: Table, *, whole: bool = False, words: int = 0) -> dict[str, i
 
 
 def kept(needed: Mapping[str, int], width: int, dropped: Sequence[str], between: int = 1) -> list[str]:
-    """The columns that fit into the width, `between` blanks apart: those of `dropped` go in their order, as they must.
+    """The columns that fit into the width, `between` blanks apart: those of `dropped` go in their order.
 
     `needed` are the widths by heading.
     """
@@ -260,12 +260,12 @@ def table_html(table: Table) -> str:
 
 
 def counted(number: int, what: str) -> str:
-    """1 law, 27 laws."""
+    """A number with its noun: 1 law, 27 laws."""
     return f"{number} {what}" + ("" if number == 1 else "s")
 
 
 def longest(texts: Iterable[str]) -> int:
-    """The width of the widest of them in cells of a terminal, 0 for none."""
+    """The width of the widest text in cells of a terminal, 0 for none."""
     from rich.cells import cell_len
 
     return max(map(cell_len, texts), default=0)

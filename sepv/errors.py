@@ -1,4 +1,4 @@
-"""Every error that sepv raises on purpose: each says what was expected, what came, and the remedy."""
+"""Every error that sepv raises on purpose: each states what was expected, what came, and the remedy."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class UsageError(SepvError, ValueError):
 def require_one_of(
     what: str, given: Any, known: Collection[Any], remedy: str = "correct the name", received: str = ""
 ) -> None:
-    """A UsageError for what is not one of the known."""
+    """Raise UsageError for a value that is not one of the known."""
     if given not in known:
         names = ", ".join(map(str, known))
         raise UsageError(expected=f"{what}, one of {names}", received=received or repr(given), remedy=remedy)
@@ -56,7 +56,7 @@ class Skipped(SepvError):
 
 
 class ClusterFailure(SepvError, RuntimeError):
-    """A cluster that is gone, or that cannot do this work."""
+    """A cluster is gone, or cannot do this work."""
 
     def __init__(self, what: str, remedy: str) -> None:
         self.what, self.remedy = what, remedy
@@ -64,14 +64,14 @@ class ClusterFailure(SepvError, RuntimeError):
 
 
 class ChunkFailure(SepvError, RuntimeError):
-    """An ensemble that did not become whole: a chunk raised, on its worker and again here, or the cluster is gone.
+    """An ensemble is incomplete: a chunk raised, on its worker and again here, or the cluster is gone.
 
     Attributes
     ----------
     paths : (P,) array, or a range
         The numbers of the paths that are finished.
     ensemble : Ensemble
-        Their ends; with `reduce=` what they were reduced to.
+        The ends of these paths; with `reduce=` their summaries.
     """
 
     def __init__(self, cause: Exception, finished: tuple[Any, Any]) -> None:
@@ -88,14 +88,14 @@ class ChunkFailure(SepvError, RuntimeError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C during an ensemble, with what was finished.
+    """Ctrl-C during an ensemble, with the finished part.
 
     Attributes
     ----------
     paths : (P,) array, or a range
         The numbers of the paths that are finished.
     ensemble : Ensemble
-        Their ends; with `reduce=` what they were reduced to.
+        The ends of these paths; with `reduce=` their summaries.
     """
 
     def __init__(self, finished: tuple[Any, Any]) -> None:
@@ -105,7 +105,7 @@ class Interrupted(KeyboardInterrupt):
         )
 
 
-# What helps, by the status of the solve.
+# The remedy for each status of the solve.
 _REMEDIES = {
     "no convergence": "a smaller h, or a truncation of the increments (Remark 2.1); for large |Δ| the equation may "
     "have no solution near y at all, and `sepv solvability` shows how far the solutions from y reach",
@@ -123,10 +123,10 @@ class TruncationWarning(UserWarning):
 
 
 class StepFailure(SepvError, ArithmeticError):
-    """A step whose implicit equation was not solved. Nothing unconverged is ever returned unmarked.
+    """A step's implicit equation was not solved. Nothing unconverged is ever returned unmarked.
 
-    A scheme of one's own raises it with words, ``StepFailure("no convergence after 50 iterations")``; the schemes of
-    sepv say what they know by name, and the message is made from that.
+    A user's scheme raises it with words, ``StepFailure("no convergence after 50 iterations")``; the schemes of sepv
+    give the facts by name, and the message is made from them.
 
     Attributes
     ----------
@@ -139,7 +139,7 @@ class StepFailure(SepvError, ArithmeticError):
     residual : float
         Largest component of the residual of the implicit equation where the iteration stopped.
     status : str
-        Which of the ways to fail it was (see `sepv.solve.Status`).
+        The kind of failure (see `sepv.solve.Status`).
     """
 
     def __init__(

@@ -1,6 +1,6 @@
-"""Files that a run leaves: written whole or not at all, and the JSON Schemas that they obey.
+"""Files that a run writes: written whole or not at all, and the JSON Schemas that they obey.
 
-A result is one JSON object. Its first entry, "made", says by which schema it is to be read, and what made it.
+A result is one JSON object. Its first entry, "made", names its schema and the versions that made it.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from sepv._arguments import double, parse_json
 from sepv._version import __version__
 from sepv.errors import UsageError, require_one_of
 
-# What users need; the rest is for the commands.
+# The names for users; the rest is for the commands.
 __all__ = ["RESULTS", "schema"]
 
 
 def require_folder(path: str | None) -> None:
-    """Complain by a UsageError about a file that could not be written, before hours of work and not after."""
+    """Raise UsageError for a file that cannot be written, before hours of work."""
     if path is None:
         return
     folder = Path(path).resolve().parent
@@ -40,10 +40,10 @@ def require_folder(path: str | None) -> None:
 
 
 def cache_folder(name: str) -> Path:
-    """A folder that this user alone can write to: ~/.cache/sepv/NAME, or below $XDG_CACHE_HOME or $SEPV_CACHE_DIR.
+    """A folder that only this user can write to: ~/.cache/sepv/NAME, or below $XDG_CACHE_HOME or $SEPV_CACHE_DIR.
 
-    Where there is no such folder (no home, a read-only one, one of somebody else) it is a fresh one, which goes when
-    this process ends: code is run from there, and a name in /tmp that others can guess would let them choose it.
+    Without such a folder (no home, a read-only one, one of somebody else) it is a fresh one, removed when this process
+    ends: code is run from there, and a name in /tmp that others can guess would let them choose it.
     """
     try:
         named = os.environ.get("SEPV_CACHE_DIR")
@@ -58,7 +58,7 @@ def cache_folder(name: str) -> Path:
         if named or (_is_private(home) and _is_private(place)):
             with tempfile.NamedTemporaryFile(dir=place):
                 return place
-    except (OSError, RuntimeError):  # the second of a user without a home
+    except (OSError, RuntimeError):  # RuntimeError for a user without a home
         pass
     return _fresh_folder(name)
 
@@ -71,13 +71,13 @@ def _fresh_folder(name: str) -> Path:
 
 
 def _is_private(folder: Path) -> bool:
-    """Whether nobody else can write there; Windows keeps users apart by their homes."""
+    """True if nobody else can write there; Windows keeps users apart by their homes."""
     found = folder.stat()
     return not hasattr(os, "geteuid") or (found.st_uid == os.geteuid() and not found.st_mode & 0o022)
 
 
 def write_atomically(path: str, content: str | bytes) -> None:
-    """Write a file whole or not at all: a reader never sees half of it. Text goes as UTF-8, a lone surrogate as ?."""
+    """Write a file whole or not at all: a reader never sees half of it. Text is UTF-8, with ? for a lone surrogate."""
     target = Path(path).resolve()
     handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
     try:
@@ -90,24 +90,24 @@ def write_atomically(path: str, content: str | bytes) -> None:
         raise
 
 
-# Results of commands, with the version of their schema: it grows where older readers would misread a file.
+# Results of commands, with the version of their schema, raised where older readers would misread a file.
 RESULTS = {
     "bench": 1, "comparison": 1, "growth": 1, "hard": 1, "path": 1, "report": 2, "reproduction": 1, "solvability": 1,
     "teeth": 1, "ulps": 1,
 }  # fmt: skip
-# Users write problems and witnesses.
+# The schemas, with those of problems and witnesses, which users write.
 SCHEMAS = (*RESULTS, "problem", "witness")
-# Larger files are no result of this package.
+# The most bytes of a file; larger ones are no result of this package.
 LARGEST = 64 * 2**20
 
 
 def json_text(data: Any, *, indent: int | None = 1) -> str:
-    """JSON, strict: a ValueError for a number that is not finite, which `finite` makes null."""
+    """Strict JSON: a ValueError for a number that is not finite, which `finite` makes null."""
     return json.dumps(data, indent=indent, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def finite(value: Any) -> Any:
-    """A value that JSON can hold: NaN and infinities are null, tuples are lists, NumPy's numbers Python's."""
+    """Convert to a value that JSON can hold: NaN and infinities become null, tuples lists."""
     if isinstance(value, dict):
         return {k: finite(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
@@ -120,12 +120,12 @@ def finite(value: Any) -> Any:
 def write_json(
     path: str, name: str, data: dict[str, Any], *, command: str = "", indent: int | None = 1
 ) -> None:
-    """Write a result, one of `RESULTS`, after what made it: versions, the platform and the command."""
+    """Write a result, one of `RESULTS`, after its origin: versions, the platform and the command."""
     write_atomically(path, json_text({"made": made(name, command)} | data, indent=indent))
 
 
 def made(name: str, command: str = "") -> dict[str, Any]:
-    """What makes a result here and now: schema, versions, the kind of machine and its vector instructions."""
+    """The origin of a result: schema, versions, the kind of machine and its vector instructions."""
     import numpy as np
 
     versions = {key: metadata.version(key) for key in ("numpy", "scipy", "hypothesis", "mpmath")}
@@ -138,7 +138,7 @@ def made(name: str, command: str = "") -> dict[str, Any]:
 
 
 def read_json(path: str | Path, largest: int = LARGEST, /, *, expected: str, remedy: str) -> Any:
-    """What a JSON file holds; a UsageError for one that cannot be read, is too large or no JSON."""
+    """Read a JSON file; a UsageError for one that cannot be read, is too large or is not JSON."""
     try:
         size = Path(path).stat().st_size
         if size > largest:
@@ -151,7 +151,7 @@ def read_json(path: str | Path, largest: int = LARGEST, /, *, expected: str, rem
 
 
 def require_schema(data: Any, name: str, path: str | Path, *, expected: str, remedy: str) -> None:
-    """A UsageError for data of a file that do not obey a schema of `SCHEMAS`. Files without "made" are older ones."""
+    """Raise UsageError for data of a file that do not obey a schema of `SCHEMAS`. Older files have no "made"."""
     made = data.get("made") if isinstance(data, dict) else None
     version = made.get("version") if isinstance(made, dict) else None
     if isinstance(version, int) and version > RESULTS.get(name, version):
@@ -165,7 +165,7 @@ def require_schema(data: Any, name: str, path: str | Path, *, expected: str, rem
 
 
 def schema(name: str) -> dict[str, Any]:
-    """The JSON Schema of one of `SCHEMAS`; that of a result with "made" described in full.
+    """The JSON Schema of one of `SCHEMAS`; that of a result describes "made" in full.
 
     Raises
     ------
@@ -187,7 +187,7 @@ def _packaged(name: str) -> dict[str, Any]:
 
 
 def fault(data: Any, schema: dict[str, Any]) -> str:
-    """The fault that says most of what is wrong, with its place; empty where data obey the schema."""
+    """The most informative fault, with its place; empty if the data obey the schema."""
     from jsonschema import Draft202012Validator, FormatChecker
     from jsonschema.exceptions import best_match
 
@@ -197,6 +197,6 @@ def fault(data: Any, schema: dict[str, Any]) -> str:
     error = best_match(found)
     if error is None:
         return ""
-    # Of a number our own words, which say what it may be.
+    # For a number, our own words, which say what it may be.
     own = next((e.cause for e in found if e.cause is not None and e.json_path == error.json_path), None)
     return f"{error.json_path}: {own or f'{error.message:.200}'}"

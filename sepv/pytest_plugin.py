@@ -1,4 +1,4 @@
-"""The pytest plugin. Opt-in: ``pytest -p sepv.pytest_plugin``; it never loads itself.
+"""The pytest plugin. It is opt-in: ``pytest -p sepv.pytest_plugin``; it never loads itself.
 
 ``pytest -p sepv.pytest_plugin --pyargs sepv.properties --scheme mypkg.mymodule:step`` runs the laws on a scheme
 of yours. With ini ``sepv_schemes`` they run beside your own tests whenever pytest is called without a path. A test
@@ -22,7 +22,7 @@ from sepv.schemes import Scheme
 from sepv.verification import Effort, Expectations, Finding, Law, LawViolated, Run, Verdict
 from sepv.verification._cases.case import has_words
 
-# What the laws found, as properties of their tests: so it travels from workers of pytest-xdist, and into JUnit files.
+# The findings, as properties of their tests, which travel from workers of pytest-xdist and into JUnit files.
 _FINDINGS = pytest.StashKey[list[dict[str, str]]]()
 _RUNS = pytest.StashKey[dict[tuple[str, Effort], Run]]()
 _KEYS = ("sepv_scheme", "sepv_law", "sepv_verdict", "sepv_claimed", "sepv_name")
@@ -31,7 +31,7 @@ _EXPECTED = pytest.StashKey[Expectations]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """--scheme, --sepv-examples, --sepv-paths, --sepv-shrink-checks, --sepv-seed, --expected, and ini sepv_schemes."""
+    """Add the options --scheme, --sepv-… and --expected, and the ini value sepv_schemes."""
     group = parser.getgroup("sepv", "verification of energy-preserving integrators")
     group.addoption(
         "--scheme", action="append", default=[], metavar="MODULE:ATTR", help="scheme to verify; repeatable"
@@ -72,7 +72,7 @@ def pytest_configure(config: pytest.Config) -> None:
     config.stash[_FINDINGS], config.stash[_RUNS] = [], {}
     config.pluginmanager.register(_Collector(config))
     config.stash[_EXPECTED] = _expectations(config)
-    # Schemes of the ini file are for every run of all tests; whoever names a path asks for that alone.
+    # Schemes of the ini file are for runs of all tests; a run with a path does not use them.
     if config.getini("sepv_schemes") and config.args_source is not pytest.Config.ArgsSource.ARGS:
         from sepv import properties
 
@@ -96,12 +96,12 @@ def _expectations(config: pytest.Config) -> Expectations:
 
 
 def pytest_report_header(config: pytest.Config) -> str:
-    """The seed, so that a run can be repeated."""
+    """Report the seed, so that a run can be repeated."""
     return f"sepv: --sepv-seed {config.stash[_EFFORT].seed}"
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """One test for each law and scheme."""
+    """Make one test for each law and scheme."""
     if "scheme" not in metafunc.fixturenames or not _is_law(metafunc.module):
         return
     from sepv.schemes import PAPER, load_scheme
@@ -111,7 +111,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     try:
         schemes = [load_scheme(name, metafunc.config.stash[_EXPECTED].claims or ()) for name in names]
     except SepvError as error:
-        # Said once and without frames of pytest: the other laws would say it again.
+        # One error without frames of pytest: the other laws would repeat it.
         metafunc.definition.session.shouldfail = "there is no scheme to verify"
         raise pytest.Collector.CollectError(str(error)) from None
     if len(names) > 1 and metafunc.config.stash[_EXPECTED] != Expectations():
@@ -127,13 +127,13 @@ def _is_law(module: Any) -> bool:
 
 @pytest.fixture(scope="session")
 def effort(request: pytest.FixtureRequest) -> Effort:
-    """How hard the laws look."""
+    """The effort of the laws."""
     return request.config.stash[_EFFORT]
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
-    """The outcome of a law's test is that of its finding, in words of its own and without frames of sepv."""
+    """Make a law's finding the outcome of its test, in its own words and without frames of sepv."""
     if not _is_law(pyfuncitem.module):
         return (yield)
     from sepv.verification import _law as law
@@ -149,8 +149,8 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
         if failure is not None:
             require_named(failure.witness, scheme)
         if not asked.claimed_by(scheme) and not listed.is_pin:
-            # A violation is one line then, which shows no counterexample: none is simplified. An error is shown, and is
-            # looked at as hard as any.
+            # A violation becomes one line, without a counterexample, so none is simplified. An error is shown, and
+            # searched with the full effort.
             found = suite.measure(
                 asked, scheme, replace(run, effort=replace(run.effort, shrink_checks=0)), failure=failure
             )
@@ -168,7 +168,7 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
         except SepvError as error:
             pytest.fail(str(error), pytrace=False)
     for finding in found:
-        # What a report calls the scheme, and a pin with it: a record's name is its own.
+        # The name of the scheme in reports and pins: a record has its own.
         given = pyfuncitem.callspec.params if hasattr(pyfuncitem, "callspec") else {}
         name = getattr(given.get("scheme"), "name", target)
         row = (target, finding.law, finding.verdict.text, "yes" if finding.claimed else "no", name)

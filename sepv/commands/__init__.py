@@ -1,4 +1,4 @@
-"""The commands of ``sepv``, one a file; `_cli` loads the one that is asked for, `_shared` has what several take.
+"""The commands of ``sepv``, one a file; `_cli` loads the one that is called, `_shared` has what several use.
 
 `main` is the program: it runs `_cli.main` in a process of its own and watches it (`_watch`).
 """
@@ -12,10 +12,10 @@ import sys
 
 def main() -> None:
     """Run ``sepv`` with the arguments of this process; ends in SystemExit."""
-    # Ctrl-C waits until there is somebody to answer it.
+    # Ctrl-C waits until a process can answer it.
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-        # Nor is there anybody while Python takes itself down: all has been said by then.
+        # Nothing answers it while Python shuts down: all output is written by then.
         atexit.register(signal.pthread_sigmask, signal.SIG_BLOCK, [signal.SIGINT])
     from sepv.commands._watch import watched
 

@@ -94,12 +94,12 @@ def bench(
 def _beside(
     target: str, checkout: str, chosen: list[Case], batches: int, say: Callable[[str, float], None]
 ) -> tuple[dict[str, Any], list[Any]]:
-    """The record of this checkout, and what it comes to beside another: work, errors and times."""
+    """Measure this checkout beside another: its record, and the comparison of work, errors and times."""
     from sepv.studies._bench import pairs
     from sepv.studies._bench.gate import check
 
     where = pairs.head_of(target), Path(checkout).resolve()
-    # A tenth of all is work and errors, where every batch of times is run.
+    # A tenth of the progress is work and errors, if every batch of times runs.
     ours, theirs = pairs.measured(target, *where, chosen, lambda text, share: say(text, share / 10))
     times = pairs.time_pairs(
         target, *where, chosen, batches=batches, progress=lambda text, share: say(text, 0.1 + 0.9 * share)
@@ -115,7 +115,7 @@ def _alone(
     names: cli.Names,
     own: cli.Names,
 ) -> tuple[dict[str, Any], list[Any]]:
-    """The record of today, in the cases of an earlier one where there is one, and what it comes to beside that."""
+    """Measure now, in the cases of an earlier record if there is one: the record, and the comparison with that."""
     from sepv.schemes._load_target import require_trusted
     from sepv.studies._bench import store
     from sepv.studies._bench.gate import check
@@ -131,7 +131,7 @@ def _alone(
 
 
 def _show(records: list[dict[str, Any]], checks: list[Any], *, saved: bool) -> None:
-    """The records; then what differs from the other side, and one line of counts."""
+    """Print the records, then the differences from the other side, and one line of counts."""
     from rich.text import Text
 
     from sepv.studies._bench import store

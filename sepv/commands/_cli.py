@@ -1,4 +1,4 @@
-"""The command line. Each command is a file of `sepv.commands`, loaded when it is asked for."""
+"""The command line. Each command is a file of `sepv.commands`, loaded when it is called."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from sepv._version import __version__
 from sepv.commands._shared import EXIT_CODES, WORDS, interruptible
 from sepv.files import cache_folder
 
-# By heading, in the order in which --help shows them: each is the module of `sepv.commands` of its name.
+# The commands by heading, in the order of --help: each name is that of its module in `sepv.commands`.
 GROUPS = {
     "Commands": ("verify", "compare", "bench", "run", "reproduce", "report", "list", "completion"),
     "Other libraries": ("peers",),
@@ -30,10 +30,10 @@ _SETTINGS = {"help_option_names": ["-h", "--help"], "show_default": True}
 
 
 class _Commands(click.Group):
-    """A group that imports a command's module when the command is asked for."""
+    """A group that imports a command's module when the command is called."""
 
     def make_context(self, info_name: str | None, args: list[str], *more: Any, **extra: Any) -> click.Context:
-        """As click does; result files say how they were made."""
+        """Make click's context, with the command line in it for result files."""
         words = shlex.join([info_name or "sepv", *args])
         with interruptible():
             context = super().make_context(info_name, args, *more, **extra)
@@ -41,7 +41,7 @@ class _Commands(click.Group):
         return context
 
     def invoke(self, ctx: click.Context) -> Any:
-        """As click does; Ctrl-C while a command is imported ends as it does while it works."""
+        """Invoke as click does; Ctrl-C while a command is imported ends as it does while it works."""
         with interruptible():
             return super().invoke(ctx)
 
@@ -56,7 +56,7 @@ class _Commands(click.Group):
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """The commands under their headings, in one column."""
+        """List the commands under their headings, in one column."""
         width = max(map(len, COMMANDS))
         limit = formatter.width - 6 - width
         for heading, names in GROUPS.items():
@@ -67,7 +67,7 @@ class _Commands(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """As click does, with the command that was meant for one that is not there."""
+        """Resolve as click does; an unknown name is answered with the nearest command."""
         try:
             return super().resolve_command(ctx, args)
         except click.UsageError as error:
@@ -92,9 +92,9 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if cannot_show(stream):
             never_fail(stream)
-    # Cases are many small objects without cycles: Python's default looks for cycles in them after each few hundred.
+    # Cases are many small objects without cycles: by default Python searches them for cycles every few hundred objects.
     gc.set_threshold(max(OBJECTS, gc.get_threshold()[0]))
-    # Hypothesis caches a little in its storage directory: not in the folder where a user happens to be.
+    # Hypothesis keeps a small cache in its storage directory, which would be the user's current folder.
     if "HYPOTHESIS_STORAGE_DIRECTORY" not in os.environ:
         os.environ["HYPOTHESIS_STORAGE_DIRECTORY"] = str(cache_folder("hypothesis"))
 

@@ -19,8 +19,8 @@ from sepv.files import write_atomically
 if TYPE_CHECKING:
     from sepv.studies._compare.record import Comparison
 
-# By default T = 1, with five numbers of steps up to this one. The coarsest step is a quarter of the longest one that
-# the problem states, or of 1/2.
+# The largest number of steps by default, of five with T = 1. The coarsest step is a quarter of the longest one that the
+# problem states, or of 1/2.
 MOST_STEPS = 1024
 
 
@@ -112,7 +112,7 @@ def compare(
 
 
 def _show(found: Comparison, *, alone: bool, quiet: bool) -> None:
-    """All points, the times to errors, and what a reader must know of them."""
+    """Print all points, the times to errors, and notes."""
     from sepv.studies._compare import table
     from sepv.verification._report import console
 
@@ -130,7 +130,7 @@ def _show(found: Comparison, *, alone: bool, quiet: bool) -> None:
 
 
 def _peers() -> list[str]:
-    """Every driver of a library that is installed."""
+    """Name every driver of a library that is installed."""
     from sepv.peers.peer import installed
 
     return [f"{peer.library}-{name}" for peer in installed() for name in peer.methods]
@@ -139,7 +139,7 @@ def _peers() -> list[str]:
 def _methods(
     names: list[str], problem: Any, progress: Callable[[str], None]
 ) -> tuple[list[Any], dict[str, SepvError]]:
-    """The methods that can be loaded and take a step, and what went wrong with the others."""
+    """The methods that can be loaded and take a step, and the errors of the others."""
     from sepv.studies._compare.method import load_method
 
     methods, failed = [], {}

@@ -73,7 +73,7 @@ def growth(
 
 
 def _table(rows: list[Any]) -> Table:
-    """The last times, each a quarter of the next, with theory where there is one."""
+    """A table of the last times, each a quarter of the next, with theory if there is one."""
     cells, known = [], any(row.derived and row.kind != "rounding" for row in rows)
     for row in rows:
         for n in (-5, -3, -1):

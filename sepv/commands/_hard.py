@@ -35,7 +35,7 @@ def hard(
     target: str | None, programs: cli.Names, own: cli.Names, names: cli.Names, steps: int, laws: int, seed: int,
     explain: bool, json_file: str | None, quiet: bool,
 ) -> None:  # fmt: skip
-    """Where schemes break: random steps of the hard cases, each solved to its bound or refused by name.
+    """Take random steps of the hard cases, where schemes break: each is solved to its bound or refused by name.
 
     TARGET is a built-in scheme or module:attribute. Exit code 0 if every step of every case ends as the
     case allows, else 1.
@@ -110,7 +110,7 @@ def _endings(seen: Seen) -> str:
 
 
 def _complaint(target: str, seen: Seen) -> str:
-    """What was not expected, with a step that shows it."""
+    """Describe the unexpected results, with a step that shows one."""
     from sepv.verification._cases import case as cases
 
     lines = [f"{seen.case.name}: expected {seen.case.expected}; seen {_endings(seen)}"]

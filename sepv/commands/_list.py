@@ -41,7 +41,8 @@ def list_() -> None:
         ("Problems with several structures or Hamiltonians", ("problem", "d, m", "what"), several),
         ("Laws", ("law", "source", "statement"), laws),
     ):
-        # Of the laws the statement stays; of schemes and problems what they are.
+        # Dropped columns on a narrow terminal: the statement of a law stays, and the description of a scheme or
+        # problem.
         goes = ["order", "d, m", "source"] if title == "Laws" else []
         heads = columns(heading[:1]) + columns(heading[1:], words=True, goes=goes)
         print_table(Table(heads, rows, title), out)
@@ -49,7 +50,7 @@ def list_() -> None:
 
 
 def _problem_rows(factories: dict[str, Any], modules: list[str]) -> list[tuple[str, str, str]]:
-    """What a problem is says its file, or its function where the file has several."""
+    """Rows of problems: the description is that of the file, or of the function if the file has several."""
     rows = []
     for name, factory in factories.items():
         alone = modules.count(factory.__module__) == 1

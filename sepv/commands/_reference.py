@@ -1,4 +1,4 @@
-"""What ``sepv exact`` and ``sepv step`` share: numbers from the command line, tables, the proof in words."""
+"""Parts that ``sepv exact`` and ``sepv step`` share: numbers from the command line, tables, the proof in words."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sepv.problem import NamedProblem, PolynomialSystem, Problem
 
 
 def numbers(text: str | None, what: str, count: int, default: Any = None) -> tuple[float, ...]:
-    """Finite binary64 numbers from "0.8,0.6,0x1p-3"; the default where nothing was given."""
+    """Parse finite binary64 numbers from "0.8,0.6,0x1p-3"; the default if the text is None."""
     if text is None and default is not None:
         return tuple(float(v) for v in default)
     parts = [p.strip() for p in (text or "").split(",") if p.strip()]
@@ -41,7 +41,7 @@ def numbers(text: str | None, what: str, count: int, default: Any = None) -> tup
 
 
 def description(problem: Problem) -> PolynomialSystem | NamedProblem:
-    """The data of a problem, which the references read; a UsageError where it is Python functions and nothing else."""
+    """The data of a problem, which the references read; a UsageError for a problem of Python functions only."""
     if problem.data is None:
         raise UsageError(
             expected="a problem by name, or polynomial data (a .json file)",
@@ -52,12 +52,12 @@ def description(problem: Problem) -> PolynomialSystem | NamedProblem:
 
 
 def decimal(value: Any, digits: int) -> str:
-    """An mpf with so many significant digits."""
+    """Write an mpf with this many significant digits."""
     import mpmath
 
     return str(mpmath.nstr(value, digits, strip_zeros=False)) if value else "0.0"
 
 
 def row(values: Any) -> str:
-    """(0.8, 0.6, 0.0)."""
+    """A row of numbers such as (0.8, 0.6, 0.0)."""
     return "(" + ", ".join(repr(float(v)) for v in values) + ")"

@@ -69,7 +69,7 @@ def reproduce(figures: cli.Names, out: str | None, json_file: str | None, **opti
 
 
 def _errata() -> None:
-    """One paragraph an entry."""
+    """Print one paragraph for each erratum."""
     from rich.text import Text
 
     from sepv.studies._reproduce.errata import errata
@@ -85,7 +85,7 @@ def _errata() -> None:
 
 
 def _folder(out: str | None, *, draws: bool) -> Path | None:
-    """The folder to write to, made where it is not, before anything is computed."""
+    """Make the folder for the output before anything is computed."""
     if out is None:
         return None
     if draws:

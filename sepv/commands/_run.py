@@ -95,7 +95,7 @@ def run(
         )
 
 
-# What is known of a step that says nothing but its answer.
+# A description of a step that gives no information but its result.
 _UNCOUNTED = {
     "NO_CONVERGENCE": "the scheme refused it",
     "OVERFLOW": "its answer, or B or ∇H there, is not finite",

@@ -1,4 +1,4 @@
-"""What every command takes: --debug, errors as one message, files to write."""
+"""Parts that every command uses: --debug, errors as one message, files to write."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from sepv.files import require_folder
 
 EXIT_CODES = """Exit codes: 0 all claimed laws hold; 1 a claimed law is violated, or not shown to hold within the
 budget; 2 wrong usage; 3 the scheme crashed, hung, or could not be loaded; 70 sepv itself failed; 130 interrupted."""
-# Where click's context keeps the command as it was typed.
+# The key of the typed command line in click's context.
 WORDS = "sepv.words"
-# As EX_SOFTWARE of sysexits.h: a defect of this package, told from every verdict.
+# The exit code EX_SOFTWARE of sysexits.h: a defect of this package, distinct from every verdict.
 CRASH = 70
 
 
@@ -43,7 +43,7 @@ class Finite(click.FloatRange):
     """A finite number within bounds: NaN is within any, and an infinity ends in no answer."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """As click's."""
+        """Convert as click does, and refuse numbers that are not finite."""
         found = super().convert(value, param, ctx)
         if not math.isfinite(found):
             self.fail(f"{value!r} is not a finite number", param, ctx)
@@ -74,7 +74,7 @@ class Renamed(click.Option):
     """An option of several spellings: help shows the first, the others go on working."""
 
     def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
-        """As click's, of the first spelling alone."""
+        """Show the first spelling only, as click would."""
         opts, self.opts = self.opts, self.opts[:1]
         try:
             return super().get_help_record(ctx)

@@ -1,4 +1,4 @@
-"""``sepv solvability``: which steps have a solution, and how long paths find one."""
+"""``sepv solvability``: the steps that have a solution, and the time for which paths find one."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from sepv.studies._solvability.paths import Exits
 
 STEPS = tuple(2.0**-n for n in range(1, 11))
-# Means over all states and over every second one differ by this share at most where they are fine enough.
+# The largest share by which means over all states and over every second one differ, if they are fine enough.
 ROUGH = 0.2
 # Step sizes with which paths are followed.
 FOLLOWED = tuple(2.0**-n for n in range(4, 10))
@@ -62,7 +62,7 @@ def solvability(
     noise: tuple[float, ...] | None, truncation: int | None, follow: cli.Names, until: float, seconds: float,
     paths: int, seed: int, json_file: str | None, picture: str | None, **orbit: Any,
 ) -> None:  # fmt: skip
-    """How far the solutions of a step of PROBLEM reach in Δ = h + Σ c_j ΔW_j, and how long a step size is safe.
+    """Find how far the solutions of a step of PROBLEM reach in Δ = h + Σ c_j ΔW_j, and how long a step size is safe.
 
     First states are taken along the exact orbit. From each, the branch of solutions that starts in y0 at Δ = 0 is
     followed to its fold or to the end of the range; then Newton is asked at every Δ of a grid. The exact solution
@@ -136,7 +136,7 @@ def _show(found: Map, furthest: float, k: int | None, out: Any) -> None:
     law = f"truncated with k = {k}" if k else "untruncated"
     out.print(f"\nP(Δ of a step is off the branch), c = {found.problem.c.tolist()}, {law}:")
     print_table(_table(found, k), out)
-    rough = []  # where a mean says more of the states than of the orbit
+    rough = []  # a mean that depends on the choice of states
     for h in STEPS:
         p = found.chances(h, k)
         mean, half = float(p.mean()), float(p[::2].mean())
@@ -161,7 +161,7 @@ def _table(found: Map, k: int | None) -> Table:
 
 
 def _show_exits(exits: Sequence[Exits], out: Any) -> None:
-    """How long paths found a solution of each step."""
+    """Print how long paths found a solution of each step."""
     if not exits:
         return
     rows = [

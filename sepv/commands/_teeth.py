@@ -1,4 +1,4 @@
-"""``sepv teeth``: which law finds which fault."""
+"""``sepv teeth``: the faults that each law finds."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def teeth(
     names: cli.Names, laws: cli.Names, seeds: int | None, matrix: bool, first: bool, corpus: bool, workers: int,
     json_file: str | None, quiet: bool,
 ) -> None:  # fmt: skip
-    """Which planted faults each law finds: saboteurs × laws, with the examples to the first violation.
+    """List the planted faults that each law finds: saboteurs × laws, with the examples to the first violation.
 
     Exit code 0 if every saboteur is killed with every seed, else 1.
 

@@ -1,4 +1,4 @@
-"""``sepv ulps``: what one step does to the invariants, in units of rounding."""
+"""``sepv ulps``: the effect of one step on the invariants, in units of rounding."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def ulps(
                 line.update(f"{scheme.name}, {problem.name}", len(rows) / (len(wanted) * len(chosen)))
                 rows.append(unit.one_step(scheme, problem, h=h, steps=steps, seed=seed))
     cli.save_json(json_file, "ulps", {"rows": [asdict(r) for r in rows]})
-    failures = any(r.failed for r in rows)  # a column of its own only where there are any: 80 columns are few
+    failures = any(r.failed for r in rows)  # a column only if needed: 80 columns are few
     sizes = ("energy:\nmedian", "\nlargest", "casimir:\nmedian", "\nlargest ")
     shown = [
         (

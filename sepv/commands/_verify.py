@@ -104,7 +104,7 @@ def verify(targets: cli.Names, laws: cli.Names, **options: Any) -> None:
 
 
 def _coverage(targets: cli.Names, laws: cli.Names) -> int:
-    """``--coverage``: the designs for the class of systems that each target takes."""
+    """Run ``--coverage``: print the designs for the class of systems of each target."""
     from sepv.schemes import load_scheme
     from sepv.verification import _report as page
     from sepv.verification import load_laws
@@ -116,7 +116,7 @@ def _coverage(targets: cli.Names, laws: cli.Names) -> int:
 
 
 def _arguments(laws: cli.Names, options: dict[str, Any]) -> dict[str, Any]:
-    """What `sepv.verification.verify` is told."""
+    """The arguments of `sepv.verification.verify`."""
     from sepv.verification._laws import laws_of
 
     asked = [law.name for law in _asked(laws, options)]
@@ -134,7 +134,7 @@ def _arguments(laws: cli.Names, options: dict[str, Any]) -> dict[str, Any]:
 
 
 def _asked(laws: cli.Names, options: dict[str, Any]) -> list[Any]:
-    """The laws that are measured: those that were named, those of the required profiles, or all."""
+    """The laws of a run: the named ones, those of the required profiles, or all."""
     from sepv.verification._laws import laws_of
     from sepv.verification._profiles import requirements
 
@@ -174,14 +174,14 @@ def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], 
 
         def show(report: Any = report, named: str = named) -> None:
             if quiet:
-                # Of one nobody needs to be told which.
+                # A single target needs no name.
                 which = f"{named}: " if len(targets) > 1 else ""
                 page.line(out, page.summary(report, which))
             else:
                 page.show(report, out, debug=debug)
             out.file.flush()
 
-        attempted(f"what is shown of {named}", show)  # once, whatever crashes later
+        attempted(f"what is shown of {named}", show)  # once, even if a later law crashes
         only = f" --law {shlex.quote(','.join(laws))}" if laws else ""
         _write(report, files, named + only)
         if report.interrupted:
@@ -192,7 +192,7 @@ def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], 
 
 
 def _against(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any]) -> int:
-    """``--against``: exit code 0 where all is as reported, 1 where something is not."""
+    """Run ``--against``: exit code 0 if all results are as reported, else 1."""
     from rich.text import Text
 
     from sepv.verification import _report as page
@@ -228,7 +228,7 @@ def _one_target(targets: tuple[Any, ...], asked: str) -> None:
 
 
 def _write(report: Any, files: dict[str, str | None], named: str) -> None:
-    """The files; of an interrupted run none that later runs would be held to."""
+    """Write the files; an interrupted run writes none that later runs would be compared with."""
     from sepv.verification._expected_failures import pin, to_toml
     from sepv.verification._junit_and_badge import badge_json, junit_xml
 
@@ -252,7 +252,7 @@ def _write(report: Any, files: dict[str, str | None], named: str) -> None:
 
 
 def _no_longer_guarded(path: str, report: Any) -> list[str]:
-    """Laws that the pin in the file claims and the one that replaces it will not; none where it is no pin."""
+    """Laws that the pin in the file claims and its replacement will not; none if the file is not a pin."""
     from sepv.verification import LAWS, Verdict
     from sepv.verification._expected_failures import load
 

@@ -1,9 +1,9 @@
-"""The command runs in a process of its own, and this one watches it: a crash and Ctrl-C end with a word, always.
+"""The command runs in its own process, and this one watches it: a crash and Ctrl-C always end with a message.
 
-Python hands Ctrl-C to whatever code happens to run: one that is not to raise eats it, a long call into compiled code
-does not see it, and a segmentation fault takes everything with it. The process that watches runs no code but this.
-It forks before anything is imported that could have threads, and keeps what the other says (`sepv._journal`), with
-which another process goes on after a crash.
+Python delivers Ctrl-C to whatever code runs: a destructor swallows it, a long call into compiled code does not see it,
+and a segmentation fault ends everything. The watching process runs no other code. It forks before any import that could
+start threads, and keeps the messages of the other (`sepv._journal`), with which another process continues after a
+crash.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from typing import Any, NoReturn
 
 from sepv._journal import ANSWERED, BACK, BEGIN, END, LOST, RESULT, Journal, Notes, ended_with, open_journal
 
-# Seconds from Ctrl-C until it is said again, sooner where it was lost, and until a process without an answer is killed.
+# Seconds from Ctrl-C until it is sent again, sooner if it was lost, and until a process without an answer is killed.
 AGAIN, AGAIN_LOST, PATIENCE = 0.5, 0.05, 1.2
-# A Ctrl-C that comes twice, from the terminal and from here, is one.
+# Seconds within which a Ctrl-C from the terminal and one from here count as one.
 ONCE = 0.2
-# How a process is ended from outside: no crash.
+# Signals that end a process from outside, which is no crash.
 ENDED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) if os.name == "posix" else ()
 CRASHED, INTERRUPTED = 3, 130
 _HEAD = 5  # bytes: the kind of a message, and the length of what follows
@@ -35,7 +35,7 @@ _HEAD = 5  # bytes: the kind of a message, and the length of what follows
 
 @dataclass
 class _Heard:
-    """What the processes of a run have said."""
+    """The messages of the processes of a run."""
 
     results: dict[str, bytes] = field(default_factory=dict)
     crashes: dict[str, tuple[str, bytes]] = field(default_factory=dict)
@@ -47,7 +47,7 @@ class _Heard:
     notes: Notes = field(default_factory=Notes)
 
     def hear(self, data: bytes) -> None:
-        """The next bytes of the pipe."""
+        """Read the next bytes of the pipe."""
         self.rest += data
         while len(self.rest) >= _HEAD:
             end = _HEAD + int.from_bytes(self.rest[1:_HEAD], "big")
@@ -68,7 +68,7 @@ class _Heard:
                 self.over = True
 
     def crash(self, status: str) -> bool:
-        """The process has ended so; whether another one can go on without the work that ended it."""
+        """Handle the end of a process; return True if another one can continue without the work that ended it."""
         self.rest = b""
         if self.begun is None:
             return False
@@ -78,7 +78,7 @@ class _Heard:
 
 
 def watched(work: Callable[[], Any]) -> int:
-    """The exit code of the work, which ends as a command does, by SystemExit; it runs here where none can watch it."""
+    """Run the work, which ends by SystemExit, and return the exit code; it runs here if no process can watch."""
     if not _can_watch():
         _unblock()
         work()
@@ -91,7 +91,7 @@ def watched(work: Callable[[], Any]) -> int:
 
 
 def _can_watch() -> bool:
-    """Not from a thread or beside one, nor under a debugger or profiler, which look at one process."""
+    """Test that this process can watch: not from a thread or beside one, nor under a debugger or profiler."""
     alone = threading.current_thread() is threading.main_thread() and threading.active_count() == 1
     tools = getattr(sys, "monitoring", None)
     looked_at = sys.gettrace() or sys.getprofile() or (tools and any(map(tools.get_tool, range(6))))
@@ -104,7 +104,7 @@ def _unblock() -> None:
 
 
 def _attend(work: Callable[[], Any], heard: _Heard) -> int | None:
-    """One process from its beginning to its end: the exit code of the run, None where another one must go on."""
+    """Run one process to its end: the exit code of the run, None if another process must continue."""
     for stream in (sys.stdout, sys.stderr):
         stream.flush()
     taken = [n for n in ENDED if signal.getsignal(n) in (signal.SIG_DFL, signal.default_int_handler)]
@@ -132,7 +132,7 @@ def _attend(work: Callable[[], Any], heard: _Heard) -> int | None:
     try:
         return _Attendance(child, heard, heard_here, bell_here).end()
     finally:
-        # Of a process that still runs the end of this pipe is the end.
+        # The process that still runs sees the end of this pipe.
         for end in (heard_here, alive_here, bell_here, bell):
             os.close(end)
         signal.set_wakeup_fd(ringing)
@@ -141,7 +141,7 @@ def _attend(work: Callable[[], Any], heard: _Heard) -> int | None:
 
 
 class _Attendance:
-    """Signals go to the process, and how it ends is said."""
+    """Forward signals to the process, and report how it ended."""
 
     def __init__(self, child: int, heard: _Heard, ear: int, bell: int) -> None:
         self.child, self.heard, self.ear, self.bell = child, heard, ear, bell
@@ -149,7 +149,7 @@ class _Attendance:
         self.again = 0.0
 
     def end(self) -> int | None:
-        """Until it has ended: the exit code, or None where another one must go on."""
+        """Wait for the end: the exit code, or None if another process must continue."""
         while True:
             select.select([self.ear, self.bell], [], [], None if self.since is None else AGAIN_LOST / 2)
             if self._bell():
@@ -170,7 +170,7 @@ class _Attendance:
                     self.heard.lost, self.again = False, waited + AGAIN_LOST
 
     def _bell(self) -> bool:
-        """Pass on the signals that came; whether the second Ctrl-C is among them."""
+        """Forward the signals that came; True if the second Ctrl-C is among them."""
         try:
             numbers = os.read(self.bell, 64)
         except BlockingIOError:
@@ -197,7 +197,7 @@ class _Attendance:
         if now:
             self._send(signal.SIGKILL)
             os.waitpid(self.child, 0)
-            # It may have hidden the cursor, and stand in the middle of a line.
+            # The process may have hidden the cursor, and left it in the middle of a line.
             sys.stderr.write("\r\x1b[2K\x1b[?25h" if sys.stderr.isatty() else "")
         if not self.heard.answered:
             print("sepv: interrupted", file=sys.stderr, flush=True)
@@ -209,7 +209,7 @@ class _Attendance:
         if os.WIFEXITED(status) and self.heard.over:
             return os.WEXITSTATUS(status)
         number = os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0
-        if number in ENDED:  # so does this one
+        if number in ENDED:  # this process ends by the same signal
             signal.signal(number, signal.SIG_DFL)
             os.kill(os.getpid(), number)
         words = ended_with(-number if number else os.WEXITSTATUS(status))
@@ -226,7 +226,7 @@ class _Attendance:
 def _speaker(pipe: int) -> Callable[[bytes, bytes], None]:
     def send(kind: bytes, text: bytes) -> None:
         data = memoryview(kind + len(text).to_bytes(_HEAD - 1, "big") + text)
-        # A message goes out whole: neither Ctrl-C nor a time limit cuts it.
+        # A message is written whole: neither Ctrl-C nor a time limit cuts it.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGALRM))
         try:
             while data:
@@ -238,7 +238,7 @@ def _speaker(pipe: int) -> Callable[[bytes, bytes], None]:
 
 
 def _be_watched(work: Callable[[], Any], journal: Journal, alive: int, heeds: bool) -> NoReturn:
-    """The process that is watched: the work, and an end of its own that runs nothing of who called this one."""
+    """Run the work in the watched process, and end it without running any of the caller's code."""
     deaf_until = 0.0
 
     def interrupt(*_: Any) -> None:
@@ -252,13 +252,14 @@ def _be_watched(work: Callable[[], Any], journal: Journal, alive: int, heeds: bo
         if not isinstance(lost.exc_value, KeyboardInterrupt):
             before(lost)
             return
-        # A destructor or a callback of the garbage collector has eaten it. Who watches says it again, after this hook.
+        # A destructor or a callback of the garbage collector has swallowed it. The watcher sends it again, after this
+        # hook.
         journal.send(LOST, b"")
         deaf_until = time.monotonic() + AGAIN_LOST / 2
 
     def follow() -> None:
         os.read(alive, 1)
-        os._exit(CRASHED)  # nobody watches any more
+        os._exit(CRASHED)  # the watcher is gone
 
     before, sys.unraisablehook = sys.unraisablehook, unraisable
     if heeds:
@@ -272,7 +273,7 @@ def _be_watched(work: Callable[[], Any], journal: Journal, alive: int, heeds: bo
         deaf_until = float("inf")
     except KeyboardInterrupt:
         deaf_until = float("inf")
-        code = INTERRUPTED  # who watches says it
+        code = INTERRUPTED  # the watcher prints the message
     finally:
         signal.pthread_sigmask(signal.SIG_BLOCK, ENDED)
         code = _finished(code)
@@ -281,7 +282,7 @@ def _be_watched(work: Callable[[], Any], journal: Journal, alive: int, heeds: bo
 
 
 def _finished(code: int) -> int:
-    """What a process does at its end; 141 where nobody reads on, as for SIGPIPE."""
+    """Do the work of a process's end; 141 if nobody reads on, as for SIGPIPE."""
     atexit._run_exitfuncs()
     try:
         sys.stdout.flush()

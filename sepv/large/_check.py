@@ -1,4 +1,4 @@
-"""Whether the parts of a large problem agree: B skew, ∇H the gradient of H, slopes those of their functions."""
+"""Consistency of a large problem's parts: B skew, ∇H the gradient of H, slopes those of their functions."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from sepv.large._problem import LargeProblem
 from sepv.problem import Array
 from sepv.problem._fields import slope_along
 
-# Central differences of order six with h = 2⁻⁷ of the scale leave 1e-12 where functions vary on the scale of y; what is
-# wrong by a sign, a factor or a missing term differs in the first digit.
+# Central differences of order six with h = 2⁻⁷ of the scale leave 1e-12 for functions that vary on the scale of y; a
+# wrong sign, factor or term differs in the first digit.
 TOLERANCE = 1e-6
 _WIDTH = 2.0**-7
 
@@ -21,7 +21,7 @@ def check_large(problem: LargeProblem, seed: int = 0) -> None:
     Raises
     ------
     ProblemError
-        Which part, and both values.
+        The message names the part, and has both values.
     """
     rng = np.random.default_rng(seed)
     y = np.array(problem.initial)
@@ -45,7 +45,7 @@ def check_large(problem: LargeProblem, seed: int = 0) -> None:
     for name in ("casimirs", "other_casimirs"):
         function = getattr(problem, name)
         if function is not None:
-            # ∇C along B v is vᵀBᵀ∇C = 0 for every v.
+            # The derivative of C along B v is vᵀBᵀ∇C = 0 for every v.
             flow = B @ v
             flow *= np.max(np.abs(direction)) / (np.max(np.abs(flow)) or 1.0)
             size = np.max(np.abs(function(y)), initial=1.0)

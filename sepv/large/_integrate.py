@@ -1,4 +1,4 @@
-"""One path of a large problem: the state at the end, and what became of the invariants on the way."""
+"""One path of a large problem: the state at the end, and the defects of the invariants on the way."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class LargePath:
     energy_defect : float
         Largest |H(y_n) − H(y_0)| over the steps, terms summed exactly.
     energy_scale : float
-        Σ|terms of H| at the start: what a defect is small against. H itself may cancel to nothing.
+        Σ|terms of H| at the start, the scale of a defect. H itself may cancel to zero.
     casimir_defect, other_casimir_defect : float
         Largest defect of a quadratic or linear Casimir, and of any other.
     iterations : int
@@ -55,7 +55,7 @@ def integrate(
     y0: ArrayLike | None = None,
     truncation: int | None = 2,
 ) -> LargePath:
-    """One path of N steps from y0 (default: the problem's initial state).
+    """Run one path of N steps from y0 (default: the problem's initial state).
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def integrate(
     StepFailure
         At the first step whose implicit equation was not solved.
     UsageError
-        For arguments that make no path.
+        For arguments that do not describe a path.
     """
     m = len(problem.noise)
     if not isinstance(steps, int) or steps < 1 or not np.isfinite(h) or h <= 0:

@@ -1,7 +1,7 @@
-"""The record of a large problem: what a scheme needs of it, with sparse matrices where `sepv.Problem` has dense ones.
+"""The record of a large problem, with sparse matrices where `sepv.Problem` has dense ones.
 
 `sepv.Problem` returns B(y) as (d, d) and B′ as (d, d, d): at d = 10⁴ that is 0.8 GB and 8 TB. Here B is a sparse
-matrix, and instead of B′ there is the one product of it that Newton's matrix needs. One state at a time: a batch
+matrix, and in place of B′ is the one product of it that Newton's matrix needs. There is one state at a time: a batch
 gains nothing where one state fills the vector units.
 """
 
@@ -32,7 +32,7 @@ class LargeProblem:
     structure_slope : (y, v) -> sparse (d, d), optional
         The derivative of B(y)v by y with v held fixed; None for constant B.
     terms : (d,) -> (n,)
-        Numbers whose sum is H(y): so many of them are summed exactly, in `energy`.
+        Numbers whose sum is H(y); `energy` adds them exactly.
     gradient, hessian : (d,) -> (d,) and (d,) -> sparse (d, d)
         ∇H and H″.
     degree : int, optional
@@ -42,7 +42,7 @@ class LargeProblem:
     casimirs : (d,) -> (K,), optional
         Casimirs that are quadratic or linear, which (2.1) keeps (Proposition 3.2).
     other_casimirs : (d,) -> (K,), optional
-        Casimirs that are neither, which it does not keep: they are measured all the same.
+        Casimirs that are neither, which it does not keep; they are measured too.
     domain : (d,) -> bool, optional
     initial : (d,)
     noise : the c_j ≥ 0, shape (m,)
@@ -87,11 +87,11 @@ class LargeProblem:
 
     @property
     def dimension(self) -> int:
-        """d."""
+        """The dimension d."""
         return int(self.initial.size)
 
     def energy(self, y: Array) -> float:
-        """H(y), its terms summed without rounding: d of them would else cost √d roundings."""
+        """H(y) as an exact sum of its terms: plain summation of d terms would cost √d roundings."""
         return fsum(self.terms(y).tolist())
 
     def energy_difference(self, y: Array, y0: Array) -> float:

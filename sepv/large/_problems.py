@@ -14,7 +14,7 @@ from sepv.problem import Array
 
 
 def _sparse(d: int, rows: Any, cols: Any, data: Array) -> Sparse:
-    """Entries given twice add up."""
+    """A sparse matrix from entries; repeated entries are added."""
     from scipy.sparse import coo_array
 
     return coo_array((data, (rows, cols)), shape=(d, d)).tocsr()
@@ -32,8 +32,8 @@ def volterra_lattice(
 ) -> LargeProblem:
     """The Volterra lattice y_i′ = y_i(y_{i+1} − y_{i−1}): B_{i,i+1} = y_i y_{i+1} and H = Σ y_i, positive states.
 
-    Its Casimirs, Σ ln y_i over odd i for an open chain of odd length, and over odd and over even i for a periodic
-    one of even length, are not quadratic: (2.1) keeps H and loses them. From 1 + uniform noise of ±¼.
+    Its Casimirs, Σ ln y_i over odd i for an open chain of odd length, and over odd and over even i for a periodic one
+    of even length, are not quadratic: (2.1) keeps H and loses them. It starts from 1 + uniform noise of ±¼.
     """
     _at_least("d, the length of the chain", d, 3)
     i = np.arange(d if periodic else d - 1)
@@ -46,7 +46,7 @@ def volterra_lattice(
         return _sparse(d, rows, cols, np.concatenate([w, -w]))
 
     def structure_slope(y: Array, v: Array) -> Sparse:
-        # Row i of B(y)v is Σ ± y_i y_j v_j: by y_j it is ± y_i v_j, by y_i it is ± y_j v_j.
+        # Row i of B(y)v is Σ ± y_i y_j v_j: its derivative by y_j is ± y_i v_j, by y_i it is ± y_j v_j.
         sign = np.concatenate([np.ones(i.size), -np.ones(i.size)])
         return _sparse(d, *both, np.concatenate([sign * y[rows] * v[cols], sign * y[cols] * v[cols]]))
 
@@ -196,7 +196,7 @@ def spin_chain(
     z = base + 2
 
     def hat(v: Array) -> Sparse:
-        """Block diagonal with hat(v_i): hat(a)b = a × b."""
+        """The block diagonal matrix with hat(v_i): hat(a)b = a × b."""
         a, b, c = v[base], v[base + 1], v[base + 2]
         rows = np.concatenate([base, base, base + 1, base + 1, base + 2, base + 2])
         cols = np.concatenate([base + 1, base + 2, base, base + 2, base, base + 1])
@@ -231,7 +231,7 @@ def spin_chain(
 
 
 def _canonical(n: int) -> Callable[[Array], Sparse]:
-    """q_i′ = ∂H/∂p_i, p_i′ = −∂H/∂q_i for y = (q₁, p₁, q₂, …): one constant matrix."""
+    """The canonical B for y = (q₁, p₁, q₂, …), q_i′ = ∂H/∂p_i and p_i′ = −∂H/∂q_i, as one constant matrix."""
 
     @cache
     def matrix() -> Sparse:

@@ -26,12 +26,12 @@ from sepv.solve._linearised import Tangent
 from sepv.solve._newton import newton
 from sepv.solve._solution import Equations, Evaluation
 
-# A band solver touches 2l + u + 1 numbers a row, fill of pivoting included; wider than this, SuperLU is faster.
+# The widest band: the band solver touches 2l + u + 1 numbers a row, pivoting included; beyond this SuperLU is faster.
 WIDEST_BAND = 64
 
 
 class Answers:
-    """What a formula is answered of the segment from y0 to y0 + z, (d,); B(y) and ∇̄H are kept for Newton's matrix."""
+    """The functions of a formula on the segment from y0 to y0 + z, (d,); B(y) and ∇̄H are kept for Newton's matrix."""
 
     def __init__(self, problem: LargeProblem, y0: Array, z: Array) -> None:
         self.problem: Any = problem
@@ -69,7 +69,7 @@ class Answers:
 
 
 class Slopes:
-    """The same with derivatives by z, sparse: see `sepv.solve._linearised`."""
+    """The functions of a formula with sparse derivatives by z: see `sepv.solve._linearised`."""
 
     def __init__(self, asked: Answers) -> None:
         self.problem, self._asked = asked.problem, asked
@@ -91,7 +91,7 @@ class Slopes:
         return self.apply(y, self.gradient(y))
 
     def mean_gradient(self, y: Array, z: Tangent) -> Tangent:  # noqa: ARG002 - y0 and z
-        """∫₀¹∇H(y + τz)dτ; H″ by a few nodes, whose error costs iterations and no accuracy."""
+        """∫₀¹∇H(y + τz)dτ, with H″ by a few nodes: their error costs iterations and no accuracy."""
         asked, degree = self._asked, self.problem.degree
         points, weights = gauss_legendre(3 if degree is None else mean_nodes(degree))
         first, *others = (
@@ -102,7 +102,7 @@ class Slopes:
 
 @dataclass(frozen=True)
 class LargeSolution:
-    """y1 (d,) where converged, else the last iterate; largest residual, iterations and how it ended."""
+    """y1 (d,) if converged, else the last iterate; largest residual, iterations and status."""
 
     value: Array
     residual: float
@@ -111,11 +111,11 @@ class LargeSolution:
 
 
 def solve(problem: LargeProblem, y0: Array, formula: Formula, delta: float) -> LargeSolution:
-    """y1 = y0 + R for the formula's R and the random step Δ; there is no second approach where Newton's fails."""
+    """Solve y1 = y0 + R for the formula's R and the random step Δ; there is no second attempt if Newton fails."""
     once = np.ones(1, dtype=np.int64)
 
     def evaluate(z: Array, _: NDArray[np.intp]) -> Evaluation:
-        # Of `Fields` these answer what formulas of B(y)v, ∇H and its mean ask.
+        # These are the functions of `Fields` in formulas of B(y)v, ∇H and its mean.
         asked: Any = Answers(problem, y0, z[:, 0])
         slopes: Any = Slopes(asked)
         R = formula(asked, y0, z[:, 0], [delta])
@@ -144,7 +144,7 @@ def newton_correction(K: Sparse, F: Array) -> Array:
     if 2 * lower + upper + 1 <= WIDEST_BAND:
         from scipy.linalg import LinAlgError, solve_banded
 
-        # Row u + i − j of a band holds A_ij. Entries given twice add up.
+        # Row u + i − j of a band holds A_ij. Repeated entries are added.
         band = np.bincount(
             (upper + entries.row - entries.col) * d + entries.col,
             weights=entries.data,
@@ -161,7 +161,7 @@ def newton_correction(K: Sparse, F: Array) -> Array:
 
     try:
         return np.asarray(splu((eye_array(d) - K).tocsc()).solve(F))
-    except RuntimeError:  # how SuperLU says "exactly singular"
+    except RuntimeError:  # SuperLU's way to report "exactly singular"
         return np.full_like(F, np.nan)
 
 

@@ -1,7 +1,7 @@
 """Pictures for the page: matplotlib's SVG without its own style, in the page's colours, and inert.
 
-The page's policy allows no style in an element, so that properties become attributes. Colours become the style sheet's
-variables, which know light and dark. A marker or a frame stands once for all pictures, with an identifier of the page.
+The page's policy forbids styles in elements, so properties become attributes. Colours become variables of the style
+sheet, which has a light and a dark theme. A marker or a frame is defined once for all pictures, with an identifier.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from sepv.schemes import Look
 from sepv.studies import _picture as drawing
 from sepv.studies._picture import GRID, GUIDE, SOFT, TEXT, Axis, Series
 
-# Of a drawing and of a sample in its legend, in the units of both: points, at 72 to the inch.
+# The size of a drawing and of a sample in its legend, in points, at 72 to the inch.
 WIDTH, HEIGHT = 520, 330
 LEFT, RIGHT, TOP, BOTTOM = 62, 14, 12, 44
 SAMPLE = 34, 12
-# At the right, where slopes have their names there.
+# The width at the right where slopes have their names.
 NAMES = 50
-# Points drawn of a cloud, strips of a long line, and how far a simplified line may run beside its points.
+# The most points of a cloud, strips of a long line, and the tolerance of a simplified line.
 MOST, NEAR = 110, 0.35
 MARKER = 6.5
 _STYLE = {
@@ -34,7 +34,7 @@ _STYLE = {
     "xtick.color": TEXT, "ytick.color": TEXT, "xtick.major.pad": 5, "ytick.major.pad": 6, "lines.linewidth": 1.5,
     "grid.linewidth": 1, "path.simplify_threshold": NEAR,
 }  # fmt: skip
-# By CSS or by the elements around: not for each element again.
+# Properties set by CSS or by enclosing elements, and dropped from each element.
 _DROPPED = re.compile("font|stroke-linejoin|stroke-linecap|stroke-dashoffset")
 
 
@@ -51,34 +51,34 @@ class Pictures:
 
     def __init__(self, schemes: Iterable[str] = (), own: Mapping[str, Look] | None = None) -> None:
         self.looks = drawing.looks(["", *schemes], own)
-        self._shared: dict[str, str] = {}  # an element and its identifier
-        self._colours: dict[str, str] = {}  # on light and on dark
+        self._shared: dict[str, str] = {}  # identifiers by element
+        self._colours: dict[str, str] = {}  # colours on light and on dark
         self._samples: dict[tuple[Look, str], Any] = {}
 
     @property
     def colours(self) -> list[tuple[str, str, str]]:
-        """(variable, colour on light, colour on dark) for the style sheet, of what is drawn."""
+        """Rows (variable, colour on light, colour on dark) for the style sheet, of the colours drawn."""
         return [(f"k{n}", light, dark) for n, (light, dark) in enumerate(self._colours.items())]
 
     @property
     def definitions(self) -> Any:
-        """What drawings refer to: once on the page, before them."""
-        # SVG that matplotlib and ElementTree have escaped, here and below: the template does not escape it again.
+        """Definitions that drawings refer to: once on the page, before them."""
+        # matplotlib and ElementTree have escaped this SVG, so that the template must not escape it again.
         named = (re.sub("^<([a-zA-Z]+)", rf'<\1 id="{at}"', e) for e, at in self._shared.items())
         return Markup("".join(named))
 
     def draw(self, series: Sequence[Series], x: Axis, y: Axis, **more: Any) -> Picture:
-        """The picture of series; `more` is for `sepv.studies._picture.draw_curves`."""
+        """Draw a picture of series; `more` is for `sepv.studies._picture.draw_curves`."""
         drawing.require_matplotlib("a page of verdicts and counters alone needs none")
         with drawing.figure(WIDTH / 72, HEIGHT / 72, _STYLE) as drawn, warnings.catch_warnings():
-            # A sign that matplotlib's font lacks is drawn with the reader's fonts.
+            # The reader's fonts draw a sign that matplotlib's font lacks.
             warnings.filterwarnings("ignore", "Glyph .* missing from")
             right = NAMES if more.get("slopes") else RIGHT
             frame = (LEFT, BOTTOM, WIDTH - LEFT - right, HEIGHT - TOP - BOTTOM)
             unit = (WIDTH, HEIGHT, WIDTH, HEIGHT)
             axes = drawn.add_axes(tuple(v / of for v, of in zip(frame, unit, strict=True)))
             drawing.draw_curves(axes, series, self.looks, x, y, size=MARKER, most=MOST, **more)
-            if not more.get("equal"):  # there the frame is narrower than its place
+            if not more.get("equal"):  # otherwise the frame is narrower than its place
                 axes.yaxis.set_label_coords((14 - LEFT) / frame[2], 0.5)
             drawn.patch.set_visible(False)
             axes.patch.set_visible(False)
@@ -104,7 +104,7 @@ class Pictures:
         return self._samples[look, style]
 
     def _inside(self, drawn: Any, own: Iterable[Look]) -> Any:
-        """The figure's elements, fit for the page."""
+        """The figure's elements, adapted to the page."""
         for look in own:
             self._colours.setdefault(look.colour, look.dark)
         root = ElementTree.fromstring(drawing.content(drawn, ".svg"))
@@ -141,7 +141,7 @@ def _inert(element: ElementTree.Element, paint: Mapping[str, str]) -> str:
             found[key] = re.sub(r"-?\d+\.\d+", lambda n: f"{float(n[0]):.1f}".removesuffix(".0"), found[key])
     if "d" in found:
         found["d"] = re.sub(r"\s*([MLCQz])\s*", r"\1", found["d"]).strip()
-    if found.get("fill") == "none":  # the style sheet says it of every path
+    if found.get("fill") == "none":  # the style sheet sets it for every path
         del found["fill"]
     if found.get("transform", "").startswith("rotate(-0"):
         del found["transform"]
@@ -153,9 +153,9 @@ def _inert(element: ElementTree.Element, paint: Mapping[str, str]) -> str:
 
 
 def _flat(element: ElementTree.Element) -> None:
-    """No group without attributes, and of a row of markers only where each is: how it looks stands where it is defined.
+    """Remove groups without attributes, and common attributes of a row of markers: their definition has the look.
 
-    Nothing that is defined stands here: it is the page's.
+    Definitions are left out: the page has them.
     """
     kept: list[ElementTree.Element] = []
     for child in element:

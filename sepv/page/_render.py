@@ -1,4 +1,4 @@
-"""The page: a template, a style sheet whose hash the content security policy names, and nothing else."""
+"""The page: a template and a style sheet whose hash the content security policy names."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def render(sources: Sources, *, title: str = "Which structural properties hold?"
         "page.html",
         title=plain(title, 200),
         version=__version__,
-        # It holds nothing of the files read: the one text that is not escaped.
+        # The style has no text of the files read, so it is the one text that is not escaped.
         style=Markup(style),
         style_hash=digest,
         laws=views.law_texts(laws),
@@ -55,9 +55,9 @@ def render(sources: Sources, *, title: str = "Which structural properties hold?"
 
 
 def fingerprint() -> str:
-    """What every page shows beside its files: the release, the laws and what they say, the built-in schemes' claims.
+    """A hash of what every page shows beside its files: the release, the laws and their texts, the schemes' claims.
 
-    A committed page whose fingerprint is another is older than what it shows.
+    A committed page with another fingerprint is out of date.
     """
     from sepv import schemes
     from sepv.verification import load_laws

@@ -1,4 +1,4 @@
-"""The JSON files that a page is made of: which is which, and that each is what it says."""
+"""The JSON files of a page: their kinds, and a check that each is valid for its kind."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from typing import Any
 from sepv.errors import UsageError
 from sepv.files import read_json, require_schema
 
-# A key that tells a file's kind, and whether the files of a kind are reports on a scheme, comparisons, …
+# A key that tells a file's kind: a report on a scheme, a reproduction, a comparison or a benchmark.
 KINDS = {"suite": "verify", "reproduction": "reproduce", "times_to_error": "compare", "records": "bench"}
 SCHEMA_OF = {"verify": "report", "compare": "comparison", "reproduce": "reproduction", "bench": "bench"}
 
 
 @dataclass
 class Sources:
-    """What was read, by kind, in the order of the files."""
+    """The files that were read, by kind, in their order."""
 
     verify: list[dict[str, Any]] = field(default_factory=list)
     compare: list[dict[str, Any]] = field(default_factory=list)

@@ -1,11 +1,11 @@
-"""Text that users and programs wrote, cleaned for the page; escaping is the template engine's work, not done here."""
+"""Text of users and programs, cleaned for the page; the template engine escapes it."""
 
 from __future__ import annotations
 
 import math
 import unicodedata
 
-# Longer names and messages are cut: they are in the JSON file in full.
+# The most characters of names and messages; the JSON file has them in full.
 NAME, MESSAGE = 60, 1500
 _KEPT = "\n\t"
 
@@ -25,7 +25,7 @@ def name(text: object) -> str:
 
 
 def number(value: float | None) -> str:
-    """Three digits; a real minus sign; nothing for None."""
+    """A number with three digits and a real minus sign; nothing for None."""
     if value is None:
         return ""
     if not math.isfinite(value):

@@ -1,4 +1,4 @@
-"""What the page shows of each kind of file, arranged for the template. Nothing here is HTML."""
+"""Views of each kind of file, arranged for the template. Nothing here is HTML."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def schemes(reports: list[View]) -> tuple[list[str], list[View]]:
 
 
 def _scheme(report: View, laws: list[str], budget: int) -> View:
-    """A scheme's row in the matrix, its table, its counterexamples and how many were left out."""
+    """A scheme's row in the matrix, its table, its counterexamples and the number of omitted ones."""
     found = {law["law"]: law for law in report["laws"]}
     absent = {"kind": "absent", "sign": "", "words": "not measured", "claimed": False}
     counts = ", ".join(Verdict(k).of(n) for k, n in report["counts"].items() if n)
@@ -64,7 +64,7 @@ def _scheme(report: View, laws: list[str], budget: int) -> View:
 
 
 def _found(report: View) -> str:
-    """The profiles that a report found, and what was waived; a report that is older than profiles says so."""
+    """The profiles that a report found, and what was waived; a report older than profiles says so."""
     profiles = report.get("profiles")
     if profiles is None:
         return "; it was written before sepv knew profiles: measure again for them"
@@ -73,9 +73,9 @@ def _found(report: View) -> str:
 
 
 def again(data: View, subject: str) -> str:
-    """The command that made a file, as the file says; a comment where no command did.
+    """The command that made a file, from the file; a comment if no command did.
 
-    Each word is quoted anew, so that text of the file stays text where somebody copies the line.
+    Each word is quoted anew, so that text of the file stays text if somebody copies the line.
     """
     words = _words(str(data.get("made", {}).get("command") or ""))
     if words[:1] != ["sepv"]:
@@ -84,7 +84,7 @@ def again(data: View, subject: str) -> str:
 
 
 def _words(command: str) -> list[str]:
-    """The words of a command; none where its quotes do not match."""
+    """The words of a command; none if its quotes do not match."""
     try:
         return shlex.split(command)
     except ValueError:
@@ -111,11 +111,11 @@ def _row(law: View) -> View:
 
 
 def _counterexamples(laws: list[View], target: str, budget: int) -> tuple[list[View], int]:
-    """Claimed laws first; as many as the budget of characters allows, and how many it does not."""
+    """Choose counterexamples within the budget of characters, claimed laws first; return the number left out."""
     open_ = [law for law in laws if law["verdict"] in ("violated", "error") and law["message"]]
     shown: list[View] = []
     for law in sorted(open_, key=lambda v: not v["claimed"]):
-        # A command is there to be copied: whole or not at all.
+        # A command is for copying: it is shown whole or not at all.
         copied = target and law["replay"] and len(law["replay"]) < 4000 and has_words(law["witness"])
         command = shlex.join(["sepv", "verify", *_words(target), *_words(law["replay"])]) if copied else ""
         entry = {
@@ -131,7 +131,7 @@ def _counterexamples(laws: list[View], target: str, budget: int) -> tuple[list[V
 
 
 def _unsettled(laws: list[View]) -> list[str]:
-    """In words, why each inconclusive law is: what was measured, and what may keep its interval wide."""
+    """Explain each inconclusive law: the measurement, and possible reasons for its wide interval."""
     found = []
     for law in laws:
         if law["verdict"] == "inconclusive":
@@ -144,12 +144,12 @@ def _unsettled(laws: list[View]) -> list[str]:
     return found
 
 
-# The first three of the errors that the message of a statistical law lists.
+# The first three errors in the message of a statistical law.
 _RMS = re.compile(r"rms error ([\d.e+-]+), ([\d.e+-]+), ([\d.e+-]+)")
 
 
 def _runs_away(*errors: str) -> bool:
-    """The coarsest error is more than four times what the two after it lead to expect."""
+    """True if the coarsest error is more than four times the one that the next two lead to expect."""
     try:
         first, second, third = map(float, errors)
     except ValueError:  # a file by somebody else
@@ -158,7 +158,7 @@ def _runs_away(*errors: str) -> bool:
 
 
 def _target(scheme: View) -> str:
-    """What stands for the scheme in a command: as the file says, else its name where that is a built-in's."""
+    """The words for the scheme in a command: those of the file, else its name if it is built in."""
     from sepv.schemes import by_name
 
     if scheme.get("target"):
@@ -170,13 +170,13 @@ def _target(scheme: View) -> str:
 
 
 def headline(reports: list[View]) -> str:
-    """How many claims hold, and whose do not."""
+    """The number of claims that hold, and the schemes with claims that do not."""
     claimed = [(r, law) for r in reports for law in r["laws"] if law["claimed"] and law["expected"] is None]
     claimed = [(r, law) for r, law in claimed if law["verdict"] != "not_applicable"]
     broken = [(r, law) for r, law in claimed if law["verdict"] != "holds"]
     if not claimed:
         return f"{counted(len(reports), 'scheme')}, of which nothing is claimed."
-    # A scheme of which nothing is claimed keeps nothing that it claims.
+    # A scheme without claims keeps none.
     claiming = [r for r in reports if any(r is c for c, _ in claimed)]
     kept = sum(not any(r is b for b, _ in broken) for r in claiming)
     silent = len(reports) - len(claiming)
@@ -197,7 +197,7 @@ def headline(reports: list[View]) -> str:
 
 
 def law_texts(laws: list[str]) -> list[dict[str, str]]:
-    """What each law of the suite says and where it comes from; laws that it does not know have no text."""
+    """The statement and source of each law of the suite; unknown laws have no text."""
     texts = {law: {"name": name(law), "anchor": "", "statement": "", "source": ""} for law in laws}
     for law in load_laws([law for law in laws if law in LAWS]):
         said = {"statement": plain(law.statement, 400), "source": plain(law.source, 80)}
@@ -206,15 +206,15 @@ def law_texts(laws: list[str]) -> list[dict[str, str]]:
 
 
 def step_size(h: float) -> str:
-    """A power of two as one, else three digits."""
+    """A step size: a power of two as one, else three digits."""
     exponent = math.log2(h) if h > 0 else 0.5
     return power(h, 2) if exponent == int(exponent) and exponent < -1 else number(h)
 
 
 def priced(points: list[View]) -> list[View]:
-    """The points from where time is paid for steps: where twice the steps no longer cost less than half as much again.
+    """The points from where steps dominate the time: twice the steps cost at least half as much again.
 
-    Left of that a call's own overhead is what was measured. The last two points stay in any case.
+    Before them a call's overhead dominates. The last two points always stay.
     """
     if not points or not points[0].get("steps"):
         return points
@@ -229,7 +229,7 @@ def priced(points: list[View]) -> list[View]:
 
 
 def drawn(sources: Sources) -> tuple[list[str], dict[str, Look]]:
-    """The schemes that pictures show, and the looks that their files state."""
+    """The schemes in pictures, and the looks that their files state."""
     methods = [m for c in sources.compare for m in c["methods"]]
     names = [m["name"] for m in methods]
     names += [s["scheme"] for r in sources.reproduce for p in r["panels"] for s in p["series"]]
@@ -237,7 +237,7 @@ def drawn(sources: Sources) -> tuple[list[str], dict[str, Look]]:
 
 
 def comparison(data: View, pictures: Pictures) -> View:
-    """Two plots, the points, the times to given errors, and where it ran."""
+    """The view of a comparison: two plots, the points, the times to given errors, and the machine."""
     methods = [m["name"] for m in data["methods"]]
     points = [p for p in data["points"] if p["failures"] < p["paths"]]
     by_method = {m: [p for p in points if p["method"] == m] for m in methods}
@@ -305,7 +305,7 @@ def _times(times: list[View], methods: list[str]) -> list[tuple[str, list[str]]]
 
 
 def bench(data: View) -> View:
-    """For each target a row a case: exact counters, and the rms of error and defects over all paths."""
+    """The view of a benchmark: a row for each target and case, with exact counters, and rms of error and defects."""
     kinds = list(dict.fromkeys(k for r in data["records"] for case in r["cases"] for k in case["counters"]))
 
     def rms(groups: list[str]) -> str:
@@ -332,7 +332,7 @@ def bench(data: View) -> View:
 
 
 def reproduction(data: View, pictures: Pictures) -> View:
-    """The panels with their plots and statements."""
+    """The view of a reproduction: its panels with their plots and statements."""
     return {
         "about": {k: plain(v, 60) if isinstance(v, str) else v for k, v in data["reproduction"].items()},
         "of": plain(data["reproduction"]["of"], 300),

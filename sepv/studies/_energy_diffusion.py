@@ -56,7 +56,7 @@ class EnergyDiffusion:
     period: float
 
     def reaches(self, t: float) -> bool:
-        """Whether the walk up to t is shorter than D/drift, over which D itself changes."""
+        """True if the walk up to t is shorter than D/drift, over which D itself changes."""
         return 2 * t * self.drift**2 <= self.diffusion
 
     def at(self, t: Array) -> tuple[Array, Array]:

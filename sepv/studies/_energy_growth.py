@@ -32,12 +32,12 @@ from sepv.studies._picture import Axis, Series, content, draw_curves, figure, lo
 from sepv.verification._orders.convergence import jackknife_half
 from sepv.verification._quantiles import students_t
 
-# Two-sided level of each interval.
+# The two-sided level of each interval.
 LEVEL = 1e-3
 # A bounded error oscillates: between two times its size may double, which is a slope of 1 over one doubling and of at
 # most 1/4 over four. Its period has to be below T/2^DOUBLINGS.
 DOUBLINGS = 4
-# Of a scheme's own curve, and of theory's.
+# Line styles of a scheme's own curve, and of theory's.
 STYLES: tuple[Literal["points", "line"], ...] = ("points", "line")
 # Exponents between 0, ½ and 1 are told apart half-way.
 KINDS = (("bounded", 0.25), ("a random walk", 0.75), ("linear", 1.25), ("faster than linear", np.inf))
@@ -68,14 +68,14 @@ class Growth:
 
     @property
     def kind(self) -> str:
-        """How the rms grows: rounding, one of KINDS, or open where the interval does not decide or paths failed."""
+        """The growth of the rms: rounding, one of KINDS, or open if the interval does not decide or paths failed."""
         if self.failed:
             return "open"
         return "rounding" if self.rms[-1] <= self.rounding else kind_of(*self.exponent)
 
     @property
     def drifts(self) -> bool:
-        """Whether the interval of the mean's drift excludes 0, and the error is no rounding."""
+        """True if the interval of the mean's drift excludes 0, and the error is not rounding."""
         return self.kind != "rounding" and not self.failed and abs(self.drift[0]) > self.drift[1]
 
     def to_json(self) -> dict[str, Any]:
@@ -150,7 +150,7 @@ def exponent(times: Array, errors: Array) -> tuple[float, float]:
     squares = errors**2
     total, paths = squares.sum(axis=1), squares.shape[1]
     x = np.log(times) - np.mean(np.log(times))
-    # Where one path is all there is, the rest has no logarithm.
+    # A single path leaves an empty rest, without logarithm.
     with np.errstate(divide="ignore", invalid="ignore"):
         value = 0.5 * float(x @ np.log(total / paths)) / float(x @ x)
         half = jackknife_half(0.5 * (x @ np.log((total[:, None] - squares) / (paths - 1))) / (x @ x), LEVEL)
@@ -167,7 +167,7 @@ def kind_of(value: float, half: float) -> str:
 
 
 def rounding_walk(problem: Problem, y: Array, steps: int) -> float:
-    """How far H walks by rounding in `steps` steps of a scheme that keeps it, among states y (d, M).
+    """The walk of H by rounding in `steps` steps of a scheme that keeps it, among states y (d, M).
 
     A step rounds the update of y, by half an ulp of each component, and leaves a residual of the same size: H moves by
     at most 2 eps (Σ|∂_iH y_i| + |H|). Signs are as good as random, so that by Azuma's inequality the walk exceeds

@@ -1,4 +1,4 @@
-"""Work, counted where nobody can forget to count: in the problem's own functions.
+"""Counted work: the problem's own functions count their evaluations, for any scheme.
 
 A scheme says what it likes about its own evaluations; the functions it is handed know. Every number is an exact
 integer, one for each state that a function was evaluated at, so that one evaluation more is seen.
@@ -29,7 +29,7 @@ KINDS = tuple(dict.fromkeys(COUNTED.values()))
 
 @dataclass
 class Work:
-    """How many states each kind of function has been evaluated at, and Newton iterations by the scheme's word."""
+    """The number of states at which each function was evaluated, and the Newton iterations that the scheme reports."""
 
     evaluations: dict[str, int] = field(default_factory=lambda: dict.fromkeys(KINDS, 0))
     iterations: int | None = None
@@ -40,7 +40,7 @@ class Work:
 
 
 def counted(problem: Problem, work: Work) -> Problem:
-    """The same problem, whose functions add to `work` the number of states they are evaluated at."""
+    """A problem whose functions add the number of their states to `work`."""
 
     def counting(kind: str, function: Callable[..., Any]) -> Callable[..., Any]:
         def wrapper(y: Any, *more: Any) -> Any:

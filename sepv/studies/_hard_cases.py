@@ -1,4 +1,4 @@
-"""A scheme on the hard cases: how each step ends, and the energy defect in extended precision.
+"""A scheme on the hard cases: the endings of steps, and the energy defect in extended precision.
 
 A step ends well in one of two ways: a value within the derived bound of `sepv.verification._tolerance`, or a
 refusal that the case allows. Everything else is counted: a value that is not finite or outside the domain, a defect
@@ -27,13 +27,13 @@ from sepv.verification import Case, energy_bound, energy_ulp, step_residual
 
 # Steps solved together; each batch draws an h of its own.
 BATCH = 500
-# What a value is called that is not one.
+# Kinds of wrong values that a scheme returned without a mark.
 UNMARKED = ("not finite", "outside the domain", "beyond the bound", "residual beyond the bound")
 
 
 @dataclass
 class Seen:
-    """What happened on one case.
+    """The results on one case.
 
     statuses : how the steps ended, by name of `Status`; CRASH where the scheme raised anything but StepFailure
     wrong : values returned as solutions that are none, by what of UNMARKED they are
@@ -63,7 +63,7 @@ class Seen:
 
     @property
     def strays(self) -> set[str]:
-        """Endings that the case does not allow. What refuses by an exception does not say why: any refusal will do."""
+        """Endings that the case does not allow. A refusal by an exception has no status: every refusal is accepted."""
         refusals = {*self.case.refusals, "REFUSED"} if self.case.refusals else set()
         return set(self.statuses) - {"CONVERGED"} - refusals
 
@@ -198,7 +198,7 @@ def long_steps(problem: Problem, text: str = "") -> HardCase:
 
 
 def energy_defects(data: Description, y0: Array, y1: Array) -> Array:
-    """|H(y1) − H(y0)| of every lane, (M,), H evaluated at the binary64 states in extended precision."""
+    """|H(y1) − H(y0)| of every lane, (M,), with H evaluated at the binary64 states in extended precision."""
     H = exact_energy(data)
     return np.array([abs(float(H(b) - H(a))) for a, b in zip(y0.T, y1.T, strict=True)])
 
@@ -234,7 +234,7 @@ def _count(seen: Seen, sample: Sample, lanes: Array, what: str) -> None:
 
 
 def _tilt(case: HardCase, scheme: Scheme, y0: Array, y1: Array, h: float, dW: Array) -> Array | float:
-    """|Δ| gᵀ|S|g: what the symmetric part S of a nearly skew B does to H, with g bounded along the step.
+    """The effect |Δ| gᵀ|S|g of the symmetric part S of a nearly skew B on H, with g bounded along the step.
 
     The averages of a scheme with several stages exceed ∇H by up to `amplification`.
     """

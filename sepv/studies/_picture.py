@@ -1,4 +1,4 @@
-"""Every picture: who looks how, curves on axes, and a figure's content as a file. Needs the extra ``plots`` to draw.
+"""Pictures: looks of schemes, curves on axes, and a figure's content as a file. Drawing needs the extra ``plots``.
 
 A scheme's look is on its record. Who has none is given one here that no other in the same pictures has. The colours are
 those of M. Okabe and K. Ito (2008), darker or lighter where the paper or the screen asks for it.
@@ -23,19 +23,19 @@ from sepv.errors import UsageError
 from sepv.schemes import Look
 
 SUFFIXES = (".svg", ".png", ".pdf")
-# What is no curve of a scheme: a reference, slopes, the grid.
+# Colours of lines that are not a scheme's: a reference, slopes, the grid.
 REFERENCE = Look("#333333", "#DDDDDD", "", "1 2")
 GUIDE, GRID, SOFT, TEXT = "#6e7781", "#e3e7eb", "#57606a", "#1b1f24"
 # A defect of exactly zero has no logarithm: it is drawn at half a rounding of one.
 FLOOR = 1.1e-16
-# Colours (light, dark) and markers for who has none of its own: 7 and 11 have no common divisor.
+# Colours (light, dark) and markers for schemes without a look: 7 and 11 have no common divisor.
 _COLOURS = (
     ("#A85C32", "#E8A77F"), ("#9A5BA8", "#D9A6E4"), ("#3D7F7A", "#7CC7C1"), ("#8A7A1F", "#CDBD5C"),
     ("#B04A5A", "#EE97A5"), ("#5F6B2F", "#AFBE78"), ("#56789A", "#9BB8D3"),
 )  # fmt: skip
 _MARKERS = ("v", "<", ">", "h", "p", "d", "P", "X", "s", "^", "x")
 _DASHES = ("8 2 2 2", "", "4 2", "2 1")
-# Of a scheme's second curve in one picture, and of further ones.
+# Dashes of a scheme's second curve in one picture, and of further ones.
 _AGAIN = ("9 4", "1 2", "9 2 1 2")
 
 # Line widths and type for a picture that is read beside text.
@@ -50,7 +50,7 @@ STYLE = {
     "axes.axisbelow": True,
     "lines.scale_dashes": False,
     "legend.frameon": False,
-    # A name that holds a dollar sign is a name.
+    # A name with a dollar sign is text, not a formula.
     "text.parse_math": False,
     # Text stays text in SVG, and equal numbers give equal files.
     "svg.fonttype": "none",
@@ -121,7 +121,7 @@ def _free(number: int) -> Look:
 
 
 def require_picture(path: str | None) -> None:
-    """Complain by a UsageError about a wrong suffix or a missing library before the work, not after."""
+    """Raise UsageError for a wrong suffix or a missing library, before the work."""
     if path is None:
         return
     if Path(path).suffix.lower() not in SUFFIXES:
@@ -132,7 +132,7 @@ def require_picture(path: str | None) -> None:
 
 
 def require_matplotlib(otherwise: str) -> None:
-    """Complain by a UsageError where there is no matplotlib; `otherwise` says what needs none."""
+    """Raise UsageError without matplotlib; `otherwise` names what works without it."""
     optional("matplotlib", "matplotlib, for pictures", f"pip install 'sepv[plots]'; {otherwise}")
 
 
@@ -205,7 +205,7 @@ def draw_curves(
             **line(look, s.style, size),
             markevery=every,
             label=s.name,
-            # What stays must not vanish behind what runs away.
+            # Clip diverging curves so that the bounded ones stay visible.
             zorder=3 if s.scheme == "energy-preserving" else 2,
         )
     _slopes(axes, points, slopes)
@@ -227,7 +227,7 @@ def frame(axes: Any, x: Axis, y: Axis, *, x_base: int = 10) -> None:
 
 
 def _finite(s: Series, x_log: bool, y_log: bool) -> tuple[np.ndarray, np.ndarray]:
-    """What can be drawn. Beyond 1e300 a frame around it would overflow."""
+    """The points that can be drawn. Beyond 1e300 a frame around them would overflow."""
     x, y = np.array(s.x, dtype=float), np.array(s.y, dtype=float)
     kept = (np.abs(x) < 1e300) & (np.abs(y) < 1e300) & ((x > 0) | (not x_log)) & ((y > 0) | (not y_log))
     return x[kept], y[kept]
@@ -242,7 +242,7 @@ def _marked(style: str, count: int, number: int, most: int | None) -> Any:
 
 
 def _spikes(y: np.ndarray, strips: int) -> np.ndarray:
-    """Where a long line has its ends, and the least and the largest of each strip: spikes stay."""
+    """The ends of a long line, and the least and the largest value of each strip: spikes stay."""
     every = np.arange(len(y))
     if len(y) <= 2 * strips:
         return every

@@ -1,6 +1,6 @@
 """Workers: numbered tasks on threads, processes, an executor, a map or a Dask cluster.
 
-Read `_run_all` first (what workers may be, and a task that is computed again), then `_pool` (threads, processes,
+Read `_run_all` first (the kinds of workers, and tasks that are computed again), then `_pool` (threads, processes,
 futures) and `_on_dask`.
 """
 

@@ -1,8 +1,8 @@
-"""Dask as the crew: chunks as futures of a `distributed.Client`, never more than a few for each thread of the cluster.
+"""Tasks on Dask: chunks as futures of a `distributed.Client`, at most a few for each thread of the cluster.
 
-What Dask does by itself: a chunk whose worker died goes to another one; a chunk that raised is tried again elsewhere.
-What is seen to here: a worker's versions are those of this process, or the bits would not be the same; a scheduler that
-is gone, a cluster without workers, and a chunk that kills one worker after the other end in words, and do not hang.
+Dask moves a chunk whose worker died to another one, and tries a chunk that raised again elsewhere. This module checks
+that a worker has the versions of this process, or the bits would differ. It ends with a message, and does not hang,
+if the scheduler is gone, the cluster has no workers, or a chunk kills one worker after the other.
 """
 
 from __future__ import annotations
@@ -26,28 +26,28 @@ from sepv._version import __version__
 from sepv.errors import ClusterFailure, UsageError
 from sepv.workers._pool import AHEAD, Futures, Outcome, cannot_travel
 
-# A chunk that raised is tried so often again by Dask; after that once here, where the error is seen as it is.
+# Dask's retries of a chunk that raised; after them it runs once here, where the error is visible.
 RETRIES = 1
-# Seconds to wait for a scheduler to answer, and for a first worker: clusters that grow by themselves begin with none.
+# Seconds to wait for a scheduler's answer, and for a first worker: clusters that grow by themselves start with none.
 CONNECT = 10.0
 NO_WORKER = 120.0
-# Seconds for one result to arrive; after that it is seen whether there is still a cluster, and asked for again.
+# Seconds for one result to arrive; then the cluster is checked, and the result is requested again.
 FETCH = 60.0
-# Seconds between two looks at the cluster while nothing arrives.
+# Seconds between two checks of the cluster while nothing arrives.
 LOOK = 1.0
 
 
 class TaskRaised(Exception):
-    """What a task raised on a worker, in words: an exception of any class may be unable to travel."""
+    """A task raised on a worker; the error is in words, because an exception may be unable to travel."""
 
 
 class Unfit(str):
-    """What a worker lacks that the task needs."""
+    """A requirement of the task that a worker lacks."""
 
 
 @dataclass(frozen=True)
 class OnWorker:
-    """The function, preceded on the worker by a look at the versions there."""
+    """The function, with a check of versions before it on the worker."""
 
     function: Callable[[Any], Any]
     wanted: dict[str, str]
@@ -67,7 +67,7 @@ class OnWorker:
 
 @cache
 def versions(alike: tuple[str, ...]) -> dict[str, str]:
-    """Of what the bits of a path come from; "none" for what is not installed."""
+    """The versions that bits depend on; "none" for a package that is not installed."""
     found = {name: metadata.version(name) if find_spec(name) is not None else "none" for name in alike}
     return {"sepv": __version__, **found}
 
@@ -76,7 +76,7 @@ def versions(alike: tuple[str, ...]) -> dict[str, str]:
 def dask_crew(workers: Any, function: Callable[[Any], Any], alike: tuple[str, ...]) -> Iterator[DaskCrew]:
     """The crew of a client, of a cluster, or of the scheduler at an address.
 
-    A UsageError where there is no Dask, nobody at the address, or the client is an asynchronous one.
+    Raises UsageError without Dask, with no scheduler at the address, or for an asynchronous client.
     """
     needed = "Dask, for workers that are a scheduler's address"
     Client = optional("distributed", needed, "pip install dask distributed").Client
@@ -105,7 +105,7 @@ def dask_crew(workers: Any, function: Callable[[Any], Any], alike: tuple[str, ..
 
 
 class DaskCrew(Futures):
-    """Futures of a client."""
+    """A crew of a client's futures."""
 
     def __init__(self, client: Any, function: Callable[[Any], Any], alike: tuple[str, ...]) -> None:
         super().__init__(None, OnWorker(function, versions(alike)))
@@ -116,13 +116,13 @@ class DaskCrew(Futures):
         self.threads, self.looked, self.alone = 0, -LOOK, time.monotonic()
 
     def room(self) -> int:
-        """Four for each thread of the cluster, as it is now."""
+        """Four tasks for each current thread of the cluster."""
         if time.monotonic() - self.looked > LOOK:
             self._look()
         return max(AHEAD, AHEAD * self.threads)
 
     def submit(self, numbered: Sequence[tuple[int, Any]]) -> None:
-        """In one message, under names of their own: the same chunk of another run is not taken for one of these."""
+        """Submit in one message, with unique names: the same chunk of another run is another task."""
         keys = [f"{self.name}-{number}" for number, _ in numbered]
         try:
             futures = self.client.map(
@@ -136,7 +136,7 @@ class DaskCrew(Futures):
             self.watch(number, future)
 
     def finished(self) -> list[Outcome]:
-        """Waits for one while there is a cluster."""
+        """Wait for one result while there is a cluster."""
         found: list[Outcome] = []
         while not found:
             try:
@@ -151,7 +151,7 @@ class DaskCrew(Futures):
         return found
 
     def _fetched(self, numbers: list[int]) -> dict[int, Any]:
-        """The results of several chunks in one message; where that fails, each is asked for by itself."""
+        """The results of several chunks in one message; if that fails, each is fetched alone."""
         ready = [number for number in numbers if self.running[number].status == "finished"]
         if len(ready) < 2:
             return {}
@@ -159,7 +159,7 @@ class DaskCrew(Futures):
         waiting = asyncio.run_coroutine_threadsafe(asked, self.client.loop.asyncio_loop)
         try:
             return dict(zip(ready, waiting.result(FETCH), strict=True))
-        except Exception:  # a worker died meanwhile, or the scheduler: seen one by one
+        except Exception:  # a worker or the scheduler died meanwhile; each result is tried alone
             waiting.cancel()
             return {}
 
@@ -168,7 +168,7 @@ class DaskCrew(Futures):
 
         future = self.running.pop(number)
         if future.status in ("lost", "pending"):
-            # Its worker died with the result, which is computed once more.
+            # Its worker died with the result, which is computed again.
             self.watch(number, future)
             return []
         if future.status == "error":
@@ -180,7 +180,7 @@ class DaskCrew(Futures):
                     f"Chunk {number} was computed on {error.allowed_failures + 1} workers, and each of them died.",
                     "look at the memory of a worker, or for code that ends the process; a smaller `chunk=` needs less",
                 )
-            root = error  # what went wrong first: Dask wraps it
+            root = error  # the first error: Dask wraps it
             while root.__cause__ is not None:
                 root = root.__cause__
             text = f"{root}".rstrip(".")
@@ -208,13 +208,13 @@ class DaskCrew(Futures):
         return [Outcome(number, True, result)]
 
     def cancel(self) -> None:
-        """What is on its way is of no use any more; a cluster that is gone has forgotten it already."""
+        """Cancel the tasks on their way; a cluster that is gone has forgotten them."""
         if self.running and self.client.status == "running":
             self.client.cancel(list(self.running.values()), force=True)
         self.running.clear()
 
     def _look(self) -> None:
-        """Whether there is still a cluster, and how large it is."""
+        """Check that the cluster is there, and update its size."""
         self.looked = time.monotonic()
         if self.client.status != "running":
             raise self._gone(f"the client is {self.client.status}")

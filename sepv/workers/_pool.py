@@ -14,14 +14,14 @@ from typing import Any, NamedTuple
 
 from sepv.errors import UsageError
 
-# Chunks on their way for each worker: one that it computes, and others so that it never waits for the next.
+# Chunks on their way for each worker: the one in work, and others so that it never waits.
 AHEAD = 4
-# Workers of an executor that does not say how many it has.
+# The assumed number of workers of an executor that does not tell it.
 UNKNOWN = 16
 
 
 class Outcome(NamedTuple):
-    """What became of a task: its result where it is `ok`, else why there is none."""
+    """The outcome of a task: its result if it is `ok`, else the reason for its failure."""
 
     number: int
     ok: bool
@@ -29,21 +29,21 @@ class Outcome(NamedTuple):
 
 
 class Halted(Exception):
-    """A chunk that was stopped because nobody wants it any more."""
+    """A chunk was stopped because it is no longer wanted."""
 
 
-# Set in a thread whose chunk nobody wants any more: compiled code looks at it between pieces.
+# Set in a thread whose chunk is no longer wanted: compiled code checks it between pieces.
 _halt = threading.local()
 
 
 def halted() -> bool:
-    """Whether the chunk that this thread computes is not wanted any more."""
+    """True if the chunk that this thread computes is no longer wanted."""
     event = getattr(_halt, "event", None)
     return event is not None and event.is_set()
 
 
 class Futures:
-    """The crew of an executor; of any whose futures have `add_done_callback`."""
+    """The crew of an executor, or of anything whose futures have `add_done_callback`."""
 
     def __init__(self, executor: Any, function: Callable[[Any], Any]) -> None:
         self.executor, self.function = executor, function
@@ -51,11 +51,11 @@ class Futures:
         self.done: SimpleQueue[int] = SimpleQueue()
 
     def room(self) -> int:
-        """How many tasks may be beyond the first unfinished one: four for each worker."""
+        """The number of tasks allowed beyond the first unfinished one: four for each worker."""
         return AHEAD * int(getattr(self.executor, "_max_workers", UNKNOWN))
 
     def submit(self, numbered: Sequence[tuple[int, Any]]) -> None:
-        """To the executor, one by one; where it is broken or shut, the task counts as lost."""
+        """Submit to the executor, one by one; if it is broken or shut, the task counts as lost."""
         for number, task in numbered:
             try:
                 future = self.executor.submit(self.function, task)
@@ -71,12 +71,12 @@ class Futures:
             self.watch(number, future)
 
     def watch(self, number: int, future: Any) -> None:
-        """Note when it is done."""
+        """Record the future when it is done."""
         self.running[number] = future
         future.add_done_callback(lambda _: self.done.put(number))
 
     def finished(self) -> list[Outcome]:
-        """What has finished since, at least one: waits for it, takes all that are there."""
+        """Wait for at least one outcome, and return all that are there."""
         numbers = [self.done.get()]
         while not self.done.empty():
             numbers.append(self.done.get())
@@ -88,7 +88,7 @@ class Futures:
         return outcomes
 
     def cancel(self) -> None:
-        """Cancel what has not begun."""
+        """Cancel tasks that have not begun."""
         for future in self.running.values():
             future.cancel()
 
@@ -109,7 +109,7 @@ def crew_of_threads(count: int, function: Callable[[Any], Any]) -> Iterator[Futu
 
 
 def _serve_quietly() -> None:
-    """Ctrl-C reaches the processes of a pool too, which have nothing to say about it. They end with their parent."""
+    """Silence Ctrl-C, which reaches the processes of a pool too. They end with their parent."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
@@ -136,7 +136,7 @@ def crew_of_processes(count: int, function: Callable[[Any], Any]) -> Iterator[Fu
 
 @contextmanager
 def ended_at_once(pool: ProcessPoolExecutor) -> Iterator[ProcessPoolExecutor]:
-    """The pool for a block; where that is left by an exception, such as Ctrl-C, its processes are not waited for."""
+    """The pool for a block; if an exception such as Ctrl-C leaves the block, its processes are not waited for."""
     before = set(multiprocessing.active_children())
     with pool:
         try:
@@ -150,14 +150,14 @@ def ended_at_once(pool: ProcessPoolExecutor) -> Iterator[ProcessPoolExecutor]:
 
 class _Processes(Futures):
     def cancel(self) -> None:
-        """What is still running is not wanted, and its processes are ended.
+        """End the processes of tasks that still run.
 
-        Futures that are cancelled as well would make the pool's own thread fail when it finds its processes gone.
+        Cancelling their futures too would make the pool's own thread fail when it finds its processes gone.
         """
 
 
 def cannot_travel(error: Exception) -> UsageError:
-    """For what another process cannot be given."""
+    """The error for an object that cannot be sent to another process."""
     return UsageError(
         expected="a scheme, a problem and functionals that can go to another process",
         received=f"{type(error).__name__}: {error}",

@@ -1,7 +1,7 @@
-"""Where chunks of paths are computed: by threads, processes, an executor, a map, or Dask.
+"""Workers for chunks of paths: threads, processes, an executor, a map, or Dask.
 
-A chunk is a pure function of its arguments, so that one whose worker died, or that raised, is simply computed again
-here; what the others finished is kept. At most so many chunks are on their way that results never pile up.
+A chunk is a pure function of its arguments: if its worker died, or it raised, it is computed again here, and the
+results of the others are kept. The number of chunks on their way is limited, so that results never pile up.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from sepv.workers._pool import Futures, cannot_travel, crew_of_processes, crew_o
 T = TypeVar("T")
 R = TypeVar("R")
 
-# Chunks in one call of a map, where results must not pile up.
+# Chunks in one call of a map, if results must not pile up.
 LOT = 64
 
 
 def check(workers: Any) -> None:
-    """Refuse what can be no workers, by a UsageError that says what is meant."""
+    """Refuse objects that cannot be workers, by a UsageError that lists those that can."""
     fits = (
         (isinstance(workers, int) and not isinstance(workers, bool) and workers >= 1)
         or callable(workers)
@@ -39,7 +39,7 @@ def check(workers: Any) -> None:
 
 
 def count(workers: Any) -> int:
-    """How many tasks are computed at a time, as far as it is known: 0 where it is not."""
+    """The number of tasks computed at a time; 0 if it is unknown."""
     if isinstance(workers, int):
         return workers
     if hasattr(_dask(workers), "nthreads"):
@@ -59,14 +59,14 @@ def run_all(
 ) -> int:
     """Run function on every task; `receive` gets the number and the result of each, in any order.
 
-    How many tasks had to be computed again here, where what they raise is raised. Of a cluster that is gone, or cannot
-    do this work, a ClusterFailure says so, and nothing is computed here.
+    Returns the number of tasks that had to be computed again here; their errors are raised here. A cluster that is
+    gone, or unfit for the work, raises ClusterFailure, and nothing is computed here.
 
     workers : an int of threads (where `threads`: the function releases the GIL) or processes; an executor, or its
         `map`, which gets the chunks one by one, so that none that is finished is lost when a worker dies; any other
         map-like callable, which gets a function and numbered tasks, and may return what came of them in any order; or
         Dask, see `sepv.workers._on_dask`
-    receive : returns True where no more are wanted
+    receive : returns True if no more are wanted
     bounded : whether results must not pile up: a map then gets the tasks in lots. All others never have more than a few
         tasks for each worker beyond the first that is unfinished.
     alike : packages of which a worker of a cluster must have the same version as this process, beside sepv
@@ -108,7 +108,7 @@ def _flow(
             if sent < beyond:
                 crew.submit([(number, tasks[number]) for number in range(sent, beyond)])
                 sent = beyond
-            # What is there is taken before what has to be computed again, and may raise.
+            # Deliver finished results first: recomputing may raise.
             for number, ok, found in sorted(crew.finished(), key=lambda outcome: not outcome.ok):
                 again += not ok
                 if receive(number, found if ok else function(tasks[number])):
@@ -123,11 +123,11 @@ def _flow(
 
 
 def _guarded(function: Callable[[Any], Any], numbered: tuple[int, Any]) -> tuple[int, bool, Any]:
-    """The function of a numbered task, with its number and what it raises returned: a map goes on, in any order."""
+    """Run a numbered task, and return its number and its result or error: a map goes on, in any order."""
     number, task = numbered
     try:
         return number, True, function(task)
-    except Exception as error:  # whatever it is, it is tried again where it can be seen
+    except Exception as error:  # every exception: the task runs again where it can be seen
         return number, False, f"{type(error).__name__}: {error}"
 
 
@@ -160,9 +160,9 @@ def _mapped(
     while True:
         try:
             one = next(found)
-        except Exception:  # the end of it, one way or the other
+        except Exception:  # the end of the map, by whatever error
             return
-        # Whatever else a map returns counts as missing, and is computed here.
+        # Other values that a map returns count as missing, and are computed here.
         if isinstance(one, tuple) and len(one) == 3 and one[1]:
             yield one[0], one[2]
 

@@ -19,7 +19,7 @@ from sepv.schemes._scheme import Step, as_lanes
 
 SABOTEURS = Family("interface")
 _CONTRACT = ("contract",)
-# What a saboteur remembers from call to call.
+# The memory of a saboteur between calls.
 Memory = dict[Any, Array]
 Calls = Iterator[int]
 

@@ -1,4 +1,4 @@
-"""What counts as a regression of a record (head) against another one (base).
+"""The rules for a regression of a record (head) against another one (base).
 
 Counters: one more is worse; integers have no noise. Errors and defects: the ratio over the same paths, and its
 interval by a jackknife over groups of paths; worse is what is larger with an error probability of 1e-3 and by more
@@ -18,9 +18,9 @@ from sepv.problem import Array
 from sepv.verification._orders.convergence import jackknife_half
 
 ALPHA = 1e-3
-# An error is the scheme's; another order of summation moves it by rounding only. One per cent is no accident.
+# An error is the scheme's; another order of summation moves it by rounding only, so one per cent is no accident.
 ERROR_TOLERANCE = 1.01
-# A defect at rounding is a matter of the order of summation, and moves by tens of per cent with it.
+# A defect at rounding depends on the order of summation, and moves by tens of per cent with it.
 DEFECT_TOLERANCE = 1.5
 KINDS = {"error": ERROR_TOLERANCE, "energy": DEFECT_TOLERANCE, "casimir": DEFECT_TOLERANCE}
 
@@ -57,7 +57,7 @@ def check(head: dict[str, Any], base: dict[str, Any]) -> list[Check]:
 def _counters(target: str, case: str, ours: dict[str, Any], theirs: dict[str, Any]) -> list[Check]:
     checks = []
     for name in dict.fromkeys((*theirs, *ours)):
-        # None: not reported. A scheme that begins to report has nothing to be compared with.
+        # None: not reported. A newly reported counter has nothing to be compared with.
         mine, other = ours.get(name), theirs.get(name)
         if mine is None or other is None:
             continue
@@ -95,5 +95,5 @@ def ratio(head: Array, base: Array) -> tuple[float, float, float]:
 
 
 def rms(groups: list[str]) -> float:
-    """Of all paths, from mean squares over groups of them in hex."""
+    """The rms of all paths, from mean squares over groups of them in hex."""
     return float(np.sqrt(np.mean([hex_float(v) for v in groups])))

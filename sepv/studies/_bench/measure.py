@@ -1,4 +1,4 @@
-"""What a scheme does in one case: work as exact integers, errors and defects path by path, time.
+"""Measurement of a scheme in one case: work as exact integers, errors and defects path by path, time.
 
 This file also runs inside another checkout (`sepv.studies._bench.timed_process`), which may be older than itself: it
 stands on the contract of a scheme and on names that every release has, `exact_flow`, `problems`, `truncate`.
@@ -27,7 +27,7 @@ _EPS = float(np.finfo(np.float64).eps)
 
 
 def measure(scheme: Scheme, case: dict[str, Any]) -> dict[str, Any]:
-    """One case: `counters`, and `error`, `energy`, `casimir` as mean squares over groups of paths, in hex floats.
+    """Measure one case: `counters`, and `error`, `energy`, `casimir` as mean squares over groups of paths, in hex.
 
     The two defects have the squared rounding of their own evaluation added, so that ratios of them mean something.
     """
@@ -53,7 +53,7 @@ def measure(scheme: Scheme, case: dict[str, Any]) -> dict[str, Any]:
 def build(case: dict[str, Any]) -> Problem:
     """The problem of a case."""
     given = case["problem"]
-    if isinstance(given, str) and ":" in given:  # a user's own, which only newer releases can be asked for
+    if isinstance(given, str) and ":" in given:  # a user's problem, which only newer releases support
         from sepv.schemes import load_problem
 
         problem = load_problem(given)
@@ -67,21 +67,21 @@ def build(case: dict[str, Any]) -> Problem:
 
 
 def raw_increments(problem: Problem, case: dict[str, Any]) -> np.ndarray:
-    """(N, m, M), from NumPy's own generator: what a release does to its random streams is none of this."""
+    """Increments (N, m, M) from NumPy's own generator, independent of changes to a release's random streams."""
     rng = np.random.Generator(np.random.PCG64(case["seed"]))
     shape = (case["steps"], problem.noises, case["paths"])
     return np.asarray(np.sqrt(case["h"]) * rng.standard_normal(shape))
 
 
 def increments(scheme: Scheme, problem: Problem, case: dict[str, Any]) -> np.ndarray:
-    """The same, truncated as the scheme asks for."""
+    """The raw increments, truncated as the scheme declares."""
     return bounded.truncate(raw_increments(problem, case), case["h"], scheme.truncation)
 
 
 def run(
     scheme: Scheme, problem: Problem, case: dict[str, Any], dW: np.ndarray, *, watch: bool = False
 ) -> tuple[tuple[np.ndarray, np.ndarray], dict[str, int]]:
-    """All paths through all steps: ((y (d, M), largest defects (2, M)), solves).
+    """Run all paths through all steps: ((y (d, M), largest defects (2, M)), solves).
 
     A path whose step fails ends there, is counted, and stays where it was.
     """
@@ -107,7 +107,7 @@ def run(
 def _advance(
     scheme: Scheme, problem: Problem, y: np.ndarray, h: float, dW: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """One step: values, which lanes failed, Newton iterations."""
+    """One step: values, flags of failed lanes, Newton iterations."""
     if scheme.solve is not None:
         solution = scheme.solve(problem, y, h, dW)
         return solution.value, np.asarray(solution.status) != 0, int(np.sum(solution.iterations))
@@ -117,7 +117,7 @@ def _advance(
                 value = scheme.step(problem, y, h, dW)
                 return value, ~np.all(np.isfinite(value), axis=0), 0
             except REFUSALS:
-                pass  # one lane at least; which, the lanes say one by one
+                pass  # at least one lane failed; the lanes are tried one by one
         value = np.full_like(y, np.nan)
         for lane in range(y.shape[1]):
             try:

@@ -77,7 +77,7 @@ class Side:
             )
 
     def ask(self, question: dict[str, Any]) -> dict[str, Any]:
-        """One question, one answer; a TargetError where the scheme raises, the process ends, or that takes TIMEOUT."""
+        """Send one question and return the answer; a TargetError if the scheme raises, or the process ends or hangs."""
         try:
             self.questions.write(json.dumps(question) + "\n")
             self.questions.flush()
@@ -99,7 +99,7 @@ class Side:
         """End the process."""
         with suppress(BrokenPipeError):
             self.questions.close()
-        try:  # it ends with its input, unless it is interrupted while it measures
+        try:  # it ends with its input, unless it is interrupted in a measurement
             self.process.wait(timeout=0.5)
         except subprocess.TimeoutExpired:
             self.process.kill()
@@ -109,13 +109,13 @@ class Side:
 
 @contextmanager
 def both(target: str, head: Path, base: Path) -> Iterator[tuple[Side, Side]]:
-    """A process for each of two checkouts."""
+    """Start a process for each of two checkouts."""
     with closing(Side(target, head, "head's")) as first, closing(Side(target, base, "other")) as second:
         yield first, second
 
 
 def head_of(target: str) -> Path:
-    """The checkout from which this very process takes a target."""
+    """The checkout from which this process loads a target."""
     return Path.cwd() if ":" in target else Path(sepv.__file__).resolve().parents[1]
 
 
@@ -181,7 +181,7 @@ def time_pairs(
 
 def _batch(sides: tuple[Side, Side], job: dict[str, Any]) -> list[tuple[float, float]]:
     for side in sides:
-        side.ask({**job, "loops": 1})  # whatever a first run has to do
+        side.ask({**job, "loops": 1})  # the work of a first run
     once = max(side.ask({**job, "loops": 1})["seconds"][1] for side in sides)
     question = {**job, "loops": max(1, round(READING / once))}
     pairs = []
@@ -204,7 +204,7 @@ def _settled(times: Times) -> bool:
 def _check(target: str, times: Times, clock: int) -> Check:
     ratio, low, high = times.bounds(clock)
     text = f"ratio {ratio:.3f} in [{low:.3f}, {high:.3f}], {len(times.batches)} × {PAIRS} pairs"
-    # A bound that reaches ten per cent has not ruled out what the gate is for.
+    # A bound that reaches ten per cent has not excluded a regression that the gate must find.
     verdict = "same" if high < 1.1 else "not settled"
     if low > TIME_TOLERANCE or high < 1 / TIME_TOLERANCE:
         verdict = "worse" if low > TIME_TOLERANCE else "better"
@@ -219,7 +219,7 @@ def measured(
     cases: Sequence[dict[str, Any]],
     progress: Callable[[str, float], None] = lambda _text, _share: None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The records of both checkouts, by the same measuring code."""
+    """Measure the records of both checkouts by the same code."""
     ours: list[Any] = []
     theirs: list[Any] = []
     with both(target, head, base) as sides:

@@ -18,7 +18,7 @@ HEADINGS = {
     "gradient": "∇H", "structure": "B", "hamiltonian": "H", "hessian": "H″", "structure derivative": "B′",
     "iterations": "Newton", "failed solves": "failed",
 }  # fmt: skip
-# What goes first where a terminal is narrow.
+# Columns that are dropped on a narrow terminal, in order.
 DROPPED = ("H″", "B′", "H", "failed", "Newton", "ΔC", "B", "ΔH")
 
 
@@ -28,7 +28,7 @@ def record(target: str, scheme: Scheme, cases: Iterable[dict[str, Any]]) -> dict
 
 
 def document(records: list[dict[str, Any]]) -> dict[str, Any]:
-    """What a file holds."""
+    """The content of a file."""
     return {"format": FORMAT, "environment": environment(), "records": records}
 
 

@@ -1,4 +1,4 @@
-"""One checkout's side of a paired measurement: a process that measures or times when it is told to.
+"""One checkout's side of a paired measurement: a process that measures or times on request.
 
 Runs as a script with the checkout first on the path; `measure.py` and `_evaluation_count.py` are taken from
 beside this file, so that both sides are measured by the same code however old the other checkout is. JSON
@@ -31,7 +31,7 @@ def _from_file(name: str, path: Path) -> ModuleType:
 
 def main() -> None:
     """Answer until stdin ends."""
-    # Ctrl-C reaches this process as well: whoever asks it has the word.
+    # Ctrl-C reaches this process as well; the parent reports it.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)

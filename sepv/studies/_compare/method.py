@@ -1,4 +1,4 @@
-"""What takes part in a comparison, from what a user names: drivers of whole ensembles over given increments.
+"""Methods of a comparison, from a user's names: drivers of whole ensembles over given increments.
 
 A driver is given the Wiener increments, so that all methods see the same paths. What is no work of the method
 (laying out arrays, moving them into another library) is done beforehand, in `prepare`; only the job is timed.
@@ -34,7 +34,7 @@ class Ends(NamedTuple):
 
 
 class Followed(NamedTuple):
-    """A run that is watched and not timed.
+    """A run that is observed and not timed.
 
     Largest |H(y_n) − H(y_0)| and the same over all Casimirs, (M,), over the steps of a path; work, None where the
     driver's evaluations cannot be counted; the error that the method itself states, 0 for schemes.
@@ -47,10 +47,10 @@ class Followed(NamedTuple):
     stated_error: float = 0.0
 
 
-# (problem, y0 (d,), h, dW (N, m, M) untruncated) -> a job to be timed, and the same run, watched.
+# A function (problem, y0 (d,), h, dW (N, m, M) untruncated) -> a job to be timed, and the same run, observed.
 Prepare = Callable[[Problem, Array, float, Array], Callable[[], Ends]]
 Follow = Callable[[Problem, Array, float, Array], Followed]
-# The same arguments and `keep` -> a job that gives states: see `from_states`.
+# A function with the same arguments and `keep` -> a job that gives states: see `from_states`.
 Run = Callable[[Problem, Array, float, Array, bool], Callable[[], Array]]
 
 
@@ -89,12 +89,12 @@ def invariant_defects(problem: Problem, states: Array) -> tuple[Array, Array]:
 
 
 def finite_ends(problem: Problem, y: Array) -> Ends:
-    """The ends of a driver that reports no status: what is not finite, or has left the domain, has failed."""
+    """The ends of a driver without statuses: states that are not finite, or outside the domain, have failed."""
     return Ends(y, judged(problem, y, np.zeros(y.shape[1], dtype=np.int64)))
 
 
 def from_scheme(scheme: Scheme, problem: Problem, engine: str = "auto") -> Method:
-    """A `sepv.Scheme` under `sepv.ensemble`, its increments truncated as it asks for.
+    """A `sepv.Scheme` under `sepv.ensemble`, with increments truncated as it declares.
 
     engine : "auto" takes the compiled engine (extra `fast`) where it takes the scheme and the problem; such a method is
         timed as a user has it, invariants watched and status kept. Else "numpy".
@@ -148,7 +148,7 @@ def _compiled(scheme: Scheme) -> Method:
 
     def follow(problem: Problem, y0: Array, h: float, dW: Array) -> Followed:
         run = ensemble_for(problem, y0, h, dW)()
-        if scheme.solve is None:  # the same number for every path: one of them is counted, in NumPy
+        if scheme.solve is None:  # every path has the same count, so one is counted, in NumPy
             work = Work()
             _run(scheme, counted(problem, work), y0, h, dW[:, :, :1], track=False)
             work.evaluations = {kind: n * dW.shape[2] for kind, n in work.evaluations.items()}
@@ -171,7 +171,7 @@ def _run(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array, *, tr
 
 
 def from_states(name: str, run: Run, source: str, **more: Any) -> Method:
-    """A driver that reports no status, and whose states can be watched.
+    """A driver without statuses, whose states can be observed.
 
     run : of the same arguments and `keep`: a job that gives states (N + 1, d, M) from y0 on, or, without `keep`, any
         whose last are those at T
@@ -228,7 +228,7 @@ def load_method(target: str, problem: Problem) -> Method:
     """
     if target == EXACT:
         return exact_time_change()
-    peers = import_module("sepv.peers.peer")  # of a room above: its records are made of those of this file
+    peers = import_module("sepv.peers.peer")  # a room above: its records are made of those of this file
     if peers.library_of(target):
         found: Method = peers.method(target)
         return found

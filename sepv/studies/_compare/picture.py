@@ -12,7 +12,7 @@ from sepv.schemes import Look
 from sepv.studies._compare.record import Comparison, Point
 from sepv.studies._picture import FLOOR, Axis, content, figure, frame, line, looks
 
-# Of markers, in points.
+# The size of markers, in points.
 SIZE = 5
 
 
@@ -37,7 +37,7 @@ def draw(comparison: Comparison, suffix: str) -> bytes:
 
 
 def _error_curve(axes: Any, points: list[Point], look: Look) -> None:
-    """Error with its interval; step sizes at which paths failed have no line to them."""
+    """Draw the error with its interval; step sizes at which paths failed are not joined."""
     drawn = [p for p in points if 0 < p.strong.value < math.inf]
     pairs = [(p.microseconds_a_path, p.error) for p in drawn]
     low = [min(p.strong.half, 0.9 * p.strong.value) for p in drawn]
@@ -48,7 +48,7 @@ def _error_curve(axes: Any, points: list[Point], look: Look) -> None:
 
 
 def _curve(axes: Any, pairs: list[tuple[float, float]], points: list[Point], look: Look) -> None:
-    """Filled markers where every path was finished, hollow ones where some failed."""
+    """Draw filled markers if every path was finished, hollow ones if some failed."""
     axes.plot([x for x, _ in pairs], [y for _, y in pairs], **line(look, size=SIZE))
     whole = [xy for xy, p in zip(pairs, points, strict=True) if not p.failures]
     axes.plot([x for x, _ in whole], [y for _, y in whole], **_filled(look) | {"linestyle": "none"})

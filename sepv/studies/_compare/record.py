@@ -1,4 +1,4 @@
-"""What a comparison found: one point for each method and step size, as data."""
+"""The result of a comparison: one point for each method and step size, as data."""
 
 from __future__ import annotations
 
@@ -122,9 +122,9 @@ class Comparison:
     has_casimirs: bool
     points: tuple[Point, ...]
     targets: tuple[float, ...] = ()
-    # Methods that were left out, and why.
+    # Methods that were left out, each with its reason.
     failed: dict[str, str] = field(default_factory=dict)
-    # Of methods whose schemes state one.
+    # Looks that schemes state, by method.
     looks: dict[str, Look] = field(default_factory=dict)
 
     def of(self, method: str) -> list[Point]:
@@ -132,7 +132,7 @@ class Comparison:
         return sorted((p for p in self.points if p.method == method), key=lambda p: p.steps)
 
     def times_to_error(self) -> list[TimeToError]:
-        """For each method and each target."""
+        """The time to error of each method and each target."""
         return [time_to_error(self.of(m), target) for m in self.sources for target in self.targets]
 
     def to_json(self) -> dict[str, Any]:
@@ -151,7 +151,7 @@ class Comparison:
 
 
 def time_to_error(points: list[Point], target: float) -> TimeToError:
-    """Where the line through the points (error, time) of one method reaches an error.
+    """The time to an error, on the line through the points (error, time) of one method.
 
     Errors are those of `Point.error`. Only step sizes at which every path was finished count: a method that loses its
     worst paths looks good.

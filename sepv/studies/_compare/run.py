@@ -23,14 +23,14 @@ from sepv.studies._compare.record import Comparison, Point, Seconds
 from sepv.verification._orders.convergence import GROUPS, Estimate, jackknife
 from sepv.workers import run_all
 
-# Intervals are two-sided at this level, for each point by itself.
+# Intervals are two-sided at this level, for each point alone.
 ALPHA = 0.05
-# Drivers that go path by path get this many paths: at some 10 µs a step they would take hours with all of them.
+# The number of paths for drivers that go path by path: at some 10 µs a step, all paths would take hours.
 SINGLE_PATHS = 64
 # A job shorter than this is repeated within one reading of the clock.
 SHORTEST = 2e-3
 
-# What is being done, and how much of all is done, 0 to 1.
+# The current work, and the share of all that is done, 0 to 1.
 MethodProgress = Callable[[str, float], None]
 
 
@@ -135,7 +135,7 @@ def _prepared(
     methods: Sequence[Method], problem: Problem, start: Array, T: float, coarse: dict[int, Array],
     begin: Callable[[str], None],
 ) -> tuple[list[_Cell], dict[str, str]]:  # fmt: skip
-    """The cells of the methods that take a first run with the increments of each number of steps, and what failed."""
+    """Prepare the cells of the methods that take a first run for each number of steps; return the failures too."""
     cells: list[_Cell] = []
     failed: dict[str, str] = {}
     for method in methods:
@@ -147,7 +147,7 @@ def _prepared(
                 job = method.prepare(problem, start, T / count, dW)
                 watched = (method.follow, problem, start, T / count, dW)
                 own.append(_Cell(method, count, job, _time(job)[0], watched))
-        except SepvError as error:  # this method's alone: the others are compared all the same
+        except SepvError as error:  # only this method fails: the others are still compared
             failed[method.name] = str(error)
             continue
         cells += own
@@ -155,7 +155,7 @@ def _prepared(
 
 
 def _follow(watched: tuple[Any, ...]) -> Followed | str:
-    """The run, or why there is none: the others are compared all the same."""
+    """Observe the run, or return the reason for a failure: the others are still compared."""
     follow, *arguments = watched
     try:
         return follow(*arguments)

@@ -15,7 +15,7 @@ from sepv.verification._orders.convergence import Estimate
 
 # Clipping that costs this share of the strong error is said: in squares it is a tenth of it.
 CLIPPED = 0.3
-# What a figure beside a time to an error means.
+# The meaning of a mark beside a time to an error.
 MARKS = {"between": "", "beyond": "~", "coarsest": "≤"}
 # A driver whose time by the clock, in units of its processor time, is this many times what is usual waits for
 # something that is not this process. On a busy machine the clock runs faster for all of them.
@@ -26,12 +26,12 @@ COLUMN_WIDTHS = {
     "steps": 6, "strong error": 12, "weak error": 11, "|ΔH|": 5, "|ΔC|": 5, "ns/step": 7, "±%": 3, "∇H": 4, "B": 4,
     "Newton": 6, "failed": 8,
 }  # fmt: skip
-# What goes first where a terminal is narrow.
+# Columns that are dropped on a narrow terminal, in order.
 DROPPED = ("±%", "B", "∇H", "Newton", "|ΔC|", "ns/step", "weak error", "|ΔH|", "failed")
 
 
 def heading(comparison: Comparison) -> str:
-    """What the tables of points show."""
+    """The heading of the tables of points."""
     rounds = comparison.repeats
     return (
         f"{comparison.problem}, T = {comparison.T:g}: errors with {comparison.confidence:.0%} intervals, the largest "
@@ -97,7 +97,7 @@ def target_table(comparison: Comparison) -> Table:
 
 
 def notes(comparison: Comparison) -> list[str]:
-    """What a reader of the table must know: compilation, fewer paths, failed paths, drivers that wait."""
+    """Notes for a reader of the table: compilation, fewer paths, failed paths, drivers that wait."""
     lines = []
     ways = {t.how for t in comparison.times_to_error()}
     if "beyond" in ways:

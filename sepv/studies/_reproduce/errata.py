@@ -26,7 +26,7 @@ from sepv.studies._reproduce.record import Statement
 
 
 class Evidence(NamedTuple):
-    """Whether the printed statement holds, whether it is refuted, and the numbers that say so."""
+    """The evidence on a printed statement: flags that it holds and that it is refuted, and the numbers."""
 
     holds: bool
     refuted: bool

@@ -1,4 +1,4 @@
-"""The few kinds of criterion that decide a statement, and the slopes that most of them are about.
+"""Criteria that decide a statement, and the slopes that most of them use.
 
 Each criterion has two bounds, one for "holds" and one for "fails"; between them a statement stays open.
 """
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from sepv.record._binary64 import EPS
 
-# What became of a statement: it holds, it does not, or the measurement does not decide.
+# The verdict on a statement: it holds, it fails, or the measurement does not decide.
 Verdict = Literal["holds", "fails", "open"]
 
 

@@ -23,8 +23,8 @@ from sepv.files import finite
 from sepv.studies._picture import Axis, Series, content, draw_curves, figure, looks
 from sepv.studies._reproduce.judge import Verdict
 
-# The paper's schemes: the name with which a sentence begins, and the mean-square order that §4 gives (the paper's
-# statements, not what the schemes here claim).
+# The paper's schemes: the name at the start of a sentence, and the mean-square order that §4 gives (the paper's
+# statements, not the claims of the schemes here).
 _PAPER = {
     "energy-preserving": ("The energy-preserving scheme", 1.0),
     "midpoint": ("The midpoint scheme", 1.0),
@@ -55,7 +55,7 @@ class Job:
     seconds: float
 
     def expected(self) -> float:
-        """Seconds, with the engine that will serve: for the job's place in the queue and the time left."""
+        """Expected seconds with the chosen engine, for the job's place in the queue and the time left."""
         compiled = self.arguments.get("engine") == "auto" and self.arguments.get("scheme") in COMPILED
         return 0.1 + 0.02 * self.seconds if compiled and find_spec("numba") else self.seconds
 
@@ -87,7 +87,7 @@ Results = dict[tuple[str, ...], Any]
 
 @dataclass(frozen=True)
 class Statement:
-    """A statement of the paper about what is computed, and what the computation says.
+    """A statement of the paper about a computed quantity, and the result of the computation.
 
     text, source : the statement, in the paper's words or close to them, and where it stands
     measured : what was measured and what it came to
@@ -175,12 +175,12 @@ def in_words(counts: Mapping[str, int]) -> str:
 
 
 def stated_in(name: str, place: str) -> str:
-    """Where the paper speaks of a scheme: in the place of the figure, or where it names what it does not show."""
+    """The paper's place about a scheme: that of the figure, or of a sentence on a scheme that it does not show."""
     return "[23] in §1" if name in OURS else place
 
 
 def sentence(name: str) -> str:
-    """The beginning of a statement; what is not the paper's says so."""
+    """The start of a sentence about a scheme; a scheme that is not the paper's is named so."""
     return f"{'(ours) ' if name in OURS else ''}{SENTENCE[name]}"
 
 

@@ -28,9 +28,9 @@ from sepv.studies._reproduce.judge import decide
 from sepv.studies._reproduce.record import Job, Results, Size, Statement, sentence, series, stated_in
 from sepv.verification._orders.convergence import StrongErrors
 
-# A drift this many times the rounding bound is no rounding.
+# A drift this many times the rounding bound is not rounding.
 FAR = 1e3
-# Of the sample that is shown.
+# The most points of the sample that is shown.
 POINTS = 1000
 
 

@@ -1,4 +1,4 @@
-"""All figures: which jobs there are, running them in processes, and the record of what came out."""
+"""All figures: their jobs, run in processes, and the record of the results."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ def _run(jobs: list[Job], workers: Any, progress: ShareProgress) -> Results:
         progress(done, total)
 
     progress(done, total)
-    # On a cluster it cannot be seen how far a job is; in processes of this machine it can be guessed.
+    # On a cluster a job's progress cannot be seen; in processes of this machine it can be estimated.
     if not isinstance(workers, int) or workers == 1 or len(jobs) < 2:
         run_all(_timed, jobs, workers, threads=False, receive=take)
         return results

@@ -1,1 +1,1 @@
-"""Where the implicit equation of a step has a solution connected to y0, and where Newton finds it."""
+"""Solutions of a step's implicit equation that are connected to y0, and those that Newton finds."""

@@ -36,7 +36,7 @@ TURN = 0.95
 # |z| beyond this multiple of |y0|: the solution escapes to infinity.
 FAR = 1e6
 
-# Of differences, beside the component: their cube is as small as a rounding.
+# The width of differences, relative to the component: its cube is as small as a rounding.
 WIDTH = 6e-6
 
 # R of each scheme whose right side is linear in one Δ, and ∂R/∂y1.
@@ -48,7 +48,7 @@ EQUATIONS: dict[str, tuple[IncrementFunction, JacobianFunction]] = {
 
 
 class End(Worded):
-    """How a branch ends."""
+    """The end of a branch."""
 
     RANGE = 0, "reaches the end of the range"
     FOLD = 1, "turns back at a fold"
@@ -133,7 +133,7 @@ class _Follower:
 
     @staticmethod
     def scale_of(y: Array) -> Array:
-        """The largest component of each state."""
+        """The scale of each state: its largest component."""
         return np.maximum(np.abs(y).max(axis=0), TINY)
 
     def run(self) -> Branch:
@@ -187,7 +187,7 @@ class _Follower:
         self.end[lanes[short]] = np.where(inside[short], End.LOST, End.BOUNDARY)
 
     def correct(self, w: Array, t: Array, lanes: np.ndarray) -> tuple[Array, np.ndarray, np.ndarray]:
-        """Newton back to the curve, across t: where it arrived, and whether in at most three corrections."""
+        """Newton's method back to the curve, across t: the end, and True if at most three corrections led there."""
         goal, size = w.copy(), np.full(lanes.size, np.inf)
         arrived, turns = np.zeros(lanes.size, dtype=bool), np.zeros(lanes.size, dtype=int)
         for _ in range(CORRECTIONS):

@@ -1,4 +1,4 @@
-"""The map: states along an orbit of the exact flow × Δ, what exists there, what Newton finds, how likely Δ is."""
+"""The map of solvability: states along an orbit of the exact flow × Δ, with solutions and probabilities of Δ."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ NODES = 128
 
 
 class Ending(Worded):
-    """What there is at one state and Δ."""
+    """The solutions at one state and Δ."""
 
     FOUND = 0, "connected solution, found"
     MISSED = 1, "connected solution, not found"
@@ -39,7 +39,7 @@ class Ending(Worded):
 
 @dataclass(frozen=True)
 class Shortest:
-    """How far branches reach, (R,) each way, from states at the times theta (R,) of the exact flow."""
+    """The reaches (R,) of branches, each way, from states at the times theta (R,) of the exact flow."""
 
     theta: Array
     forward: Array
@@ -90,7 +90,7 @@ class Map:
         return float(max(self.chances(h, k).max(), further.max(initial=0.0)))
 
     def counts(self) -> dict[Ending, int]:
-        """How many points of the map there are of each kind."""
+        """The number of points of the map of each kind."""
         return {kind: int(np.count_nonzero(self.findings == kind)) for kind in Ending}
 
     def to_json(self, steps: tuple[float, ...], k: int | None) -> dict[str, Any]:
@@ -220,7 +220,7 @@ def _on_branch(problem: Problem, scheme: Scheme, y: Array, delta: float, branch:
 
 
 def _place(branch: Branch, delta: float) -> tuple[np.ndarray, Array]:
-    """For each lane the last point of the curve before |Δ|, and where between it and the next one."""
+    """For each lane the last point of the curve before |Δ|, and the position between it and the next one."""
     reached = np.abs(branch.delta)
     before = np.nanargmax(np.where(reached <= abs(delta), reached, -1.0), axis=0)
     lanes = np.arange(branch.reach.size)
@@ -263,7 +263,7 @@ def chance_outside(h: float, noise: ArrayLike, low: ArrayLike, high: ArrayLike, 
 
 
 def _truncated(c: Array, below: Array, above: Array, bound: float) -> Array:
-    """The same for Σ c_j ζ_j."""
+    """P(Δ ≤ low or Δ ≥ high) of the truncated sum Σ c_j ζ_j."""
     if c.size == 1:
         up, down = above / c[0], -below / c[0]
         return np.where(up <= bound, _tail(up), 0.0) + np.where(down <= bound, _tail(down), 0.0)

@@ -1,4 +1,4 @@
-"""Numerical paths followed until a step is refused: how long a step size is safe, and for which scheme.
+"""Numerical paths followed until a step is refused: the time for which a step size is safe, for one scheme.
 
 The map takes states of the exact orbit. A numerical path leaves it wherever the scheme does not keep all invariants:
 (2.1) loses the logarithmic Casimir of Lotka-Volterra steadily, and comes to states with shorter branches. No state of
@@ -23,7 +23,7 @@ from sepv.solve import Status
 
 # The first horizon is this many steps; each next one is twice as long, over new paths.
 FIRST = 256
-# A next horizon is begun where twice what the last one took, and this much more, is left of the time.
+# A next horizon is started if twice the time of the last one, and this much more, is left.
 SPARE = 1.5
 # Confidence of the bound on the share of paths that fail.
 CONFIDENCE = 0.95
@@ -31,7 +31,7 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class Exits:
-    """What became of paths with one scheme and step size.
+    """The exits of paths with one scheme and step size.
 
     until, asked : the time to which the paths were followed, shorter than was asked for where the budget ended
     times : (F,), when the step that failed began, of the paths that failed, increasing
@@ -48,7 +48,7 @@ class Exits:
 
     @property
     def failed(self) -> int:
-        """How many paths had a step refused; `sepv.schemes.continued` says of a refused step if it has a solution."""
+        """The number of paths with a refused step; `sepv.schemes.continued` tells if a refused step has a solution."""
         return int(self.times.size)
 
     @property
@@ -58,13 +58,13 @@ class Exits:
 
     @property
     def median(self) -> float | None:
-        """When half of the paths had failed, None where fewer did."""
+        """The time at which half of the paths had failed, None if fewer did."""
         half = (self.paths + 1) // 2
         return float(self.times[half - 1]) if self.failed >= half else None
 
     @property
     def cut_short(self) -> bool:
-        """Whether paths are left that were not followed as far as was asked."""
+        """True if some paths were not followed to the requested time."""
         return self.until < self.asked and self.failed < self.paths
 
     @property
@@ -104,7 +104,7 @@ def follow_paths(
     def horizon(h: float, count: int, most: int) -> Exits:
         progress(f"{scheme.name}, h = {h:g}: {paths} paths to t = {count * h:g}")
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", TruncationWarning)  # k is what was asked for
+            warnings.simplefilter("ignore", TruncationWarning)  # the caller chose k
             ends = ensemble(scheme, problem, h=h, steps=count, paths=paths, seed=seed, y0=y0, truncation=k)
         failed = ends.status != Status.CONVERGED
         names, counts = np.unique(ends.status[failed], return_counts=True)

@@ -1,4 +1,4 @@
-"""The map as a picture: what exists at each state and Δ, the chance that a step leaves it, and when paths did.
+"""The map as a picture: solutions at each state and Δ, the chance of a step to leave the branch, and exits of paths.
 
 Needs the extra ``plots``.
 """
@@ -16,7 +16,7 @@ from sepv.studies._picture import REFERENCE, Axis, content, figure, frame, line,
 from sepv.studies._solvability.map import Ending, Map
 from sepv.studies._solvability.paths import Exits
 
-# Of Okabe and Ito, ordered from light to dark, so that they differ without colour too.
+# Colours of Okabe and Ito, ordered from light to dark, so that they differ without colour too.
 COLOURS = {
     Ending.FOUND: "#DDEEF8",
     Ending.MISSED: "#E69F00",
@@ -24,7 +24,7 @@ COLOURS = {
     Ending.NONE: "#333333",
     Ending.UNKNOWN: "#CC79A7",
 }
-# The branch and a mean, its end and the worst.
+# Styles of the branch and a mean, its end and the worst.
 MEAN, WORST = Look("#0072B2", "#56B4E9", "o"), Look("#D55E00", "#FF8A3D", "s", "4 2")
 
 
@@ -99,7 +99,7 @@ def _chances(axes: Any, map_: Map, steps: Sequence[float], k: int | None) -> Non
 
 
 def _exits(axes: Any, exits: Sequence[Exits]) -> None:
-    """When a step of the paths was refused; a triangle where none did as far as they were followed."""
+    """Draw the times at which steps were refused; a triangle if none was."""
     axes.set_title("exits of paths: first (circles), half of them (squares)", fontsize=9)
     for number, (name, look) in enumerate(looks(e.scheme for e in exits).items()):
         own = [e for e in exits if e.scheme == name]

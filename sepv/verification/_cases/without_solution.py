@@ -63,12 +63,12 @@ class NoSolution:
 
     @property
     def least(self) -> Fraction:
-        """The least that any y1 leaves."""
+        """The smallest residual over all y1."""
         return abs(self.c - self.b * self.b / (4 * self.a))
 
 
 def legendre_sum(stages: int) -> int:
-    """K_s."""
+    """The sum K_s = 4 Σ (2n + 1) over odd n ≤ s."""
     return 4 * sum(2 * n + 1 for n in range(1, stages + 1, 2))
 
 
