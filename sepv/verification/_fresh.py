@@ -10,7 +10,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -19,7 +19,10 @@ from sepv.verification._law import Finding, Verdict
 
 # A process that takes longer says nothing.
 SECONDS = 60.0
-_ANSWER = "from sepv.verification._fresh import answer; answer()"
+_ANSWER = (
+    "from sepv.verification import _fresh, _verify\n"  # `_verify` imports this file, which does not import it
+    "_fresh.answer(_verify.replay)"
+)
 
 
 def asked_afresh(target: Any, findings: Sequence[Finding], problems: Any = None) -> tuple[Finding, ...]:
@@ -61,14 +64,12 @@ def _words(problems: Any) -> bool:
     return problems is None or all(isinstance(p, str) for p in listed)
 
 
-def answer() -> None:
+def answer(replay: Callable[..., Finding]) -> None:
     """In the fresh process: a question on stdin, the verdicts on stdout; what the scheme prints goes to stderr."""
     out = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     question = json.load(sys.stdin)
     sys.path[:] = question["path"]
-    from sepv.verification._verify import replay
-
     asked = ((law, witness) for law, witness in question["asked"])
     found = [replay(question["target"], law, witness, question["problems"]) for law, witness in asked]
     json.dump([f.verdict.value for f in found], out)
