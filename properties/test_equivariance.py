@@ -78,7 +78,10 @@ def transformed(system: PolynomialSystem, P: Array, inverse: Array, b: Array) ->
         return nambu_system(H, poly.scale(float(round(np.linalg.det(P))), g), C, system.noise)
     B, *G = (_congruent(d, part, P, forms) for part in (system.structure, *system.noise_structures))
     others = tuple(substitute(p, forms) for p in system.noise_hamiltonians)
-    return PolynomialSystem(d, H, B, system.noise, noise_structures=tuple(G), noise_hamiltonians=others)
+    vectors = tuple(tuple((P @ np.array(g)).tolist()) for g in system.noise_vectors)
+    return PolynomialSystem(
+        d, H, B, system.noise, noise_structures=tuple(G), noise_hamiltonians=others, noise_vectors=vectors
+    )
 
 
 def _congruent(

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from sepv.problem import HamiltoniansProblem, NamedProblem, Systems
-from sepv.problem._hamiltonians import is_several
+from sepv.problem._hamiltonians import is_several, noise_vectors
 from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched, state_ulp
 
@@ -21,7 +21,8 @@ def unmoved(case: Case) -> Case:
     """
     problem, y, h, dW = case.build()
     c, others = problem.c, problem.noise_gradients if isinstance(problem, HamiltoniansProblem) else ()
-    if not any(gradient(y).any() for gradient in (problem.gradient, *others)):
+    pushed = noise_vectors(problem).any()
+    if not pushed and not any(gradient(y).any() for gradient in (problem.gradient, *others)):
         return case
     if is_several(problem) or not c.size or not c[0]:
         still = h == 0 and not (c * dW).any()

@@ -47,7 +47,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
             return _furthest(scheme, case, _given_orders(case, data))
         if not isinstance(data, PolynomialSystem):
             raise Skipped("its noises cannot be reversed: the problem is not data")
-        own = data.noise_structures or data.noise_hamiltonians
+        own = getattr(data, _key(data))
         noises: list[Noise] = list(zip(data.noise, own, case.dW, strict=True))
         still: Noise = (0.0, own[0], case.dW[0])
         orders = {
@@ -64,11 +64,16 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     return _furthest(scheme, case, others)
 
 
+def _key(data: PolynomialSystem) -> str:
+    """The field of the data that has an entry for each noise."""
+    keys = ("noise_structures", "noise_hamiltonians", "noise_vectors")
+    return next(key for key in keys if getattr(data, key))
+
+
 def _ordered(case: Case, data: PolynomialSystem, noises: Sequence[Noise]) -> Case:
     """The step with these noises, each with its structure or Hamiltonian and its increment."""
     c, own, dW = zip(*noises, strict=True)
-    key = "noise_structures" if data.noise_structures else "noise_hamiltonians"
-    changes: dict[str, Any] = {"noise": c, key: own}
+    changes: dict[str, Any] = {"noise": c, _key(data): own}
     return replace(case, problem=replace(data, **changes), dW=dW)
 
 
@@ -79,7 +84,8 @@ def _given_orders(case: Case, given: GivenProblem) -> dict[str, Case]:
     found = {}
     for name, order in orders.items():
         changes: dict[str, Any] = {"noise": given.problem.c[order]}
-        for key in ("noise_hamiltonians", "noise_gradients", "noise_hessians", "noise_flows"):
+        keys = ("noise_hamiltonians", "noise_gradients", "noise_hessians", "noise_flows", "noise_vectors")
+        for key in keys:
             parts = getattr(given.problem, key)
             changes[key] = tuple(parts[j] for j in order) if parts else ()
         other = GivenProblem(replace(given.problem, check=False, **changes), given.target)

@@ -39,8 +39,11 @@ law = searched(
             "terms of H": ("1–2", "3–9"),
         },
         adapt=poisson,
-        why="B of the problems does not satisfy Jacobi's identity",
-        not_of={Systems.SEVERAL: "a map has one structure, and the systems have one for each noise"},
+        why="B of the problems does not satisfy Jacobi's identity, or the noise is given by vectors",
+        not_of={
+            Systems.SEVERAL: "a map has one structure, and the systems have one for each noise",
+            Systems.ADDITIVE: "a translation by additive noise is no Poisson map of every B",
+        },
     ),
     check=check,
 )

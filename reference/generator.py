@@ -80,6 +80,10 @@ def fields(data: PolynomialSystem, y0: Sequence[float]) -> list[list[Rational]]:
     at = [Fraction(float(v)) for v in y0]
     noise = [Fraction(float(c)) for c in data.noise]
     B, H = data.structure, data.hamiltonian
+    if data.noise_vectors:
+        vectors = zip(data.noise_vectors, noise, strict=True)
+        pushes = [[{(0,) * len(at): c * Fraction(float(v))} for v in g] for g, c in vectors]
+        return [_field(B, H, Fraction(1), at), *pushes]
     pairs = [(G, H) for G in data.noise_structures] or [(B, p) for p in data.noise_hamiltonians]
     pairs = pairs or [(B, H)] * len(noise)
     return [

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from sepv.properties.test_energy_drift import _mean
+from sepv.properties.test_energy_drift import quantity
 
 from sepv import exact_flow, problems, schemes
 from sepv.problem import Array, PolynomialSystem, Problem
@@ -17,6 +17,7 @@ from sepv.record import _polynomial as poly
 from sepv.schemes import Scheme
 from sepv.studies._reproduce.remarks import _solvable
 from sepv.studies._solvability.map import solvability_map
+from sepv.verification._trace_formula import mean_after
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 
@@ -63,7 +64,8 @@ def energy_errors(scheme: Scheme, problem: Problem, steps: Array) -> Array:
     assert isinstance(problem.data, PolynomialSystem)
     rate = drift_of_energy(problem.data)
     assert rate is not None
-    return np.array([_mean(scheme, problem, y, h, 0)[0] - problem.hamiltonian(y) - h * rate for h in steps])
+    H = quantity(problem, rate, y)
+    return np.array([mean_after(scheme, problem, y, h, H)[0] - H.value(y) - h * rate for h in steps])
 
 
 def test_the_midpoint_rule_loses_energy_by_a_third_power_of_h() -> None:

@@ -51,6 +51,7 @@ IMITATED = {
     "arithmetic-middle": darboux_lie,
     "halves-alike": drift_preserving,
     "pushed-too-far": drift_preserving,
+    "structure-before-the-step": drift_preserving,
 }
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.right_schemes.solved_otherwise import CLAIMED, Refused, like_the_core, of_lanes
 from sepv.problem import Array, Problem, vector_field
 from sepv.record._binary64 import EPS
-from sepv.schemes import Scheme, collocation, energy_preserving, gauss, implicit, midpoint
+from sepv.schemes import Scheme, collocation, drift_preserving, energy_preserving, gauss, implicit, midpoint
 from sepv.schemes._explicit import end
 from sepv.schemes._explicit_tableaux import TABLEAUX
 from sepv.schemes._one_step import drift_and_noise
@@ -82,6 +82,15 @@ def _weak_two(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return y1.reshape(np.shape(y))
 
 
+def _pushed_at_once(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """All of the additive noise, then (2.1) without noise.
+
+    It keeps what the push adds to E[H] and E[C]. Lie's composition has weak order 1, and order 1 for additive noise.
+    """
+    y0, noise = as_lanes(problem, y, h, dW)
+    return drift_preserving.step(problem, y0, h, noise, noise).reshape(np.shape(y))
+
+
 def _readme(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """The midpoint rule of the README: what it cannot solve it refuses with an ArithmeticError."""
     delta = h + problem.c @ dW
@@ -148,5 +157,14 @@ SCHEMES: tuple[Scheme, ...] = (
         source="the midpoint rule of the README",
     ),
     replace(collocation(3), name="three-stages", source="collocation with three stages"),
+    replace(
+        drift_preserving,
+        name="pushed-at-once",
+        step=_pushed_at_once,
+        claims=frozenset(drift_preserving.claims) - {"symmetry"},
+        weak_order=1.0,
+        asks="",
+        source="additive noise, then (2.1): the trace formula without halves of a step",
+    ),
     replace(gauss(2), name="gauss-two", source="the Gauss method with two stages"),
 )

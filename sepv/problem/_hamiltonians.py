@@ -9,6 +9,14 @@ methods for stochastic Poisson systems, Commun. Comput. Phys. 29, 2021). H_0 is 
 its mean changes at the rate LH_0 = ½ Σ_j c_j² {{H_0, H_j}, H_j}, {F, G} = ∇FᵀB∇G. Where all {H_0, H_j} = 0 it is
 kept, and the system is one of several structures too (`sepv.problem._structures`).
 
+Additive noise may leave the image of B: dy = B(y)∇H_0 dt + Σ_j c_j g_j dW_j with any constant vectors g_j (D. Cohen and
+G. Vilmart, Drift-preserving numerical integrators for stochastic Poisson systems, arXiv 2005.13991). No Casimir is kept
+then. Because ∇FᵀB∇H_0 = 0 for F = H_0 and for every Casimir F of B, what is left of the generator is
+
+    LF = ½ Σ_j c_j² g_jᵀF″g_j,
+
+a constant where F is quadratic along the g_j: E[F] grows linearly in time (trace formula).
+
 How fast a scheme that sees increments alone can converge depends on the brackets of the noises (`column`): with order
 ½ in general, with order 1 where [f_i, f_j] = f_j′f_i − f_i′f_j = 0 for all noises i, j, as for one noise.
 """
@@ -22,11 +30,11 @@ from typing import Any
 
 import numpy as np
 
-from sepv.errors import Skipped, SystemsError
+from sepv.errors import ProblemError, Skipped, SystemsError
 from sepv.problem._checks import sample_states
 from sepv.problem._derived import derive
 from sepv.problem._fields import differences, hessian, matmul, matvec, structure_slope, vector_field
-from sepv.problem._problem import Array, Flow, Function, Problem, require_one_for_each_noise
+from sepv.problem._problem import Array, Flow, Function, Problem, constant, require_one_for_each_noise
 from sepv.problem._structures import ClosedForm, CommutingStructure, StructuresProblem, combined
 
 # Differences may leave 1e-8 of a slope; a bracket that does not vanish is far larger at some sample state.
@@ -49,6 +57,8 @@ class HamiltoniansProblem(Problem):
         Exact flows of B∇H_1, …, B∇H_m at times t (...), for splitting methods.
     closed_form : callable (y0, T, W) -> (d, M), optional
         The exact solution, where the flows commute.
+    noise_vectors : sequence of (d,) vectors, optional
+        g_1, …, g_m of additive noise Σ c_j g_j dW_j, in the place of all B∇H_j. `casimirs` are then those of B.
 
     Raises
     ------
@@ -78,9 +88,21 @@ class HamiltoniansProblem(Problem):
     noise_hessians: tuple[Function, ...] = ()
     noise_flows: tuple[Flow, ...] = ()
     closed_form: ClosedForm | None = None
+    noise_vectors: tuple[Any, ...] = ()
 
     def __post_init__(self, check: bool) -> None:
         super().__post_init__(check)
+        if self.noise_vectors:
+            vectors = tuple(constant("noise_vectors", g, (self.dimension,)) for g in self.noise_vectors)
+            object.__setattr__(self, "noise_vectors", vectors)
+            require_one_for_each_noise(self, "noise_vectors", "g_j")
+            if self.noise_hamiltonians:
+                raise ProblemError(
+                    expected="noise_hamiltonians or noise_vectors",
+                    received="both",
+                    remedy="leave out the H_j, and give every noise its vector B∇H_j",
+                )
+            return
         if not self.noise_gradients:
             found = [derive(self.dimension, self.structure, H) for H in self.noise_hamiltonians]
             object.__setattr__(self, "noise_gradients", tuple(f.gradient for f in found))
@@ -110,11 +132,18 @@ def is_several(problem: Problem) -> bool:
     return isinstance(problem, (StructuresProblem, HamiltoniansProblem))
 
 
+def noise_vectors(problem: Problem) -> Array:
+    """The g_j of additive noise, (m, d); (0, d) for noise that is given otherwise."""
+    return np.reshape(getattr(problem, "noise_vectors", ()), (-1, problem.dimension))
+
+
 def noise_gradients(problem: Problem) -> Sequence[Function]:
     """∇H_1, …, ∇H_m; for (1.1), m times ∇H.
 
-    Raises Skipped for several structures that do not come from several Hamiltonians.
+    Raises Skipped for several structures that do not come from several Hamiltonians, and for noise vectors.
     """
+    if len(noise_vectors(problem)):
+        raise Skipped(f"the noise of {problem.name} has vectors, and no Hamiltonians")
     if isinstance(problem, HamiltoniansProblem):
         return problem.noise_gradients
     if isinstance(problem, StructuresProblem):
@@ -127,6 +156,8 @@ def noise_gradients(problem: Problem) -> Sequence[Function]:
 
 def combined_field(problem: Problem, y: Array, parts: Array) -> Array:
     """h f_0(y) + Σ_j c_j ΔW_j f_j(y), (d, M), for parts (1 + m, M) holding h and the c_j ΔW_j."""
+    if len(vectors := noise_vectors(problem)):
+        return parts[0] * vector_field(problem, y) + vectors.T @ parts[1:]
     if isinstance(problem, HamiltoniansProblem):
         return hamiltonian_field(problem, y, parts)
     return matvec(combined(problem, y, parts), problem.gradient(y))
@@ -154,7 +185,9 @@ def combined_hessian(problem: Problem, y: Array, parts: Array) -> Array:
 
 
 def noise_hessian(problem: Problem, j: int, y: Array) -> Array:
-    """H_j″(y) of noise j = 0, …, m − 1, (d, d, ...): as given, else by differences."""
+    """H_j″(y) for j = 0, 1, …, m − 1 of the noises, (d, d, ...): as given, else by differences; 0 for vectors."""
+    if len(noise_vectors(problem)):
+        return np.zeros((problem.dimension, *y.shape))
     if not isinstance(problem, (HamiltoniansProblem, StructuresProblem)):
         return hessian(problem, y)
     if isinstance(problem, HamiltoniansProblem) and problem.noise_hessians:
@@ -163,12 +196,16 @@ def noise_hessian(problem: Problem, j: int, y: Array) -> Array:
 
 
 def noise_field(problem: Problem, j: int, y: Array) -> Array:
-    """f_j = B∇H_j of noise j = 0, …, m − 1, without c_j, (d, ...)."""
+    """f_j = B∇H_j, or g_j, of noise j = 0, …, m − 1, without c_j, (d, ...)."""
+    if len(vectors := noise_vectors(problem)):
+        return np.broadcast_to(vectors[j].reshape(-1, *(1,) * (y.ndim - 1)), y.shape)
     return matvec(problem.structure(y), noise_gradients(problem)[j](y))
 
 
 def noise_slope(problem: Problem, j: int, y: Array) -> Array:
     """f_j′(y), (d, d, ...)."""
+    if len(noise_vectors(problem)):
+        return np.zeros((problem.dimension, *y.shape))
     turned = structure_slope(problem, y, noise_gradients(problem)[j](y))
     return turned + matmul(problem.structure(y), noise_hessian(problem, j, y))
 

@@ -89,6 +89,7 @@ def _polynomial_json(data: PolynomialSystem) -> dict[str, Any]:
         "nambu": [poly.to_json(p) for p in data.nambu or ()],
         "noise_structures": [_table(G) for G in data.noise_structures],
         "noise_hamiltonians": [poly.to_json(p) for p in data.noise_hamiltonians],
+        "noise_vectors": [_row(g) for g in data.noise_vectors],
     }
     return {
         "dimension": data.dimension,
@@ -143,6 +144,7 @@ def _polynomial_system(data: dict[str, Any]) -> PolynomialSystem:
             polynomial(f"noise_hamiltonians[{n}]", p)
             for n, p in enumerate(data.get("noise_hamiltonians", []))
         ),
+        noise_vectors=tuple(map(_doubles, data.get("noise_vectors", []))),
     )
 
 

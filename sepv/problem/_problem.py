@@ -57,6 +57,8 @@ class Systems(StrEnum):
         Several Hamiltonians with B of the rigid body.
     separable-hamiltonians
         H_0 = ½|p|² + V(q), and noise that is additive in p.
+    additive
+        dy = B(y)∇H dt + Σ c_j g_j dW_j with constant g_j, in the image of B or not, and H quadratic along them.
     """
 
     SINGLE = "single"
@@ -68,6 +70,7 @@ class Systems(StrEnum):
     RIGID_BODIES = "rigid-bodies"
     SO3_HAMILTONIANS = "so3-hamiltonians"
     SEPARABLE_HAMILTONIANS = "separable-hamiltonians"
+    ADDITIVE = "additive"
 
 
 @dataclass(frozen=True)
@@ -87,8 +90,9 @@ class PolynomialSystem:
     noise_structures : tuple of structures, optional
         G_1, …, G_m, each like `structure`: several structures. The Casimirs are then those common to all.
     noise_hamiltonians : tuple of polynomials, optional
-        H_1, …, H_m: several Hamiltonians (`sepv.problem._hamiltonians`), whether or not {H, H_j} = 0. At
-        most one of the two.
+        H_1, …, H_m: several Hamiltonians (`sepv.problem._hamiltonians`), whether or not {H, H_j} = 0.
+    noise_vectors : tuple of d numbers each, optional
+        g_1, …, g_m: additive noise Σ c_j g_j dW_j. At most one of the three.
     """
 
     dimension: int
@@ -100,6 +104,7 @@ class PolynomialSystem:
     nambu: tuple[Polynomial, Polynomial] | None = None
     noise_structures: tuple[Structure, ...] = ()
     noise_hamiltonians: tuple[Polynomial, ...] = ()
+    noise_vectors: Matrix = ()
 
 
 @dataclass(frozen=True)
@@ -223,10 +228,10 @@ class Problem:
         # The array is made from bytes, so that no scheme can make it writable again.
         object.__setattr__(self, "c", np.frombuffer(c.tobytes(), dtype=np.float64))
         for key, shape in (("casimirs", (d, d)), ("linear_casimirs", (d,))):
-            arrays = tuple(_constant(key, value, shape) for value in getattr(self, key))
+            arrays = tuple(constant(key, value, shape) for value in getattr(self, key))
             object.__setattr__(self, key, arrays)
         if self.initial is not None:
-            object.__setattr__(self, "initial", _constant("initial", self.initial, (d,)))
+            object.__setattr__(self, "initial", constant("initial", self.initial, (d,)))
         if self.gradient is to_be_derived:
             found = derive(d, self.structure, self.hamiltonian)
             object.__setattr__(self, "gradient", found.gradient)
@@ -340,7 +345,8 @@ def _numbers(key: str, value: ArrayLike) -> Array:
         raise ProblemError(expected=error.expected, received=error.received, remedy=error.remedy) from error
 
 
-def _constant(key: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
+def constant(key: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """The value as an array of this shape that cannot be written to; a ProblemError for anything else."""
     array = _numbers(key, value)
     if array.shape == shape and not np.all(np.isfinite(array)):
         raise ProblemError(

@@ -155,7 +155,7 @@ def noise_structures(problem: Problem) -> Sequence[Function]:
     """
     if isinstance(problem, StructuresProblem):
         return problem.noise_structures
-    if getattr(problem, "noise_hamiltonians", ()):
+    if getattr(problem, "noise_hamiltonians", ()) or getattr(problem, "noise_vectors", ()):
         raise UsageError(
             expected="a scheme for several Hamiltonians, such as stochastic-midpoint",
             received=f"a scheme that takes the structures of noises, which {problem.name} does not have",

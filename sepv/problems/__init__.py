@@ -31,6 +31,7 @@ from sepv.problems._several import kubo_oscillator as kubo_oscillator
 from sepv.problems._several import noncommuting_drift as noncommuting_drift
 from sepv.problems._several import noncommuting_tops as noncommuting_tops
 from sepv.problems._spins import commuting_twists as commuting_twists
+from sepv.problems._spins import pushed_rigid_body as pushed_rigid_body
 from sepv.problems._spins import random_inertia as random_inertia
 from sepv.problems._spins import twisted_top as twisted_top
 from sepv.problems._spins import two_spins as two_spins
@@ -54,7 +55,7 @@ SEVERAL = _listed(
 )
 # Problems with several Hamiltonians that do not commute.
 HAMILTONIANS = _listed(
-    commuting_twists, noisy_henon_heiles, point_vortices, pushed_henon_heiles, random_inertia,
+    commuting_twists, noisy_henon_heiles, point_vortices, pushed_henon_heiles, pushed_rigid_body, random_inertia,
     random_lotka_volterra, random_maxwell_bloch, twisted_top, two_spins,
 )  # fmt: skip
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 from functools import lru_cache
 from typing import Any
@@ -68,7 +68,8 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
         nambu=None if data.nambu is None else _nambu(*data.nambu),
         check=False,
     )
-    return _with_more_noise(problem, data) if data.noise_structures or data.noise_hamiltonians else problem
+    more = data.noise_structures or data.noise_hamiltonians or data.noise_vectors
+    return _with_more_noise(problem, data) if more else problem
 
 
 def started(data: PolynomialSystem, name: str, initial: Sequence[float], **more: Any) -> Any:
@@ -99,18 +100,21 @@ def _structure_maps(d: int, structure: Structure) -> tuple[PolynomialMap, Polyno
 
 
 def _with_more_noise(drift: Problem, data: PolynomialSystem) -> Problem:
-    """Add several structures or several Hamiltonians to the system of the drift.
+    """Add several structures, several Hamiltonians or noise vectors to the system of the drift.
 
     Hamiltonians whose brackets {H, H_j} all vanish keep H, so they are posed as structures.
     """
-    d, count = data.dimension, len(data.noise_structures or data.noise_hamiltonians)
-    if (data.noise_structures and data.noise_hamiltonians) or len(data.noise) != count:
+    d = data.dimension
+    counts = [len(data.noise_structures), len(data.noise_hamiltonians), len(data.noise_vectors)]
+    if sorted(counts) != [0, 0, len(data.noise)]:
         raise ProblemError(
-            expected="noise_structures or noise_hamiltonians, not both, one for each coefficient in noise",
-            received=f"{len(data.noise_structures)} structures, {len(data.noise_hamiltonians)} Hamiltonians, "
-            f"{len(data.noise)} coefficients",
-            remedy="give as many coefficients c_j as there are G_j or H_j",
+            expected="noise_structures, noise_hamiltonians or noise_vectors, one for each coefficient in noise",
+            received="{} structures, {} Hamiltonians, {} vectors, ".format(*counts)
+            + f"{len(data.noise)} coefficients",
+            remedy="give as many coefficients c_j as there are G_j, H_j or g_j",
         )
+    if data.noise_vectors:
+        return HamiltoniansProblem(**_shared(drift), noise_vectors=data.noise_vectors, check=False)
     if data.noise_hamiltonians:
         slopes = [poly.gradient(p) for p in data.noise_hamiltonians]
         gradients = [PolynomialMap((d,), slope) for slope in slopes]
@@ -161,14 +165,22 @@ def vanishes(found: tuple[Polynomial, list[Polynomial]]) -> bool:
 
 
 def drift_of_energy(data: PolynomialSystem) -> float | None:
-    """The constant σ with LH_0 = ½ Σ_j c_j² {{H_0, H_j}, H_j} = σ, L the generator; None where LH_0 is not constant."""
-    parts = []
-    for c, H in zip(data.noise, data.noise_hamiltonians, strict=True):
-        once, _ = bracket(data, data.hamiltonian, H)
-        twice, _ = bracket(data, once, H)
-        parts.append(poly.scale(0.5 * c * c, twice))
+    """The constant σ with LH_0 = ½ Σ_j c_j² {{H_0, H_j}, H_j} = σ, L the generator; None where LH_0 is not constant.
+
+    Along vectors g_j it is ½ Σ_j c_j² g_jᵀH_0″g_j.
+    """
+    noises: list[Callable[[Polynomial], Polynomial]]
+    noises = [lambda p, H=H: bracket(data, p, H)[0] for H in data.noise_hamiltonians]  # type: ignore[misc]
+    noises += [lambda p, g=g: _along(p, g) for g in data.noise_vectors]  # type: ignore[misc]
+    parts = [poly.scale(0.5 * c * c, f(f(data.hamiltonian))) for c, f in zip(data.noise, noises, strict=True)]
     total = poly.add(poly.polynomial(data.dimension, {}), *parts)
     return None if total.degree else sum((c for _, c in total.terms), 0.0)
+
+
+def _along(p: Polynomial, g: Sequence[float]) -> Polynomial:
+    """∇pᵀg."""
+    parts = [poly.scale(v, slope) for v, slope in zip(g, poly.gradient(p), strict=True)]
+    return poly.add(poly.polynomial(p.dimension, {}), *parts)
 
 
 def _nambu(factor: Polynomial, casimir: Polynomial) -> Nambu:

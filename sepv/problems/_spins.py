@@ -4,6 +4,8 @@ B is that of the rigid body in each block of three, B(y)v = y × v, so that ever
 
 - Random inertia: H_0 = ½ Σ y_i²/I_i and H_j = ½ y_j²/Î_j for the first m axes, whose fields do not commute. C.-E.
   Bréhier, D. Cohen and T. Jahnke, Splitting integrators for stochastic Lie-Poisson systems (Math. Comp. 92, 2023).
+- A push: the free rigid body under additive noise in directions that leave the sphere |y| = const. This problem is of
+  the kind that D. Cohen and G. Vilmart treat (arXiv 2005.13991); its numbers are not theirs.
 - Twists: the same H_0 with nonlinear noise, of one Hamiltonian or of two that commute.
 - Two spins: Heisenberg's H_0 = −J s_1·s_2 + ½ D (s_1z² + s_2z²), and a random field at each site, H_j = b_j·s_j. The
   fields of the two noises commute, as they turn different spins; with the drift they do not.
@@ -12,6 +14,7 @@ B is that of the rigid body in each block of three, B(y)v = y × v, so that ever
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -47,6 +50,20 @@ def random_inertia(
     data = spin_system(1, poly.squares([1 / I for I in inertia]), noise, others)
     own, padded = rigid_body(inertia).flows, rigid_body((*noise_inertia, *(1.0,) * (3 - count))).flows
     return started(data, "random-inertia", (0.8, 0.6, 0.0), flows=own, noise_flows=padded[:count])
+
+
+def pushed_rigid_body(
+    inertia: Sequence[float] = (0.345, 0.653, 1.0),
+    noise: Sequence[float] = (0.5, 0.25),
+    vectors: Sequence[Sequence[float]] = ((1.0, 0.5, 0.0), (0.0, 0.5, 1.0)),
+) -> Problem:
+    """The rigid body with additive noise Σ c_j g_j dW_j, whose g_j are not in the image of B.
+
+    From (0.8, 0.6, 0). E[H] grows at the rate ½ Σ c_j² Σ_i g_ji²/I_i, and E|y|² at the rate Σ c_j²|g_j|².
+    """
+    data = spin_system(1, poly.squares([1 / I for I in inertia]), noise, ())
+    data = replace(data, noise_vectors=tuple(tuple(map(float, g)) for g in vectors))
+    return started(data, "pushed-rigid-body", (0.8, 0.6, 0.0), flows=rigid_body(inertia).flows)
 
 
 def two_spins(

@@ -1,14 +1,16 @@
 """The drift-preserving scheme for additive noise: E[H_0] changes at the exact rate, over steps of any length.
 
-D. Cohen and G. Vilmart, Drift-preserving numerical integrators for stochastic Poisson systems (Int. J. Comput. Math.
-99, 2022; arXiv 2005.13991): the energy-preserving step (2.1) without noise between two halves of the noise,
+For dy = B(y)∇H_0 dt + Σ_j c_j f_j dW_j with constant f_j, in the image of B or not. D. Cohen and G. Vilmart,
+Drift-preserving numerical integrators for stochastic Poisson systems (Int. J. Comput. Math. 99, 2022; arXiv
+2005.13991): the energy-preserving step (2.1) without noise between two halves of the noise,
 
     Y = y0 + Σ_j c_j ΔŴ_j′ f_j,   Z = Y + h B((Y + Z)/2) ∫₀¹∇H_0(Y + τ(Z − Y))dτ,   y1 = Z + Σ_j c_j ΔŴ_j″ f_j,
 
-ΔW_j′ and ΔW_j″ the increments over the first and the second half of the step. The f_j are constant. Where H_0 is
+ΔW_j′ and ΔW_j″ the increments over the first and the second half of the step. Where H_0 is
 quadratic along them, E[H_0(y + Σ c_j ΔW_j f_j)] = H_0(y) + ½ Σ c_j² f_jᵀH_0″f_j · Var(ΔW_j), a constant rate (trace
 formula), and the step in between keeps H_0: E[H_0(y_n)] = H_0(y_0) + nh · ½ Σ c_j² f_jᵀH_0″f_j, as for the exact
-solution. The composition is Strang's: the paper proves mean-square order 1 and weak order 2.
+solution. The same holds of quadratic Casimirs C = yᵀAy of B: E[C(y_n)] = C(y_0) + nh Σ c_j² f_jᵀAf_j. The composition
+is Strang's: the paper proves mean-square order 1 and weak order 2.
 """
 
 from __future__ import annotations
@@ -55,10 +57,10 @@ def pushed(problem: Problem, y: Array, dW: Array) -> Array:
 scheme = one_step(
     "drift-preserving",
     step,
-    EVERY | {"symmetry", "energy-drift"},
+    EVERY | {"symmetry", "energy-drift", "casimir-drift"},
     "Cohen and Vilmart (2022)",
     weak_order=2.0,
     truncation=None,
-    systems=Systems.SEPARABLE_HAMILTONIANS,
+    systems=Systems.ADDITIVE,
     asks="halves",
 )

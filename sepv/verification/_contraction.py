@@ -11,7 +11,7 @@ from sepv.problem._fields import matmul, matvec
 from sepv.problems import build
 from sepv.record import PolynomialMap
 from sepv.verification._cases.case import Case
-from sepv.verification._tolerance import majorants
+from sepv.verification._tolerance import majorants, pushes
 
 # A contraction factor of 1/4 leaves a unique solution near y0 for every scheme that evaluates B and ∇H between y0 and
 # y1, and makes |(I − ∂R/∂y1)⁻¹| at most 4/3.
@@ -64,7 +64,7 @@ def contraction_ball(problem: Problem, y: Array) -> tuple[float, float]:
     balls = np.array(sizes)
     reach = np.abs(y)[:, None] + balls
     B, g, dB, H = majorants(problem, reach)
-    field = np.max(matvec(B, g), axis=0)
+    field = np.max(np.maximum(matvec(B, g), pushes(problem)[:, None]), axis=0)
     slope = np.max(np.sum(matvec(dB, g) + matmul(B, H), axis=1), axis=0)
     with np.errstate(all="ignore"):
         # Where nothing moves every step is short enough; majorants that overflow leave no step at all.

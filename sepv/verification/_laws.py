@@ -18,6 +18,7 @@ LAWS = (
     "energy",
     "energy-drift",
     "casimir",
+    "casimir-drift",
     "any-casimir",
     "poisson-map",
     "symplecticity",

@@ -35,6 +35,7 @@ import numpy as np
 
 from sepv.problem import Array, HamiltoniansProblem, Problem, StructuresProblem
 from sepv.problem._fields import matmul, matvec
+from sepv.problem._hamiltonians import noise_vectors
 from sepv.problem._problem import Function
 from sepv.record import PolynomialMap
 from sepv.record._binary64 import EPS, TINY
@@ -117,7 +118,13 @@ def step_residual(
     if isinstance(problem, StructuresProblem):
         B = np.max([B, *(_largest(G, y0, y1) for G in problem.noise_structures)], axis=0)
     flow = matvec(B, _any_gradient(problem, y0, y1))
+    flow = np.maximum(flow.T, pushes(problem)).T
     return 0.5 * EPS * operations(problem, stages) * (scale + length * flow) + solver_tolerance * scale + TINY
+
+
+def pushes(problem: Problem) -> Array:
+    """The largest |g_j| of additive noise, (d,): a part of every field. Zeros for noise that is given otherwise."""
+    return np.asarray(np.max(np.abs(noise_vectors(problem)), axis=0, initial=0.0))
 
 
 def majorants(problem: Problem, reach: Array) -> tuple[Array, Array, Array, Array]:
@@ -157,7 +164,7 @@ def correction_rounding(problem: Problem, y0: Array, y1: Array, h: float) -> Arr
 def _any_gradient(problem: Problem, y0: Array, y1: Array) -> Array:
     """The majorant M_g of H, and of all H_j if there are several Hamiltonians."""
     own = gradient_majorant(problem, y0, y1)
-    if not isinstance(problem, HamiltoniansProblem):
+    if not isinstance(problem, HamiltoniansProblem) or not problem.noise_gradients:
         return own
     hessians = problem.noise_hessians or (None,) * problem.noises
     alike = zip(problem.noise_gradients, hessians, strict=True)
@@ -187,11 +194,10 @@ def energy_bound(problem: Problem, y0: Array, y1: Array, residual: Array) -> Any
     return np.sum(gradient_majorant(problem, y0, y1) * residual, axis=0) + TINY
 
 
-def casimir_bound(A: Array, y0: Array, y1: Array, residual: Array) -> float:
+def casimir_bound(A: Array, y0: Array, y1: Array, residual: Array) -> Any:
     """A bound of |C(y1) − C(y0)| for this residual, for C = yᵀAy (matrix A) or C = bᵀy (vector A)."""
-    if A.ndim == 1:
-        return float(np.abs(A) @ residual) + TINY
-    return float((np.abs(A) @ (np.abs(y0) + np.abs(y1))) @ residual) + TINY
+    slope = np.abs(A) if A.ndim == 1 else np.abs(A) @ (np.abs(y0) + np.abs(y1))
+    return np.sum(slope.T * residual.T, axis=-1) + TINY
 
 
 def energy_ulp(problem: Problem, y0: Array, y1: Array) -> Any:

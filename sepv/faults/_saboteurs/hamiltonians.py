@@ -12,7 +12,7 @@ from sepv.problem import Array, Problem, hamiltonian_field
 from sepv.problem._structures import each_noise
 from sepv.schemes._drift_preserving import pushed, quiet
 from sepv.schemes._isospectral_midpoint import require_spins
-from sepv.schemes._one_step import Implicit
+from sepv.schemes._one_step import Implicit, implicit
 from sepv.schemes._scheme import as_lanes
 from sepv.solve import Increment
 from sepv.solve._solution import once
@@ -86,7 +86,9 @@ def arithmetic_middle(problem: Problem, y0: Array, y1: Array, step: Array) -> In
 
 
 @SABOTEURS.like(
-    schemes.drift_preserving, "each half of the step sees half of its increment", ("energy-drift",)
+    schemes.drift_preserving,
+    "each half of the step sees half of its increment",
+    ("energy-drift", "casimir-drift"),
 )
 def halves_alike(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
     """Use half of the increment at both ends, which makes the two halves equal."""
@@ -94,7 +96,9 @@ def halves_alike(problem: Problem, y: Array, h: float, dW: Array, first: Array) 
 
 
 @SABOTEURS.like(
-    schemes.drift_preserving, "the additive noise is 2⁻²⁰ too large", ("energy-drift", "local-weak")
+    schemes.drift_preserving,
+    "the additive noise is 2⁻²⁰ too large",
+    ("energy-drift", "casimir-drift", "local-weak"),
 )
 def pushed_too_far(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
     """Make all noise increments too long by 2⁻²⁰."""
@@ -105,3 +109,22 @@ def pushed_too_far(problem: Problem, y: Array, h: float, dW: Array, first: Array
     before, far = np.reshape(first, noise.shape), 1 + 2.0**-20
     middle = quiet(problem, pushed(problem, state, far * before), h, noise)
     return pushed(problem, middle, far * (noise - before)).reshape(y.shape)
+
+
+_explicit_structure = implicit(
+    lambda fields, y, z, step: step[0] * fields.apply(y, fields.mean_gradient(y, z)), parts=quiet.parts
+)
+
+
+@SABOTEURS.like(
+    schemes.drift_preserving,
+    "B is taken where the step without noise begins: E[H] is right, E[C] is not",
+    ("casimir-drift", "symmetry"),
+)
+def structure_before_the_step(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
+    """Y + hB(Y)∇̄H between the pushes."""
+    schemes.drift_preserving.step(problem, y, 0.0, 0 * dW, 0 * first)  # refuses what that refuses
+    state, noise = as_lanes(problem, y, h, dW)
+    before = np.reshape(first, noise.shape)
+    moved = _explicit_structure(problem, pushed(problem, state, before), h, noise)
+    return pushed(problem, moved, noise - before).reshape(y.shape)

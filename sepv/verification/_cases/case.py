@@ -223,6 +223,7 @@ def _describe_problem(data: Description) -> list[str]:
     for n, G in enumerate(data.noise_structures, 1):
         lines += [f"G{n}_{i + 1}{j + 1}(y) = {entry}" for i, j, entry in G if entry.terms]
     lines += [f"H{n}(y) = {H}" for n, H in enumerate(data.noise_hamiltonians, 1)]
+    lines += [f"g{n} = {list(g)}" for n, g in enumerate(data.noise_vectors, 1)]
     if data.nambu is not None:
         lines += [f"g(y) = {data.nambu[0]}", f"C(y) = {data.nambu[1]}"]
     lines += [f"Casimir yᵀAy with A = {[list(row) for row in A]}" for A in data.casimirs]

@@ -101,6 +101,10 @@ CLASSES: dict[Systems, SystemsClass] = {
         _space(maker(families.separable_hamiltonians, (2, 4), shows=False), d=("2", "4–6"), m=_NOISY, **_SMALL),
         problems=("noisy-henon-heiles",),
     ),
+    Systems.ADDITIVE: SystemsClass(
+        _space(maker(families.additive, shows=False), *_GENERAL, m=_NOISY, d=_MIDDLE, **_SMALL),
+        problems=("noisy-henon-heiles", "pushed-rigid-body"),
+    ),
 }  # fmt: skip
 # Narrow classes that users name; a scheme for one has no other cases.
 FAMILIES = {systems: own for systems, own in CLASSES.items() if own.problems}

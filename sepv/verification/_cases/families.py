@@ -85,3 +85,20 @@ def separable_hamiltonians(parts: Parts) -> PolynomialSystem:
     pushes = [[-some.coefficient(random) for _ in range(n)] for _ in c]
     others = tuple(poly.linear([0.0] * n + row) for row in pushes)
     return PolynomialSystem(2 * n, H, canonical(2 * n), c, noise_hamiltonians=others)
+
+
+def additive(parts: Parts) -> PolynomialSystem:
+    """Any B with or without Casimirs, H = ½ Σ w_k p_k² + p_1 q_1 + V(q), and noise along any directions of p.
+
+    Now and then p is all of y: H is then quadratic and the noise has any directions.
+    """
+    d, random = parts.d, parts.random
+    B, quadratic, linear = parts.structure()
+    n = random.choice([d, random.randint(1, d - 1)])
+    H = poly.squares([random.choice([1.0, 0.5, 2.0]) for _ in range(n)] + [0.0] * (d - n))
+    if n < d:
+        H = poly.add(H, _of(range(n, d), parts, parts.degree))
+        H = poly.add(H, poly.multiply(poly.variable(d, 0), poly.variable(d, n)))
+    c = tuple(v or 0.5 for v in parts.noise())
+    pushes = [[some.coefficient(random) / parts.unit for _ in range(n)] + [0.0] * (d - n) for _ in c]
+    return PolynomialSystem(d, H, B, c, quadratic, linear, noise_vectors=tuple(map(tuple, pushes)))

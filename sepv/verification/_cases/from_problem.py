@@ -27,7 +27,7 @@ from sepv.problem._checks import sample_states
 from sepv.problem._hamiltonians import noise_hessian
 from sepv.verification._cases.case import Case
 from sepv.verification._contraction import CONTRACTION, contraction_radius
-from sepv.verification._tolerance import slopes
+from sepv.verification._tolerance import pushes, slopes
 
 # Names of problems whose H, B and ∇H exist in extended precision.
 EXACT_NAMES = frozenset(named.PAPER)
@@ -168,7 +168,7 @@ def measured_radius(problem: Problem, y: Array) -> float:
         B, g, dB, H = (np.max([part[k] for part in parts], axis=0) for k in range(4))
         if not all(np.all(np.isfinite(part)) for part in (B, g, dB, H)):
             continue
-        field = float(np.max(B @ g))
+        field = float(np.max(np.maximum(B @ g, pushes(problem))))
         slope = float(np.max(np.sum(np.einsum("ijk,j->ik", dB, g) + B @ H, axis=1)))
         radius = 0.5 * min(r / field if field else np.inf, CONTRACTION / slope if slope else np.inf)
         best = max(best, radius)

@@ -66,7 +66,7 @@ class Cases:
     blind : axis -> strata
         Strata in which nothing in the law's statement can fail. The design meets the faults of other axes elsewhere.
     not_of : class of systems -> str
-        The reason why the law does not apply to a class.
+        The reason why the law does not apply to a class. Additive noise counts as several Hamiltonians by default.
     stays : bool
         True if the law stays with the given problem. Otherwise it is not run on users' problems.
     instead : class -> class, or () -> strategy
@@ -88,6 +88,8 @@ class Cases:
     made: Mapping[Systems, tuple[int, Callable[[Random], Case]]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        additive = {Systems.ADDITIVE: self.not_of.get(Systems.HAMILTONIANS, "")}
+        object.__setattr__(self, "not_of", {**additive, **self.not_of} if self.not_of else {})
         known = {axis.name: axis for own in CLASSES.values() for axis in own.space.axes}
         for name, strata in (*self.where.items(), *self.blind.items()):
             require_one_of("an axis of cases", name, known, "see `sepv verify --coverage`")
@@ -178,7 +180,7 @@ def class_of(description: Description | Problem) -> Systems:
     """The class of a problem; (1.1), the widest, if it has one structure and one Hamiltonian."""
     problem = description if isinstance(description, Problem) else named.build(description)
     if isinstance(problem, HamiltoniansProblem):
-        return Systems.HAMILTONIANS
+        return Systems.ADDITIVE if problem.noise_vectors else Systems.HAMILTONIANS
     return Systems.SEVERAL if isinstance(problem, StructuresProblem) else Systems.SINGLE
 
 

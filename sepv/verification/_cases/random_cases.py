@@ -228,11 +228,12 @@ def placed(
 
 
 def _scaled(system: PolynomialSystem, power: int) -> PolynomialSystem:
-    """Multiply all Hamiltonians by 2^power."""
+    """Multiply all Hamiltonians and vectors by 2^power."""
     return replace(
         system,
         hamiltonian=poly.scale(2.0**power, system.hamiltonian),
         noise_hamiltonians=tuple(poly.scale(2.0**power, p) for p in system.noise_hamiltonians),
+        noise_vectors=tuple(tuple(2.0**power * v for v in g) for g in system.noise_vectors),
     )
 
 

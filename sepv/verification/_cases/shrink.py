@@ -91,7 +91,7 @@ def _smaller_systems(case: Case, system: PolynomialSystem) -> Iterator[Case]:
         for k in reversed(range(d)):
             yield replace(case, problem=_without(system, k), y=_put(case.y, k))
     for j in reversed(range(len(system.noise))):
-        keys = ("noise", "noise_structures", "noise_hamiltonians")
+        keys = ("noise", "noise_structures", "noise_hamiltonians", "noise_vectors")
         fewer: dict[str, Any] = {key: _put(getattr(system, key), j) for key in keys}
         yield replace(case, problem=replace(system, **fewer), dW=_put(case.dW, j))
     yield from (replace(case, problem=simpler) for simpler in _simpler_systems(system))
@@ -160,4 +160,5 @@ def _without(system: PolynomialSystem, k: int) -> PolynomialSystem:
         linear_casimirs=tuple(_put(b, k) for b in system.linear_casimirs),
         noise_structures=tuple(cut(G) for G in system.noise_structures),
         noise_hamiltonians=tuple(restricted(H) for H in system.noise_hamiltonians),
+        noise_vectors=tuple(_put(g, k) for g in system.noise_vectors),
     )

@@ -57,8 +57,8 @@ def rule(
     """The rule for m noises and a step h of a scheme with truncation k, exact to this degree at least where m ≤ 2.
 
     Without `panels` two variables take a product of small rules too, which ignores the points where a scheme clips;
-    `fewer` reduces the number of nodes. Without truncation the panels are those of k = 2, and the scheme sees the
-    tails too.
+    `fewer` reduces the number of nodes, or from six variables on reflects them. Without truncation the panels are
+    those of k = 2, and the scheme sees the tails too.
     """
     if noises == 0:
         return Rule(np.zeros((0, 1)), np.ones(1), np.zeros((0, 1)), np.zeros(1, dtype=np.intp), degree)
@@ -69,7 +69,10 @@ def rule(
         n = FEW[noises] - fewer
         x, w = np.polynomial.hermite_e.hermegauss(n)
         return _product(x, w / w.sum(), _clip(x, h, truncation), noises, 2 * n - 1)
-    x = np.sqrt(noises) * np.concatenate([np.eye(noises), -np.eye(noises)], axis=1)
+    axes = np.eye(noises)
+    if fewer:  # as many nodes elsewhere: their difference shows what a rule of this degree errs by
+        axes = axes - 2 / noises
+    x = np.sqrt(noises) * np.concatenate([axes, -axes], axis=1)
     return Rule(x, np.full(2 * noises, 0.5 / noises), _clip(x, h, truncation), np.arange(2 * noises), 3)
 
 

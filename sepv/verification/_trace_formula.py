@@ -1,0 +1,96 @@
+"""E[F(y1)] against F(y0) + hσ by quadrature over what a step sees: the trace formula after one step.
+
+For laws *energy-drift* and *casimir-drift*. Nothing is sampled. Let dy = B∇H dt + Σ c_j g_j dW_j, let F have LF = σ
+with a constant σ, and let a scheme push y by half of the noise, make a step of y′ = B∇H that keeps F, and push again:
+a push has E[F(y + Σ c_j ΔW_j g_j)] = F(y) + Var(ΔW_j) σ, and the step between adds nothing.
+
+**Bound.** At each node of the quadrature what the residual r of a step may do to F, the rounding of F itself, and twice
+the distance from a rule with one node less in each variable. That distance is rounding where F(y1) is a polynomial of
+the noise of low degree, as for schemes that obey these laws. Increments may cancel each other between the halves of a
+step: r is taken for increments that are all as large as the largest of the rule.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sepv.problem import Array, Problem
+from sepv.record import PolynomialMap
+from sepv.record._binary64 import EPS, TINY
+from sepv.schemes import Scheme, ask
+from sepv.verification._cases.case import Case
+from sepv.verification._cases.from_problem import measured_radius
+from sepv.verification._contraction import contraction_ball
+from sepv.verification._law import Measurement
+from sepv.verification._orders.gaussian import rule_for
+from sepv.verification._tolerance import operations, step_residual
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A function F of y with LF = σ.
+
+    Attributes
+    ----------
+    name : str
+        F in words.
+    value, size : (d, M) -> (M,)
+        F, and the sum of its terms' absolute values, to which its rounding is relative.
+    moved : (y0, y1, r), each (d, M) -> (M,)
+        The change of F that a residual r may cause.
+    rate : float
+        σ.
+    unit : float
+        The unit of its defects.
+    """
+
+    name: str
+    value: Callable[[Array], Array]
+    size: Callable[[Array], Array]
+    moved: Callable[[Array, Array, Array], Array]
+    rate: float
+    unit: float
+
+
+def short(case: Case) -> Case:
+    """The step with h + 4√h Σ c_j inside the contraction radius."""
+    problem, y, _, _ = case.build()
+    polynomial = isinstance(problem.gradient, PolynomialMap)
+    radius = contraction_ball(problem, y)[0] if polynomial else measured_radius(problem, y)
+    noise = 4 * float(problem.c.sum())
+    root = (-noise + (noise * noise + 4 * min(radius, 1.0)) ** 0.5) / 2
+    return replace(case, h=root * root, dW=(0.0,) * problem.noises)
+
+
+def measured(scheme: Scheme, problem: Problem, y: Array, h: float, F: Quantity) -> Measurement:
+    """|E[F(y1)] − F(y0) − hσ| for h > 0, with the bound of the module's docstring."""
+    found, allowed = mean_after(scheme, problem, y, h, F)
+    coarser, _ = mean_after(scheme, problem, y, h, F, fewer=1)
+    start, size, change = float(F.value(y)), float(F.size(y)), h * F.rate
+    rounding = EPS * (operations(problem) * size + abs(change))
+    unit = F.unit + EPS * (size + abs(change)) + TINY
+    bound = allowed + rounding + 2 * abs(found - coarser)
+    detail = (
+        f"E[{F.name}(y1)] − {F.name}(y0) = {found - start!r}, expected hσ = {change!r} with σ = {F.rate!r}"
+    )
+    return Measurement(abs(found - start - change) / unit, bound / unit, detail)
+
+
+def mean_after(
+    scheme: Scheme, problem: Problem, y: Array, h: float, F: Quantity, fewer: int = 0
+) -> tuple[float, float]:
+    """E[F(y1)], and what residuals and rounding may change in it."""
+    nodes = rule_for(scheme, problem, h, 4, fewer)
+    noise = np.sqrt(h) * nodes.zeta
+    states = np.repeat(y[:, None], noise.shape[1], axis=1)
+    if scheme.batched:
+        ends = ask(scheme, problem, states, h, noise)
+    else:
+        ends = np.stack([ask(scheme, problem, y, h, w) for w in noise.T], axis=1)
+    largest = np.full((problem.noises, noise.shape[1]), np.abs(noise).max(initial=0.0))
+    residual = step_residual(problem, states, ends, h, largest, scheme)
+    wrong = F.moved(states, ends, residual) + EPS * operations(problem) * F.size(ends)
+    return float(F.value(ends)[nodes.index] @ nodes.weights), float(wrong[nodes.index] @ nodes.weights)
