@@ -28,9 +28,14 @@ class GaussTableau:
 
 @lru_cache(maxsize=8)
 def gauss_tableau(stages: int) -> GaussTableau:
-    """The tableau of the Gauss method of order 2s."""
+    """The tableau of the Gauss method of order 2s.
+
+    b_i a_ij + b_j a_ji = b_i b_j, by which quadratic invariants are kept, is true of the rounded coefficients too where
+    b_i = b_j: roundings of a_ij and a_ji that do not cancel move H by one sign in every step.
+    """
     c, b = gauss_legendre(stages)
-    return GaussTableau(c, b, lagrange_integrals(stages, c))
+    A = np.tril(lagrange_integrals(stages, c), -1)
+    return GaussTableau(c, b, A + np.triu(b - b / b[:, None] * A.T, 1) + np.diag(b / 2))
 
 
 def lagrange(stages: int, tau: Array) -> Array:
@@ -55,6 +60,8 @@ def moments(stages: int, nodes: int) -> tuple[Array, Array]:
     W (s, N) is w_n ℓ_i(τ_n)/b_i, so that b_i⁻¹ ∫ ℓ_i g = Σ_n W_in g(τ_n), exact for g of degree ≤ 2N − s. P (N, s) is
     ∫₀^{τ_n} ℓ_j, so that the collocation polynomial is y0 + Σ_j P_nj z_j there.
     """
+    if nodes == stages:  # at its own nodes
+        return np.eye(stages), gauss_tableau(stages).A
     tau, w = gauss_legendre(nodes)
     return lagrange(stages, tau) * w / gauss_legendre(stages)[1][:, None], lagrange_integrals(stages, tau)
 
