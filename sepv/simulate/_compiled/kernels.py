@@ -65,7 +65,7 @@ def ahead(buffer: Any, n: int) -> None:
             prefetch(buffer, n + 2, j, k)
 
 
-def some(I: Any, group: int, mark: int) -> bool:
+def any_marked(I: Any, group: int, mark: int) -> bool:
     """True if a lane of the group has this mark, 1, 2 or 4."""
     prefer_512_bit()
     found = 0
@@ -145,7 +145,7 @@ def iterated(
             I[EVALUATIONS] += AVERAGES * left
             left = 0
             for group in range(0, L, GROUP):
-                if some(I, group, 1):
+                if any_marked(I, group, 1):
                     for k in range(group, group + GROUP):
                         left += iteration(S, I, buffer, n, k, first, h, bound, q)
         if left > 0:
@@ -183,13 +183,13 @@ def staged(  # noqa: PLR0912 - in one piece, as the method reads
                 I[EVALUATIONS] += left * COUNTS[2 * rule]
                 left = 0
                 for group in range(0, L, GROUP):
-                    if some(I, group, 1):
+                    if any_marked(I, group, 1):
                         sums(S, I, buffer, group, 2 * rule, q)
                         for k in range(group, group + GROUP):
                             left += iteration(S, I, buffer, n, k, first, h, bound, q)
             if CHECKED:
                 for group in range(0, L, GROUP):
-                    if some(I, group, 4):
+                    if any_marked(I, group, 4):
                         sums(S, I, buffer, group, 2 * rule if EXACT else 2 * rule + 1, q)
                         for k in range(group, group + GROUP):
                             left += check(S, I, buffer, n, k, first, h, bound, q)

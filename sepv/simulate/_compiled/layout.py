@@ -70,7 +70,7 @@ def text(
         lines += [f"{name} = lane_piece('''\\", *body, f"'''.splitlines(), {result!r}, globals())"]
     lines += [
         "ahead = compiled(kernels.ahead, globals(), inline=True)",
-        "some = compiled(kernels.some, globals(), inline=True)",
+        "any_marked = compiled(kernels.any_marked, globals(), inline=True)",
         "moved = compiled(kernels.moved, globals(), inline=True)",
         "solved = compiled(kernels.solved, globals())",
         *tables,
