@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -59,3 +61,32 @@ def test_a_step_that_returns_nan_where_nothing_solves_it_is_none_of_the_contract
 
     (found,) = verify(step, laws="contract", effort=FEW).findings
     assert found.verdict is Verdict.HOLDS, found.message
+
+
+MODULE = """
+import sepv
+from sepv.schemes import energy_preserving
+
+calls = 0
+
+def moved(problem, y, h, dW):
+    global calls
+    calls += 1
+    y1 = energy_preserving.step(problem, y, h, dW)
+    return y1 * (1 + 1e-6) if calls > {most} else y1
+
+scheme = sepv.Scheme("counting", moved, claims=["energy"])
+"""
+
+
+@pytest.mark.parametrize(("most", "said"), [(40, "depends on earlier calls"), (0, "violated")])
+def test_a_counterexample_is_replayed_in_a_fresh_process(
+    most: int, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / f"counts_from_{most}.py").write_text(MODULE.format(most=most))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    report = verify(f"counts_from_{most}:scheme", laws="energy", effort=FEW)
+    (found,) = report.findings
+    assert (found.verdict, found.verdict_text) == (Verdict.VIOLATED, said)
+    assert f"energy {said}" in str(report)
+    assert report.exit_code == 1

@@ -88,6 +88,8 @@ class Finding:
         The number of cases that the scheme refuses (`sepv.errors.Skipped`).
     share : float or None
         Of a law that skipped cases it must ask: the share of its design that was measured.
+    afresh : str
+        Of a violation: the verdict on its witness in a process without other calls; empty where none was asked.
     step_seconds : float or None
         Seconds of a step of one state, if the law timed it: for the estimate of a run's remaining time.
     """
@@ -110,10 +112,13 @@ class Finding:
     skipped: int = 0
     step_seconds: float | None = None
     share: float | None = None
+    afresh: str = ""
 
     @property
     def verdict_text(self) -> str:
-        """The verdict in words; holds on 71 %, where the other cases were skipped."""
+        """The verdict in words; holds on 71 %, if others were skipped; depends on earlier calls, if it holds alone."""
+        if self.verdict is Verdict.VIOLATED and self.afresh == Verdict.HOLDS.value:
+            return "depends on earlier calls"
         partly = self.share is not None and self.verdict is Verdict.HOLDS
         return f"holds on {math.floor(100 * self.share)} %" if partly and self.share else self.verdict.text
 

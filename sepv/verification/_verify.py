@@ -23,6 +23,7 @@ from sepv.verification._cases import case as cases
 from sepv.verification._cases.users_problems import items
 from sepv.verification._expected_failures import Expectations, ExpectedFailure
 from sepv.verification._expected_failures import load as load_expected
+from sepv.verification._fresh import asked_afresh
 from sepv.verification._law import Effort, Finding, Law, Run, Verdict
 from sepv.verification._laws import LAWS, LOCAL, SAMPLED, laws_of, listed, load_laws, soonest
 from sepv.verification._outcome import Report
@@ -142,7 +143,7 @@ def verify(
         if law.name not in found:
             unmeasured = law.finding(Verdict.NOT_MEASURED, message=why)
             found[law.name] = replace(unmeasured, claimed=law.claimed_by(candidate))
-    findings = tuple(found[law.name] for law in chosen)
+    findings = asked_afresh(scheme, [found[law.name] for law in chosen], problems)
     report = Report(candidate, findings, effort, interrupted, known.claims, target, required=required)
     gaps = known.gaps((law.name for law in chosen), candidate.name, report.problems)
     return replace(report, gaps=tuple(gaps))
