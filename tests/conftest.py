@@ -35,8 +35,8 @@ sys.dont_write_bytecode = False
 
 # Each has something costly that its tests share: a site, a cluster, a report of all laws, a copy of the tree.
 TOGETHER = {
-    "tests/test_clusters.py", "tests/test_doors.py", "tests/test_extending.py", "tests/test_files.py",
-    "tests/test_site.py",
+    "tests/workers/test_clusters.py", "tests/commands/test_same_verdicts_at_every_door.py",
+    "tests/docs/test_extending.py", "tests/verification/test_files.py", "tests/docs/test_site.py",
 }  # fmt: skip
 
 
@@ -59,7 +59,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 
 # *Reproducibility* solves batches of thousands of states, for this scheme with an adaptive quadrature in each, which
-# takes a quarter of a minute. tests/test_implicit.py asks the same of it with smaller batches.
+# takes a quarter of a minute. tests/solve/test_implicit.py asks the same of it with smaller batches.
 DEEP = {"properties/test_reproducibility.py::test_reproducibility[discrete-gradient]"}
 
 

@@ -2,7 +2,7 @@
 
 Each claims what theory gives it and no more. `solved_otherwise` has (2.1) solved by other means than the core's Newton
 iteration, summed in other orders, rounded less or refused more often; `other_formulas` has schemes with laws of their
-own. tests/test_right_schemes.py and `benchmarks.false_alarms` run the suite on them.
+own. tests/verification/test_right_schemes.py and `benchmarks.false_alarms` run the suite on them.
 """
 
 from __future__ import annotations

@@ -1,0 +1,271 @@
+"""Every code block of the pages under docs/ runs, and what they say of commands, files and laws is so."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import tomllib
+from itertools import pairwise
+from pathlib import Path
+
+import click
+import pytest
+from reader import Reader, shape
+
+from sepv.commands._cli import main
+from sepv.verification import load_laws
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = ("ten-minutes", "laws", "choosing", "ci", "extending", "beyond", "hard-cases", "speed")
+
+
+# Pages whose blocks are run elsewhere, by what; or are output, and shown to be so.
+ELSEWHERE = {
+    "clusters": "test_cluster_docs.py",
+    "protocol": "test_examples.py",
+    "vectors": "test_vectors.py",
+    "compliance": "test_peers.py",
+    "solvers": "test_solvers.py",
+    "trend": "test_versions.py",
+    "profiles": "test_profiles.py",
+    "index": "test_site.py",  # the first page of the site, whose example is measured as it is built
+    "api": "test_site.py",  # directives, no commands
+    "teeth": "",  # printed by `sepv teeth`; its commands are parsed below
+}
+
+
+def text(page: str) -> str:
+    return (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
+
+
+def blocks(page: str, language: str | None = None) -> list[tuple[str, str]]:
+    """(language, content) of each fenced block, in their order."""
+    found = re.findall(r"^```(\w+)\n(.*?)^```$", text(page), flags=re.MULTILINE | re.DOTALL)
+    return [(kind, body) for kind, body in found if language in (None, kind)]
+
+
+# Blocks whose command takes minutes, or is the block itself; that of docs/protocol.md is held by test_examples.py.
+SHOWN_ELSEWHERE = ("beyond", "protocol", "speed", "teeth")
+
+
+def fewer(words: list[str]) -> list[str]:
+    """The printed command with less effort."""
+    _, command, *rest = words
+    if command == "bench":
+        rest += ["--batches", "4"]
+    if command == "solvability":
+        rest += shlex.split("--range 0.5 --states 4 --grid 4 --until 1 --paths 4")
+    if command == "verify" and "--check-protocol" not in rest:
+        rest = [word for word in rest if word != "--deep"] + shlex.split("--examples 2 --paths 64")
+        while ("--law", "contract") in pairwise(rest):
+            at = rest.index("contract")
+            del rest[at - 1 : at + 1]
+        if "--law" not in rest:
+            rest += shlex.split("--law energy --law casimir")
+    return ["sepv", command, *rest]
+
+
+@pytest.fixture
+def reader(reader: Reader) -> Reader:
+    """Has the examples, and what the pages say is there."""
+    reader.fewer = fewer
+    (reader.folder / "examples").symlink_to(ROOT / "examples")
+    # The reader's scheme, which the ten minutes write anew; this one takes batches.
+    (reader.folder / "mine.py").write_text("from sepv.schemes._midpoint import step\n")
+    (reader.folder / "mypkg").mkdir()
+    (reader.folder / "mypkg" / "__init__.py").touch()
+    (reader.folder / "mypkg" / "scheme.py").write_text("from sepv.schemes._midpoint import step as scheme\n")
+    return reader
+
+
+# Of other people, and large: their blocks run where they are installed.
+LIBRARIES = ("jax", "torch")
+
+
+def lacks_a_library(body: str) -> bool:
+    """Whether a block imports one of `LIBRARIES` that is not installed."""
+    asked = set(re.findall(r"^(?:import|from) (\w+)", body, flags=re.MULTILINE))
+    return any(importlib.util.find_spec(name) is None for name in asked.intersection(LIBRARIES))
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page != "ci"])
+def test_the_blocks_of_a_page_run_in_their_order(page: str, reader: Reader) -> None:
+    assert run_blocks(page, reader) > 0
+
+
+def run_blocks(page: str, reader: Reader) -> int:
+    """Each must end well; how many of Python, shell and TOML there are."""
+    left_out, printed = set[str](), ""
+    for kind, body in blocks(page):
+        if kind == "python":
+            name = re.match(r"# (\w+\.py)\n", body)
+            if lacks_a_library(body):
+                left_out.add(name[1].removesuffix(".py") if name else "")
+                continue
+            if name:
+                (reader.folder / name[1]).write_text(body, encoding="utf-8")
+            shown = reader.python(body)
+            assert name or shown, f"a block of {page} shows nothing"
+        elif kind == "sh":
+            if "cc " in body and shutil.which("cc") is None:
+                continue
+            if any(f"{module}:" in body for module in left_out):
+                continue
+            printed += "".join(typed(line, reader) for line in body.splitlines())
+        elif kind == "toml":
+            tomllib.loads(body)
+            check_pyproject(body, reader)
+        elif kind == "text" and page not in SHOWN_ELSEWHERE:
+            there = {shape(line) for line in printed.splitlines()}
+            missing = [line for line in body.splitlines() if line != "…" and shape(line) not in there]
+            assert not missing, f"{page} shows what is not printed: {missing}"
+        else:
+            assert kind in ("text", "yaml"), f"{page}: nothing runs a {kind} block"
+    return sum(kind in ("python", "sh", "toml") for kind, _ in blocks(page))
+
+
+def typed(line: str, reader: Reader) -> str:
+    """Run a line for a shell; what sepv prints. What would be installed is here already, and is written down."""
+    tool, *words = shlex.split(line)
+    if tool == "pip":
+        with (reader.folder / "installed").open("a") as file:
+            file.write(os.path.expandvars(" ".join(words)) + "\n")
+    elif tool == "pytest":
+        reader.pytest(*words, "--sepv-examples", "2")
+    elif tool == "cc":
+        subprocess.run([tool, *words], cwd=reader.folder, check=True)
+    else:
+        return reader.sepv(line)
+    return ""
+
+
+def check_pyproject(body: str, reader: Reader) -> None:
+    """A pyproject.toml makes pytest run laws beside a test of the reader's own."""
+    project = reader.folder / "project"
+    project.mkdir()
+    shutil.copytree(reader.folder / "mypkg", project / "mypkg")
+    (project / "pyproject.toml").write_text(body, encoding="utf-8")
+    (project / "test_own.py").write_text("def test_own(): pass\n")
+    with pytest.MonkeyPatch.context() as there:
+        there.chdir(project)
+        shown = reader.pytest("-k", "own or test_casimir or test_identity", "--sepv-examples", "2")
+    assert "1 passed, 3 skipped" in shown
+
+
+def steps_of(workflow: str) -> list[tuple[str, str]]:
+    """(job, command) of each step of a workflow of either kind, in its order."""
+    found, job = [], ""
+    for line in workflow.splitlines():
+        heading = re.match(r"(?:  )?([a-z]+):$", line)
+        job = heading[1] if heading and heading[1] not in ("jobs", "script") else job
+        step = re.match(r"\s+- (?:run: )?((?:pip|sepv|pytest) .*)", line)
+        if step:
+            found.append((job, re.sub(r"\$\{\{ github.run_number \}\}|\$CI_PIPELINE_IID", "7", step[1])))
+    return found
+
+
+def test_the_blocks_of_the_page_about_ci_and_the_steps_of_its_workflows_run(
+    reader: Reader, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a runner does, job by job, in a folder with the files that the page says to commit."""
+    monkeypatch.setenv("SEPV", str(ROOT))
+    assert run_blocks("ci", reader) > 0
+    jobs = [steps_of(body) for _, body in blocks("ci", "yaml")]
+    assert [len(steps) for steps in jobs] == [10, 1, 0, 5]
+    # Each once; what another does with more options is not done twice.
+    commands = list(dict.fromkeys(command for steps in jobs for _, command in steps))
+    for command in commands:
+        assert "${{" not in command
+        words = set(command.split())
+        # Another checkout is measured by tests/studies/test_bench.py.
+        if "--against-ref" in words or ("sepv" in words and any(words < set(c.split()) for c in commands)):
+            continue
+        typed(command + (" -k identity" if command.startswith("pytest") else ""), reader)
+    installed = (reader.folder / "installed").read_text().splitlines()
+    assert set(installed) == {"install .", f"install . {ROOT}", "install pytest"}
+
+
+def test_every_page_with_a_block_is_run() -> None:
+    fenced = {p.stem for p in (ROOT / "docs").glob("*.md") if "```" in p.read_text(encoding="utf-8")}
+    assert fenced == {*PAGES, *ELSEWHERE}
+    for page, file in ELSEWHERE.items():
+        if file:
+            (test,) = (ROOT / "tests").rglob(file)
+            assert page in test.read_text(encoding="utf-8")
+
+
+def test_the_vector_that_is_shown_is_one() -> None:
+    block, witness = blocks("vectors", "json")
+    fields = set(re.findall(r'"(\w+)":', block[1])) - {"name", "parameters", "inertia", "noise"}
+    file = ROOT / "reference" / "vectors" / "energy-preserving.json"
+    one = next(v for v in json.loads(file.read_text())["cases"] if v["id"] == "energy-preserving/paper-07")
+    assert fields <= set(one)
+    schema = json.loads((ROOT / "reference" / "witnesses" / "witnesses.schema.json").read_text())
+    assert list(json.loads(witness[1])) == schema["$defs"]["witness"]["required"]
+
+
+def commands() -> list[tuple[str, str]]:
+    """Every command line of ours in README and docs, whatever block or sentence it stands in."""
+    found = []
+    for page in ("README", *(p.stem for p in sorted((ROOT / "docs").glob("*.md")))):
+        content = (ROOT / "README.md").read_text(encoding="utf-8") if page == "README" else text(page)
+        fenced = "\n".join(
+            re.findall(r"^```(?:sh|yaml|text)\n(.*?)^```$", content, flags=re.MULTILINE | re.DOTALL)
+        )
+        spoken = re.findall(r"`(sepv [a-z]+ [^`…]*)`", content)
+        printed = re.findall(r"^(?:\s*(?:- )?(?:run: )?)(sepv [a-z].*)$", fenced, flags=re.MULTILINE)
+        found += [
+            (page, line.split("  #")[0].split(" || ")[0].strip())
+            for line in (*printed, *spoken)
+            if "…" not in line
+        ]
+    return found
+
+
+@pytest.mark.parametrize(("page", "line"), commands())
+def test_every_command_that_is_shown_can_be_parsed(page: str, line: str) -> None:
+    """Options that do not exist, in a workflow file or in a sentence, are found here; nothing is run."""
+    line = re.sub(r"\$\{\{.*?\}\}|\$\w+", "7", line)
+    _, name, *arguments = shlex.split(line)
+    command = main.get_command(click.Context(main), name)
+    assert command, line
+    # Files that a reader would have need not be here.
+    for parameter in command.params:
+        if isinstance(parameter.type, click.Path):
+            parameter.type.exists = False
+    command.make_context(name, arguments)
+
+
+def test_workflows_are_indented_lists_and_mappings() -> None:
+    for _, body in blocks("ci", "yaml"):
+        for number, line in enumerate(body.splitlines(), 1):
+            assert "\t" not in line
+            assert (len(line) - len(line.lstrip())) % 2 == 0, number
+            bare = line.strip()
+            assert not bare or bare[0] == "#" or re.match(r"- |[\w.-]+:|\"|laws\.", bare), line
+
+
+def test_every_law_has_a_section_with_its_file_and_what_breaks_it() -> None:
+    sections = re.split(r"^## ", text("laws"), flags=re.MULTILINE)[1:]
+    found = {s.splitlines()[0]: s for s in sections}
+    for law in load_laws():
+        section = found[law.name]
+        assert f"(../properties/test_{law.name.replace('-', '_')}.py)" in section
+        assert "Broken by:" in section
+    assert set(found) - {law.name for law in load_laws()} == {
+        "What the designs find",
+        "How often intervals miss",
+        "Which faults they find",
+        "Several Hamiltonians",
+    }
+
+
+@pytest.mark.parametrize("page", [p.stem for p in sorted((ROOT / "docs").glob("*.md"))])
+def test_links_lead_somewhere(page: str) -> None:
+    for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text(page)):
+        assert "://" in target or (ROOT / "docs" / target).exists(), target

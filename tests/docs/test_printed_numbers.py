@@ -1,0 +1,108 @@
+"""Numbers that stand in the prose of docs/, computed again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from sepv.properties.test_energy_drift import quantity
+
+from sepv import exact_flow, problems, schemes
+from sepv.problem import Array, PolynomialSystem, Problem
+from sepv.problems._common import hat
+from sepv.problems._polynomial_system import drift_of_energy, started
+from sepv.record import _polynomial as poly
+from sepv.schemes import Scheme
+from sepv.studies._reproduce.remarks import _solvable
+from sepv.studies._solvability.map import solvability_map
+from sepv.verification._trace_formula import mean_after
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+
+
+def printed(page: str, *sentences: str) -> None:
+    """Each sentence stands on the page, whatever its line breaks."""
+    text = " ".join((DOCS / page).read_text("utf-8").split())
+    for sentence in sentences:
+        assert sentence in text, sentence
+
+
+def structure_defect(problem: Problem, y: Array, h: float) -> Array:
+    """|Φ′BΦ′ᵀ − B(y1)|/|B(y1)| of (2.1) from the states y (d, M), by central differences of order six."""
+    width, no_noise = 1e-3, np.zeros((1, y.shape[1]))
+
+    def end(states: Array) -> Array:
+        return schemes.energy_preserving.step(problem, states, h, no_noise)
+
+    columns = []
+    for e in width * np.eye(len(y))[..., None]:
+        terms = ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60))
+        columns.append(sum(a * (end(y + n * e) - end(y - n * e)) / width for n, a in terms))
+    slope, after = np.stack(columns, axis=1), problem.structure(end(y))
+    moved = np.einsum("ikm,klm,jlm->ijm", slope, problem.structure(y), slope)
+    return np.abs(moved - after).max(axis=(0, 1)) / np.abs(after).max(axis=(0, 1))
+
+
+def test_what_two_one_leaves_of_the_structure_of_the_rigid_body() -> None:
+    printed(
+        "laws.md", "by 5.2e-3 of |B| at the initial state of the rigid body with |Δ| = ½, and by 0 to 8.9e-3"
+    )
+    problem = problems.rigid_body()
+    orbit = exact_flow(problem, np.linspace(0, 12, 400)).y
+    for h in (0.5, -0.5):
+        defect = structure_defect(problem, orbit, h)
+        assert defect[0] == pytest.approx(5.2e-3, abs=5e-5)
+        assert defect.max() == pytest.approx(8.9e-3, abs=5e-5)
+        assert defect.min() < 5e-5
+
+
+def energy_errors(scheme: Scheme, problem: Problem, steps: Array) -> Array:
+    """E[H(y1)] − H(y0) − hσ for each h."""
+    y = np.array(problem.initial)
+    assert isinstance(problem.data, PolynomialSystem)
+    rate = drift_of_energy(problem.data)
+    assert rate is not None
+    H = quantity(problem, rate, y)
+    return np.array([mean_after(scheme, problem, y, h, H)[0] - H.value(y) - h * rate for h in steps])
+
+
+def test_the_midpoint_rule_loses_energy_by_a_third_power_of_h() -> None:
+    """σ₀²V″/8 summed over both momenta: V = ½|q|² without the coupling, where it is exact but for h⁵."""
+    printed("laws.md", "by h³σ₀²V″/8 a step")
+    problem, h = problems.noisy_henon_heiles(coupling=0.0), np.array([0.02, 0.01])
+    expected = -(h**3) * (0.5**2 + 0.25**2) / 8
+    assert energy_errors(schemes.stochastic_midpoint, problem, h) == pytest.approx(expected, rel=1e-3)
+
+
+def test_the_isospectral_rule_loses_energy_by_a_square_of_h() -> None:
+    """The noise is a Casimir, which moves nothing: (2, 3) are the powers of the two rules."""
+    printed("class.md", "up to h³ a step for the midpoint rules, and up to h² for *isospectral-midpoint*")
+    H = poly.add(poly.squares((1, 1, 1)), poly.polynomial(3, {(1, 0, 0): 1.0, (2, 1, 0): 1.0}))
+    data = PolynomialSystem(3, H, hat(), (1.0,), noise_hamiltonians=(poly.squares((1, 1, 1)),))
+    problem, h = started(data, "noise by a Casimir", (1.0, 1.0, 1.0)), np.array([2e-3, 1e-3])
+    for scheme, power in ((schemes.isospectral_midpoint, 2), (schemes.stochastic_midpoint, 3)):
+        coarse, fine = energy_errors(scheme, problem, h)
+        assert np.log2(coarse / fine) == pytest.approx(power, abs=0.02)
+
+
+def test_how_often_a_step_from_the_orbit_is_off_the_branch() -> None:
+    """On [0, 5], the paper's interval, by the means over the states of the orbit."""
+    printed("hard-cases.md", "some step of the paper's interval [0, 5] with 0.44, 0.062 and 4e-4")
+    found = solvability_map(problems.lotka_volterra(), states=96, grid=2)
+    shares = [1 - (1 - float(found.chances(h, 2).mean())) ** (5 / h) for h in (2.0**-4, 2.0**-5, 2.0**-6)]
+    assert shares == pytest.approx([0.44, 0.062, 4e-4], rel=0.13)
+    assert found.chances(2.0**-7, 2).max() == 0
+
+
+def test_a_refused_step_counts_as_solvable_where_continuation_solves_it() -> None:
+    """Lotka-Volterra at h = 2⁻⁵, seed 0: the states of paths 0 and 6 before the step that the solver refused."""
+    states = np.full((3, 7), np.nan)
+    states[:, 0] = 0.3860042498678507, 0.606756203820615, 4.536707378696373
+    states[:, 6] = 0.41707576998317536, 0.3539928174349036, 4.998348913423673
+    for step, path, solvable in ((751, 0, 0), (882, 6, 1)):
+        refused = np.full(7, -1)
+        refused[path] = step
+        found = SimpleNamespace(failed_step=refused, y=states)
+        assert _solvable(found, problems.lotka_volterra(), 2.0**-5, 1024, 0) == solvable  # type: ignore[arg-type]

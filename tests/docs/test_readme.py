@@ -1,0 +1,84 @@
+"""The README does what it says: its Python runs, its commands exist, and what it shows is what they print."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from reader import Reader, shape
+
+from sepv.verification import load_laws
+
+ROOT = Path(__file__).resolve().parents[2]
+README = (ROOT / "README.md").read_text()
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", README, flags=re.MULTILINE | re.DOTALL)
+
+
+def test_python_blocks_run_as_printed(reader: Reader) -> None:
+    mine, *others = blocks("python")
+    (reader.folder / "mine.py").write_text(mine)
+    for block in others:
+        shown = reader.python(block)
+        assert shown
+        if "sepv.verify" in block:
+            assert "Verdict.HOLDS" in shown
+            assert "H(y1) − H(y0)" in shown
+
+
+def test_shell_blocks_run(reader: Reader) -> None:
+    """The setup and the test command are what brought us here; the others run with less effort."""
+    (reader.folder / "mine.py").write_text(blocks("python")[0])
+    lines = [line for block in blocks("sh") for line in block.splitlines() if line.startswith("sepv ")]
+    assert lines
+    for line in lines:
+        few = "--examples 2 --paths 64 --shrink-checks 10" + ("" if "--law" in line else " --law energy")
+        assert "holds" in reader.sepv(f"{line} {few}")
+
+
+def printed(output: str) -> set[str]:
+    """The lines of an output, and each without its numbers."""
+    lines = [" ".join(line.split()) for line in output.splitlines()]
+    return {*lines, *map(shape, lines)}
+
+
+def test_every_output_that_is_shown_is_printed(reader: Reader) -> None:
+    """Each text block stands after its command; its case is compared digit by digit, other lines but for numbers."""
+    (reader.folder / "mine.py").write_text(blocks("python")[0])
+    command, shown = "", list[tuple[str, str]]()
+    for kind, block in re.findall(r"^```(sh|text)\n(.*?)^```$", README, re.MULTILINE | re.DOTALL):
+        if kind == "text":
+            shown.append((command, block))
+        elif block.startswith("sepv "):
+            command = block.strip()
+    assert len(shown) == 3
+    for command, block in shown:
+        there = printed(reader.sepv(command))
+        for line in map(str.strip, block.splitlines()):
+            exactly = line.startswith(("H(y) =", "B12(y) =", "y =", "h ="))
+            asked = " ".join(line.split())
+            assert set(line) <= set("…─") or (asked if exactly else shape(asked)) in there, (command, line)
+
+
+def test_every_block_of_the_readme_is_of_a_kind_that_is_run_or_compared() -> None:
+    kinds = re.findall(r"^```(\w*)$", README, flags=re.MULTILINE)[::2]
+    assert set(kinds) == {"sh", "python", "text"}
+    ours = ("sepv verify ", "python3 -m venv", "pip install -e '.[test]'", "python -m pytest -n auto")
+    for block in blocks("sh"):
+        assert all(line.startswith(ours) for line in block.splitlines()), block
+
+
+def test_every_law_has_its_row_and_its_file() -> None:
+    page = (ROOT / "docs" / "laws.md").read_text(encoding="utf-8")
+    for law in load_laws():
+        row = next(line for line in page.splitlines() if line.startswith(f"| {law.name} |"))
+        file = re.search(r"\(\.\./(properties/\S+\.py)\)", row)
+        assert file
+        assert (ROOT / file[1]).is_file()
+
+
+def test_links_lead_somewhere() -> None:
+    for target in re.findall(r"\]\(([^)#]+)\)", README):
+        assert "://" in target or (ROOT / target).exists(), target

@@ -1,0 +1,445 @@
+"""The door for other languages: real children, well-behaved and not. Whatever one does, it ends as an error
+of its own, soon, and no process is left."""
+
+from __future__ import annotations
+
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sepv import problems, schemes
+from sepv.errors import SchemeFault, Skipped, UsageError
+from sepv.external import _errors as errors
+from sepv.external import check_protocol, load_program
+from sepv.schemes import Scheme
+from sepv.verification import LAWS, Effort, Verdict, verify
+
+ROOT = Path(__file__).resolve().parents[2]
+OSCILLATOR = problems.harmonic_oscillator()
+Y, DW = np.array([1.0, 0.5]), np.array([0.25])
+# Far below the time that any of these children would sleep, far above what a loaded machine needs.
+SOON = 10.0
+QUICK = {"call_timeout": 0.5, "start_timeout": 5.0}
+TERMS = '[["0x1p+0","0x1p+0"]]'
+
+# What the children start with: every process notes its number, so that the test can look for it afterwards.
+PREAMBLE = """
+import json, os, signal, sys, time
+from pathlib import Path
+def note():
+    with open(Path(__file__).with_suffix(".pids"), "a") as file: file.write(f"{os.getpid()}\\n")
+note()
+def read():
+    return json.loads(sys.stdin.readline() or "null")
+def put(text):
+    os.write(1, text.encode() if isinstance(text, str) else text)
+def say(**answer):
+    put(json.dumps(answer) + "\\n")
+def hello(**more):
+    named = ["harmonic-oscillator", "rigid-body", "pendulum", "lotka-volterra"]
+    say(**{"id": read()["id"], "protocol": 1, "scheme": "bad", "problems": named, **more})
+def states(message):
+    say(id=message["id"], y_next=[step["y"] for step in message["steps"]])
+"""
+
+
+@pytest.fixture
+def child(tmp_path):
+    """A function that makes a command of a child's code; in the end none of its processes may live."""
+    script = tmp_path / "child.py"
+
+    def make(code: str) -> str:
+        script.write_text(PREAMBLE + code)
+        return shlex.join([sys.executable, "-I", "-S", str(script)])
+
+    yield make
+    pids = script.with_suffix(".pids")
+    left = [pid for pid in pids.read_text().split() if lives(int(pid))] if pids.exists() else []
+    assert not left
+
+
+def lives(pid: int) -> bool:
+    """Whether the process runs; one that has ended and waits to be reaped by init does not."""
+    for _ in range(100):
+        if state(pid) in ("", "Z", "X"):
+            return False
+        time.sleep(0.01)  # SIGKILL was sent; the system may take a moment
+    return True
+
+
+def state(pid: int) -> str:
+    """The letter that the system gives for the state of a process, "" where there is none."""
+    if not Path("/proc/self/stat").exists():
+        command = ["ps", "-o", "stat=", "-p", str(pid)]
+        return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()[:1]
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except (FileNotFoundError, ProcessLookupError):
+        return ""
+
+
+def ask(command: str, lanes: int = 1, **options: float) -> np.ndarray:
+    """One call of the program: the oscillator, one step or as many as lanes."""
+    with load_program(command, **{**QUICK, **options}) as scheme:
+        if lanes == 1:
+            return scheme.step(OSCILLATOR, Y, 0.5, DW)
+        return scheme.step(OSCILLATOR, np.repeat(Y[:, None], lanes, 1), 0.5, np.repeat(DW[:, None], lanes, 1))
+
+
+MISBEHAVIOUR = {
+    "crashes": ("hello(); read(); os.kill(os.getpid(), signal.SIGSEGV)", errors.ProgramExit, "SIGSEGV"),
+    "exits": ("hello(); read(); sys.exit(7)", errors.ProgramExit, "exit code 7"),
+    "raises": ("hello(); read(); 1 / 0", errors.ProgramExit, "ZeroDivisionError"),
+    "exits before hello": ("sys.exit(3)", errors.ProgramExit, "exit code 3"),
+    "closes its stdout": ("hello(); read(); os.close(1); time.sleep(60)", errors.ProgramExit, "closed its output"),
+    "sleeps": ("hello(); read(); time.sleep(60)", errors.CallTimeout, "nothing"),
+    "sleeps through SIGTERM":
+        ("signal.signal(signal.SIGTERM, signal.SIG_IGN); hello(); read(); time.sleep(60)",
+         errors.CallTimeout, "nothing"),
+    "ends no line": ("hello(); read(); put('{'); time.sleep(60)", errors.CallTimeout, "1 bytes without"),
+    "leaves a grandchild":
+        ("hello(); read()\nif os.fork() == 0:\n    note(); time.sleep(60)\nsys.exit(5)",
+         errors.ProgramExit, "exit code 5"),
+    "prints text": ("hello(); read(); put('step 1 of 1\\n')", errors.NotJson, "step 1 of 1"),
+    "greets": ("put('Welcome\\n'); hello()", errors.NotJson, "Welcome"),
+    "prints an empty line": ("hello(); read(); put('\\n')", errors.NotJson, "Expecting value"),
+    "prints bytes": ("hello(); read(); put(b'\\xff\\xfe\\n')", errors.NotJson, "xff"),
+    "prints a bare NaN": ("hello(); say(id=read()['id'], y_next=[[float('nan')]])", errors.NotJson, "NaN is not"),
+    "prints half of it": ('hello(); read(); put(\'{"id":1,"y_n\\n\')', errors.NotJson, "Unterminated"),
+    "nests deeply": ("hello(); read(); put('[' * 500000 + '\\n')", errors.NotJson, "deep to be read"),
+    "prints a long integer": ("hello(); read(); put('9' * 10000 + '\\n')", errors.NotJson, "beyond binary64"),
+    "prints a list": ("hello(); read(); put('[1]\\n')", errors.BadAnswer, "JSON object"),
+    "takes another id": ("hello(); read(); say(id=99, skip='')", errors.WrongId, "message 1"),
+    "gives no id": ("hello(); read(); say(skip='')", errors.WrongId, "message 1"),
+    "gives true as id": ("hello(); read(); say(id=True, skip='')", errors.WrongId, "message 1"),
+    "prints 10 MB": ("hello(); read(); put('x' * 10_000_000)", errors.LineTooLong, "1048576 bytes"),
+    "prints a JSON line of 10 MB":
+        ("hello(); say(id=read()['id'], skip='x' * 10_000_000)", errors.LineTooLong, "1048576 bytes"),
+    "prints without end": ("hello(); read()\nwhile True: put('x' * 4096)", errors.LineTooLong, "1048576 bytes"),
+    "answers nothing": ("hello(); say(id=read()['id'])", errors.BadAnswer, "exactly one of"),
+    "answers twice over": ("hello(); say(id=read()['id'], skip='', error='')", errors.BadAnswer, "exactly one"),
+    "skips without words": ("hello(); say(id=read()['id'], skip=1)", errors.BadAnswer, "exactly one of"),
+    "answers decimals": ("hello(); say(id=read()['id'], y_next=[['0.1', '1']])", errors.BadAnswer, "hex float"),
+    "answers numbers": ("hello(); say(id=read()['id'], y_next=[[1.0, 2.0]])", errors.BadAnswer, "hex float"),
+    "answers null": ("hello(); say(id=read()['id'], y_next=None)", errors.WrongShape, "None"),
+    "forgets a component": ("hello(); say(id=read()['id'], y_next=[['0x1p+0']])", errors.WrongShape, "2 numbers"),
+    "forgets the outer list":
+        ("hello(); say(id=read()['id'], y_next=['0x1p+0', '0x1p+0'])", errors.WrongShape, "1 states"),
+    "answers nan": ("hello(); say(id=read()['id'], y_next=[['nan', '0x1p+0']])", errors.NotFinite, "nan"),
+    "answers -inf": ("hello(); say(id=read()['id'], y_next=[['-inf', '0x1p+0']])", errors.NotFinite, "-inf"),
+    "overflows": ("hello(); say(id=read()['id'], y_next=[['0x1p+0', '0x1p+1024']])", errors.NotFinite, "1024"),
+    "refuses": ("hello(); say(id=read()['id'], error='no \\x1b[31m root')", errors.StepRefused, r"\x1b[31m root"),
+    "skips": ("hello(); say(id=read()['id'], skip='only d = 3')", Skipped, "only d = 3"),
+    "takes other problems": ("hello(problems=['rigid-body']); read()", Skipped, "does not name"),
+    "speaks protocol 2": ("hello(protocol=2)", errors.BadAnswer, "the number 1"),
+    "has no name": ("hello(scheme='')", errors.BadAnswer, "1 to 80 printable"),
+    "has escapes in its name": ("hello(scheme='\\x1b[31m')", errors.BadAnswer, "1 to 80 printable"),
+    "misspells a member": ("hello(claim=['energy'])", errors.BadAnswer, "claim in hello"),
+    "claims a text": ("hello(claims='energy')", errors.BadAnswer, "a list of names"),
+    "takes no problem": ("hello(problems=[])", errors.BadAnswer, "what the program can be asked"),
+    "takes no steps": ("hello(max_steps=0)", errors.BadAnswer, "an integer ≥ 1"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MISBEHAVIOUR)
+def test_each_misbehaviour_has_its_own_error_and_leaves_no_process(child, name):
+    code, kind, text = MISBEHAVIOUR[name]
+    command, start = child(code), time.perf_counter()
+    with pytest.raises(kind) as caught:
+        ask(command)
+    assert time.perf_counter() - start < SOON
+    assert type(caught.value) is kind
+    assert text in str(caught.value)
+    assert "\x1b" not in str(caught.value)
+
+
+@pytest.mark.parametrize("lanes", [1, 4000], ids=["a short message", "a message longer than a pipe holds"])
+def test_a_child_that_never_reads_does_not_block(child, lanes):
+    # It answers hello unasked, so that a step is sent at all.
+    command = child(
+        "say(id=0, protocol=1, scheme='deaf', problems=['harmonic-oscillator'], max_steps=1024); time.sleep(60)"
+    )
+    start = time.perf_counter()
+    with pytest.raises((errors.NeverReads, errors.CallTimeout)) as caught:
+        ask(command, lanes)
+    assert time.perf_counter() - start < SOON
+    # Only Linux tells how much of a short message lies in the pipe.
+    if lanes > 1 or sys.platform == "linux":
+        assert type(caught.value) is errors.NeverReads
+
+
+def test_a_child_that_prints_and_never_reads_fills_no_memory(child):
+    command = child("hello(max_steps=1024)\nwhile True: put('{}\\n' * 1000)")
+    with pytest.raises(errors.LineTooLong):
+        ask(command, lanes=4000, call_timeout=5.0)
+
+
+def test_a_child_that_closes_its_stdin_is_found_out(child):
+    command = child("hello(max_steps=1024); os.close(0); time.sleep(60)")
+    with pytest.raises(errors.ProgramExit, match="closed its input"):
+        ask(command, lanes=4000, call_timeout=5.0)
+
+
+def test_a_child_that_writes_before_it_reads_does_not_deadlock(child):
+    # Both pipes are full at once: the child's answer and the message are longer than a pipe holds.
+    code = """
+hello(max_steps=1024)
+put('{"id":1,"y_next":[' + ",".join('["0x1p+0","0x1.0000000000000000000000000000p+0"]' for _ in range(1024)))
+read()
+put(']}\\n')
+time.sleep(60)
+"""
+    with load_program(child(code), call_timeout=5.0) as scheme:
+        answer = scheme.step(OSCILLATOR, np.ones((2, 1024)), 0.5, np.zeros((1, 1024)))
+    assert np.array_equal(answer, np.ones((2, 1024)))
+
+
+def test_stderr_is_free_and_its_end_is_shown(child):
+    code = """
+sys.stderr.write("x" * 1_000_000); hello(); read()
+sys.stderr.write("\\nout of \\x07 memory"); sys.exit(1)
+"""
+    with pytest.raises(errors.ProgramExit, match=r"\| out of \\x07 memory") as caught:
+        ask(child(code))
+    assert len(str(caught.value)) < 3000
+
+
+def test_a_line_too_many_is_found_out_at_the_next_message(child):
+    code = "hello()\nwhile True: message = read(); states(message); states(message)"
+    with load_program(child(code), **QUICK) as scheme:
+        assert np.array_equal(scheme.step(OSCILLATOR, Y, 0.5, DW), Y)
+        with pytest.raises(errors.WrongId, match="message 2"):
+            scheme.step(OSCILLATOR, Y, 0.5, DW)
+
+
+def test_after_a_crash_a_fresh_program_is_asked(child):
+    code = """
+hello()
+while True:
+    message = read()
+    if message["steps"][0]["y"][0] == (2.0).hex(): os.abort()
+    states(message)
+"""
+    with load_program(child(code), **QUICK) as scheme:
+        for _ in range(3):
+            with pytest.raises(errors.ProgramExit, match="SIGABRT"):
+                scheme.step(OSCILLATOR, 2 * Y, 0.5, DW)
+            assert np.array_equal(scheme.step(OSCILLATOR, Y, 0.5, DW), Y)
+
+
+def test_the_run_has_a_time_of_its_own(child):
+    with load_program(child("hello(); read(); time.sleep(60)"), call_timeout=30.0, run_timeout=1.0) as scheme:
+        start = time.perf_counter()
+        for _ in range(2):
+            with pytest.raises(errors.RunTimeout, match="at most 1 s"):
+                scheme.step(OSCILLATOR, Y, 0.5, DW)
+        assert time.perf_counter() - start < SOON
+
+
+def test_a_batch_is_split_into_messages_that_the_program_takes(child):
+    code = """
+hello(max_steps=3)
+while message := read():
+    assert len(message["steps"]) <= 3
+    states(message)
+"""
+    y = np.random.default_rng(1).standard_normal((2, 10))
+    with load_program(child(code), **QUICK) as scheme:
+        assert scheme.batched
+        assert np.array_equal(scheme.step(OSCILLATOR, y, 0.5, np.zeros((1, 10))), y)
+        with pytest.raises(Skipped, match="cannot travel"):
+            scheme.step(unnamed(), Y, 0.5, DW)
+    with pytest.raises(UsageError, match="within `with"):
+        scheme.step(OSCILLATOR, Y, 0.5, DW)
+
+
+def unnamed():
+    """The oscillator as functions only."""
+    return problems.Problem(
+        dimension=2,
+        structure=OSCILLATOR.structure,
+        hamiltonian=OSCILLATOR.hamiltonian,
+        gradient=OSCILLATOR.gradient,
+    )
+
+
+@pytest.mark.parametrize(
+    ("command", "kind"),
+    [
+        ("./no-such-program", errors.StartFailure),
+        ("{folder}", errors.StartFailure),
+        ("{folder}/not-executable", errors.StartFailure),
+        ("a\0b", errors.StartFailure),
+        ("", UsageError),
+        ("'unclosed", UsageError),
+    ],
+)
+def test_a_program_that_cannot_be_started_is_named(tmp_path, command, kind):
+    (tmp_path / "not-executable").write_text("text")
+    with pytest.raises(kind, match="Expected"), load_program(command.format(folder=tmp_path)):
+        pass
+
+
+def test_wrong_shapes_and_nan_are_faults_of_the_scheme_and_all_else_is_not():
+    for kind in (errors.WrongShape, errors.NotFinite):
+        assert issubclass(kind, SchemeFault)
+    for kind in errors.ProgramError.__subclasses__():
+        assert not issubclass(kind, SchemeFault)
+
+
+@pytest.mark.parametrize(
+    ("number", "code"),
+    [(signal.SIGINT, -signal.SIGINT), (signal.SIGTERM, -signal.SIGTERM), (signal.SIGHUP, -1)],
+)
+def test_a_signal_to_sepv_ends_the_program_too(child, number, code):
+    command = child("hello(); read(); time.sleep(60)")
+    script = (
+        "import numpy as np; from sepv import external, problems\n"
+        f"with external.load_program({command!r}) as scheme:\n"
+        "    print('ready', flush=True)\n"
+        "    scheme.step(problems.harmonic_oscillator(), np.ones(2), 0.5, np.ones(1))"
+    )
+    # A shell that starts jobs in the background has them ignore SIGINT, and nohup SIGHUP: here they shall not.
+    default = signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL
+    before = signal.signal(number, default)
+    process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
+    signal.signal(number, before)
+    with process:
+        assert process.stdout.readline() == "ready\n"
+        time.sleep(0.2)
+        process.send_signal(number)
+        assert process.wait(SOON) == code
+
+
+def test_a_law_that_runs_out_of_time_ends_the_program(child):
+    with load_program(child("hello(); read(); time.sleep(60)"), call_timeout=60.0) as scheme:
+        start = time.perf_counter()
+        report = verify(scheme, laws=["energy"], timeout=1.0)
+        assert time.perf_counter() - start < SOON
+    assert report.findings[0].verdict is Verdict.ERROR
+
+
+@pytest.mark.parametrize(
+    ("code", "laws"),
+    [
+        ("os.abort()", ["contract", "energy", "mean-square-order"]),
+        ("time.sleep(60)", ["energy"]),
+        ("put('?\\n')", ["contract"]),
+        ("put('x' * 2_000_000)", ["mean-square-order"]),
+    ],
+)
+def test_a_broken_program_ends_in_the_verdict_error_and_exit_code_3(child, code, laws):
+    command = child(f"hello(polynomial=True); read(); {code}")
+    effort = Effort(examples=3, paths=64, shrink_checks=3)
+    with load_program(command, call_timeout=0.2) as scheme:
+        report = verify(scheme, laws=laws, effort=effort)
+    assert [f.verdict for f in report.findings] == [Verdict.ERROR] * len(laws)
+    assert report.exit_code == 3
+
+
+def test_a_crash_is_not_hidden_by_a_violation_of_the_same_law(child):
+    code = (
+        "hello(polynomial=True)\nwhile m := read():\n"
+        "    if len(m['steps'][0]['y']) % 2: os.abort()\n"
+        "    say(id=m['id'], y_next=[[(2 * float.fromhex(v)).hex() for v in s['y']] for s in m['steps']])"
+    )
+    with load_program(child(code), **QUICK) as scheme:
+        report = verify(scheme, laws=["energy"], effort=Effort(examples=3, shrink_checks=3, corpus=False))
+    (finding,) = report.findings
+    assert finding.verdict is Verdict.ERROR
+    assert report.exit_code == 3
+    crash, violation = finding.message.split("violated, elsewhere:\n")
+    assert crash.startswith("crashed:\n")
+    assert "SIGABRT" in crash
+    assert "Its replay: --law energy --replay " in crash
+    assert "h = " in violation
+    # What is replayed beside the message is the violation.
+    assert finding.defect > finding.bound
+    assert finding.replay not in crash
+
+
+def test_a_problem_that_is_skipped_leaves_a_verdict_about_the_others():
+    def step(problem, y, h, dW):
+        if problem.name == "pendulum":
+            raise Skipped("no pendulum here")
+        return schemes.midpoint.step(problem, y, h, dW)
+
+    scheme = Scheme("choosy", step, mean_square_order=1.0, batched=True)
+    (finding,) = verify(scheme, laws=["mean-square-order"], effort=Effort(paths=1024)).findings
+    assert finding.verdict is Verdict.HOLDS
+    assert "rigid-body: " in finding.message
+    assert "pendulum: skipped, no pendulum here" in finding.message
+
+
+def test_a_program_that_skips_everything_violates_nothing_and_holds_nothing(child):
+    command = child("hello(polynomial=True)\nwhile m := read(): say(id=m['id'], skip='not today')")
+    effort = Effort(examples=3, paths=64, shrink_checks=20)
+    with load_program(command, **QUICK) as scheme:
+        report = verify(scheme, laws=["energy", "casimir", "mean-square-order"], effort=effort)
+    assert [f.verdict for f in report.findings] == [Verdict.NOT_APPLICABLE] * 3
+    assert all("not today" in f.message for f in report.findings)
+
+
+def test_a_program_without_polynomial_data_is_judged_on_the_problems_that_it_names(child):
+    # A search over polynomials would be skipped 117 times and ask 8 cases. The child stays where it is.
+    command = child("hello(problems=['rigid-body', 'unheard-of'])\nwhile m := read(): states(m)")
+    with load_program(command, **QUICK) as scheme:
+        assert scheme.problems == ("rigid-body",)
+        (finding,) = verify(scheme, laws=["casimir"], effort=Effort(examples=5, paths=64)).findings
+    assert finding.skipped == 0
+    assert finding.checks >= 20
+
+
+# ---- check_protocol ----
+
+
+@pytest.mark.parametrize(
+    ("code", "line", "message"),
+    [
+        ("sys.exit(3)", '"type":"hello"', "exit code 3"),
+        ("hello(claims=['enregy'])", '"type":"hello"', "enregy"),
+        ("hello(problems=['rigid_body'])", '"type":"hello"', "rigid_body"),
+        ("hello()\nwhile m := read(): say(id=m['id'], y_next=[['nan', 'nan']])", '"type":"step"', "finite"),
+        (
+            "hello(max_steps=8)\nn = 0\nwhile m := read():\n    n += 1\n    say(id=m['id'], "
+            "y_next=[[(n * 1.0).hex()] * 2 for s in m['steps']])",
+            '"type":"step"',
+            "keep no state",
+        ),
+        ("hello()\nwhile m := read(): states(m)", "no-such-problem", '"skip"'),
+        ("hello()\nwhile m := read(): states(m)", "no-such-type", "KeyError"),
+        ("hello()\nwhile m := read(): states(m)", '"type":"stop"', "exit code 0"),
+        ("hello()\nwhile m := read(): states(m)\ntime.sleep(60)", "end of stdin", "a running program"),
+    ],
+)
+def test_the_check_names_the_line_and_what_is_wrong(child, code, line, message):
+    checks = check_protocol(child(code), call_timeout=5.0, laws=LAWS)
+    found = [c for c in checks if not c.ok and line in c.line]
+    assert found
+    assert any(message in c.message for c in found)
+
+
+def test_a_fork_starts_a_program_of_its_own(child):
+    command = child("hello()\nwhile m := read(): say(id=m['id'], y_next=[[float(os.getpid()).hex()] * 2])")
+    script = f"""
+import os, numpy as np
+from sepv import external, problems
+def ask(): return scheme.step(problems.harmonic_oscillator(), np.ones(2), 0.5, np.ones(1))[0]
+with external.load_program({command!r}) as scheme:
+    first = ask()
+    pid = os.fork()
+    if pid == 0:
+        other = ask()
+        scheme.step.__self__.stop()
+        os._exit(0 if other != first else 1)
+    assert os.waitpid(pid, 0)[1] == 0, "the same program"
+    assert ask() == first
+"""
+    # In a process of its own: one with threads should not fork.
+    subprocess.run([sys.executable, "-c", script], check=True, timeout=60)

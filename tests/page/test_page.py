@@ -1,0 +1,536 @@
+"""The HTML page: complete, accessible, small, and inert whatever strangers put into the files."""
+
+from __future__ import annotations
+
+import base64
+import copy
+import hashlib
+import html
+import json
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from functools import cache
+from html.parser import HTMLParser
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+from sepv.commands._cli import main
+from sepv.errors import UsageError
+from sepv.files import fault, schema
+from sepv.page import load, render
+from sepv.page._pictures import Pictures
+from sepv.page._sources import Sources
+from sepv.page._text import name, plain
+from sepv.schemes import Look
+from sepv.studies._picture import Axis, Series, looks
+
+EVIL = [
+    "<script>document.title='owned'</script>",
+    '"><img src=x onerror="document.title=\'owned\'">',
+    "'; DROP TABLE schemes; --",
+    "\u202egnp.exe\u202c",
+    "</style><style>*{display:none}",
+    "{{ 7 * 7 }}{% raw %}",
+    "javascript:alert(1)",
+    "a\x00b\x1b[31m\ud83d",
+    "x" * 10_240,
+    "",
+]
+
+
+def verify_report(scheme: str, message: str = "", verdict: str = "violated") -> dict[str, Any]:
+    law = {
+        "law": "energy", "claimed": True, "verdict": verdict, "defect": 1e9, "bound": 48.0, "at_least": False,
+        "unit": message[:20] or "ulp of H", "source": message or "Prop. 3.1", "witness": None, "replay": message,
+        "checks": 3, "message": message or "step 3: H moved", "expected": None, "seconds": 0.1, "skipped": 0,
+    }  # fmt: skip
+    counts = dict.fromkeys(("holds", "violated", "inconclusive", "not_applicable", "error"), 0)
+    return {
+        "suite": {"name": "sepv", "version": "0.1.0", "laws": 1, "seed": 0, "examples": 100, "paths": 8192},
+        "scheme": {
+            "name": scheme, "source": message or "a book", "claims": ["energy"], "mean_square_order": None,
+            "weak_order": None, "solver_tolerance": 0.0, "truncation": 2,
+        },
+        "counts": counts | {verdict: 1},
+        "laws": [law],
+    }  # fmt: skip
+
+
+def comparison(method: str) -> dict[str, Any]:
+    size = {"value": 1e-3, "low": 9e-4, "high": 1.1e-3}
+    point = {
+        "method": method, "h": 0.1, "steps": 10, "paths": 64, "failures": 0, "strong_error": size, "weak_error": size,
+        "energy_defect": 0.0, "casimir_defect": None, "ns_per_step": 5.0, "evaluations_per_step": {method[:40]: 2.0},
+        "iterations_per_step": None, "seconds": {"median": 1e-3, "low": 1e-3, "high": 1e-3, "wall": 1e-3, "first": 0.0},
+    }  # fmt: skip
+    return {
+        "format": 1, "problem": method, "T": 1.0, "seed": 0, "repeats": 3, "confidence": 0.99,
+        "environment": {method[:40]: method}, "methods": [{"name": method, "source": method}], "points": [point],
+        "times_to_error": [
+            {"method": method, "error": 1e-2, "microseconds": None, "energy_defect": None, "how": "never"}
+        ],
+    }  # fmt: skip
+
+
+def reproduction(text: str) -> dict[str, Any]:
+    statement = {
+        "text": text, "source": text, "verdict": "fails", "measured": text, "criterion": text, "correction": text,
+    }  # fmt: skip
+    panel = {
+        "key": "4.1-energy", "figure": "4.1", "title": text, "source": text, "x": {"label": text, "log": False},
+        "y": {"label": text, "log": True}, "parameters": {}, "chosen": [text], "slopes": [], "statements": [statement],
+        "description": text, "equal": False, "window": None, "seconds": 1.0, "numbers": {},
+        "series": [{"name": text, "x": [0.0, 1.0, None], "y": [1.0, 1e300, -1.0], "scheme": text, "style": "line"}],
+    }  # fmt: skip
+    about = {
+        "name": "sepv", "version": text[:30], "seed": 0, "share": 1.0, "engine": "auto", "seconds": 1.0,
+        "processor_seconds": 1.0,
+        "workers": 2, "python": text,
+        "numpy": text, "scipy": text, "of": text,
+    }  # fmt: skip
+    return {
+        "reproduction": about,
+        "counts": {"holds": 0, "fails": 2, "open": 0},
+        "panels": [panel],
+        "text": [statement],
+    }
+
+
+def bench(target: str) -> dict[str, Any]:
+    case = {"name": target, "h": 0.1, "steps": 4, "paths": 64}
+    groups = [(0.25).hex()] * 32
+    found = {
+        "case": case,
+        "counters": {target[:30]: 7, "lost": None},
+        "error": groups,
+        "energy": groups,
+        "casimir": groups,
+    }
+    return {
+        "format": 1,
+        "environment": {target[:30]: target},
+        "records": [{"target": target, "cases": [found]}],
+    }
+
+
+@cache
+def hostile_page() -> str:
+    sources = Sources()
+    for evil in EVIL:
+        sources.verify.append(verify_report(evil, evil))
+        sources.compare.append(comparison(evil))
+        sources.reproduce.append(reproduction(evil))
+        sources.bench.append(bench(evil))
+    return render(sources, title=EVIL[0])
+
+
+class Reader(HTMLParser):
+    """Every tag with its attributes, all text, and the nesting."""
+
+    VOID = frozenset(("meta", "use", "rect", "path", "br", "img", "link"))
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.open: list[str] = []
+        self.words: list[str] = []
+        self.feed(page)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag in self.VOID:  # as a browser writes them down: <line></line>
+            return
+        assert self.open.pop() == tag, tag
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data)
+
+
+ELEMENTS = """html head meta title style body a header h1 h2 h3 p sub nav ul li main section div table caption thead
+tbody tr th td span bdi details summary pre figure figcaption svg defs desc use rect text path clippath g dl dt dd"""
+ALLOWED = frozenset(ELEMENTS.split())
+
+
+def empty_page() -> str:
+    return render(Sources())
+
+
+@pytest.mark.parametrize("page", [hostile_page, empty_page], ids=["hostile", "empty"])
+def test_the_page_is_well_formed_and_holds_only_known_elements(page: Callable[[], str]) -> None:
+    reader = Reader(page())
+    assert reader.open == []
+    assert {tag for tag, _ in reader.tags} <= ALLOWED
+    for tag, attributes in reader.tags:
+        assert not any(
+            key.startswith("on") or key in ("src", "style", "srcset", "action") for key in attributes
+        ), tag
+        assert (attributes.get("href") or "#").startswith("#")
+    ids = [a["id"] for _, a in reader.tags if "id" in a]
+    assert len(ids) == len(set(ids))
+    for _, attributes in reader.tags:
+        for key in ("aria-labelledby", "href"):
+            for reference in (attributes.get(key) or "").replace("#", "").split():
+                assert reference in ids
+
+
+def test_hostile_strings_are_text() -> None:
+    page = hostile_page()
+    assert "<script" not in page
+    assert "<img" not in page
+    assert "&lt;script&gt;" in page
+    assert "{{ 7 * 7 }}" in page  # shown, not computed
+    assert "\u202e" not in page
+    assert "\x00" not in page
+    assert "\x1b" not in page
+    assert max(map(len, re.findall("x+", page))) <= 1500
+    page.encode("utf-8")  # no lone surrogate
+    assert len(page) < 400_000
+
+
+def test_the_policy_names_the_one_style_sheet_and_allows_nothing_else() -> None:
+    page = hostile_page()
+    policy = next(
+        a["content"] for t, a in Reader(page).tags if a.get("http-equiv") == "Content-Security-Policy"
+    )
+    style = page[page.index("<style>") + 7 : page.index("</style>")]
+    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
+    assert policy == f"default-src 'none'; style-src 'sha256-{digest}'; base-uri 'none'; form-action 'none'"
+    assert page.count("<style") == 1
+    assert "url(" not in style
+    assert "@import" not in style
+
+
+def test_headings_captions_and_alternatives() -> None:
+    reader = Reader(hostile_page())
+    levels = [int(tag[1]) for tag, _ in reader.tags if re.fullmatch("h[1-6]", tag)]
+    assert levels[0] == 1
+    assert levels.count(1) == 1
+    assert all(b <= a + 1 for a, b in pairwise(levels))
+    kinds = [tag for tag, _ in reader.tags]
+    assert kinds.count("table") == kinds.count("caption")
+    drawings = [a for tag, a in reader.tags if tag == "svg" and a.get("role") == "img"]
+    assert drawings
+    assert all(len((a["aria-labelledby"] or "").split()) == 2 for a in drawings)
+    assert all(a.get("scope") in ("col", "row") for tag, a in reader.tags if tag == "th")
+    assert next(a for tag, a in reader.tags if tag == "html")["lang"] == "en"
+
+
+def luminance(colour: str) -> float:
+    full = colour[1:] if len(colour) == 7 else "".join(2 * c for c in colour[1:])
+    channels = [int(full[i : i + 2], 16) / 255 for i in (0, 2, 4)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def contrast(one: str, other: str) -> float:
+    a, b = sorted((luminance(one), luminance(other)))
+    return (b + 0.05) / (a + 0.05)
+
+
+@pytest.mark.parametrize("theme", [0, 1], ids=["light", "dark"])
+def test_contrast_is_that_of_wcag_aa(theme: int) -> None:
+    page = render(Sources())
+    rules = re.findall(r":root\{([^}]*)\}", page)
+    value = dict(re.findall(r"--(\w+):(#\w+)", rules[theme]))
+    for text in ("fg", "soft", "link", "good", "bad", "warn", "odd"):
+        assert contrast(value[text], value["bg"]) >= 4.5, text
+    assert contrast(value["fg"], value["pane"]) >= 4.5
+    for text in ("good", "bad", "warn", "odd"):
+        assert contrast(value[text], value[f"{text}bg"]) >= 4.5, text
+    assert contrast(value["guide"], value["bg"]) >= 3
+
+
+def test_every_look_of_ours_is_read_on_light_and_on_dark() -> None:
+    from sepv.schemes import EXTENSIONS, PAPER
+
+    ours = [s.look for s in (*PAPER.values(), *EXTENSIONS.values()) if s.look is not None]
+    for look in (*ours, *looks(["", *(f"stranger {n}" for n in range(11))]).values()):
+        assert contrast(look.colour, "#ffffff") >= 3, look
+        assert contrast(look.dark, "#0f1419") >= 3, look
+
+
+def test_a_scheme_that_states_its_look_is_drawn_so_and_nothing_else_passes() -> None:
+    own = {"colour": "#123456", "dark": "#ABCDEF", "marker": "h", "dash": "7 1"}
+    data = comparison("mine")
+    data["methods"][0]["look"] = own
+    assert fault(data, schema("comparison")) == ""
+    page = render(Sources(compare=[data]))
+    assert ":#123456" in page
+    assert ":#ABCDEF" in page
+    for wrong in ({"colour": "red;}"}, {"marker": "$x$"}, {"dash": "url(x)"}):
+        data["methods"][0]["look"] = own | wrong
+        assert fault(data, schema("comparison"))
+        with pytest.raises(UsageError, match=f"Look\\({next(iter(wrong))}"):
+            Look(**(own | wrong))
+
+
+def test_counterexamples_are_within_a_budget_and_the_rest_is_counted() -> None:
+    report = verify_report("chatty", "m" * 1400)
+    report["laws"] = [copy.deepcopy(report["laws"][0]) for _ in range(100)]
+    page = render(Sources(verify=[report]))
+    assert page.count("<pre class") < 100
+    left = re.search(r"(\d+) more counterexamples in the JSON file", page)
+    assert left
+    assert int(left[1]) + page.count('<pre class="wrap"') == 100
+
+
+def test_what_was_not_settled_is_explained_in_words() -> None:
+    heavy = "p: 2 in [-3, 7] from 8192 paths\np, T = 1: rms error 4.34, 0.0872, 0.0417 with 8, 16, 32 steps"
+    even = "p: 1 in [0.7, 1.3] from 256 paths\np, T = 1: rms error 0.4, 0.2, 0.1 with 8, 16, 32 steps"
+    for message, runs_away in (
+        (heavy, True),
+        (even, False),
+        ("rms error 1e, --, ..", False),
+        (EVIL[0], False),
+    ):
+        page = render(Sources(verify=[verify_report("a", message, "inconclusive")]))
+        words = " ".join(Reader(page).words)
+        assert "What “inconclusive” means here" in words
+        assert message.splitlines()[0] in words
+        assert ("A few paths run away" in words) == runs_away
+        assert {tag for tag, _ in Reader(page).tags} <= ALLOWED
+    assert "What “inconclusive” means here" not in render(Sources(verify=[verify_report("a")]))
+
+
+def test_the_projects_own_counters_are_on_the_page() -> None:
+    page = render(load([Path(__file__).resolve().parents[2] / "benchmarks" / "counters.json"]))
+    words = " ".join(Reader(page).words)
+    assert "Work, as exact integers" in words
+    assert "failed solves" in words
+
+
+def test_the_committed_page_is_small_and_has_our_schemes_and_the_paper() -> None:
+    page = (Path(__file__).resolve().parents[2] / "docs" / "report.html").read_text(encoding="utf-8")
+    reader = Reader(page)
+    assert {tag for tag, _ in reader.tags} <= ALLOWED
+    assert len(page.encode()) <= 450_000  # twelve schemes, twenty-four pictures
+    words = " ".join(reader.words)
+    for expected in (
+        "energy-preserving",
+        "euler-maruyama",
+        "Remark 2.1",
+        "Lotka-Volterra: order",
+    ):
+        assert expected in words
+
+
+def test_the_committed_page_is_not_older_than_what_it_shows() -> None:
+    """Where it fails: python -m benchmarks.page"""
+    from sepv.page._render import fingerprint
+
+    page = (Path(__file__).resolve().parents[2] / "docs" / "report.html").read_text(encoding="utf-8")
+    made = re.search(r'<meta name="sepv-made-from" content="(\w+)">', page)
+    assert made is not None
+    assert made[1] == fingerprint(), "the laws or the schemes' claims have changed: python -m benchmarks.page"
+
+
+def test_commands_of_a_page_name_the_scheme_as_it_was_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "paged.py").write_text("def step(problem, y, h, dW):\n    return y + dW.sum() * y\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    runner = CliRunner()
+    law = ["--law", "energy", "--examples", "5"]
+    for words in (["paged:step"], ["paged:step", "-p", "pendulum"]):
+        done = runner.invoke(main, ["verify", *words, *law, "--json", "r.json"])
+        assert done.exit_code == 0, done.output
+        assert runner.invoke(main, ["report", "r.json"]).exit_code == 0
+        page = html.unescape((tmp_path / "report.html").read_text())
+        commands = re.findall(r"sepv verify [^\n<]*", page)
+        assert all(command.startswith(f"sepv verify {' '.join(words)} ") for command in commands), commands
+        (replay,) = [command for command in commands if "--replay" in command]
+        again = runner.invoke(main, shlex.split(replay)[1:])
+        assert again.exit_code == 1, again.output
+        assert "energy violated" in again.output
+    assert "TARGET" not in page
+
+
+def test_a_scheme_handed_over_as_an_object_gets_no_command_that_fails() -> None:
+    page = render(Sources(verify=[verify_report("mine")]))
+    assert "sepv verify mine" not in page
+    assert "# the report of mine was written in Python" in page
+
+
+def test_the_headline_counts_the_claims_and_names_those_that_break() -> None:
+    good, bad = verify_report("fine", verdict="holds"), verify_report("broken")
+    page = render(Sources(verify=[good, bad]))
+    assert "1 of 2 claimed laws holds; 1 of 2 schemes keeps all that it claims." in page
+    assert "Not shown to hold: broken: energy." in page
+    assert page.index("1 of 2 claimed laws hold") < page.index("<nav")
+    silent = verify_report("silent")
+    silent["laws"][0] |= {"claimed": False}
+    page = render(Sources(verify=[good, silent]))
+    assert (
+        "1 of 1 claimed law holds; 1 of 1 scheme keeps all that it claims. Nothing is claimed of the other one."
+        in page
+    )
+
+
+def test_laws_stand_in_the_order_of_the_suite_and_link_to_what_they_say() -> None:
+    report = verify_report("x")
+    report["laws"] = [
+        report["laws"][0] | {"law": law} for law in ("weak-order", "own-law", "energy", "contract")
+    ]
+    page = render(Sources(verify=[report]))
+    heads = re.findall(r'class="law">(?:<a href="#law-[a-z-]+">)?([a-z-]+)', page)
+    assert heads == ["contract", "energy", "weak-order", "own-law"]
+    for anchor in re.findall(r'href="#(law-[a-z-]+)"', page):
+        assert f'id="{anchor}"' in page
+
+
+def test_a_price_picture_begins_where_steps_are_paid_for() -> None:
+    from sepv.page._views import priced, step_size
+
+    seconds = {1: 1.0, 2: 1.01, 4: 1.05, 8: 1.7, 16: 3.3}
+    points = [{"steps": n, "paths": 10, "seconds": {"median": s}} for n, s in seconds.items()]
+    assert [p["steps"] for p in priced(points)] == [4, 8, 16]
+    assert priced(points[:1]) == points[:1]
+    assert [step_size(h) for h in (2.0**-4, 0.1, 1.0)] == ["2⁻⁴", "0.1", "1"]
+
+
+def drawn(series: list[Series], x: Axis, y: Axis, **more: Any) -> str:
+    return str(Pictures(s.scheme for s in series).draw(series, x, y, **more).inside)
+
+
+def test_a_picture_leaves_out_what_cannot_be_drawn_and_keeps_spikes() -> None:
+    n = 5000
+    y: list[float | None] = [1.0] * n
+    y[1234], y[2000], y[2001], y[3000] = 50.0, None, float("nan"), -1.0
+    inside = drawn([Series("c", list(range(n)), y)], Axis("x"), Axis("y", log=True))
+    (curve,) = re.findall(r'<path d="([^"]*)"[^>]*stroke-width="1.5"', inside)
+    numbers = [float(v) for v in re.findall(r"-?[\d.]+", curve)]
+    assert len(numbers) < 600
+    assert min(numbers[1::2]) == pytest.approx(24, abs=3)  # the spike, 5 % below the top
+    ticks = re.findall(r'text-anchor="end"[^>]*>([^<]*)<', inside)
+    assert len(set(ticks)) == len(ticks) >= 2
+    for nothing in ([], [Series("c", [None], [1.0])], [Series("c", [1.0], [-1.0])]):
+        assert "<use" not in drawn(nothing, Axis("x"), Axis("y", log=True), slopes=[1.0])
+
+
+def test_what_stands_in_a_picture_is_text_and_no_mathematics() -> None:
+    label = "$\\frac{$ <b>& \u4e2d"
+    inside = drawn([Series("$x", [1.0, 2.0], [-1e308, 1e299])], Axis(label), Axis("y"))
+    assert html.escape(label, quote=False) in inside
+    assert "style=" not in inside
+
+
+def test_pictures_share_their_markers_and_curves_of_no_scheme_differ() -> None:
+    pictures = Pictures(["midpoint"])
+    series = [Series("a", [1.0, 2.0], [1.0, 3.0], "midpoint", "both")] * 2
+    first, second = (pictures.draw(series, Axis("x"), Axis("y")) for _ in range(2))
+    assert str(first.inside) == str(second.inside)
+    assert str(pictures.definitions).count("<path") == 1
+    assert first.samples[0][1] != first.samples[1][1]  # one scheme twice: other dashes
+    alone = [Series(name, [1.0, 2.0], [1.0, 2.0]) for name in "abc"]
+    assert len({str(sample) for _, sample in pictures.draw(alone, Axis("x"), Axis("y")).samples}) == 3
+
+
+def test_a_page_without_pictures_needs_no_matplotlib(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert "one" in render(Sources(verify=[verify_report("one")]))
+    with pytest.raises(UsageError, match=r"pip install 'sepv\[plots\]'"):
+        render(Sources(compare=[comparison("m")]))
+
+
+def test_every_scheme_of_the_paper_has_a_look_of_its_own_and_strangers_another() -> None:
+    from sepv import schemes
+
+    ours = looks(schemes.PAPER)
+    assert all(ours[name] == scheme.look for name, scheme in schemes.PAPER.items())
+    assert len({k.colour for k in ours.values()}) == len({k.marker for k in ours.values()}) == len(ours)
+    names = [*schemes.PAPER, "numpy/midpoint", *(f"mod:step{n}" for n in range(30))]
+    assert len(set(looks(names).values())) == len(names)
+    assert looks(names) == looks(names)
+    mine = Look("#123456", "#abcdef")
+    assert looks(["mine"], {"mine": mine}) == {"mine": mine}
+    first = looks(["stranger"])["stranger"]
+    assert looks(["stranger", "mine"], {"mine": first})["stranger"].marker != first.marker
+
+
+def test_text_of_strangers() -> None:
+    assert plain("a\u202eb\x07c") == "a�b�c"
+    assert plain("é中\n\t∇") == "é中\n\t∇"
+    assert plain("x" * 50, 10) == "x" * 10 + "… (50 characters)"
+    assert name("  two\nlines ") == "two lines"
+    assert name("") == "(no name)"
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("{", "a JSON file written by sepv"),
+        ("[1, 2]", "none of these"),
+        ('{"suite": {}}', "'scheme' is a required property"),
+        (json.dumps(verify_report("x") | {"laws": [{"law": 3}]}), r"laws\[0\]: '\w+' is a required property"),
+        (json.dumps(verify_report("x", verdict="maybe")), "'maybe' is not one of"),
+        ("[" * 100_000, "a JSON file written by sepv"),
+    ],
+)
+def test_files_that_are_no_reports_are_refused(content: str, words: str, tmp_path: Path) -> None:
+    (tmp_path / "f.json").write_text(content)
+    with pytest.raises(UsageError, match=words):
+        load([tmp_path / "f.json"])
+    with pytest.raises(UsageError, match="Remedy"):
+        load([tmp_path / "missing.json"])
+
+
+def test_the_command_makes_a_page_of_real_reports(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    run = CliRunner().invoke
+    for scheme in ("energy-preserving", "midpoint"):
+        run(main, f"verify {scheme} --law energy,casimir --examples 30 --json {scheme}.json".split())
+    run(main, ["reproduce", "text", "--json", "paper.json"])
+    files = ["energy-preserving.json", "midpoint.json", "paper.json"]
+    result = run(main, ["report", *files, "--out", "page.html"])
+    assert result.exit_code == 0, result.output
+    assert re.fullmatch(r"page\.html: \d+ kB\n", result.output)
+    page = (tmp_path / "page.html").read_text()
+    words = " ".join(" ".join(Reader(page).words).split())
+    assert "sepv verify midpoint --law energy --replay" in words
+    assert "Remark 2.1" in words
+    assert run(main, ["report", *files, "--out", "again.html"]).exit_code == 0
+    assert (tmp_path / "again.html").read_text() == page  # the same files give the same page
+    assert run(main, ["report"]).exit_code == 2
+    assert run(main, ["report", "nothing.json"]).exit_code == 2
+
+
+CHROMIUM = next((p for p in ("chromium", "chromium-browser", "google-chrome") if shutil.which(p)), None)
+FLAGS = [
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync",
+]  # fmt: skip
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed: the page is read by a parser only")
+def test_a_browser_runs_nothing_of_it(tmp_path: Path) -> None:
+    """Chromium's own reading of the hostile page: no element of a stranger, the title ours, the policy obeyed."""
+    page = tmp_path / "page.html"
+    page.write_text(hostile_page(), encoding="utf-8")
+    assert CHROMIUM
+    own = [f"--user-data-dir={tmp_path / 'profile'}", "--enable-logging=stderr", "--dump-dom", page.as_uri()]
+    done = subprocess.run(
+        [CHROMIUM, *FLAGS, *own],
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    dom = Reader(done.stdout)
+    assert {tag for tag, _ in dom.tags} <= ALLOWED
+    assert "<title>owned" not in done.stdout
+    assert "Content Security Policy" not in done.stderr, "the page itself breaks its policy"

@@ -1,0 +1,129 @@
+"""A problem posed in another library's arrays is the same system, and compiled steps are verified with it."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sepv
+from sepv.peers.posing import field_in, pose
+from sepv.problem import vector_field
+from sepv.schemes import ask
+from sepv.schemes._guard import SchemeCrash
+from sepv.verification import Verdict
+
+NAMES = ["rigid-body", "pendulum", "lotka-volterra", "harmonic-oscillator"]
+EXTENDING = (Path(__file__).resolve().parents[2] / "docs" / "extending.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("lanes", [(), (3,)])
+def test_a_named_problem_is_posed_in_a_namespace(name: str, lanes: tuple[int, ...]) -> None:
+    problem = sepv.problems.by_name(name)
+    start = np.asarray(problem.initial, dtype=np.float64)
+    y = start if not lanes else start[:, None] * np.array([1.0, 1.1, 0.7])
+    formulas, numbers = pose(problem)
+    close = {"rtol": 1e-14, "atol": 1e-15}
+    np.testing.assert_allclose(formulas.structure(np, numbers, y), problem.structure(y), **close)
+    np.testing.assert_allclose(formulas.gradient(np, numbers, y), problem.gradient(y), **close)
+    np.testing.assert_allclose(formulas.hamiltonian(np, numbers, y), problem.hamiltonian(y), **close)
+    np.testing.assert_allclose(field_in(np, name)(y), vector_field(problem, y), **close)
+
+
+def test_a_polynomial_problem_has_its_structure_gradient_and_energy() -> None:
+    problem = sepv.problems.commuting_rotations()
+    single = sepv.problems.polynomial_problem(
+        sepv.problems.from_json(
+            {
+                "dimension": 3,
+                "hamiltonian": [[[2, 0, 0], "0x1p-1"], [[0, 3, 1], "0x1p+0"]],
+                "structure": [[0, 1, [[[0, 0, 1], "0x1p+0"]]], [1, 2, [[[1, 0, 0], "0x1p+0"]]]],
+            }
+        )
+    )
+    y = np.array([[0.5, 1.0], [0.25, -1.0], [2.0, 0.5]])
+    for padded in (True, False):
+        formulas, numbers = pose(single, padded=padded)
+        np.testing.assert_allclose(formulas.structure(np, numbers, y), single.structure(y), rtol=1e-15)
+        np.testing.assert_allclose(formulas.gradient(np, numbers, y), single.gradient(y), rtol=1e-15)
+        np.testing.assert_allclose(formulas.hamiltonian(np, numbers, y), single.hamiltonian(y), rtol=1e-15)
+    with pytest.raises(sepv.Skipped, match="polynomial_problem"):
+        pose(problem)  # one structure for each noise
+
+
+def test_what_is_not_given_as_data_is_asked_as_data_instead() -> None:
+    """A step that needs data skips systems shown as functions: the law then shows the same system as data."""
+
+    def step(problem: sepv.Problem, y: np.ndarray, h: float, dW: np.ndarray) -> np.ndarray:
+        formulas, numbers = pose(problem)
+        return np.asarray(y + problem.random_step(h, dW) * formulas.field(np, numbers, y))
+
+    effort = sepv.Effort(examples=5, shrink_checks=30)
+    contract, energy = sepv.verify(step, laws=["contract", "energy"], effort=effort).findings
+    assert contract.verdict is Verdict.HOLDS
+    assert contract.skipped == 0
+    assert energy.verdict is Verdict.VIOLATED
+
+
+def test_single_precision_is_refused_with_the_switch_that_helps() -> None:
+    single = sepv.Scheme("single", lambda p, y, h, dW: y.astype(np.float32))
+    problem = sepv.problems.pendulum()
+    with pytest.raises(sepv.SchemeFault, match="jax_enable_x64"):
+        ask(single, problem, np.array([0.2, 1.0]), 0.1, np.zeros(2))
+
+
+def test_numpys_functions_under_a_tracer_end_with_the_way_to_pose_them() -> None:
+    class TracerArrayConversionError(TypeError):
+        pass
+
+    def step(problem: sepv.Problem, y: np.ndarray, h: float, dW: np.ndarray) -> np.ndarray:
+        raise TracerArrayConversionError("called on traced array\nSee https://…")
+
+    with pytest.raises(SchemeCrash, match=r"sepv.peers.posing.pose") as caught:
+        ask(sepv.Scheme("traced", step), sepv.problems.pendulum(), np.array([0.2, 1.0]), 0.1, np.zeros(2))
+    assert "https" not in str(caught.value)
+
+
+def program(library: str) -> str:
+    """The scheme of docs/extending.md for this library."""
+    if importlib.util.find_spec(library) is None:
+        pytest.skip(f"{library} is not installed: the extra `peers`")
+    return re.search(rf"^# mine_{library}\.py\n.*?(?=^```$)", EXTENDING, re.MULTILINE | re.DOTALL)[0]
+
+
+def verified(folder: Path, module: str, laws: str) -> subprocess.CompletedProcess[str]:
+    words = ["--examples", "5", "--claim", laws, *(w for law in laws.split(",") for w in ("--law", law))]
+    return subprocess.run(
+        [sys.executable, "-m", "sepv", "verify", f"{module}:step", *words],
+        cwd=folder, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+
+def test_a_compiled_step_of_jax_goes_from_refused_to_green(tmp_path: Path) -> None:
+    body = program("jax")
+    (tmp_path / "single.py").write_text(body.replace('jax.config.update("jax_enable_x64", True)', ""))
+    (tmp_path / "mine_jax.py").write_text(body)
+    refused = verified(tmp_path, "single", "contract")
+    assert refused.returncode == 1
+    assert "jax_enable_x64" in refused.stdout
+    green = verified(tmp_path, "mine_jax", "contract,casimir,symmetry")
+    assert green.returncode == 0, green.stdout
+    assert "All 3 claimed laws hold" in green.stdout
+
+
+def test_a_step_of_torch_goes_from_refused_to_green(tmp_path: Path) -> None:
+    body = program("torch")
+    (tmp_path / "single.py").write_text(body.replace("torch.as_tensor(y)", "torch.as_tensor(y).float()"))
+    (tmp_path / "mine_torch.py").write_text(body)
+    refused = verified(tmp_path, "single", "contract")
+    assert refused.returncode == 1
+    assert "torch" in refused.stdout
+    green = verified(tmp_path, "mine_torch", "contract,noise-sum,expansion")
+    assert green.returncode == 0, green.stdout
+    assert "All 3 claimed laws hold" in green.stdout

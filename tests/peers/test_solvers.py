@@ -1,0 +1,162 @@
+"""Other libraries' solvers for general noise, and the table of their orders. Each library is skipped where missing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from benchmarks.peers import solver_measurements as measurements
+from benchmarks.peers import solvers
+from benchmarks.peers.solver import KINDS, Solver, problem_of
+from sepv import problems
+from sepv.errors import Skipped
+from sepv.peers.posing_fields import pose_fields
+from sepv.problem import column, ito_drift, vector_field
+from sepv.problem._hamiltonians import noise_field
+from sepv.schemes._further_increments import answer
+from sepv.simulate import _areas as areas
+from sepv.verification import Effort
+
+LIBRARIES = ("diffrax", "torchsde", "sdeint")
+
+
+def solver(library: str, name: str) -> Solver:
+    pytest.importorskip(library, reason=f"{library} is not installed: the extra `peers`")
+    found: tuple[Solver, ...] = import_module(f"benchmarks.peers.solvers_{library}").SOLVERS
+    return next(each for each in found if each.name == f"{library} {name}")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_each_kind_has_a_problem_of_its_kind_whose_fields_are_posed(kind: str) -> None:
+    problem = problem_of(kind)
+    assert column(problem) == kind
+    y = np.random.default_rng(0).uniform(-1, 1, (problem.dimension, 5))
+    for ito in (False, True):
+        fields, numbers = pose_fields(problem, ito=ito)
+        drift = ito_drift(problem, y) if ito else vector_field(problem, y)
+        assert np.allclose(fields.drift(np, numbers, y), drift, rtol=1e-13, atol=1e-13)
+        noise = [c * noise_field(problem, j, y) for j, c in enumerate(problem.c)]
+        assert np.allclose(fields.noise(np, numbers, y), noise, rtol=1e-13, atol=1e-13)
+
+
+def test_a_problem_without_data_is_not_posed() -> None:
+    with pytest.raises(Skipped, match="given as data"):
+        pose_fields(problems.by_name("rigid-body"))
+
+
+@pytest.mark.parametrize(
+    ("library", "name"),
+    [("diffrax", "SlowRK"), ("torchsde", "srk"), ("torchsde", "log_ode"), ("sdeint", "itoSRI2")],
+)
+def test_a_solver_follows_the_path_of_the_reference(
+    library: str, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of another path, or of areas of another path, the error would stay."""
+    monkeypatch.setattr(measurements, "STEPS", (4, 32))
+    monkeypatch.setattr(measurements, "PATHS", 64)
+    monkeypatch.setattr(measurements, "SINGLE", 32)
+    found = measurements._over_paths(solver(library, name), "one", 0)
+    assert found["failed"] == 0
+    assert found["rms"][1] < found["rms"][0] / 5 < 0.01
+
+
+def test_areas_of_the_wrong_sign_are_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = solver("torchsde", "log_ode")
+    right = measurements._local(asked, "general", Effort())["local-mean-square"]["slope"]
+    step = asked.step("general")
+    monkeypatch.setattr(measurements, "LOCAL", ("local-mean-square",))
+    wrong = replace(asked, name="turned", step=lambda _: lambda p, y, h, dW, A: step(p, y, h, dW, -A))
+    turned = measurements._local(wrong, "general", Effort())["local-mean-square"]["slope"]
+    assert right == pytest.approx(1.5, abs=0.1)
+    assert turned == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize("library", LIBRARIES)
+def test_limits_are_told_apart(library: str) -> None:
+    names = {
+        "diffrax": {"Euler": "Itô", "Heun": "Stratonovich"},
+        "torchsde": {"srk": "Itô", "midpoint": "Stratonovich"},
+        "sdeint": {"itoEuler": "Itô", "stratHeun": "Stratonovich"},
+    }[library]
+    for name, expected in names.items():
+        asked = solver(library, name)
+        assert measurements.limit_of(measurements._limit(asked, "one")) == expected
+        assert measurements.limit_of(measurements._limit(asked, "additive")) == "both"
+    if library == "torchsde":  # ½ΔW²(∂g/∂y)ᵀg, see docs/peers
+        assert (
+            measurements.limit_of(measurements._limit(solver(library, "milstein, Stratonovich"), "one"))
+            == "neither"
+        )
+
+
+@pytest.mark.parametrize("library", LIBRARIES)
+def test_a_step_is_its_library_s_own_run(library: str) -> None:
+    """One state and a batch agree, and rows of areas reach the solver."""
+    name = {"diffrax": "SPaRK", "torchsde": "log_ode", "sdeint": "stratSRS2"}[library]
+    asked = solver(library, name)
+    problem, scheme = problems.by_name("random-inertia"), asked.scheme("general")
+    rows = areas.drawn(1, T=0.5, steps=2, noises=2, paths=3).rows(2, asked.asks)[0]
+    y = np.array(problem.initial)
+    single = [answer(scheme, problem, y, 0.25, rows[:, k]) for k in range(3)]
+    if asked.batched:
+        batch = answer(scheme, problem, np.repeat(y[:, None], 3, axis=1), 0.25, rows)
+        assert np.array_equal(batch, np.stack(single, axis=1))
+    changed = rows.copy()
+    changed[-1] += 0.125
+    assert not np.allclose(answer(scheme, problem, y, 0.25, changed[:, 0]), single[0], atol=1e-4)
+
+
+def _found(solver: Solver, **changes: object) -> dict[tuple[str, str], object]:
+    local = {
+        law: {"slope": s} for law, s in (("local-mean", 2.0), ("local-mean-square", 1.5), ("local-weak", 2.0))
+    }
+    given: dict[str, object] = {
+        "one step": local, "limit": {"share": 1.0, "left": 0.0}, "casimir": "violated", "poisson-map": "violated",
+        "paths": {"order": (1.0, 0.9, 1.1), "failed": 0}, **changes,
+    }  # fmt: skip
+    return {(solver.name, f"one, {name}"): value for name, value in given.items()}
+
+
+def test_a_line_says_where_less_was_measured_than_documented() -> None:
+    asked = Solver("lib heun", {"one": (1.0, 1.0)}, "its manual", lambda _: lambda *_: None)  # type: ignore[arg-type]
+    good = solvers.line(asked, "one", _found(asked))
+    assert good.short == ()
+    assert good.cells[2:9] == ("1", "1.00", "1.00 [0.90, 1.10]", "1", "1.00", "Stratonovich", "Stratonovich")
+    slow = {"local-mean": {"slope": 1.5}, "local-mean-square": {"slope": 1.5}, "local-weak": {"slope": 1.5}}
+    bad = solvers.line(
+        asked, "one", _found(asked, **{"one step": slow, "limit": {"share": 0.0, "left": 0.0}})
+    )
+    assert len(bad.short) == 3
+    handed_on = replace(asked, path=lambda _: lambda *_: None)  # type: ignore[arg-type, return-value]
+    late = {"order": (0.5, 0.4, 0.6), "failed": 2}
+    found = solvers.line(handed_on, "one", _found(asked, **{"one step": slow, "paths": late}))
+    assert found.short == ("strong order 0.50 [0.40, 0.60], 2 failed over paths, where 1 is documented",)
+    assert math.isinf(float(solvers._number(math.inf).replace("∞", "inf")))
+
+
+def test_a_missing_library_is_left_out_and_said_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    def absent(name: str) -> None:
+        raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+    monkeypatch.setattr(solvers, "import_module", absent)
+    result = CliRunner().invoke(solvers.main, ["--library", "torchsde"])
+    assert result.exit_code == 0
+    assert "torchsde left out" in result.stderr
+
+
+def test_the_page_is_of_the_solvers_that_are_here() -> None:
+    page = (Path(__file__).resolve().parents[2] / "docs" / "solvers.md").read_text("utf-8")
+    for library in LIBRARIES:
+        try:
+            own = import_module(f"benchmarks.peers.solvers_{library}").SOLVERS
+        except ModuleNotFoundError:
+            continue
+        for each in own:
+            for kind in each.documented:
+                assert f"| {each.name} | {kind} |" in page or f"| {each.name} † | {kind} |" in page

@@ -1,0 +1,397 @@
+"""Error beside its price: the numbers of a comparison, its table, picture and files, and what is refused."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import shlex
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import jsonschema
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+import sepv
+from sepv import problems, schemes
+from sepv.commands._cli import main
+from sepv.files import schema
+from sepv.problem import Array, Problem
+from sepv.schemes import load_problem
+from sepv.simulate import _wiener as wiener
+from sepv.studies._compare import picture, table
+from sepv.studies._compare.method import (
+    Ends,
+    Followed,
+    Method,
+    exact_time_change,
+    finite_ends,
+    from_scheme,
+    invariant_defects,
+)
+from sepv.studies._compare.record import Comparison, Point, Seconds, time_to_error
+from sepv.studies._compare.run import compare, one_core
+from sepv.studies._evaluation_count import Work, counted
+from sepv.verification._orders.convergence import Estimate, strong_errors
+
+ROOT = Path(__file__).resolve().parents[2]
+STEPS = (4, 8, 16)
+
+
+def in_batches(scheme: sepv.Scheme) -> Method:
+    return from_scheme(scheme, problems.rigid_body(), "numpy")
+
+
+@pytest.fixture(scope="module")
+def found() -> Comparison:
+    body = problems.rigid_body()
+    methods = [in_batches(schemes.energy_preserving), in_batches(schemes.euler_heun), exact_time_change()]
+    return compare(methods, body, steps=STEPS, paths=64, repeats=2, targets=[1e-1, 1e-3])
+
+
+def test_the_errors_are_those_of_the_convergence_laws(found: Comparison) -> None:
+    theirs = strong_errors(
+        schemes.energy_preserving, problems.rigid_body(), T=1.0, steps=STEPS, paths=range(64)
+    )
+    ours = [p.strong.value for p in found.of("energy-preserving")]
+    # With 4 steps some increments are clipped: users pay for the clip, and the laws do not judge it.
+    assert np.allclose(ours[1:], theirs.rms()[1:], rtol=1e-12, atol=0)
+    assert ours[0] > theirs.rms()[0]
+    weak = [p.weak.value for p in found.of("energy-preserving")]
+    assert np.allclose(weak[1:], np.linalg.norm(theirs.errors.mean(axis=2), axis=1)[1:], rtol=1e-12, atol=0)
+
+
+def test_invariants_are_kept_by_the_one_and_lost_by_the_other(found: Comparison) -> None:
+    for kept, lost in zip(found.of("energy-preserving"), found.of("euler-heun"), strict=True):
+        assert kept.energy_defect < 1e-14
+        assert kept.casimir_defect < 1e-14
+        assert lost.energy_defect > 1e-2
+        assert lost.casimir_defect > 1e-2
+
+
+def test_the_exact_time_change_has_one_point_and_the_error_it_states(found: Comparison) -> None:
+    (point,) = found.of("exact-flow")
+    assert not point.steps_matter
+    assert 0 < point.strong.value < 1e-13
+
+
+@pytest.mark.parametrize(("name", "steps"), [("rigid-body", 16), ("pendulum", 16), ("lotka-volterra", 128)])
+def test_the_compiled_engine_is_taken_where_it_can_be_and_agrees(name: str, steps: int) -> None:
+    pytest.importorskip("numba", reason="the extra `fast`")
+    problem = problems.by_name(name)
+    fast = from_scheme(schemes.energy_preserving, problem)
+    assert "compiled engine" in fast.source
+    slow = replace(in_batches(schemes.energy_preserving), name="numpy")
+    found = compare([fast, slow], problem, steps=[steps], paths=32, repeats=1)
+    for ours, theirs in zip(found.of("energy-preserving"), found.of("numpy"), strict=True):
+        assert ours.strong.value == pytest.approx(theirs.strong.value, rel=1e-9)
+        assert ours.energy_defect < 1e-13
+        assert ours.iterations is not None
+        assert ours.evaluations["gradient"] > 0
+
+
+def test_explicit_schemes_of_the_compiled_engine_are_counted() -> None:
+    pytest.importorskip("numba", reason="the extra `fast`")
+    method = from_scheme(schemes.euler_heun, problems.rigid_body())
+    if "compiled" not in method.source:
+        pytest.skip("the engine has no explicit schemes")
+    (point,) = compare([method], problems.rigid_body(), steps=[4], paths=32, repeats=1).points
+    assert point.evaluations["gradient"] == point.evaluations["structure"] == 2.0
+
+
+def test_a_scheme_that_the_engine_does_not_take_says_why() -> None:
+    method = from_scheme(schemes.splitting, problems.rigid_body())
+    assert "NumPy batch" in method.source
+
+
+def test_explicit_schemes_are_counted_too(found: Comparison) -> None:
+    for point in found.of("euler-heun"):
+        assert point.evaluations["gradient"] == point.evaluations["structure"] == 2.0
+        assert point.iterations is None
+    for point in found.of("energy-preserving"):
+        assert point.iterations is not None
+        # Newton's matrix serves once more where the last correction was small.
+        assert 0 < point.evaluations["hessian"] <= point.iterations
+
+
+def test_work_is_counted_state_by_state() -> None:
+    work = Work()
+    problem = counted(problems.pendulum(), work)
+    problem.gradient(np.zeros((2, 3, 5)))
+    problem.structure(np.zeros(2))
+    assert problem.mean_gradient is not None
+    problem.mean_gradient(np.zeros((2, 7)), np.ones((2, 7)))
+    assert work.evaluations["gradient"] == 15 + 7
+    assert work.evaluations["structure"] == 1
+    assert work.evaluations["hamiltonian"] == 0
+
+
+def test_the_document_matches_its_schema_and_the_csv_has_a_line_for_each_point(found: Comparison) -> None:
+    document = json.loads(json.dumps(found.to_json(), allow_nan=False))
+    jsonschema.validate(document, schema("comparison"))
+    assert len(document["points"]) == 2 * len(STEPS) + 1
+    rows = list(csv.DictReader(io.StringIO(table.to_csv(found))))
+    assert [float(r["strong_error"]) for r in rows] == [p.strong.value for p in found.points]
+    assert all(r["iterations_per_step"] == "" for r in rows if r["method"] == "euler-heun")
+
+
+def test_equal_comparisons_give_the_same_errors_counts_and_picture(found: Comparison) -> None:
+    again = compare(
+        [in_batches(schemes.energy_preserving)], problems.rigid_body(), steps=STEPS, paths=64, repeats=1
+    )
+    for ours, theirs in zip(again.points, found.of("energy-preserving"), strict=True):
+        still = replace(ours, seconds=theirs.seconds)
+        assert still == theirs
+    pytest.importorskip("matplotlib")
+    drawn = picture.draw(found, ".svg")
+    assert drawn == picture.draw(found, ".svg")
+    words = " ".join(ElementTree.fromstring(drawn).itertext())
+    for word in (*found.sources, "strong error at T", "processor time of one path"):
+        assert word in words
+    assert picture.draw(found, ".png").startswith(b"\x89PNG")
+
+
+def point(steps: int, error: float, microseconds: float, failures: int = 0) -> Point:
+    seconds = Seconds(microseconds * 1e-4, 0.0, 0.0, 0.0, 0.0)
+    sure = Estimate(error, 0.0, 0.05)
+    return Point("m", 1 / steps, steps, 100, failures, sure, sure, 0.0, 0.0, seconds, {}, None)
+
+
+def test_the_time_to_an_error_follows_the_slope() -> None:
+    points = [point(8, 1e-1, 8.0), point(16, 5e-2, 16.0), point(32, 2.5e-2, 32.0)]
+    between = time_to_error(points, 4e-2)
+    assert between.how == "between"
+    assert between.microseconds == pytest.approx(20.0)
+    beyond = time_to_error(points, 1e-3)
+    assert beyond.how == "beyond"
+    assert beyond.microseconds == pytest.approx(32.0 * 25)
+    assert time_to_error(points, 0.5).how == "coarsest"
+    assert time_to_error(points, 0.5).microseconds == pytest.approx(8.0)
+    stalled = [point(8, 1e-3, 8.0), point(16, 9.9e-4, 16.0)]
+    assert time_to_error(stalled, 1e-5).how == "never"
+
+
+def test_what_clipped_increments_cost_counts_in_the_time_to_an_error_and_is_said() -> None:
+    """Four stages with k = 8 and 8 steps: 9e-7 in a sample, and 1.5e-5 by clipping."""
+    body = problems.rigid_body()
+    four = schemes.collocation(4)
+    old, new = (replace(in_batches(replace(four, truncation=k)), name=f"k = {k}") for k in (8, 16))
+    found = compare([old, new], body, T=1.0, steps=(8, 16), paths=64, repeats=1, targets=(1e-6,))
+    (coarse, _), (sure, _) = found.of("k = 8"), found.of("k = 16")
+    assert coarse.strong.value == sure.strong.value < 3e-6
+    assert coarse.clipping == pytest.approx(1.5e-5, rel=0.1)
+    assert coarse.error > 1e-5 > 10 * sure.clipping
+    times = {t.method: t for t in found.times_to_error()}
+    assert times["k = 8"].how == "between"
+    assert any(
+        "k = 8: truncated increments alone cost 1.5e-05 at 8 steps" in line for line in table.notes(found)
+    )
+    assert not any("k = 16: truncated" in line for line in table.notes(found))
+
+
+def test_step_sizes_that_lose_paths_reach_no_target() -> None:
+    points = [point(8, 1e-3, 8.0, failures=1), point(16, 5e-2, 16.0), point(32, 2.5e-2, 32.0)]
+    assert time_to_error(points, 4e-2).how == "between"
+    assert time_to_error([point(8, 1e-3, 8.0, failures=1)], 1e-1).how == "never"
+
+
+def test_methods_take_turns_and_every_job_runs_in_every_round() -> None:
+    order: list[str] = []
+
+    def method(name: str) -> Method:
+        def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]:
+            def job() -> Ends:
+                order.append(f"{name}{len(dW)}")
+                # Longer than the shortest reading of the clock, so that one round is one call.
+                deadline = __import__("time").perf_counter() + 3e-3
+                while __import__("time").perf_counter() < deadline:
+                    pass
+                return finite_ends(problem, np.repeat(y0[:, None], dW.shape[2], axis=1))
+
+            return job
+
+        def follow(problem: Problem, y0: Array, h: float, dW: Array) -> Followed:
+            states = np.repeat(y0[:, None], dW.shape[2], axis=1)[None]
+            return Followed(finite_ends(problem, states[0]), *invariant_defects(problem, states), None)
+
+        return Method(name, prepare, follow)
+
+    found = compare([method("a"), method("b")], problems.rigid_body(), steps=[1, 2], paths=32, repeats=2)
+    jobs = ["a1", "a2", "b1", "b2"]
+    assert order[:8] == [*jobs, *jobs]  # first calls, then the look at how long one takes
+    assert order[8:] == [*jobs, "b1", "b2", "a1", "a2"]
+    assert all(p.evaluations == {} and p.energy_defect == 0 for p in found.points)
+
+
+def test_a_path_that_fails_counts_in_no_error_and_is_counted() -> None:
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        y1 = schemes.euler_heun.step(problem, y, h, dW)
+        y1[:, np.abs(dW[0]) > 2.5 * np.sqrt(h)] = np.nan
+        return y1
+
+    broken = replace(schemes.euler_heun, name="broken", step=step, truncation=None)
+    healthy = replace(schemes.euler_heun, truncation=None)
+    found = compare(
+        [in_batches(broken), in_batches(healthy)], problems.rigid_body(), steps=[8], paths=128, repeats=1
+    )
+    bad, good = found.points
+    dW = wiener.increments(0, T=1.0, steps=8, noises=1, paths=128)
+    assert bad.failures == np.count_nonzero(np.any(np.abs(dW[:, 0]) > 2.5 * np.sqrt(1 / 8), axis=0)) > 0
+    assert good.failures == 0
+    assert np.isfinite(bad.strong.value)
+    assert any("failed count in no error" in note for note in table.notes(found))
+
+
+def test_a_driver_that_waits_for_something_is_said_to_wait(found: Comparison) -> None:
+    def timed(wall: float) -> Comparison:
+        points = [
+            replace(p, seconds=Seconds(1.0, 1.0, 1.0, wall if p.method == "euler-heun" else 2.0, 0.0))
+            for p in found.points
+        ]
+        return replace(found, points=tuple(points))
+
+    assert not any("waits" in note for note in table.notes(timed(2.0)))
+    assert [note for note in table.notes(timed(200.0)) if "waits" in note and "euler-heun" in note]
+
+
+def test_one_core_is_given_back() -> None:
+    os = pytest.importorskip("os")
+    if not hasattr(os, "sched_getaffinity"):
+        pytest.skip("no affinity on this system")
+    before = os.sched_getaffinity(0)
+    with one_core() as alone:
+        assert alone
+        assert len(os.sched_getaffinity(0)) == 1
+    assert os.sched_getaffinity(0) == before
+
+
+# The command
+
+
+@pytest.fixture
+def call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+    def run(arguments: str, code: str = "") -> Result:
+        (tmp_path / "mine.py").write_text("import numpy as np\nimport sepv\n" + code)
+        monkeypatch.delitem(__import__("sys").modules, "mine", raising=False)
+        return CliRunner().invoke(main, shlex.split(arguments))
+
+    return run
+
+
+QUICK = "--steps 4,8 --paths 32 --repeats 1"
+
+
+def test_the_command_prints_and_writes(call: Callable[..., Result], tmp_path: Path) -> None:
+    code = "from sepv.schemes._midpoint import step as mine\n"
+    result = call(f"compare energy-preserving mine:mine {QUICK} --json c.json --csv c.csv", code)
+    assert result.exit_code == 0, result.output
+    for word in ("rigid-body", "energy-preserving", "mine:mine", "strong error", "ns/step", "1e-02"):
+        assert word in result.output
+    document = json.loads((tmp_path / "c.json").read_text())
+    jsonschema.validate(document, schema("comparison"))
+    assert [m["name"] for m in document["methods"]] == ["energy-preserving", "mine:mine"]
+    assert len((tmp_path / "c.csv").read_text().splitlines()) == 5
+
+
+def test_the_command_draws(call: Callable[..., Result], tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    assert call(f"compare euler-heun {QUICK} --picture c.svg -q").exit_code == 0
+    assert (tmp_path / "c.svg").read_bytes().startswith(b"<?xml")
+
+
+def test_problems_come_by_name_by_file_and_from_modules(call: Callable[..., Result], tmp_path: Path) -> None:
+    code = "body = sepv.problems.rigid_body()\nmake = sepv.problems.pendulum\n"
+    for name, shown in (("mine:body", "rigid-body"), ("mine:make", "pendulum")):
+        result = call(f"compare euler-heun {QUICK} -p {name}", code)
+        assert result.exit_code == 0, result.output
+        assert shown in result.output
+    from sepv.record import Polynomial
+
+    H = Polynomial(2, (((2, 0), 0.5), ((0, 4), 0.25)))
+    data = sepv.problem.PolynomialSystem(2, H, ((0, 1, Polynomial(2, (((0, 0), 1.0),))),))
+    (tmp_path / "p.json").write_text(json.dumps(problems.to_json(data)))
+    assert load_problem(str(tmp_path / "p.json")).dimension == 2
+    assert call(f"compare euler-heun {QUICK} -p p.json --initial 0.5,0.25").exit_code == 0
+    refused = call(f"compare euler-heun {QUICK} -p p.json")
+    assert refused.exit_code == 2
+    assert "initial" in refused.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "exit_code", "words"),
+    [
+        ("compare", 2, ["a SCHEME, --exec or --peers"]),
+        ("compare nosuch", 3, ["built-in scheme"]),
+        ("compare euler-heun -p nosuch", 2, ["a problem, one of"]),
+        ("compare euler-heun -p nosuch.json", 2, ["JSON file"]),
+        ("compare euler-heun -p mine:h", 2, ["a sepv.Problem", "float"]),
+        ("compare euler-heun --steps 8,4", 2, ["each dividing the last"]),
+        ("compare euler-heun --steps 8,12", 2, ["each dividing the last"]),
+        ("compare euler-heun --steps 0", 2, ["each dividing the last"]),
+        ("compare euler-heun --steps 8,x", 2, ["commas"]),
+        ("compare euler-heun --paths 8", 2, ["--paths"]),
+        ("compare euler-heun --picture c.gif", 2, [".svg, .png, .pdf"]),
+        ("compare euler-heun --json nosuch/c.json", 2, ["a folder that exists"]),
+        (f"compare mine:wrong {QUICK}", 3, ["shape"]),
+        (f"compare mine:late {QUICK}", 3, ["AttributeError"]),
+        (f"compare euler-heun {QUICK} --initial 1,2", 2, ["shape"]),
+    ],
+)
+def test_mistakes_get_one_clear_message(
+    call: Callable[..., Result], arguments: str, exit_code: int, words: list[str]
+) -> None:
+    code = """
+h = 1.0
+def wrong(problem, y, h, dW):
+    return y[:1]
+def late(problem, y, h, dW):
+    return y + 0 * (y.nosuch() if h > 0.01 else 0)
+"""
+    result = call(arguments, code)
+    assert result.exit_code == exit_code, result.output
+    for word in words:
+        assert word in result.output
+    assert "Traceback" not in result.output
+
+
+def test_an_absent_library_is_named_with_its_remedy(
+    call: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def absent(name: str) -> None:
+        raise ModuleNotFoundError("No module named 'diffrax'", name="diffrax")
+
+    monkeypatch.setattr("sepv._arguments.import_module", absent)
+    result = call("compare diffrax-heun")
+    assert result.exit_code == 3
+    assert "pip install diffrax" in result.output
+
+
+def test_it_says_how_far_it_is_from_the_first_method_on(found: Comparison) -> None:
+    said: list[tuple[str, float]] = []
+    methods = [in_batches(schemes.energy_preserving), exact_time_change()]
+    compare(
+        methods, problems.rigid_body(), steps=(4, 8), paths=32, repeats=2,
+        progress=lambda text, share: said.append((text, share)),
+    )  # fmt: skip
+    shares = [share for _, share in said]
+    assert shares == sorted(shares)
+    assert (shares[0], said[0][0]) == (0.0, "energy-preserving, 4 steps")
+    assert shares[-1] < 1
+    # A first call and an errors' run for each of three cells, and three calls in each of two rounds.
+    assert len(said) == 3 + 3 + 6
+
+
+def test_one_round_has_no_spread_and_the_caption_says_so(found: Comparison) -> None:
+    rounds = (found, replace(found, repeats=1))
+    several, once = ([c.heading for c in table.point_tables(of)[0].columns] for of in rounds)
+    assert "median of 2 rounds ± half the distance of the quartiles" in table.heading(rounds[0])
+    assert "±%" in several
+    assert table.heading(rounds[1]).endswith("of one round")
+    assert "±%" not in once

@@ -1,0 +1,187 @@
+"""Additive noise outside the image of B: the problem as data, E[H] and E[C], and which schemes keep them.
+
+The abstract of D. Cohen and G. Vilmart (arXiv 2005.13991) states that their scheme has the exact drift of both. The
+problem and the numbers here are our own: of the paper the abstract and the introduction were read.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from drawn import drawn_systems
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sepv.properties import test_casimir_drift as casimir_drift
+from sepv.properties import test_energy_drift as energy_drift
+from sepv.properties import test_identity as identity
+from sepv.reference.generator import moments
+
+from benchmarks import additive_noise
+from benchmarks.additive_noise import euler_maruyama, implicit_euler
+from benchmarks.right_schemes import RIGHT
+from sepv import Problem, Scheme, problems, schemes, verify
+from sepv.errors import ProblemError, Skipped, UsageError
+from sepv.problem import HamiltoniansProblem, PolynomialSystem, Systems, vector_field
+from sepv.problem._checks import check_problem
+from sepv.problem._hamiltonians import noise_vectors
+from sepv.problems._polynomial_system import drift_of_energy
+from sepv.record import _polynomial as poly
+from sepv.verification import Case, Effort
+from sepv.verification._trace_formula import mean_after
+
+DRIFT = ["energy-drift", "casimir-drift"]
+QUICK = Effort(examples=4, shrink_checks=0)
+
+
+def body() -> Problem:
+    return problems.pushed_rigid_body()
+
+
+def scheme(step: Any) -> Scheme:
+    return Scheme(step.__name__, step, systems=Systems.ADDITIVE, truncation=None, batched=True)
+
+
+def casimir_change(tried: Scheme, problem: Problem, h: float) -> float:
+    """E[C(y1)] − C(y0) − hσ of one step from the initial state, by quadrature."""
+    y = np.asarray(problem.initial)
+    C = casimir_drift.quantity(problem, problem.casimirs[0], y, h)
+    return float(mean_after(tried, problem, y, h, C)[0] - C.value(y) - h * C.rate)
+
+
+# The problem.
+
+
+def test_vectors_survive_json_and_are_checked() -> None:
+    problem = body()
+    check_problem(problem)
+    again = problems.build(problems.from_json(problems.to_json(problem)))
+    assert np.array_equal(noise_vectors(again), [[1.0, 0.5, 0.0], [0.0, 0.5, 1.0]])
+    data = problem.data
+    assert isinstance(data, PolynomialSystem)
+    for wrong, said in (
+        ({"noise": (1.0,)}, "2 vectors, 1 coefficients"),
+        ({"noise_hamiltonians": (data.hamiltonian,) * 2}, "2 Hamiltonians, 2 vectors"),
+        ({"noise_vectors": ((1.0, 0.0), (1.0, 0.0))}, "shape"),
+    ):
+        with pytest.raises(ProblemError, match=said):
+            problems.build(replace(data, **wrong))
+    given: dict[str, Any] = {"noise": (1.0,), "noise_vectors": ((0.0, 0.0, 1.0),)}
+    parts = (3, problem.structure, problem.hamiltonian)
+    assert isinstance(HamiltoniansProblem(*parts, **given), HamiltoniansProblem)
+    with pytest.raises(ProblemError, match="both"):
+        HamiltoniansProblem(*parts, **given, noise_hamiltonians=(problem.hamiltonian,))
+
+
+def test_schemes_for_other_noises_refuse_it() -> None:
+    problem, y = body(), np.ones(3)
+    with pytest.raises(Skipped, match="vectors"):
+        schemes.stochastic_midpoint.step(problem, y, 0.1, np.zeros(2))
+    for other in (schemes.energy_preserving, schemes.several_structures):
+        with pytest.raises(UsageError, match="several Hamiltonians"):
+            other.step(problem, y, 0.1, np.zeros(2))
+
+
+# The trace formula, of the exact solution.
+
+
+@settings(max_examples=20)
+@given(drawn_systems(Systems.ADDITIVE, d=("2", "3"), m=("1", "2")), st.integers(0, 99))
+def test_means_of_casimirs_grow_at_a_constant_rate(system: PolynomialSystem, seed: int) -> None:
+    """By the generator's series, which is exact: σh and nothing of h²."""
+    assert drift_of_energy(system) is not None
+    problem, d = problems.build(system), system.dimension
+    y = np.random.default_rng(seed).integers(-4, 5, d) / 4
+    units = [tuple(int(k == i) for k in range(d)) for i in range(d)]
+    pairs = [tuple(np.add(a, b).tolist()) for a in units for b in units]
+    series = np.array(moments(system, tuple(y.tolist()), (*units, *pairs), 2), dtype=float)
+    first, second = series[:d], series[d:].reshape(d, d, -1)
+    for A in problem.casimirs:
+        # C(y0 + x) − C(y0) = 2y0ᵀAx + xᵀAx.
+        terms = np.abs(A) @ np.abs(2 * y) @ np.abs(first) + np.einsum("ij,ijk", np.abs(A), np.abs(second))
+        change = (2 * y @ A) @ first + np.einsum("ij,ijk", A, second)
+        rate = casimir_drift.quantity(problem, A, y, 1.0).rate
+        assert abs(change[1] - rate) <= 1e-13 * (terms[1] + rate)
+        assert abs(change[2]) <= 1e-13 * terms[2]
+
+
+# Schemes.
+
+
+@pytest.mark.parametrize("right", [schemes.drift_preserving, RIGHT["pushed-at-once"]], ids=lambda s: s.name)
+def test_both_means_are_kept_by_a_push_and_a_step_that_keeps_h_and_c(right: Scheme) -> None:
+    report = verify(right, laws=[*DRIFT, "identity", "noise-sum", "casimir"], effort=QUICK)
+    for finding in report.findings:
+        assert finding.verdict.text == ("not applicable" if finding.law == "casimir" else "holds")
+
+
+def test_they_are_measured_of_functions_too() -> None:
+    problem = HamiltoniansProblem(
+        3, body().structure, lambda y: (y[0] ** 2 + y[1] ** 2 / 2 + y[2] ** 2 / 3) / 2,
+        noise=(0.5,), noise_vectors=((1.0, 0.0, 2.0),), casimirs=(np.eye(3),), initial=(0.8, 0.6, 0.1),
+    )  # fmt: skip
+    tried = replace(schemes.drift_preserving, problems=(problem,))
+    assert (
+        verify(tried, laws=["casimir-drift"], effort=QUICK).finding("casimir-drift").verdict.text == "holds"
+    )
+    wrong = replace(scheme(implicit_euler), problems=(problem,))
+    assert (
+        verify(wrong, laws=["casimir-drift"], effort=QUICK).finding("casimir-drift").verdict.text
+        == "violated"
+    )
+
+
+def test_euler_maruyama_misses_the_mean_of_a_casimir_by_what_theory_says() -> None:
+    """C = |y|² and f ⊥ y: E[C(y1)] − C(y0) − hσ is h²|f(y0)|² of the explicit scheme, −h²E|f(y1)|² of the implicit."""
+    problem, h = body(), 2.0**-6
+    f = vector_field(problem, np.asarray(problem.initial))
+    explicit, implicit = (casimir_change(scheme(s), problem, h) for s in (euler_maruyama, implicit_euler))
+    assert explicit == pytest.approx(h**2 * float(f @ f), rel=1e-9)
+    assert implicit == pytest.approx(-(h**2) * float(f @ f), rel=0.1)
+    assert abs(casimir_change(schemes.drift_preserving, problem, h)) < 1e-14
+
+
+@pytest.mark.parametrize("steps", [2, 4])
+def test_over_many_steps_the_means_grow_linearly_and_those_of_euler_maruyama_do_not(steps: int) -> None:
+    """A false alarm at 5 standard errors has the probability 6e-7, for each of eight means."""
+    exact = additive_noise.exact_rates(body())
+    off = {}
+    for name, step in additive_noise.SCHEMES.items():
+        means, errors = additive_noise.rates(step, body(), steps)
+        off[name] = (means - exact) / errors
+    right, explicit, implicit = off.values()
+    assert max(abs(right)) < 5
+    assert min(explicit) > 20
+    assert max(implicit) < -20
+
+
+def test_the_page_has_the_numbers_of_today() -> None:
+    """Of the explicit scheme, which a compiler or another processor changes by roundings alone."""
+    mean, error = additive_noise.rates(additive_noise.euler_maruyama, body(), 2)
+    page = (Path(__file__).resolve().parents[2] / "docs" / "class.md").read_text(encoding="utf-8")
+    assert f"| Euler-Maruyama | {mean[0]:.3f} ± {error[0]:.3f} |" in page
+
+
+# What the laws must not say.
+
+
+def test_noise_at_a_rest_point_of_the_drift_moves_the_state_rightly() -> None:
+    data = body().data
+    assert isinstance(data, PolynomialSystem)
+    case = identity.unmoved(Case(data, (0.0, 0.0, 0.0), 0.25, (0.5, 0.5)))
+    assert case.dW == (0.0, 0.0)
+    assert identity.check(schemes.drift_preserving, case).ratio == 0
+
+
+def test_an_energy_that_is_harmonic_along_three_noises_is_judged_with_the_error_of_the_quadrature() -> None:
+    """LH = 0 with H of degree 4 along the noise, where six halves have a rule of degree 3 alone."""
+    H = poly.polynomial(3, {(4, 0, 0): 1.0, (2, 2, 0): -6.0, (0, 4, 0): 1.0})
+    axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    data = PolynomialSystem(3, H, problems.random_inertia().data.structure, (1.0,) * 3, noise_vectors=axes)  # type: ignore[union-attr]
+    assert drift_of_energy(data) == 0
+    case = energy_drift.steady(Case(data, (0.5, 0.25, 0.75), 0.25, (0.0,) * 3))
+    assert case is not None
+    assert energy_drift.check(schemes.drift_preserving, case).ratio <= 1

@@ -1,0 +1,309 @@
+"""Whatever takes longer than two seconds says how far it is, piped too; and Ctrl-C ends it at once."""
+
+from __future__ import annotations
+
+import contextlib
+import contextvars
+import io
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import benchmarks
+from sepv._journal import Journal, Notes
+from sepv.commands._shared import candidates
+from sepv.errors import TargetError
+from sepv.verification import Effort, Verdict, load_laws, verify
+from sepv.verification import _progress as progress
+from sepv.verification._report import console
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_lines_say_the_share_and_the_seconds_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    written = io.StringIO()
+    monkeypatch.setattr(progress, "console", lambda **_: console(written))
+    monkeypatch.setattr(progress, "FIRST_LINES", ())
+    monkeypatch.setattr(progress, "REPEAT", 0.02)
+    energy, casimir = load_laws(["energy", "casimir"])
+    energy, casimir = (replace(law, cost=cost) for law, cost in ((energy, 1.0), (casimir, 3.0)))
+    with progress.watching(laws=[energy, casimir]) as step:
+        step(energy, None)
+        first = _said(written, "energy")
+        step(energy, energy.finding(Verdict.HOLDS, seconds=2000.0, checks=1))
+        step(casimir, None)
+        last = _said(written, "casimir")
+    assert first.endswith("0 of 2 laws, energy")
+    # A law counts by what it costs, at the pace so far.
+    assert re.fullmatch(r"\d+%, about (59|60)\d\d s left: 1 of 2 laws, casimir", last)
+
+
+# What a run asks of a scheme beside its own work: states in batches, or single ones (`sepv.verification.LAWS`).
+BATCHED = {"contract": 3269, "reproducibility": 140606, "mean-square-order": 215040}
+SINGLE = {"reproducibility": 0, "mean-square-order": 8064, "rounding": 6144}
+
+
+@pytest.mark.parametrize(
+    ("machine", "step", "single", "batched", "states"),
+    [
+        pytest.param(1.0, 1e-6, 1e-4, True, BATCHED, id="(2.1)"),
+        pytest.param(3.0, 3e-6, 3e-4, True, BATCHED, id="(2.1) on a busy machine"),
+        pytest.param(1.0, 2e-4, 2e-4, False, SINGLE, id="200 µs a state"),
+        pytest.param(1.0, 5e-3, 5e-3, False, SINGLE, id="5 ms a state"),
+        pytest.param(1.5, 2e-5, 5e-4, True, BATCHED, id="a program"),
+        pytest.param(1.5, 2e-4, 2e-4, True, BATCHED, id="a slow program"),
+    ],
+)
+def test_the_seconds_left_are_right_to_a_factor_of_two_after_a_third_of_the_laws(
+    machine: float, step: float, single: float, batched: bool, states: dict[str, int],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """A law takes what it costs by turns 30 % more and less, and what its calls and states take."""
+    now, laws = 0.0, load_laws()
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    course, left = progress.Course(laws), []
+    for n, law in enumerate(laws):
+        course.heard(law, None)
+        count = states.get(law.name, law.steps)
+        seconds = machine * law.cost * 1.3 ** (-1) ** n + count * (step if count > 5000 else single)
+        away = not batched and law.name == "reproducibility"
+        now += 0.0 if away else seconds
+        found = law.finding(
+            Verdict.NOT_APPLICABLE if away else Verdict.HOLDS,
+            seconds=0.0 if away else seconds,
+            checks=0 if away else 10,
+            # The oscillator's step takes less than the rigid body's.
+            step_seconds=0.75 * step if law.name == "contract" else None,
+        )
+        course.heard(law, found)
+        left.append((now, course.seconds_left()))
+    third = [(at, said) for at, said in left[len(laws) // 3 - 1 :] if now - at > 2.0]
+    assert len(third) > 8
+    for at, said in third:
+        assert said is not None
+        assert 0.5 <= said / (now - at) <= 2.0, (at, said, now)
+
+
+def test_the_seconds_left_of_laws_side_by_side_are_those_of_the_longest() -> None:
+    long, short, third = (
+        replace(law, cost=cost, steps=0)
+        for law, cost in zip(load_laws(["energy", "casimir", "identity"]), (60.0, 1.0, 1.0), strict=True)
+    )
+    course = progress.Course([long, short, third])
+    assert course.seconds_left() is None
+    for law in (long, short):
+        course.heard(law, None)
+    course.heard(short, short.finding(Verdict.HOLDS, seconds=1.0, checks=1))
+    left = course.seconds_left()
+    assert left is not None
+    assert 55 < left < 65
+
+
+def test_a_law_that_takes_longer_than_expected_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It said "96 %, about 1 s left" four times in 25 s: an eighth of what the law had taken so far."""
+    now, laws = 0.0, load_laws(["energy", "casimir"])
+    first, last = (replace(law, cost=cost, steps=0) for law, cost in zip(laws, (10.0, 0.5), strict=True))
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    course, shown = progress.Course([first, last]), progress.Shown()
+    shown.expected, shown.doing = course.seconds_left, lambda: course.doing(None, "mine:step")
+    course.heard(first, None)
+    now = 20.0
+    course.heard(first, first.finding(Verdict.HOLDS, seconds=20.0, checks=1))
+    course.heard(last, None)
+    now = 20.5
+    assert shown.line() == "98%, about 1 s left: 1 of 2 laws, casimir"
+    now = 28.0
+    assert shown.line() == "28 s: 1 of 2 laws, casimir for 8 s where 1 s were expected"
+
+
+def test_a_step_that_is_being_compiled_is_waited_for_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    now, (law,) = 100.0, load_laws(["energy"])
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    course, journal = progress.Course([law]), Journal(lambda *_: None, Notes())
+    course.heard(law, None)
+    journal.cases, journal.since = 1, 100.0
+    now = 114.0
+    assert (
+        course.doing(journal, "mine:step")
+        == "0 of 1 laws, energy, waiting for the first step of mine:step, 14 s"
+    )
+    journal.cases = 7
+    assert course.doing(journal, "mine:step") == "0 of 1 laws, energy, case 7 for 14 s"
+    journal.since = 113.0
+    assert course.doing(journal, "mine:step") == "0 of 1 laws, energy"
+
+
+def test_a_scheme_is_named_before_it_is_loaded() -> None:
+    said: list[str] = []
+    with pytest.raises(TargetError), candidates(["no_such_module:step"], (), said.append):
+        pass
+    assert said == ["waiting for the first step of no_such_module:step"]
+
+
+def _said(written: io.StringIO, word: str) -> str:
+    """The first whole line that ends so, however long a busy machine takes to print it."""
+    end = time.monotonic() + 60
+    while time.monotonic() < end:
+        for line in written.getvalue().splitlines(keepends=True):
+            if line.endswith(f"{word}\n"):
+                return line.strip()
+        time.sleep(0.01)
+    raise AssertionError(f"no line ends with {word}: {written.getvalue()!r}")
+
+
+def test_every_law_states_what_it_costs() -> None:
+    costs = {law.name: law.cost for law in load_laws()}
+    assert all(0 < cost < 60 for cost in costs.values())
+    assert costs["contract"] > 10 * costs["truncation"]
+    steps = {law.name: law.steps for law in load_laws()}
+    assert (
+        steps["mean-square-order"]
+        > steps["rounding"]
+        > progress.MANY
+        > max(count for name, count in steps.items() if name not in ("mean-square-order", "rounding"))
+    )
+
+
+def test_what_is_quick_or_quiet_says_nothing(capfd: pytest.CaptureFixture[str]) -> None:
+    with progress.showing():
+        pass
+    with progress.showing(quiet=True) as shown:
+        shown.update("nothing", 0.5)
+    assert capfd.readouterr().err == ""
+
+
+# A shell that starts jobs in the background has them ignore SIGINT.
+START = (
+    "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    "from sepv.commands import main; main()"
+)
+
+
+@pytest.mark.parametrize("arguments", ["verify midpoint -j 2", "teeth b-at-y0 b-at-y1", "reproduce 4.4"])
+def test_ctrl_c_ends_all_processes(arguments: str, tmp_path: Path) -> None:
+    child = subprocess.Popen(
+        [sys.executable, "-c", START, *arguments.split()],
+        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    with child:
+        assert child.stderr
+        assert child.stderr.readline()  # the first line of progress: it works by now
+        workers = _children(child.pid)
+        assert workers
+        child.send_signal(signal.SIGINT)
+        out, err = child.communicate(timeout=30)
+    assert child.returncode == 130, out + err
+    assert "Traceback" not in out + err
+    # The tracker of multiprocessing ends by itself, once the pipe to its parent is closed.
+    until = time.monotonic() + 20
+    while (left := [pid for pid in workers if _runs(pid)]) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not left
+
+
+def _children(pid: int) -> list[int]:
+    lines = subprocess.run(["ps", "-eo", "pid,ppid"], capture_output=True, text=True, check=True).stdout
+    rows = [tuple(map(int, line.split())) for line in lines.splitlines()[1:]]
+    return [child for child, parent in rows if parent == pid]
+
+
+def _runs(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return "Z" not in Path(f"/proc/{pid}/stat").read_text().split()[2]
+
+
+# As `python -m`, but with SIGINT as a terminal has it.
+MODULE = (
+    "import sys, signal, runpy; signal.signal(signal.SIGINT, signal.default_int_handler); sys.argv = sys.argv[1:]; "
+    "runpy.run_module(sys.argv[0], run_name='__main__', alter_sys=True)"
+)
+
+
+@pytest.mark.parametrize(
+    "words", ["benchmarks.slopes", pytest.param("benchmarks.local_orders", marks=pytest.mark.deep)]
+)
+def test_a_benchmark_says_how_far_it_is_and_ends_with_a_word(words: str) -> None:
+    child = subprocess.Popen(
+        [sys.executable, "-c", MODULE, *words.split()],
+        cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    with child:
+        assert child.stderr
+        assert child.stderr.readline()
+        child.send_signal(signal.SIGINT)
+        out, err = child.communicate(timeout=30)
+    assert child.returncode == 130, out + err
+    assert err.splitlines()[-1] == "interrupted"
+    assert "Traceback" not in out + err
+
+
+def test_every_benchmark_is_imported_and_starts_with_its_progress() -> None:
+    for file in sorted((ROOT / "benchmarks").glob("*.py")):
+        import_module(f"benchmarks.{file.stem}")
+        text = file.read_text(encoding="utf-8")
+        if 'if __name__ == "__main__":' in text:
+            assert text.endswith('if __name__ == "__main__":\n    start(main)\n'), file
+
+
+def test_loops_within_loops_share_what_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = []
+
+    class Line(progress.Shown):
+        def update(self, text: str | None = None, share: float | None = None) -> None:
+            seen.append((text, share))
+
+    monkeypatch.setattr(benchmarks, "showing", lambda: contextlib.nullcontext(Line()))
+
+    def main() -> None:
+        for _ in benchmarks.over("ab"):
+            list(benchmarks.over((1, 2)))
+
+    contextvars.copy_context().run(benchmarks.start, main)
+    assert seen == [
+        ("a", 0.0), ("a, 1", 0.0), ("a, 2", 0.25), ("b", 0.5), ("b, 1", 0.5), ("b, 2", 0.75)
+    ]  # fmt: skip
+
+
+def test_violations_are_said_as_they_are_decided(monkeypatch: pytest.MonkeyPatch) -> None:
+    written = io.StringIO()
+    monkeypatch.setattr(progress, "console", lambda **_: console(written))
+    monkeypatch.setattr(progress, "FIRST_LINES", (0.01,))
+    monkeypatch.setattr(progress, "TICK", 0.01)
+    energy, casimir = load_laws(["energy", "casimir"])
+    with progress.watching(laws=[energy, casimir]) as step:
+        step(energy, None)
+        step(energy, energy.finding(Verdict.VIOLATED, defect=9.0, bound=1.0, checks=1))
+        assert (
+            _said(written, "not claimed") == "energy (Prop. 3.1) violated: 9 against 1 ulp of H, not claimed"
+        )
+        step(casimir, None)
+        step(casimir, casimir.finding(Verdict.HOLDS, checks=1))
+
+
+def test_laws_of_few_steps_are_asked_first_and_shown_in_the_order_of_the_suite() -> None:
+    asked: list[str] = []
+    laws = [
+        "contract",
+        "energy",
+        "symplecticity",
+        "local-mean",
+        "local-weak",
+        "mean-square-order",
+        "right-limit",
+    ]
+    report = verify("midpoint", laws=laws, effort=Effort(examples=1, paths=64, shrink_checks=0),
+                    progress=lambda law, found: asked.append(law.name) if found is None else None)  # fmt: skip
+    assert [f.law for f in report.findings] == laws
+    assert asked == ["energy", "contract", "symplecticity", "mean-square-order", "right-limit", "local-mean",
+                     "local-weak"]  # fmt: skip

@@ -1,0 +1,315 @@
+"""A scheme is judged on what it is for: problems by name, file, module:attribute, record, family or strategy."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from drawn import drawn_systems
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from reader import Reader
+
+import sepv
+from sepv import problems
+from sepv.problem import Systems, vector_field
+from sepv.record import Polynomial
+from sepv.record import _polynomial as poly
+from sepv.verification import Effort, Verdict, load_laws
+from sepv.verification._cases import case
+from sepv.verification._cases.classes import FAMILIES
+from sepv.verification._cases.from_problem import measured_radius
+from sepv.verification._cases.of_law import Question
+from sepv.verification._cases.users_problems import items
+from sepv.verification._contraction import contraction_radius
+from sepv.verification._verify import replay
+
+FEW = Effort(examples=2, paths=256, shrink_checks=30)
+SEARCHED = "contract,identity,energy,casimir,noise-sum,symmetry,reduction,reference,midpoint"
+
+
+def verlet(problem: Any, y: Any, h: float, dW: Any) -> Any:
+    """Störmer-Verlet with the random step, for H = T(p) + V(q) and y = (p, q) alone."""
+    n = problem.dimension // 2
+    expected = np.zeros((2 * n, 2 * n))
+    expected[:n, n:] = -np.eye(n)
+    if problem.dimension % 2 or not np.array_equal(np.triu(problem.structure(y)), expected):
+        raise sepv.Skipped("only H = T(p) + V(q) with y = (p, q)")
+    delta = problem.random_step(h, dW)
+    p = y[:n] - 0.5 * delta * problem.gradient(y)[n:]
+    q = y[n:] + delta * problem.gradient(np.concatenate([p, y[n:]]))[:n]
+    return np.concatenate([p - 0.5 * delta * problem.gradient(np.concatenate([p, q]))[n:], q])
+
+
+def heun(problem: Any, y: Any, h: float, dW: Any) -> Any:
+    delta = problem.random_step(h, dW)
+    f = vector_field(problem, y)
+    return y + 0.5 * delta * (f + vector_field(problem, y + delta * f))
+
+
+def sphere_only(problem: Any, y: Any, h: float, dW: Any) -> Any:
+    """(2.1) for a rigid body alone: quadratic H without mixed terms, B = hat(y)."""
+    w = np.array([problem.gradient(np.eye(3)[k])[k] for k in range(3)])
+    if problem.dimension != 3 or not np.allclose(problem.gradient(y), w * y):
+        raise sepv.Skipped("only rigid bodies")
+    return sepv.schemes.midpoint.step(problem, y, h, dW)
+
+
+def own_pendulum() -> sepv.Problem:
+    """Functions alone: nothing is known of it but B, H and ∇H."""
+    return sepv.Problem(
+        2,
+        lambda y: np.stack([np.stack([0 * y[0], 0 * y[0] - 1]), np.stack([0 * y[0] + 1, 0 * y[0]])]),
+        lambda y: 0.5 * y[0] ** 2 - np.cos(y[1]),
+        lambda y: np.stack([y[0], np.sin(y[1])]),
+        noise=(1.0, 0.5),
+        initial=(0.2, 1.0),
+        name="own-pendulum",
+    )
+
+
+def positive() -> sepv.Problem:
+    """H = y1 + y2 − ln y1 − ln y2 with B12 = y1 y2, for y > 0 alone."""
+    return sepv.Problem(
+        2,
+        lambda y: np.stack([np.stack([0 * y[0], y[0] * y[1]]), np.stack([-y[0] * y[1], 0 * y[0]])]),
+        lambda y: y[0] + y[1] - np.log(y[0]) - np.log(y[1]),
+        lambda y: np.stack([1 - 1 / y[0], 1 - 1 / y[1]]),
+        domain=lambda y: (y[0] > 0) & (y[1] > 0),
+        initial=(0.75, 1.5),
+        name="positive",
+    )
+
+
+@st.composite
+def planar(draw: st.DrawFn) -> sepv.PolynomialSystem:
+    """d = 2 and B = J."""
+    H: Polynomial = poly.polynomial(2, {(2, 0): 0.5, (0, 2): 0.5, (0, 4): draw(st.sampled_from([0.25, 0.5]))})
+    return sepv.PolynomialSystem(2, H, ((0, 1, poly.constant(2, -1.0)),))
+
+
+def verdicts(scheme: Any, asked: Any, laws: str = SEARCHED, effort: Effort = FEW) -> dict[str, str]:
+    report = sepv.verify(scheme, laws=laws, problems=asked, effort=effort)
+    return {f.law: f.verdict.value for f in report.findings}
+
+
+def test_a_scheme_for_separable_systems_is_judged_on_those() -> None:
+    everywhere = sepv.verify(verlet, laws="symmetry", effort=FEW).findings[0]
+    found = verdicts(verlet, "canonical-separable", "contract,symmetry,energy,noise-sum")
+    assert found == {"contract": "holds", "symmetry": "holds", "energy": "violated", "noise-sum": "holds"}
+    named = sepv.Scheme("verlet", verlet, systems=Systems.CANONICAL_SEPARABLE)
+    assert sepv.verify(named, laws="symmetry", effort=FEW).findings[0].verdict is Verdict.HOLDS
+    # On systems that are not separable the scheme is another method, and is accused of what it never said.
+    assert everywhere.verdict is Verdict.VIOLATED
+
+
+def test_a_scheme_for_the_rigid_body_alone_holds_what_it_holds_there() -> None:
+    found = verdicts(sphere_only, ["rigid-bodies", "rigid-body"])
+    assert set(found.values()) == {"holds"}
+
+
+@pytest.mark.parametrize("problem", [own_pendulum, positive])
+def test_a_problem_of_functions_alone_is_judged(problem: Any) -> None:
+    held = ["identity", "energy", "noise-sum", "symmetry"]
+    if problem is positive:
+        held.append("contract")  # takes longer than the others, and is asked where there is a domain
+    found = verdicts(
+        "energy-preserving", problem, ",".join([*held, "casimir", "reference", "midpoint", "reduction"])
+    )
+    for law in held:
+        assert found[law] == "holds", (law, found)
+    for law in ("casimir", "reference", "midpoint", "reduction"):
+        assert found[law] == "not_applicable", (law, found)
+    assert verdicts("midpoint", problem, "energy") == {"energy": "violated"}
+
+
+def test_many_steps_are_judged_on_the_problems_own_initial_state() -> None:
+    from dataclasses import replace
+
+    fast = replace(
+        own_pendulum(), mean_gradient=problems.pendulum().mean_gradient, hessian=problems.pendulum().hessian
+    )
+    found = verdicts("energy-preserving", fast, "right-limit")
+    assert set(found.values()) == {"holds"}
+    assert verdicts("midpoint", fast, "rounding") == {"rounding": "violated"}
+
+
+def test_a_strategy_of_systems_and_one_of_problems_are_taken() -> None:
+    for asked in (planar(), planar, "tests.verification.test_users_problems:planar", st.just(own_pendulum())):
+        assert verdicts("energy-preserving", asked, "energy,symmetry") == {
+            "energy": "holds",
+            "symmetry": "holds",
+        }
+    laws = sepv.verify(
+        "energy-preserving", laws="rounding,right-limit", problems=planar(), effort=FEW
+    ).findings
+    assert {f.verdict for f in laws} == {Verdict.NOT_APPLICABLE}
+    assert all("no initial state" in f.message for f in laws)
+
+
+def test_laws_that_lead_out_of_the_problems_say_so() -> None:
+    report = sepv.verify("energy-preserving", laws="equivariance,expansion", problems="pendulum", effort=FEW)
+    assert {f.verdict for f in report.findings} == {Verdict.NOT_APPLICABLE}
+    assert "leads out of the problems" in report.finding("equivariance").message
+
+
+def test_a_violation_on_a_users_problem_is_replayed_from_its_token(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(Path(__file__).resolve().parents[2])
+    finding = sepv.verify(
+        "midpoint", laws="energy", problems="tests.verification.test_users_problems:own_pendulum", effort=FEW
+    ).findings[0]
+    assert finding.verdict is Verdict.VIOLATED
+    assert "problem tests.verification.test_users_problems:own_pendulum" in finding.message
+    token = finding.replay.split()[-1]
+    witness = case.witness_of(token)
+    with pytest.raises(sepv.UsageError, match="to import a module is to run it"):
+        replay("midpoint", "energy", witness)
+    again = replay("midpoint", "energy", witness, "tests.verification.test_users_problems:own_pendulum")
+    assert (again.verdict, again.defect) == (finding.verdict, finding.defect)
+    handed = sepv.verify("midpoint", laws="energy", problems=own_pendulum(), effort=FEW).findings[0]
+    with pytest.raises(sepv.UsageError, match="handed over as an object"):
+        case.from_token(handed.replay.split()[-1])
+
+
+def test_a_file_and_a_name_on_the_command_line(reader: Reader) -> None:
+    H = poly.polynomial(2, {(2, 0): 0.5, (0, 4): 0.25})
+    system = problems.to_json(sepv.PolynomialSystem(2, H, ((0, 1, poly.constant(2, -1.0)),)))
+    (reader.folder / "quartic.json").write_text(json.dumps(system | {"initial": [0.5, 1.0]}))
+    shown = reader.sepv(
+        "sepv verify midpoint -p quartic.json -p pendulum --law energy --law rounding --examples 4 --paths 256"
+    )
+    assert "energy" in shown
+    assert "quartic, h = " in shown
+    assert "pendulum, h = " in shown
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ("canonical-seperable", "did you mean 'canonical-separable'"),
+        ("tests.verification.test_users_problems:FEW", "which is Effort"),
+        ([], "problems, one at least"),
+        (3, "which is int"),
+    ],
+)
+def test_what_is_no_problem_is_refused_in_words(asked: Any, words: str) -> None:
+    with pytest.raises(sepv.UsageError, match=words.replace("(", r"\(")):
+        verdicts("midpoint", asked, "energy")
+
+
+def test_a_strategy_of_something_else_is_an_error_that_says_so() -> None:
+    finding = sepv.verify("midpoint", laws="energy", problems=st.integers(), effort=FEW).findings[0]
+    assert finding.verdict is Verdict.ERROR
+    assert "one that gave int" in finding.message
+
+
+def test_a_record_that_no_longer_is_its_data_is_not_taken_for_it() -> None:
+    from dataclasses import replace
+
+    body = problems.rigid_body()
+    changed = replace(
+        body,
+        hamiltonian=lambda y: 2 * body.hamiltonian(y),
+        gradient=lambda y: 2 * body.gradient(y),
+        mean_gradient=None,
+        hessian=None,
+    )
+    assert verdicts("energy-preserving", changed, "energy") == {"energy": "holds"}
+    assert verdicts("energy-preserving", changed, "reference") == {"reference": "not_applicable"}
+
+
+@settings(derandomize=True, database=None, max_examples=8, deadline=None)
+@given(system=drawn_systems(Systems.LIE_POISSON))
+def test_the_measured_radius_is_of_the_size_of_the_derived_one(system: sepv.PolynomialSystem) -> None:
+    problem = problems.build(system)
+    y = np.linspace(0.5, 1.0, problem.dimension)
+    derived, measured = contraction_radius(problem, y), measured_radius(problem, y)
+    # Majorants are bounds and maxima are not: the measured one is larger, but for its half and its fewer balls.
+    assert 0.25 * derived <= measured
+
+
+@pytest.fixture(scope="module")
+def cases_of_families() -> list[Question | str]:
+    """Whether a law speaks of a family is found by a search of its own, which no other search may hold."""
+    return [
+        law.cases.of_problems(items(str(name)))  # type: ignore[union-attr]
+        for name in FAMILIES
+        for law in load_laws(["energy", "identity", "noise-sum", "reduction"])
+        # Several Hamiltonians and additive noise keep no H, and have no equation of (2.1).
+        if not (name.endswith(("-hamiltonians", "additive")) and law.name in ("energy", "reduction"))
+    ]
+
+
+@settings(derandomize=True, database=None, max_examples=8, deadline=None)
+@given(drawn=st.data())
+def test_every_law_draws_steps_of_every_family(
+    cases_of_families: list[Question | str], drawn: st.DataObject
+) -> None:
+    for asked in cases_of_families:
+        assert isinstance(asked, Question), asked
+        assert drawn.draw(asked.strategy).build()[0].dimension >= 2
+
+
+def test_items_are_read_once() -> None:
+    own = items("pendulum")
+    assert items(own) == own
+
+
+def test_a_law_that_speaks_of_no_member_of_a_family_is_not_applicable() -> None:
+    # H = T(p) + V(q) has no Casimirs: no crash, and no word about the scheme.
+    scheme = sepv.Scheme("verlet", verlet, claims=["casimir"], systems=Systems.CANONICAL_SEPARABLE)
+    report = sepv.verify(scheme, laws=["casimir", "any-casimir"], effort=FEW)
+    assert {f.verdict for f in report.findings} == {Verdict.NOT_APPLICABLE}
+    assert "name no quadratic or linear Casimir" in report.finding("casimir").message
+
+
+def test_laws_stay_where_a_narrow_scheme_lives() -> None:
+    """On the unit circle, of which no multiple is one: contract and reproducibility ask about nothing else."""
+    seen: list[float] = []
+
+    def step(problem: sepv.Problem, y: np.ndarray, h: float, dW: np.ndarray) -> np.ndarray:
+        radius = np.hypot(y[0], y[1])
+        seen.append(float(np.max(np.abs(radius - 1))))
+        if seen[-1] > 1e-9:
+            raise ValueError("not on the circle")
+        angle = h + np.tensordot(problem.c, dW, 1)
+        c, s = np.cos(angle), np.sin(angle)
+        return np.stack([c * y[0] - s * y[1], s * y[0] + c * y[1]])
+
+    data = sepv.problems.harmonic_oscillator().data
+    cases = st.floats(0, 6).map(lambda a: case.Case(data, (math.cos(a), math.sin(a)), 0.125, (0.25,)))
+    for batched in (False, True):
+        scheme = sepv.Scheme("turn", step, batched=batched, problems=(cases,))
+        report = sepv.verify(scheme, laws=["contract", "reproducibility"], effort=sepv.Effort(examples=5))
+        assert report.finding("contract").verdict is sepv.Verdict.HOLDS
+        expected = sepv.Verdict.HOLDS if batched else sepv.Verdict.NOT_APPLICABLE
+        assert report.finding("reproducibility").verdict is expected
+    assert max(seen) < 1e-9
+
+
+def test_a_stated_domain_is_not_left() -> None:
+    """Where |y| > 0.9 is the domain, ¾ of a state on the circle is outside."""
+
+    def step(problem: sepv.Problem, y: np.ndarray, h: float, dW: np.ndarray) -> np.ndarray:
+        if not np.all(problem.domain(y)):
+            raise ValueError("outside")
+        return y.copy()
+
+    whole = sepv.problems.harmonic_oscillator()
+    ring = dataclasses.replace(
+        whole,
+        domain=lambda y: np.hypot(y[0], y[1]) > 0.9,
+        initial=(1.0, 0.0),
+        data=None,
+        name="ring",
+        check=False,
+    )
+    report = sepv.verify(
+        sepv.Scheme("rest", step, problems=(ring,)), laws="contract", effort=sepv.Effort(examples=5)
+    )
+    assert report.finding("contract").verdict is sepv.Verdict.HOLDS
