@@ -49,7 +49,7 @@ def asked_afresh(target: Any, findings: Sequence[Finding], problems: Any = None)
 
 
 def _may_be_replayed(finding: Finding) -> bool:
-    """Whether it is a violation with one case as its witness; setups of paths take as long as the law."""
+    """True for a violation with one case as its witness; setups of paths take as long as the law."""
     witness = finding.witness or {}
     return (
         finding.verdict is Verdict.VIOLATED
