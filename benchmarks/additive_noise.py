@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from benchmarks import start
 from sepv import problems, schemes
 from sepv._terminal import markdown
 from sepv.problem import Array, PolynomialSystem, Problem, vector_field
@@ -55,14 +56,14 @@ def exact_rates(problem: Problem) -> Array:
 
 def rates(step: Step, problem: Problem, steps: int) -> tuple[Array, Array]:
     """The growth of E|y|² and of E[H] per unit of time, (2,), with standard errors."""
-    rng, h, start = np.random.default_rng(SEED), T / steps, np.asarray(problem.initial)
-    y = np.repeat(start[:, None], 2 * PAIRS, axis=1)
+    rng, h, origin = np.random.default_rng(SEED), T / steps, np.asarray(problem.initial)
+    y = np.repeat(origin[:, None], 2 * PAIRS, axis=1)
     for _ in range(steps):
         halves = np.sqrt(h / 2) * rng.standard_normal((2, problem.noises, PAIRS))
         halves = np.concatenate([halves, -halves], axis=2)
         y = step(problem, y, h, halves.sum(axis=0), halves[0])
     changes = np.stack(
-        [np.sum(y * y, axis=0) - start @ start, problem.hamiltonian(y) - problem.hamiltonian(start)]
+        [np.sum(y * y, axis=0) - origin @ origin, problem.hamiltonian(y) - problem.hamiltonian(origin)]
     )
     means = changes.reshape(2, 2, PAIRS).mean(axis=1) / T
     return means.mean(axis=1), means.std(axis=1) / np.sqrt(PAIRS)
@@ -81,5 +82,10 @@ def table() -> str:
     return markdown(["scheme", *names], rows)
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Print the table."""
     print(table())
+
+
+if __name__ == "__main__":
+    start(main)

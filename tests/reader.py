@@ -33,6 +33,7 @@ class Reader:
 
     def __init__(self, folder: Path, fewer: Callable[[list[str]], list[str]] = list) -> None:
         self.folder, self.fewer = folder, fewer
+        self.stdout = ""  # of the last command, without the progress on stderr
 
     def python(self, code: str) -> str:
         """What the program prints. Warnings are errors, as everywhere in these tests."""
@@ -49,8 +50,9 @@ class Reader:
         assert words[0] == "sepv"
         assert not set("".join(words)) & set("|&;<>$`"), f"for a shell: {line}"
         with self._fresh():
-            done = CliRunner().invoke(main, words[1:], prog_name="sepv")
+            done = CliRunner(env={"COLUMNS": "100"}).invoke(main, words[1:], prog_name="sepv")
         assert done.exit_code in ((0, 1) if may_fail else (0,)), f"{line}\n{done.output}"
+        self.stdout = done.stdout
         return done.output
 
     def pytest(self, *words: str, code: int = 0) -> str:

@@ -207,7 +207,9 @@ def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, diffe
             if stagnated.any():
                 stagnated &= _is_rounding(equations, lanes, residual_norm, z, scale, stagnated & exact)
             # False also where one of them is NaN.
-            if stagnated.any() or not (residual_norm.min() > QUANTA and move.max() < np.inf):
+            if stagnated.any() or not (
+                residual_norm.min(initial=np.inf) > QUANTA and move.max(initial=0) < np.inf
+            ):
                 outcome = _outcome(residual_norm, move, stagnated, reliable, K, algebra)
                 go_on, ended = np.flatnonzero(outcome < 0), outcome >= 0
                 status[active[ended]] = outcome[ended]

@@ -103,7 +103,7 @@ def test_ctrl_c_keeps_what_was_decided(tmp_path: Path) -> None:
         "suite.measure = watched\n"
         "main()\n"
     )
-    laws = ["--law", "contract", "--law", "energy", "--law", "casimir"]
+    laws = ["--law", "identity", "--law", "energy", "--law", "casimir"]
     files = ["--json", "r.json", "--junit", "r.xml", "--badge", "b.json"]
     process = subprocess.Popen(
         [sys.executable, "run.py", "verify", "mine:step", *laws, *files],
