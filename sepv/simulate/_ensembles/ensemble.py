@@ -95,6 +95,8 @@ def ensemble(
     engine : "auto", "numpy" or "compiled"
         "auto" takes the compiled engine (extra `fast`) where it takes the scheme and the problem;
         `Ensemble.engine` names the engine and `Ensemble.reason` says why it was not the compiled one.
+        Both agree to a few ulp. Where a step has no solution near y0 Newton's iteration is chaotic, and a path
+        may end with one engine and go on with the other: 6 of 3000 paths of (2.1) for Lotka-Volterra at h = 2⁻³.
     workers : int, executor, map-like callable, Dask client or its address
         With an int that many threads (compiled engine) or processes (NumPy). An executor, a map, or a
         `distributed.Client` sends chunks elsewhere (docs/clusters.md); what a broken worker did not finish is computed
