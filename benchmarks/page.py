@@ -7,6 +7,7 @@ measured before is kept in a folder and not measured again, so that an interrupt
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import tempfile
@@ -58,8 +59,9 @@ def main(out: Path, keep: Path | None, quick: bool, only: tuple[str, ...]) -> No
         if not file.exists():
             click.echo(f"sepv {' '.join(arguments)}", err=True)
             done = subprocess.run(
-                [sys.executable, "-m", "sepv", *arguments, "-q", "--json", str(file)], check=False, cwd=ROOT
-            )
+                [sys.executable, "-m", "sepv", *arguments, "-q", "--json", name],
+                check=False, cwd=folder, env=os.environ | {"PYTHONPATH": str(ROOT)},
+            )  # fmt: skip
             if not file.exists():
                 raise SystemExit(f"no {file}: exit code {done.returncode}")
         files.append(file)

@@ -34,7 +34,7 @@ class _Commands(click.Group):
 
     def make_context(self, info_name: str | None, args: list[str], *more: Any, **extra: Any) -> click.Context:
         """Make click's context, with the command line in it for result files."""
-        words = shlex.join([info_name or "sepv", *args])
+        words = shlex.join(["sepv", *args])  # also for `python -m sepv`
         with interruptible():
             context = super().make_context(info_name, args, *more, **extra)
         context.meta[WORDS] = words

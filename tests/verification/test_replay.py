@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
+import subprocess
+import sys
 from dataclasses import replace
 from html import unescape
 from pathlib import Path
@@ -111,6 +114,13 @@ def test_the_page_has_the_commands_that_made_its_files(
     page = unescape((tmp_path / "report.html").read_text(encoding="utf-8"))
     for line in lines:
         assert f"\nsepv {line}\n" in page.replace(">sepv verify", "\nsepv verify")
+
+
+def test_a_file_made_by_python_m_has_the_same_command(tmp_path: Path) -> None:
+    line = ["verify", "midpoint", "--law", "identity", "--examples", "2", "-q", "--json", "r.json"]
+    subprocess.run([sys.executable, "-m", "sepv", *line], cwd=tmp_path, check=True, capture_output=True)
+    made = json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))
+    assert again(made, "it") == f"sepv {' '.join(line)}"
 
 
 def test_a_command_of_a_file_is_quoted_anew_and_is_of_sepv() -> None:
