@@ -17,11 +17,13 @@ import click
 import pytest
 from reader import Reader, shape
 
+from benchmarks import law_pages
 from sepv.commands._cli import main
 from sepv.verification import load_laws
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = ("ten-minutes", "laws", "choosing", "ci", "extending", "beyond", "hard-cases", "speed")
+ALL = sorted(str(p.relative_to(ROOT / "docs").with_suffix("")) for p in (ROOT / "docs").rglob("*.md"))
+PAGES = ("ten-minutes", "teeth", "choosing", "ci", "extending", "beyond", "hard-cases", "speed")
 
 
 # Pages whose blocks are run elsewhere, by what; or are output, and shown to be so.
@@ -35,7 +37,6 @@ ELSEWHERE = {
     "profiles": "test_profiles.py",
     "index": "test_site.py",  # the first page of the site, whose example is measured as it is built
     "api": "test_site.py",  # directives, no commands
-    "teeth": "",  # printed by `sepv teeth`; its commands are parsed below
 }
 
 
@@ -50,7 +51,7 @@ def blocks(page: str, language: str | None = None) -> list[tuple[str, str]]:
 
 
 # Blocks whose command takes minutes, or is the block itself; that of docs/protocol.md is held by test_examples.py.
-SHOWN_ELSEWHERE = ("beyond", "protocol", "speed", "teeth")
+SHOWN_ELSEWHERE = ("beyond", "protocol", "speed")
 
 
 def fewer(words: list[str]) -> list[str]:
@@ -215,7 +216,7 @@ def test_the_vector_that_is_shown_is_one() -> None:
 def commands() -> list[tuple[str, str]]:
     """Every command line of ours in README and docs, whatever block or sentence it stands in."""
     found = []
-    for page in ("README", *(p.stem for p in sorted((ROOT / "docs").glob("*.md")))):
+    for page in ("README", *ALL):
         content = (ROOT / "README.md").read_text(encoding="utf-8") if page == "README" else text(page)
         fenced = "\n".join(
             re.findall(r"^```(?:sh|yaml|text)\n(.*?)^```$", content, flags=re.MULTILINE | re.DOTALL)
@@ -253,22 +254,17 @@ def test_workflows_are_indented_lists_and_mappings() -> None:
             assert not bare or bare[0] == "#" or re.match(r"- |[\w.-]+:|\"|laws\.", bare), line
 
 
-def test_every_law_has_a_section_with_its_file_and_what_breaks_it() -> None:
-    sections = re.split(r"^## ", text("laws"), flags=re.MULTILINE)[1:]
-    found = {s.splitlines()[0]: s for s in sections}
-    for law in load_laws():
-        section = found[law.name]
-        assert f"(../properties/test_{law.name.replace('-', '_')}.py)" in section
-        assert "Broken by:" in section
-    assert set(found) - {law.name for law in load_laws()} == {
-        "What the designs find",
-        "How often intervals miss",
-        "Which faults they find",
-        "Several Hamiltonians",
-    }
+def test_pages_of_laws_have_the_data_of_their_records_and_all_parts() -> None:
+    laws = load_laws()
+    assert {p.stem for p in (ROOT / "docs" / "laws").glob("*.md")} == {law.name for law in laws}
+    for law in laws:
+        shown = law_pages.page_of(law).read_text(encoding="utf-8")
+        assert shown == law_pages.page(law, shown), "python -m benchmarks.law_pages"
+        assert re.findall(rf"^\*\*({'|'.join(law_pages.PARTS)})\b", shown, re.MULTILINE) == [*law_pages.PARTS]
+    assert text("laws") == law_pages.index(laws, text("laws")), "python -m benchmarks.law_pages"
 
 
-@pytest.mark.parametrize("page", [p.stem for p in sorted((ROOT / "docs").glob("*.md"))])
+@pytest.mark.parametrize("page", ALL)
 def test_links_lead_somewhere(page: str) -> None:
     for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text(page)):
-        assert "://" in target or (ROOT / "docs" / target).exists(), target
+        assert "://" in target or ((ROOT / "docs" / page).parent / target).exists(), target

@@ -47,7 +47,8 @@ def structure_defect(problem: Problem, y: Array, h: float) -> Array:
 
 def test_what_two_one_leaves_of_the_structure_of_the_rigid_body() -> None:
     printed(
-        "laws.md", "by 5.2e-3 of |B| at the initial state of the rigid body with |Δ| = ½, and by 0 to 8.9e-3"
+        "laws/poisson-map.md",
+        "by 5.2e-3 of |B| at the initial state of the rigid body with |Δ| = ½, and by 0 to 8.9e-3",
     )
     problem = problems.rigid_body()
     orbit = exact_flow(problem, np.linspace(0, 12, 400)).y
@@ -70,7 +71,7 @@ def energy_errors(scheme: Scheme, problem: Problem, steps: Array) -> Array:
 
 def test_the_midpoint_rule_loses_energy_by_a_third_power_of_h() -> None:
     """σ₀²V″/8 summed over both momenta: V = ½|q|² without the coupling, where it is exact but for h⁵."""
-    printed("laws.md", "by h³σ₀²V″/8 a step")
+    printed("laws/energy-drift.md", "by h³σ₀²V″/8 a step")
     problem, h = problems.noisy_henon_heiles(coupling=0.0), np.array([0.02, 0.01])
     expected = -(h**3) * (0.5**2 + 0.25**2) / 8
     assert energy_errors(schemes.stochastic_midpoint, problem, h) == pytest.approx(expected, rel=1e-3)

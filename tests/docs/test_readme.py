@@ -7,8 +7,6 @@ from pathlib import Path
 
 from reader import Reader, shape
 
-from sepv.verification import load_laws
-
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text()
 
@@ -69,15 +67,6 @@ def test_every_block_of_the_readme_is_of_a_kind_that_is_run_or_compared() -> Non
     ours = ("sepv verify ", "python3 -m venv", "pip install -e '.[test]'", "python -m pytest -n auto")
     for block in blocks("sh"):
         assert all(line.startswith(ours) for line in block.splitlines()), block
-
-
-def test_every_law_has_its_row_and_its_file() -> None:
-    page = (ROOT / "docs" / "laws.md").read_text(encoding="utf-8")
-    for law in load_laws():
-        row = next(line for line in page.splitlines() if line.startswith(f"| {law.name} |"))
-        file = re.search(r"\(\.\./(properties/\S+\.py)\)", row)
-        assert file
-        assert (ROOT / file[1]).is_file()
 
 
 def test_links_lead_somewhere() -> None:

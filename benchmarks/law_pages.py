@@ -1,0 +1,64 @@
+"""The made lines of the laws' pages: ``python -m benchmarks.law_pages`` writes them from the records of the laws.
+
+The head of a page, `page_of`, comes from the record, up to the formula; the rest is written by hand. The table of
+docs/laws.md has a row for each law.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from sepv.faults._saboteurs import SABOTEURS
+from sepv.verification import Law, load_laws
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+# Parts of a page that are written by hand, in their order; each begins a paragraph.
+PARTS = ("Why", "Asked", "Bound", "Broken by", "A violation")
+SHOWN = 4  # names of saboteurs on a page
+
+
+def page_of(law: Law) -> Path:
+    """The file of a law's page."""
+    return DOCS / "laws" / f"{law.name}.md"
+
+
+def head(law: Law) -> str:
+    """The lines of a page up to its formula: the statement, and the facts of the record."""
+    file = f"test_{law.name.replace('-', '_')}.py"
+    names = [f"`{name}`" for name, saboteur in SABOTEURS.items() if law.name in saboteur.caught_by]
+    saboteurs = ", ".join(names[:SHOWN]) + ", …" * (len(names) > SHOWN)
+    facts = [
+        f"Source: {law.source}. The defect is in: {law.unit}. File: [{file}](../../properties/{file}).",
+        "Every scheme claims it." if law.always_claimed else "",
+        f"[Saboteurs](../teeth.md): {saboteurs}." if names else "",
+    ]
+    return f"# {law.name}\n\n{law.statement}.\n\n{' '.join(filter(None, facts))}\n\n"
+
+
+def page(law: Law, text: str) -> str:
+    """The page with its head anew."""
+    return head(law) + text[text.index("$$") :]
+
+
+def index(laws: list[Law], text: str) -> str:
+    """The text of docs/laws.md with its table anew."""
+    rows = "".join(f"| [{x.name}](laws/{x.name}.md) | {_cell(x.statement)} | {x.source} |\n" for x in laws)
+    return re.sub(r"(?m)(?<=^\|---\|---\|---\|\n)(\|.*\n)*", lambda _: rows, text, count=1)
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", r"\|")
+
+
+def main() -> None:
+    laws = load_laws()
+    for law in laws:
+        file = page_of(law)
+        file.write_text(page(law, file.read_text(encoding="utf-8")), encoding="utf-8")
+    file = DOCS / "laws.md"
+    file.write_text(index(laws, file.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
