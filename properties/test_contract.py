@@ -1,9 +1,9 @@
 """The contract of ``step``: it is pure and deterministic, keeps shape and dtype, and changes nothing in place.
 
-Each case is stepped a few times, also from arrays that lie otherwise in memory. At the end all cases are stepped in the
-opposite order, steps without a solution are asked twice, and the simplest measured case is stepped TIMES times in a
-row, which no other law does: an error in each thousandth call would move the paths of the sampled laws too little to be
-seen, and the laws about steps make a few hundred calls each.
+Each case is stepped a few times, also from arrays that lie otherwise in memory; of a step with a state two paths are
+walked in turn. At the end all cases are stepped in the opposite order, steps without a solution are asked twice, and
+the simplest measured case is stepped TIMES times in a row, which no other law does: an error in each thousandth call
+would move the paths of the sampled laws too little to be seen, and the laws about steps make a few hundred calls each.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from sepv.verification._cases.case import to_json, to_token
 from sepv.verification._cases.users_problems import may_ask
 from sepv.verification._cases.without_solution import MADE, made, proof
 from sepv.verification._search import Check
+from sepv.verification._states_of_a_path import keeps_states
 
 # States in a batch: more than one, and few, because the law "reproducibility" has larger batches.
 BATCH = 3
@@ -64,6 +65,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         return Measurement(0.0, 0.0)
     problem, y, h, dW = case.build()
     first = _keeps(scheme, problem, y, h, dW, (0.75, 0.5))
+    keeps_states(scheme, problem, y, h / 8, dW / 8, APART)
     # Only a third of the cases, for time.
     if np.any(problem.c * dW) and case.given == "bare functions":
         _forgets_problems(scheme, problem, y, h, dW, first)
@@ -73,7 +75,9 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         states = y[:, None] * factors
         if not may_ask(scheme, problem, states):
             states = np.repeat(y[:, None], BATCH, axis=1)
-        _keeps(scheme, problem, states, h, dW[:, None] * factors, (0.75,))
+        noise = dW[:, None] * factors
+        _keeps(scheme, problem, states, h, noise, (0.75,))
+        keeps_states(scheme, problem, states, h / 8, noise / 8, APART)
     return Measurement(0.0, 0.0)
 
 

@@ -7,7 +7,8 @@ from sepv.reference.problem import exact_problem
 
 from sepv.errors import StepFailure
 from sepv.problem import PolynomialSystem, Systems
-from sepv.schemes import Scheme, ask
+from sepv.schemes import Scheme
+from sepv.schemes._guard import ask_next
 from sepv.verification import (
     Case,
     Cases,
@@ -34,10 +35,10 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     """
     problem, y, h, dW = case.build()
     exact = exact_problem(case.problem, 40)
-    worst = Measurement(0.0, 0.0)
+    worst, state = Measurement(0.0, 0.0), None
     for n in range(STEPS):
         try:
-            y1 = ask(scheme, problem, y, h, dW)
+            y1, state = ask_next(scheme, problem, y, state, h, dW)
         except StepFailure:
             if n and may_be_refused(case):  # the search handles the first step and counts it as skipped
                 break

@@ -32,7 +32,7 @@ from sepv.schemes import Scheme, Systems
 from sepv.schemes._guard import guarded
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
-from sepv.simulate._batch import advance
+from sepv.simulate._batch import Carried, advance
 from sepv.solve import Status
 from sepv.verification import Effort, Finding, Law, Run, Verdict, energy_ulp, require
 from sepv.verification._cases.from_problem import describe
@@ -212,15 +212,17 @@ def energy_walk(
         y = _spread(problem, y, units_of(problem).time)
     H0, unit = [exact.hamiltonian(exact.state(start)) for start in y.T], float(energy_ulp(problem, y0, y0))
     rows: list[np.ndarray] = []
+    carried = Carried(scheme)
     walks, alive, checkpoint, failed = [], np.arange(paths), FIRST, ""
     for n in range(1, steps + 1):
-        value, status, *_ = advance(asked, problem, y[:, alive], h, dW[n - 1][:, alive])
+        value, status, *_ = advance(asked, problem, y[:, alive], h, dW[n - 1][:, alive], carried)
         if not failed and np.any(status != Status.CONVERGED):
             k = alive[status != Status.CONVERGED][0]
             failed = f"path {k} of seed {seed} in step {n}, " + failed_step(
                 scheme, problem, y[:, k], h, dW[n - 1][:, k]
             )
         alive = alive[status == Status.CONVERGED]
+        carried.keep(status == Status.CONVERGED)
         y[:, alive] = value[:, status == Status.CONVERGED]
         if n == checkpoint:
             if not rows and unit <= TINY and alive.size:

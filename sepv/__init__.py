@@ -3,7 +3,7 @@
 verify(scheme)                     every law on a scheme, as a `Report`; problems=[…] for what it is for
 integrate, ensemble, long_path     one path, the ends of many, one of any length
 exact_flow(problem, theta)         the exact solution at random times
-Scheme, Problem, PolynomialSystem  the records that a user makes
+Scheme, StatefulStep, Problem, …   the records that a user makes
 schemes, problems, strategies      the built-in schemes and problems, and random systems for Hypothesis
 simulate, exact, large, …          the rooms of the package, each with what it has for you
 Effort, Report, Verdict, Ensemble, Trajectory, and the errors, of which `Skipped` is raised by a step
@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from sepv.problem._problem import Problem as Problem
     from sepv.schemes._point_distributions import PointLaw as PointLaw
     from sepv.schemes._scheme import Scheme as Scheme
+    from sepv.schemes._stateful import StatefulStep as StatefulStep
     from sepv.simulate._batch import Ensemble as Ensemble
     from sepv.simulate._ensembles.ensemble import ensemble as ensemble
     from sepv.simulate._ensembles.long_path import long_path as long_path
@@ -80,6 +81,7 @@ _HOME = {
         "problem._problem": "Problem PolynomialSystem",
         "schemes._point_distributions": "PointLaw",
         "schemes._scheme": "Scheme",
+        "schemes._stateful": "StatefulStep",
         "simulate._batch": "Ensemble",
         "simulate._ensembles.ensemble": "ensemble",
         "simulate._ensembles.long_path": "long_path",

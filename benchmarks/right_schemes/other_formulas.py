@@ -11,11 +11,21 @@ import numpy as np
 from benchmarks.right_schemes.solved_otherwise import CLAIMED, Refused, like_the_core, of_lanes
 from sepv.problem import Array, Problem, vector_field
 from sepv.record._binary64 import EPS
-from sepv.schemes import Scheme, collocation, drift_preserving, energy_preserving, gauss, implicit, midpoint
+from sepv.schemes import (
+    Scheme,
+    Systems,
+    collocation,
+    drift_preserving,
+    energy_preserving,
+    gauss,
+    implicit,
+    midpoint,
+)
 from sepv.schemes._explicit import end
 from sepv.schemes._explicit_tableaux import TABLEAUX
 from sepv.schemes._one_step import drift_and_noise
 from sepv.schemes._scheme import Step, as_lanes
+from sepv.schemes._stateful import StatefulStep
 from sepv.solve import Fields
 from sepv.solve._formula import Asked
 
@@ -103,7 +113,58 @@ def _readme(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     raise ArithmeticError("no convergence")
 
 
+def _kept_force(problem: Problem, state: Any, h: float, dW: Array) -> Any:
+    """Kick, drift, kick for H = T(p) + V(q), y = (p, q), with ∇V(q) from the step before."""
+    y, slope = state
+    n, delta = len(y) // 2, problem.random_step(h, dW)
+    p = y[:n] - 0.5 * delta * slope[n:]
+    q = y[n:] + delta * problem.gradient(np.concatenate([p, y[n:]]))[:n]
+    slope = problem.gradient(np.concatenate([p, q]))
+    return np.concatenate([p - 0.5 * delta * slope[n:], q]), slope
+
+
+def _reversible_heun(problem: Problem, state: Any, h: float, dW: Array) -> Any:
+    """z1 = 2y − z + Δf(z), y1 = y + ½Δ(f(z) + f(z1)): at y = y1 a path's z differs from that of a new path."""
+    y, z, f = state
+    delta = problem.random_step(h, dW)
+    z1 = 2 * y - z + delta * f
+    f1 = vector_field(problem, z1)
+    return y + 0.5 * delta * (f + f1), z1, f1
+
+
 SCHEMES: tuple[Scheme, ...] = (
+    Scheme(
+        name="kept-force",
+        step=StatefulStep(
+            lambda problem, y: (y.copy(), problem.gradient(y)), _kept_force, lambda state: state[0]
+        ),
+        claims=(
+            "reproducibility",
+            "noise-sum",
+            "random-step",
+            "identity",
+            "symplecticity",
+            "symmetry",
+            "expansion",
+        ),
+        mean_square_order=1.0,
+        weak_order=1.0,
+        source="leapfrog that keeps its force",
+        systems=Systems.CANONICAL_SEPARABLE,
+        batched=True,
+    ),
+    Scheme(
+        name="reversible-heun",
+        step=StatefulStep(
+            lambda problem, y: (y.copy(), y.copy(), vector_field(problem, y)),
+            _reversible_heun,
+            lambda state: state[0],
+        ),
+        claims=("noise-sum", "random-step", "expansion", "equivariance"),
+        mean_square_order=1.0,
+        weak_order=1.0,
+        source="reversible Heun (Kidger et al., NeurIPS 2021), whose path keeps a second copy of y",
+    ),
     like_the_core(
         "two-half-steps",
         _composed((0.5, 0.5)),

@@ -14,7 +14,8 @@ import numpy as np
 
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem
-from sepv.schemes._scheme import Scheme
+from sepv.schemes._scheme import Scheme, Step
+from sepv.schemes._stateful import StatefulStep
 
 
 def further_rows(asks: str, noises: int) -> int:
@@ -22,14 +23,18 @@ def further_rows(asks: str, noises: int) -> int:
     return {"": 0, "areas": noises * (noises - 1) // 2, "halves": noises, "space-time": noises}[asks]
 
 
-def answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, *, any_path: bool = False) -> Any:
+def answer(
+    scheme: Scheme, problem: Problem, y: Any, h: float, dW: Array, *, any_path: bool = False, step: Step | None = None
+) -> Any:  # fmt: skip
     """Call the scheme's step for dW (m, ...), or (m + k, ...) with the further rows that it asks for.
 
-    A law that holds for every path (`any_path`) may leave them out: `rows_of_any_path` stands in. Otherwise missing
-    rows are a UsageError, because any others would have another distribution.
+    `step` stands for the scheme's own: that of a `StatefulStep` on states, which come in the place of y. A law that
+    holds for every path (`any_path`) may leave the rows out: `rows_of_any_path` stands in. Otherwise missing rows are
+    a UsageError, because any others would have another distribution.
     """
+    step = step or scheme.step
     if not scheme.asks:
-        return scheme.step(problem, y, h, dW)
+        return step(problem, y, h, dW)
     own, count = dW[: problem.noises], further_rows(scheme.asks, problem.noises)
     if len(dW) == problem.noises and any_path:
         rows = rows_of_any_path(scheme.asks, h, own)
@@ -42,7 +47,22 @@ def answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, *, a
             remedy="sepv.simulate.drawn(…).rows(steps, asks) draws both; sepv.integrate does where dW is not given",
         )
     further = as_matrix(rows, problem.noises) if scheme.asks == "areas" else np.array(rows)
-    return scheme.step(problem, y, h, np.array(own), further)
+    return step(problem, y, h, np.array(own), further)
+
+
+def carry(
+    scheme: Scheme, problem: Problem, y: Array, state: Any, h: float, dW: Array, *, any_path: bool = False
+) -> tuple[Any, Any]:
+    """One step of a path: y1, and the state for the next; `state` is None at the path's beginning, at y.
+
+    Schemes without a `StatefulStep` have no state, and step from y.
+    """
+    rule = scheme.step
+    if not isinstance(rule, StatefulStep):
+        return answer(scheme, problem, y, h, dW, any_path=any_path), None
+    before = rule.init(problem, y) if state is None else state
+    after = answer(scheme, problem, before, h, dW, any_path=any_path, step=rule.step)
+    return rule.value(after), after
 
 
 def joined(asks: str, dW: Array, further: Array) -> Array:

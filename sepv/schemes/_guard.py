@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,8 +16,9 @@ from sepv.errors import SchemeFault, SepvError, StepFailure, UsageError
 from sepv.problem import Array, Problem
 from sepv.problem._hamiltonians import is_several
 from sepv.problems._shown_to_schemes import shown
-from sepv.schemes._further_increments import answer, joined
-from sepv.schemes._scheme import REFUSALS, Scheme
+from sepv.schemes._further_increments import answer, carry, joined
+from sepv.schemes._scheme import REFUSALS, Scheme, Step
+from sepv.schemes._stateful import StatefulStep
 
 
 class Refusal(StepFailure):
@@ -77,7 +78,16 @@ class SchemeCrash(SepvError):
 
 
 def ask(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """One step of the scheme from copies of the arguments, with its result checked.
+    """`ask_next` at the beginning of a path."""
+    return ask_next(scheme, problem, y, None, h, dW)[0]
+
+
+def ask_next(
+    scheme: Scheme, problem: Problem, y: Array, state: Any, h: float, dW: Array
+) -> tuple[Array, Any]:
+    """One step of the scheme from copies of the arguments, with its result checked, and the state for the next step.
+
+    `state` is that of the step before, None at the beginning of a path and for schemes without a `StatefulStep`.
 
     Raises
     ------
@@ -88,10 +98,12 @@ def ask(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> Arra
     SchemeCrash
         Any other exception of the scheme.
     """
-    state, noise = y.copy(), dW.copy()
-    found = check_answer(raw_answer(scheme, problem, state, h, noise), y)
-    require_unchanged(y=(y, state), dW=(dW, noise))
-    return found
+    given, noise = y.copy(), dW.copy()
+    with translated(problem, y, h, dW):
+        found, state = carry(scheme, shown(problem), given, state, h, noise, any_path=True)
+    found = check_answer(found, y)
+    require_unchanged(y=(y, given), dW=(dW, noise))
+    return found, state
 
 
 def require_unchanged(**arguments: tuple[Array, Array]) -> None:
@@ -107,9 +119,16 @@ def require_unchanged(**arguments: tuple[Array, Array]) -> None:
 
 def raw_answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> Any:
     """The scheme's unchecked result for these very arrays."""
+    with translated(problem, y, h, dW):
+        return answer(scheme, shown(problem), y, h, dW, any_path=True)
+
+
+@contextmanager
+def translated(problem: Problem, y: Array, h: float, dW: Array) -> Iterator[None]:
+    """A context for calls of a scheme: its exceptions become `Refusal` and `SchemeCrash`, naming these arguments."""
     try:
         with np.errstate(all="ignore"):
-            return answer(scheme, shown(problem), y, h, dW, any_path=True)
+            yield
     except StepFailure:
         raise
     except REFUSALS as error:
@@ -159,16 +178,24 @@ def guarded(scheme: Scheme) -> Scheme:
     Only `step` is called, because `step` is under verification; `solve` is not.
     """
 
-    def step(problem: Problem, y: Array, h: float, dW: Array, further: Array | None = None) -> Array:
+    def carried(
+        problem: Problem, path: tuple[Array, Any], h: float, dW: Array, further: Array | None = None
+    ) -> tuple[Array, Any]:
+        y, state = path
         noise = dW.copy() if further is None else joined(scheme.asks, dW, further)
         note_step(lambda: _step_in_words(problem, y, h, dW))
-        state, kept = y.copy(), noise.copy()
-        found = raw_answer(scheme, problem, state, h, noise)
-        require_unchanged(y=(y, state), dW=(kept, noise))
+        given, kept = y.copy(), noise.copy()
+        with translated(problem, y, h, noise):
+            found, state = carry(scheme, shown(problem), given, state, h, noise, any_path=True)
+        require_unchanged(y=(y, given), dW=(kept, noise))
         finite = np.nan_to_num(found) if isinstance(found, np.ndarray) else found
         check_answer(finite, y)
-        return np.asarray(found)
+        return np.asarray(found), state
 
+    rule = StatefulStep(lambda _, y: (y, None), carried, lambda path: path[0])
+    step: Step = (
+        rule if isinstance(scheme.step, StatefulStep) else rule.__call__
+    )  # a function, without states
     return replace(scheme, step=step, solve=None)
 
 

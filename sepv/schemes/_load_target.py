@@ -20,6 +20,7 @@ from sepv.files import read_json
 from sepv.problem import NamedProblem, PolynomialSystem, Problem
 from sepv.schemes._one_step import Explicit, Implicit
 from sepv.schemes._scheme import Scheme, Step
+from sepv.schemes._stateful import StatefulStep
 
 # The positional arguments of a step.
 _ARGUMENTS = ("problem", "y", "h", "dW")
@@ -79,7 +80,9 @@ def as_scheme(value: Any, name: str, problems: Iterable[Problem] = ()) -> Scheme
     from sepv.schemes._guard import takes_batches
 
     scheme = Scheme(name=name, step=value, source=_UNCLAIMED)
-    return replace(scheme, batched=takes_batches(scheme, problems))
+    # A state may be any object: only its author can say that it takes batches.
+    batched = not isinstance(value, StatefulStep) and takes_batches(scheme, problems)
+    return replace(scheme, batched=batched)
 
 
 def _check_signature(step: Any, name: str, count: int = 4) -> None:

@@ -13,8 +13,9 @@ from sepv.errors import UsageError
 from sepv.problem import Array, Problem
 from sepv.problem._fields import invariants
 from sepv.schemes import Scheme
-from sepv.schemes._further_increments import answer
+from sepv.schemes._further_increments import carry
 from sepv.schemes._scheme import REFUSALS
+from sepv.schemes._stateful import StatefulStep, joined_lanes, lanes
 from sepv.simulate import _truncation as bounded
 from sepv.simulate._results.reductions import Summary
 from sepv.solve import Status
@@ -151,6 +152,7 @@ class Batch:
         self.worst = np.zeros((2, paths))
         self.work = np.zeros(5, dtype=np.int64)
         self.alive = np.arange(paths)
+        self.carried = Carried(scheme)
         self.done = 0
 
     def step(self, h: float, dW: Array) -> None:
@@ -160,7 +162,7 @@ class Batch:
         if not alive.size:
             return
         before = self.y[:, alive]
-        value, code, cost, change = advance(self.scheme, self.problem, before, h, dW[:, alive])
+        value, code, cost, change = advance(self.scheme, self.problem, before, h, dW[:, alive], self.carried)
         self.work += cost
         ok = code == Status.CONVERGED
         self.status[alive[~ok]], self.failed[alive[~ok]] = code[~ok], self.done - 1
@@ -172,6 +174,7 @@ class Batch:
             taken = value - before
             self.lost[:, alive] = (before - (value - taken)) + (wanted - taken)
         self.alive = alive = alive[ok]
+        self.carried.keep(ok)
         self.y[:, alive] = value[:, ok]
         if self.track and alive.size:
             drift = np.abs(invariants(self.problem, self.y[:, alive]) - self.invariants[:, alive])
@@ -188,12 +191,33 @@ class Batch:
         return ends if states is None else replace(ends, states=states)
 
 
+class Carried:
+    """The states of a batch's paths between two steps of a `StatefulStep`; for other schemes it stays empty."""
+
+    def __init__(self, scheme: Scheme) -> None:
+        self.batched = scheme.batched
+        self.states: Any = None  # of a scheme without batches a list, one a path
+
+    def of(self, lane: int) -> Any:
+        """The state of one path, of a scheme with batches as a batch of one; None at the beginning."""
+        if self.states is None or not self.batched:
+            return self.states and self.states[lane]
+        return lanes(self.states, [lane])
+
+    def keep(self, alive: np.ndarray) -> None:
+        """Drop the paths that the mask leaves out."""
+        if self.states is not None and not alive.all():
+            kept = np.flatnonzero(alive)
+            self.states = lanes(self.states, kept) if self.batched else [self.states[k] for k in kept]
+
+
 def advance(
-    scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array
+    scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, carried: Carried | None = None
 ) -> tuple[Array, np.ndarray, np.ndarray, Array | None]:
     """One step of a batch: value, status of each lane, five counts of work, and y1 − y0 if the scheme gives it.
 
-    The work: gradients, structures, iterations, divisions, continuations.
+    The work: gradients, structures, iterations, divisions, continuations. `carried` holds the states of the paths, and
+    gets the next ones; without it paths begin here.
     """
     if scheme.solve is not None:
         solution = scheme.solve(problem, y, h, dW)
@@ -203,7 +227,7 @@ def advance(
         )  # fmt: skip
         work = np.array([0 if c is None else int(c.sum()) for c in cost])
         return solution.value, solution.status, work, solution.change
-    value, code = _batch_step(scheme, problem, y, h, dW)
+    value, code = batch_step(scheme, problem, y, h, dW, carried or Carried(scheme))
     return value, judged(problem, value, code), np.zeros(5, dtype=np.int64), None
 
 
@@ -216,19 +240,32 @@ def judged(problem: Problem, y: Array, code: np.ndarray) -> np.ndarray:
     return code
 
 
-def _batch_step(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> tuple[Array, np.ndarray]:
+def batch_step(
+    scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, carried: Carried
+) -> tuple[Array, np.ndarray]:
     """Call the scheme for a batch, or lane by lane if it takes no batches or one of the lanes fails."""
     code = np.zeros(y.shape[1], dtype=np.int64)
+    stateful = isinstance(scheme.step, StatefulStep)
     with np.errstate(all="ignore"):
         if scheme.batched:
             try:
-                return answer(scheme, problem, y, h, dW), code
+                value, carried.states = carry(scheme, problem, y, carried.states, h, dW)
+                return value, code
             except REFUSALS:
                 pass
-        value = np.full_like(y, np.nan)
+        value, states = np.full_like(y, np.nan), list[Any]()
         for lane in range(y.shape[1]):
+            here = [lane] if scheme.batched and stateful else lane
+            state: Any = carried.of(lane) if stateful else None
             try:
-                value[:, lane] = answer(scheme, problem, y[:, lane].copy(), h, dW[:, lane].copy())
+                end, state = carry(scheme, problem, y[:, here].copy(), state, h, dW[:, here].copy())
+                value[:, here] = end
             except REFUSALS:
                 code[lane] = Status.NO_CONVERGENCE
+            states.append(state)
+    if stateful:
+        # A failed path goes no further: at the beginning it has no state, and any other stands in.
+        there = next((s for s in states if s is not None), None)
+        states = [there if s is None else s for s in states]
+        carried.states = joined_lanes(states) if scheme.batched and there is not None else states
     return value, code

@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike
 from sepv._arguments import floats
 from sepv.errors import StepFailure, UsageError
 from sepv.problem import Array, Problem
-from sepv.schemes import PointLaw, Scheme, ask, load_problem, load_scheme
+from sepv.schemes import PointLaw, Scheme, load_problem, load_scheme
 from sepv.schemes._further_increments import further_rows
+from sepv.schemes._guard import ask_next
 from sepv.schemes._scheme import Step
 from sepv.simulate import _areas as areas
 from sepv.simulate import _truncation as bounded
@@ -126,9 +127,10 @@ def _walk(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array) -> T
     y = np.empty((problem.dimension, count + 1))
     y[:, 0] = y0
     evaluations = divisions = continuations = 0
+    state = None
     for n in range(count):
         if scheme.solve is None:
-            y[:, n + 1] = ask(scheme, problem, y[:, n], h, dW[n])
+            y[:, n + 1], state = ask_next(scheme, problem, y[:, n], state, h, dW[n])
             continue
         solution = scheme.solve(problem, y[:, n], h, dW[n])
         evaluations += int(solution.gradient_evaluations[0])

@@ -17,8 +17,8 @@ from sepv import problems
 from sepv.exact import exact_flow
 from sepv.problem import Problem
 from sepv.schemes import Scheme
-from sepv.schemes._scheme import REFUSALS
 from sepv.simulate import _truncation as bounded
+from sepv.simulate._batch import Carried, batch_step
 from sepv.studies._evaluation_count import Work, counted
 
 # Means over this many groups of paths are kept, for jackknife intervals of ratios over the same paths.
@@ -89,13 +89,14 @@ def run(
     first = _invariants(problem, y) if watch else None
     defects = np.zeros((2, y.shape[1]))
     solves = {"iterations": 0, "failed": 0}
-    alive = np.arange(y.shape[1])
+    alive, carried = np.arange(y.shape[1]), Carried(scheme)
     for row in dW:
-        value, failed, iterations = _advance(scheme, problem, y[:, alive], case["h"], row[:, alive])
+        value, failed, iterations = _advance(scheme, problem, y[:, alive], case["h"], row[:, alive], carried)
         solves["iterations"] += iterations
         solves["failed"] += int(np.count_nonzero(failed))
         y[:, alive[~failed]] = value[:, ~failed]
         alive = alive[~failed]
+        carried.keep(~failed)
         if first is not None:
             now = np.abs(_invariants(problem, y) - first)
             defects = np.maximum(defects, [now[0], now[1:].max(axis=0, initial=0.0)])
@@ -105,25 +106,13 @@ def run(
 
 
 def _advance(
-    scheme: Scheme, problem: Problem, y: np.ndarray, h: float, dW: np.ndarray
+    scheme: Scheme, problem: Problem, y: np.ndarray, h: float, dW: np.ndarray, carried: Carried
 ) -> tuple[np.ndarray, np.ndarray, int]:
     """One step: values, flags of failed lanes, Newton iterations."""
     if scheme.solve is not None:
         solution = scheme.solve(problem, y, h, dW)
         return solution.value, np.asarray(solution.status) != 0, int(np.sum(solution.iterations))
-    with np.errstate(all="ignore"):
-        if scheme.batched:
-            try:
-                value = scheme.step(problem, y, h, dW)
-                return value, ~np.all(np.isfinite(value), axis=0), 0
-            except REFUSALS:
-                pass  # at least one lane failed; the lanes are tried one by one
-        value = np.full_like(y, np.nan)
-        for lane in range(y.shape[1]):
-            try:
-                value[:, lane] = scheme.step(problem, y[:, lane].copy(), h, dW[:, lane].copy())
-            except REFUSALS:
-                continue
+    value, _ = batch_step(scheme, problem, y, h, dW, carried)
     return value, ~np.all(np.isfinite(value), axis=0), 0
 
 

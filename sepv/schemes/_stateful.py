@@ -1,0 +1,98 @@
+"""A step that carries more than y along a path: a kept force, a cached gradient, a second copy of y.
+
+Laws about one step begin each step anew, y1 = value(step(init(y0))); along a path the state is carried (`carry`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sepv.errors import UsageError
+from sepv.problem import Array, Problem
+
+
+@dataclass(frozen=True)
+class StatefulStep:
+    """A step on states, from which y can be read: ``Scheme(name, StatefulStep(init, step, value))``.
+
+    Attributes
+    ----------
+    init : callable (problem, y) -> state
+        Begin a path at y, of shape (d,).
+    step : callable (problem, state, h, dW) -> state
+        One step. It changes nothing in place, the given state neither.
+    value : callable (state) -> y
+        y of a state, of shape (d,).
+
+    A state may be any object. Of a scheme with `batched` it is an array, or a tuple, list or dict of arrays, each with
+    the paths on its last axis; a number belongs to all paths.
+
+    Examples
+    --------
+    Leapfrog that keeps its force, for H = ½p² + V(q) and y = (q, p):
+
+    >>> import numpy as np, sepv
+    >>> def force(problem, q):
+    ...     return -problem.gradient(np.array([q, 0.0]))[0]
+    >>> def init(problem, y):
+    ...     return y[0], y[1], force(problem, y[0])
+    >>> def step(problem, state, h, dW):
+    ...     (q, p, f), delta = state, problem.random_step(h, dW)
+    ...     half = p + delta / 2 * f
+    ...     q1 = q + delta * half
+    ...     f1 = force(problem, q1)
+    ...     return q1, half + delta / 2 * f1, f1
+    >>> leapfrog = sepv.Scheme("kept-force", sepv.StatefulStep(init, step, lambda state: np.array(state[:2])))
+    >>> sepv.integrate(leapfrog, "pendulum", h=0.125, T=1.0).y.shape
+    (2, 9)
+    """
+
+    init: Callable[[Problem, Array], Any]
+    step: Callable[..., Any]
+    value: Callable[[Any], Array]
+
+    def __post_init__(self) -> None:
+        for name, function in vars(self).items():
+            if not callable(function):
+                raise UsageError(
+                    expected=f"StatefulStep(init, step, value), {name} a function",
+                    received=f"{type(function).__name__}: {function!r:.80}",
+                    remedy="init(problem, y) -> state, step(problem, state, h, dW) -> state, value(state) -> y",
+                )
+
+    def __call__(self, problem: Problem, y: Array, h: float, dW: Array, *further: Array) -> Array:
+        """The first step of a path from y."""
+        return self.value(self.step(problem, self.init(problem, y), h, dW, *further))
+
+
+def lanes(state: Any, index: Any) -> Any:
+    """Select paths of a batch's state by a list of numbers, or a mask.
+
+    Raises UsageError for a state that is made of anything else than arrays with the paths on their last axis.
+    """
+    return _mapped(lambda a: a if np.ndim(a) == 0 else a[..., index], state)
+
+
+def joined_lanes(states: list[Any]) -> Any:
+    """A batch's state from those of its parts."""
+    return _mapped(lambda a, *more: a if np.ndim(a) == 0 else np.concatenate([a, *more], axis=-1), *states)
+
+
+def _mapped(function: Callable[..., Any], *trees: Any) -> Any:
+    first = trees[0]
+    if first is None or hasattr(first, "shape") or isinstance(first, (bool, int, float)):
+        return first if first is None else function(*trees)
+    if isinstance(first, dict):
+        return {key: _mapped(function, *(tree[key] for tree in trees)) for key in first}
+    if isinstance(first, (tuple, list)):
+        parts = [_mapped(function, *part) for part in zip(*trees, strict=True)]
+        return type(first)(*parts) if hasattr(first, "_fields") else type(first)(parts)
+    raise UsageError(
+        expected="a batch's state made of arrays, with the paths on the last axis, in tuples, lists and dicts",
+        received=f"{type(first).__name__}: {first!r:.80}",
+        remedy="leave out batched=True: then each path has its own state, which may be any object",
+    )

@@ -1,0 +1,159 @@
+"""A step with a state: paths carry it, single steps begin anew, and the contract says what a state is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+import sepv
+from benchmarks.right_schemes import RIGHT
+from sepv import StatefulStep, problems
+from sepv.errors import SchemeFault, UsageError
+from sepv.problem import Array, Problem, vector_field
+from sepv.schemes import Scheme, ask, load_scheme
+from sepv.schemes._guard import guarded
+from sepv.schemes._stateful import joined_lanes, lanes
+from sepv.solve import Status
+from sepv.verification import Effort
+from sepv.verification._states_of_a_path import keeps_states
+
+HEUN = RIGHT["reversible-heun"]
+FEW = Effort(examples=1)
+h, N = 2.0**-6, 16
+
+
+def by_hand(y: Array, dW: Array, problem: Problem) -> Array:
+    """Reversible Heun in a plain loop."""
+    z, f = y, vector_field(problem, y)
+    for row in dW:
+        delta = problem.random_step(h, row)
+        z = 2 * y - z + delta * f
+        f, before = vector_field(problem, z), f
+        y = y + 0.5 * delta * (before + f)
+    return y
+
+
+@pytest.mark.parametrize("batched", [True, False])
+def test_a_path_carries_its_state_and_a_single_step_begins_anew(batched: bool) -> None:
+    problem, scheme = problems.rigid_body(), replace(HEUN, batched=batched)
+    path = sepv.integrate(scheme, problem, h=h, steps=N, seed=3)
+    np.testing.assert_array_equal(path.y[:, -1], by_hand(path.y[:, 0], path.dW, problem))
+    many = sepv.ensemble(scheme, problem, h=h, steps=N, paths=5, seed=3)
+    alike = sepv.long_path(scheme, problem, h=h, steps=N, seed=3, path=0)
+    np.testing.assert_allclose(many.y[:, 0], path.y[:, -1], rtol=1e-14)
+    np.testing.assert_allclose(alike.y, path.y[:, -1], rtol=1e-14)
+    anew = path.y[:, 0]
+    for row in path.dW:
+        anew = ask(scheme, problem, anew, h, row)
+    assert np.max(np.abs(anew - path.y[:, -1])) > 1e-6
+
+
+def test_a_path_that_fails_leaves_the_states_of_the_others_in_place() -> None:
+    """Each path counts its steps; one refuses its third, another leaves the finite numbers in its second."""
+
+    def step(problem: Problem, state: Any, h: float, dW: Array) -> Any:
+        y, count, rate = state["y"], state["count"] + 1, state["rate"]
+        if np.any((rate == 2) & (count == 3)):
+            raise ArithmeticError("the third step")
+        grown = np.where((rate == 3) & (count == 2), np.inf, y + rate * count)
+        return {"y": grown, "count": count, "rate": rate}
+
+    def init(problem: Problem, y: Array) -> Any:
+        return {"y": y, "count": 0 * y, "rate": np.sign(y) * np.floor(np.abs(y))}
+
+    rule = StatefulStep(init, step, lambda state: state["y"])
+    problem = sepv.Problem(
+        dimension=1, structure=lambda y: np.zeros((1, 1, *y.shape[1:])), hamiltonian=lambda y: y[0], initial=(1.0,), noise=(),
+        check=False,
+    )  # fmt: skip
+    from sepv.simulate._batch import Carried, advance
+
+    for scheme in (Scheme("counts", rule, batched=True), Scheme("counts", rule)):
+        for asked in (scheme, guarded(scheme)):
+            y, alive, carried = np.array([[1.0, 2.0, 3.0, 4.0]]), np.arange(4), Carried(scheme)
+            for _ in range(4):
+                value, status, *_ = advance(
+                    asked, problem, y[:, alive], h, np.empty((0, alive.size)), carried
+                )
+                ok = status == Status.CONVERGED
+                y[:, alive[ok]] = value[:, ok]
+                alive = alive[ok]
+                carried.keep(ok)
+            assert alive.tolist() == [0, 3]
+            assert y[0, alive].tolist() == [1 + 10, 4 + 4 * 10]
+
+
+class Pair(NamedTuple):
+    """A state with names."""
+
+    y: Array
+    extra: Any
+
+
+def test_paths_are_taken_from_states_made_of_arrays_alone() -> None:
+    state = Pair(np.arange(6.0).reshape(2, 3), [None, {"f": np.arange(3)}, 7])
+    some = lanes(state, [0, 2])
+    assert some.y.tolist() == [[0, 2], [3, 5]]
+    assert some.extra[1]["f"].tolist() == [0, 2]
+    assert some.extra[2] == 7
+    whole = joined_lanes([lanes(state, [0]), lanes(state, [1, 2])])
+    assert type(whole) is Pair
+    assert whole.y.tolist() == state.y.tolist()
+    with pytest.raises(UsageError, match="leave out batched"):
+        lanes(Pair(state.y, object()), [0])
+
+
+def changed(**functions: Any) -> Scheme:
+    """Reversible Heun with other functions."""
+    assert isinstance(HEUN.step, StatefulStep)
+    return replace(HEUN, step=replace(HEUN.step, **functions), batched=functions.pop("batched", False))
+
+
+BUFFER = np.zeros(3)
+
+
+def _in_a_buffer(problem: Problem, state: Any, h: float, dW: Array) -> Any:
+    """The new f stands in one array, for all paths."""
+    y, z, f = HEUN.step.step(problem, state, h, dW)  # type: ignore[attr-defined]
+    BUFFER[...] = f
+    return y, z, BUFFER
+
+
+WRONG = {
+    "paths that share nothing": changed(step=_in_a_buffer),
+    "equal to y": changed(value=lambda state: 1.5 * state[0]),
+    "y unchanged": changed(init=lambda _, y: (y.__iadd__(1.0), y, y)),
+}
+
+
+@pytest.mark.parametrize("expected", WRONG)
+def test_the_contract_names_what_is_wrong_with_a_state(expected: str) -> None:
+    problem = problems.rigid_body()
+    y = np.array(problem.initial)
+    keeps_states(HEUN, problem, y, h, np.array([0.1]), 2.0**-20)
+    with pytest.raises(SchemeFault, match=expected):
+        keeps_states(WRONG[expected], problem, y, h, np.array([0.1]), 2.0**-20)
+
+
+def test_a_batch_that_mixes_its_paths_is_found() -> None:
+    def init(_: Problem, y: Array) -> Any:
+        return y, np.array([y.T]).T  # the paths are not on the last axis
+
+    rule = StatefulStep(init, lambda problem, s, h, dW: (s[0] + h * s[1][..., 0], s[1]), lambda s: s[0])
+    y = np.array(problems.rigid_body().initial)[:, None] * np.array([1.0, 1.1, 1.2])
+    with pytest.raises(SchemeFault, match="last axis"):
+        keeps_states(
+            Scheme("mixed", rule, batched=True), problems.rigid_body(), y, h, np.zeros((1, 3)), 2.0**-20
+        )
+
+
+def test_a_rule_alone_is_a_scheme_and_what_is_no_function_is_refused() -> None:
+    assert isinstance(HEUN.step, StatefulStep)
+    scheme = load_scheme(HEUN.step)
+    assert not scheme.batched
+    assert sepv.verify(scheme, laws="contract", effort=FEW).finding("contract").verdict.text == "holds"
+    with pytest.raises(UsageError, match="value a function"):
+        StatefulStep(HEUN.step.init, HEUN.step.step, 3)  # type: ignore[arg-type]
