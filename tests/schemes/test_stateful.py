@@ -66,8 +66,8 @@ def test_a_path_that_fails_leaves_the_states_of_the_others_in_place() -> None:
 
     rule = StatefulStep(init, step, lambda state: state["y"])
     problem = sepv.Problem(
-        dimension=1, structure=lambda y: np.zeros((1, 1, *y.shape[1:])), hamiltonian=lambda y: y[0], initial=(1.0,), noise=(),
-        check=False,
+        dimension=1, structure=lambda y: np.zeros((1, 1, *y.shape[1:])), hamiltonian=lambda y: y[0], noise=(),
+        initial=(1.0,), check=False,
     )  # fmt: skip
     from sepv.simulate._batch import Carried, advance
 
