@@ -1,14 +1,14 @@
 """The compliance table of other libraries' solvers: ``python -m benchmarks.peers.compliance --out docs/compliance.md``.
 
 Every law on every solver of the adapters, as `sepv verify` measures it, with orders and energy defects in numbers.
-Scripts in the folder ``peers`` beside the output (`benchmarks.peers.deviations`) are quoted where they show that a
-measurement differs from a library's documentation, after what the library itself says of it.
+Solvers of which a script in the folder ``peers`` beside the output shows less than is documented are marked
+(`benchmarks.peers.deviations`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,8 +25,7 @@ from benchmarks.peers.compliance_measurements import (
     suite_key,
 )
 from benchmarks.peers.compliance_rows import Row, path_row, scheme_row
-from benchmarks.peers.deviations import Shown as Script
-from benchmarks.peers.deviations import shown_by
+from benchmarks.peers.deviations import Deviation, deviations_shown_by, linked
 from benchmarks.peers.kept_measurements import Cell, measured
 from benchmarks.peers.options import measuring, page_options, put
 from sepv import problems
@@ -39,22 +38,17 @@ from sepv.problem import Problem
 from sepv.schemes import Scheme, energy_preserving
 from sepv.simulate import _wiener as wiener
 from sepv.simulate import ensemble
-from sepv.verification import LAWS, Effort, Law, energy_ulp, load_laws
+from sepv.verification import LAWS, Effort, Law, Verdict, energy_ulp, load_laws
 from sepv.verification._progress import Shown
+from sepv.verification._report import MARKS
 from sepv.verification._sequential import FALSE_ALARM, FIRST_LOOK
 
 COMMAND = "python -m benchmarks.peers.compliance"
 # Energy defects are those of this many paths and steps.
 PATHS = 256
 ENERGY_STEPS = 64
-
-
-@dataclass(frozen=True)
-class Deviation:
-    """A solver, "library name", that was measured to differ from its documentation, and the section about it."""
-
-    solver: str
-    text: str
+# Marks that are read as words.
+WORDS = {MARKS[Verdict.VIOLATED]: "violated", MARKS[Verdict.INCONCLUSIVE]: "open"}
 
 
 def rows(libraries: Sequence[str], effort: Effort, folder: Path | None, shown: Shown) -> list[Row]:
@@ -114,79 +108,95 @@ def _energy(solver: Scheme | PathSolver, problem: Problem, T: float) -> str:
 def document(found: Sequence[Row], deviations: Sequence[Deviation], command: str) -> str:
     """The page, in Markdown."""
     contradicted = {d.solver for d in deviations}
-    numbers = ["library", "version", "solver", "claimed order, mean-square / weak"]
-    numbers += [f"measured order, {s.problem}" for s in SETUPS] + [
-        f"energy defect, {s.problem}" for s in SETUPS
-    ]
+    numbers = ["solver", "claimed order, mean-square / weak"]
+    numbers += [f"measured order, {s.problem}" for s in SETUPS]
+    numbers += [f"energy defect, {s.problem}" for s in SETUPS]
     first = []
     for r in found:
-        mark = " †" if f"{r.library} {r.solver}".split(",")[0] in contradicted else ""
-        first.append((r.library, r.release, r.solver, r.claimed + mark, *r.orders, *r.energy))
-    second = [(f"{r.library} {r.solver}", *(r.verdicts.get(law, "") for law in LAWS)) for r in found]
-    notes = [f"- {note}" for r in found for note in r.notes]
-    sources = [f"- {r.library} {r.solver}: {r.source}" for r in found if r.library != "sepv"]
+        mark = " †" if r.name.split(",")[0] in contradicted else ""
+        first.append((r.name, r.claimed + mark, *r.orders, *r.energy))
+    releases = dict.fromkeys(f"{r.library} {r.release}" for r in found)
+    notes = _grouped((note.partition(": ")[2], note.partition(": ")[0]) for r in found for note in r.notes)
+    sources = _grouped((r.source, r.name) for r in found if r.library != "sepv")
     parts = [
         "# What other libraries' Stratonovich solvers keep, and with which order",
-        f"Made by `{command}` with sepv {__version__}; not edited by hand.",
+        f"Made by `{command}` with sepv {__version__}; not edited by hand. Releases: {', '.join(releases)}.",
         _introduction(),
         "## Orders and energy",
         markdown(numbers, first),
-        "† differs from what is documented: see the last section, where other problems than these two serve as well."
-        if contradicted
-        else "",
+        "† less than documented, on [other problems than these too](deviations.md)." if contradicted else "",
         "## Laws",
-        "holds · – violated · ? inconclusive · n/a not applicable · error: not measured, reason below · + claimed",
-        markdown(["solver", *LAWS], second),
+        _laws(found),
         "\n".join(notes),
         "## Where the claimed orders come from",
         "\n".join(sources),
         "## Where a measurement differs from a library's documentation",
-        "\n\n".join(d.text for d in deviations)
-        or "Nothing found that reproduces in the library's own terms.",
+        linked(deviations) or "Nothing found that reproduces in the library's own terms.",
     ]
     return "\n\n".join(p for p in parts if p) + "\n"
 
 
+def _grouped(pairs: Iterable[tuple[str, str]]) -> list[str]:
+    """A line for each text, after the names that it is about."""
+    names: dict[str, list[str]] = {}
+    for text, name in pairs:
+        names.setdefault(text, []).append(name)
+    return [f"- {_listed(own)}: {text}" for text, own in names.items()]
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Solvers in a line; the library stands where it changes."""
+    libraries = ["", *(name.split()[0] for name in names)]
+    pairs = zip(names, libraries, strict=False)
+    return "; ".join(name.removeprefix(f"{before} ") if before else name for name, before in pairs)
+
+
+def _laws(found: Sequence[Row]) -> str:
+    """A line for each group of solvers with the same verdicts on the same laws."""
+    measured_laws = [law for law in LAWS if any(law in r.verdicts for r in found)]
+    groups: dict[tuple[tuple[str, str], ...], list[str]] = {}
+    for r in found:
+        groups.setdefault(tuple(r.verdicts.items()), []).append(r.name)
+    lines = []
+    for verdicts, names in groups.items():
+        claimed = {law: mark.removesuffix(" +") for law, mark in verdicts if mark.endswith("+")}
+        others = {law: mark for law, mark in verdicts if not mark.endswith("+")}
+        failed = [
+            f"{law} {WORDS.get(mark, mark)}" for law, mark in claimed.items() if mark != MARKS[Verdict.HOLDS]
+        ]
+        kept = f"{len(claimed) - len(failed)} of {len(claimed)}" + "".join(f"; {text}" for text in failed)
+        silent = [
+            law
+            for law, mark in others.items()
+            if mark in (MARKS[Verdict.NOT_APPLICABLE], MARKS[Verdict.INCONCLUSIVE])
+        ]
+        held = [law for law, mark in others.items() if mark == MARKS[Verdict.HOLDS]]
+        lines.append((_listed(names), kept, ", ".join(held), ", ".join(silent)))
+    caption = (
+        f"{len(measured_laws)} laws were measured: {', '.join(measured_laws)}. Of whole paths, only those that are "
+        "claimed. A law that is in no column of a line is not claimed and violated. The reasons of errors are below."
+    )
+    heading = ("solvers", "claimed laws that hold", "hold, not claimed", "not applicable, or open")
+    return f"{caption}\n\n{markdown(heading, lines)}"
+
+
 def _introduction() -> str:
-    steps = ", ".join(str(n) for n in SETUPS[0].steps)
-    sentences = (
-        "None of these solvers is made to keep energy or Casimirs: a law that is violated without being claimed",
-        "is no fault of theirs. Claimed are the contract of a step, and the order that the documentation or, where",
-        "it is silent, theory states for noise that commutes: in (1.1) all noises drive one field. Each solver runs",
-        "through its own library's code in float64, with the increment given.",
-        f"\n\nOrders are slopes of the rms error against the exact flow over [0, {SETUPS[0].T:g}] with",
-        f"{steps} steps (sepv's own scheme truncates its increments and begins with {SETUPS[0].steps[0] // 2}), with",
-        f"intervals over paths; the nominal false-alarm rate of a whole run is {FALSE_ALARM:g}. Solvers that",
-        f"take one state at a time get {FIRST_LOOK} paths, which leaves more verdicts open.",
-        f"Energy defects are the largest |H(y_n) − H(y_0)| of {PATHS} paths over [0, 1] with {ENERGY_STEPS}",
-        "steps, in energy ulps eps·|∇H|·|y|. A solver that hands state from step to step is measured over whole",
-        "paths; its one step, started afresh, stands beside it.",
-        "\n\nWhere a solver wants the space-time Lévy area beside the increment, it gets a normal one from a stream",
-        "whose key is the increment: a step is a function of its arguments. Other Lévy areas are given as zero:",
-        "they act through brackets of the noise fields, which vanish here.",
-    )
-    return " ".join(sentences).replace(" \n\n", "\n\n")
+    setup = SETUPS[0]
+    steps = ", ".join(map(str, setup.steps))
+    return f"""\
+None of these solvers is made to keep energy or Casimirs: a violated law that is not claimed is no fault. Claimed are
+the contract of a step, and the order that the documentation or, where it is silent, theory states for noise that
+commutes: in (1.1) all noises drive one field. Each solver runs through its own library's code in float64, with the
+increment given.
 
-
-def deviations_shown_by(folder: Path) -> list[Deviation]:
-    """The docstring and the output of every script that still shows its deviation."""
-    found = []
-    for script in shown_by(folder):
-        if not script.deviates:
-            click.echo(f"{folder / script.name} left out: exit code {script.code}\n{script.errors}", err=True)
-            continue
-        found.append(Deviation(script.solver, section(script, folder.name)))
-    return found
-
-
-def section(script: Script, folder: str) -> str:
-    """What the library says, then what was measured."""
-    notes = "\n".join(f"- {note.place}, {note.date}: “{note.quotation}”" for note in script.notes)
-    run = f"[`{folder}/{script.name}`]({folder}/{script.name}) prints"
-    return (
-        f"### {script.title}\n\nWhat the library itself says:\n\n{notes}\n\nWhat was measured. {script.body}\n\n"
-        f"{run}\n\n```\n{script.output}\n```"
-    )
+- **Orders**: slopes of the rms error against the exact flow over [0, {setup.T:g}] with {steps} steps, and intervals.
+  sepv's own scheme truncates its increments and begins with {setup.steps[0] // 2}. Solvers that take one state at
+  a time get {FIRST_LOOK} paths, which leaves more verdicts open. Nominal false-alarm rate of a run: {FALSE_ALARM:g}.
+- **Energy defects**: the largest |H(y_n) − H(y_0)| of {PATHS} paths over [0, 1] with {ENERGY_STEPS} steps, in
+  eps·|∇H|·|y|.
+- A solver that hands state from step to step is measured over whole paths, and by one step started afresh.
+- A space-time Lévy area is normal, from a stream whose key is the increment: a step is a function of its arguments.
+  Other Lévy areas are zero: the brackets of the noise fields vanish here."""
 
 
 @click.command()

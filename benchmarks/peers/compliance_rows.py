@@ -38,6 +38,11 @@ class Row:
     verdicts: dict[str, str]
     notes: tuple[str, ...] = ()
 
+    @property
+    def name(self) -> str:
+        """The library and the solver."""
+        return f"{self.library} {self.solver}"
+
 
 def scheme_row(library: str, scheme: Scheme, cells: Mapping[tuple[str, str], Any]) -> Row:
     """The line of a scheme whose cells are measured."""

@@ -1,5 +1,6 @@
 """Scripts that show, in a library's own terms and without sepv, where a measurement differs from its documentation.
 
+``python -m benchmarks.peers.deviations --out docs/deviations.md`` runs them and makes the page.
 A script is a file of the folder ``docs/peers``. Its docstring begins with the solver, "library name", a colon and the
 statement. Its list NOTES quotes what the library itself says of the matter, (place, date, quotation) each: README,
 docstring, source and issues were read, and nothing is published without them. It ends with exit code 1 while the
@@ -12,12 +13,17 @@ import ast
 import datetime
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+import click
+
 from sepv.errors import UsageError
+from sepv.files import write_atomically
+
+COMMAND = "python -m benchmarks.peers.deviations"
 
 
 class Note(NamedTuple):
@@ -68,6 +74,63 @@ def shown_by(folder: Path, library: str = "") -> Iterator[Shown]:
         yield Shown(script.name, title, body, notes, done.returncode, done.stdout.strip(), done.stderr)
 
 
+@dataclass(frozen=True)
+class Deviation:
+    """A solver, "library name", that was measured to differ from its documentation, and the section about it."""
+
+    solver: str
+    text: str
+
+    @property
+    def title(self) -> str:
+        """The heading of the section."""
+        return self.text.partition("\n")[0].removeprefix("### ")
+
+
+def deviations_shown_by(folder: Path) -> list[Deviation]:
+    """The docstring and the output of every script that still shows its deviation."""
+    found = []
+    for script in shown_by(folder):
+        if not script.deviates:
+            click.echo(f"{folder / script.name} left out: exit code {script.code}\n{script.errors}", err=True)
+            continue
+        found.append(Deviation(script.solver, section(script, folder.name)))
+    return found
+
+
+def section(script: Shown, folder: str) -> str:
+    """The library's own words, then the measurement."""
+    notes = "\n".join(f"- {note.place}, {note.date}: “{note.quotation}”" for note in script.notes)
+    run = f"[`{folder}/{script.name}`]({folder}/{script.name}) prints"
+    return (
+        f"### {script.title}\n\nWhat the library itself says:\n\n{notes}\n\nWhat was measured. {script.body}\n\n"
+        f"{run}\n\n```\n{script.output}\n```"
+    )
+
+
+def linked(deviations: Sequence[Deviation]) -> str:
+    """A list of the deviations, for pages that have their numbers."""
+    return "\n".join(f"- {d.title.removesuffix('.')} ([shown](deviations.md))." for d in deviations)
+
+
+def document(deviations: Sequence[Deviation], command: str) -> str:
+    """The page, in Markdown."""
+    head = (
+        "# Where a measurement differs from a library's documentation\n\n"
+        f"Made by `{command}`; not edited by hand. Each script uses the library alone, and was written after its "
+        "README, docstrings, source and issues were read."
+    )
+    return "\n\n".join([head, *(d.text.removeprefix("#") for d in deviations)]) + "\n"
+
+
+@click.command()
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), required=True, help="The page.")
+def main(out: Path) -> None:
+    """Run the scripts of the folder ``peers`` beside the output, and write the page."""
+    shown = deviations_shown_by(out.parent / "peers")
+    write_atomically(str(out), document(shown, f"{COMMAND} --out {out}"))
+
+
 def _notes(script: str, tree: ast.Module) -> tuple[Note, ...]:
     """The list NOTES of a script, checked."""
     try:
@@ -89,3 +152,7 @@ def _notes(script: str, tree: ast.Module) -> tuple[Note, ...]:
         received=received,
         remedy="read its README, docstrings, changelog and issues, and quote them",
     )
+
+
+if __name__ == "__main__":
+    main()

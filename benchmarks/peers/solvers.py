@@ -1,7 +1,6 @@
 """The table of other libraries' solvers by kind of noise: ``python -m benchmarks.peers.solvers --out docs/solvers.md``.
 
-Rows are solvers with a kind of noise, columns what the documentation says and what was measured. Scripts in the folder
-``peers`` beside the output are quoted where they show a difference in the library's own terms.
+A row is a solver. A cell is a kind of noise: the documented order beside the measured ones.
 """
 
 from __future__ import annotations
@@ -15,8 +14,8 @@ from typing import Any
 
 import click
 
-from benchmarks.peers.compliance import Deviation, deviations_shown_by
 from benchmarks.peers.compliance_measurements import LIBRARIES, release
+from benchmarks.peers.deviations import Deviation, deviations_shown_by, linked
 from benchmarks.peers.kept_measurements import measured
 from benchmarks.peers.options import measuring, page_options, put
 from benchmarks.peers.solver import KINDS, Solver, problem_of
@@ -29,10 +28,6 @@ from sepv.verification._progress import Shown
 COMMAND = "python -m benchmarks.peers.solvers"
 # Half-way to the next lower order, as the laws about orders have it.
 MARGIN = 0.25
-HEADING = (
-    "solver", "noise", "strong, documented", "strong, one step", "strong, paths", "weak, documented", "weak, one step",
-    "limit, documented", "limit, measured", "Casimirs", "structure",
-)  # fmt: skip
 WORDS = {Verdict.HOLDS.value: "kept", Verdict.VIOLATED.value: "no", Verdict.NOT_APPLICABLE.value: "–"}
 
 
@@ -120,66 +115,73 @@ def document(found: Mapping[str, Sequence[Line]], deviations: Sequence[Deviation
         _introduction(),
     ]
     for library, own in found.items():
-        parts += [f"## {library} {release(library)}", markdown(HEADING, [_marked(each) for each in own])]
+        parts += [f"## {library} {release(library)}", table(library, own)]
         parts.append("\n".join(f"- {source}" for source in dict.fromkeys(each.source for each in own)))
-    short = [
-        f"- {each.cells[0]}, {each.cells[1]}: {what}"
-        for own in found.values()
-        for each in own
-        for what in each.short
-    ]
+    lines = [each for own in found.values() for each in own]
+    short = [f"- {each.cells[0]}, {each.cells[1]}: {what}" for each in lines for what in each.short]
     parts += [
+        f"Casimirs (*casimir*) and structure (*poisson-map*) on these problems: {_kept(lines)}.",
         "## Where less was measured than is documented",
         "\n".join(short) or "Nowhere.",
-        *(d.text for d in deviations if any(_is_about(d.solver, entry) for entry in short)),
+        linked([d for d in deviations if any(_is_about(d.solver, entry) for entry in short)]),
     ]
-    return "\n\n".join(parts) + "\n"
+    return "\n\n".join(p for p in parts if p) + "\n"
+
+
+def table(library: str, own: Sequence[Line]) -> str:
+    """A row a solver, a column a kind of noise."""
+    rows: dict[str, dict[str, str]] = {}
+    for each in own:
+        name, kind, strong, step, paths, weak, weak_step, limit, *_ = each.cells
+        row = rows.setdefault(name.removeprefix(f"{library} "), {"limit": limit})
+        row[kind] = f"{strong}: {step}, {paths}; {weak}: {weak_step}" + " †" * bool(each.short)
+    return markdown(
+        ("solver", "limit", *KINDS),
+        [(name, *(row.get(key, "") for key in ("limit", *KINDS))) for name, row in rows.items()],
+    )
+
+
+def _kept(lines: Sequence[Line]) -> str:
+    """The solvers that keep one of them, or are not judged."""
+    kept = [
+        f"{each.cells[0]}, {each.cells[1]}: {', '.join(each.cells[-2:])}"
+        for each in lines
+        if {*each.cells[-2:]} - {WORDS[Verdict.VIOLATED.value], WORDS[Verdict.NOT_APPLICABLE.value]}
+    ]
+    return "; ".join(kept) or "no solver keeps either, and none claims it"
 
 
 def _is_about(script: str, entry: str) -> bool:
-    """Whether a line names the solver of a script, "library method option"."""
+    """True if a line names the solver of a script, "library method option"."""
     named = entry.partition(":")[0].replace(",", " ").split()
     return set(script.replace(",", " ").split()) <= set(named)
 
 
-def _marked(each: Line) -> tuple[str, ...]:
-    return (each.cells[0] + (" †" if each.short else ""), *each.cells[1:])
-
-
 def _introduction() -> str:
-    problems = "\n".join(f"- {kind}: {text}" for kind, text in KINDS.items())
-    names = ", ".join(f"`{problem_of(kind).name}`" for kind in KINDS)
+    problems = "\n".join(f"- {kind}: {text} (`{problem_of(kind).name}`)" for kind, text in KINDS.items())
     return f"""\
-dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j), posed to each solver through its own library's code in float64, with the
-given increments. The kinds of noise are general; commutative, with vanishing brackets of the noise fields; one noise;
-additive, with constant fields. One problem for each, with c_j = ½:
+dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j), posed to each solver through its own library's code in float64, with the given
+increments and c_j = ½. One problem for each kind of noise; *commutative* means that the brackets of the noise fields
+vanish, *additive* that the fields are constant:
 
 {problems}
 
-(in this order {names}). Kinds that a solver does not take have no line.
+A cell has *strong order documented: of one step, of paths; weak order documented: of one step*. It is empty for a kind
+that the solver does not take, and † marks less than documented. *Limit* is that of the solver; measured from the mean
+of a step of 2⁻¹⁶, it is right where the last section does not say otherwise. Solvers of Itô equations were given Itô's
+form, whose solution is the same.
 
-**Orders of one step** are those that Milstein's theorem takes from the laws *local-mean*, *local-mean-square* and
-*local-weak* ([laws](laws.md)): slopes of errors by quadrature, with no path and no chance. The reference shows strong
-orders up to 1, or 1.5 of a solver that sees space-time areas where the noises commute. **Paths**: the slope of the rms
-error at T = {T:g} with {", ".join(map(str, STEPS))} steps, with its interval over {PATHS} paths ({SINGLE} of solvers
-that take one state at a time), which misses with nominal probability {ALPHA:g}; a dash where an order above that of the
-reference, 1, is documented. §: the solver hands state from step to step, and the one step is its first; the paths are
-the solver's own.
-
-**Limit**: whether the drift that the solver was given came out as that of an Itô or of a Stratonovich equation, from
-the mean of a step of 2⁻¹⁶. A solver of Itô equations was given Itô's form, whose solution is the same. With additive
-noise both are the same.
-
-**Areas.** diffrax's stochastic Runge-Kutta methods and torchsde's `srk` see the space-time Lévy areas of the path,
-torchsde's `log_ode` and sdeint's methods with repeated integrals its Lévy areas A_ij, those of the same path as the
-reference. Without being told, torchsde and sdeint draw approximations of A_ij, sdeint a series of five terms: what an
-approximation of fixed quality lacks is a fixed share of a variance h² a step, so that in general the order is ½ again
-for small steps (P. Kloeden and E. Platen, Numerical Solution of Stochastic Differential Equations, 1992, §5.8: the
-number of terms must grow like 1/h). The table says what the methods do with the areas of the path.
-
-**Casimirs** and **structure** are the laws *casimir* and *poisson-map* on the same problem. No solver here claims them.
-
-† less than documented: see the last section. A solver that shows more than is documented has no mark."""
+- **Of one step**: slopes of errors by quadrature, as *local-mean*, *local-mean-square* and *local-weak* have them
+  ([laws](laws.md)). The reference shows strong orders up to 1, or 1.5 of a solver that sees space-time areas where the
+  noises commute.
+- **Of paths**: the slope of the rms error at T = {T:g} with {", ".join(map(str, STEPS))} steps and its interval over
+  {PATHS} paths ({SINGLE} of solvers that take one state at a time), which misses with nominal probability {ALPHA:g}.
+  A dash: an order above that of the reference, 1, is documented.
+- **§**: the solver hands state from step to step. The one step is its first; the paths are its own.
+- **Areas** are those of the path of the reference: space-time areas for diffrax's stochastic Runge-Kutta methods and
+  torchsde's `srk`, the areas A_ij for torchsde's `log_ode` and sdeint's methods with repeated integrals. Left alone,
+  torchsde and sdeint draw approximations of A_ij. An approximation of fixed quality lacks a fixed share of a variance
+  h² a step, so that the order is ½ again for small steps (P. Kloeden and E. Platen 1992, §5.8)."""
 
 
 @click.command()

@@ -22,7 +22,11 @@ from sepv.commands._cli import main
 from sepv.verification import load_laws
 
 ROOT = Path(__file__).resolve().parents[2]
-ALL = sorted(str(p.relative_to(ROOT / "docs").with_suffix("")) for p in (ROOT / "docs").rglob("*.md"))
+ALL = sorted(
+    str(p.relative_to(ROOT / "docs").with_suffix(""))
+    for folder in ("docs", "docs/laws")
+    for p in (ROOT / folder).glob("*.md")
+)
 PAGES = ("ten-minutes", "teeth", "choosing", "ci", "extending", "beyond", "hard-cases", "speed")
 
 
@@ -31,8 +35,7 @@ ELSEWHERE = {
     "clusters": "test_cluster_docs.py",
     "protocol": "test_examples.py",
     "vectors": "test_vectors.py",
-    "compliance": "test_peers.py",
-    "solvers": "test_solvers.py",
+    "deviations": "test_peers.py",
     "trend": "test_versions.py",
     "profiles": "test_profiles.py",
     "index": "test_site.py",  # the first page of the site, whose example is measured as it is built

@@ -8,7 +8,11 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [
+    ROOT / "README.md",
+    *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "docs" / "laws").glob("*.md")),
+]
 SOURCES = (ROOT / "docs" / "sources.md").read_text("utf-8")
 NAME = r"(?:[A-Z]\. )?[A-Z][a-zé]+"
 # "Cohen and Hairer (2011)", "D. Cohen and G. Vilmart, … 2022": names, and a year within the next words.

@@ -17,7 +17,7 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import given, settings
 
-from benchmarks.peers import compliance
+from benchmarks.peers import compliance, deviations
 from benchmarks.peers import compliance_measurements as measurements
 from benchmarks.peers import compliance_rows as rows
 from benchmarks.peers.deviations import Shown as Script
@@ -292,16 +292,22 @@ def _row(**changes: object) -> compliance.Row:
     return compliance.Row(**{**given, **changes})  # type: ignore[arg-type]
 
 
-def test_the_page_has_a_cell_for_every_law_and_marks_what_is_contradicted() -> None:
-    page = compliance.document(
-        [_row()], [compliance.Deviation("lib heun", "### lib heun: no")], "the command"
-    )
+def test_the_page_groups_solvers_by_their_verdicts_and_marks_what_is_contradicted() -> None:
+    marks = {"energy": "– +", "symmetry": "? +", "casimir": "holds", "truncation": "n/a"}
+    found = [
+        _row(),
+        _row(solver="twin"),
+        _row(library="other", solver="box"),
+        _row(solver="open", verdicts=marks),
+    ]
+    page = compliance.document(found, [deviations.Deviation("lib heun", "### lib heun: no")], "the command")
     lines = page.splitlines()
-    widths = {line.count("|") for line in lines if line.startswith("| lib heun")}
-    assert widths == {len(compliance.LAWS) + 2}
-    assert "| lib | 1.0 | heun | 1 / 1 † | 1.0 | 1.1 | 5 | 6 |" in lines
+    assert "5 laws were measured: contract, energy, casimir, symmetry, truncation." in page
+    assert "| lib heun; twin; other box | 1 of 1 |  |  |" in lines
+    assert "| lib open | 0 of 2; energy violated; symmetry open | casimir | truncation |" in lines
+    assert "| lib heun | 1 / 1 † | 1.0 | 1.1 | 5 | 6 |" in lines
     assert "the command" in page
-    assert "### lib heun: no" in page
+    assert "- lib heun: no ([shown](deviations.md))." in lines
 
 
 def absent(name: str) -> Peer:
@@ -344,7 +350,7 @@ def test_an_interrupted_table_goes_on_where_it_was_and_is_the_same(
     assert CliRunner().invoke(compliance.main, arguments).exit_code == 0
     assert measured == ["identity", "truncation", "truncation", "mean-square-order"]
     first = out.read_text("utf-8")
-    assert "| sepv energy-preserving | holds + | holds + | " in first
+    assert "| sepv energy-preserving | 2 of 3; mean-square-order open |  |  |" in first
     assert CliRunner().invoke(compliance.main, arguments).exit_code == 0
     assert len(measured) == 4
     assert out.read_text("utf-8") == first
@@ -413,7 +419,7 @@ NOTED = 'NOTES = [("README, 1.0", "2020-02-29", "order 1, not tested")]\n'
 def test_nothing_is_published_without_what_the_library_itself_says(tmp_path: Path, notes: str) -> None:
     (tmp_path / "one.py").write_text(f'"""lib heun: statement."""\n{notes}raise SystemExit(1)\n')
     with pytest.raises(UsageError, match="what the library itself says"):
-        compliance.deviations_shown_by(tmp_path)
+        deviations.deviations_shown_by(tmp_path)
 
 
 def test_only_scripts_that_still_show_a_deviation_are_quoted(tmp_path: Path) -> None:
@@ -422,7 +428,7 @@ def test_only_scripts_that_still_show_a_deviation_are_quoted(tmp_path: Path) -> 
             f'"""lib {name}: statement.\n\nWhy.\n"""\n{NOTED}print("shown")\nraise SystemExit({code})\n'
         )
     (tmp_path / "crash.py").write_text(f'"""lib crash: statement."""\n{NOTED}raise ValueError\n')
-    (found,) = compliance.deviations_shown_by(tmp_path)
+    (found,) = deviations.deviations_shown_by(tmp_path)
     assert found.solver == "lib there"
     assert "### lib there: statement." in found.text
     assert found.text.index("README, 1.0, 2020-02-29: “order 1, not tested”") < found.text.index("Why.")
@@ -431,18 +437,14 @@ def test_only_scripts_that_still_show_a_deviation_are_quoted(tmp_path: Path) -> 
 
 @pytest.mark.parametrize("script", sorted((DOCS / "peers").glob("*.py")), ids=lambda p: p.stem)
 def test_every_script_is_quoted_on_the_page(script: Path) -> None:
-    """Its statement, what the library itself says, and then the measurement, on each page that names it."""
-    pages = [(DOCS / name).read_text("utf-8") for name in ("compliance.md", "solvers.md")]
-    naming = [page for page in pages if f"peers/{script.name}" in page]
-    assert naming
+    """Its statement, what the library itself says, and then the measurement."""
+    page = (DOCS / "deviations.md").read_text("utf-8")
     tree = ast.parse(script.read_text("utf-8"))
     title, _, rest = (ast.get_docstring(tree) or "").partition("\n")
-    for page in naming:
-        output = page.partition(f"peers/{script.name}) prints")[2].split("```")[1].strip()
-        shown = Script(
-            script.name, title, rest.split("Exit code 1")[0].strip(), _notes(script.name, tree), 1, output, ""
-        )
-        assert compliance.section(shown, "peers") in page
+    output = page.partition(f"peers/{script.name}) prints")[2].split("```")[1].strip()
+    body, notes = rest.split("Exit code 1")[0].strip(), _notes(script.name, tree)
+    shown = Script(script.name, title, body, notes, 1, output, "")
+    assert deviations.section(shown, "peers").removeprefix("#") in page
 
 
 def test_a_script_shows_its_deviation_without_sepv() -> None:
