@@ -9,7 +9,6 @@ import codecs
 import unicodedata
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from html import escape
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -248,15 +247,6 @@ def markdown(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """The lines of a table of Markdown."""
     lines = (headings, ["---"] * len(headings), *rows)
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
-def table_html(table: Table) -> str:
-    """The table for a notebook; everything in it is escaped."""
-    heads = "".join(f"<th>{escape(c.heading)}</th>" for c in table.columns)
-    rows = ("".join(f"<td>{escape(_plain(cell))}</td>" for cell in row) for row in table.rows)
-    body = "".join(f"<tr>{row}</tr>" for row in rows)
-    title = f"<caption>{escape(_plain(table.title))}</caption>"
-    return f"<table>{title}<thead><tr>{heads}</tr></thead><tbody>{body}</tbody></table>"
 
 
 def counted(number: int, what: str) -> str:

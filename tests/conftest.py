@@ -33,6 +33,11 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
 
+# Where these tests run as a job of GitHub Actions, the schemes that they break are not annotated there.
+for _variable in ("GITHUB_ACTIONS", "GITHUB_STEP_SUMMARY"):
+    os.environ.pop(_variable, None)
+
+
 # Each has something costly that its tests share: a site, a cluster, a report of all laws, a copy of the tree.
 TOGETHER = {
     "tests/workers/test_clusters.py", "tests/commands/test_same_verdicts_at_every_door.py",

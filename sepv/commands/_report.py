@@ -11,11 +11,13 @@ from sepv.files import write_atomically
 @click.command(short_help="One HTML page from the JSON files of the others.")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=click.Path())
 @click.option("-o", "--out", type=OUT, default="report.html", help="The page.")
-@click.option("--title", default="Which structural properties hold?", help="Its heading.")
+@click.option("--title", help="Its heading. [default: a question, after the name of a single scheme]")
 @click.option("-q", "--quiet", is_flag=True, help="Print nothing.")
 @friendly
-def report(files: Names, out: str, title: str, quiet: bool) -> None:
+def report(files: Names, out: str, title: str | None, quiet: bool) -> None:
     """One self-contained HTML page from the JSON FILEs of verify, compare, bench and reproduce.
+
+    `sepv verify --html` makes the page of one scheme at once.
 
     The page needs no network and no JavaScript; it prints, and it follows the reader's light or dark theme. Its
     pictures, of compare and reproduce, are drawn by matplotlib (extra plots).

@@ -66,8 +66,13 @@ def save_json(path: str | None, name: str, data: dict[str, Any], *, indent: int 
     if path is not None:
         from sepv.files import write_json
 
-        context = click.get_current_context(silent=True)
-        write_json(path, name, data, command=context.meta.get(WORDS, "") if context else "", indent=indent)
+        write_json(path, name, data, command=typed(), indent=indent)
+
+
+def typed() -> str:
+    """The command line as it was typed; empty outside a command."""
+    context = click.get_current_context(silent=True)
+    return str(context.meta.get(WORDS, "")) if context else ""
 
 
 class Renamed(click.Option):

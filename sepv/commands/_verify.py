@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,7 @@ from sepv._journal import attempted
 from sepv._terminal import counted, print_table
 from sepv.commands import _shared as cli
 from sepv.errors import UsageError
-from sepv.files import write_atomically
+from sepv.files import made, write_atomically
 
 
 @click.command(epilog=cli.EXIT_CODES, short_help="Measure every law on a scheme.")
@@ -32,6 +33,7 @@ from sepv.files import write_atomically
 )  # fmt: skip
 @cli.CLAIM
 @click.option("--json", type=cli.OUT, help="Write the report to this file.")
+@click.option("--html", type=cli.OUT, help="Write the report as a page, with pictures, to this file.")
 @click.option("--junit", type=cli.OUT, help="Write JUnit XML to this file.")
 @click.option("--badge", type=cli.OUT, help="Write JSON for a badge to this file.")
 @click.option("--expected", type=cli.FILE, help="A file of --pin or --write-expected; strict both ways.")
@@ -159,7 +161,7 @@ def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], 
         _replay(targets, laws, options["token"], options["problems"], debug)
     if options["against"] is not None:
         return _against(targets, laws, options)
-    files = {kind: options[kind] for kind in ("json", "junit", "badge", "write_expected", "pin")}
+    files = {kind: options[kind] for kind in ("json", "html", "junit", "badge", "write_expected", "pin")}
     if any(files.values()) or options["expected"]:
         _one_target(targets, "files")
     arguments = _arguments(laws, options)
@@ -184,6 +186,7 @@ def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], 
         attempted(f"what is shown of {named}", show)  # once, even if a later law crashes
         only = f" --law {shlex.quote(','.join(laws))}" if laws else ""
         _write(report, files, named + only)
+        _tell_github(report)
         if report.interrupted:
             break
     if len(reports) > 1 and not quiet:
@@ -232,8 +235,13 @@ def _write(report: Any, files: dict[str, str | None], named: str) -> None:
     from sepv.verification._expected_failures import pin, to_toml
     from sepv.verification._junit_and_badge import badge_json, junit_xml
 
-    cli.save_json(files["json"], "report", report.to_json())
+    if files["json"] or files["html"]:
+        from sepv.verification._course import with_courses
+
+        data = with_courses(report)
+        cli.save_json(files["json"], "report", data)
     texts = {
+        "html": lambda _: _page(data),
         "junit": junit_xml,
         "badge": badge_json,
         "write_expected": lambda r: to_toml(r.scheme.name, r.findings),
@@ -249,6 +257,30 @@ def _write(report: Any, files: dict[str, str | None], named: str) -> None:
                 guard = f"sepv verify {named} --expected {shlex.quote(path)}"
                 before = f" The pin before guarded {', '.join(lost)} too." if lost else ""
                 cli.say(f"Pinned in {path}.{before} From now on: {guard}")
+
+
+def _tell_github(report: Any) -> None:
+    """In GitHub Actions: a summary of the job's step, and annotations on stderr, which the runner reads too."""
+    if not (path := os.environ.get("GITHUB_STEP_SUMMARY")) and os.environ.get("GITHUB_ACTIONS") != "true":
+        return
+    from sepv.verification import _github as github
+
+    if path:
+        try:
+            with open(path, "a", encoding="utf-8", errors="replace") as file:
+                file.write(github.step_summary(report))
+        except OSError as error:  # the verdicts stand, whatever is the matter with this file
+            cli.say(f"sepv: no summary for GitHub: {error}")
+    if os.environ.get("GITHUB_ACTIONS") == "true":
+        for line in github.error_lines(report):
+            cli.say(line)
+
+
+def _page(data: dict[str, Any]) -> str:
+    """The page of a report, the one that `sepv report` makes of its file."""
+    from sepv.page import Sources, render
+
+    return render(Sources(verify=[{"made": made("report", cli.typed())} | data]))
 
 
 def _no_longer_guarded(path: str, report: Any) -> list[str]:

@@ -1,6 +1,8 @@
-"""One self-contained HTML page from the JSON files of verify, compare, bench and reproduce."""
+"""One self-contained HTML page from reports and the JSON files of verify, compare, bench and reproduce."""
 
 from __future__ import annotations
 
+from sepv.page._render import of_report as of_report
 from sepv.page._render import render as render
+from sepv.page._sources import Sources as Sources
 from sepv.page._sources import load as load

@@ -9,14 +9,28 @@ from importlib.resources import files
 from typing import Any
 
 from sepv._version import __version__
+from sepv.files import made
+from sepv.page import _verdicts as verdicts
 from sepv.page import _views as views
 from sepv.page._pictures import Pictures
 from sepv.page._sources import Sources
 from sepv.page._text import plain
+from sepv.verification._course import with_courses
+from sepv.verification._outcome import Report
+
+TITLE = "Which structural properties hold?"
 
 
-def render(sources: Sources, *, title: str = "Which structural properties hold?") -> str:
-    """The HTML page, complete: no script, no font, no picture and no style from anywhere else."""
+def of_report(report: Report) -> str:
+    """The page of one report, as ``sepv verify --html`` writes it; the scheme is asked again, for the pictures."""
+    return render(Sources(verify=[{"made": made("report")} | with_courses(report)]))
+
+
+def render(sources: Sources, *, title: str | None = None) -> str:
+    """The HTML page, complete: no script, no font, no picture and no style from anywhere else.
+
+    A page of one scheme has its name as the title, unless another is given.
+    """
     from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
 
@@ -34,16 +48,21 @@ def render(sources: Sources, *, title: str = "Which structural properties hold?"
     reproductions = [views.reproduction(r, pictures) for r in sources.reproduce]
     style = filled("style.css", colours=pictures.colours)
     digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
-    laws, schemes = views.schemes(sources.verify)
+    laws, schemes = verdicts.schemes(sources.verify)
+    one = (
+        schemes[0]["name"]
+        if len(schemes) == 1 and not (comparisons or reproductions or sources.bench)
+        else ""
+    )
     return filled(
         "page.html",
-        title=plain(title, 200),
+        title=plain(title or (f"{one}: which structural properties hold?" if one else TITLE), 200),
         version=__version__,
         # The style has no text of the files read, so it is the one text that is not escaped.
         style=Markup(style),
         style_hash=digest,
-        laws=views.law_texts(laws),
-        headline=views.headline(sources.verify) if sources.verify else "",
+        laws=verdicts.law_texts(laws),
+        headline=verdicts.headline(sources.verify) if sources.verify else "",
         fingerprint=fingerprint(),
         schemes=schemes,
         comparisons=comparisons,

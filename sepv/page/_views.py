@@ -1,30 +1,26 @@
-"""Views of each kind of file, arranged for the template. Nothing here is HTML."""
+"""Views of comparisons, benchmarks and reproductions, arranged for the template. Nothing here is HTML.
+
+Those of reports are in `_verdicts`.
+"""
 
 from __future__ import annotations
 
 import math
-import re
 import shlex
 from typing import Any
 
 from sepv._arguments import hex_float
-from sepv._terminal import counted
-from sepv.errors import UsageError
 from sepv.page._pictures import Pictures
 from sepv.page._sources import Sources
 from sepv.page._text import name, number, plain
 from sepv.schemes import Look
 from sepv.studies._picture import FLOOR, Axis, Series, power
 from sepv.studies._reproduce.record import in_words
-from sepv.verification import LAWS, Verdict, load_laws
-from sepv.verification._cases.case import has_words
-
-# Characters of counterexamples on a page; the JSON files have them all.
-BUDGET = 17_000
 
 WORDS = {
     "holds": ("✓", "holds"), "violated": ("✗", "violated"), "inconclusive": ("?", "inconclusive"),
     "not_applicable": ("·", "not applicable"), "error": ("!", "error"), "not_measured": ("", "not measured"),
+    "absent": ("", "not measured"),
     "fails": ("✗", "does not hold"), "open": ("?", "open"),
 }  # fmt: skip
 
@@ -32,58 +28,18 @@ WORDS = {
 View = dict[str, Any]
 
 
-def schemes(reports: list[View]) -> tuple[list[str], list[View]]:
-    """The laws, in the order of the suite and then as they appear, and a view of each report."""
-    laws = list(dict.fromkeys(law["law"] for r in reports for law in r["laws"]))
-    laws.sort(key=lambda law: LAWS.index(law) if law in LAWS else len(LAWS))
-    share = BUDGET // max(1, len(reports))
-    return laws, [_scheme(r, laws, share) for r in reports]
-
-
-def _scheme(report: View, laws: list[str], budget: int) -> View:
-    """A scheme's row in the matrix, its table, its counterexamples and the number of omitted ones."""
-    found = {law["law"]: law for law in report["laws"]}
-    absent = {"kind": "absent", "sign": "", "words": "not measured", "claimed": False}
-    counts = ", ".join(Verdict(k).of(n) for k, n in report["counts"].items() if n)
-    target = _target(report["scheme"])
-    shown, left = _counterexamples(report["laws"], target, budget)
-    own = name(report["scheme"]["name"])
-    return {
-        "name": own,
-        "source": plain(report["scheme"]["source"], 200),
-        "cells": [
-            _cell(found[law]["verdict"], found[law]["claimed"]) if law in found else absent for law in laws
-        ],
-        "rows": [_row(law) for law in report["laws"]],
-        "counterexamples": shown,
-        "left_out": left,
-        "unsettled": _unsettled(report["laws"]),
-        "summary": f"{counted(len(report['laws']), 'law')}: {counts}{_found(report)}",
-        "command": again(report, f"the report of {own}"),
-    }
-
-
-def _found(report: View) -> str:
-    """The profiles that a report found, and what was waived; a report older than profiles says so."""
-    profiles = report.get("profiles")
-    if profiles is None:
-        return "; it was written before sepv knew profiles: measure again for them"
-    waived = f"; waived: {', '.join(profiles['waived'])}" if profiles["waived"] else ""
-    return plain(f"; found: {', '.join(profiles['found']) or 'no profile'}{waived}", 600)
-
-
 def again(data: View, subject: str) -> str:
     """The command that made a file, from the file; a comment if no command did.
 
     Each word is quoted anew, so that text of the file stays text if somebody copies the line.
     """
-    words = _words(str(data.get("made", {}).get("command") or ""))
+    words = words_of(str(data.get("made", {}).get("command") or ""))
     if words[:1] != ["sepv"]:
         return f"# {subject} was written in Python: no command makes it again"
     return plain(shlex.join(words), 8200)
 
 
-def _words(command: str) -> list[str]:
+def words_of(command: str) -> list[str]:
     """The words of a command; none if its quotes do not match."""
     try:
         return shlex.split(command)
@@ -91,118 +47,10 @@ def _words(command: str) -> list[str]:
         return []
 
 
-def _cell(verdict: str, claimed: bool = False) -> View:
+def cell(verdict: str, claimed: bool = False) -> View:
     """One verdict of the matrix."""
     sign, words = WORDS[verdict]
     return {"kind": verdict, "sign": sign, "words": words, "claimed": claimed}
-
-
-def _row(law: View) -> View:
-    bound = "" if law["bound"] is None else f"{'≥' if law['at_least'] else '≤'} {number(law['bound'])}"
-    return {
-        "law": name(law["law"]),
-        "cell": _cell(law["verdict"], law["claimed"]),
-        "claimed": "expected to fail" if law["expected"] is not None else "yes" if law["claimed"] else "",
-        "defect": number(law["defect"]),
-        "bound": bound,
-        "unit": plain(law["unit"], 40),
-        "source": plain(law["source"], 60),
-    }
-
-
-def _counterexamples(laws: list[View], target: str, budget: int) -> tuple[list[View], int]:
-    """Choose counterexamples within the budget of characters, claimed laws first; return the number left out."""
-    open_ = [law for law in laws if law["verdict"] in ("violated", "error") and law["message"]]
-    shown: list[View] = []
-    for law in sorted(open_, key=lambda v: not v["claimed"]):
-        # A command is for copying: it is shown whole or not at all.
-        copied = target and law["replay"] and len(law["replay"]) < 4000 and has_words(law["witness"])
-        command = shlex.join(["sepv", "verify", *_words(target), *_words(law["replay"])]) if copied else ""
-        entry = {
-            "law": name(law["law"]), "source": plain(law["source"], 60), "verdict": WORDS[law["verdict"]][1],
-            "claimed": law["claimed"], "message": plain(law["message"]),
-            "command": plain(command, 8200),
-        }  # fmt: skip
-        budget -= len(entry["message"]) + len(entry["command"])
-        if budget < 0 and not (law["claimed"] and not shown):
-            break
-        shown.append(entry)
-    return shown, len(open_) - len(shown)
-
-
-def _unsettled(laws: list[View]) -> list[str]:
-    """Explain each inconclusive law: the measurement, and possible reasons for its wide interval."""
-    found = []
-    for law in laws:
-        if law["verdict"] == "inconclusive":
-            lines = [line for line in law["message"].splitlines() if not line.startswith("intervals miss")]
-            text = "; ".join(lines) or "no reason was given"
-            if any(_runs_away(*m.groups()) for m in _RMS.finditer(text)):
-                text += ". A few paths run away with the fewest steps and make up that error; "
-                text += "the finer steps show the order"
-            found.append(f"{name(law['law'])}: {plain(text, 700)}.")
-    return found
-
-
-# The first three errors in the message of a statistical law.
-_RMS = re.compile(r"rms error ([\d.e+-]+), ([\d.e+-]+), ([\d.e+-]+)")
-
-
-def _runs_away(*errors: str) -> bool:
-    """True if the coarsest error is more than four times the one that the next two lead to expect."""
-    try:
-        first, second, third = map(float, errors)
-    except ValueError:  # a file by somebody else
-        return False
-    return first * third > 4 * second**2
-
-
-def _target(scheme: View) -> str:
-    """The words for the scheme in a command: those of the file, else its name if it is built in."""
-    from sepv.schemes import by_name
-
-    if scheme.get("target"):
-        return str(scheme["target"])
-    try:
-        return by_name(str(scheme["name"])).name
-    except UsageError:
-        return ""
-
-
-def headline(reports: list[View]) -> str:
-    """The number of claims that hold, and the schemes with claims that do not."""
-    claimed = [(r, law) for r in reports for law in r["laws"] if law["claimed"] and law["expected"] is None]
-    claimed = [(r, law) for r, law in claimed if law["verdict"] != "not_applicable"]
-    broken = [(r, law) for r, law in claimed if law["verdict"] != "holds"]
-    if not claimed:
-        return f"{counted(len(reports), 'scheme')}, of which nothing is claimed."
-    # A scheme without claims keeps none.
-    claiming = [r for r in reports if any(r is c for c, _ in claimed)]
-    kept = sum(not any(r is b for b, _ in broken) for r in claiming)
-    silent = len(reports) - len(claiming)
-    held = len(claimed) - len(broken)
-    hold, keep = (
-        "hold" + "s" * (held == 1),
-        "keeps all that it claims" if kept == 1 else "keep all that they claim",
-    )
-    text = f"{held} of {counted(len(claimed), 'claimed law')} {hold}; "
-    text += f"{kept} of {counted(len(claiming), 'scheme')} {keep}."
-    if silent:
-        text += f" Nothing is claimed of {'the other one' if silent == 1 else f'the other {silent}'}."
-    if broken:
-        named = [f"{name(r['scheme']['name'])}: {name(law['law'])}" for r, law in broken[:6]]
-        more = f" and {len(broken) - 6} more" if len(broken) > 6 else ""
-        text += f" Not shown to hold: {'; '.join(named)}{more}."
-    return text
-
-
-def law_texts(laws: list[str]) -> list[dict[str, str]]:
-    """The statement and source of each law of the suite; unknown laws have no text."""
-    texts = {law: {"name": name(law), "anchor": "", "statement": "", "source": ""} for law in laws}
-    for law in load_laws([law for law in laws if law in LAWS]):
-        said = {"statement": plain(law.statement, 400), "source": plain(law.source, 80)}
-        texts[law.name] |= {"anchor": f"law-{law.name}", **said}
-    return list(texts.values())
 
 
 def step_size(h: float) -> str:
@@ -360,6 +208,6 @@ def _panel(p: View, pictures: Pictures) -> View:
 
 def _statement(s: View) -> View:
     return {
-        "cell": _cell(s["verdict"]),
+        "cell": cell(s["verdict"]),
         **{key: plain(s[key], 600) for key in ("text", "source", "measured", "criterion", "correction")},
     }

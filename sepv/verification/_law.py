@@ -116,11 +116,8 @@ class Finding:
 
     @property
     def verdict_text(self) -> str:
-        """The verdict in words; holds on 71 %, if others were skipped; depends on earlier calls, if it holds alone."""
-        if self.verdict is Verdict.VIOLATED and self.afresh == Verdict.HOLDS.value:
-            return "depends on earlier calls"
-        partly = self.share is not None and self.verdict is Verdict.HOLDS
-        return f"holds on {math.floor(100 * self.share)} %" if partly and self.share else self.verdict.text
+        """The verdict in words."""
+        return verdict_text(self.verdict, self.share, self.afresh)
 
     @property
     def words(self) -> str:
@@ -129,6 +126,13 @@ class Finding:
         if self.defect is not None and self.bound is not None:
             size = f": {self.defect:.3g} against {self.bound:.3g} {self.unit}"
         return f"{self.law} ({self.source}) {self.verdict_text}{size}"
+
+
+def verdict_text(verdict: Verdict, share: float | None, afresh: str) -> str:
+    """The verdict in words; holds on 71 %, if others were skipped; depends on earlier calls, if it holds alone."""
+    if verdict is Verdict.VIOLATED and afresh == Verdict.HOLDS.value:
+        return "depends on earlier calls"
+    return f"holds on {math.floor(100 * share)} %" if share and verdict is Verdict.HOLDS else verdict.text
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from importlib import import_module
 from typing import Any
 
 from sepv._arguments import did_you_mean
@@ -155,11 +156,20 @@ class Report:
         counts = ", ".join(Verdict(k).of(n) for k, n in self.counts.items() if n)
         return f"<Report of {self.scheme.name}: {counts}>"
 
-    def _repr_html_(self) -> str:
-        """The table in a notebook."""
-        from sepv.verification._report import as_html
+    def html(self) -> str:
+        """The report as one page, complete: the verdicts on a scale, each counterexample drawn, and its replay.
 
-        return as_html(self)
+        The scheme is asked again, for the pictures. ``sepv verify --html`` writes this page.
+        """
+        return str(
+            import_module("sepv.page").of_report(self)
+        )  # the room above, which arranges what is measured here
+
+    def _repr_html_(self) -> str:
+        """The page in a notebook, in a frame of its own; the last line stands below it."""
+        from sepv.verification._report import in_notebook
+
+        return in_notebook(self)
 
     def to_json(self) -> dict[str, Any]:
         """The report as JSON: suite, scheme, counts, laws."""
@@ -206,7 +216,7 @@ def fails(f: Finding, pinned: frozenset[str] | None = None) -> bool:
 
 _TOLD = (
     "law", "claimed", "verdict", "defect", "bound", "at_least", "unit", "source", "witness", "replay", "checks",
-    "skipped", "share", "message", "expected", "seconds",
+    "skipped", "share", "message", "expected", "seconds", "afresh",
 )  # fmt: skip
 
 

@@ -6,7 +6,6 @@ import io
 import os
 import sys
 from collections.abc import Callable, Sequence
-from functools import partial
 from html import escape
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -21,7 +20,6 @@ from sepv._terminal import (
     counted,
     print_table,
     printable_cell,
-    table_html,
 )  # fmt: skip
 from sepv.verification._law import Finding, Verdict
 from sepv.verification._profiles import PROFILES, SUITE, found
@@ -78,11 +76,10 @@ def show(report: Report, out: Console, *, debug: bool = False) -> None:
     print_table(law_table(report), out)
     said: set[str] = set()
     for finding in report.findings:
-        # A scheme that cannot be called has the same error for every law: it is printed once.
-        fault = finding.message.splitlines()[-3:] if finding.verdict is Verdict.ERROR else []
-        if fault and "\n".join(fault[:1]) in said:
+        error = same_error(finding.message) if finding.verdict is Verdict.ERROR else ""
+        if error in said:
             continue
-        said.update(fault[:1])
+        said |= {error} if error else set()
         if finding.verdict is Verdict.NOT_MEASURED:
             continue  # the table and the last line already show it
         if finding.message or finding.verdict is not Verdict.HOLDS or finding.expected is not None:
@@ -90,20 +87,20 @@ def show(report: Report, out: Console, *, debug: bool = False) -> None:
     line(out, summary(report))
 
 
+def same_error(message: str) -> str:
+    """The line by which two errors are one: a scheme that cannot be called has the same error for every law."""
+    return "".join(message.splitlines()[-3:][:1])
+
+
 def as_text(report: Report) -> str:
     """The output of `show` as text without colour, for `print(report)`."""
     return _plain(lambda out: show(report, out))
 
 
-def as_html(report: Report) -> str:
-    """The table, each counterexample with its replay, and the last line as HTML, for a notebook.
-
-    All text of the scheme is escaped.
-    """
-    red = [f for f in report.findings if f.verdict in (Verdict.VIOLATED, Verdict.ERROR)]
-    texts = [_plain(partial(_details, finding, report, debug=False)) for finding in red]
-    shown = "".join(f"<pre>{escape(text)}</pre>" for text in texts)
-    return f"{table_html(law_table(report))}{shown}<p>{escape(summary(report).plain)}</p>"
+def in_notebook(report: Report) -> str:
+    """The page of a report in a frame that runs no script, and the last line."""
+    frame = '<iframe sandbox style="width:100%;height:42rem;border:1px solid #8886"'
+    return f'{frame} srcdoc="{escape(report.html())}"></iframe><p>{escape(summary(report).plain)}</p>'
 
 
 def _plain(write: Callable[[Console], None]) -> str:

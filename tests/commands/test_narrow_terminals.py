@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from rich.cells import cell_len
 from rich.console import Console
 
-from sepv._terminal import Table, columns, kept, markdown, print_table, table_html
+from sepv._terminal import Table, columns, kept, markdown, print_table
 from sepv.commands._cli import main
 from sepv.schemes import midpoint
 from sepv.verification import Effort, Finding, Report, Verdict
@@ -87,12 +87,7 @@ def test_a_ruled_table_has_its_line_on_a_wide_terminal_alone() -> None:
     assert "───" not in shown(50, ruled=True)
 
 
-def test_other_forms_of_a_table_escape_what_is_in_it() -> None:
-    found = table_html(Table(columns(["<b>"]), [("a & b",)], "x > y"))
-    assert found == (
-        "<table><caption>x &gt; y</caption><thead><tr><th>&lt;b&gt;</th></tr></thead>"
-        "<tbody><tr><td>a &amp; b</td></tr></tbody></table>"
-    )
+def test_a_table_of_markdown() -> None:
     assert markdown(["a", "b"], [("1", "2")]) == "| a | b |\n| --- | --- |\n| 1 | 2 |"
 
 

@@ -135,7 +135,7 @@ def hostile_page() -> str:
 class Reader(HTMLParser):
     """Every tag with its attributes, all text, and the nesting."""
 
-    VOID = frozenset(("meta", "use", "rect", "path", "br", "img", "link"))
+    VOID = frozenset(("meta", "use", "rect", "line", "path", "br", "img", "link"))
 
     def __init__(self, page: str) -> None:
         super().__init__()
@@ -163,7 +163,8 @@ class Reader(HTMLParser):
 
 
 ELEMENTS = """html head meta title style body a header h1 h2 h3 p sub nav ul li main section div table caption thead
-tbody tr th td span bdi details summary pre figure figcaption svg defs desc use rect text path clippath g dl dt dd"""
+tbody tr th td span bdi details summary pre figure figcaption svg defs desc use rect line text path clippath g dl
+dt dd"""
 ALLOWED = frozenset(ELEMENTS.split())
 
 
@@ -171,7 +172,35 @@ def empty_page() -> str:
     return render(Sources())
 
 
-@pytest.mark.parametrize("page", [hostile_page, empty_page], ids=["hostile", "empty"])
+@cache
+def hostile_report() -> str:
+    """One scheme by a stranger, whose numbers fit nothing."""
+    report = verify_report(EVIL[0])
+    curves: list[Any] = [[1e308, None, -1e308, 2.0, 3.0], [0.0] * 5, [1.0], []]
+    for n, (drift, states) in enumerate(
+        (d, [x, y][: 1 + len(d) % 2]) for d in curves for x in curves for y in curves
+    ):
+        course = {
+            "components": [7, 1], "states": states, "exact": states[::-1], "kept": "H", "drift": drift, "size": 1e308,
+            "ended": EVIL[n % len(EVIL)],
+        }  # fmt: skip
+        evil = EVIL[n % len(EVIL)]
+        report["laws"].append(
+            verify_report("", evil)["laws"][0] | {"law": f"{n}{evil}"[:70], "course": course}
+        )
+    for defect, bound, at_least in (
+        (None, 0.0, False),
+        (-1.0, 1e-308, True),
+        (1e308, 1e-308, False),
+        (0.0, 1.0, True),
+    ):
+        report["laws"][0] |= {"defect": defect, "bound": bound, "at_least": at_least}
+    report["suite"]["laws"], report["laws"][0]["share"] = len(report["laws"]), None
+    assert "course" not in fault(report, schema("report"))
+    return render(Sources(verify=[report]))
+
+
+@pytest.mark.parametrize("page", [hostile_page, hostile_report, empty_page], ids=["hostile", "one", "empty"])
 def test_the_page_is_well_formed_and_holds_only_known_elements(page: Callable[[], str]) -> None:
     reader = Reader(page())
     assert reader.open == []
@@ -189,8 +218,9 @@ def test_the_page_is_well_formed_and_holds_only_known_elements(page: Callable[[]
                 assert reference in ids
 
 
-def test_hostile_strings_are_text() -> None:
-    page = hostile_page()
+@pytest.mark.parametrize("made", [hostile_page, hostile_report], ids=["many", "one"])
+def test_hostile_strings_are_text(made: Callable[[], str]) -> None:
+    page = made()
     assert "<script" not in page
     assert "<img" not in page
     assert "&lt;script&gt;" in page
@@ -388,7 +418,7 @@ def test_laws_stand_in_the_order_of_the_suite_and_link_to_what_they_say() -> Non
     report["laws"] = [
         report["laws"][0] | {"law": law} for law in ("weak-order", "own-law", "energy", "contract")
     ]
-    page = render(Sources(verify=[report]))
+    page = render(Sources(verify=[report, report]))
     heads = re.findall(r'class="law">(?:<a href="#law-[a-z-]+">)?([a-z-]+)', page)
     assert heads == ["contract", "energy", "weak-order", "own-law"]
     for anchor in re.findall(r'href="#(law-[a-z-]+)"', page):

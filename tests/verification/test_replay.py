@@ -73,7 +73,7 @@ def test_a_law_without_a_witness_is_not_replayed() -> None:
 
 def test_a_named_scheme_and_problem_are_replayed_by_the_command_in_every_output(reader: Reader) -> None:
     report = measured("midpoint", "pendulum")
-    for text in (str(report), report._repr_html_(), junit_xml(report)):
+    for text in (str(report), report.html(), junit_xml(report)):
         (command,) = COMMAND.findall(unescape(text).replace("</", "\n"))
         assert "energy violated" in reader.sepv(f"{command} || true")
         assert "H(y1) − H(y0) = " in text

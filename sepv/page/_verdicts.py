@@ -1,0 +1,317 @@
+"""Views of reports, arranged for the template: verdicts on a scale of their bounds, and counterexamples.
+
+Nothing here is HTML.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import shlex
+from typing import Any
+
+from sepv._terminal import counted
+from sepv.errors import UsageError
+from sepv.page._text import name, number, plain
+from sepv.page._views import View, again, cell, words_of
+from sepv.studies._picture import power
+from sepv.verification import LAWS, Verdict, load_laws
+from sepv.verification._cases.case import has_words
+from sepv.verification._law import verdict_text
+from sepv.verification._report import same_error
+
+# Characters of counterexamples on a page; the JSON files have them all. A page of up to FEW schemes has room for more
+# of them, and for their pictures.
+BUDGET, ROOMY, FEW = 17_000, 100_000, 4
+# Decades of the scale of defects: from 10⁻³ of the bound to 10³ or further, with a tick for every third one.
+LEAST, MOST, EVERY = -3, 15, 3
+# The frame of a picture of a course: left, right, top, bottom, in a box of 300 by 190.
+FRAME = (62.0, 296.0, 20.0, 168.0)
+# The least height of the frame of an invariant, relative to its terms: rounding is drawn as a straight line.
+FLAT = 1e-13
+
+
+def schemes(reports: list[View]) -> tuple[list[str], list[View]]:
+    """The laws, in the order of the suite and then as they appear, and a view of each report."""
+    laws = list(dict.fromkeys(law["law"] for r in reports for law in r["laws"]))
+    laws.sort(key=lambda law: LAWS.index(law) if law in LAWS else len(LAWS))
+    share = (ROOMY if len(reports) <= FEW else BUDGET) // max(1, len(reports))
+    return laws, [_scheme(r, laws, share, drawn=len(reports) <= FEW) for r in reports]
+
+
+def _scheme(report: View, laws: list[str], budget: int, *, drawn: bool) -> View:
+    """A scheme's row in the matrix, its scale of verdicts, its counterexamples and the number of omitted ones."""
+    found = {law["law"]: law for law in report["laws"]}
+    counts = ", ".join(Verdict(k).of(n) for k, n in report["counts"].items() if n)
+    shown, left = _counterexamples(report["laws"], _target(report["scheme"]), budget, drawn=drawn)
+    at = {law: n for n, entry in enumerate(shown, 1) for law in entry["laws"]}
+    own, place, ticks = name(report["scheme"]["name"]), *_scale(report["laws"])
+    return {
+        "name": own,
+        "source": plain(report["scheme"]["source"], 200),
+        "cells": [
+            cell(found[law]["verdict"], found[law]["claimed"]) if law in found else cell("absent")
+            for law in laws
+        ],
+        "rows": [_row(law, place) | {"at": at.get(law["law"])} for law in report["laws"]],
+        "ticks": ticks,
+        "counterexamples": shown,
+        "left_out": left,
+        "unsettled": _unsettled(report["laws"]),
+        "summary": f"{counted(len(report['laws']), 'law')}: {counts}{_found(report)}",
+        "made": _made(report),
+        "command": again(report, f"the report of {own}"),
+    }
+
+
+def _found(report: View) -> str:
+    """The profiles that a report found, those that it lacks, and what was waived; an older report says so."""
+    profiles = report.get("profiles")
+    if profiles is None:
+        return "; it was written before sepv knew profiles: measure again for them"
+    waived = f"; waived: {', '.join(profiles['waived'])}" if profiles["waived"] else ""
+    lacking = [n for n in profiles["required"] if n not in profiles["found"]]
+    why = [f"{n} ({profiles['not_found'].get(n, 'not measured')})" for n in lacking]
+    required = f"; required and not found: {', '.join(why)}" if why else ""
+    return plain(f"; found: {', '.join(profiles['found']) or 'no profile'}{waived}{required}", 900)
+
+
+def _made(report: View) -> str:
+    """The versions and the effort behind a report."""
+    made, suite = report.get("made", {}), report["suite"]
+    known = [
+        f"{key} {made[key]}" for key in ("python", "numpy", "scipy", "hypothesis", "mpmath") if key in made
+    ]
+    on = [str(made["platform"])] if "platform" in made else []
+    effort = [f"seed {suite['seed']}", f"{suite['examples']} examples", f"{suite['paths']} paths at most"]
+    return plain(", ".join([f"sepv {suite['version']}", *known, *on]) + "; " + ", ".join(effort), 400)
+
+
+def _scale(laws: list[View]) -> tuple[Any, list[tuple[str, str]]]:
+    """The place of a finding on the axis, in per cent of its width, and the ticks of the axis with their words."""
+    ratios = [r for r in map(_ratio, laws) if r is not None and 0 < r < math.inf]
+    top = math.ceil(math.log10(max([*ratios, 1.0])) / EVERY) * EVERY
+    high = min(MOST, max(EVERY, top))
+
+    def percent(decade: float) -> str:
+        inside = (min(max(decade, LEAST), high) - LEAST) / (high - LEAST)
+        return f"{5 + 90 * inside:.1f}".removesuffix(".0")
+
+    def place(law: View) -> str | None:
+        ratio = _ratio(law)
+        if ratio is None:
+            return None
+        return percent(math.log10(ratio) if 0 < ratio < math.inf else math.copysign(math.inf, ratio - 1))
+
+    decades = range(LEAST, high + 1, EVERY) if any(_ratio(law) is not None for law in laws) else ()
+    return place, [(percent(k), "bound" if k == 0 else power(10.0**k, 10)) for k in decades]
+
+
+def _ratio(law: View) -> float | None:
+    """Defect over bound, or bound over defect for a lower bound: more than 1 is on the wrong side.
+
+    None where nothing was measured, ∞ for a defect that is not finite or a bound of zero that is missed.
+    """
+    defect, bound = law["defect"], law["bound"]
+    if bound is None or (defect is None and law["verdict"] != "violated"):
+        return None
+    if defect is None:
+        return math.inf
+    if law["at_least"]:
+        return max(bound, 0.0) / defect if defect > 0 else math.inf
+    return abs(defect) / bound if bound > 0 else math.inf if defect else 0.0
+
+
+def _row(law: View, place: Any) -> View:
+    bound = "" if law["bound"] is None else f"{'≥' if law['at_least'] else '≤'} {number(law['bound'])}"
+    claimed = "expected to fail" if law["expected"] is not None else "claimed" if law["claimed"] else ""
+    shown = cell(law["verdict"], law["claimed"])
+    words = verdict_text(Verdict(law["verdict"]), law.get("share"), law.get("afresh", ""))
+    return {
+        "law": name(law["law"]),
+        "anchor": f"law-{law['law']}" if law["law"] in LAWS else "",
+        "cell": shown | {"words": words},
+        "claimed": claimed,
+        "place": place(law),
+        "defect": number(law["defect"]),
+        "bound": bound,
+        "unit": plain(law["unit"], 40),
+        "source": plain(law["source"], 60),
+    }
+
+
+def _counterexamples(laws: list[View], target: str, budget: int, *, drawn: bool) -> tuple[list[View], int]:
+    """Choose counterexamples within the budget of characters, claimed laws first; return the number left out.
+
+    One error of many laws is one entry.
+    """
+    open_ = [law for law in laws if law["verdict"] in ("violated", "error") and law["message"]]
+    shown: list[View] = []
+    said: dict[str, View] = {}
+    left = 0
+    for law in sorted(open_, key=lambda v: not v["claimed"]):
+        error = same_error(law["message"]) if law["verdict"] == "error" else ""
+        if error in said:
+            said[error]["laws"].append(law["law"])
+            continue
+        # A command is for copying: it is shown whole or not at all.
+        copied = target and law["replay"] and len(law["replay"]) < 4000 and has_words(law["witness"])
+        command = (
+            shlex.join(["sepv", "verify", *words_of(target), *words_of(law["replay"])]) if copied else ""
+        )
+        entry = {
+            "laws": [law["law"]], "law": name(law["law"]), "source": plain(law["source"], 60),
+            "verdict": cell(law["verdict"])["words"], "claimed": law["claimed"], "message": plain(law["message"]),
+            "command": plain(command, 8200), "course": _course(law["course"]) if drawn and "course" in law else None,
+        }  # fmt: skip
+        budget -= len(entry["message"]) + len(entry["command"])
+        if budget < 0 and not (law["claimed"] and not shown):
+            left += 1
+            continue
+        shown.append(entry)
+        said |= {error: entry} if error else {}
+    return shown, left
+
+
+def _course(course: View) -> View | None:
+    """Two pictures of a course: two components of the path, and the change of an invariant; with their words.
+
+    None for a file of somebody else's with nothing to draw.
+    """
+    steps, kept = len(course["drift"]) - 1, course["kept"]
+    names = [f"component {i} of y" for i in course["components"]]
+    path, exact = course["states"], course["exact"]
+    if len(path) == 1:  # over the steps
+        names, path = ["step", *names], [list(range(steps + 1)), *path]
+        exact = (
+            [[n * steps / (len(exact[0]) - 1 or 1) for n in range(len(exact[0]))], *exact] if exact else []
+        )
+    drift = [list(range(steps + 1)), course["drift"]]
+    flat = [[0, steps], [0.0, 0.0]] if exact else []
+    panels = [
+        _panel(path, exact, names, 0.0),
+        _panel(drift, flat, ["step", f"{kept}(y) − {kept}(y₀)"], FLAT * (course["size"] or 0)),
+    ]
+    if None in panels:
+        return None
+    largest = max(abs(v) for v in course["drift"] if v is not None)
+    words = f"{counted(steps, 'time')} the step of the counterexample, from its state"
+    words += f"; {kept} changes by {number(largest)} at most"
+    return {"panels": panels, "exact": bool(exact), "words": words, "ended": plain(course["ended"], 200)}
+
+
+def _panel(curve: list[Any], beside: list[Any], names: list[str], least: float) -> View | None:
+    """A curve and a dashed one beside it, as paths of SVG, with the ends of both axes in words.
+
+    None without two points; beyond 1e300 a frame around them would overflow.
+    """
+    own, other = (
+        [p for p in zip(*c, strict=False) if all(v is not None and abs(v) < 1e300 for v in p)]
+        if len(c) == 2
+        else []
+        for c in (curve, beside)
+    )
+    if len(own) < 2:
+        return None
+    (left, right), (low, high) = ((min(v), max(v)) for v in zip(*own, *other, strict=True))
+    if high - low < least:
+        low, high = (low + high - least) / 2, (low + high + least) / 2
+
+    def at(value: float, least: float, most: float, begin: float, end: float) -> float:
+        share = (value - least) / (most - least) if most > least else 0.5
+        return begin + (end - begin) * (0.05 + 0.9 * share)
+
+    def points(pairs: list[Any]) -> list[str]:
+        begin, end, top, bottom = FRAME
+        return [f"{at(a, left, right, begin, end):.1f} {at(b, low, high, bottom, top):.1f}" for a, b in pairs]
+
+    dots = points(own)
+    ends = [(v, right - left) for v in (left, right)] + [(v, high - low) for v in (low, high)]
+    return {
+        "line": "M" + "L".join(dots), "dots": "".join(f"M{p}h0" for p in dots), "first": "M" + "L".join(dots[:2]),
+        "start": f"M{dots[0]}h0",
+        "beside": "M" + "L".join(points(other)) if other else "", "x": names[0], "y": names[1],
+        # A rounding beside a range is zero.
+        "ends": [number(v if abs(v) > 1e-12 * span else 0.0) for v, span in ends],
+    }  # fmt: skip
+
+
+def _unsettled(laws: list[View]) -> list[str]:
+    """Explain each inconclusive law: the measurement, and possible reasons for its wide interval."""
+    found = []
+    for law in laws:
+        if law["verdict"] == "inconclusive":
+            lines = [line for line in law["message"].splitlines() if not line.startswith("intervals miss")]
+            text = "; ".join(lines) or "no reason was given"
+            if any(_runs_away(*m.groups()) for m in _RMS.finditer(text)):
+                text += ". A few paths run away with the fewest steps and make up that error; "
+                text += "the finer steps show the order"
+            found.append(f"{name(law['law'])}: {plain(text, 700)}.")
+    return found
+
+
+# The first three errors in the message of a statistical law.
+_RMS = re.compile(r"rms error ([\d.e+-]+), ([\d.e+-]+), ([\d.e+-]+)")
+
+
+def _runs_away(*errors: str) -> bool:
+    """True if the coarsest error is more than four times the one that the next two lead to expect."""
+    try:
+        first, second, third = map(float, errors)
+    except ValueError:  # a file by somebody else
+        return False
+    return first * third > 4 * second**2
+
+
+def _target(scheme: View) -> str:
+    """The words for the scheme in a command: those of the file, else its name if it is built in."""
+    from sepv.schemes import by_name
+
+    if scheme.get("target"):
+        return str(scheme["target"])
+    try:
+        return by_name(str(scheme["name"])).name
+    except UsageError:
+        return ""
+
+
+def headline(reports: list[View]) -> str:
+    """The number of claims that hold, and the schemes with claims that do not."""
+    claimed = [(r, law) for r in reports for law in r["laws"] if law["claimed"] and law["expected"] is None]
+    claimed = [(r, law) for r, law in claimed if law["verdict"] != "not_applicable"]
+    broken = [(r, law) for r, law in claimed if law["verdict"] != "holds"]
+    if not claimed:
+        several = len(reports) > 1
+        return (
+            f"{counted(len(reports), 'scheme')}, of which nothing is claimed."
+            if several
+            else "Nothing is claimed."
+        )
+    # A scheme without claims keeps none.
+    claiming = [r for r in reports if any(r is c for c, _ in claimed)]
+    kept = sum(not any(r is b for b, _ in broken) for r in claiming)
+    silent = len(reports) - len(claiming)
+    held = len(claimed) - len(broken)
+    hold, keep = (
+        "hold" + "s" * (1 in (held, len(claimed))),
+        "keeps all that it claims" if kept == 1 else "keep all that they claim",
+    )
+    text = f"{held} of {counted(len(claimed), 'claimed law')} {hold}"
+    text += f"; {kept} of {counted(len(claiming), 'scheme')} {keep}." if len(reports) > 1 else "."
+    if silent:
+        text += f" Nothing is claimed of {'the other one' if silent == 1 else f'the other {silent}'}."
+    if broken:
+        of = [f"{name(r['scheme']['name'])}: " if len(reports) > 1 else "" for r, _ in broken[:6]]
+        named = [f"{scheme}{name(law['law'])}" for scheme, (_, law) in zip(of, broken, strict=False)]
+        more = f" and {len(broken) - 6} more" if len(broken) > 6 else ""
+        text += f" Not shown to hold: {'; '.join(named)}{more}."
+    return text
+
+
+def law_texts(laws: list[str]) -> list[dict[str, str]]:
+    """The statement and source of each law of the suite; unknown laws have no text."""
+    texts = {law: {"name": name(law), "anchor": "", "statement": "", "source": ""} for law in laws}
+    for law in load_laws([law for law in laws if law in LAWS]):
+        said = {"statement": plain(law.statement, 400), "source": plain(law.source, 80)}
+        texts[law.name] |= {"anchor": f"law-{law.name}", **said}
+    return list(texts.values())

@@ -1,0 +1,115 @@
+"""The course of a scheme from a counterexample, for a picture: its step with the same h and ΔW, again and again.
+
+With one structure the exact solution along these steps is y(nΔ), on which H and every Casimir stay.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from sepv._journal import Crashed, attempted
+from sepv.errors import SepvError
+from sepv.exact import exact_flow
+from sepv.files import finite
+from sepv.problem import Array, Problem, casimir_gradients
+from sepv.problem._fields import invariants
+from sepv.problem._hamiltonians import is_several
+from sepv.schemes import Scheme, ask
+from sepv.verification._cases.case import from_json
+from sepv.verification._cases.users_problems import objects_of
+from sepv.verification._law import Finding, Verdict
+from sepv.verification._outcome import Report
+from sepv.verification._verify import TimedOut, deadline
+
+# The number of steps, and of points of the exact solution in each.
+STEPS, FINER = 40, 3
+# The seconds for one course. What was stepped until then is shown.
+SECONDS = 10.0
+# A course ends where a state is larger than the first by this factor: what follows would flatten the rest.
+FAR = 100.0
+
+
+def with_courses(report: Report) -> dict[str, Any]:
+    """The report as JSON, in which each violation by a single step has its course: the scheme is asked again."""
+    data = report.to_json()
+    for finding, law in zip(report.findings, data["laws"], strict=True):
+        if finding.verdict is Verdict.VIOLATED and {"problem", "y"} <= set(finding.witness or {}):
+            with suppress(Crashed):  # a picture less; the verdict has its own process
+                work = partial(course, report.scheme, finding)
+                if found := attempted(f"the course of {finding.law} of {report.target}", work):
+                    law["course"] = found
+    return data
+
+
+def course(scheme: Scheme, finding: Finding) -> dict[str, Any]:
+    """The course of a scheme from the witness of a finding; empty if it does not move.
+
+    Returns
+    -------
+    dict
+        components : the two components of y that move most, from 1, or the only one
+        states : these components after each step, with the first state
+        exact : the same of the exact solution, `FINER` points a step; empty where no formula is known
+        kept, drift : the name of an invariant, and its change since the first state: H, or for laws of
+        Casimirs the one that changes most
+        size : the size of its terms, beside which rounding is told from drift
+        ended : the reason of an early end, else empty
+    """
+    case = from_json(finding.witness, objects_of(scheme))
+    problem, y, h, dW = case.build()
+    states, ended = [y], ""
+    try:
+        with deadline(SECONDS):
+            while len(states) <= STEPS and not ended:
+                states.append(ask(scheme, problem, states[-1], h, dW))
+                if np.abs(states[-1]).max() > FAR * np.abs(y).max() + 1:
+                    ended = "it runs away"
+    except SepvError as error:
+        ended = str(error).partition("\n")[0].rstrip(".")
+    except TimedOut:
+        ended = f"the time for it, {SECONDS:g} s, was over"
+    path = np.stack(states, axis=1)
+    if not np.ptp(path, axis=1).any():
+        return {}
+    kept, drift, size = _kept(finding.law, problem, path)
+    shown = np.sort(np.argsort(-np.ptp(path, axis=1), kind="stable")[:2])
+    exact = np.empty((len(y), 0))
+    if not is_several(problem):
+        theta = float(problem.random_step(h, dW)) * np.linspace(
+            0, len(states) - 1, FINER * (len(states) - 1) + 1
+        )
+        with suppress(SepvError, TimedOut), deadline(SECONDS):
+            exact = exact_flow(problem, theta, y).y
+    return {
+        "components": [int(i) + 1 for i in shown], "states": _rounded(path[shown]), "exact": _rounded(exact[shown]),
+        "kept": kept, "drift": _rounded(drift), "size": _rounded(size), "ended": ended,
+    }  # fmt: skip
+
+
+def _kept(law: str, problem: Problem, path: Array) -> tuple[str, Array, Array]:
+    """The name of the invariant that a law is about, its change along a path (d, n), the size of its terms |∇C||y|."""
+    with np.errstate(all="ignore"):
+        values, slopes = invariants(problem, path), [problem.gradient(path)]
+        slopes += casimir_gradients(problem.casimirs, problem.linear_casimirs, 2 * path)
+        if law == "any-casimir" and problem.nambu is not None:
+            values, slopes = problem.nambu.casimir(path)[None], [problem.nambu.gradient(path)]
+        drift = values - values[:, :1]
+        largest = (
+            int(np.argmax(np.nan_to_num(np.ptp(drift, axis=1), nan=np.inf)[1:])) + 1 if len(drift) > 1 else 0
+        )
+        which = largest if law == "casimir" else 0
+        size = np.max(np.linalg.norm(slopes[which], axis=0) * np.linalg.norm(path, axis=0))
+    return "H" if law not in ("casimir", "any-casimir") else "C", drift[which], size
+
+
+def _rounded(values: Array) -> Any:
+    """Nested lists with five digits, enough for a picture; null for what is not finite."""
+    return (
+        finite(np.vectorize(lambda v: float(f"{v:.5g}"), otypes=[float])(values).tolist())
+        if values.size
+        else []
+    )

@@ -1,0 +1,90 @@
+"""A report for GitHub Actions: a summary in Markdown, and annotations of what makes a run red.
+
+All text of schemes is escaped: it is no markup, no row of a table and no command of the runner.
+"""
+
+from __future__ import annotations
+
+import inspect
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from sepv._terminal import markdown, printable
+from sepv.verification._law import Verdict
+from sepv.verification._outcome import Report
+from sepv.verification._report import law_table, same_error, summary
+
+# The longest message: a summary may have 1 MiB.
+LONGEST = 4000
+
+
+def step_summary(report: Report) -> str:
+    """The table of the laws, the last line, and each violation with its replay, as Markdown."""
+    table = law_table(report)
+    rows = [[_cell(cell if isinstance(cell, str) else cell.plain) for cell in row] for row in table.rows]
+    red = bool(report.exit_code)
+    parts = [
+        f"### {'❌' if red else '✅'} sepv: {_cell(report.scheme.name)}",
+        _cell(summary(report).plain),
+        markdown([c.heading for c in table.columns], rows),
+    ]
+    for f in _told(report, [f for f in report.findings if f.verdict in (Verdict.VIOLATED, Verdict.ERROR)]):
+        again = f"\nreplay: {report.again(f)}" if report.again(f) else ""
+        text = escape(printable(_short(f.message) + again))
+        parts.append(f"<details><summary>{_cell(f.words)}</summary><pre>{text}</pre></details>")
+    return "\n\n".join(parts) + "\n\n"
+
+
+def error_lines(report: Report) -> list[str]:
+    """Commands of the runner: an error for each finding that makes the run red, at the step's line if it is here."""
+    red = [f for f in report.findings if f in report.failing or f.verdict is Verdict.ERROR]
+    place = _place(report.scheme.step)
+    lines = [
+        _command(
+            "error",
+            f"{f.words}\n{_short(f.message)}\n{report.again(f)}".rstrip(),
+            **place,
+            title=f"sepv: {f.law}",
+        )
+        for f in _told(report, red)
+    ]
+    lines += [_command("error", f"required and not found: {why}", title="sepv") for why in report.missing]
+    return lines + [_command("warning", gap, title="sepv") for gap in report.gaps]
+
+
+def _told(report: Report, findings: list[Any]) -> list[Any]:
+    """The findings without an error that another one has as well."""
+    errors = {same_error(f.message): f for f in reversed(report.findings) if f.verdict is Verdict.ERROR}
+    return [f for f in findings if f.verdict is not Verdict.ERROR or errors[same_error(f.message)] is f]
+
+
+def _place(step: Any) -> dict[str, str]:
+    """File and line of a function below the working folder, as the runner names them; none for anything else."""
+    try:
+        function = inspect.unwrap(step)
+        file = Path(inspect.getsourcefile(function) or "").resolve().relative_to(Path.cwd())
+        return {"file": file.as_posix(), "line": str(inspect.getsourcelines(function)[1])}
+    except (TypeError, ValueError, OSError):
+        return {}
+
+
+def _command(kind: str, text: str, **properties: str) -> str:
+    named = ",".join(f"{key}={_data(value, {':': '%3A', ',': '%2C'})}" for key, value in properties.items())
+    return f"::{kind} {named}::{_data(text, {})}"
+
+
+def _data(text: str, more: dict[str, str]) -> str:
+    table = {"%": "%25", "\r": "%0D", "\n": "%0A"} | more
+    return "".join(table.get(c, c) for c in printable(text, "\n\r"))
+
+
+def _cell(text: str) -> str:
+    """Text that is no markup in a table of Markdown, on one line."""
+    return "".join(
+        f"&#{ord(c)};" if c in "&<>|`*_[]#~!\\$@:" else c for c in " ".join(printable(text).split())
+    )
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}…"
