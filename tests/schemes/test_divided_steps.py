@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 import pytest
 
 import sepv
 from sepv import problems, schemes
-from sepv.errors import StepFailure, TruncationWarning, UsageError
+from sepv.errors import StepFailure, UsageError
 from sepv.problem import Systems
 from sepv.schemes import divided
 from sepv.verification import verify
@@ -133,21 +131,3 @@ def test_bad_arguments_are_refused() -> None:
     for depth in (0, 21, 1.5, True):
         with pytest.raises(UsageError, match="depth"):
             divided(schemes.midpoint, depth)
-
-
-def test_a_truncation_that_costs_the_order_is_a_warning() -> None:
-    problem, options = problems.rigid_body(), {"h": 0.125, "T": 1.0}
-    with pytest.warns(TruncationWarning, match="k = 2 costs collocation-3 its mean-square order 3"):
-        sepv.ensemble(schemes.collocation(3), problem, paths=4, truncation=2, **options)
-    with pytest.warns(TruncationWarning, match="stalls at order 1"):
-        sepv.integrate(schemes.collocation(3), problem, truncation=2, **options)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        own, same, none = (
-            sepv.ensemble(schemes.collocation(3), problem, paths=4, truncation=k, **options)
-            for k in ("own", 6, None)
-        )
-    # The scheme's own k = 12, and 6, whose bound of √(12 ln 8) = 5 standard deviations none of 32 increments reaches.
-    assert np.array_equal(own.y, same.y)
-    assert np.array_equal(own.y, none.y)
-    assert not own.status.any()

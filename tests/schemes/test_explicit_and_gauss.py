@@ -8,12 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sepv.reference.steps import reference_step
 
-from sepv import UsageError, problems, schemes
+from sepv import problems, schemes
 from sepv.exact import exact_flow
 from sepv.schemes._explicit_tableaux import TABLEAUX
 from sepv.verification import Case, state_ulp, strategies
-
-RIVALS = [*schemes.EXTENSIONS.values(), *(schemes.gauss(s) for s in range(1, 7))]
 
 
 @given(strategies.any_steps(), st.integers(1, 6))
@@ -40,17 +38,6 @@ def test_explicit_tableaux_integrate_powers(order: int) -> None:
     defects = [abs(sum(b * c[i] ** k for i, b in tableau.b.items()) - 1 / (k + 1)) for k in range(order + 1)]
     assert max(defects[:order]) < 1e-14
     assert defects[order] > 1e-6
-
-
-@pytest.mark.parametrize("scheme", RIVALS, ids=lambda s: s.name)
-def test_steps_of_a_batch_are_the_steps_of_its_states(scheme) -> None:
-    problem = problems.rigid_body()
-    rng = np.random.default_rng(1)
-    y = np.asarray(problem.initial)[:, None] + 0.05 * rng.standard_normal((3, 6))
-    dW = 0.1 * rng.standard_normal((1, 6))
-    together = scheme.step(problem, y, 0.01, dW)
-    for k in range(6):
-        assert np.array_equal(together[:, k], scheme.step(problem, y[:, k], 0.01, dW[:, k]))
 
 
 @pytest.mark.parametrize("order", TABLEAUX)
@@ -83,12 +70,6 @@ def test_an_explicit_method_says_what_it_is(order: int) -> None:
     assert {"noise-sum", "expansion", "truncation", "weak-order"} <= scheme.claims
     assert not {"energy", "casimir", "symmetry"} & scheme.claims
     assert "Runge-Kutta" in scheme.source
-
-
-def test_there_are_two_explicit_methods() -> None:
-    for order in (0, 3, 5, "4"):
-        with pytest.raises(UsageError, match="one of 4, 8"):
-            schemes.explicit(order)
 
 
 @pytest.mark.parametrize("s", range(1, 7))

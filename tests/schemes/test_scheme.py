@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
-from sepv import Scheme, UsageError, problems, schemes
-from sepv.schemes._scheme import as_lanes
+from sepv import Scheme, UsageError, schemes
 from sepv.verification import load_laws
 
 
@@ -55,35 +53,3 @@ def test_every_built_in_scheme_says_what_it_is() -> None:
         assert scheme.weak_order is not None
         assert scheme.truncation is None or scheme.truncation >= 2 * scheme.mean_square_order
         assert schemes.by_name(scheme.name) is scheme
-
-
-def test_lanes_have_the_shapes_of_their_problem() -> None:
-    problem = problems.pendulum()  # two noises
-    y, dW = np.array([0.2, 1.0]), np.array([0.3, -0.1])
-    state, noise = as_lanes(problem, y, 0.1, dW)
-    assert state.tolist() == [[0.2], [1.0]]
-    assert noise.tolist() == [[0.3], [-0.1]]
-    state, noise = as_lanes(problem, np.stack([y, -y, y], 1), 0.1, np.stack([dW, dW, -dW], 1))
-    assert (state.shape, noise.shape) == ((2, 3), (2, 3))
-    silent = problems.pendulum(noise=())
-    assert as_lanes(silent, y, 0.1, np.zeros(0))[1].shape == (0, 1)
-    assert as_lanes(silent, np.zeros((2, 5)), 0.1, np.zeros((0, 5)))[1].shape == (0, 5)
-
-
-@pytest.mark.parametrize(
-    ("y", "h", "dW", "word"),
-    [
-        (np.zeros(3), 0.1, np.zeros(2), "y finite"),
-        (np.zeros((2, 2, 1)), 0.1, np.zeros((2, 2, 1)), "y finite"),
-        (np.array([np.nan, 0.0]), 0.1, np.zeros(2), "y finite"),
-        (np.zeros(2), 0.1, np.zeros(1), "dW finite"),
-        (np.zeros(2), 0.1, np.zeros((2, 1)), "dW finite"),
-        (np.zeros((2, 3)), 0.1, np.zeros(2), "dW finite"),
-        (np.zeros(2), 0.1, np.array([0.0, np.inf]), "dW finite"),
-        (np.zeros(2), np.nan, np.zeros(2), "h, one finite number"),
-        (np.zeros(2), np.array([0.1, 0.1]), np.zeros(2), "h, one finite number"),
-    ],
-)
-def test_lanes_that_do_not_fit_are_refused(y, h, dW, word: str) -> None:
-    with pytest.raises(UsageError, match=word):
-        as_lanes(problems.pendulum(), y, h, dW)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from sepv.reference.problem import exact_problem
 
-from sepv import problems, schemes
+import sepv
+from sepv import UsageError, problems, schemes
 from sepv.problem import vector_field
-from sepv.problem._fields import derivative_along
 from sepv.schemes._discrete_gradient import coordinate_increments
 from sepv.schemes._discrete_gradient import step as discrete
 from sepv.solve._formula import Asked
@@ -85,41 +86,51 @@ def test_the_ito_correction_has_the_squares_of_the_coefficients() -> None:
     assert np.max(np.abs(schemes.milstein.step(problem, y, h, dW) - milstein)) < 1e-11
 
 
-@given(strategies.any_steps())
-def test_milstein_is_the_ito_scheme_with_its_correction(case: Case) -> None:
-    """y + (f + ½Σc²f′f)h + fS + ½f′f(S² − Σc²h), the textbook form, equals the form in the file."""
-    problem, y, h, dW = case.build()
-    f, S, c2 = vector_field(problem, y), float(problem.c @ dW), float(problem.c @ problem.c)
-    bend = derivative_along(problem, y, f)
-    milstein = y + (f + 0.5 * c2 * bend) * h + f * S + 0.5 * bend * (S * S - c2 * h)
-    euler = y + (f + 0.5 * c2 * bend) * h + f * S
-    size = np.abs(y) + np.abs(f) * (h + abs(S)) + np.abs(bend) * (S * S + c2 * h)
-    assert np.all(np.abs(schemes.milstein.step(problem, y, h, dW) - milstein) <= 8 * 2.3e-16 * size)
-    assert np.all(np.abs(schemes.euler_maruyama.step(problem, y, h, dW) - euler) <= 8 * 2.3e-16 * size)
+# Those of which no law of `properties` asks the like in every run.
+BATCHED = [
+    *schemes.EXTENSIONS.values(),
+    *(family(s) for family in (schemes.collocation, schemes.gauss) for s in (2, 3, 6)),
+]
 
 
-@given(strategies.any_steps())
-def test_derivative_along_the_field_needs_no_hessian(case: Case) -> None:
-    problem, y, _, _ = case.build()
-    plain = replace(problem, hessian=None, structure_derivative=None, check=False)
-    f = vector_field(problem, y)
-    analytic, difference = derivative_along(problem, y, f), derivative_along(plain, y, f)
-    # Sixth-order differences of polynomials of degree ≤ 8 or so on a segment of length 2⁻⁵(1 + |y|).
-    scale = np.max(np.abs(analytic)) + np.max(np.abs(f)) * (1 + np.max(np.abs(f)))
-    assert np.max(np.abs(analytic - difference)) <= 1e-7 * scale
-
-
-@pytest.mark.parametrize("scheme", schemes.PAPER.values(), ids=lambda s: s.name)
-@pytest.mark.parametrize("name", problems.PAPER)
-def test_steps_of_a_batch_are_the_steps_of_its_states(scheme, name: str) -> None:
+@pytest.mark.parametrize("scheme", BATCHED, ids=lambda s: s.name)
+@pytest.mark.parametrize("name", ["rigid-body", "lotka-volterra"])
+def test_steps_of_a_batch_are_the_steps_of_its_states(scheme: sepv.Scheme, name: str) -> None:
     problem = problems.by_name(name)
     rng = np.random.default_rng(1)
     y = np.asarray(problem.initial)[:, None] + 0.05 * rng.standard_normal((problem.dimension, 6))
     dW = 0.1 * rng.standard_normal((problem.noises, 6))
     together = scheme.step(problem, y, 0.01, dW)
-    assert together.shape == y.shape
     for k in range(6):
         assert np.array_equal(together[:, k], scheme.step(problem, y[:, k], 0.01, dW[:, k]))
+
+
+@pytest.mark.parametrize("name", ["energy-preserving", "collocation-2", "projected-4"])
+def test_a_domain_may_answer_in_numbers(name: str) -> None:
+    problem, scheme = problems.lotka_volterra(), schemes.by_name(name)
+    numbers = replace(problem, domain=lambda y: np.where(problem.domain(y), 1, 0), check=False)
+    y = np.repeat(np.array(problem.initial)[:, None], 50, axis=1)
+    dW = np.random.default_rng(0).standard_normal((1, 50))
+    found, asked = (scheme.solve(p, y, 0.5, dW) for p in (numbers, problem))
+    assert found.status.tolist() == asked.status.tolist()
+    assert len(set(asked.status.tolist())) > 1
+
+
+@pytest.mark.parametrize(
+    ("family", "members", "words"),
+    [
+        (schemes.explicit, (0, 3, 5, "4"), "one of 4, 8"), (schemes.projected, (3, "8", 5), "one of 4, 8"),
+        (schemes.collocation, (0, 7, 1.5, True, "2"), "stages"),
+        (schemes.by_name, ("collocation-0", "collocation-7", "collocation", "gauss-x"), "collocation-1"),
+    ],
+    ids=lambda value: getattr(value, "__name__", ""),
+)  # fmt: skip
+def test_members_that_a_family_does_not_have_are_refused(
+    family: Any, members: tuple[Any, ...], words: str
+) -> None:
+    for member in members:
+        with pytest.raises(UsageError, match=words):
+            family(member)
 
 
 def test_no_noise_is_the_deterministic_method() -> None:

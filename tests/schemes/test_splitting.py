@@ -8,22 +8,6 @@ import pytest
 import sepv
 from sepv import problems, schemes
 from sepv.errors import Skipped
-from sepv.problem import vector_field
-
-NAMES = tuple(problems.PAPER)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_the_parts_add_up_to_the_vector_field_and_are_flows(name: str) -> None:
-    problem = problems.by_name(name)
-    y = 1.1 * np.array(problem.initial) + 0.05
-    t = 2.0**-20
-    # Central differences: an error of t² ≈ 1e-12 beside rounding of eps/t ≈ 2e-10.
-    slopes = [(flow(y, np.array(t)) - flow(y, np.array(-t))) / (2 * t) for flow in problem.flows]
-    assert np.max(np.abs(sum(slopes) - vector_field(problem, y))) < 2e-9
-    for flow in problem.flows:
-        twice = flow(flow(y, np.array(0.3)), np.array(-0.1))
-        assert np.max(np.abs(twice - flow(y, np.array(0.2)))) < 4e-15 * np.max(np.abs(twice))
 
 
 def test_casimirs_and_positivity_of_lotka_volterra_over_many_steps() -> None:

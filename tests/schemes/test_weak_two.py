@@ -3,49 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
-import sepv
 from sepv import problems, schemes
-from sepv.problem import Array, PolynomialSystem, Problem, Systems
+from sepv.problem import PolynomialSystem, Systems
 from sepv.record import _polynomial as poly
 from sepv.schemes import ask
 from sepv.verification import Case, Cases
-
-H_STEPS = 2.0 ** -np.arange(8, 13)
-
-
-def local_weak_errors(scheme: sepv.Scheme, problem: Problem, y0: Array) -> Array:
-    """max |E g(y1) − E g(y(h))| over g = y_i and y_i², by Gauss-Hermite quadrature with 40 nodes, for each step."""
-    x, w = np.polynomial.hermite_e.hermegauss(40)
-    kept = np.abs(x) < 8  # beyond, |Δ| is no small step, and the weights are below 1e-14
-    x, w = x[kept], w[kept] / w.sum()
-    found = []
-    for h in H_STEPS:
-        dW = np.sqrt(h) * x[None]
-        y1 = scheme.step(problem, np.repeat(y0[:, None], x.size, axis=1), float(h), dW)
-        exact = sepv.exact_flow(problem, problem.random_step(float(h), dW), y0=y0).y
-        found.append(max(np.max(np.abs((y1 - exact) @ w)), np.max(np.abs((y1**2 - exact**2) @ w))))
-    return np.array(found)
-
-
-@pytest.mark.parametrize(
-    "problem",
-    [problems.rigid_body(), problems.pendulum(noise=(1.0,)), problems.lotka_volterra()],
-    ids=lambda p: p.name,
-)
-@pytest.mark.parametrize(
-    ("scheme", "slope"),
-    [(schemes.energy_preserving, 2.0), (schemes.gonzalez, 2.0), (schemes.modified_weak_two, 3.0)],
-    ids=lambda value: getattr(value, "name", ""),
-)
-def test_local_weak_order_is_one_more_than_the_weak_order(
-    scheme: sepv.Scheme, slope: float, problem: Problem
-) -> None:
-    errors = local_weak_errors(scheme, problem, 1.1 * np.array(problem.initial) + 0.05)
-    slopes = -np.diff(np.log2(errors))
-    # The next term of the expansion is a factor √h·const or h·const of the first: 0.2 at h = 2⁻⁸ to 2⁻¹².
-    assert np.all(np.abs(slopes[1:] - slope) < 0.2), slopes
 
 
 def test_the_modified_scheme_keeps_energy_and_casimir_for_a_structure_of_degree_three() -> None:

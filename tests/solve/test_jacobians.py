@@ -75,13 +75,6 @@ def test_the_jacobian_is_the_derivative_of_the_increment(name: str) -> None:
         assert np.max(np.abs(differences[:, k] - column)) <= 1e-6 * np.abs(K).max()
 
 
-@pytest.mark.parametrize("name", MODULES)
-def test_without_a_derivative_of_the_problem_there_is_no_analytic_jacobian(name: str) -> None:
-    for missing in ("hessian", "structure_derivative"):
-        problem = replace(single(generic()), check=False, **{missing: None})
-        assert module_of(name).jacobian(problem, Y0, Y1, known(name)) is None
-
-
 def single(problem: Problem) -> Problem:
     """The same with one structure."""
     return problems.polynomial_problem(replace(problem.data, noise_structures=()))
@@ -191,20 +184,6 @@ def test_differences_are_as_good_for_states_of_any_size() -> None:
             plain, y0, y1, step, scheme.increment, scheme.increment(plain, y0, y1, step).value
         )
         assert np.all(np.abs(found - exact) <= 1e-6 * np.abs(exact).max(axis=(0, 1)))
-
-
-def test_the_derivative_along_a_vector_needs_no_derivatives_of_the_problem() -> None:
-    """Exact for polynomials of degree six, but for rounding: eps/2⁻⁷ and the weights, some 10⁻¹³ of f beside |y|."""
-    problem = homogeneous()
-    plain = replace(problem, hessian=None, structure_derivative=None, check=False)
-    y = np.concatenate([SPREAD[:, 1:], np.array([[0.7], [-0.2], [0.4]])], axis=1)
-    v = np.array([[1.0, -3.0, 0.0], [0.5, 2.0, 0.0], [0.25, -1.0, 0.0]])
-    exact, found = derivative_along(problem, y, v), derivative_along(plain, y, v)
-    size = np.abs(vector_field(problem, y)).max(axis=0) / (1 + np.abs(y).max(axis=0)) * np.abs(v).max(axis=0)
-    assert np.all(np.abs(found - exact) <= 1e-11 * (size + np.abs(exact).max(axis=0)))
-    assert not found[:, 2].any()
-    for k in range(3):
-        assert np.array_equal(found[:, k], derivative_along(plain, y[:, k], v[:, k]))
 
 
 @pytest.mark.parametrize("size", [1e-6, 1e-3, 1.0, 1e3])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,10 +11,9 @@ from sepv import problems
 from sepv.errors import StepFailure
 from sepv.solve import Increment, Status
 from sepv.solve import _damped as damped
-from sepv.solve import _differences as differences
 from sepv.solve import _newton as implicit
-from sepv.solve._newton import MAX_HALVINGS, into_domain, iterate
-from sepv.solve._solution import Equations, Evaluation, Solution, merge, require_converged
+from sepv.solve._newton import iterate
+from sepv.solve._solution import Equations, Evaluation, Solution, require_converged
 
 EPS = 2.0**-52
 
@@ -131,15 +129,6 @@ def test_a_component_of_noise_does_not_stop_those_that_still_shrink() -> None:
     assert solution.iterations[0] <= 35
 
 
-def test_lanes_are_those_that_are_asked_for() -> None:
-    """z = c − z/2 for two of four lanes, out of their order."""
-    c = np.array([1.0, 2.0, 3.0, 4.0])
-    system = Counted(lambda z, lanes: c[lanes] - 0.5 * z, lambda z, _: (-0.5 + 0 * z)[None], lanes=4)
-    solution = iterate(system.equations, np.zeros((1, 2)), np.array([3, 1]))
-    assert np.allclose(solution.value, [[8 / 3, 4 / 3]], rtol=4 * EPS, atol=0)
-    assert system.calls.tolist() == [0, 2, 0, 2]
-
-
 class TestRounding:
     """A residual that no longer shrinks is a solution only if it is what rounding leaves.
 
@@ -210,17 +199,6 @@ class TestRounding:
         assert solution.status.tolist() == [Status.CONVERGED, Status.NO_CONVERGENCE]
         assert solution.iterations[0] <= 6
 
-    def test_only_where_it_is_asked_and_lane_by_lane(self) -> None:
-        """A residual of 10⁻⁷: rounding for |K||y0| = 10⁸, 256 eps · 16 · 10⁸ = 9·10⁻⁵, and not for ½."""
-        K = np.array([1e8, 0.5, 1e8])
-        system = Counted(lambda z, _: z, lambda z, lanes: (K[lanes] + 0 * z)[None], lanes=3)
-        arguments = np.full(3, 1e-7), np.zeros((1, 3)), np.ones(3)
-        for asked, expected in (([1, 1, 1], [1, 0, 1]), ([0, 1, 1], [0, 0, 1]), ([0, 0, 0], [0, 0, 0])):
-            found = implicit._is_rounding(
-                system.equations, np.arange(3), *arguments, np.array(asked, dtype=bool)
-            )
-            assert found.tolist() == [bool(e) for e in expected]
-
     def test_a_residual_of_the_smallest_numbers_is_none(self) -> None:
         """Four of them, whatever the Jacobian: nothing is known of their digits."""
         tiny = 4 * 5e-324
@@ -281,64 +259,6 @@ def test_an_approach_starts_from_zero_and_reports_each_lane_as_it_is() -> None:
             assert system.calls[k] == (4 if expected[n] == reached else 3)
             assert found.gradient_evaluations[k] == 3 * system.calls[k]
             assert found.structure_evaluations[k] == 6 * system.calls[k]
-
-
-def test_damped_iterations_are_counted_to_their_end() -> None:
-    """z = z + 1 + z² has no solution: the smallest share, or the last of 100 iterations, ends it."""
-    system = Counted(lambda z, _: z + 1 + z * z + 0.1 * z, lanes=2)
-    found = damped.approach(system.equations, np.arange(2))
-    assert found.status.tolist() in ([Status.NO_CONVERGENCE] * 2, [Status.SINGULAR] * 2)
-    assert 2 <= found.iterations[0] == found.iterations[1] <= damped.MAX_DAMPED
-    assert np.all(found.gradient_evaluations == 3 * system.calls)
-    # The only place where the slope 1 − R′ = −(2z + 0.1) vanishes.
-    assert found.value == pytest.approx(np.full((1, 2), -0.05), abs=1e-2)
-
-
-def test_a_share_passes_where_the_simplified_correction_has_shrunk_as_it_must() -> None:
-    """R = z − F with A = 1 and p given: λ passes where |F(z − λp)| ≤ (1 − λ/4)|p|, arrives where ≤ |p|/4 at λ = 1."""
-    table = {1.0: 0.8, 0.5: 0.9, 0.25: 0.93}  # the bounds are 0.75, 0.875 and 0.9375: the third passes
-    rows = [
-        ({1.0: 0.2}, 1.0, True, Status.CONVERGED, 1),
-        ({1.0: 0.25}, 1.0, True, Status.CONVERGED, 1),
-        ({1.0: 0.3}, 1.0, True, Status.NO_CONVERGENCE, 1),
-        ({1.0: 0.75}, 1.0, True, Status.NO_CONVERGENCE, 1),
-        (table, 0.25, True, Status.NO_CONVERGENCE, 3),
-        ({1.0: np.nan, 0.5: 0.1}, 0.5, True, Status.NO_CONVERGENCE, 2),
-        ({}, damped.SMALLEST_SHARE / 2, False, Status.NO_CONVERGENCE, 21),
-    ]
-    after = [{2.0**-k: row[0].get(2.0**-k, 2.0) for k in range(40)} for row in rows]
-    n = len(rows)
-    p = np.array([[4.0, -4.0, 4.0, -0.5, 4.0, 4.0, 4.0], [0.0] * n])
-
-    def R(z: np.ndarray, lanes: np.ndarray) -> np.ndarray:
-        shares = z[0] / -p[0, lanes]
-        F = [after[lane][float(share)] * p[0, lane] for lane, share in zip(lanes, shares, strict=True)]
-        return z - np.array([F, 0 * z[1]])
-
-    system = Counted(R, lanes=n, unknowns=2)
-    none = np.zeros(n, dtype=np.int64)
-    state = Solution(
-        np.zeros((2, n)), np.ones(n), none, none.copy(), none.copy(), np.full(n, int(Status.NO_CONVERGENCE))
-    )
-    share = np.ones(n)
-    moved = damped._take_share(
-        system.equations,
-        np.arange(n),
-        state,
-        share,
-        np.arange(n),
-        np.repeat(np.eye(2)[..., None], n, axis=2),
-        p,
-    )
-    assert share.tolist() == [row[1] for row in rows]
-    assert moved.tolist() == [row[2] for row in rows]
-    assert state.status.tolist() == [row[3] for row in rows]
-    assert system.calls.tolist() == [row[4] for row in rows]
-    assert state.gradient_evaluations.tolist() == [3 * row[4] for row in rows]
-    assert state.structure_evaluations.tolist() == [6 * row[4] for row in rows]
-    assert state.value[0].tolist() == [
-        -s * c if ok else 0.0 for s, c, ok in zip(share, p[0], moved, strict=True)
-    ]
 
 
 def test_what_blocks_a_share_is_said() -> None:
@@ -409,46 +329,6 @@ def test_steps_are_cut_at_the_boundary_of_the_domain(bound: float) -> None:
     assert abs(z - 2 - np.log1p(-z / bound)) <= 40 * EPS
 
 
-def test_into_the_domain_by_the_fewest_halvings_lane_by_lane() -> None:
-    limits = np.array([1.0, 8.0, 0.25, 3.0])
-    equations = Equations(
-        np.ones((1, 4)), lambda z, lanes: pytest.fail("nothing to evaluate"),
-        inside=lambda z, lanes: (np.abs(z) <= limits[lanes]).all(axis=0),
-    )  # fmt: skip
-    z, lanes = np.array([[0.0, 0.0, 0.0, 2.0]]), np.arange(4)
-    moved, inside = into_domain(equations, z, np.array([[4.0, 4.0, 4.0, 4.0]]), lanes)
-    assert moved.tolist() == [[-1.0, -4.0, -0.25, -2.0]]
-    assert inside.tolist() == [True] * 4
-    moved, inside = into_domain(equations, np.array([[1.0, 2.5]]), np.array([[-4.0, -4.0]]), lanes[2:])
-    assert inside.tolist() == [False, True]
-    assert moved.tolist() == [[1 + 4 * 0.5**MAX_HALVINGS, 3.0]]
-    free = Equations(np.ones((1, 4)), lambda z, lanes: pytest.fail("nothing to evaluate"))
-    moved, inside = into_domain(free, z, 4 + 0 * z, lanes)
-    assert moved.tolist() == [[-4.0, -4.0, -4.0, -2.0]]
-    assert inside.tolist() == [True] * 4
-
-
-@pytest.mark.parametrize("side", [1, -1])
-def test_slopes_are_differences_of_the_size_of_the_lane_on_the_side_that_is_inside(side: int) -> None:
-    """R = (3z₁² + z₂, z₁ z₂) with sizes 10⁻⁵, 1 and 10⁵, z₁ on the boundary of ± z₁ ≤ size and R NaN beyond."""
-    size = np.array([1e-5, 1.0, 1e5])
-
-    def R(z: np.ndarray, lanes: np.ndarray) -> np.ndarray:
-        value = np.stack([3 * z[0] ** 2 / size[lanes] + z[1], z[0] * z[1] / size[lanes]])
-        return np.where(side * z[0] <= size[lanes], value, np.nan)
-
-    system = Counted(
-        R, lanes=3, unknowns=2, size=np.stack([size, 0 * size]),
-        inside=lambda z, lanes: side * z[0] <= size[lanes],
-    )  # fmt: skip
-    z, lanes = np.stack([side * size, -0.25 * size]), np.arange(3)
-    found, cost = differences.slopes(system.equations, z, lanes, R(z, lanes))
-    exact = np.array([[6.0 * side, 1.0], [-0.25, side]])[..., None]
-    assert cost == 2
-    assert np.all(np.abs(found - exact) <= 1e-6)
-    assert system.calls.tolist() == [2, 2, 2]
-
-
 def test_the_first_lane_that_failed_is_the_failure() -> None:
     problem = problems.lotka_volterra()
     status = np.array([Status.CONVERGED, Status.SINGULAR, Status.OVERFLOW])
@@ -461,29 +341,3 @@ def test_the_first_lane_that_failed_is_the_failure() -> None:
     assert (failure.delta, failure.residual, failure.iterations) == (2.2, 7.0, 5)
     fine = Solution(-y, solution.residual, solution.iterations, status, status, 0 * status)
     assert require_converged(problem, y, 0.2, dW, fine) is fine.value
-
-
-def test_merging_adds_counts_and_replaces_the_rest() -> None:
-    def solution(k: int, lanes: int) -> Solution:
-        whole = np.full(lanes, k)
-        return Solution(
-            np.full((2, lanes), float(k)), 1.0 * whole, whole, 10 * whole, 100 * whole, 1 + 0 * whole
-        )
-
-    whole, lanes = solution(1, 3), np.array([2, 0])
-    merge(whole, solution(5, 2), lanes)
-    assert whole.value.tolist() == [[5.0, 1.0, 5.0]] * 2
-    assert whole.residual.tolist() == [5.0, 1.0, 5.0]
-    assert whole.iterations.tolist() == [6, 1, 6]
-    assert whole.gradient_evaluations.tolist() == [60, 10, 60]
-    assert whole.structure_evaluations.tolist() == [600, 100, 600]
-    # Continuations where both solutions count them.
-    for before, further, after in (
-        ([1, 2, 3], [10, 20], [21, 2, 13]),
-        ([1, 2, 3], None, [1, 2, 3]),
-        (None, [1, 2], None),
-    ):
-        total = replace(whole, continuations=None if before is None else np.array(before))
-        part = replace(solution(5, 2), continuations=None if further is None else np.array(further))
-        merge(total, part, lanes)
-        assert (None if total.continuations is None else total.continuations.tolist()) == after
